@@ -1,0 +1,1 @@
+//! Reading scenes from files.

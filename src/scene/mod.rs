@@ -1,0 +1,8 @@
+//! What is rendered: loading, the model, its acceleration structure and what it requires of a pipeline.
+
+pub mod bvh;
+pub mod load;
+pub mod model;
+pub mod needs;
+
+pub use model::*;

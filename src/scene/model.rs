@@ -1,0 +1,298 @@
+//! The scene in memory: world-space triangles, materials, lights, cameras.
+//!
+//! Positions are stored in single precision relative to [`Scene::origin`], which loading moves to the middle of
+//! the geometry, so that a scene far away from its file's origin keeps its digits.
+
+use glam::{DVec3, Vec2, Vec3};
+
+/// Linear Rec. 709 colour or spectrum: red, green, blue.
+pub type Rgb = Vec3;
+
+/// Everything that light transport needs to know about a place.
+#[derive(Debug, Clone)]
+pub struct Scene {
+    /// Name for reports: the file's stem.
+    pub name: String,
+    /// World-space triangles, in the file's order until [`super::bvh::Bvh::build`] sorts them.
+    pub triangles: Vec<Triangle>,
+    pub materials: Vec<Material>,
+    pub textures: Vec<Texture>,
+    pub lights: Vec<Light>,
+    pub environment: Environment,
+    /// Never empty: a file without a camera gets one that looks at the whole scene, and a note.
+    pub cameras: Vec<Camera>,
+    /// The point of the file's coordinates that is (0, 0, 0) here [scene units].
+    pub origin: DVec3,
+    /// What loading had to mend or leave out, one sentence each, for the user.
+    pub notes: Vec<String>,
+}
+
+/// A triangle in world space, counter-clockwise seen from its front.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Triangle {
+    /// Corners, relative to the scene's origin [scene units].
+    pub positions: [Vec3; 3],
+    /// Unit shading normals at the corners, on the front side.
+    pub normals: [Vec3; 3],
+    /// Texture coordinates at the corners, (0, 0) at the image's top left as in glTF.
+    pub uvs: [Vec2; 3],
+    /// Index into [`Scene::materials`].
+    pub material: u32,
+}
+
+/// How a surface emits and reflects.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Material {
+    pub name: String,
+    /// Diffuse reflectance, 0..1 per channel; multiplied by `texture` where there is one.
+    pub reflectance: Rgb,
+    /// Index into [`Scene::textures`] of the base colour.
+    pub texture: Option<u32>,
+    /// Emitted radiance [W m⁻² sr⁻¹].
+    pub emission: Rgb,
+    /// Whether the emitter also radiates from its back; implied by `two_sided`.
+    pub two_sided: bool,
+    /// Alpha below which the base colour texture leaves a hole.
+    pub alpha_cutoff: Option<f32>,
+    /// A lobe that diffuse pipelines must refuse.
+    pub glossy: Option<Glossy>,
+}
+
+/// A glossy lobe as read from a file; pipelines that cannot render it say so.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Glossy {
+    /// Modified Phong: specular reflectance and exponent.
+    Phong { reflectance: Rgb, exponent: f32 },
+    /// glTF metallic-roughness (GGX).
+    MetallicRoughness { metallic: f32, roughness: f32 },
+    /// Anisotropic Ward: specular reflectance and the two slopes.
+    Ward { reflectance: Rgb, alpha: Vec2 },
+}
+
+/// An image with sRGB colour and linear alpha, 8 bits a channel, rows from the top, repeated in both directions.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Texture {
+    pub name: String,
+    pub width: u32,
+    pub height: u32,
+    /// `width · height` texels: red, green, blue (sRGB), alpha (linear).
+    pub texels: Vec<[u8; 4]>,
+}
+
+/// A light without a surface. Emissive triangles are area lights and are not listed here.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Light {
+    pub name: String,
+    pub kind: LightKind,
+    pub shadows: bool,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum LightKind {
+    /// `intensity` [W/sr].
+    Point { position: Vec3, intensity: Rgb },
+    /// `intensity` on the axis [W/sr]; full inside the `inner` half-angle, none beyond `outer` [radians];
+    /// between them the glTF falloff: the square of a clamped linear ramp in the cosine.
+    Spot { position: Vec3, direction: Vec3, intensity: Rgb, inner: f32, outer: f32 },
+    /// `irradiance` on a surface that faces it [W/m²]; `direction` is the way the light travels.
+    Directional { direction: Vec3, irradiance: Rgb },
+}
+
+/// What rays see that leave the scene.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Environment {
+    /// The same radiance from everywhere; black where the scene has no sky.
+    Constant(Rgb),
+    /// Latitude-longitude radiance: rows from +y down to −y; columns by azimuth φ = atan2(x, −z) with the middle
+    /// column at −z, turning towards +x; linear texels, bilinear lookup.
+    LatLong { width: u32, height: u32, texels: Vec<Rgb> },
+}
+
+/// A pinhole camera.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Camera {
+    pub name: String,
+    /// Relative to the scene's origin [scene units].
+    pub eye: Vec3,
+    /// Unit view direction.
+    pub direction: Vec3,
+    /// Unit vector, perpendicular to `direction`, that points up in the picture.
+    pub up: Vec3,
+    pub field_of_view: FieldOfView,
+    /// The size that the file suggests [pixels].
+    pub size: Option<[u32; 2]>,
+}
+
+/// The angle that the camera's file states; the other follows from the picture's aspect [radians].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum FieldOfView {
+    Horizontal(f32),
+    Vertical(f32),
+}
+
+impl Camera {
+    /// Half width and half height of the picture plane at distance 1, for a picture of `size` pixels.
+    pub fn half_extent(&self, size: [u32; 2]) -> Vec2 {
+        let aspect = size[0] as f32 / size[1] as f32;
+        match self.field_of_view {
+            FieldOfView::Horizontal(angle) => {
+                let x = (angle / 2.0).tan();
+                Vec2::new(x, x / aspect)
+            }
+            FieldOfView::Vertical(angle) => {
+                let y = (angle / 2.0).tan();
+                Vec2::new(y * aspect, y)
+            }
+        }
+    }
+
+    /// Unit vector to the right of the picture.
+    pub fn right(&self) -> Vec3 {
+        self.direction.cross(self.up).normalize_or_zero()
+    }
+
+    /// Direction through the centre of a pixel, not normalised: its component along `direction` is 1.
+    pub fn pixel_ray(&self, size: [u32; 2], pixel: [u32; 2]) -> Vec3 {
+        let half = self.half_extent(size);
+        let x = ((pixel[0] as f32 + 0.5) / size[0] as f32 * 2.0 - 1.0) * half.x;
+        let y = (1.0 - (pixel[1] as f32 + 0.5) / size[1] as f32 * 2.0) * half.y;
+        self.direction + self.right() * x + self.up * y
+    }
+}
+
+impl Material {
+    /// A two-sided diffuse surface.
+    pub fn diffuse(name: impl Into<String>, reflectance: Rgb) -> Self {
+        Self { name: name.into(), reflectance, texture: None, emission: Vec3::ZERO, two_sided: true, alpha_cutoff: None, glossy: None }
+    }
+
+    pub fn emits(&self) -> bool {
+        self.emission != Vec3::ZERO
+    }
+}
+
+impl Triangle {
+    /// Cross product of two edges: twice the area, along the front normal.
+    pub fn cross(&self) -> Vec3 {
+        let [a, b, c] = self.positions;
+        (b - a).cross(c - a)
+    }
+
+    /// Unit normal of the plane, zero for a triangle without area.
+    pub fn face_normal(&self) -> Vec3 {
+        self.cross().normalize_or_zero()
+    }
+}
+
+impl Triangle {
+    /// Texture coordinate at the barycentric weights of corners 1 and 2.
+    pub fn uv(&self, barycentric: Vec2) -> Vec2 {
+        let [a, b, c] = self.uvs;
+        a + (b - a) * barycentric.x + (c - a) * barycentric.y
+    }
+
+    /// Unit shading normal at the barycentric weights of corners 1 and 2, on the front side.
+    pub fn normal(&self, barycentric: Vec2) -> Vec3 {
+        let [a, b, c] = self.normals;
+        (a + (b - a) * barycentric.x + (c - a) * barycentric.y).normalize_or(self.face_normal())
+    }
+}
+
+impl Texture {
+    /// Bilinear lookup with repetition: linear red, green, blue and alpha. The shaders do the same arithmetic.
+    pub fn sample(&self, uv: Vec2) -> glam::Vec4 {
+        let size = Vec2::new(self.width as f32, self.height as f32);
+        let at = (uv - uv.floor()) * size - 0.5;
+        let base = at.floor();
+        let f = at - base;
+        let texel = |dx: i32, dy: i32| {
+            let x = (base.x as i32 + dx).rem_euclid(self.width as i32) as usize;
+            let y = (base.y as i32 + dy).rem_euclid(self.height as i32) as usize;
+            let t = self.texels[y * self.width as usize + x];
+            glam::Vec4::new(srgb_to_linear(t[0]), srgb_to_linear(t[1]), srgb_to_linear(t[2]), t[3] as f32 / 255.0)
+        };
+        texel(0, 0).lerp(texel(1, 0), f.x).lerp(texel(0, 1).lerp(texel(1, 1), f.x), f.y)
+    }
+}
+
+impl Environment {
+    /// Radiance from a unit direction [W m⁻² sr⁻¹].
+    pub fn radiance(&self, direction: Vec3) -> Rgb {
+        match self {
+            Self::Constant(radiance) => *radiance,
+            Self::LatLong { width, height, texels } => {
+                let u = 0.5 + direction.x.atan2(-direction.z) / std::f32::consts::TAU;
+                let v = direction.y.clamp(-1.0, 1.0).acos() / std::f32::consts::PI;
+                let at = Vec2::new(u * *width as f32, v * *height as f32) - 0.5;
+                let base = at.floor();
+                let f = at - base;
+                let texel = |dx: i32, dy: i32| {
+                    let x = (base.x as i32 + dx).rem_euclid(*width as i32) as usize;
+                    let y = (base.y as i32 + dy).clamp(0, *height as i32 - 1) as usize;
+                    texels[y * *width as usize + x]
+                };
+                texel(0, 0).lerp(texel(1, 0), f.x).lerp(texel(0, 1).lerp(texel(1, 1), f.x), f.y)
+            }
+        }
+    }
+
+    pub fn is_black(&self) -> bool {
+        match self {
+            Self::Constant(radiance) => *radiance == Vec3::ZERO,
+            Self::LatLong { .. } => false,
+        }
+    }
+}
+
+/// Linear value of an 8-bit sRGB channel (IEC 61966-2-1).
+pub fn srgb_to_linear(value: u8) -> f32 {
+    let v = value as f32 / 255.0;
+    if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
+}
+
+/// Axis-aligned bounds [scene units].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bounds {
+    pub min: Vec3,
+    pub max: Vec3,
+}
+
+impl Bounds {
+    pub const EMPTY: Self = Self { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
+
+    pub fn of(triangles: &[Triangle]) -> Self {
+        triangles.iter().flat_map(|t| t.positions).fold(Self::EMPTY, |b, p| Self { min: b.min.min(p), max: b.max.max(p) })
+    }
+
+    pub fn diagonal(&self) -> f32 {
+        if self.min.cmpgt(self.max).any() { 0.0 } else { self.min.distance(self.max) }
+    }
+
+    pub fn centre(&self) -> Vec3 {
+        if self.min.cmpgt(self.max).any() { Vec3::ZERO } else { (self.min + self.max) / 2.0 }
+    }
+}
+
+impl Scene {
+    pub fn bounds(&self) -> Bounds {
+        Bounds::of(&self.triangles)
+    }
+
+    /// The length that every bias and limit is tied to: the diagonal of the bounds [scene units].
+    pub fn extent(&self) -> f32 {
+        self.bounds().diagonal()
+    }
+
+    pub fn camera(&self, name: Option<&str>) -> Option<&Camera> {
+        match name {
+            None => self.cameras.first(),
+            Some(name) => self.cameras.iter().find(|c| c.name == name),
+        }
+    }
+}
+
+/// How far rays start off a surface at `point` [scene units]: a share of the scene's extent, and enough to step
+/// over the rounding of the point's own coordinates. The shaders use the same rule.
+pub fn surface_offset(extent: f32, point: Vec3) -> f32 {
+    2e-6 * extent + 4e-7 * point.abs().max_element()
+}

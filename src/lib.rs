@@ -9,3 +9,6 @@ pub mod pipeline;
 pub mod recording;
 pub mod reference;
 pub mod scene;
+
+#[path = "../passes/mod.rs"]
+pub mod passes;

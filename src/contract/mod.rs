@@ -1,1 +1,111 @@
-//! contract
+//! What a pass promises: its parameters, its ports, whether a scene needs it, and what it records.
+
+pub mod arguments;
+pub mod port;
+pub mod recorder;
+
+pub use arguments::{Arguments, Value};
+pub use port::{Port, PortKind};
+pub use recorder::{Recorder, Refusal};
+
+use crate::scene::needs::Needs;
+
+/// A kind of work. One value of a unit struct per pass, listed in the registry.
+pub trait Pass: Send + Sync {
+    /// Name, parameters and ports: stands once, in the pass's own file.
+    fn description(&self) -> &'static Description;
+
+    /// Whether a scene with these needs keeps a node of this pass, or why not.
+    fn need(&self, _arguments: &Arguments, _needs: &Needs) -> Need {
+        Need::Kept
+    }
+
+    /// Declares the node's resources and commands. Called once per plan, needs no device.
+    fn record(&self, recorder: &mut Recorder<'_>) -> Result<(), Refusal>;
+}
+
+/// The passes that pipelines may use, by name.
+pub type Registry = [&'static dyn Pass];
+
+/// Finds a pass by its name.
+pub fn find<'r>(registry: &'r Registry, name: &str) -> Option<&'r &'static dyn Pass> {
+    registry.iter().find(|pass| pass.description().name == name)
+}
+
+/// Whether a scene requires a node.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Need {
+    Kept,
+    /// Left out of the plan; the reason completes the sentence "dropped because …".
+    Dropped(&'static str),
+}
+
+/// What a pass is, for checking pipelines, for messages and for the documentation.
+#[derive(Debug)]
+pub struct Description {
+    /// As pipelines write it: `GBuffer`.
+    pub name: &'static str,
+    pub about: &'static str,
+    /// Paper and section.
+    pub source: &'static str,
+    pub parameters: &'static [Parameter],
+    pub inputs: &'static [Input],
+    /// The first is what an edge gets that names the node alone; the others are written `node.output`.
+    pub outputs: &'static [Output],
+}
+
+#[derive(Debug)]
+pub struct Parameter {
+    pub name: &'static str,
+    pub about: &'static str,
+    /// Such as "pixels" or "degrees"; empty for numbers without a unit.
+    pub unit: &'static str,
+    pub kind: ParameterKind,
+}
+
+#[derive(Debug)]
+pub enum ParameterKind {
+    Bool {
+        default: bool,
+    },
+    /// Inclusive range.
+    Integer {
+        default: i64,
+        min: i64,
+        max: i64,
+    },
+    /// Inclusive range; NaN and infinity are never accepted.
+    Float {
+        default: f64,
+        min: f64,
+        max: f64,
+    },
+    /// One of several ways; the first is the default.
+    Choice {
+        choices: &'static [Choice],
+    },
+}
+
+/// One value of a [`ParameterKind::Choice`], with parameters of its own: `Plane(fov: 126.87)`.
+#[derive(Debug)]
+pub struct Choice {
+    pub name: &'static str,
+    pub about: &'static str,
+    pub parameters: &'static [Parameter],
+}
+
+#[derive(Debug)]
+pub struct Input {
+    pub name: &'static str,
+    pub about: &'static str,
+    pub accepts: PortKind,
+    /// An optional input may be left out of the pipeline, or its source dropped from the plan.
+    pub required: bool,
+}
+
+#[derive(Debug)]
+pub struct Output {
+    pub name: &'static str,
+    pub about: &'static str,
+    pub kind: PortKind,
+}

@@ -1,1 +1,311 @@
-//! recording
+//! A plan as a value: resources and commands on proxies. Recording needs no device and can be printed.
+
+use std::any::Any;
+use std::sync::Arc;
+
+mod lifetime;
+mod print;
+
+pub use lifetime::{Lifetimes, Placement};
+
+/// A buffer, texture or list, by its index in [`Recording::resources`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Resource(pub u32);
+
+/// A number on the host that steps set and that sizes of dispatches and ends of loops depend on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Variable(pub u32);
+
+/// Everything that one frame does, in order.
+#[derive(Default)]
+pub struct Recording {
+    pub resources: Vec<ResourceDescription>,
+    pub variables: Vec<VariableDescription>,
+    pub steps: Vec<Step>,
+}
+
+pub struct ResourceDescription {
+    /// `node.member`.
+    pub name: String,
+    pub kind: ResourceKind,
+    pub lifetime: Lifetime,
+}
+
+pub struct VariableDescription {
+    pub name: String,
+    /// Whether the value lives on into the next frame; others start every frame at 0.
+    pub history: bool,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+pub enum ResourceKind {
+    Buffer {
+        bytes: u64,
+    },
+    Texture {
+        size: [u32; 2],
+        layers: u32,
+        format: Format,
+    },
+    /// Draws that a host step lists.
+    Draws,
+    /// A host step's own memory.
+    State,
+}
+
+#[derive(Clone)]
+pub enum Lifetime {
+    /// Within a frame; shares memory with others whose lifetimes do not meet.
+    Transient,
+    /// Lives on into the next frame, zero at first; never shares memory.
+    History,
+    /// Written once, when the plan is made ready.
+    Constant(Arc<[u8]>),
+    /// A part of the scene, uploaded once.
+    Scene(SceneData),
+    /// The camera of the frame, written as each frame starts.
+    Frame,
+}
+
+/// The parts of a scene that shaders read, bound by these names.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum SceneData {
+    Parameters,
+    Positions,
+    Corners,
+    Attributes,
+    Nodes,
+    Materials,
+    Texels,
+    Lights,
+    Emitters,
+    Environment,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Format {
+    R32Float,
+    R32Uint,
+    Rgba16Float,
+    Rgba32Float,
+    Depth32Float,
+}
+
+pub enum Step {
+    Node(Node),
+    Repeat(Repeat),
+}
+
+/// One use of a pass.
+pub struct Node {
+    pub name: String,
+    pub pass: &'static str,
+    pub commands: Vec<Command>,
+}
+
+/// Steps that run again until a variable is not 0 or the bound is reached.
+pub struct Repeat {
+    pub name: String,
+    pub until: Variable,
+    /// Counts the rounds, from 0.
+    pub round: Variable,
+    pub at_most: u32,
+    pub steps: Vec<Step>,
+}
+
+pub enum Command {
+    /// Sets every byte or texel to 0.
+    Clear(Resource),
+    Compute(Compute),
+    Raster(Raster),
+    Host(Host),
+}
+
+/// A shader entry point with its specialisation and bindings, by the names in its text.
+#[derive(Clone)]
+pub struct Program {
+    /// File under `shaders/`, without its ending.
+    pub shader: &'static str,
+    /// Values of the shader's `override` constants.
+    pub constants: Vec<(&'static str, f64)>,
+    /// Variable in the shader, resource. What begins with `scene_` or is called `camera` is bound without being listed.
+    pub bindings: Vec<(&'static str, Resource)>,
+}
+
+pub struct Compute {
+    pub program: Program,
+    pub entry: &'static str,
+    pub groups: Groups,
+}
+
+/// Workgroups of a dispatch.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Groups {
+    Fixed([u32; 3]),
+    /// `ceil(variable / divisor)` along x, times y and z; more than 65,535 along x spill into y. None where it is 0.
+    Counted {
+        count: Variable,
+        divisor: u32,
+        per: [u32; 2],
+    },
+}
+
+pub struct Raster {
+    pub program: Program,
+    pub vertex: &'static str,
+    /// None for a depth-only pass.
+    pub fragment: Option<&'static str>,
+    pub colours: Vec<Target>,
+    pub depth: Option<DepthTarget>,
+    /// The buffer of three-float positions at vertex slot 0, if the vertex shader reads one.
+    pub vertices: Option<Resource>,
+    pub topology: Topology,
+    pub draws: Draws,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Topology {
+    Triangles,
+    TriangleStrip,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Target {
+    pub texture: Resource,
+    /// Starts from this value; keeps what is there where None.
+    pub clear: Option<[f64; 4]>,
+    pub blend: Blend,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Blend {
+    Replace,
+    /// Adds all four channels.
+    Add,
+}
+
+/// Reverse Z: cleared to 0, the greater value is nearer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct DepthTarget {
+    pub texture: Resource,
+    pub layer: u32,
+}
+
+pub enum Draws {
+    Fixed(Vec<Draw>),
+    /// What a host step put into a [`ResourceKind::Draws`].
+    Listed(Resource),
+    /// One draw of `vertices` vertices, instances `first .. count`.
+    Instances {
+        vertices: u32,
+        first: Option<Variable>,
+        count: Variable,
+    },
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Draw {
+    /// Rectangle that clip space maps to and that fragments are kept in: x, y, width, height [pixels]; None for the whole target.
+    pub rectangle: Option<[u32; 4]>,
+    pub vertices: [u32; 2],
+    pub instances: [u32; 2],
+}
+
+/// Work on the CPU between GPU commands.
+pub struct Host {
+    pub name: &'static str,
+    /// What is read back before the step runs, whole or `count · stride` bytes of it.
+    pub reads: Vec<Read>,
+    pub writes: Vec<Resource>,
+    pub run: HostFunction,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Read {
+    pub resource: Resource,
+    /// Bytes an item and the number of items; None for the whole.
+    pub counted: Option<(u64, Variable)>,
+}
+
+pub type HostFunction = Arc<dyn Fn(&mut dyn HostContext) -> Result<(), String> + Send + Sync>;
+
+/// What a host step sees while it runs.
+pub trait HostContext {
+    /// Bytes of a resource that the step reads; texture rows without padding.
+    fn read(&self, resource: Resource) -> &[u8];
+    /// Writes bytes to a buffer before the next command, from `offset` on.
+    fn write(&mut self, resource: Resource, offset: u64, bytes: &[u8]);
+    fn variable(&self, variable: Variable) -> u32;
+    fn set(&mut self, variable: Variable, value: u32);
+    /// The list of draws, as the step left it last.
+    fn draws(&mut self, resource: Resource) -> &mut Vec<Draw>;
+    /// The step's own memory, empty at the start of a frame.
+    fn state(&mut self, resource: Resource) -> &mut Option<Box<dyn Any + Send>>;
+    /// Triangles and the rest, for steps that look at the scene.
+    fn scene(&self) -> &crate::scene::Scene;
+    fn bvh(&self) -> &crate::scene::bvh::Bvh;
+    /// The camera of the frame and the picture's size.
+    fn camera(&self) -> (&crate::scene::Camera, [u32; 2]);
+}
+
+impl Format {
+    pub fn bytes(self) -> u64 {
+        match self {
+            Self::R32Float | Self::R32Uint | Self::Depth32Float => 4,
+            Self::Rgba16Float => 8,
+            Self::Rgba32Float => 16,
+        }
+    }
+}
+
+impl ResourceKind {
+    pub fn bytes(&self) -> u64 {
+        match self {
+            Self::Buffer { bytes } => *bytes,
+            Self::Texture { size, layers, format } => size[0] as u64 * size[1] as u64 * *layers as u64 * format.bytes(),
+            Self::Draws | Self::State => 0,
+        }
+    }
+}
+
+impl Recording {
+    pub fn resource(&self, resource: Resource) -> &ResourceDescription {
+        &self.resources[resource.0 as usize]
+    }
+
+    /// All nodes, those inside loops too, in order.
+    pub fn nodes(&self) -> Vec<&Node> {
+        fn collect<'a>(steps: &'a [Step], into: &mut Vec<&'a Node>) {
+            for step in steps {
+                match step {
+                    Step::Node(node) => into.push(node),
+                    Step::Repeat(repeat) => collect(&repeat.steps, into),
+                }
+            }
+        }
+        let mut nodes = Vec::new();
+        collect(&self.steps, &mut nodes);
+        nodes
+    }
+}
+
+impl Command {
+    /// Resources that the command touches, scene parts aside.
+    pub fn resources(&self) -> Vec<Resource> {
+        match self {
+            Self::Clear(resource) => vec![*resource],
+            Self::Compute(compute) => compute.program.bindings.iter().map(|b| b.1).collect(),
+            Self::Raster(raster) => {
+                let mut all: Vec<_> = raster.program.bindings.iter().map(|b| b.1).collect();
+                all.extend(raster.colours.iter().map(|t| t.texture));
+                all.extend(raster.depth.iter().map(|t| t.texture));
+                all.extend(raster.vertices);
+                if let Draws::Listed(list) = &raster.draws {
+                    all.push(*list);
+                }
+                all
+            }
+            Self::Host(host) => host.reads.iter().map(|r| r.resource).chain(host.writes.iter().copied()).collect(),
+        }
+    }
+}

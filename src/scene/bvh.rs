@@ -59,11 +59,7 @@ impl Bvh {
 
     /// The nodes, root first; empty for an empty scene.
     pub fn nodes(&self) -> Vec<Node> {
-        self.inner
-            .nodes
-            .iter()
-            .map(|n| Node { min: n.aabb().min.into(), count: n.prim_count, max: n.aabb().max.into(), first: n.first_index })
-            .collect()
+        self.inner.nodes.iter().map(|n| Node { min: n.aabb().min.into(), count: n.prim_count, max: n.aabb().max.into(), first: n.first_index }).collect()
     }
 
     /// Nodes on the longest path from the root to a leaf.

@@ -1,1 +1,49 @@
 //! What a scene requires of a pipeline.
+
+use super::Scene;
+
+/// The facts that decide which passes and which parts of shaders stay.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Needs {
+    pub triangles: u32,
+    pub punctual_lights: u32,
+    /// Punctual lights that cast shadows.
+    pub shadowed_lights: u32,
+    pub emissive_triangles: u32,
+    /// Whether rays that leave the scene see anything.
+    pub environment: bool,
+    pub textures: bool,
+    pub alpha_masks: bool,
+    pub one_sided: bool,
+    /// Names of the materials with a glossy lobe.
+    pub glossy: Vec<String>,
+    /// Diagonal of the bounds [scene units].
+    pub extent: f32,
+}
+
+impl Needs {
+    pub fn of(scene: &Scene) -> Self {
+        let used = used_materials(scene);
+        let materials = || scene.materials.iter().zip(&used).filter(|(_, used)| **used).map(|(m, _)| m);
+        Self {
+            triangles: scene.triangles.len() as u32,
+            punctual_lights: scene.lights.len() as u32,
+            shadowed_lights: scene.lights.iter().filter(|l| l.shadows).count() as u32,
+            emissive_triangles: scene.triangles.iter().filter(|t| scene.materials[t.material as usize].emits()).count() as u32,
+            environment: !scene.environment.is_black(),
+            textures: materials().any(|m| m.texture.is_some()),
+            alpha_masks: materials().any(|m| m.texture.is_some() && m.alpha_cutoff.is_some()),
+            one_sided: materials().any(|m| !m.two_sided),
+            glossy: materials().filter(|m| m.glossy.is_some()).map(|m| m.name.clone()).collect(),
+            extent: scene.extent(),
+        }
+    }
+}
+
+fn used_materials(scene: &Scene) -> Vec<bool> {
+    let mut used = vec![false; scene.materials.len()];
+    for triangle in &scene.triangles {
+        used[triangle.material as usize] = true;
+    }
+    used
+}

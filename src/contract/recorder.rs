@@ -140,22 +140,14 @@ impl<'a> Recorder<'a> {
         self.command(Command::Clear(resource));
     }
 
-    pub fn compute(
-        &mut self,
-        shader: &'static str,
-        entry: &'static str,
-        groups: Groups,
-        bindings: &[(&'static str, Resource)],
-        constants: &[(&'static str, f64)],
-    ) {
-        let program = Program { shader, constants: constants.to_vec(), bindings: bindings.to_vec() };
+    pub fn compute(&mut self, program: Program, entry: &'static str, groups: Groups) {
         self.command(Command::Compute(Compute { program, entry, groups }));
     }
 
     /// One invocation a pixel, in workgroups of 8×8.
-    pub fn compute_pixels(&mut self, shader: &'static str, entry: &'static str, bindings: &[(&'static str, Resource)], constants: &[(&'static str, f64)]) {
+    pub fn compute_pixels(&mut self, program: Program, entry: &'static str) {
         let [w, h] = self.setting.size;
-        self.compute(shader, entry, Groups::Fixed([w.div_ceil(8), h.div_ceil(8), 1]), bindings, constants);
+        self.compute(program, entry, Groups::Fixed([w.div_ceil(8), h.div_ceil(8), 1]));
     }
 
     pub fn host(

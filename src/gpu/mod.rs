@@ -1,1 +1,12 @@
-//! gpu
+//! Executing recordings on a device.
+
+pub mod device;
+pub mod execution;
+mod programs;
+mod readback;
+pub mod scene;
+pub mod shader;
+mod timing;
+
+pub use device::{Adapter, Gpu, GpuError};
+pub use execution::{Frame, Session};

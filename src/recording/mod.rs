@@ -126,6 +126,8 @@ pub enum Command {
 pub struct Program {
     /// File under `shaders/`, without its ending.
     pub shader: &'static str,
+    /// What the imports in capitals stand for: `("VISIBILITY", "lib/visibility/rays")`.
+    pub imports: Vec<(&'static str, &'static str)>,
     /// Values of the shader's `override` constants.
     pub constants: Vec<(&'static str, f64)>,
     /// Variable in the shader, resource. What begins with `scene_` or is called `camera` is bound without being listed.
@@ -142,11 +144,12 @@ pub struct Compute {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Groups {
     Fixed([u32; 3]),
-    /// `ceil(variable / divisor)` along x, times y and z; more than 65,535 along x spill into y. None where it is 0.
+    /// `ceil(variable / divisor) · per` groups in all, along x and from 65,535 on along y too, so that a shader's
+    /// linear group is `workgroup_id.x + workgroup_id.y · num_workgroups.x`, and must be checked. None where it is 0.
     Counted {
         count: Variable,
         divisor: u32,
-        per: [u32; 2],
+        per: u32,
     },
 }
 
@@ -248,6 +251,58 @@ pub trait HostContext {
     fn camera(&self) -> (&crate::scene::Camera, [u32; 2]);
 }
 
+impl Program {
+    pub fn new(shader: &'static str) -> Self {
+        Self { shader, imports: Vec::new(), constants: Vec::new(), bindings: Vec::new() }
+    }
+
+    pub fn import(mut self, alias: &'static str, path: &'static str) -> Self {
+        self.imports.push((alias, path));
+        self
+    }
+
+    pub fn constant(mut self, name: &'static str, value: impl Into<f64>) -> Self {
+        self.constants.push((name, value.into()));
+        self
+    }
+
+    pub fn bind(mut self, name: &'static str, resource: Resource) -> Self {
+        self.bindings.push((name, resource));
+        self
+    }
+}
+
+impl SceneData {
+    pub const ALL: [Self; 10] = [
+        Self::Parameters,
+        Self::Positions,
+        Self::Corners,
+        Self::Attributes,
+        Self::Nodes,
+        Self::Materials,
+        Self::Texels,
+        Self::Lights,
+        Self::Emitters,
+        Self::Environment,
+    ];
+
+    /// The shaders' name for it; positions are vertices and have none.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Parameters => "scene_parameters",
+            Self::Positions => "scene_positions",
+            Self::Corners => "scene_corners",
+            Self::Attributes => "scene_attributes",
+            Self::Nodes => "scene_nodes",
+            Self::Materials => "scene_materials",
+            Self::Texels => "scene_texels",
+            Self::Lights => "scene_lights",
+            Self::Emitters => "scene_emitters",
+            Self::Environment => "scene_environment",
+        }
+    }
+}
+
 impl Format {
     pub fn bytes(self) -> u64 {
         match self {
@@ -308,4 +363,32 @@ impl Command {
             Self::Host(host) => host.reads.iter().map(|r| r.resource).chain(host.writes.iter().copied()).collect(),
         }
     }
+}
+
+/// Where the fields of a host struct stand, to be compared with the shader's struct of the same name.
+#[derive(Debug, Clone, Copy)]
+pub struct HostLayout {
+    pub name: &'static str,
+    pub bytes: usize,
+    /// Field name, offset, size [bytes].
+    pub fields: &'static [(&'static str, usize, usize)],
+}
+
+/// Declares a struct that stands in a buffer, and lists its fields for the test against the shader's struct.
+#[macro_export]
+macro_rules! host_struct {
+    ($(#[$meta:meta])* $visibility:vis struct $name:ident { $($(#[$field_meta:meta])* $field:ident: $type:ty),* $(,)? }) => {
+        $(#[$meta])*
+        #[repr(C)]
+        #[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+        $visibility struct $name { $($(#[$field_meta])* pub $field: $type),* }
+
+        impl $name {
+            pub const LAYOUT: $crate::recording::HostLayout = $crate::recording::HostLayout {
+                name: stringify!($name),
+                bytes: std::mem::size_of::<$name>(),
+                fields: &[$((stringify!($field), std::mem::offset_of!($name, $field), std::mem::size_of::<$type>())),*],
+            };
+        }
+    };
 }

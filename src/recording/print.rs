@@ -70,7 +70,7 @@ impl Recording {
     fn groups_to_text(&self, groups: &Groups) -> String {
         match groups {
             Groups::Fixed([x, y, z]) => format!("{x}×{y}×{z}"),
-            Groups::Counted { count, divisor, per } => format!("⌈{}/{divisor}⌉×{}×{}", self.variables[count.0 as usize].name, per[0], per[1]),
+            Groups::Counted { count, divisor, per } => format!("⌈{}/{divisor}⌉×{per}", self.variables[count.0 as usize].name),
         }
     }
 }

@@ -1,0 +1,1 @@
+// find_misses/device_grid

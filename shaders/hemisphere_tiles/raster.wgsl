@@ -1,0 +1,1 @@
+// hemisphere_tiles/raster

@@ -1,0 +1,1 @@
+// irradiance_sum/workgroup_tree

@@ -1,0 +1,1 @@
+// lib/visibility/shadow_maps

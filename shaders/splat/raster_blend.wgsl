@@ -1,0 +1,1 @@
+// splat/raster_blend

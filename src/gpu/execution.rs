@@ -1,0 +1,600 @@
+//! Runs a recording: allocates what it declares, builds every shader pipeline once, then executes frames.
+
+use super::device::{Gpu, GpuError};
+use super::programs::{Modules, Pipelines, Ready};
+use super::timing::Timing;
+use super::{readback, scene as scene_data};
+use crate::recording::*;
+use crate::scene::{Camera, Scene, bvh::Bvh};
+use std::any::Any;
+use std::collections::HashMap;
+use std::time::Instant;
+
+/// A recording made ready on a device. History resources live as long as the session.
+pub struct Session<'a> {
+    pub(super) gpu: &'a Gpu,
+    scene: &'a Scene,
+    bvh: &'a Bvh,
+    pub(super) recording: &'a Recording,
+    physical: Vec<Physical>,
+    /// Commands of each node, in the order of [`Recording::nodes`].
+    programs: Vec<Vec<Ready>>,
+    variables: Vec<u32>,
+    lists: HashMap<Resource, Vec<Draw>>,
+    states: HashMap<Resource, Option<Box<dyn Any + Send>>>,
+    staging: HashMap<Resource, wgpu::Buffer>,
+    timing: Option<Timing>,
+    nodes: Vec<NodeTimes>,
+    camera: (Camera, [u32; 2]),
+    frames: u32,
+    /// Bytes of all buffers and textures.
+    pub gpu_bytes: u64,
+}
+
+/// What a frame took.
+#[derive(Debug, Clone)]
+pub struct Frame {
+    pub seconds: f64,
+    pub nodes: Vec<NodeTimes>,
+    /// Rounds of each loop, by name.
+    pub rounds: Vec<(String, u32)>,
+    /// Loops that reached their bound before their end, by name.
+    pub unfinished: Vec<String>,
+}
+
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct NodeTimes {
+    pub node: String,
+    pub pass: &'static str,
+    /// None where the adapter has no timestamps.
+    pub gpu_ms: Option<f64>,
+    /// Time in host steps, waiting for what they read included.
+    pub cpu_ms: f64,
+    pub runs: u32,
+}
+
+enum Physical {
+    Buffer(wgpu::Buffer),
+    Texture {
+        texture: wgpu::Texture,
+        format: Format,
+    },
+    Host,
+    /// Declared but touched by no command.
+    Unused,
+}
+
+/// Commands recorded but not yet submitted.
+struct Pending {
+    encoder: wgpu::CommandEncoder,
+    empty: bool,
+}
+
+impl<'a> Session<'a> {
+    /// Allocates, uploads the scene and builds all shader pipelines. `kept` resources can be read after a frame.
+    pub fn new(
+        gpu: &'a Gpu,
+        scene: &'a Scene,
+        bvh: &'a Bvh,
+        recording: &'a Recording,
+        kept: &[Resource],
+        camera: &Camera,
+        size: [u32; 2],
+    ) -> Result<Self, GpuError> {
+        let mut session = Self {
+            gpu,
+            scene,
+            bvh,
+            recording,
+            physical: Vec::new(),
+            programs: Vec::new(),
+            variables: vec![0; recording.variables.len()],
+            lists: HashMap::new(),
+            states: HashMap::new(),
+            staging: HashMap::new(),
+            timing: Timing::new(gpu, recording.nodes().len()),
+            nodes: Vec::new(),
+            camera: (camera.clone(), size),
+            frames: 0,
+            gpu_bytes: 0,
+        };
+        session.allocate(kept)?;
+        let (mut modules, mut pipelines) = (Modules::default(), Pipelines::default());
+        for node in recording.nodes() {
+            let ready = node.commands.iter().map(|c| session.prepare(c, &mut modules, &mut pipelines)).collect::<Result<_, _>>()?;
+            session.programs.push(ready);
+            session.nodes.push(NodeTimes { node: node.name.clone(), pass: node.pass, ..Default::default() });
+        }
+        gpu.check("building pipelines")?;
+        Ok(session)
+    }
+
+    fn allocate(&mut self, kept: &[Resource]) -> Result<(), GpuError> {
+        let lifetimes = Lifetimes::of(self.recording, kept);
+        let placement = Placement::of(self.recording, &lifetimes);
+        let shared = placement.allocations.iter().enumerate().map(|(i, kind)| self.create(&format!("shared {i}"), kind)).collect::<Result<Vec<_>, _>>()?;
+        for (index, description) in self.recording.resources.iter().enumerate() {
+            let used = lifetimes.span(Resource(index as u32)).is_some();
+            let physical = match (&description.lifetime, &description.kind) {
+                (_, ResourceKind::Draws | ResourceKind::State) => Physical::Host,
+                (Lifetime::Scene(data), _) => self.upload(&description.name, &scene_data::bytes(self.scene, self.bvh, *data))?,
+                (Lifetime::Constant(contents), _) => self.upload(&description.name, contents)?,
+                (Lifetime::History | Lifetime::Frame, kind) => self.create(&description.name, kind)?,
+                (Lifetime::Transient, _) => match placement.slots[index] {
+                    Some(slot) => shared[slot as usize].share(),
+                    None if used => unreachable!("{} is used and has no memory", description.name),
+                    None => Physical::Unused,
+                },
+            };
+            self.physical.push(physical);
+        }
+        self.gpu.check("allocating memory")
+    }
+
+    fn create(&mut self, label: &str, kind: &ResourceKind) -> Result<Physical, GpuError> {
+        self.gpu_bytes += kind.bytes();
+        match kind {
+            ResourceKind::Buffer { bytes } => {
+                let limit = (self.gpu.limits.max_storage_buffer_binding_size as u64).min(self.gpu.limits.max_buffer_size);
+                if *bytes > limit {
+                    return Err(GpuError::Limit { what: label.into(), wanted: *bytes, limit });
+                }
+                let usage = wgpu::BufferUsages::STORAGE
+                    | wgpu::BufferUsages::UNIFORM
+                    | wgpu::BufferUsages::VERTEX
+                    | wgpu::BufferUsages::COPY_DST
+                    | wgpu::BufferUsages::COPY_SRC;
+                Ok(Physical::Buffer(self.gpu.device.create_buffer(&wgpu::BufferDescriptor {
+                    label: Some(label),
+                    size: *bytes,
+                    usage,
+                    mapped_at_creation: false,
+                })))
+            }
+            ResourceKind::Texture { size, layers, format } => {
+                let limit = self.gpu.limits.max_texture_dimension_2d;
+                if size[0].max(size[1]) > limit {
+                    return Err(GpuError::Limit { what: format!("the edge of the texture {label}"), wanted: size[0].max(size[1]) as u64, limit: limit as u64 });
+                }
+                Ok(Physical::Texture { texture: self.create_texture(label, *size, *layers, *format), format: *format })
+            }
+            ResourceKind::Draws | ResourceKind::State => Ok(Physical::Host),
+        }
+    }
+
+    fn create_texture(&self, label: &str, size: [u32; 2], layers: u32, format: Format) -> wgpu::Texture {
+        let mut usage = wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC;
+        if format != Format::Depth32Float {
+            usage |= wgpu::TextureUsages::STORAGE_BINDING;
+        }
+        self.gpu.device.create_texture(&wgpu::TextureDescriptor {
+            label: Some(label),
+            size: wgpu::Extent3d { width: size[0], height: size[1], depth_or_array_layers: layers },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format: texture_format(format),
+            usage,
+            view_formats: &[],
+        })
+    }
+
+    fn upload(&mut self, label: &str, bytes: &[u8]) -> Result<Physical, GpuError> {
+        let physical = self.create(label, &ResourceKind::Buffer { bytes: bytes.len() as u64 })?;
+        if let Physical::Buffer(buffer) = &physical {
+            self.gpu.queue.write_buffer(buffer, 0, bytes);
+        }
+        Ok(physical)
+    }
+
+    pub(super) fn buffer(&self, resource: Resource) -> &wgpu::Buffer {
+        match &self.physical[resource.0 as usize] {
+            Physical::Buffer(buffer) => buffer,
+            _ => unreachable!("{} is not a buffer", self.recording.resource(resource).name),
+        }
+    }
+
+    pub(super) fn texture(&self, resource: Resource) -> (&wgpu::Texture, Format) {
+        match &self.physical[resource.0 as usize] {
+            Physical::Texture { texture, format } => (texture, *format),
+            _ => unreachable!("{} is not a texture", self.recording.resource(resource).name),
+        }
+    }
+}
+
+/// Whether to go on; asked between the rounds of loops.
+pub type KeepGoing<'k> = &'k dyn Fn() -> bool;
+
+impl Session<'_> {
+    /// Changes the camera for the frames to come; the size stays.
+    pub fn set_camera(&mut self, camera: &Camera) {
+        self.camera.0 = camera.clone();
+    }
+
+    /// Value of a variable after the last frame.
+    pub fn variable(&self, variable: Variable) -> u32 {
+        self.variables[variable.0 as usize]
+    }
+
+    pub fn set_variable(&mut self, variable: Variable, value: u32) {
+        self.variables[variable.0 as usize] = value;
+    }
+
+    /// Contents of a buffer, or of a texture as rows without padding.
+    pub fn read(&self, resource: Resource) -> Result<Vec<u8>, GpuError> {
+        let mut pending = self.pending();
+        let read = Read::whole(resource);
+        let (staging, bytes) = self.copy_out(&mut pending, read, None);
+        self.submit(&mut pending);
+        self.finish_read(read, &staging, bytes)
+    }
+
+    /// Overwrites the start of a buffer.
+    pub fn write(&self, resource: Resource, bytes: &[u8]) {
+        self.gpu.queue.write_buffer(self.buffer(resource), 0, bytes);
+    }
+
+    /// Runs the recording once.
+    pub fn frame(&mut self, keep_going: KeepGoing) -> Result<Frame, GpuError> {
+        let start = Instant::now();
+        self.start_frame();
+        let recording = self.recording;
+        let mut pending = self.pending();
+        let mut frame = Frame { seconds: 0.0, nodes: Vec::new(), rounds: Vec::new(), unfinished: Vec::new() };
+        self.run(&recording.steps, 0, &mut pending, &mut frame, keep_going)?;
+        self.submit(&mut pending);
+        self.gpu.wait("finishing the frame")?;
+        self.collect_times(&mut frame)?;
+        frame.seconds = start.elapsed().as_secs_f64();
+        self.frames += 1;
+        Ok(frame)
+    }
+
+    fn start_frame(&mut self) {
+        for (variable, description) in self.variables.iter_mut().zip(&self.recording.variables) {
+            if !description.history {
+                *variable = 0;
+            }
+        }
+        self.lists.clear();
+        self.states.clear();
+        for node in &mut self.nodes {
+            (node.gpu_ms, node.cpu_ms, node.runs) = (None, 0.0, 0);
+        }
+        let camera = scene_data::camera(&self.camera.0, self.camera.1, self.scene.extent(), self.frames);
+        for (index, resource) in self.recording.resources.iter().enumerate() {
+            if matches!(resource.lifetime, Lifetime::Frame) {
+                self.write(Resource(index as u32), bytemuck::bytes_of(&camera));
+            }
+        }
+    }
+
+    fn collect_times(&mut self, frame: &mut Frame) -> Result<(), GpuError> {
+        frame.nodes = self.nodes.clone();
+        if let Some(timing) = &mut self.timing {
+            timing.collect(self.gpu)?;
+            for (node, ms) in frame.nodes.iter_mut().zip(timing.take()) {
+                node.gpu_ms = Some(ms);
+            }
+        }
+        frame.nodes = merge(std::mem::take(&mut frame.nodes));
+        Ok(())
+    }
+
+    /// Runs steps whose first node has the index `first`; returns the index after the last.
+    fn run(&mut self, steps: &[Step], first: usize, pending: &mut Pending, frame: &mut Frame, keep_going: KeepGoing) -> Result<usize, GpuError> {
+        let mut index = first;
+        for step in steps {
+            match step {
+                Step::Node(node) => {
+                    self.run_node(node, index, pending)?;
+                    index += 1;
+                }
+                Step::Repeat(repeat) => index = self.run_loop(repeat, index, pending, frame, keep_going)?,
+            }
+        }
+        Ok(index)
+    }
+
+    fn run_loop(&mut self, repeat: &Repeat, first: usize, pending: &mut Pending, frame: &mut Frame, keep_going: KeepGoing) -> Result<usize, GpuError> {
+        let mut next = first;
+        let mut rounds = 0;
+        self.set_variable(repeat.until, 0);
+        while rounds < repeat.at_most && self.variable(repeat.until) == 0 {
+            if !keep_going() {
+                return Err(GpuError::Interrupted);
+            }
+            self.set_variable(repeat.round, rounds);
+            next = self.run(&repeat.steps, first, pending, frame, keep_going)?;
+            rounds += 1;
+        }
+        if self.variable(repeat.until) == 0 {
+            frame.unfinished.push(repeat.name.clone());
+        }
+        frame.rounds.push((repeat.name.clone(), rounds));
+        Ok(next)
+    }
+
+    fn run_node(&mut self, node: &Node, index: usize, pending: &mut Pending) -> Result<(), GpuError> {
+        self.nodes[index].runs += 1;
+        let mut open = false;
+        for (position, command) in node.commands.iter().enumerate() {
+            if let Command::Host(host) = command {
+                self.end_timing(&mut open, pending);
+                let start = Instant::now();
+                self.run_host(host, node, pending)?;
+                self.nodes[index].cpu_ms += start.elapsed().as_secs_f64() * 1e3;
+            } else {
+                self.begin_timing(&mut open, index, pending)?;
+                self.encode(command, index, position, pending);
+                pending.empty = false;
+            }
+        }
+        self.end_timing(&mut open, pending);
+        Ok(())
+    }
+
+    fn begin_timing(&mut self, open: &mut bool, index: usize, pending: &mut Pending) -> Result<(), GpuError> {
+        if *open {
+            return Ok(());
+        }
+        if self.timing.as_ref().is_some_and(Timing::is_full) {
+            self.submit(pending);
+        }
+        if let Some(timing) = &mut self.timing {
+            if timing.is_full() {
+                timing.collect(self.gpu)?;
+            }
+            timing.begin(&mut pending.encoder, index);
+            *open = true;
+        }
+        Ok(())
+    }
+
+    fn end_timing(&mut self, open: &mut bool, pending: &mut Pending) {
+        if let (true, Some(timing)) = (*open, &mut self.timing) {
+            timing.end(&mut pending.encoder);
+        }
+        *open = false;
+    }
+
+    fn pending(&self) -> Pending {
+        Pending { encoder: self.gpu.device.create_command_encoder(&Default::default()), empty: true }
+    }
+
+    fn submit(&self, pending: &mut Pending) {
+        let encoder = std::mem::replace(pending, self.pending()).encoder;
+        self.gpu.queue.submit([encoder.finish()]);
+    }
+
+    fn encode(&self, command: &Command, index: usize, position: usize, pending: &mut Pending) {
+        let encoder = &mut pending.encoder;
+        match (command, &self.programs[index][position]) {
+            (Command::Clear(resource), Ready::Plain(None)) => encoder.clear_buffer(self.buffer(*resource), 0, None),
+            (Command::Clear(_), Ready::Plain(Some(view))) => clear_texture(encoder, view),
+            (Command::Compute(compute), Ready::Compute { pipeline, groups }) => {
+                let [x, y, z] = self.workgroups(compute.groups);
+                if x * y * z > 0 {
+                    let mut pass = encoder.begin_compute_pass(&Default::default());
+                    pass.set_pipeline(pipeline);
+                    groups.iter().for_each(|(group, bound)| pass.set_bind_group(*group, bound, &[]));
+                    pass.dispatch_workgroups(x, y, z);
+                }
+            }
+            (Command::Raster(raster), Ready::Raster { pipeline, groups, colours, depth }) => {
+                self.encode_raster(raster, pipeline, groups, colours, depth.as_ref(), encoder)
+            }
+            _ => unreachable!("commands are prepared as what they are"),
+        }
+    }
+
+    fn workgroups(&self, groups: Groups) -> [u32; 3] {
+        match groups {
+            Groups::Fixed(groups) => groups,
+            Groups::Counted { count, divisor, per } => {
+                let total = self.variable(count).div_ceil(divisor) * per;
+                let limit = self.gpu.limits.max_compute_workgroups_per_dimension;
+                [total.min(limit), total.div_ceil(limit), 1]
+            }
+        }
+    }
+
+    fn encode_raster(
+        &self,
+        raster: &Raster,
+        pipeline: &wgpu::RenderPipeline,
+        groups: &[(u32, wgpu::BindGroup)],
+        colours: &[wgpu::TextureView],
+        depth: Option<&wgpu::TextureView>,
+        encoder: &mut wgpu::CommandEncoder,
+    ) {
+        let attachments: Vec<_> = raster
+            .colours
+            .iter()
+            .zip(colours)
+            .map(|(target, view)| {
+                let load = target.clear.map_or(wgpu::LoadOp::Load, |[r, g, b, a]| wgpu::LoadOp::Clear(wgpu::Color { r, g, b, a }));
+                Some(wgpu::RenderPassColorAttachment {
+                    view,
+                    depth_slice: None,
+                    resolve_target: None,
+                    ops: wgpu::Operations { load, store: wgpu::StoreOp::Store },
+                })
+            })
+            .collect();
+        let depth = depth.map(|view| wgpu::RenderPassDepthStencilAttachment {
+            view,
+            depth_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Clear(0.0), store: wgpu::StoreOp::Store }),
+            stencil_ops: None,
+        });
+        let mut pass =
+            encoder.begin_render_pass(&wgpu::RenderPassDescriptor { color_attachments: &attachments, depth_stencil_attachment: depth, ..Default::default() });
+        pass.set_pipeline(pipeline);
+        groups.iter().for_each(|(group, bound)| pass.set_bind_group(*group, bound, &[]));
+        if let Some(vertices) = raster.vertices {
+            pass.set_vertex_buffer(0, self.buffer(vertices).slice(..));
+        }
+        match &raster.draws {
+            Draws::Fixed(draws) => encode_draws(&mut pass, draws),
+            Draws::Listed(list) => encode_draws(&mut pass, self.lists.get(list).map_or(&[], Vec::as_slice)),
+            Draws::Instances { vertices, first, count } => {
+                let (first, count) = (first.map_or(0, |f| self.variable(f)), self.variable(*count));
+                if first < count {
+                    pass.draw(0..*vertices, first..count);
+                }
+            }
+        }
+    }
+
+    fn run_host(&mut self, host: &Host, node: &Node, pending: &mut Pending) -> Result<(), GpuError> {
+        let failed = |reason: String| GpuError::HostStep { node: node.name.clone(), reason };
+        let copies: Vec<_> = host.reads.iter().map(|read| (*read, self.copy_out(pending, *read, Some(())))).collect();
+        // What is written must reach the device after the commands before this step and before those after it.
+        if !copies.is_empty() || (!host.writes.is_empty() && !pending.empty) {
+            self.submit(pending);
+        }
+        let mut contents = HashMap::new();
+        for (read, (staging, bytes)) in copies {
+            contents.insert(read.resource, self.finish_read(read, &staging, bytes)?);
+            self.staging.insert(read.resource, staging);
+        }
+        let (mut lists, mut states, mut variables) = (std::mem::take(&mut self.lists), std::mem::take(&mut self.states), std::mem::take(&mut self.variables));
+        let mut view = HostView { session: self, contents, lists: &mut lists, states: &mut states, variables: &mut variables };
+        let result = (host.run)(&mut view);
+        (self.lists, self.states, self.variables) = (lists, states, variables);
+        result.map_err(failed)
+    }
+
+    fn copy_out(&self, pending: &mut Pending, read: Read, reuse: Option<()>) -> (wgpu::Buffer, u64) {
+        let whole = match &self.physical[read.resource.0 as usize] {
+            Physical::Texture { texture, format } => {
+                readback::padded_row(texture.width(), *format) * texture.height() as u64 * texture.depth_or_array_layers() as u64
+            }
+            _ => self.buffer(read.resource).size(),
+        };
+        let kept = reuse.and_then(|_| self.staging.get(&read.resource).cloned());
+        let staging = kept.unwrap_or_else(|| readback::staging(self.gpu, whole));
+        let bytes = read.counted.map_or(whole, |(stride, count)| (stride * self.variable(count) as u64).min(whole)).next_multiple_of(4);
+        match &self.physical[read.resource.0 as usize] {
+            Physical::Texture { texture, format } => readback::copy_texture(&mut pending.encoder, texture, *format, &staging),
+            _ if bytes > 0 => pending.encoder.copy_buffer_to_buffer(self.buffer(read.resource), 0, &staging, 0, bytes),
+            _ => {}
+        }
+        (staging, bytes)
+    }
+
+    fn finish_read(&self, read: Read, staging: &wgpu::Buffer, bytes: u64) -> Result<Vec<u8>, GpuError> {
+        if bytes == 0 {
+            return Ok(Vec::new());
+        }
+        let contents = readback::map(self.gpu, staging, bytes)?;
+        Ok(match &self.physical[read.resource.0 as usize] {
+            Physical::Texture { texture, format } => readback::unpad(contents, texture.width(), *format),
+            _ => contents,
+        })
+    }
+}
+
+fn encode_draws(pass: &mut wgpu::RenderPass<'_>, draws: &[Draw]) {
+    let mut current = None;
+    for draw in draws {
+        if let (Some([x, y, w, h]), true) = (draw.rectangle, draw.rectangle != current) {
+            pass.set_viewport(x as f32, y as f32, w as f32, h as f32, 0.0, 1.0);
+            pass.set_scissor_rect(x, y, w, h);
+            current = draw.rectangle;
+        }
+        pass.draw(draw.vertices[0]..draw.vertices[1], draw.instances[0]..draw.instances[1]);
+    }
+}
+
+fn clear_texture(encoder: &mut wgpu::CommandEncoder, view: &wgpu::TextureView) {
+    let ops = wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT), store: wgpu::StoreOp::Store };
+    encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+        color_attachments: &[Some(wgpu::RenderPassColorAttachment { view, depth_slice: None, resolve_target: None, ops })],
+        ..Default::default()
+    });
+}
+
+/// A node in a loop may have a part before the loop: one entry for both.
+fn merge(nodes: Vec<NodeTimes>) -> Vec<NodeTimes> {
+    let mut merged: Vec<NodeTimes> = Vec::new();
+    for node in nodes {
+        match merged.iter_mut().find(|m| m.node == node.node) {
+            Some(into) => {
+                into.gpu_ms = into.gpu_ms.zip(node.gpu_ms).map(|(a, b)| a + b);
+                into.cpu_ms += node.cpu_ms;
+                into.runs = into.runs.max(node.runs);
+            }
+            None => merged.push(node),
+        }
+    }
+    merged
+}
+
+/// What a host step sees.
+struct HostView<'s, 'a> {
+    session: &'s Session<'a>,
+    contents: HashMap<Resource, Vec<u8>>,
+    lists: &'s mut HashMap<Resource, Vec<Draw>>,
+    states: &'s mut HashMap<Resource, Option<Box<dyn Any + Send>>>,
+    variables: &'s mut Vec<u32>,
+}
+
+impl HostContext for HostView<'_, '_> {
+    fn read(&self, resource: Resource) -> &[u8] {
+        self.contents.get(&resource).map_or(&[], Vec::as_slice)
+    }
+
+    fn write(&mut self, resource: Resource, offset: u64, bytes: &[u8]) {
+        self.session.gpu.queue.write_buffer(self.session.buffer(resource), offset, bytes);
+    }
+
+    fn variable(&self, variable: Variable) -> u32 {
+        self.variables[variable.0 as usize]
+    }
+
+    fn set(&mut self, variable: Variable, value: u32) {
+        self.variables[variable.0 as usize] = value;
+    }
+
+    fn draws(&mut self, resource: Resource) -> &mut Vec<Draw> {
+        self.lists.entry(resource).or_default()
+    }
+
+    fn state(&mut self, resource: Resource) -> &mut Option<Box<dyn Any + Send>> {
+        self.states.entry(resource).or_default()
+    }
+
+    fn scene(&self) -> &Scene {
+        self.session.scene
+    }
+
+    fn bvh(&self) -> &Bvh {
+        self.session.bvh
+    }
+
+    fn camera(&self) -> (&Camera, [u32; 2]) {
+        (&self.session.camera.0, self.session.camera.1)
+    }
+}
+
+impl Physical {
+    fn share(&self) -> Self {
+        match self {
+            Self::Buffer(buffer) => Self::Buffer(buffer.clone()),
+            Self::Texture { texture, format } => Self::Texture { texture: texture.clone(), format: *format },
+            Self::Host => Self::Host,
+            Self::Unused => Self::Unused,
+        }
+    }
+}
+
+pub(super) fn texture_format(format: Format) -> wgpu::TextureFormat {
+    match format {
+        Format::R32Float => wgpu::TextureFormat::R32Float,
+        Format::R32Uint => wgpu::TextureFormat::R32Uint,
+        Format::Rgba16Float => wgpu::TextureFormat::Rgba16Float,
+        Format::Rgba32Float => wgpu::TextureFormat::Rgba32Float,
+        Format::Depth32Float => wgpu::TextureFormat::Depth32Float,
+    }
+}

@@ -1,0 +1,57 @@
+//! From the device's memory to the host's.
+
+use super::device::{Gpu, GpuError};
+use crate::recording::Format;
+
+/// Bytes of a mapped staging buffer, once the device is done with it.
+pub fn map(gpu: &Gpu, staging: &wgpu::Buffer, bytes: u64) -> Result<Vec<u8>, GpuError> {
+    let (sender, receiver) = std::sync::mpsc::channel();
+    staging.map_async(wgpu::MapMode::Read, 0..bytes, move |result| {
+        let _ = sender.send(result);
+    });
+    gpu.wait("reading back")?;
+    let failed = |reason: String| GpuError::Driver { doing: "reading back".into(), reason };
+    receiver.recv().map_err(|e| failed(e.to_string()))?.map_err(|e| failed(e.to_string()))?;
+    let view = staging.get_mapped_range(0..bytes).map_err(|e| failed(e.to_string()))?;
+    let copy = view.to_vec();
+    drop(view);
+    staging.unmap();
+    Ok(copy)
+}
+
+pub fn staging(gpu: &Gpu, bytes: u64) -> wgpu::Buffer {
+    gpu.device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some("staging"),
+        size: bytes,
+        usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+        mapped_at_creation: false,
+    })
+}
+
+/// Bytes of a texture row in a buffer: a multiple of 256.
+pub fn padded_row(width: u32, format: Format) -> u64 {
+    (width as u64 * format.bytes()).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT as u64)
+}
+
+/// Rows without their padding.
+pub fn unpad(padded: Vec<u8>, width: u32, format: Format) -> Vec<u8> {
+    let (row, stride) = ((width as u64 * format.bytes()) as usize, padded_row(width, format) as usize);
+    if row == stride { padded } else { padded.chunks(stride).flat_map(|r| &r[..row.min(r.len())]).copied().collect() }
+}
+
+/// Encodes the copy of a texture, all layers, into a staging buffer of `padded_row · height · layers` bytes.
+pub fn copy_texture(encoder: &mut wgpu::CommandEncoder, texture: &wgpu::Texture, format: Format, staging: &wgpu::Buffer) {
+    let aspect = if format == Format::Depth32Float { wgpu::TextureAspect::DepthOnly } else { wgpu::TextureAspect::All };
+    encoder.copy_texture_to_buffer(
+        wgpu::TexelCopyTextureInfo { texture, mip_level: 0, origin: wgpu::Origin3d::ZERO, aspect },
+        wgpu::TexelCopyBufferInfo {
+            buffer: staging,
+            layout: wgpu::TexelCopyBufferLayout {
+                offset: 0,
+                bytes_per_row: Some(padded_row(texture.width(), format) as u32),
+                rows_per_image: Some(texture.height()),
+            },
+        },
+        texture.size(),
+    );
+}

@@ -1,0 +1,267 @@
+//! The scene as shaders read it: `shaders/lib/scene.wgsl` and `lib/camera.wgsl` have the same structs.
+
+use crate::host_struct;
+use crate::recording::{HostLayout, SceneData};
+use crate::scene::{Camera, Environment, LightKind, Scene, Triangle, bvh::Bvh};
+use bytemuck::{bytes_of, cast_slice};
+use glam::{Vec2, Vec3};
+
+host_struct! {
+    /// Facts of the whole scene.
+    pub struct SceneParameters {
+        environment: [f32; 3],
+        extent: f32,
+        triangles: u32,
+        lights: u32,
+        emitters: u32,
+        emitter_weight: f32,
+        /// 0 × 0 where the environment is constant.
+        environment_size: [u32; 2],
+        nodes: u32,
+        padding: u32,
+    }
+}
+
+host_struct! {
+    pub struct SceneMaterial {
+        reflectance: [f32; 3],
+        /// `TWO_SIDED`, `HOLES`, `TEXTURED`.
+        flags: u32,
+        emission: [f32; 3],
+        alpha_cutoff: f32,
+        /// First texel, width, height.
+        texture_start: u32,
+        texture_width: u32,
+        texture_height: u32,
+        padding: u32,
+    }
+}
+
+host_struct! {
+    pub struct SceneLight {
+        position: [f32; 3],
+        /// 0 point, 1 spot, 2 directional.
+        kind: u32,
+        direction: [f32; 3],
+        /// First layer of its shadow maps, or `u32::MAX` where it casts no shadows.
+        shadow_layer: u32,
+        /// Intensity [W/sr], or irradiance [W/m²] of a directional light.
+        intensity: [f32; 3],
+        cos_inner: f32,
+        cos_outer: f32,
+        padding_a: u32,
+        padding_b: u32,
+        padding_c: u32,
+    }
+}
+
+host_struct! {
+    /// An emissive triangle with the running sum of area × luminance up to and including it.
+    pub struct SceneEmitter {
+        triangle: u32,
+        cumulative: f32,
+    }
+}
+
+host_struct! {
+    /// The camera of the frame.
+    pub struct FrameCamera {
+        eye: [f32; 3],
+        /// Distance of the near plane [scene units].
+        near: f32,
+        /// Unit axis, and half the width of the picture at distance 1.
+        right: [f32; 3],
+        half_width: f32,
+        up: [f32; 3],
+        half_height: f32,
+        forward: [f32; 3],
+        /// Counts from 0.
+        frame: u32,
+        size: [u32; 2],
+        padding: [u32; 2],
+    }
+}
+
+pub const LAYOUTS: &[HostLayout] = &[SceneParameters::LAYOUT, SceneMaterial::LAYOUT, SceneLight::LAYOUT, SceneEmitter::LAYOUT, FrameCamera::LAYOUT];
+
+pub const TWO_SIDED: u32 = 1;
+pub const HOLES: u32 = 2;
+pub const TEXTURED: u32 = 4;
+
+/// Layers of the shadow maps that a light takes: six for a point light, one for the others; none without shadows.
+pub fn shadow_layers(light: &crate::scene::Light) -> u32 {
+    match light.kind {
+        _ if !light.shadows => 0,
+        LightKind::Point { .. } => 6,
+        LightKind::Spot { outer, .. } if outer > WIDE_SPOT => 6,
+        LightKind::Spot { .. } | LightKind::Directional { .. } => 1,
+    }
+}
+
+/// Half-angle from which on a spot light's shadow takes a cube: 60°.
+const WIDE_SPOT: f32 = std::f32::consts::PI / 3.0;
+
+/// Size of a part of the scene as a buffer.
+pub fn byte_size(scene: &Scene, data: SceneData) -> u64 {
+    let triangles = scene.triangles.len() as u64;
+    let bytes = match data {
+        SceneData::Parameters => size_of::<SceneParameters>() as u64,
+        SceneData::Positions => triangles * 36,
+        SceneData::Corners => triangles * 48,
+        SceneData::Attributes => triangles * 64,
+        SceneData::Nodes => triangles.max(1) * 2 * 32,
+        SceneData::Materials => (scene.materials.len() * size_of::<SceneMaterial>()) as u64,
+        SceneData::Texels => scene.textures.iter().map(|t| t.texels.len() as u64 * 4).sum(),
+        SceneData::Lights => (scene.lights.len() * size_of::<SceneLight>()) as u64,
+        SceneData::Emitters => emitters(scene).len() as u64 * size_of::<SceneEmitter>() as u64,
+        SceneData::Environment => match &scene.environment {
+            Environment::Constant(_) => 0,
+            Environment::LatLong { texels, .. } => texels.len() as u64 * 16,
+        },
+    };
+    bytes.max(16)
+}
+
+/// The bytes of a part of the scene; `bvh` has sorted the scene's triangles.
+pub fn bytes(scene: &Scene, bvh: &Bvh, data: SceneData) -> Vec<u8> {
+    let mut bytes = match data {
+        SceneData::Parameters => bytes_of(&parameters(scene, bvh)).to_vec(),
+        SceneData::Positions => scene.triangles.iter().flat_map(|t| bytes_of(&t.positions.map(|p| p.to_array())).to_vec()).collect(),
+        SceneData::Corners => scene.triangles.iter().flat_map(|t| bytes_of(&corners(t)).to_vec()).collect(),
+        SceneData::Attributes => scene.triangles.iter().flat_map(|t| bytes_of(&attributes(t)).to_vec()).collect(),
+        SceneData::Nodes => cast_slice(&bvh.nodes()).to_vec(),
+        SceneData::Materials => cast_slice(&materials(scene)).to_vec(),
+        SceneData::Texels => scene.textures.iter().flat_map(|t| cast_slice::<_, u8>(&t.texels).iter().copied()).collect(),
+        SceneData::Lights => cast_slice(&lights(scene)).to_vec(),
+        SceneData::Emitters => cast_slice(&emitters(scene)).to_vec(),
+        SceneData::Environment => match &scene.environment {
+            Environment::Constant(_) => Vec::new(),
+            Environment::LatLong { texels, .. } => texels.iter().flat_map(|t| bytes_of(&t.extend(0.0).to_array()).to_vec()).collect(),
+        },
+    };
+    bytes.resize(bytes.len().next_multiple_of(16).max(16), 0);
+    bytes
+}
+
+fn parameters(scene: &Scene, bvh: &Bvh) -> SceneParameters {
+    let emitters = emitters(scene);
+    let (environment, environment_size) = match &scene.environment {
+        Environment::Constant(radiance) => (*radiance, [0, 0]),
+        Environment::LatLong { width, height, .. } => (Vec3::ZERO, [*width, *height]),
+    };
+    SceneParameters {
+        environment: environment.into(),
+        extent: scene.extent(),
+        triangles: scene.triangles.len() as u32,
+        lights: scene.lights.len() as u32,
+        emitters: emitters.len() as u32,
+        emitter_weight: emitters.last().map_or(0.0, |e| e.cumulative),
+        environment_size,
+        nodes: bvh.nodes().len() as u32,
+        padding: 0,
+    }
+}
+
+/// Corner 0 and the material, edges to corners 1 and 2.
+fn corners(triangle: &Triangle) -> [[f32; 4]; 3] {
+    let [a, b, c] = triangle.positions;
+    [a.extend(f32::from_bits(triangle.material)).into(), (b - a).extend(0.0).into(), (c - a).extend(0.0).into()]
+}
+
+/// Three normals, with the texture coordinates in the spare places.
+fn attributes(triangle: &Triangle) -> [[f32; 4]; 4] {
+    let [n0, n1, n2] = triangle.normals;
+    let [t0, t1, t2]: [Vec2; 3] = triangle.uvs;
+    [n0.extend(t0.x).into(), n1.extend(t0.y).into(), n2.extend(t1.x).into(), [t1.y, t2.x, t2.y, 0.0]]
+}
+
+fn materials(scene: &Scene) -> Vec<SceneMaterial> {
+    let mut start = 0;
+    let starts: Vec<u32> = scene
+        .textures
+        .iter()
+        .map(|t| {
+            start += t.texels.len() as u32;
+            start - t.texels.len() as u32
+        })
+        .collect();
+    scene
+        .materials
+        .iter()
+        .map(|m| {
+            let texture = m.texture.map(|t| (starts[t as usize], &scene.textures[t as usize]));
+            let flag = |on: bool, bit: u32| if on { bit } else { 0 };
+            SceneMaterial {
+                reflectance: m.reflectance.into(),
+                flags: flag(m.two_sided, TWO_SIDED) | flag(texture.is_some() && m.alpha_cutoff.is_some(), HOLES) | flag(texture.is_some(), TEXTURED),
+                emission: m.emission.into(),
+                alpha_cutoff: m.alpha_cutoff.unwrap_or(0.0),
+                texture_start: texture.map_or(0, |t| t.0),
+                texture_width: texture.map_or(0, |t| t.1.width),
+                texture_height: texture.map_or(0, |t| t.1.height),
+                padding: 0,
+            }
+        })
+        .collect()
+}
+
+fn lights(scene: &Scene) -> Vec<SceneLight> {
+    let mut layer = 0;
+    scene
+        .lights
+        .iter()
+        .map(|light| {
+            let layers = shadow_layers(light);
+            let (kind, position, direction, intensity, angles) = match light.kind {
+                LightKind::Point { position, intensity } => (0, position, Vec3::ZERO, intensity, [0.0, 0.0]),
+                LightKind::Spot { position, direction, intensity, inner, outer } => (1, position, direction, intensity, [inner.cos(), outer.cos()]),
+                LightKind::Directional { direction, irradiance } => (2, Vec3::ZERO, direction, irradiance, [0.0, 0.0]),
+            };
+            layer += layers;
+            SceneLight {
+                position: position.into(),
+                kind,
+                direction: direction.into(),
+                shadow_layer: if layers == 0 { u32::MAX } else { layer - layers },
+                intensity: intensity.into(),
+                cos_inner: angles[0],
+                cos_outer: angles[1],
+                padding_a: 0,
+                padding_b: 0,
+                padding_c: 0,
+            }
+        })
+        .collect()
+}
+
+/// Area lights in the triangles' order, weighted by area × luminance.
+fn emitters(scene: &Scene) -> Vec<SceneEmitter> {
+    let mut cumulative = 0.0f64;
+    let luminance = |c: Vec3| c.dot(Vec3::new(0.2126, 0.7152, 0.0722)) as f64;
+    let mut emitters = Vec::new();
+    for (index, triangle) in scene.triangles.iter().enumerate() {
+        let material = &scene.materials[triangle.material as usize];
+        if material.emits() {
+            cumulative += 0.5 * triangle.cross().length() as f64 * luminance(material.emission).max(f64::MIN_POSITIVE);
+            emitters.push(SceneEmitter { triangle: index as u32, cumulative: cumulative as f32 });
+        }
+    }
+    emitters
+}
+
+/// The uniform of a frame.
+pub fn camera(camera: &Camera, size: [u32; 2], extent: f32, frame: u32) -> FrameCamera {
+    let half = camera.half_extent(size);
+    FrameCamera {
+        eye: camera.eye.into(),
+        near: extent.max(f32::MIN_POSITIVE) * 1e-5,
+        right: camera.right().into(),
+        half_width: half.x,
+        up: camera.up.into(),
+        half_height: half.y,
+        forward: camera.direction.into(),
+        frame,
+        size,
+        padding: [0; 2],
+    }
+}

@@ -1,0 +1,161 @@
+//! Shaders: import of shared text, validation by naga, and the bindings that an entry point uses, by name.
+
+use super::device::GpuError;
+use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
+use std::collections::BTreeMap;
+
+macro_rules! sources {
+    ($($name:literal),* $(,)?) => {
+        /// Every shader file that ships: path under `shaders/` without its ending, and its text.
+        pub const SOURCES: &[(&str, &str)] = &[$(($name, include_str!(concat!("../../shaders/", $name, ".wgsl")))),*];
+    };
+}
+
+sources![
+    "lib/scene",
+    "lib/camera",
+    "lib/random",
+    "lib/frame",
+    "lib/trace",
+    "lib/light",
+    "lib/visibility/rays",
+    "lib/visibility/shadow_maps",
+    "lib/record",
+    "lib/tile",
+    "gbuffer",
+    "shadow_map",
+    "direct_light",
+    "hemisphere_tiles/raster",
+    "hemisphere_tiles/ray_cast",
+    "hemisphere_tiles/shade",
+    "find_misses/device_grid",
+    "irradiance_sum/workgroup_tree",
+    "add_records",
+    "splat/raster_blend",
+    "normalize",
+    "combine",
+];
+
+/// A shader with its imports resolved, parsed and validated.
+pub struct Shader {
+    pub text: String,
+    pub module: naga::Module,
+    pub info: ModuleInfo,
+}
+
+/// A binding that an entry point uses.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Slot {
+    pub name: String,
+    pub group: u32,
+    pub binding: u32,
+    pub kind: SlotKind,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum SlotKind {
+    Uniform,
+    Storage { writable: bool },
+    Texture { sample: wgpu::TextureSampleType, dimension: wgpu::TextureViewDimension },
+    StorageTexture { format: wgpu::TextureFormat, access: wgpu::StorageTextureAccess, dimension: wgpu::TextureViewDimension },
+}
+
+fn source(name: &str) -> Option<&'static str> {
+    SOURCES.iter().find(|(n, _)| *n == name).map(|s| s.1)
+}
+
+/// The text of a shader in which every line `#import PATH` is replaced by that file, once. A path in capitals stands
+/// for what `imports` says: `#import VISIBILITY` with `("VISIBILITY", "lib/visibility/rays")`.
+pub fn assemble(name: &str, imports: &[(&str, &str)]) -> Result<String, GpuError> {
+    let mut text = String::new();
+    append(name, imports, &mut Vec::new(), &mut text)?;
+    Ok(text)
+}
+
+fn append(name: &str, imports: &[(&str, &str)], seen: &mut Vec<String>, text: &mut String) -> Result<(), GpuError> {
+    let name = imports.iter().find(|(alias, _)| *alias == name).map_or(name, |i| i.1);
+    if seen.iter().any(|s| s == name) {
+        return Ok(());
+    }
+    seen.push(name.to_string());
+    let source = source(name).ok_or_else(|| GpuError::Shader { shader: name.into(), reason: "there is no such file".into() })?;
+    for line in source.lines() {
+        match line.strip_prefix("#import ") {
+            Some(import) => append(import.trim(), imports, seen, text)?,
+            None => {
+                text.push_str(line);
+                text.push('\n');
+            }
+        }
+    }
+    Ok(())
+}
+
+impl Shader {
+    pub fn load(name: &str, imports: &[(&str, &str)]) -> Result<Self, GpuError> {
+        let text = assemble(name, imports)?;
+        let invalid = |reason: String| GpuError::Shader { shader: name.into(), reason };
+        let module = naga::front::wgsl::parse_str(&text).map_err(|e| invalid(e.emit_to_string_with_path(&text, name)))?;
+        let info =
+            Validator::new(ValidationFlags::all(), Capabilities::empty()).validate(&module).map_err(|e| invalid(e.emit_to_string_with_path(&text, name)))?;
+        Ok(Self { text, module, info })
+    }
+
+    /// Bindings of the entry points, merged.
+    pub fn slots(&self, entries: &[&str]) -> Result<Vec<Slot>, String> {
+        let mut slots = BTreeMap::new();
+        for entry in entries {
+            let index = self.module.entry_points.iter().position(|e| e.name == *entry).ok_or_else(|| format!("there is no entry point {entry}"))?;
+            let uses = self.info.get_entry_point(index);
+            for (handle, global) in self.module.global_variables.iter() {
+                if let (Some(binding), false) = (&global.binding, uses[handle].is_empty()) {
+                    let slot = Slot { name: global.name.clone().unwrap_or_default(), group: binding.group, binding: binding.binding, kind: self.kind(global)? };
+                    slots.insert((slot.group, slot.binding), slot);
+                }
+            }
+        }
+        Ok(slots.into_values().collect())
+    }
+
+    fn kind(&self, global: &naga::GlobalVariable) -> Result<SlotKind, String> {
+        match (global.space, &self.module.types[global.ty].inner) {
+            (naga::AddressSpace::Uniform, _) => Ok(SlotKind::Uniform),
+            (naga::AddressSpace::Storage { access }, _) => Ok(SlotKind::Storage { writable: access.contains(naga::StorageAccess::STORE) }),
+            (naga::AddressSpace::Handle, naga::TypeInner::Image { dim: naga::ImageDimension::D2, arrayed, class }) => {
+                let dimension = if *arrayed { wgpu::TextureViewDimension::D2Array } else { wgpu::TextureViewDimension::D2 };
+                image_kind(*class, dimension).ok_or_else(|| format!("the image {:?} is of a kind that passes do not use", global.name))
+            }
+            _ => Err(format!("the binding {:?} is of a kind that passes do not use", global.name)),
+        }
+    }
+}
+
+fn image_kind(class: naga::ImageClass, dimension: wgpu::TextureViewDimension) -> Option<SlotKind> {
+    Some(match class {
+        naga::ImageClass::Sampled { kind: naga::ScalarKind::Float, .. } => {
+            SlotKind::Texture { sample: wgpu::TextureSampleType::Float { filterable: false }, dimension }
+        }
+        naga::ImageClass::Sampled { kind: naga::ScalarKind::Uint, .. } => SlotKind::Texture { sample: wgpu::TextureSampleType::Uint, dimension },
+        naga::ImageClass::Depth { .. } => SlotKind::Texture { sample: wgpu::TextureSampleType::Depth, dimension },
+        naga::ImageClass::Storage { format, access } => SlotKind::StorageTexture { format: storage_format(format)?, access: storage_access(access), dimension },
+        _ => return None,
+    })
+}
+
+fn storage_format(format: naga::StorageFormat) -> Option<wgpu::TextureFormat> {
+    Some(match format {
+        naga::StorageFormat::R32Uint => wgpu::TextureFormat::R32Uint,
+        naga::StorageFormat::R32Float => wgpu::TextureFormat::R32Float,
+        naga::StorageFormat::Rgba16Float => wgpu::TextureFormat::Rgba16Float,
+        naga::StorageFormat::Rgba32Float => wgpu::TextureFormat::Rgba32Float,
+        _ => return None,
+    })
+}
+
+fn storage_access(access: naga::StorageAccess) -> wgpu::StorageTextureAccess {
+    match (access.contains(naga::StorageAccess::LOAD), access.contains(naga::StorageAccess::STORE)) {
+        (true, true) => wgpu::StorageTextureAccess::ReadWrite,
+        (true, false) => wgpu::StorageTextureAccess::ReadOnly,
+        _ => wgpu::StorageTextureAccess::WriteOnly,
+    }
+}

@@ -1,1 +1,390 @@
-//! reference
+//! The ground truth: a path tracer for diffuse surfaces that shares only the scene and its hierarchy with the passes.
+//!
+//! For each pixel's centre it finds the visible surface and estimates two irradiances there, apart:
+//! - **direct**: what punctual lights, emitters and the sky send without touching another surface;
+//! - **indirect**: what touched one to `bounces` surfaces on its way.
+//!
+//! Directions are cosine-distributed and stratified, 16×16 a round at most; the spread of the rounds' means gives the
+//! variance of their mean. Light from emitters and from a latitude-longitude sky is sampled both by rays and at its
+//! source, joined by the balance heuristic (Veach 1997, eq. 9.8), so that no place is singular. Every pixel and round
+//! draws from its own counter-based stream: the result does not depend on the number of threads, and a picture with a
+//! stride holds the same bits as every k-th pixel of the full one.
+//!
+//! Punctual lights and emitters are shadowed by either side of a surface. The sky is what rays see, and rays pass
+//! through the backs of one-sided surfaces.
+
+mod lights;
+mod path;
+mod random;
+
+pub use path::{Gather, Tracer};
+
+use crate::scene::{bvh::Bvh, model::Camera, model::Rgb, model::Scene};
+use glam::{DVec3, Vec3};
+use path::{Round, Surface};
+use random::Random;
+use rayon::prelude::*;
+use std::{
+    f64::consts::PI,
+    fmt,
+    str::FromStr,
+    sync::atomic::{AtomicBool, AtomicUsize, Ordering},
+    time::Instant,
+};
+
+/// The longest side of a picture [pixels].
+pub const MAX_SIDE: u32 = 32768;
+
+/// Samples per pixel at which [`Stop::RelativeError`] gives up.
+pub const MAX_SAMPLES: u32 = 1 << 20;
+
+/// Rounds before the noise is judged: fewer say too little about their own spread.
+const MIN_ROUNDS_FOR_ERROR: u32 = 4;
+
+/// Pixels between two reports of progress.
+const CHUNK: usize = 64;
+
+/// What to compute.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Settings {
+    /// Width and height of the full picture [pixels].
+    pub size: [u32; 2],
+    /// Only the pixels `stride/2, stride/2 + stride, …` of each axis are computed; 1 for all.
+    pub stride: u32,
+    pub bounces: Bounces,
+    pub stop: Stop,
+    /// Another seed is an independent estimate.
+    pub seed: u64,
+}
+
+/// How many surfaces indirect light may touch.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Bounces {
+    /// At most so many; 0 leaves direct light alone.
+    Count(u32),
+    /// Any number, ended by Russian roulette.
+    All,
+}
+
+impl Bounces {
+    fn end_at(self, bounce: u32) -> bool {
+        matches!(self, Self::Count(count) if bounce >= count)
+    }
+}
+
+impl fmt::Display for Bounces {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        match self {
+            Self::Count(count) => write!(f, "{count}"),
+            Self::All => f.write_str("all"),
+        }
+    }
+}
+
+impl FromStr for Bounces {
+    type Err = String;
+
+    /// Reads a count or `all`.
+    fn from_str(text: &str) -> Result<Self, String> {
+        if text == "all" {
+            return Ok(Self::All);
+        }
+        text.parse().map(Self::Count).map_err(|_| format!("bounces are a count or `all`, got `{text}`"))
+    }
+}
+
+/// When to stop.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Stop {
+    /// After at least so many rays per pixel, in whole rounds and never fewer than two of them.
+    Samples(u32),
+    /// When the standard deviation of the indirect irradiance (root of the picture's mean variance, Rec. 709
+    /// luminance) falls below this share of its mean, or at [`MAX_SAMPLES`].
+    RelativeError(f32),
+}
+
+/// The result: `width · height` values a layer, rows from the top. A pixel that sees no surface is 0 in all layers but
+/// the picture.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Reference {
+    pub width: u32,
+    pub height: u32,
+    /// As in [`Settings::stride`].
+    pub stride: u32,
+    pub bounces: Bounces,
+    /// Rays per pixel that were averaged.
+    pub samples: u32,
+    /// Radiance toward the camera, with emission and sky [W m⁻² sr⁻¹].
+    pub picture: Vec<Rgb>,
+    /// Reflected direct light alone [W m⁻² sr⁻¹].
+    pub direct: Vec<Rgb>,
+    /// Reflected indirect light alone [W m⁻² sr⁻¹].
+    pub indirect: Vec<Rgb>,
+    /// Indirect irradiance, before reflectance [W/m²].
+    pub irradiance: Vec<Rgb>,
+    /// Direct irradiance, before reflectance [W/m²].
+    pub direct_irradiance: Vec<Rgb>,
+    /// Variance of `irradiance` as an estimate [(W/m²)²].
+    pub variance: Vec<Rgb>,
+    /// Along the camera's axis [scene units].
+    pub depth: Vec<f32>,
+    /// Unit shading normal on the side seen.
+    pub normal: Vec<Vec3>,
+    /// Wall-clock time that it took.
+    pub seconds: f64,
+}
+
+/// Why no reference was made.
+#[derive(Debug, Clone, PartialEq, thiserror::Error, miette::Diagnostic)]
+pub enum ReferenceError {
+    #[error("a picture of {width}×{height} pixels cannot be rendered")]
+    #[diagnostic(code(reference::size), help("each side must be 1 to {MAX_SIDE} pixels"))]
+    Size { width: u32, height: u32 },
+    #[error("a stride of {stride} does not fit a picture of {width}×{height} pixels")]
+    #[diagnostic(code(reference::stride), help("the stride must be at least 1 and at most the shorter side"))]
+    Stride { stride: u32, width: u32, height: u32 },
+    #[error("no samples per pixel")]
+    #[diagnostic(code(reference::samples), help("ask for at least 1"))]
+    NoSamples,
+    #[error("a relative error of {error} cannot be reached")]
+    #[diagnostic(code(reference::error), help("the error must be a positive number, such as 0.01 for one per cent"))]
+    RelativeError { error: f32 },
+    #[error("camera `{name}` has no valid view")]
+    #[diagnostic(code(reference::camera), help("its place and directions must be finite, its directions unit vectors, its field of view between 0 and π"))]
+    Camera { name: String },
+    #[error("the reference renders diffuse surfaces alone; these are glossy: {materials}")]
+    #[diagnostic(code(reference::glossy), help("make them diffuse in the scene file: in glTF, metallic 0 and roughness 1"))]
+    Glossy { materials: String },
+    #[error("stopped before two rounds of samples were whole")]
+    #[diagnostic(code(reference::stopped))]
+    Stopped,
+}
+
+/// Renders the ground truth of `camera`'s view.
+///
+/// `progress` is told the share done, 0..1, from several threads; once it returns false, the round under way is dropped
+/// and what earlier rounds found is returned.
+///
+/// # Errors
+/// Impossible settings or camera, glossy materials, or a stop before two rounds were whole.
+pub fn render(scene: &Scene, bvh: &Bvh, camera: &Camera, settings: &Settings, progress: &(dyn Fn(f32) -> bool + Sync)) -> Result<Reference, ReferenceError> {
+    check(scene, camera, settings)?;
+    let start = Instant::now();
+    let tracer = Tracer::new(scene, bvh);
+    let mut frame = Frame::new(&tracer, camera, settings);
+    let (strata, rounds) = plan(settings.stop);
+    let mut expected = rounds;
+    while frame.rounds < expected {
+        let share = |part: f32| progress((frame.rounds as f32 + part) / expected as f32);
+        let Some(round) = frame.round(&tracer, settings, strata, &share) else { break };
+        frame.add(&round);
+        if let Stop::RelativeError(error) = settings.stop {
+            expected = frame.rounds_for(error, rounds);
+        }
+    }
+    if frame.rounds < 2 {
+        return Err(ReferenceError::Stopped);
+    }
+    let mut reference = frame.resolve(settings, frame.rounds * strata * strata);
+    reference.seconds = start.elapsed().as_secs_f64();
+    Ok(reference)
+}
+
+/// Indirect irradiance at one point, of at least `samples` rays over the hemisphere about `normal` (a unit vector).
+/// For many points, make one [`Tracer`] and call [`Tracer::gather`].
+pub fn gather(scene: &Scene, bvh: &Bvh, position: Vec3, normal: Vec3, bounces: Bounces, samples: u32, seed: u64) -> Gather {
+    Tracer::new(scene, bvh).gather(position, normal, bounces, samples, seed)
+}
+
+fn check(scene: &Scene, camera: &Camera, settings: &Settings) -> Result<(), ReferenceError> {
+    let [width, height] = settings.size;
+    if width.min(height) == 0 || width.max(height) > MAX_SIDE {
+        return Err(ReferenceError::Size { width, height });
+    }
+    if settings.stride == 0 || settings.stride > width.min(height) {
+        return Err(ReferenceError::Stride { stride: settings.stride, width, height });
+    }
+    match settings.stop {
+        Stop::Samples(0) => return Err(ReferenceError::NoSamples),
+        Stop::RelativeError(error) if !(error.is_finite() && error > 0.0) => return Err(ReferenceError::RelativeError { error }),
+        _ => {}
+    }
+    let half = camera.half_extent(settings.size);
+    let unit = |v: Vec3| (v.length() - 1.0).abs() < 1e-3;
+    if !(camera.eye.is_finite() && half.is_finite() && half.min_element() > 0.0 && unit(camera.direction) && unit(camera.up) && unit(camera.right())) {
+        return Err(ReferenceError::Camera { name: camera.name.clone() });
+    }
+    check_materials(scene)
+}
+
+fn check_materials(scene: &Scene) -> Result<(), ReferenceError> {
+    let mut used = vec![false; scene.materials.len()];
+    scene.triangles.iter().for_each(|t| used[t.material as usize] = true);
+    let glossy: Vec<&str> = scene.materials.iter().zip(used).filter(|(m, used)| *used && m.glossy.is_some()).map(|(m, _)| m.name.as_str()).collect();
+    if glossy.is_empty() { Ok(()) } else { Err(ReferenceError::Glossy { materials: glossy.join(", ") }) }
+}
+
+/// Strata along each axis of a round, and the rounds (at most, for an error bound).
+fn plan(stop: Stop) -> (u32, u32) {
+    let samples = match stop {
+        Stop::Samples(samples) => samples,
+        Stop::RelativeError(_) => MAX_SAMPLES,
+    };
+    let strata = (samples / 2).isqrt().clamp(1, 16);
+    (strata, samples.div_ceil(strata * strata).max(2))
+}
+
+/// The visible surfaces and what has been summed over them.
+struct Frame {
+    width: u32,
+    height: u32,
+    /// What pixels see that see no surface.
+    sky: Vec<(usize, Rgb)>,
+    visible: Vec<Visible>,
+    sums: Vec<Sums>,
+    rounds: u32,
+}
+
+struct Visible {
+    /// Index into the layers.
+    index: usize,
+    /// Which of the full picture's pixels it is, so that its random numbers do not depend on the stride.
+    pixel: u64,
+    depth: f32,
+    surface: Surface,
+}
+
+#[derive(Clone, Copy, Default)]
+struct Sums {
+    direct: DVec3,
+    indirect: DVec3,
+    indirect_squared: DVec3,
+}
+
+impl Frame {
+    fn new(tracer: &Tracer, camera: &Camera, settings: &Settings) -> Self {
+        let stride = settings.stride;
+        let [width, height] = settings.size.map(|side| (side - stride / 2).div_ceil(stride));
+        let (mut sky, mut visible) = (Vec::new(), Vec::new());
+        for index in 0..width as usize * height as usize {
+            let [x, y] = [index as u32 % width, index as u32 / width].map(|i| i * stride + stride / 2);
+            let ray = camera.pixel_ray(settings.size, [x, y]);
+            match tracer.surface(camera.eye, ray) {
+                None => sky.push((index, tracer.scene().environment.radiance(ray.normalize()))),
+                Some(surface) => {
+                    let depth = (surface.position - camera.eye).dot(camera.direction);
+                    visible.push(Visible { index, pixel: y as u64 * settings.size[0] as u64 + x as u64, depth, surface });
+                }
+            }
+        }
+        let sums = vec![Sums::default(); visible.len()];
+        Self { width, height, sky, visible, sums, rounds: 0 }
+    }
+
+    /// One more round for every pixel, or none when told to stop.
+    fn round(&self, tracer: &Tracer, settings: &Settings, strata: u32, progress: &(dyn Fn(f32) -> bool + Sync)) -> Option<Vec<Round>> {
+        let (stop, done) = (AtomicBool::new(!progress(0.0)), AtomicUsize::new(0));
+        let mut rounds = vec![Round::default(); self.visible.len()];
+        rounds.par_chunks_mut(CHUNK).zip(self.visible.par_chunks(CHUNK)).for_each(|(rounds, visible)| {
+            if stop.load(Ordering::Relaxed) {
+                return;
+            }
+            for (round, visible) in rounds.iter_mut().zip(visible) {
+                let mut random = Random::new([settings.seed, visible.pixel, self.rounds as u64]);
+                *round = tracer.round(&visible.surface, settings.bounces, strata, &mut random);
+            }
+            let done = done.fetch_add(visible.len(), Ordering::Relaxed) + visible.len();
+            if !progress(done as f32 / self.visible.len() as f32) {
+                stop.store(true, Ordering::Relaxed);
+            }
+        });
+        (!stop.into_inner() || done.into_inner() == self.visible.len() && !self.visible.is_empty()).then_some(rounds)
+    }
+
+    fn add(&mut self, rounds: &[Round]) {
+        for (sum, round) in self.sums.iter_mut().zip(rounds) {
+            sum.direct += round.direct;
+            sum.indirect += round.indirect;
+            sum.indirect_squared += round.indirect * round.indirect;
+        }
+        self.rounds += 1;
+    }
+
+    /// How many rounds it takes to reach a relative error, as far as can be said now; those done when it is reached.
+    fn rounds_for(&self, error: f32, at_most: u32) -> u32 {
+        if self.rounds < MIN_ROUNDS_FOR_ERROR {
+            return at_most.min(MIN_ROUNDS_FOR_ERROR);
+        }
+        let n = self.rounds as f64;
+        let mean: f64 = self.sums.iter().map(|s| luminance(s.indirect / n)).sum();
+        let variance: f64 = self.sums.iter().map(|s| luminance_of_variance(s.variance(n))).sum();
+        let count = self.sums.len().max(1) as f64;
+        let noise = (variance / count).sqrt() / (mean / count).max(f64::MIN_POSITIVE);
+        if noise <= error as f64 {
+            return self.rounds;
+        }
+        ((n * (noise / error as f64).powi(2)).ceil().min(at_most as f64) as u32).max(self.rounds + 1).min(at_most)
+    }
+
+    fn resolve(&self, settings: &Settings, samples: u32) -> Reference {
+        let count = self.width as usize * self.height as usize;
+        let black = || vec![Vec3::ZERO; count];
+        let mut reference = Reference {
+            width: self.width,
+            height: self.height,
+            stride: settings.stride,
+            bounces: settings.bounces,
+            samples,
+            picture: black(),
+            direct: black(),
+            indirect: black(),
+            irradiance: black(),
+            direct_irradiance: black(),
+            variance: black(),
+            depth: vec![0.0; count],
+            normal: black(),
+            seconds: 0.0,
+        };
+        self.sky.iter().for_each(|&(index, radiance)| reference.picture[index] = radiance);
+        let n = self.rounds as f64;
+        for (Visible { index, depth, surface, .. }, sums) in self.visible.iter().zip(&self.sums) {
+            let at = *index;
+            let brdf = surface.reflectance.as_dvec3() / PI;
+            let (direct, indirect) = (sums.direct / n, sums.indirect / n);
+            reference.picture[at] = (surface.emission.as_dvec3() + brdf * (direct + indirect)).as_vec3();
+            reference.direct[at] = (brdf * direct).as_vec3();
+            reference.indirect[at] = (brdf * indirect).as_vec3();
+            reference.irradiance[at] = indirect.as_vec3();
+            reference.direct_irradiance[at] = direct.as_vec3();
+            reference.variance[at] = sums.variance(n).as_vec3();
+            reference.depth[at] = *depth;
+            reference.normal[at] = surface.normal;
+        }
+        reference
+    }
+}
+
+impl Sums {
+    /// Variance of the mean of `n` rounds.
+    fn variance(&self, n: f64) -> DVec3 {
+        variance_of_mean(self.indirect, self.indirect_squared, n)
+    }
+}
+
+/// Variance of the mean of `n` values, from their sum and the sum of their squares.
+fn variance_of_mean(sum: DVec3, squares: DVec3, n: f64) -> DVec3 {
+    let mean = sum / n;
+    (squares / n - mean * mean).max(DVec3::ZERO) / (n - 1.0)
+}
+
+const REC_709: DVec3 = DVec3::new(0.2126, 0.7152, 0.0722);
+
+/// Rec. 709 luminance.
+fn luminance(colour: DVec3) -> f64 {
+    colour.dot(REC_709)
+}
+
+/// Variance of the luminance of channels that vary together, as those of one path do: an upper bound otherwise.
+fn luminance_of_variance(variance: DVec3) -> f64 {
+    DVec3::new(variance.x.sqrt(), variance.y.sqrt(), variance.z.sqrt()).dot(REC_709).powi(2)
+}

@@ -121,7 +121,8 @@ fn intersect(triangle: &Triangle, origin: Vec3A, direction: Vec3A) -> Option<(f3
     (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0).then_some((t, Vec2::new(u, v), determinant > 0.0))
 }
 
-fn is_hole(triangle: &Triangle, material: &Material, textures: &[Texture], barycentric: Vec2) -> bool {
+/// Whether an alpha-masked texture leaves a hole at the barycentric weights of corners 1 and 2.
+pub fn is_hole(triangle: &Triangle, material: &Material, textures: &[Texture], barycentric: Vec2) -> bool {
     let (Some(cutoff), Some(texture)) = (material.alpha_cutoff, material.texture) else { return false };
     textures[texture as usize].sample(triangle.uv(barycentric)).w < cutoff
 }

@@ -185,6 +185,12 @@ impl Triangle {
 }
 
 impl Triangle {
+    /// Point at the barycentric weights of corners 1 and 2.
+    pub fn position(&self, barycentric: Vec2) -> Vec3 {
+        let [a, b, c] = self.positions;
+        a + (b - a) * barycentric.x + (c - a) * barycentric.y
+    }
+
     /// Texture coordinate at the barycentric weights of corners 1 and 2.
     pub fn uv(&self, barycentric: Vec2) -> Vec2 {
         let [a, b, c] = self.uvs;

@@ -1,0 +1,174 @@
+//! Light at its source: punctual lights, and points drawn on emitters and on the sky.
+
+use super::{
+    luminance,
+    random::{Choice, triangle_point},
+};
+use crate::scene::{
+    bvh::is_hole,
+    model::{Environment, LightKind, Material, Rgb, Scene, Triangle},
+};
+use glam::{DVec3, Vec3};
+use std::f64::consts::{PI, TAU};
+
+/// Everything with an extent that shines: emissive triangles by area × luminance, and a latitude-longitude sky by its
+/// texels. A constant sky is left to the rays, which sample it best.
+pub struct Sources {
+    emitters: Vec<u32>,
+    power: Choice,
+    sky: Option<Sky>,
+    /// Probability of choosing the sky.
+    sky_share: f64,
+    visible: bool,
+}
+
+/// The texels of a latitude-longitude sky, chosen by luminance × solid angle.
+struct Sky {
+    width: u32,
+    height: u32,
+    texels: Choice,
+}
+
+/// A point of a source, seen from a receiver.
+pub struct Sample {
+    pub direction: Vec3,
+    /// Distance to the point, infinite for the sky [scene units].
+    pub distance: f32,
+    /// Radiance toward the receiver [W m⁻² sr⁻¹].
+    pub radiance: Rgb,
+    /// Density of the choice over solid angle [1/sr].
+    pub density: f64,
+}
+
+impl Sources {
+    pub fn new(scene: &Scene) -> Self {
+        let material = |t: &Triangle| &scene.materials[t.material as usize];
+        let emitters: Vec<u32> = (0..scene.triangles.len() as u32).filter(|&i| material(&scene.triangles[i as usize]).emits()).collect();
+        let weight = |&i: &u32| {
+            let triangle = &scene.triangles[i as usize];
+            triangle.cross().as_dvec3().length() / 2.0 * emission_luminance(material(triangle))
+        };
+        let power = Choice::new(emitters.iter().map(weight));
+        let sky = Sky::new(&scene.environment).filter(|sky| sky.texels.total() > 0.0);
+        let sky_share = match (&sky, power.total() > 0.0) {
+            (None, _) => 0.0,
+            (Some(_), true) => 0.5,
+            (Some(_), false) => 1.0,
+        };
+        Self { visible: power.total() > 0.0 || !scene.environment.is_black(), emitters, power, sky, sky_share }
+    }
+
+    /// Whether a ray may meet any light.
+    pub fn visible(&self) -> bool {
+        self.visible
+    }
+
+    /// Draws a point of a source as seen from `receiver`; none where there is no source or it does not shine there.
+    pub fn sample(&self, scene: &Scene, receiver: Vec3, [a, b]: [f64; 2]) -> Option<Sample> {
+        match &self.sky {
+            Some(sky) if a < self.sky_share => {
+                let direction = sky.sample([a / self.sky_share, b])?;
+                let radiance = scene.environment.radiance(direction);
+                Some(Sample { direction, distance: f32::INFINITY, radiance, density: self.sky_density(direction) })
+            }
+            _ if self.power.total() > 0.0 => self.sample_emitter(scene, receiver, [(a - self.sky_share) / (1.0 - self.sky_share), b]),
+            _ => None,
+        }
+    }
+
+    fn sample_emitter(&self, scene: &Scene, receiver: Vec3, [a, b]: [f64; 2]) -> Option<Sample> {
+        let (index, rest) = self.power.pick(a);
+        let triangle = &scene.triangles[self.emitters[index] as usize];
+        let material = &scene.materials[triangle.material as usize];
+        let barycentric = triangle_point([rest, b]);
+        let to = triangle.position(barycentric) - receiver;
+        let distance = to.length();
+        let direction = (to / distance).try_normalize()?;
+        let cosine = -direction.dot(triangle.face_normal());
+        let shines = material.two_sided || cosine > 0.0;
+        if !shines || is_hole(triangle, material, &scene.textures, barycentric) {
+            return None;
+        }
+        Some(Sample { direction, distance, radiance: material.emission, density: self.emitter_density(material.emission, distance, cosine.abs()) })
+    }
+
+    /// Density with which [`Self::sample`] would have chosen a point of an emitter [1/sr]; `cosine` is the emitter's.
+    pub fn emitter_density(&self, emission: Rgb, distance: f32, cosine: f32) -> f64 {
+        let per_area = (1.0 - self.sky_share) * luminance(emission.as_dvec3()) / self.power.total();
+        per_area * (distance as f64).powi(2) / cosine.max(f32::MIN_POSITIVE) as f64
+    }
+
+    /// Density with which [`Self::sample`] would have chosen a direction of the sky [1/sr].
+    pub fn sky_density(&self, direction: Vec3) -> f64 {
+        self.sky.as_ref().map_or(0.0, |sky| self.sky_share * sky.density(direction))
+    }
+}
+
+fn emission_luminance(material: &Material) -> f64 {
+    luminance(material.emission.as_dvec3())
+}
+
+impl Sky {
+    fn new(environment: &Environment) -> Option<Self> {
+        let Environment::LatLong { width, height, texels } = environment else { return None };
+        let sine = |row: usize| ((row as f64 + 0.5) / *height as f64 * PI).sin();
+        let weights = texels.iter().enumerate().map(|(i, texel)| luminance(texel.as_dvec3()).max(0.0) * sine(i / *width as usize));
+        Some(Self { width: *width, height: *height, texels: Choice::new(weights) })
+    }
+
+    /// A direction with the density of the bilinear lookup: a texel, and a place within the tent that spreads it.
+    fn sample(&self, [a, b]: [f64; 2]) -> Option<Vec3> {
+        let (index, rest) = self.texels.pick(a);
+        let (column, row) = (index as u32 % self.width, index as u32 / self.width);
+        let azimuth = ((column as f64 + 0.5 + tent(rest)) / self.width as f64 - 0.5) * TAU;
+        // What spills over a pole comes back by reflection, as the lookup repeats the outermost row.
+        let polar = (row as f64 + 0.5 + tent(b)) / self.height as f64 * PI;
+        let sine = polar.sin().abs();
+        DVec3::new(sine * azimuth.sin(), polar.cos(), -sine * azimuth.cos()).as_vec3().try_normalize()
+    }
+
+    /// Density over solid angle [1/sr].
+    fn density(&self, direction: Vec3) -> f64 {
+        let direction = direction.as_dvec3();
+        let (width, height) = (self.width as f64, self.height as f64);
+        let polar = direction.y.clamp(-1.0, 1.0).acos();
+        let x = (0.5 + direction.x.atan2(-direction.z) / TAU) * width - 0.5;
+        let y = polar / PI * height - 0.5;
+        let (fx, fy) = (x - x.floor(), y - y.floor());
+        let weight = |dx: f64, dy: f64| {
+            let column = (x.floor() + dx).rem_euclid(width) as usize;
+            let row = (y.floor() + dy).clamp(0.0, height - 1.0) as usize;
+            self.texels.weight(row * self.width as usize + column)
+        };
+        let upper = weight(0.0, 0.0) * (1.0 - fx) + weight(1.0, 0.0) * fx;
+        let lower = weight(0.0, 1.0) * (1.0 - fx) + weight(1.0, 1.0) * fx;
+        (upper * (1.0 - fy) + lower * fy) / self.texels.total() * width * height / (TAU * PI * polar.sin().max(f64::MIN_POSITIVE))
+    }
+}
+
+/// Maps 0..1 to −1..1 with density 1 − |x|.
+fn tent(number: f64) -> f64 {
+    if number < 0.5 { (2.0 * number).sqrt() - 1.0 } else { 1.0 - (2.0 - 2.0 * number).sqrt() }
+}
+
+/// Way to a punctual light from `receiver`, its distance (infinite for a directional one), and the irradiance that it
+/// gives a surface that faces it [W/m²]; none at the light's own place.
+pub fn punctual(kind: &LightKind, receiver: Vec3) -> Option<(Vec3, f32, DVec3)> {
+    match *kind {
+        LightKind::Directional { direction, irradiance } => Some((-direction, f32::INFINITY, irradiance.as_dvec3())),
+        LightKind::Point { position, intensity } => toward(position, receiver, intensity),
+        LightKind::Spot { position, direction, intensity, inner, outer } => {
+            let (to, distance, irradiance) = toward(position, receiver, intensity)?;
+            // The falloff of KHR_lights_punctual.
+            let (inner, outer) = (inner.cos(), outer.cos());
+            let ramp = ((-to.dot(direction) - outer) / (inner - outer).max(1e-3)).clamp(0.0, 1.0);
+            Some((to, distance, irradiance * (ramp as f64).powi(2)))
+        }
+    }
+}
+
+fn toward(position: Vec3, receiver: Vec3, intensity: Rgb) -> Option<(Vec3, f32, DVec3)> {
+    let to = position - receiver;
+    let distance = to.length();
+    (distance > 0.0).then(|| (to / distance, distance, intensity.as_dvec3() / (distance as f64).powi(2)))
+}

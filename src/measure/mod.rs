@@ -1,1 +1,9 @@
-//! measure
+//! What came out, and how good it is: layered pictures, the curve that shows them, and the errors against a reference.
+
+pub mod flip;
+pub mod layers;
+pub mod metrics;
+pub mod tone;
+
+pub use layers::{Layer, Layers, PICTURE, PictureError};
+pub use metrics::{Errors, LargestError, MetricsError, Selected, compare, compare_layers, luminance};

@@ -1,0 +1,421 @@
+//! Layered pictures in linear light, to and from files.
+//!
+//! A picture is a set of named layers of equal size, each a few named planes of floats, rows from the top. In an EXR file the
+//! layer [`PICTURE`] is stored as `R`, `G`, `B`; a layer of one nameless plane, such as `weight`, under the layer's name; any
+//! other as `layer.channel`, such as `irradiance.R` or `normal.X`.
+
+use super::metrics::luminance;
+use exr::prelude::*;
+use miette::Diagnostic;
+use std::collections::BTreeMap;
+use std::io::Cursor;
+use thiserror::Error;
+
+/// The layer that is stored without a prefix: radiance toward the camera [W m⁻² sr⁻¹, linear Rec. 709].
+pub const PICTURE: &str = "picture";
+
+/// The channel of a layer that has but one, such as `weight`.
+pub const VALUE: &str = "";
+
+/// The most samples, over all channels, that are read from one file: 4 GiB of floats.
+pub const MAX_SAMPLES: usize = 1 << 30;
+
+/// The attribute of an EXR file that holds [`Layers::attributes`] as one JSON object.
+const ATTRIBUTES: &str = "hemisplat";
+
+/// The largest finite half float.
+const HALF_MAX: f32 = 65504.0;
+
+/// A picture of several layers, and what made it.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Layers {
+    /// Columns [pixels].
+    pub width: u32,
+    /// Rows [pixels].
+    pub height: u32,
+    /// By name. Each plane has `width · height` values.
+    pub layers: BTreeMap<String, Layer>,
+    /// Text by name: enough to make the picture again.
+    pub attributes: BTreeMap<String, String>,
+}
+
+/// Planes of one meaning.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Layer {
+    /// By channel: `R`, `G`, `B`; `X`, `Y`, `Z`; or [`VALUE`] alone. Rows from the top.
+    pub channels: BTreeMap<String, Vec<f32>>,
+    /// Whether a file may store half floats. Values beyond their range are stored as floats all the same.
+    pub half: bool,
+}
+
+/// Why a picture cannot be read, written or taken apart.
+#[derive(Debug, Error, Diagnostic)]
+pub enum PictureError {
+    #[error("the EXR file cannot be read: {reason}")]
+    #[diagnostic(code(measure::corrupt_exr), help("single part files of scan lines or tiles are read, deep data and subsampled channels are not"))]
+    CorruptExr { reason: String },
+    #[error("the picture cannot be read: {reason}")]
+    #[diagnostic(code(measure::corrupt_picture), help("EXR, Radiance HDR, PNG, JPEG, TGA and BMP files are read"))]
+    CorruptPicture { reason: String },
+    #[error("the EXR file holds {parts} parts")]
+    #[diagnostic(code(measure::several_parts), help("only files of one part are read"))]
+    SeveralParts { parts: usize },
+    #[error("the picture of {width}×{height} pixels and {channels} channels is larger than the limit of {MAX_SAMPLES} samples")]
+    #[diagnostic(code(measure::too_large))]
+    TooLarge { width: usize, height: usize, channels: usize },
+    #[error("channel `{channel}` of layer `{layer}` has {found} values, a picture of {width}×{height} pixels needs {}", *width as usize * *height as usize)]
+    #[diagnostic(code(measure::wrong_size))]
+    WrongSize { layer: String, channel: String, found: usize, width: u32, height: u32 },
+    #[error("no layer `{name}`")]
+    #[diagnostic(code(measure::unknown_layer), help("the file holds: {held}"))]
+    UnknownLayer { name: String, held: String },
+    #[error("layer `{name}` has the channels {held}, expected R, G, B or one alone")]
+    #[diagnostic(code(measure::not_a_picture))]
+    NotAPicture { name: String, held: String },
+    #[error("{value} in channel `{channel}` of layer `{layer}` at pixel ({x}, {y})")]
+    #[diagnostic(code(measure::non_finite), help("no picture with NaN or infinity is written or compared"))]
+    NonFinite { layer: String, channel: String, x: u32, y: u32, value: f32 },
+    #[error("the picture cannot be encoded: {reason}")]
+    #[diagnostic(code(measure::encoding))]
+    Encoding { reason: String },
+}
+
+impl Layer {
+    /// A layer of one plane.
+    pub fn value(plane: Vec<f32>) -> Self {
+        Self { channels: BTreeMap::from([(VALUE.to_owned(), plane)]), half: false }
+    }
+
+    /// The first `names.len()` of every `stride` values of `data` as planes of these names: `&["R", "G", "B"]` with a stride
+    /// of 4 takes apart what a GPU's four-channel image reads back as. An incomplete last pixel is left out.
+    pub fn interleaved(names: &[&str], data: &[f32], stride: usize) -> Self {
+        let plane = |channel: usize| data.chunks_exact(stride.max(1)).filter_map(|pixel| pixel.get(channel).copied()).collect();
+        Self { channels: names.iter().enumerate().map(|(channel, name)| (name.to_string(), plane(channel))).collect(), half: false }
+    }
+
+    /// The same with half floats in files.
+    pub fn as_half(self) -> Self {
+        Self { half: true, ..self }
+    }
+
+    /// The planes red, green, blue; a single plane stands for all three. `None` for any other set of channels.
+    pub fn rgb(&self) -> Option<[&[f32]; 3]> {
+        if self.channels.len() == 1 {
+            return self.channels.values().next().map(|plane| [plane.as_slice(); 3]);
+        }
+        let plane = |name| self.channels.get(name).map(Vec::as_slice);
+        Some([plane("R")?, plane("G")?, plane("B")?])
+    }
+
+    /// Rec. 709 luminance of each pixel, or the values of a single plane. `None` for any other set of channels.
+    pub fn luminance(&self) -> Option<Vec<f64>> {
+        let [r, g, b] = self.rgb()?;
+        Some((0..r.len()).map(|i| luminance([r[i], g[i], b[i]].map(f64::from))).collect())
+    }
+
+    fn channel_names(&self) -> String {
+        self.channels.keys().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ")
+    }
+}
+
+impl Layers {
+    /// An empty picture of `width × height` pixels.
+    pub fn new(width: u32, height: u32) -> Self {
+        Self { width, height, ..Self::default() }
+    }
+
+    /// The same with one layer more.
+    pub fn with(mut self, name: &str, layer: Layer) -> Self {
+        self.layers.insert(name.to_owned(), layer);
+        self
+    }
+
+    /// The same with one attribute more.
+    pub fn with_attribute(mut self, name: &str, value: impl ToString) -> Self {
+        self.attributes.insert(name.to_owned(), value.to_string());
+        self
+    }
+
+    /// The layer of that name. A file of a single layer need not name it: that layer answers to every name.
+    pub fn layer(&self, name: &str) -> std::result::Result<&Layer, PictureError> {
+        match self.layers.get(name) {
+            Some(layer) => Ok(layer),
+            None if self.layers.len() == 1 => self.layers.values().next().ok_or_else(|| self.unknown(name)),
+            None => Err(self.unknown(name)),
+        }
+    }
+
+    /// The planes red, green, blue of a layer, as [`Layer::rgb`].
+    pub fn rgb(&self, name: &str) -> std::result::Result<[&[f32]; 3], PictureError> {
+        let layer = self.layer(name)?;
+        layer.rgb().ok_or_else(|| PictureError::NotAPicture { name: name.to_owned(), held: layer.channel_names() })
+    }
+
+    /// Checks what every writer and every comparison relies on: planes of the picture's size, finite values.
+    pub fn validate(&self) -> std::result::Result<(), PictureError> {
+        let pixels = self.width as usize * self.height as usize;
+        for (name, layer) in &self.layers {
+            for (channel, plane) in &layer.channels {
+                let (layer, channel) = (name.clone(), channel.clone());
+                if plane.len() != pixels {
+                    return Err(PictureError::WrongSize { layer, channel, found: plane.len(), width: self.width, height: self.height });
+                }
+                if let Some(at) = plane.iter().position(|value| !value.is_finite()) {
+                    let (x, y) = (at as u32 % self.width, at as u32 / self.width);
+                    return Err(PictureError::NonFinite { layer, channel, x, y, value: plane[at] });
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Reads a picture: EXR with all its layers, or Radiance HDR, PNG, JPEG, TGA, BMP as layer [`PICTURE`]; the 8- and 16-bit
+    /// formats are taken as sRGB and made linear. Values may be NaN or infinite: [`Layers::validate`] tells.
+    pub fn read(bytes: &[u8]) -> std::result::Result<Self, PictureError> {
+        if bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) { Self::from_exr(bytes) } else { Self::from_other(bytes) }
+    }
+
+    /// Reads an EXR file of one part, whatever its compression, and whoever wrote it.
+    pub fn from_exr(bytes: &[u8]) -> std::result::Result<Self, PictureError> {
+        check_exr_size(bytes)?;
+        let image = read()
+            .no_deep_data()
+            .largest_resolution_level()
+            .all_channels()
+            .first_valid_layer()
+            .all_attributes()
+            .non_parallel()
+            .from_buffered(Cursor::new(bytes))
+            .map_err(corrupt)?;
+        let Vec2(width, height) = image.layer_data.size;
+        let mut picture = Self::new(width as u32, height as u32);
+        for channel in image.layer_data.channel_data.list {
+            let (layer, name) = split_name(&channel.name.to_string());
+            let half = matches!(channel.sample_data, FlatSamples::F16(_));
+            let plane: Vec<f32> = channel.sample_data.values_as_f32().collect();
+            if plane.len() != width * height {
+                return Err(PictureError::WrongSize { layer, channel: name, found: plane.len(), width: width as u32, height: height as u32 });
+            }
+            let entry = picture.layers.entry(layer).or_default();
+            entry.half = half;
+            entry.channels.insert(name, plane);
+        }
+        let attributes = image.attributes.other.into_iter().chain(image.layer_data.attributes.other);
+        for (name, value) in attributes {
+            if let AttributeValue::Text(text) = value {
+                picture.add_attribute(name.to_string(), text.to_string());
+            }
+        }
+        Ok(picture)
+    }
+
+    /// The picture as an EXR file: scan lines, run-length encoded, the same bytes for the same picture.
+    pub fn to_exr(&self) -> std::result::Result<Vec<u8>, PictureError> {
+        self.validate()?;
+        if self.layers.is_empty() || self.width == 0 || self.height == 0 {
+            return Err(PictureError::Encoding { reason: "the picture is empty".to_owned() });
+        }
+        let mut channels = SmallVec::new();
+        for (layer, content) in &self.layers {
+            for (channel, plane) in &content.channels {
+                channels.push(AnyChannel::new(text(&join_name(layer, channel))?, samples(plane, content.half)));
+            }
+        }
+        let encoding = Encoding { compression: Compression::RLE, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
+        let size = (self.width as usize, self.height as usize);
+        let part = exr::prelude::Layer::new(size, LayerAttributes::default(), encoding, AnyChannels::sort(channels));
+        let mut image = Image::from_layer(part);
+        // One attribute for all: the order of several would differ from run to run.
+        image.attributes.other.insert(text(ATTRIBUTES)?, AttributeValue::Text(text(&ascii_json(&self.attributes)?)?));
+        let mut bytes = Cursor::new(Vec::new());
+        image.write().non_parallel().to_buffered(&mut bytes).map_err(|error| PictureError::Encoding { reason: error.to_string() })?;
+        Ok(bytes.into_inner())
+    }
+
+    fn from_other(bytes: &[u8]) -> std::result::Result<Self, PictureError> {
+        let image = image::load_from_memory(bytes).map_err(|error| PictureError::CorruptPicture { reason: error.to_string() })?;
+        let linear = matches!(image, image::DynamicImage::ImageRgb32F(_) | image::DynamicImage::ImageRgba32F(_));
+        let image = image.into_rgb32f();
+        let (width, height) = image.dimensions();
+        let mut data = image.into_raw();
+        if !linear {
+            data.iter_mut().for_each(|value| *value = super::tone::srgb_decode(*value));
+        }
+        Ok(Self::new(width, height).with(PICTURE, Layer::interleaved(&["R", "G", "B"], &data, 3)))
+    }
+
+    fn add_attribute(&mut self, name: String, value: String) {
+        match serde_json::from_str::<BTreeMap<String, String>>(&value) {
+            Ok(map) if name == ATTRIBUTES => self.attributes.extend(map),
+            _ => drop(self.attributes.insert(name, value)),
+        }
+    }
+
+    fn unknown(&self, name: &str) -> PictureError {
+        let held = self.layers.keys().cloned().collect::<Vec<_>>().join(", ");
+        PictureError::UnknownLayer { name: name.to_owned(), held }
+    }
+}
+
+/// Refuses what the header alone tells to be unreadable or too large, before memory is taken for it.
+fn check_exr_size(bytes: &[u8]) -> std::result::Result<(), PictureError> {
+    let meta = MetaData::read_from_buffered(bytes, false).map_err(corrupt)?;
+    let [header] = meta.headers.as_slice() else {
+        return Err(PictureError::SeveralParts { parts: meta.headers.len() });
+    };
+    let (Vec2(width, height), channels) = (header.layer_size, header.channels.list.len());
+    let samples = width.checked_mul(height).and_then(|pixels| pixels.checked_mul(channels));
+    if samples.is_none_or(|samples| samples > MAX_SAMPLES) {
+        return Err(PictureError::TooLarge { width, height, channels });
+    }
+    if header.channels.list.iter().any(|channel| channel.sampling != Vec2(1, 1)) {
+        return Err(PictureError::CorruptExr { reason: "a channel is subsampled".to_owned() });
+    }
+    Ok(())
+}
+
+fn corrupt(error: exr::error::Error) -> PictureError {
+    PictureError::CorruptExr { reason: error.to_string() }
+}
+
+fn samples(plane: &[f32], half: bool) -> FlatSamples {
+    let fits = half && plane.iter().all(|value| value.abs() <= HALF_MAX);
+    if fits { FlatSamples::F16(plane.iter().map(|&value| f16::from_f32(value)).collect()) } else { FlatSamples::F32(plane.to_vec()) }
+}
+
+fn text(value: &str) -> std::result::Result<Text, PictureError> {
+    Text::new_or_none(value).ok_or_else(|| PictureError::Encoding { reason: format!("`{value}` has letters that EXR cannot hold") })
+}
+
+/// EXR texts are Latin-1: everything beyond ASCII is escaped.
+fn ascii_json(attributes: &BTreeMap<String, String>) -> std::result::Result<String, PictureError> {
+    let json = serde_json::to_string(attributes).map_err(|error| PictureError::Encoding { reason: error.to_string() })?;
+    let escape = |letter: char| letter.encode_utf16(&mut [0; 2]).iter().map(|unit| format!("\\u{unit:04x}")).collect::<String>();
+    Ok(json.chars().map(|letter| if letter.is_ascii() { letter.to_string() } else { escape(letter) }).collect())
+}
+
+/// A file's channel name as layer and channel.
+fn split_name(name: &str) -> (String, String) {
+    match name.rsplit_once('.') {
+        Some((layer, channel)) => (layer.to_owned(), channel.to_owned()),
+        None if matches!(name, "R" | "G" | "B" | "A") => (PICTURE.to_owned(), name.to_owned()),
+        None => (name.to_owned(), VALUE.to_owned()),
+    }
+}
+
+fn join_name(layer: &str, channel: &str) -> String {
+    match (layer, channel) {
+        (layer, VALUE) => layer.to_owned(),
+        (PICTURE, channel) => channel.to_owned(),
+        (layer, channel) => format!("{layer}.{channel}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn picture() -> Layers {
+        let rgb: Vec<f32> = (0..36).map(|i| i as f32 * 0.37 - 1.0).collect();
+        Layers::new(4, 3)
+            .with(PICTURE, Layer::interleaved(&["R", "G", "B"], &rgb, 3))
+            .with("irradiance", Layer::interleaved(&["R", "G", "B"], &rgb, 3))
+            .with("normal", Layer::interleaved(&["X", "Y", "Z"], &rgb, 3))
+            .with("weight", Layer::value(vec![0.5; 12]).as_half())
+            .with_attribute("pipeline", "irradiance.ron")
+            .with_attribute("scene", "Höhle \u{1f40c}.ron")
+    }
+
+    #[test]
+    fn exr_returns_what_was_written() {
+        let picture = picture();
+        let bytes = picture.to_exr().unwrap();
+        assert_eq!(Layers::read(&bytes).unwrap(), picture);
+    }
+
+    #[test]
+    fn the_same_picture_gives_the_same_bytes() {
+        assert_eq!(picture().to_exr().unwrap(), picture().to_exr().unwrap());
+    }
+
+    #[test]
+    fn channels_have_the_names_that_other_programs_expect() {
+        let bytes = picture().to_exr().unwrap();
+        let meta = MetaData::read_from_buffered(bytes.as_slice(), false).unwrap();
+        let names: Vec<String> = meta.headers[0].channels.list.iter().map(|channel| channel.name.to_string()).collect();
+        assert_eq!(names, ["B", "G", "R", "irradiance.B", "irradiance.G", "irradiance.R", "normal.X", "normal.Y", "normal.Z", "weight"]);
+        assert_eq!(meta.headers[0].compression, Compression::RLE);
+    }
+
+    #[test]
+    fn half_layers_keep_half_precision_and_large_values() {
+        let written = Layers::new(2, 1).with("a", Layer::value(vec![1.0 / 3.0, 2.0]).as_half()).with("b", Layer::value(vec![1.0, 1e6]).as_half());
+        let back = Layers::from_exr(&written.to_exr().unwrap()).unwrap();
+        let third = back.layers["a"].channels[VALUE][0];
+        assert!(third != 1.0 / 3.0 && (third - 1.0 / 3.0).abs() < 2e-4, "{third}");
+        assert_eq!(back.layers["b"].channels[VALUE], [1.0, 1e6]);
+    }
+
+    #[test]
+    fn a_four_channel_readback_is_taken_apart() {
+        let layer = Layer::interleaved(&["R", "G", "B"], &[1.0, 2.0, 3.0, 9.0, 4.0, 5.0, 6.0, 9.0], 4);
+        assert_eq!(layer.rgb().unwrap(), [&[1.0, 4.0][..], &[2.0, 5.0], &[3.0, 6.0]]);
+    }
+
+    #[test]
+    fn a_single_layer_answers_to_every_name() {
+        let one = Layers::new(1, 1).with(PICTURE, Layer::value(vec![1.0]));
+        assert!(one.layer("irradiance").is_ok());
+        assert_eq!(picture().layer("nothing").unwrap_err().to_string(), "no layer `nothing`");
+    }
+
+    #[test]
+    fn a_value_that_is_no_number_is_found_and_refused() {
+        let mut bad = picture();
+        bad.layers.get_mut("irradiance").unwrap().channels.get_mut("G").unwrap()[6] = f32::NAN;
+        let error = bad.to_exr().unwrap_err().to_string();
+        assert_eq!(error, "NaN in channel `G` of layer `irradiance` at pixel (2, 1)");
+    }
+
+    #[test]
+    fn a_plane_of_the_wrong_size_is_refused() {
+        let bad = Layers::new(2, 2).with("weight", Layer::value(vec![0.0; 3]));
+        assert!(matches!(bad.to_exr(), Err(PictureError::WrongSize { found: 3, .. })));
+    }
+
+    #[test]
+    fn png_is_made_linear() {
+        let mut png = Cursor::new(Vec::new());
+        image::RgbImage::from_pixel(1, 1, image::Rgb([255, 188, 0])).write_to(&mut png, image::ImageFormat::Png).unwrap();
+        let back = Layers::read(png.get_ref()).unwrap();
+        let [r, g, b] = back.rgb(PICTURE).unwrap().map(|plane| plane[0]);
+        assert!(r == 1.0 && (g - 0.5028865).abs() < 1e-5 && b == 0.0, "{r} {g} {b}");
+    }
+
+    #[test]
+    fn a_header_that_lies_about_its_size_takes_no_memory() {
+        let mut bytes = Layers::new(2, 2).with("w", Layer::value(vec![0.0; 4])).to_exr().unwrap();
+        let window = [0i32, 0, 1, 1].map(i32::to_le_bytes).concat();
+        let lie = [0i32, 0, 40_000, 40_000].map(i32::to_le_bytes).concat();
+        for at in 0..bytes.len() - 16 {
+            if bytes[at..at + 16] == window {
+                bytes[at..at + 16].copy_from_slice(&lie);
+            }
+        }
+        assert!(matches!(Layers::read(&bytes), Err(PictureError::TooLarge { width: 40_001, .. })));
+    }
+
+    proptest! {
+        #[test]
+        fn damaged_files_are_errors_or_pictures(at in 0usize..2000, value: u8, keep in 0usize..2000) {
+            let mut bytes = picture().to_exr().unwrap();
+            let (at, keep) = (at % bytes.len(), keep % bytes.len());
+            bytes[at] = value;
+            if let Ok(read) = Layers::read(&bytes) {
+                prop_assert!(read.layers.values().flat_map(|layer| layer.channels.values()).all(|plane| plane.len() == (read.width * read.height) as usize));
+            }
+            prop_assert!(Layers::read(&bytes[..keep]).is_err());
+        }
+    }
+}

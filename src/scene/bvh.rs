@@ -5,7 +5,7 @@ use bytemuck::{Pod, Zeroable};
 use glam::{Vec2, Vec3, Vec3A};
 use obvhs::{
     BvhBuildParams,
-    bvh2::{Bvh2, builder::build_bvh2_from_tris},
+    bvh2::{Bvh2, builder::build_bvh2_from_tris, node::Bvh2Node},
     ray::{Ray, RayHit},
 };
 use std::time::Duration;
@@ -52,9 +52,21 @@ impl Bvh {
         let mut parameters = BvhBuildParams::medium_build();
         parameters.pre_split = false;
         let mut inner = build_bvh2_from_tris(&boxes, parameters, &mut Duration::default());
-        scene.triangles = inner.primitive_indices.iter().map(|&i| scene.triangles[i as usize]).collect();
-        inner.primitive_indices = (0..scene.triangles.len() as u32).collect();
+        let order = sort_depth_first(&mut inner);
+        scene.triangles = order.iter().map(|&i| scene.triangles[i as usize]).collect();
         Self { inner }
+    }
+
+    /// For each node the triangles below it, first and one past the last: a subtree's triangles are neighbours.
+    pub fn ranges(&self) -> Vec<[u32; 2]> {
+        let nodes = &self.inner.nodes;
+        let mut ranges = vec![[0, 0]; nodes.len()];
+        for index in depth_first(nodes).into_iter().rev() {
+            let node = &nodes[index];
+            let first = node.first_index as usize;
+            ranges[index] = if node.is_leaf() { [node.first_index, node.first_index + node.prim_count] } else { [ranges[first][0], ranges[first + 1][1]] };
+        }
+        ranges
     }
 
     /// The nodes, root first; empty for an empty scene.
@@ -99,6 +111,35 @@ impl Bvh {
             }
         })
     }
+}
+
+/// Node indices, parents before children, left before right.
+fn depth_first(nodes: &[Bvh2Node]) -> Vec<usize> {
+    let mut order = Vec::with_capacity(nodes.len());
+    let mut stack = if nodes.is_empty() { Vec::new() } else { vec![0] };
+    while let Some(index) = stack.pop() {
+        order.push(index);
+        if !nodes[index].is_leaf() {
+            let first = nodes[index].first_index as usize;
+            stack.extend([first + 1, first]);
+        }
+    }
+    order
+}
+
+/// Renumbers the primitives so that every subtree holds a contiguous range; returns the original index of each.
+fn sort_depth_first(bvh: &mut Bvh2) -> Vec<u32> {
+    let mut order: Vec<u32> = Vec::with_capacity(bvh.primitive_indices.len());
+    for index in depth_first(&bvh.nodes) {
+        let node = &mut bvh.nodes[index];
+        if node.is_leaf() {
+            let range = node.first_index as usize..(node.first_index + node.prim_count) as usize;
+            node.first_index = order.len() as u32;
+            order.extend(&bvh.primitive_indices[range]);
+        }
+    }
+    bvh.primitive_indices = (0..order.len() as u32).collect();
+    order
 }
 
 /// Möller and Trumbore's test: distance > 0, barycentric weights of corners 1 and 2, and whether the front was met.

@@ -185,7 +185,7 @@ impl<'a> Tracer<'a> {
         let start = self.start(at);
         let Some(sample) = self.sources.sample(self.scene, start, pair) else { return DVec3::ZERO };
         let cosine = at.normal.dot(sample.direction);
-        if !(cosine > 0.0) {
+        if cosine <= 0.0 {
             return DVec3::ZERO;
         }
         let hidden = match sample.distance.is_finite() {

@@ -1,0 +1,156 @@
+#!/usr/bin/env python3
+"""Truth for a case of cases.json, by Mitsuba 3's ray caster: the indirect irradiance of exactly one bounce at each pixel's centre.
+
+    $PEERS_HOME/bin/python mitsuba_reference.py sibenik --size 1000 --stride 4 --samples 4096 -o OUT
+
+Writes OUT/CASE.reference-indirect.exr (RGB, W/m2), OUT/CASE.reference-variance.exr (variance of those means) and
+OUT/CASE.reference-direct.exr (direct irradiance). With --stride k only every k-th pixel is computed, from pixel k/2 on,
+and the files are k times smaller: take the same pixels of what is compared. Pixels that see nothing are 0. No pixel filter: compare with renderers
+that sample pixel centres. Directions are cosine-distributed, stratified 16x16 a round.
+"""
+import argparse, json, os, pathlib, sys, time
+
+import numpy as np
+
+HERE = pathlib.Path(__file__).resolve().parent
+for guess in ("/usr/lib/x86_64-linux-gnu/libLLVM-19.so", "/usr/lib/x86_64-linux-gnu/libLLVM.so.19.1", "/usr/lib/llvm-19/lib/libLLVM.so.1"):
+    if os.path.exists(guess):
+        os.environ.setdefault("DRJIT_LIBLLVM_PATH", guess)
+import drjit as dr
+import mitsuba as mi
+
+mi.set_variant("llvm_ad_rgb")
+CHUNK = 4_000_000
+
+
+def ply(path, out):
+    """An OBJ's triangles as PLY without normals: some OBJ files carry zero normals, which Mitsuba refuses."""
+    points, faces = [], []
+    for line in open(path, errors="replace"):
+        if line.startswith("v "):
+            points.append([float(x) for x in line.split()[1:4]])
+        elif line.startswith("f "):
+            i = [int(t.split("/")[0]) for t in line.split()[1:]]
+            i = [k - 1 if k > 0 else len(points) + k for k in i]
+            faces += [(i[0], i[k], i[k + 1]) for k in range(1, len(i) - 1)]
+    points, faces = np.array(points, "<f4"), np.array(faces, "<i4")
+    with open(out, "wb") as f:
+        f.write(f"ply\nformat binary_little_endian 1.0\nelement vertex {len(points)}\nproperty float x\nproperty float y\nproperty float z\n"
+                f"element face {len(faces)}\nproperty list uchar int vertex_indices\nend_header\n".encode())
+        f.write(points.tobytes())
+        packed = np.empty(len(faces), dtype=[("n", "u1"), ("i", "<i4", 3)])
+        packed["n"], packed["i"] = 3, faces
+        f.write(packed.tobytes())
+    return out
+
+
+def diffuse(rgb):
+    return {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": {"type": "rgb", "value": list(rgb)}}}
+
+
+def pixel_rays(camera, width, height, stride=1):
+    """Directions through the centres of every stride-th pixel, row by row from the top left: (n, 3)."""
+    d, up = np.array(camera["direction"], float), np.array(camera["up"], float)
+    d /= np.linalg.norm(d)
+    right = np.cross(d, up)
+    right /= np.linalg.norm(right)
+    up = np.cross(right, d)
+    t = np.tan(np.radians(camera["fov"]) / 2)  # horizontal
+    x = ((np.arange(stride // 2, width, stride) + 0.5) / width * 2 - 1) * t
+    y = (1 - (np.arange(stride // 2, height, stride) + 0.5) / height * 2) * t * height / width
+    x, y = np.meshgrid(x, y)
+    rays = d + x.ravel()[:, None] * right + y.ravel()[:, None] * up
+    return rays / np.linalg.norm(rays, axis=1)[:, None]
+
+
+def vector(a):
+    return mi.Vector3f(*np.ascontiguousarray(a.T.astype(np.float32)))
+
+
+def direct_irradiance(scene, point, normal, active, lights, epsilon):
+    """Irradiance from point lights [W/sr] with shadows: three drjit floats."""
+    origin = point + epsilon * normal
+    total = [mi.Float(0)] * 3
+    for light in lights:
+        to = mi.Vector3f(*[float(x) for x in light["position"]]) - origin
+        r = dr.norm(to)
+        cosine = dr.maximum(dr.dot(normal, to / r), 0)
+        ray = mi.Ray3f(origin, to / r)
+        ray.maxt = r * (1 - 1e-4)
+        seen = active & (cosine > 0) & ~scene.ray_test(ray)
+        total = [t + dr.select(seen, i * cosine / (r * r), 0) for t, i in zip(total, light["intensity"])]
+    return total
+
+
+def facing(normal, direction):
+    return dr.select(dr.dot(normal, direction) > 0, -normal, normal)
+
+
+def truth(scene, eye, rays, lights, samples, epsilon, seed=1, note=lambda *a: None):
+    """Direct and one-bounce indirect irradiance, and the latter's variance, where each ray first hits: three (n, 3) arrays."""
+    n = len(rays)
+    hit = scene.ray_intersect(mi.Ray3f(vector(np.broadcast_to(np.array(eye, float), (n, 3))), vector(rays)))
+    normal = facing(hit.n, vector(rays))
+    valid = np.array(hit.is_valid())
+    direct = np.stack([np.array(x) for x in direct_irradiance(scene, hit.p, normal, hit.is_valid(), lights, epsilon)], 1) * valid[:, None]
+    p, nn = np.array(hit.p).T, np.array(normal).T
+    helper = np.where(np.abs(nn[:, :1]) > 0.9, [[0.0, 1.0, 0.0]], [[1.0, 0.0, 0.0]])
+    t = np.cross(helper, nn)
+    t /= np.maximum(np.linalg.norm(t, axis=1)[:, None], 1e-20)
+    b = np.cross(nn, t)
+    rng = np.random.default_rng(seed)
+    index = np.flatnonzero(valid)
+    mean, square = np.zeros((n, 3)), np.zeros((n, 3))
+    rounds = max(2, samples // 256)
+    gx, gy = np.meshgrid(np.arange(16), np.arange(16))
+    for k in range(rounds):
+        for s in range(0, len(index), CHUNK // 256):
+            i = index[s:s + CHUNK // 256]
+            u = ((gx.ravel()[None] + rng.random((len(i), 256), np.float32)) / 16)
+            v = ((gy.ravel()[None] + rng.random((len(i), 256), np.float32)) / 16) * np.float32(2 * np.pi)
+            r, z = np.sqrt(u), np.sqrt(1 - u)
+            w = (r * np.cos(v))[..., None] * t[i][:, None] + (r * np.sin(v))[..., None] * b[i][:, None] + z[..., None] * nn[i][:, None]
+            o = np.repeat(p[i] + epsilon * nn[i], 256, axis=0)
+            w = vector(w.reshape(-1, 3))
+            far = scene.ray_intersect(mi.Ray3f(vector(o), w))
+            e = direct_irradiance(scene, far.p, facing(far.n, w), far.is_valid(), lights, epsilon)
+            rho = far.bsdf().eval_diffuse_reflectance(far, far.is_valid())
+            one = np.stack([np.array(dr.select(far.is_valid(), a * c, 0)) for a, c in zip(e, (rho.x, rho.y, rho.z))], 1).reshape(len(i), 256, 3).mean(1)
+            mean[i] += one  # pi * (rho/pi) * E
+            square[i] += one**2
+        note(k + 1, rounds)
+    mean /= rounds
+    return direct, mean, np.maximum(square / rounds - mean**2, 0) / (rounds - 1)
+
+
+def write(path, data, width, height):
+    mi.Bitmap(np.ascontiguousarray(data.reshape(height, width, 3).astype(np.float32))).write(str(path))
+
+
+def main():
+    p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    p.add_argument("case")
+    p.add_argument("--cases", default=HERE / "cases.json")
+    p.add_argument("--scenes", type=pathlib.Path, default=os.environ.get("HEMISPLAT_SCENES", "."), help="folder of the scenes (default: $HEMISPLAT_SCENES)")
+    p.add_argument("--size", type=int, default=1000)
+    p.add_argument("--stride", type=int, default=4)
+    p.add_argument("--samples", type=int, default=4096)
+    p.add_argument("-o", "--out", type=pathlib.Path, required=True)
+    a = p.parse_args()
+    case = json.load(open(a.cases))[a.case]
+    a.out.mkdir(parents=True, exist_ok=True)
+    mesh = ply(a.scenes / case["obj"], a.out / f"{a.case}.ply")
+    scene = mi.load_dict({"type": "scene", "mesh": {"type": "ply", "filename": str(mesh), "face_normals": True, "bsdf": diffuse([case["reflectance"]] * 3)}})
+    start = time.monotonic()
+    result = truth(scene, case["camera"]["eye"], pixel_rays(case["camera"], a.size, a.size, a.stride), case["lights"], a.samples, 1e-4,
+                   note=lambda k, n: print(f"{k}/{n} {time.monotonic() - start:.0f} s", file=sys.stderr))
+    side = len(range(a.stride // 2, a.size, a.stride))
+    for label, data in zip(("direct", "indirect", "variance"), result):
+        write(a.out / f"{a.case}.reference-{label}.exr", data, side, side)
+    _, mean, variance = result
+    print(json.dumps({"case": a.case, "size": a.size, "stride": a.stride, "samples": a.samples, "seconds": time.monotonic() - start, "mean": float(mean.mean()),
+                      "relative_noise": float(np.sqrt(variance).mean() / mean.mean())}))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,10 +1,650 @@
-//! placeholder
+//! Hemisphere tables: what each sample of a tile stands for, whatever the tile's shape.
+//!
+//! A tile holds one hemisphere as samples (radiance and distance each). A table says, computed once in double
+//! precision, how to sum them: every sample's share of the irradiance and of the rotation gradient, and the walls
+//! between neighbouring samples that carry the translation gradient. One summation kernel serves all shapes.
+//!
+//! The hemisphere is cut into regions, each owned by one sample; neighbouring regions share a wall. A compensation is
+//! no exception: the band below a border pixel is one more region of that pixel, the line between two bands one more
+//! wall. With `∫ ω dω` the region's moment m (see [`super::solid_angle`]), its cosine-weighted solid angle is `m_z`
+//! and its rotation gradient per radiance `z × m`; a wall of unit tangent n from sample a to sample b moves by
+//! `−δ·n/r` when the point moves by δ, so that it adds `(L_b − L_a) ∫ cosθ n/r dℓ` to the gradient, r the distance of
+//! the nearer surface. On a raster plane `r = depth·√(1+u²+v²)`, and the integral becomes `∫ dv/(1+u²+v²)²`.
+
+use super::solid_angle::{
+    Interval, ROTATION_TOTAL, disc_moment, disc_solid_angle, disc_wall, line_moment, polygon_moment, polygon_solid_angle, rectangle_moment,
+    rectangle_solid_angle, square_rotation,
+};
+use glam::{DVec2, DVec3};
+use std::f64::consts::{PI, TAU};
+
+/// Samples along a side of a tile: least and most.
+pub const RESOLUTION: [u32; 2] = [4, 512];
+
+/// Full opening angle of a plane: least and most [degrees]. Beyond it a plane has all its pixels near the horizon.
+pub const FIELD_OF_VIEW: [f64; 2] = [10.0, 175.0];
+
+/// How directions are laid out in a tile of resolution N.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Shape {
+    /// One raster of N×N pixels along the normal; `fov_degrees` is the full angle (126.87 has half width 2 at
+    /// distance 1). Incomplete: leaves out all below its edge.
     Plane { fov_degrees: f64 },
+    /// Five rasters, N×N along the normal and four of N×N/2 above the horizon, in a tile of N×3N. N is even.
     Hemicube,
+    /// N×N over the square around the unit disc: a pixel is the x and y of its unit direction, so that equal areas
+    /// have equal cosine-weighted solid angles. Pixels whose centre is outside the disc are unused.
     Hemispherical,
+    /// N×N strata of equal cosine-weighted solid angle, rows by sin²θ from the normal down, columns by azimuth.
+    /// For rays; has no raster view.
     Cosine,
 }
-#[derive(Debug)]
-pub struct Table;
+
+/// How an incomplete shape makes up for the directions it leaves out. Complete shapes need none and ignore it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Method {
+    /// Not at all: the exact integrals of the pixels alone.
+    None,
+    /// The unseen is as bright as the seen (Larsen and Christensen 2004): each measure, cosine, plain and rotation,
+    /// is divided by the fraction of it that is seen; the translation gradient, a derivative of the cosine measure,
+    /// by the cosine's.
+    CoverageRatio,
+    /// Each border pixel also stands for the band between its outer edge and the horizon (Gautron 2005, 5.2).
+    #[default]
+    BorderExtension,
+}
+
+/// How to sum the samples of one tile.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Table {
+    /// Samples along a row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// `width · height` samples, row by row.
+    pub samples: Vec<Sample>,
+    /// Walls between neighbouring samples, each pair once, sorted by `(a, b)`.
+    pub edges: Vec<Edge>,
+    /// The rasters that fill the tile; empty for shapes that need rays.
+    pub views: Vec<View>,
+}
+
+/// What one sample stands for, in the record's frame (z is the normal). A sample without weight is unused: it has no
+/// edges, and its radiance must not be read.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Sample {
+    /// Unit direction.
+    pub direction: [f64; 3],
+    /// `∫ cosθ dω`, compensation included; a complete tile adds to π.
+    pub cosine_weight: f64,
+    /// `∫ dω` [sr], compensation included; a complete tile adds to 2π.
+    pub plain_weight: f64,
+    /// x and y of `∫ (n × ω) dω`, compensation included.
+    pub rotation: [f64; 2],
+    /// Distance times this is the depth that edges divide by: the cosine to a raster's axis, 1 for other shapes.
+    pub depth_cosine: f64,
+}
+
+/// A wall between two samples: `∇E += (L_b − L_a) · gradient / min(depth_a, depth_b)`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Edge {
+    /// Index of the one sample, less than `b`.
+    pub a: u32,
+    pub b: u32,
+    /// In the record's frame; the z component is the derivative along the normal.
+    pub gradient: [f64; 3],
+}
+
+/// A camera at the record, in the record's frame, that fills a rectangle of the tile. Pixel centres are the
+/// directions of the samples there.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct View {
+    /// Unit axes of a right-handed camera: right of the picture, up in the picture, into the picture
+    /// (`right = forward × up`).
+    pub right: DVec3,
+    pub up: DVec3,
+    pub forward: DVec3,
+    /// The window at distance 1 along `forward`, left and bottom; for a non-linear view the x and y of unit directions.
+    pub minimum: DVec2,
+    /// Right and top of the window.
+    pub maximum: DVec2,
+    /// x, y, width, height in the tile, rows from the top.
+    pub rectangle: [u32; 4],
+    /// A perspective projection; otherwise the picture plane is x and y of the unit direction (right, up), and
+    /// triangles must be small for their edges to come out straight.
+    pub linear: bool,
+}
+
+/// Why there is no table.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum TableError {
+    #[error("a hemisphere of {0} samples a side: it takes {min} to {max}", min = RESOLUTION[0], max = RESOLUTION[1])]
+    Resolution(u32),
+    #[error("a hemicube of {0} samples a side: its half faces need an even number")]
+    OddHemicube(u32),
+    #[error("a plane with a field of view of {0} degrees: it takes {min} to {max}", min = FIELD_OF_VIEW[0], max = FIELD_OF_VIEW[1])]
+    FieldOfView(f64),
+}
+
+impl Table {
+    /// The table of a tile of `resolution` N, see [`Shape`].
+    ///
+    /// # Errors
+    /// A resolution outside [`RESOLUTION`], an odd one for the hemicube, a field of view outside [`FIELD_OF_VIEW`].
+    pub fn new(shape: Shape, resolution: u32, method: Method) -> Result<Self, TableError> {
+        if !(RESOLUTION[0]..=RESOLUTION[1]).contains(&resolution) {
+            return Err(TableError::Resolution(resolution));
+        }
+        match shape {
+            Shape::Plane { fov_degrees } if !(FIELD_OF_VIEW[0]..=FIELD_OF_VIEW[1]).contains(&fov_degrees) => Err(TableError::FieldOfView(fov_degrees)),
+            Shape::Plane { fov_degrees } => Ok(plane((fov_degrees.to_radians() / 2.0).tan(), resolution, method)),
+            Shape::Hemicube if resolution % 2 == 1 => Err(TableError::OddHemicube(resolution)),
+            Shape::Hemicube => Ok(hemicube(resolution)),
+            Shape::Hemispherical => Ok(hemispherical(resolution)),
+            Shape::Cosine => Ok(cosine(resolution)),
+        }
+    }
+}
+
+impl View {
+    /// A view along the normal: x grows with the column, y with the row.
+    fn along_normal(half: f64, resolution: u32, linear: bool) -> Self {
+        let half = DVec2::splat(half);
+        let rectangle = [0, 0, resolution, resolution];
+        Self { right: DVec3::X, up: DVec3::NEG_Y, forward: DVec3::Z, minimum: -half, maximum: half, rectangle, linear }
+    }
+
+    /// Unit direction of the centre of a pixel, counted within the rectangle; none where a non-linear view has none.
+    pub fn direction(&self, column: u32, row: u32) -> Option<DVec3> {
+        let [u, v] = [self.column(column), self.row(row)].map(|[low, high]| (low + high) / 2.0);
+        if self.linear {
+            return Some(self.to_local(DVec3::new(u, v, 1.0)).normalize());
+        }
+        let square = 1.0 - u * u - v * v;
+        (square > 0.0).then(|| self.to_local(DVec3::new(u, v, square.sqrt())))
+    }
+
+    /// Bounds of a column of pixels in the window.
+    fn column(&self, column: u32) -> Interval {
+        let step = (self.maximum.x - self.minimum.x) / f64::from(self.rectangle[2]);
+        [column, column + 1].map(|i| self.minimum.x + f64::from(i) * step)
+    }
+
+    /// Bounds of a row of pixels in the window, lower one first.
+    fn row(&self, row: u32) -> Interval {
+        let step = (self.maximum.y - self.minimum.y) / f64::from(self.rectangle[3]);
+        [row + 1, row].map(|i| self.maximum.y - f64::from(i) * step)
+    }
+
+    /// From (right, up, forward) to the record's frame.
+    fn to_local(self, v: DVec3) -> DVec3 {
+        self.right * v.x + self.up * v.y + self.forward * v.z
+    }
+
+    /// Gradient of the wall at `u` over the interval `v` of the window, towards larger u.
+    fn wall_across_u(&self, u: f64, v: Interval) -> DVec3 {
+        self.to_local(line_moment(u, v)).z * (self.right - self.forward * u)
+    }
+
+    /// Gradient of the wall at `v` over the interval `u` of the window, towards larger v.
+    fn wall_across_v(&self, v: f64, u: Interval) -> DVec3 {
+        let moment = line_moment(v, u);
+        self.to_local(DVec3::new(moment.y, moment.x, moment.z)).z * (self.up - self.forward * v)
+    }
+}
+
+/// A table in the making: regions and walls in any order.
+struct Builder {
+    table: Table,
+}
+
+impl Builder {
+    fn new(width: u32, height: u32) -> Self {
+        let samples = vec![Sample::default(); width as usize * height as usize];
+        Self { table: Table { width, height, samples, edges: Vec::new(), views: Vec::new() } }
+    }
+
+    /// Index of the pixel of a view.
+    fn index(&self, view: &View, column: u32, row: u32) -> u32 {
+        (view.rectangle[1] + row) * self.table.width + view.rectangle[0] + column
+    }
+
+    fn place(&mut self, index: u32, direction: DVec3, depth_cosine: f64) {
+        let sample = &mut self.table.samples[index as usize];
+        sample.direction = direction.to_array();
+        sample.depth_cosine = depth_cosine;
+    }
+
+    /// A region that `owner` stands for.
+    fn region(&mut self, owner: u32, moment: DVec3, solid_angle: f64) {
+        let sample = &mut self.table.samples[owner as usize];
+        sample.cosine_weight += moment.z;
+        sample.plain_weight += solid_angle;
+        sample.rotation[0] -= moment.y;
+        sample.rotation[1] += moment.x;
+    }
+
+    /// A wall between a region of sample `from` and one of sample `to`, whose normal points to the latter.
+    fn wall(&mut self, from: u32, to: u32, gradient: DVec3) {
+        if from != to && gradient != DVec3::ZERO {
+            let gradient = if from < to { gradient } else { -gradient };
+            self.table.edges.push(Edge { a: from.min(to), b: from.max(to), gradient: gradient.to_array() });
+        }
+    }
+
+    /// All pixels of a perspective view, and the walls between them.
+    fn face(&mut self, view: View) {
+        let [_, _, width, height] = view.rectangle;
+        for (row, column) in grid(width, height) {
+            let (u, v, index) = (view.column(column), view.row(row), self.index(&view, column, row));
+            let direction = view.to_local(DVec3::new((u[0] + u[1]) / 2.0, (v[0] + v[1]) / 2.0, 1.0)).normalize();
+            self.place(index, direction, direction.dot(view.forward));
+            self.region(index, view.to_local(rectangle_moment(u, v)), rectangle_solid_angle(u, v));
+            if column + 1 < width {
+                self.wall(index, index + 1, view.wall_across_u(u[1], v));
+            }
+            if row + 1 < height {
+                self.wall(index + self.table.width, index, view.wall_across_v(v[0], u));
+            }
+        }
+        self.table.views.push(view);
+    }
+
+    /// Walls sorted, those of the same pair of samples added up.
+    fn finish(mut self) -> Table {
+        let edges = &mut self.table.edges;
+        edges.sort_by_key(|edge| (edge.a, edge.b));
+        edges.dedup_by(|later, kept| {
+            let same = (later.a, later.b) == (kept.a, kept.b);
+            if same {
+                kept.gradient = (DVec3::from(kept.gradient) + DVec3::from(later.gradient)).to_array();
+            }
+            same
+        });
+        self.table
+    }
+}
+
+/// Rows and columns, row by row.
+fn grid(width: u32, height: u32) -> impl Iterator<Item = (u32, u32)> {
+    (0..height).flat_map(move |row| (0..width).map(move |column| (row, column)))
+}
+
+fn plane(half: f64, resolution: u32, method: Method) -> Table {
+    let mut builder = Builder::new(resolution, resolution);
+    builder.face(View::along_normal(half, resolution, true));
+    if method == Method::BorderExtension {
+        extend_border(&mut builder, half, resolution);
+    }
+    let mut table = builder.finish();
+    if method == Method::CoverageRatio {
+        divide_by_coverage(&mut table, half);
+    }
+    table
+}
+
+/// Adds the bands between the plane's border and the horizon. What a border pixel sees is taken to go straight down to
+/// the horizon, an upright wall at the horizontal distance `depth · tanθ_b`.
+fn extend_border(builder: &mut Builder, half: f64, resolution: u32) {
+    let border = border(half, resolution);
+    let next = |i: usize| border[(i + 1) % border.len()];
+    for (i, &(owner, start)) in border.iter().enumerate() {
+        let (neighbour, end) = next(i);
+        let [low_start, low_end] = [start, end].map(|p| p.extend(0.0).normalize());
+        let [high_start, high_end] = [start, end].map(|p| p.extend(1.0).normalize());
+        let band = [low_start, low_end, high_end, high_start];
+        builder.region(owner, polygon_moment(&band), polygon_solid_angle(&band));
+        let tangent = end.length();
+        builder.wall(owner, neighbour, low_end.cross(DVec3::Z) * (-0.5 / (tangent * (1.0 + tangent * tangent))));
+    }
+}
+
+/// The outer edges of the border pixels by increasing azimuth: the pixel, and the point at distance 1 where its edge
+/// begins. A corner pixel comes twice.
+fn border(half: f64, resolution: u32) -> Vec<(u32, DVec2)> {
+    let last = resolution - 1;
+    let at = |i: u32| half * (2.0 * f64::from(i) / f64::from(resolution) - 1.0);
+    let index = |column: u32, row: u32| row * resolution + column;
+    let up = (0..resolution).map(|i| (index(last, i), DVec2::new(half, at(i))));
+    let back = (0..resolution).map(|i| (index(last - i, last), DVec2::new(at(resolution - i), half)));
+    let down = (0..resolution).map(|i| (index(0, last - i), DVec2::new(-half, at(resolution - i))));
+    let forth = (0..resolution).map(|i| (index(i, 0), DVec2::new(at(i), -half)));
+    up.chain(back).chain(down).chain(forth).collect()
+}
+
+fn divide_by_coverage(table: &mut Table, half: f64) {
+    let window = [-half, half];
+    let cosine = rectangle_moment(window, window).z / PI;
+    let plain = rectangle_solid_angle(window, window) / TAU;
+    let rotation = square_rotation(half) / ROTATION_TOTAL;
+    for sample in &mut table.samples {
+        sample.cosine_weight /= cosine;
+        sample.plain_weight /= plain;
+        sample.rotation = sample.rotation.map(|r| r / rotation);
+    }
+    for edge in &mut table.edges {
+        edge.gradient = edge.gradient.map(|g| g / cosine);
+    }
+}
+
+fn hemicube(resolution: u32) -> Table {
+    let mut builder = Builder::new(resolution, 3 * resolution);
+    let top = View::along_normal(1.0, resolution, true);
+    let sides = side_views(resolution);
+    builder.face(top);
+    for (side, right_neighbour) in sides.iter().zip(sides.iter().cycle().skip(1)) {
+        builder.face(*side);
+        join_top(&mut builder, side, &top);
+        join_sides(&mut builder, side, right_neighbour);
+    }
+    builder.finish()
+}
+
+/// The upper halves of the four upright faces; each one's right edge is the next one's left edge.
+fn side_views(resolution: u32) -> [View; 4] {
+    let mut rectangle = [0, resolution, resolution, resolution / 2];
+    [DVec3::X, DVec3::NEG_Y, DVec3::NEG_X, DVec3::Y].map(|forward| {
+        let (up, right) = (DVec3::Z, forward.cross(DVec3::Z));
+        let view = View { right, up, forward, minimum: DVec2::new(-1.0, 0.0), maximum: DVec2::ONE, rectangle, linear: true };
+        rectangle[1] += resolution / 2;
+        view
+    })
+}
+
+/// The seam between a side and the top. On a cube's edge the depths along both faces' axes are the same, so that the
+/// two samples' own depths can be compared as within a face.
+fn join_top(builder: &mut Builder, side: &View, top: &View) {
+    let resolution = top.rectangle[2];
+    let pixel = |x: f64| (((x + 1.0) / 2.0 * f64::from(resolution)) as u32).min(resolution - 1);
+    for column in 0..resolution {
+        let u = side.column(column);
+        let seam = side.to_local(DVec3::new((u[0] + u[1]) / 2.0, 1.0, 1.0));
+        let (below, above) = (builder.index(side, column, 0), builder.index(top, pixel(seam.x), pixel(seam.y)));
+        builder.wall(below, above, side.wall_across_v(1.0, u));
+    }
+}
+
+/// The upright seam between a side and the one to its right.
+fn join_sides(builder: &mut Builder, side: &View, right_neighbour: &View) {
+    let [_, _, width, height] = side.rectangle;
+    for row in 0..height {
+        let (from, to) = (builder.index(side, width - 1, row), builder.index(right_neighbour, 0, row));
+        builder.wall(from, to, side.wall_across_u(1.0, side.row(row)));
+    }
+}
+
+fn hemispherical(resolution: u32) -> Table {
+    let mut builder = Builder::new(resolution, resolution);
+    let view = View::along_normal(1.0, resolution, false);
+    // In the record's own axes: `up` is −y, so rows grow with y just as columns grow with x.
+    let cell = |i: u32| view.column(i);
+    for (row, column) in grid(resolution, resolution) {
+        let (x, y, index) = (cell(column), cell(row), row * resolution + column);
+        let rim = DVec3::new(x[0] + x[1], y[0] + y[1], 0.0).normalize();
+        builder.place(index, view.direction(column, row).unwrap_or(rim), 1.0);
+        let Some(owner) = disc_owner(&view, column, row) else { continue };
+        builder.region(owner, disc_moment(x, y), disc_solid_angle(x, y));
+        if let Some(right) = disc_owner(&view, column + 1, row) {
+            builder.wall(owner, right, disc_wall(x[1], y));
+        }
+        if let Some(below) = disc_owner(&view, column, row + 1) {
+            let wall = disc_wall(y[1], x);
+            builder.wall(owner, below, DVec3::new(wall.y, wall.x, wall.z));
+        }
+    }
+    builder.table.views.push(view);
+    builder.finish()
+}
+
+/// The sample that stands for the part of a cell within the disc: its own, or the next one inward when its centre is
+/// outside; none for a cell that is wholly outside.
+fn disc_owner(view: &View, column: u32, row: u32) -> Option<u32> {
+    let resolution = view.rectangle[2];
+    let last = resolution - 1;
+    if column > last || row > last {
+        return None;
+    }
+    let offset = |i: u32| i.abs_diff(last - i);
+    let inward = |i: u32| if 2 * i > last { i - 1 } else { i + u32::from(2 * i < last) };
+    let nearest = |i: u32| {
+        let [low, high] = view.column(i);
+        low.max(-high).max(0.0)
+    };
+    if DVec2::new(nearest(column), nearest(row)).length() >= 1.0 {
+        return None;
+    }
+    // Straight inward along the larger coordinate if that will do.
+    let straight = if offset(column) >= offset(row) { (inward(column), row) } else { (column, inward(row)) };
+    [(column, row), straight, (inward(column), inward(row))]
+        .into_iter()
+        .find(|&(column, row)| view.direction(column, row).is_some())
+        .map(|(column, row)| row * resolution + column)
+}
+
+fn cosine(resolution: u32) -> Table {
+    let mut builder = Builder::new(resolution, resolution);
+    for (row, column) in grid(resolution, resolution) {
+        let (strip, index) = (Strip::new(resolution, row), row * resolution + column);
+        let [from, to] = [column, column + 1].map(|i| DVec2::from_angle(TAU * f64::from(i) / f64::from(resolution)));
+        let width = TAU / f64::from(resolution);
+        let middle = DVec2::from_angle(TAU * (f64::from(column) + 0.5) / f64::from(resolution));
+        // ∫ (cosφ, sinφ) dφ over the column.
+        let azimuth = -(to - from).perp();
+        builder.place(index, (middle * strip.middle.x).extend(strip.middle.y), 1.0);
+        builder.region(index, (azimuth * strip.sine_square).extend(strip.cosine_sine * width), strip.cosine_difference() * width);
+        let next = row * resolution + (column + 1) % resolution;
+        builder.wall(index, next, to.perp().extend(0.0) * (strip.lower.x - strip.upper.x));
+        if row + 1 < resolution {
+            let DVec2 { x: sine, y: cosine } = strip.lower;
+            builder.wall(index, index + resolution, (azimuth * cosine).extend(-sine * width) * (cosine * sine));
+        }
+    }
+    builder.finish()
+}
+
+/// One row of the cosine grid, polar angles as (sine, cosine).
+struct Strip {
+    upper: DVec2,
+    middle: DVec2,
+    lower: DVec2,
+    /// `∫ sin²θ dθ`
+    sine_square: f64,
+    /// `∫ cosθ sinθ dθ`
+    cosine_sine: f64,
+}
+
+impl Strip {
+    fn new(resolution: u32, row: u32) -> Self {
+        let polar = |i: f64| DVec2::new((i / f64::from(resolution)).sqrt(), (1.0 - i / f64::from(resolution)).sqrt());
+        let row = f64::from(row);
+        let (upper, middle, lower) = (polar(row), polar(row + 0.5), polar(row + 1.0));
+        let sine_square = |p: DVec2| (p.x.atan2(p.y) - p.x * p.y) / 2.0;
+        Self { upper, middle, lower, sine_square: sine_square(lower) - sine_square(upper), cosine_sine: 0.5 / f64::from(resolution) }
+    }
+
+    /// `∫ sinθ dθ`
+    fn cosine_difference(&self) -> f64 {
+        self.upper.y - self.lower.y
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const FOV: f64 = 126.869_897_645_844_03;
+    const COMPLETE: [Shape; 3] = [Shape::Hemicube, Shape::Hemispherical, Shape::Cosine];
+    const PLANE: Shape = Shape::Plane { fov_degrees: FOV };
+
+    fn table(shape: Shape, resolution: u32, method: Method) -> Table {
+        Table::new(shape, resolution, method).expect("a table")
+    }
+
+    /// Cosine-weighted and plain solid angle, moduli of the rotation.
+    fn totals(table: &Table) -> [f64; 3] {
+        let sum = |f: fn(&Sample) -> f64| table.samples.iter().map(f).sum();
+        [sum(|s| s.cosine_weight), sum(|s| s.plain_weight), sum(|s| DVec2::from(s.rotation).length())]
+    }
+
+    fn assert_near(found: f64, expected: f64, tolerance: f64, what: impl std::fmt::Debug) {
+        assert!((found - expected).abs() <= tolerance, "{what:?}: {found}, not {expected}");
+    }
+
+    #[test]
+    fn complete_tiles_add_to_the_hemisphere() {
+        for resolution in [4, 8, 16, 64, 128, 512] {
+            let compensated = [Method::BorderExtension, Method::CoverageRatio].map(|method| table(PLANE, resolution, method));
+            let complete = COMPLETE.map(|shape| table(shape, resolution, Method::None));
+            for table in compensated.iter().chain(&complete) {
+                let [cosine, plain, _] = totals(table);
+                assert_near(cosine, PI, 1e-9, (resolution, table.width, table.height));
+                assert_near(plain, TAU, 1e-9, (resolution, table.width, table.height));
+            }
+        }
+    }
+
+    #[test]
+    fn the_rotation_moduli_of_a_furnace_add_to_half_pi_squared() {
+        let tables = COMPLETE.into_iter().chain([PLANE]).flat_map(|shape| [Method::BorderExtension, Method::CoverageRatio].map(|m| table(shape, 64, m)));
+        for table in tables {
+            let [_, _, rotation] = totals(&table);
+            assert_near(rotation, ROTATION_TOTAL, 2e-3, (table.width, table.height));
+            let sum: DVec2 = table.samples.iter().map(|s| DVec2::from(s.rotation)).sum();
+            assert!(sum.length() < 1e-9, "{sum}");
+        }
+    }
+
+    #[test]
+    fn the_bare_plane_holds_its_share() {
+        let [cosine, plain, rotation] = totals(&table(PLANE, 64, Method::None));
+        let t = 2.0 / 5f64.sqrt();
+        assert_near(cosine / PI, 2.0 / PI * 2.0 * t * t.atan(), 1e-12, "cosine");
+        assert_near(cosine / PI, 0.831, 5e-4, "cosine");
+        assert_near(plain / TAU, 0.59, 5e-3, "plain");
+        assert_near(rotation / ROTATION_TOTAL, 0.49, 5e-3, "rotation");
+        let wide = totals(&table(Shape::Plane { fov_degrees: 160.0 }, 128, Method::None))[0];
+        assert_near(1.0 - wide / PI, 0.025, 5e-4, "left out at 160 degrees");
+    }
+
+    /// The measures must not be mixed: the plain weights of a border extension, weighted by the pixels' own cosines,
+    /// make a furnace too bright by a sixth.
+    #[test]
+    fn plain_weights_with_the_pixels_cosine_are_no_cosine_weights() {
+        let mixed: f64 = table(PLANE, 64, Method::BorderExtension).samples.iter().map(|s| s.plain_weight * s.direction[2]).sum();
+        assert_near(mixed / PI, 1.17, 5e-3, "mixed measures");
+    }
+
+    #[test]
+    fn impossible_tables_are_refused() {
+        for resolution in [0, 3, 513, u32::MAX] {
+            assert_eq!(Table::new(PLANE, resolution, Method::None), Err(TableError::Resolution(resolution)));
+        }
+        assert_eq!(Table::new(Shape::Hemicube, 7, Method::None), Err(TableError::OddHemicube(7)));
+        for fov_degrees in [f64::NAN, -90.0, 0.0, 179.9, 180.0, 1e9, f64::INFINITY] {
+            assert!(matches!(Table::new(Shape::Plane { fov_degrees }, 64, Method::None), Err(TableError::FieldOfView(_))), "{fov_degrees}");
+        }
+    }
+
+    #[test]
+    fn views_look_through_the_samples() {
+        for shape in [PLANE, Shape::Hemicube, Shape::Hemispherical] {
+            let table = table(shape, 8, Method::BorderExtension);
+            let mut seen = vec![0; table.samples.len()];
+            for view in &table.views {
+                assert!(view.forward.cross(view.up).abs_diff_eq(view.right, 0.0), "right-handed");
+                let [x, y, width, height] = view.rectangle;
+                for (row, column) in grid(width, height) {
+                    let index = ((y + row) * table.width + x + column) as usize;
+                    let sample = &table.samples[index];
+                    seen[index] += 1;
+                    match view.direction(column, row) {
+                        Some(direction) => assert!(direction.abs_diff_eq(DVec3::from(sample.direction), 1e-15)),
+                        None => assert_eq!(sample.plain_weight, 0.0),
+                    }
+                }
+            }
+            assert!(seen.iter().all(|&count| count == 1), "each sample belongs to one view");
+        }
+        assert!(table(Shape::Cosine, 8, Method::None).views.is_empty());
+    }
+
+    /// Every sample's direction lies within what the sample stands for.
+    #[test]
+    fn samples_stand_for_their_surroundings() {
+        for shape in COMPLETE {
+            for sample in table(shape, 32, Method::None).samples.iter().filter(|s| s.plain_weight > 0.0) {
+                let moment = DVec3::new(sample.rotation[1], -sample.rotation[0], sample.cosine_weight);
+                assert!(moment.length() <= sample.plain_weight * (1.0 + 1e-9));
+                assert!(moment.normalize().dot(DVec3::from(sample.direction)) > 0.97, "{shape:?} {sample:?}");
+            }
+        }
+    }
+
+    /// Strata and discs are made so that the cosine measure is uniform.
+    #[test]
+    fn uniform_shapes_have_uniform_weights() {
+        for sample in &table(Shape::Cosine, 16, Method::None).samples {
+            assert_near(sample.cosine_weight, PI / 256.0, 1e-15, "stratum");
+        }
+        let disc = table(Shape::Hemispherical, 16, Method::None);
+        assert_near(disc.samples[8 * 16 + 8].cosine_weight, 4.0 / 256.0, 1e-14, "pixel");
+        assert_eq!(disc.samples[0].cosine_weight, 0.0);
+    }
+
+    #[test]
+    fn edges_are_sorted_and_between_used_samples() {
+        for shape in [PLANE, Shape::Hemicube, Shape::Hemispherical, Shape::Cosine] {
+            let table = table(shape, 16, Method::BorderExtension);
+            assert!(table.edges.windows(2).all(|e| (e[0].a, e[0].b) < (e[1].a, e[1].b)), "{shape:?}");
+            for edge in &table.edges {
+                assert!(edge.a < edge.b && edge.gradient.iter().all(|g| g.is_finite()));
+                assert!([edge.a, edge.b].iter().all(|&i| table.samples[i as usize].plain_weight > 0.0), "{shape:?} {edge:?}");
+            }
+        }
+    }
+
+    /// The walls around a sample are the whole boundary of its region. By the divergence theorem on the sphere,
+    /// `∮ cosθ n dℓ = ∫ (∇cosθ − 2 cosθ ω) dω` for the outward n, and `∇cosθ = z − cosθ ω`.
+    #[test]
+    fn the_walls_of_a_stratum_close() {
+        let table = table(Shape::Cosine, 16, Method::None);
+        let index = 5 * 16 + 3;
+        let around: DVec3 =
+            table.edges.iter().filter(|e| e.a == index || e.b == index).map(|e| DVec3::from(e.gradient) * if e.a == index { 1.0 } else { -1.0 }).sum();
+        let steps = 400;
+        let (low, high) = (5.0 / 16.0, 6.0 / 16.0);
+        let integral: DVec3 = (0..steps * steps)
+            .map(|i| {
+                let square: f64 = low + (high - low) * (f64::from(i % steps) + 0.5) / f64::from(steps);
+                let azimuth = TAU / 16.0 * (3.0 + (f64::from(i / steps) + 0.5) / f64::from(steps));
+                let cosine = (1.0 - square).sqrt();
+                let direction = (DVec2::from_angle(azimuth) * square.sqrt()).extend(cosine);
+                // dω = d(sin²θ) dφ / (2 cosθ)
+                (DVec3::Z - direction * (3.0 * cosine)) / (2.0 * cosine)
+            })
+            .sum();
+        let integral = integral * ((high - low) / f64::from(steps)) * (TAU / 16.0 / f64::from(steps));
+        assert!(around.abs_diff_eq(integral, 1e-6), "{around} {integral}");
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(32))]
+
+        #[test]
+        fn planes_of_any_angle_add_to_the_hemisphere(fov_degrees in 10.0..175.0f64, resolution in 4..48u32) {
+            for method in [Method::BorderExtension, Method::CoverageRatio] {
+                let [cosine, plain, _] = totals(&table(Shape::Plane { fov_degrees }, resolution, method));
+                prop_assert!((cosine - PI).abs() < 1e-9 && (plain - TAU).abs() < 1e-9);
+            }
+        }
+
+        #[test]
+        fn complete_shapes_of_any_size_add_to_the_hemisphere(half_resolution in 2..40u32) {
+            for (shape, resolution) in [(Shape::Hemicube, 2 * half_resolution), (Shape::Hemispherical, 2 * half_resolution + 1), (Shape::Cosine, 2 * half_resolution + 1)] {
+                let [cosine, plain, _] = totals(&table(shape, resolution, Method::None));
+                prop_assert!((cosine - PI).abs() < 1e-9 && (plain - TAU).abs() < 1e-9);
+            }
+        }
+    }
+}

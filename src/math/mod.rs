@@ -1,2 +1,12 @@
-//! Mathematics of hemispheres and records: plain Rust, no other module's use.
+//! The mathematics that shaders, passes and tests share: hemispheres and their sums, records and their weights,
+//! frames, bounds on the screen. No device, no files, no other module of the crate.
+
+pub mod frame;
 pub mod hemisphere;
+#[cfg(test)]
+mod oracle;
+pub mod projection;
+pub mod radius;
+pub mod solid_angle;
+pub mod sum;
+pub mod weight;

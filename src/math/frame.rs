@@ -22,7 +22,7 @@ impl Frame {
         Self { tangent, bitangent, normal }
     }
 
-    /// The same normal with the tangents turned by `angle` [radians], counter-clockwise seen against the normal:
+    /// The same normal with the tangents turned by `angle` in radians, counter-clockwise seen against the normal:
     /// what keeps the pixel grids of neighbouring records from lining up.
     pub fn turned(self, angle: f32) -> Self {
         let (sine, cosine) = angle.sin_cos();

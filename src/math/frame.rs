@@ -12,9 +12,9 @@ pub struct Frame {
 
 impl Frame {
     /// A frame around any unit `normal`, without a singular direction (Duff et al. 2017, "Building an Orthonormal
-    /// Basis, Revisited"). A normal of −0 and of +0 in z differ in the tangents, both are valid.
+    /// Basis, Revisited").
     pub fn new(normal: Vec3) -> Self {
-        let sign = 1f32.copysign(normal.z);
+        let sign = if normal.z >= 0.0 { 1.0 } else { -1.0 };
         let a = -1.0 / (sign + normal.z);
         let b = normal.x * normal.y * a;
         let tangent = Vec3::new(1.0 + sign * normal.x * normal.x * a, sign * b, -sign * normal.x);

@@ -1,1 +1,60 @@
-// add_records
+#import lib/record
+
+// Appends a batch of records to the cache.
+
+struct Batch {
+    // Records in the cache before, records in the batch.
+    first: u32,
+    count: u32,
+    padding_a: u32,
+    padding_b: u32,
+}
+
+@group(0) @binding(0) var<uniform> batch: Batch;
+@group(0) @binding(1) var<uniform> weighting: Weighting;
+@group(0) @binding(2) var<storage, read> records: array<Record>;
+@group(0) @binding(3) var<storage, read_write> cache: array<Record>;
+// Records that an earlier one of their batch would have covered.
+@group(0) @binding(4) var<storage, read_write> surplus: array<atomic<u32>, 4>;
+
+// Whether the radius is limited to where the gradient foretells a change of the whole value.
+override LIMIT_BY_GRADIENT: bool = true;
+// Whether the radius may not jump over what a neighbour has seen (Krivanek 2006).
+override NEIGHBOUR_CLAMPING: bool = true;
+
+fn luminance(colour: vec3f) -> f32 {
+    return dot(colour, vec3f(0.2126, 0.7152, 0.0722));
+}
+
+fn limited(record: Record) -> f32 {
+    let gradient = record.translation[0].xyz * 0.2126 + record.translation[1].xyz * 0.7152 + record.translation[2].xyz * 0.0722;
+    // On the surface only: the derivative along the normal does not count on it.
+    let along = gradient - record.normal * dot(gradient, record.normal);
+    return min(record.radius, luminance(record.irradiance) / max(length(along), 1e-30));
+}
+
+@compute @workgroup_size(64)
+fn append(@builtin(global_invocation_id) id: vec3u) {
+    if id.x >= batch.count {
+        return;
+    }
+    var record = records[id.x];
+    if LIMIT_BY_GRADIENT {
+        record.radius = limited(record);
+    }
+    if NEIGHBOUR_CLAMPING {
+        for (var i = 0u; i < batch.first; i++) {
+            let other = cache[i];
+            if dot(other.normal, record.normal) > 0.7 {
+                record.radius = min(record.radius, other.radius + distance(other.position, record.position));
+            }
+        }
+    }
+    cache[batch.first + id.x] = record;
+    for (var i = 0u; i < id.x; i++) {
+        if record_weight(records[i], weighting, record.position, record.normal) > 0.0 {
+            atomicAdd(&surplus[0], 1u);
+            break;
+        }
+    }
+}

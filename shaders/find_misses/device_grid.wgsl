@@ -1,1 +1,129 @@
-// find_misses/device_grid
+#import lib/camera
+#import lib/random
+#import lib/record
+
+// Pixels that need a record, from coarse cells to fine ones: at most one a cell, and only every second cell along
+// each axis in a round, so that the records of a batch stand at least a cell apart.
+
+struct Grid {
+    // Edge of a cell [pixels], a power of two.
+    cell: u32,
+    // Which of the four cells of a 2×2 block are looked at: bit 0 along x, bit 1 along y.
+    phase: u32,
+    capacity: u32,
+    padding: u32,
+}
+
+@group(0) @binding(0) var<uniform> grid: Grid;
+@group(0) @binding(1) var position: texture_2d<f32>;
+@group(0) @binding(2) var normal: texture_2d<f32>;
+@group(0) @binding(3) var sums: texture_2d<f32>;
+// Per block of 2×2 cells: pixel index + 1 of the cell's request, or 0.
+@group(0) @binding(4) var<storage, read_write> candidates: array<u32>;
+// Requests made, candidates found.
+@group(0) @binding(5) var<storage, read_write> counts: array<u32, 4>;
+@group(0) @binding(6) var<storage, read_write> requests: array<Request>;
+
+const NONE = 0xffffffffu;
+
+var<workgroup> best: array<u32, 64>;
+
+fn blocks() -> vec2u {
+    return (camera.size + 2u * grid.cell - 1u) / (2u * grid.cell);
+}
+
+// Order in which the misses of a cell are served: from its middle outwards. 0 is first; the low bits say where.
+fn rank(local: vec2u) -> u32 {
+    let d = vec2i(2u * local + 1u) - i32(grid.cell);
+    return u32(d.x * d.x + d.y * d.y) << 12u | local.y << 6u | local.x;
+}
+
+// One workgroup of 64 lanes a cell.
+@compute @workgroup_size(64)
+fn search(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) lane: u32) {
+    let count = blocks();
+    let block = group.x + group.y * groups.x;
+    var found = NONE;
+    let cell = vec2u(block % count.x, block / count.x) * 2u + vec2u(grid.phase & 1u, grid.phase >> 1u);
+    if block < count.x * count.y {
+        for (var i = lane; i < grid.cell * grid.cell; i += 64u) {
+            let local = vec2u(i % grid.cell, i / grid.cell);
+            let pixel = cell * grid.cell + local;
+            if all(pixel < camera.size) && textureLoad(position, pixel, 0).w > 0.0 && textureLoad(sums, pixel, 0).w == 0.0 {
+                found = min(found, rank(local));
+            }
+        }
+    }
+    best[lane] = found;
+    for (var half = 32u; half > 0u; half /= 2u) {
+        workgroupBarrier();
+        if lane < half {
+            best[lane] = min(best[lane], best[lane + half]);
+        }
+    }
+    if lane == 0u && block < count.x * count.y {
+        let first = best[0];
+        let pixel = cell * grid.cell + vec2u(first & 63u, first >> 6u & 63u);
+        candidates[block] = select(pixel.y * camera.size.x + pixel.x + 1u, 0u, first == NONE);
+    }
+}
+
+// Cells of at most four pixels: one lane a cell.
+@compute @workgroup_size(64)
+fn search_small(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) lane: u32) {
+    let count = blocks();
+    let block = (group.x + group.y * groups.x) * 64u + lane;
+    if block >= count.x * count.y {
+        return;
+    }
+    let cell = vec2u(block % count.x, block / count.x) * 2u + vec2u(grid.phase & 1u, grid.phase >> 1u);
+    var candidate = 0u;
+    var found = NONE;
+    for (var i = 0u; i < grid.cell * grid.cell; i++) {
+        let local = vec2u(i % grid.cell, i / grid.cell);
+        let pixel = cell * grid.cell + local;
+        if all(pixel < camera.size) && rank(local) < found && textureLoad(position, pixel, 0).w > 0.0 && textureLoad(sums, pixel, 0).w == 0.0 {
+            found = rank(local);
+            candidate = pixel.y * camera.size.x + pixel.x + 1u;
+        }
+    }
+    candidates[block] = candidate;
+}
+
+var<workgroup> starts: array<u32, 256>;
+
+// Turns candidates into requests in their order, so that every run makes the same: one workgroup, each lane a stretch.
+@compute @workgroup_size(256)
+fn collect(@builtin(local_invocation_index) lane: u32) {
+    let count = blocks();
+    let total = count.x * count.y;
+    let stretch = (total + 255u) / 256u;
+    let first = min(lane * stretch, total);
+    let last = min(first + stretch, total);
+    var mine = 0u;
+    for (var i = first; i < last; i++) {
+        mine += select(0u, 1u, candidates[i] != 0u);
+    }
+    starts[lane] = mine;
+    workgroupBarrier();
+    for (var step = 1u; step < 256u; step *= 2u) {
+        let before = select(0u, starts[max(lane, step) - step], lane >= step);
+        workgroupBarrier();
+        starts[lane] += before;
+        workgroupBarrier();
+    }
+    var slot = starts[lane] - mine;
+    for (var i = first; i < last && slot < grid.capacity; i++) {
+        let candidate = candidates[i];
+        if candidate != 0u {
+            let pixel = vec2u((candidate - 1u) % camera.size.x, (candidate - 1u) / camera.size.x);
+            let place = textureLoad(position, pixel, 0);
+            requests[slot] = Request(place.xyz, place.w, textureLoad(normal, pixel, 0).xyz, 6.2831853 * unit(hash(candidate)));
+            slot += 1u;
+        }
+    }
+    if lane == 255u {
+        counts[0] = min(starts[255], grid.capacity);
+        counts[1] = starts[255];
+    }
+}

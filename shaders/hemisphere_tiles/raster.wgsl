@@ -1,1 +1,122 @@
-// hemisphere_tiles/raster
+#import lib/trace
+#import lib/frame
+#import lib/record
+#import lib/tile
+
+// The triangle that each sample of a tile sees, by rasterising the scene from the record.
+
+struct TileView {
+    right: vec3f,
+    minimum_x: f32,
+    up: vec3f,
+    minimum_y: f32,
+    forward: vec3f,
+    maximum_x: f32,
+    maximum_y: f32,
+    padding_a: f32,
+    padding_b: f32,
+    padding_c: f32,
+}
+
+@group(0) @binding(0) var<storage, read> requests: array<Request>;
+@group(0) @binding(1) var<storage, read> views: array<TileView>;
+
+override VIEWS: u32 = 1u;
+
+struct Fragment {
+    @builtin(position) clip: vec4f,
+    @location(0) @interpolate(flat, either) triangle: u32,
+    @location(1) @interpolate(flat, either) instance: u32,
+}
+
+fn in_frame(request: Request, point: vec3f) -> vec3f {
+    let origin = request.position + request.normal * surface_offset(request.position);
+    return transpose(frame_around(request.normal, request.turn)) * (point - origin);
+}
+
+// Perspective views. The instance is tile · VIEWS + view.
+@vertex
+fn vertex(@location(0) position: vec3f, @builtin(vertex_index) index: u32, @builtin(instance_index) instance: u32) -> Fragment {
+    let request = requests[instance / VIEWS];
+    let view = views[instance % VIEWS];
+    let local = in_frame(request, position);
+    let z = dot(local, view.forward);
+    let centre = 0.5 * vec2f(view.maximum_x + view.minimum_x, view.maximum_y + view.minimum_y);
+    let half = 0.5 * vec2f(view.maximum_x - view.minimum_x, view.maximum_y - view.minimum_y);
+    let plane = (vec2f(dot(local, view.right), dot(local, view.up)) - centre * z) / half;
+    let near = 0.5 * surface_offset(request.position);
+    return Fragment(vec4f(plane, near, z), index / 3u, instance);
+}
+
+// A corner of one of the 4^level parts of a triangle: barycentric weights of corners 1 and 2.
+fn part_corner(part: u32, corner: u32, level: u32) -> vec2f {
+    var row = u32(sqrt(f32(part)));
+    // The root of a large number may round across a square.
+    row = select(row, row - 1u, row * row > part);
+    row = select(row, row + 1u, (row + 1u) * (row + 1u) <= part);
+    let along = part - row * row;
+    let column = along / 2u;
+    var at = vec2u(row, column);
+    if along % 2u == 0u {
+        at = select(at, vec2u(row + 1u, column + corner - 1u), corner > 0u);
+    } else if corner == 1u {
+        at = vec2u(row + 1u, column + 1u);
+    } else if corner == 2u {
+        at = vec2u(row, column + 1u);
+    }
+    return vec2f(f32(at.x - at.y), f32(at.y)) / f32(1u << level);
+}
+
+// The hemispherical projection: x and y of the unit direction. The instance is tile + level << 24: each triangle is
+// drawn as 4^level parts, so that its edges may curve.
+@vertex
+fn vertex_hemispherical(@builtin(vertex_index) index: u32, @builtin(instance_index) instance: u32) -> Fragment {
+    let level = instance >> 24u;
+    let request = requests[instance & 0xffffffu];
+    let parts = 1u << (2u * level);
+    let triangle = index / (3u * parts);
+    let b = part_corner((index / 3u) % parts, index % 3u, level);
+    let position = scene_corners[3u * triangle].xyz + scene_corners[3u * triangle + 1u].xyz * b.x + scene_corners[3u * triangle + 2u].xyz * b.y;
+    let local = in_frame(request, position);
+    let distance = max(length(local), 1e-30);
+    let direction = local / distance;
+    let radius = max(length(direction.xy), 1e-12);
+    // Below the horizon the disc is continued outwards, so that triangles that cross it keep their shape.
+    let at = direction.xy * select(1.0, (2.0 - radius) / radius, direction.z < 0.0);
+    let near = 0.5 * surface_offset(request.position);
+    return Fragment(vec4f(at.x, -at.y, near / (near + distance), 1.0), triangle, instance);
+}
+
+@fragment
+fn fragment(in: Fragment) -> @location(0) u32 {
+    return in.triangle + 1u;
+}
+
+@group(0) @binding(2) var<storage, read> samples: array<TileSample>;
+
+// For scenes with one-sided surfaces or alpha masks: looks at the triangle as the sample's ray meets it.
+fn is_seen(in: Fragment, tile: u32) -> bool {
+    let at = vec2u(in.clip.xy) - tile_corner(tile);
+    let request = requests[tile];
+    let direction = frame_around(request.normal, request.turn) * samples[at.y * TILE_WIDTH + at.x].direction;
+    let origin = request.position + request.normal * surface_offset(request.position);
+    let hit = intersect_plane(in.triangle, origin, direction);
+    let from_behind = ONE_SIDED && hit.determinant < 0.0 && (scene_materials[material_of(in.triangle)].flags & TWO_SIDED) == 0u;
+    return !from_behind && !(ALPHA_MASKS && is_hole(in.triangle, hit.barycentric));
+}
+
+@fragment
+fn fragment_tested(in: Fragment) -> @location(0) u32 {
+    if !is_seen(in, in.instance / VIEWS) {
+        discard;
+    }
+    return in.triangle + 1u;
+}
+
+@fragment
+fn fragment_hemispherical_tested(in: Fragment) -> @location(0) u32 {
+    if !is_seen(in, in.instance & 0xffffffu) {
+        discard;
+    }
+    return in.triangle + 1u;
+}

@@ -1,1 +1,30 @@
-// lib/camera
+// The camera of the frame: FrameCamera in src/gpu/scene.rs.
+
+struct FrameCamera {
+    eye: vec3f,
+    near: f32,
+    right: vec3f,
+    half_width: f32,
+    up: vec3f,
+    half_height: f32,
+    forward: vec3f,
+    frame: u32,
+    size: vec2u,
+    padding: vec2u,
+}
+
+@group(1) @binding(9) var<uniform> camera: FrameCamera;
+
+// Direction through a pixel's centre; its component along the axis is 1.
+fn pixel_ray(pixel: vec2u) -> vec3f {
+    let at = (vec2f(pixel) + 0.5) / vec2f(camera.size) * 2.0 - 1.0;
+    return camera.forward + camera.right * (at.x * camera.half_width) - camera.up * (at.y * camera.half_height);
+}
+
+// Clip position of a point, reverse Z with the far plane at infinity.
+fn project(point: vec3f) -> vec4f {
+    let local = point - camera.eye;
+    let x = dot(local, camera.right) / camera.half_width;
+    let y = dot(local, camera.up) / camera.half_height;
+    return vec4f(x, y, camera.near, dot(local, camera.forward));
+}

@@ -1,1 +1,119 @@
-// lib/light
+#import lib/scene
+#import lib/random
+#import lib/frame
+#import lib/trace
+#import VISIBILITY
+
+// Direct irradiance at a surface point: punctual lights, area lights, sky.
+
+// Points sampled on the area lights, and rays to the sky; 0 where the scene has none.
+override AREA_SAMPLES: u32 = 1u;
+override SKY_SAMPLES: u32 = 1u;
+
+fn luminance(colour: vec3f) -> f32 {
+    return dot(colour, vec3f(0.2126, 0.7152, 0.0722));
+}
+
+// Irradiance from punctual lights; `normal` faces the side that is lit.
+fn punctual_irradiance(position: vec3f, normal: vec3f, plane_normal: vec3f) -> vec3f {
+    var sum = vec3f(0.0);
+    for (var i = 0u; i < scene_parameters.lights; i++) {
+        let light = scene_lights[i];
+        var to_light = -light.direction;
+        var distance = 4.0 * scene_parameters.extent;
+        var arriving = light.intensity;
+        if light.kind != 2u {
+            let d = light.position - position;
+            distance = max(length(d), 1e-30);
+            to_light = d / distance;
+            arriving /= distance * distance;
+        }
+        if light.kind == 1u {
+            let ramp = saturate((dot(-to_light, light.direction) - light.cos_outer) / max(light.cos_inner - light.cos_outer, 1e-4));
+            arriving *= ramp * ramp;
+        }
+        let cosine = dot(normal, to_light);
+        if cosine > 0.0 && max(arriving.x, max(arriving.y, arriving.z)) > 0.0 && dot(plane_normal, to_light) > 0.0 {
+            sum += arriving * (cosine * light_visibility(i, position, plane_normal, to_light, distance));
+        }
+    }
+    return sum;
+}
+
+// The emitter whose share of the running sum holds `at`.
+fn pick_emitter(at: f32) -> u32 {
+    var low = 0u;
+    var high = scene_parameters.emitters - 1u;
+    while low < high {
+        let middle = (low + high) / 2u;
+        if scene_emitters[middle].cumulative > at {
+            high = middle;
+        } else {
+            low = middle + 1u;
+        }
+    }
+    return scene_emitters[low].triangle;
+}
+
+// Irradiance from emissive triangles: points in proportion to area × luminance, in `AREA_SAMPLES` strata of the
+// running sum; the point within the triangle by a rank-1 lattice, shifted by `seed`.
+fn area_irradiance(position: vec3f, normal: vec3f, plane_normal: vec3f, seed: u32) -> vec3f {
+    if AREA_SAMPLES == 0u || scene_parameters.emitters == 0u {
+        return vec3f(0.0);
+    }
+    let origin = position + plane_normal * surface_offset(position);
+    let shift = vec3f(unit(hash(seed)), unit(hash(seed + 1u)), unit(hash(seed + 2u)));
+    var sum = vec3f(0.0);
+    for (var i = 0u; i < AREA_SAMPLES; i++) {
+        let index = f32(i);
+        let triangle = pick_emitter((index + shift.x) / f32(AREA_SAMPLES) * scene_parameters.emitter_weight);
+        let u = fract(vec2f(0.7548776662, 0.5698402910) * index + shift.yz);
+        let root = sqrt(u.x);
+        let b = vec2f(root * (1.0 - u.y), root * u.y);
+        let e1 = scene_corners[3u * triangle + 1u].xyz;
+        let e2 = scene_corners[3u * triangle + 2u].xyz;
+        let point = scene_corners[3u * triangle].xyz + e1 * b.x + e2 * b.y;
+        let material = scene_materials[material_of(triangle)];
+        let d = point - origin;
+        let squared = max(dot(d, d), 1e-30);
+        let to_light = d * inverseSqrt(squared);
+        let plane = cross(e1, e2);
+        var leaving = -dot(plane, to_light) / max(length(plane), 1e-37);
+        if (material.flags & TWO_SIDED) != 0u {
+            leaving = abs(leaving);
+        }
+        let arriving = dot(normal, to_light);
+        if leaving > 0.0 && arriving > 0.0 && dot(plane_normal, to_light) > 0.0 && !trace_occluded(origin, d, 0.9999) {
+            sum += material.emission * (arriving * leaving / squared / max(luminance(material.emission), 1e-37));
+        }
+    }
+    return sum * (scene_parameters.emitter_weight / f32(AREA_SAMPLES));
+}
+
+// Irradiance from the sky: cosine-distributed rays in strata of the azimuth.
+fn sky_irradiance(position: vec3f, normal: vec3f, plane_normal: vec3f, seed: u32) -> vec3f {
+    if SKY_SAMPLES == 0u {
+        return vec3f(0.0);
+    }
+    let origin = position + plane_normal * surface_offset(position);
+    let frame = frame_around(normal, 0.0);
+    let shift = vec2f(unit(hash(seed + 3u)), unit(hash(seed + 4u)));
+    var sum = vec3f(0.0);
+    for (var i = 0u; i < SKY_SAMPLES; i++) {
+        let u = (f32(i) + shift.x) / f32(SKY_SAMPLES);
+        let v = fract(0.6180339887 * f32(i) + shift.y);
+        let r = sqrt(v);
+        let direction = frame * vec3f(r * cos(2.0 * PI * u), r * sin(2.0 * PI * u), sqrt(1.0 - v));
+        if dot(direction, plane_normal) > 0.0 && !trace_occluded(origin, direction, FAR_AWAY) {
+            sum += environment_radiance(direction);
+        }
+    }
+    return sum * (PI / f32(SKY_SAMPLES));
+}
+
+// Irradiance on the side that `normal` faces, from whatever emits, without touching another surface.
+fn direct_irradiance(surface: Surface, seed: u32) -> vec3f {
+    return punctual_irradiance(surface.position, surface.normal, surface.face_normal)
+        + area_irradiance(surface.position, surface.normal, surface.face_normal, seed)
+        + sky_irradiance(surface.position, surface.normal, surface.face_normal, seed);
+}

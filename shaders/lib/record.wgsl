@@ -1,1 +1,80 @@
-// lib/record
+// Records and requests: passes/record.rs has the same structs, math::weight the same arithmetic.
+
+struct Record {
+    position: vec3f,
+    // Harmonic mean distance of what the hemisphere sees; a huge number under open sky.
+    radius: f32,
+    normal: vec3f,
+    // Distance of the nearest thing seen.
+    minimum_distance: f32,
+    irradiance: vec3f,
+    // Width of the pixel that asked for the record.
+    footprint: f32,
+    // Gradients of red, green and blue.
+    rotation: array<vec4f, 3>,
+    translation: array<vec4f, 3>,
+}
+
+struct Request {
+    position: vec3f,
+    footprint: f32,
+    normal: vec3f,
+    // Turn of the frame around the normal [radians].
+    turn: f32,
+}
+
+struct Weighting {
+    // The accuracy a: a record reaches a · R.
+    accuracy: f32,
+    // Limits of the reach in widths of the pixel.
+    minimum_spacing: f32,
+    maximum_spacing: f32,
+    // 0 Ward, 1 Tabellion and Lamorlette, 2 compact.
+    kind: u32,
+}
+
+// How far a record reaches [scene units].
+fn reach(record: Record, weighting: Weighting) -> f32 {
+    let distance = select(record.radius, record.minimum_distance, weighting.kind == 1u);
+    return clamp(weighting.accuracy * distance, weighting.minimum_spacing * record.footprint, weighting.maximum_spacing * record.footprint);
+}
+
+// Weight of a record at a point; 0 where it does not count.
+fn record_weight(record: Record, weighting: Weighting, position: vec3f, normal: vec3f) -> f32 {
+    let radius = max(reach(record, weighting), 1e-30);
+    let d = position - record.position;
+    let apart = length(d) / radius;
+    if apart > 1.0 {
+        return 0.0;
+    }
+    let aligned = dot(normal, record.normal);
+    let turned = sqrt(max(1.0 - aligned, 0.0));
+    // In front of the point: what the record saw is behind the point's surroundings.
+    if dot(d, normal + record.normal) * 0.5 < -0.05 * radius {
+        return 0.0;
+    }
+    switch weighting.kind {
+        case 0u: {
+            let error = apart * weighting.accuracy + turned;
+            return select(0.0, 1.0 / max(error, 1e-3), error <= weighting.accuracy);
+        }
+        case 1u: {
+            return max(1.0 - max(apart, turned / 0.12326), 0.0);
+        }
+        default: {
+            return max(1.0 - apart - turned / weighting.accuracy, 0.0);
+        }
+    }
+}
+
+// Irradiance that a record foretells at a point (RCS 8), within a factor of 20 of its own and not negative.
+fn record_estimate(record: Record, position: vec3f, normal: vec3f) -> vec3f {
+    let turn = cross(record.normal, normal);
+    let move_by = position - record.position;
+    let change = vec3f(
+        dot(turn, record.rotation[0].xyz) + dot(move_by, record.translation[0].xyz),
+        dot(turn, record.rotation[1].xyz) + dot(move_by, record.translation[1].xyz),
+        dot(turn, record.rotation[2].xyz) + dot(move_by, record.translation[2].xyz),
+    );
+    return clamp(record.irradiance + change, record.irradiance * 0.05, record.irradiance * 20.0);
+}

@@ -1,1 +1,200 @@
-// lib/scene
+// The scene: src/gpu/scene.rs has the same structs.
+
+struct SceneParameters {
+    environment: vec3f,
+    extent: f32,
+    triangles: u32,
+    lights: u32,
+    emitters: u32,
+    emitter_weight: f32,
+    environment_size: vec2u,
+    nodes: u32,
+    padding: u32,
+}
+
+struct SceneMaterial {
+    reflectance: vec3f,
+    flags: u32,
+    emission: vec3f,
+    alpha_cutoff: f32,
+    texture_start: u32,
+    texture_width: u32,
+    texture_height: u32,
+    padding: u32,
+}
+
+struct SceneLight {
+    position: vec3f,
+    kind: u32,
+    direction: vec3f,
+    shadow_layer: u32,
+    intensity: vec3f,
+    cos_inner: f32,
+    cos_outer: f32,
+    padding_a: u32,
+    padding_b: u32,
+    padding_c: u32,
+}
+
+struct SceneEmitter {
+    triangle: u32,
+    cumulative: f32,
+}
+
+@group(1) @binding(0) var<uniform> scene_parameters: SceneParameters;
+// Corner 0 with the material's index as bits, edges to corners 1 and 2: three a triangle.
+@group(1) @binding(1) var<storage, read> scene_corners: array<vec4f>;
+// Three normals, with the texture coordinates in the spare places: four a triangle.
+@group(1) @binding(2) var<storage, read> scene_attributes: array<vec4f>;
+@group(1) @binding(4) var<storage, read> scene_materials: array<SceneMaterial>;
+@group(1) @binding(5) var<storage, read> scene_texels: array<u32>;
+@group(1) @binding(6) var<storage, read> scene_lights: array<SceneLight>;
+@group(1) @binding(7) var<storage, read> scene_emitters: array<SceneEmitter>;
+@group(1) @binding(8) var<storage, read> scene_environment: array<vec4f>;
+
+const TWO_SIDED = 1u;
+const HOLES = 2u;
+const TEXTURED = 4u;
+const NO_TRIANGLE = 0xffffffffu;
+const PI = 3.14159265358979;
+// Distance of what lies in the sky.
+const FAR_AWAY = 1e30;
+
+// Whether the plan found textures in the scene.
+override TEXTURES: bool = true;
+
+struct Surface {
+    position: vec3f,
+    // Shading normal, on the side that the ray came from.
+    normal: vec3f,
+    // Normal of the triangle's plane, on the same side.
+    face_normal: vec3f,
+    reflectance: vec3f,
+    // Radiance emitted toward the ray's origin.
+    emission: vec3f,
+    material: u32,
+    distance: f32,
+}
+
+// How far rays start off a surface: as scene::surface_offset.
+fn surface_offset(position: vec3f) -> f32 {
+    let magnitude = abs(position);
+    return 2e-6 * scene_parameters.extent + 4e-7 * max(magnitude.x, max(magnitude.y, magnitude.z));
+}
+
+fn material_of(triangle: u32) -> u32 {
+    return bitcast<u32>(scene_corners[3u * triangle].w);
+}
+
+fn srgb_to_linear(value: vec3f) -> vec3f {
+    return select(pow((value + 0.055) / 1.055, vec3f(2.4)), value / 12.92, value <= vec3f(0.04045));
+}
+
+fn texel(material: SceneMaterial, at: vec2i) -> vec4f {
+    let size = vec2i(i32(material.texture_width), i32(material.texture_height));
+    let wrapped = ((at % size) + size) % size;
+    let bits = scene_texels[material.texture_start + u32(wrapped.y * size.x + wrapped.x)];
+    let value = unpack4x8unorm(bits);
+    return vec4f(srgb_to_linear(value.rgb), value.a);
+}
+
+// Bilinear lookup with repetition: as Texture::sample.
+fn texture_at(material: SceneMaterial, uv: vec2f) -> vec4f {
+    let at = fract(uv) * vec2f(f32(material.texture_width), f32(material.texture_height)) - 0.5;
+    let base = vec2i(floor(at));
+    let f = at - floor(at);
+    let top = mix(texel(material, base), texel(material, base + vec2i(1, 0)), f.x);
+    let bottom = mix(texel(material, base + vec2i(0, 1)), texel(material, base + vec2i(1, 1)), f.x);
+    return mix(top, bottom, f.y);
+}
+
+fn uv_at(triangle: u32, barycentric: vec2f) -> vec2f {
+    let a = scene_attributes[4u * triangle];
+    let b = scene_attributes[4u * triangle + 1u];
+    let c = scene_attributes[4u * triangle + 2u];
+    let d = scene_attributes[4u * triangle + 3u];
+    let uv0 = vec2f(a.w, b.w);
+    return uv0 + (vec2f(c.w, d.x) - uv0) * barycentric.x + (d.yz - uv0) * barycentric.y;
+}
+
+// Whether an alpha mask leaves a hole there.
+fn is_hole(triangle: u32, barycentric: vec2f) -> bool {
+    let material = scene_materials[material_of(triangle)];
+    if (material.flags & HOLES) == 0u {
+        return false;
+    }
+    return texture_at(material, uv_at(triangle, barycentric)).a < material.alpha_cutoff;
+}
+
+// Distance and barycentric weights of a ray on a triangle's plane; z of the result is 0 for a ray along the plane.
+struct PlaneHit {
+    distance: f32,
+    barycentric: vec2f,
+    // > 0 where the front is met, 0 where the ray runs along the plane.
+    determinant: f32,
+}
+
+fn intersect_plane(triangle: u32, origin: vec3f, direction: vec3f) -> PlaneHit {
+    let a = scene_corners[3u * triangle].xyz;
+    let e1 = scene_corners[3u * triangle + 1u].xyz;
+    let e2 = scene_corners[3u * triangle + 2u].xyz;
+    let p = cross(direction, e2);
+    let determinant = dot(e1, p);
+    let inverse = select(1.0 / determinant, 0.0, determinant == 0.0);
+    let s = origin - a;
+    let q = cross(s, e1);
+    return PlaneHit(dot(e2, q) * inverse, vec2f(dot(s, p), dot(direction, q)) * inverse, determinant);
+}
+
+// The surface that a ray, known to meet the triangle, sees. What rounding puts outside is moved to the edge.
+fn surface_seen(triangle: u32, origin: vec3f, direction: vec3f) -> Surface {
+    let hit = intersect_plane(triangle, origin, direction);
+    var b = clamp(hit.barycentric, vec2f(0.0), vec2f(1.0));
+    b = b / max(b.x + b.y, 1.0);
+    let a = scene_corners[3u * triangle];
+    let e1 = scene_corners[3u * triangle + 1u].xyz;
+    let e2 = scene_corners[3u * triangle + 2u].xyz;
+    let plane = cross(e1, e2);
+    let side = select(-1.0, 1.0, dot(plane, direction) <= 0.0);
+    let n0 = scene_attributes[4u * triangle].xyz;
+    let n1 = scene_attributes[4u * triangle + 1u].xyz;
+    let n2 = scene_attributes[4u * triangle + 2u].xyz;
+    let material_index = bitcast<u32>(a.w);
+    let material = scene_materials[material_index];
+    var surface: Surface;
+    surface.position = a.xyz + e1 * b.x + e2 * b.y;
+    surface.face_normal = plane * (side / max(length(plane), 1e-37));
+    let normal = n0 + (n1 - n0) * b.x + (n2 - n0) * b.y;
+    let normal_length = length(normal);
+    surface.normal = select(surface.face_normal, normal * (side / max(normal_length, 1e-37)), normal_length > 1e-6);
+    surface.reflectance = material.reflectance;
+    if TEXTURES && (material.flags & TEXTURED) != 0u {
+        surface.reflectance *= texture_at(material, uv_at(triangle, b)).rgb;
+    }
+    surface.emission = select(vec3f(0.0), material.emission, side > 0.0 || (material.flags & TWO_SIDED) != 0u);
+    surface.material = material_index;
+    surface.distance = distance(surface.position, origin) / max(length(direction), 1e-37);
+    return surface;
+}
+
+// Radiance of the sky from a unit direction: as Environment::radiance.
+fn environment_radiance(direction: vec3f) -> vec3f {
+    let size = vec2i(scene_parameters.environment_size);
+    if size.x == 0 {
+        return scene_parameters.environment;
+    }
+    let u = 0.5 + atan2(direction.x, -direction.z) / (2.0 * PI);
+    let v = acos(clamp(direction.y, -1.0, 1.0)) / PI;
+    let at = vec2f(u, v) * vec2f(size) - 0.5;
+    let base = vec2i(floor(at));
+    let f = at - floor(at);
+    let top = mix(environment_texel(base, size), environment_texel(base + vec2i(1, 0), size), f.x);
+    let bottom = mix(environment_texel(base + vec2i(0, 1), size), environment_texel(base + vec2i(1, 1), size), f.x);
+    return mix(top, bottom, f.y);
+}
+
+fn environment_texel(at: vec2i, size: vec2i) -> vec3f {
+    let x = ((at.x % size.x) + size.x) % size.x;
+    let y = clamp(at.y, 0, size.y - 1);
+    return scene_environment[y * size.x + x].xyz;
+}

@@ -159,3 +159,42 @@ fn storage_access(access: naga::StorageAccess) -> wgpu::StorageTextureAccess {
         _ => wgpu::StorageTextureAccess::WriteOnly,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What the imports in capitals can stand for.
+    const VISIBILITY: [&str; 2] = ["lib/visibility/rays", "lib/visibility/shadow_maps"];
+
+    #[test]
+    fn every_shader_is_valid_with_every_import() {
+        for (name, _) in SOURCES.iter().filter(|(name, _)| !name.starts_with("lib/")) {
+            for visibility in VISIBILITY {
+                if let Err(error) = Shader::load(name, &[("VISIBILITY", visibility)]) {
+                    panic!("{name} with {visibility}: {error}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn every_file_is_listed() {
+        let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("shaders");
+        let mut folders = vec![root.clone()];
+        let mut found = Vec::new();
+        while let Some(folder) = folders.pop() {
+            for entry in std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()) {
+                if entry.is_dir() {
+                    folders.push(entry);
+                } else {
+                    found.push(entry.strip_prefix(&root).unwrap().with_extension("").to_string_lossy().replace('\\', "/"));
+                }
+            }
+        }
+        found.sort();
+        let mut listed: Vec<_> = SOURCES.iter().map(|s| s.0.to_string()).collect();
+        listed.sort();
+        assert_eq!(found, listed);
+    }
+}

@@ -11,7 +11,7 @@ use obvhs::{
 use std::time::Duration;
 
 /// The deepest path from root to leaf that the shaders' stack holds; a deeper hierarchy is refused.
-pub const MAX_DEPTH: usize = 96;
+pub const MAX_DEPTH: usize = 64;
 
 /// A binary hierarchy over a scene's triangles, in whose order it has sorted them.
 pub struct Bvh {

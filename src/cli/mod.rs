@@ -1,1 +1,82 @@
-//! cli
+//! The program: one file a command, and what the commands share.
+
+mod completions;
+mod console;
+mod diff;
+mod failure;
+mod interrupt;
+mod output;
+
+use clap::{Parser, Subcommand};
+use console::{Console, ConsoleOptions};
+use failure::Failure;
+use std::process::ExitCode;
+
+/// Global illumination on the GPU by caching irradiance: pipelines of passes, wired in RON, measured for speed against accuracy.
+#[derive(Parser)]
+#[command(name = "hemisplat", version, propagate_version = true, after_help = STATUSES)]
+struct Program {
+    #[command(flatten)]
+    console: ConsoleOptions,
+    #[command(subcommand)]
+    command: Command,
+}
+
+const STATUSES: &str = "Exit status: 0 done; 2 bad usage or bad input; 1 any other failure; 130 interrupted.";
+
+#[derive(Subcommand)]
+enum Command {
+    Diff(diff::Options),
+    Completions(completions::Options),
+}
+
+impl Command {
+    fn run(&self, console: &Console) -> Result<(), Failure> {
+        match self {
+            Self::Diff(options) => diff::run(options, console),
+            Self::Completions(options) => completions::run::<Program>(options, console),
+        }
+    }
+}
+
+/// Runs the program with the process's arguments.
+///
+/// Status: 0 done; 2 bad usage or bad input; 1 any other failure; 130 interrupted. Results go to stdout or to named files, messages to stderr.
+pub fn run() -> ExitCode {
+    let program = match Program::try_parse() {
+        Ok(program) => program,
+        Err(usage) => {
+            // Nothing is left to do where even the usage cannot be printed.
+            let _ = usage.print();
+            return ExitCode::from(usage.exit_code() as u8);
+        }
+    };
+    let console = Console::new(&program.console);
+    let result = interrupt::listen().and_then(|()| program.command.run(&console));
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            console.report(&*failure.report);
+            ExitCode::from(failure.status)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_arguments_are_declared_without_contradiction() {
+        Program::command().debug_assert();
+    }
+
+    #[test]
+    fn every_command_shows_an_example() {
+        for command in Program::command().get_subcommands() {
+            let help = command.get_after_help().map(ToString::to_string).unwrap_or_default();
+            assert!(help.contains(&format!("hemisplat {}", command.get_name())), "{}", command.get_name());
+        }
+    }
+}

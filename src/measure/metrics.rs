@@ -8,6 +8,8 @@ use miette::Diagnostic;
 use serde::Serialize;
 use thiserror::Error;
 
+/// The layer of a reference that holds the variance of its `irradiance`.
+pub const VARIANCE: &str = "variance";
 /// Pixels darker than this share of the mean are left out of `rms_of_relative`.
 const DARK: f64 = 0.02;
 /// Blocks along the longer side of the image.
@@ -79,21 +81,16 @@ pub struct Selected<'a> {
 /// Why two pictures cannot be compared.
 #[derive(Debug, Error, Diagnostic)]
 pub enum MetricsError {
-    #[error("the {which}")]
-    #[diagnostic(code(measure::unusable_picture))]
-    Picture {
-        which: &'static str,
-        #[source]
-        #[diagnostic_source]
-        source: PictureError,
-    },
+    #[error("the {which}: {error}")]
+    #[diagnostic(forward(error))]
+    Picture { which: &'static str, error: PictureError },
     #[error("a picture of {}×{} pixels cannot be compared with a reference of {}×{}", test[0], test[1], reference[0], reference[1])]
     #[diagnostic(code(measure::sizes_differ), help("a reference of every k-th pixel states k as its attribute `stride`, or is exactly k times smaller"))]
     SizesDiffer { test: [u32; 2], reference: [u32; 2] },
     #[error("the variance has {}×{} pixels, its reference {}×{}", variance[0], variance[1], reference[0], reference[1])]
     #[diagnostic(code(measure::variance_size))]
     VarianceSize { variance: [u32; 2], reference: [u32; 2] },
-    #[error("the picture has {test} bounces of light, the reference {reference}")]
+    #[error("the picture has `bounces` {test}, the reference {reference}")]
     #[diagnostic(code(measure::bounces_differ), help("compute a reference of the same bounces: hemisplat reference --bounces {test}"))]
     BouncesDiffer { test: String, reference: String },
     #[error("the reference sees no surface")]
@@ -111,8 +108,8 @@ pub fn luminance(colour: [f64; 3]) -> f64 {
 
 /// Compares one layer of `test` with the same layer of `reference`.
 ///
-/// `variance` holds, for each pixel of the reference, the variance of its mean (in the layer of that name, else in `variance`, or in its only
-/// layer); without it nothing is taken off for the reference's noise. The reference may hold every k-th pixel of each row and column, from
+/// `variance` holds, for each pixel of the reference, the variance of its mean, in its layer `variance` or in its only layer; not given, it is the
+/// layer `variance` of the reference itself, which belongs to the layer `irradiance`; without either nothing is taken off for the reference's noise. The reference may hold every k-th pixel of each row and column, from
 /// pixel k/2 on: its attribute `stride` says k, or its size does. Which pixels see a surface is decided by the reference: its `depth` is positive,
 /// else its `normal` is not zero, else its luminance is not. Attributes `bounces` that both have and that differ are an error.
 pub fn compare(test: &Layers, reference: &Layers, layer: &str, variance: Option<&Layers>) -> Result<Errors, MetricsError> {
@@ -126,7 +123,8 @@ pub fn compare_layers(test: Selected, reference: Selected, variance: Option<&Lay
     let r = values(reference, "reference")?;
     let x = every(&values(test, "tested picture")?, test.picture, stride);
     let surface = surface(reference.picture, &r);
-    let variance = variance.map(|variance| variances(variance, reference)).transpose()?;
+    let own = (reference.layer == "irradiance" && reference.picture.layers.contains_key(VARIANCE)).then_some(reference.picture);
+    let variance = variance.or(own).map(|variance| variances(variance, reference.picture)).transpose()?;
     let samples: Vec<Sample> = (0..r.len()).filter(|&at| surface[at]).map(|at| Sample { at, x: x[at], r: r[at] }).collect();
     let mean = mean(samples.iter().map(|s| s.r)).ok_or(MetricsError::NoSurface)?;
     if mean <= 0.0 {
@@ -209,7 +207,7 @@ fn strided(length: u32, stride: u32) -> impl Iterator<Item = u32> {
 
 /// The luminance of a layer, all of it finite.
 fn values(selected: Selected, which: &'static str) -> Result<Vec<f64>, MetricsError> {
-    let wrap = |source| MetricsError::Picture { which, source };
+    let wrap = |error| MetricsError::Picture { which, error };
     selected.picture.validate().map_err(wrap)?;
     let [r, g, b] = selected.picture.rgb(selected.layer).map_err(wrap)?;
     let alone = selected.picture.layer(selected.layer).map_err(wrap)?.channels.len() == 1;
@@ -234,16 +232,15 @@ fn surface(reference: &Layers, luminance: &[f64]) -> Vec<bool> {
 
 /// Variance of each pixel's luminance. The channels of a light path rise and fall together, so their deviations add up: exact for grey,
 /// and never too small.
-fn variances(variance: &Layers, reference: Selected) -> Result<Vec<f64>, MetricsError> {
+fn variances(variance: &Layers, reference: &Layers) -> Result<Vec<f64>, MetricsError> {
     let size = |picture: &Layers| [picture.width, picture.height];
-    if size(variance) != size(reference.picture) {
-        return Err(MetricsError::VarianceSize { variance: size(variance), reference: size(reference.picture) });
+    if size(variance) != size(reference) {
+        return Err(MetricsError::VarianceSize { variance: size(variance), reference: size(reference) });
     }
-    let wrap = |source| MetricsError::Picture { which: "reference's variance", source };
+    let wrap = |error| MetricsError::Picture { which: "reference's variance", error };
     variance.validate().map_err(wrap)?;
-    let layer = if variance.layers.contains_key(reference.layer) { reference.layer } else { "variance" };
-    let [r, g, b] = variance.rgb(layer).map_err(wrap)?;
-    let alone = variance.layer(layer).map_err(wrap)?.channels.len() == 1;
+    let [r, g, b] = variance.rgb(VARIANCE).map_err(wrap)?;
+    let alone = variance.layer(VARIANCE).map_err(wrap)?.channels.len() == 1;
     let deviation = |plane: &[f32], at: usize| (plane[at] as f64).max(0.0).sqrt();
     let one = |at: usize| if alone { deviation(r, at) } else { luminance([r, g, b].map(|plane| deviation(plane, at))) };
     Ok((0..r.len()).map(|at| one(at).powi(2)).collect())
@@ -302,7 +299,7 @@ fn flip_of(test: Selected, reference: Selected) -> Result<Option<f64>, MetricsEr
     let whole = test.layer == reference.layer && pictures.iter().all(|picture| picture.layers.contains_key(PICTURE));
     let layer = |selected: &Selected| if whole { PICTURE.to_owned() } else { selected.layer.to_owned() };
     let colours = |selected: Selected, which| -> Result<Vec<[f32; 3]>, MetricsError> {
-        let [r, g, b] = selected.picture.rgb(&layer(&selected)).map_err(|source| MetricsError::Picture { which, source })?;
+        let [r, g, b] = selected.picture.rgb(&layer(&selected)).map_err(|error| MetricsError::Picture { which, error })?;
         Ok((0..r.len()).map(|i| [r[i], g[i], b[i]]).collect())
     };
     let (test, truth) = (colours(test, "tested picture")?, colours(reference, "reference")?);
@@ -363,6 +360,10 @@ mod tests {
         close(with(0.75).rmse_over_mean, 0.25, 1e-12);
         close(with(0.75).reference_noise_over_mean.unwrap(), 0.75f64.sqrt() / 2.0, 1e-12);
         assert_eq!(with(5.0).rmse_over_mean, 0.0);
+        let own = reference.clone().with(VARIANCE, Layer::value(vec![0.75; 2]));
+        assert_eq!(compare(&test, &own, "irradiance", None).unwrap(), with(0.75));
+        let of_another_layer = own.clone().with("indirect", Layer::value(vec![2.0; 2]));
+        assert_eq!(compare(&test, &of_another_layer, "indirect", None).unwrap().reference_noise_over_mean, None);
     }
 
     #[test]
@@ -450,7 +451,7 @@ mod tests {
         assert!(error(&grey(3, 1, vec![1.0; 3]), &grey(2, 1, vec![1.0; 2])).contains("3×1"));
         assert!(error(&grey(1, 1, vec![f32::INFINITY]), &one).contains("tested picture"));
         let (first, all) = (one.clone().with_attribute("bounces", 1), one.clone().with_attribute("bounces", "all"));
-        assert_eq!(error(&first, &all), "the picture has 1 bounces of light, the reference all");
+        assert_eq!(error(&first, &all), "the picture has `bounces` 1, the reference all");
         assert!(compare(&first, &one, "irradiance", None).is_ok());
     }
 

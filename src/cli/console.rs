@@ -1,0 +1,75 @@
+//! What the user sees: results on stdout, messages on stderr.
+
+use super::failure::Failure;
+use clap::{Args, ValueEnum};
+use miette::{Diagnostic, GraphicalReportHandler, GraphicalTheme};
+use std::io::{self, IsTerminal, Write};
+use std::path::Path;
+
+/// Columns of a report where no terminal says how wide it is.
+const WIDTH: usize = 120;
+
+#[derive(Args)]
+pub struct ConsoleOptions {
+    /// Say nothing but errors on stderr
+    #[arg(long, short, global = true)]
+    quiet: bool,
+    /// Colours in messages
+    #[arg(long, global = true, value_enum, default_value_t = Colour::Auto, value_name = "WHEN")]
+    color: Colour,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum Colour {
+    Auto,
+    Always,
+    Never,
+}
+
+/// Where messages go, and how.
+pub struct Console {
+    pub quiet: bool,
+    colour: bool,
+}
+
+impl Console {
+    pub fn new(options: &ConsoleOptions) -> Self {
+        let colour = match options.color {
+            Colour::Auto => io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty()),
+            Colour::Always => true,
+            Colour::Never => false,
+        };
+        Self { quiet: options.quiet, colour }
+    }
+
+    /// Prints a result. A reader that has closed its end, such as `head`, is no failure.
+    pub fn print(&self, result: &str) -> Result<(), Failure> {
+        let mut stdout = io::stdout().lock();
+        match stdout.write_all(result.as_bytes()).and_then(|()| stdout.flush()) {
+            Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(Failure::write(Path::new("standard output"), error)),
+            _ => Ok(()),
+        }
+    }
+
+    /// Says something that is not a result, unless told to be quiet.
+    pub fn note(&self, message: &str) {
+        if !self.quiet {
+            self.say(message);
+        }
+    }
+
+    /// Shows an error or a warning with its code, its source and what helps.
+    pub fn report(&self, diagnostic: &dyn Diagnostic) {
+        let theme = if self.colour { GraphicalTheme::unicode() } else { GraphicalTheme::unicode_nocolor() };
+        let mut text = String::new();
+        match GraphicalReportHandler::new_themed(theme).with_links(false).with_width(WIDTH).render_report(&mut text, diagnostic) {
+            Ok(()) => self.say(text.trim_end()),
+            Err(_) => self.say(&diagnostic.to_string()),
+        }
+    }
+
+    fn say(&self, message: &str) {
+        // A closed stderr leaves nobody to tell.
+        let _ = writeln!(io::stderr(), "{message}");
+    }
+}

@@ -1,0 +1,76 @@
+//! How a command ends when it does not succeed.
+
+use miette::Diagnostic;
+use std::io;
+use std::path::{Path, PathBuf};
+use thiserror::Error;
+
+/// An error and the exit status that it means.
+pub struct Failure {
+    /// 2 for bad usage or bad input, 130 after Ctrl-C, 1 for everything else.
+    pub status: u8,
+    pub report: Box<dyn Diagnostic + Send + Sync>,
+}
+
+impl Failure {
+    /// The user gave something that cannot be used: status 2.
+    pub fn input(error: impl Diagnostic + Send + Sync + 'static) -> Self {
+        Self { status: 2, report: Box::new(error) }
+    }
+
+    /// The input is good, the work failed: status 1.
+    pub fn work(error: impl Diagnostic + Send + Sync + 'static) -> Self {
+        Self { status: 1, report: Box::new(error) }
+    }
+
+    /// Ctrl-C: status 130. `kept` says what was written nevertheless.
+    pub fn interrupted(kept: Option<&Path>) -> Self {
+        let kept = kept.map_or_else(|| "nothing was written".to_owned(), |path| format!("what was whole is in {}", path.display()));
+        Self { status: 130, report: Box::new(CommandError::Interrupted { kept }) }
+    }
+
+    /// A file cannot be read: status 2.
+    pub fn read(path: &Path, source: io::Error) -> Self {
+        Self::input(CommandError::Read { path: path.to_owned(), source })
+    }
+
+    /// A file cannot be written: status 1.
+    pub fn write(path: &Path, source: io::Error) -> Self {
+        Self::work(CommandError::Write { path: path.to_owned(), source })
+    }
+}
+
+/// What goes wrong in commands themselves.
+#[derive(Debug, Error, Diagnostic)]
+pub enum CommandError {
+    #[error("cannot read {}", path.display())]
+    #[diagnostic(code(cli::read))]
+    Read { path: PathBuf, source: io::Error },
+    #[error("cannot write {}", path.display())]
+    #[diagnostic(code(cli::write), help("nothing was left behind, an earlier file of that name is unchanged"))]
+    Write { path: PathBuf, source: io::Error },
+    #[error("cannot tell the format of {}", path.display())]
+    #[diagnostic(code(cli::unknown_format), help("pictures are written as .exr, .png or .hdr"))]
+    UnknownFormat { path: PathBuf },
+    #[error("{}: {error}", path.display())]
+    #[diagnostic(forward(error))]
+    BadPicture { path: PathBuf, error: crate::measure::PictureError },
+    #[error("the two pictures share no layer: one holds {test}, the other {reference}")]
+    #[diagnostic(code(cli::no_common_layer), help("name one for each: A.exr:LAYER B.exr:LAYER"))]
+    NoCommonLayer { test: String, reference: String },
+    #[error("{}", failed.join("; "))]
+    #[diagnostic(code(cli::over_threshold))]
+    OverThreshold { failed: Vec<String> },
+    #[error("the scene has no camera `{name}`")]
+    #[diagnostic(code(cli::unknown_camera), help("its cameras: {known}"))]
+    UnknownCamera { name: String, known: String },
+    #[error("the result cannot be written as JSON: {reason}")]
+    #[diagnostic(code(cli::json))]
+    Json { reason: String },
+    #[error("interrupted; {kept}")]
+    #[diagnostic(code(cli::interrupted))]
+    Interrupted { kept: String },
+    #[error("Ctrl-C cannot be listened to: {reason}")]
+    #[diagnostic(code(cli::signal))]
+    Signal { reason: String },
+}

@@ -1,0 +1,156 @@
+//! Files in and out. A written file appears whole or not at all.
+
+use super::failure::{CommandError, Failure};
+use crate::measure::{Layers, PICTURE};
+use std::fs;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+/// A file to be written later, checked now, so that no work is done for a place that cannot hold its result.
+pub struct Target {
+    path: PathBuf,
+}
+
+impl Target {
+    /// Creates the folder that the file will stand in.
+    pub fn new(path: &Path) -> Result<Self, Failure> {
+        if path.is_dir() {
+            return Err(Failure::write(path, io::Error::from(io::ErrorKind::IsADirectory)));
+        }
+        fs::create_dir_all(folder(path)).map_err(|error| Failure::write(path, error))?;
+        Ok(Self { path: path.to_owned() })
+    }
+
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Writes all bytes to a temporary file in the same folder, then gives it its name. Devices and pipes are written to directly.
+    pub fn write(&self, bytes: &[u8]) -> Result<(), Failure> {
+        self.try_write(bytes).map_err(|error| Failure::write(&self.path, error))
+    }
+
+    fn try_write(&self, bytes: &[u8]) -> io::Result<()> {
+        // A link keeps being one: what it leads to is replaced.
+        let path = fs::canonicalize(&self.path).unwrap_or_else(|_| self.path.clone());
+        if fs::metadata(&path).is_ok_and(|metadata| !metadata.is_file()) {
+            return fs::OpenOptions::new().write(true).open(&path)?.write_all(bytes);
+        }
+        let mut file = temporary(folder(&path))?;
+        file.write_all(bytes)?;
+        file.as_file().sync_all()?;
+        file.persist(&path)?;
+        Ok(())
+    }
+}
+
+/// A picture to be written later, in the format that its name's ending says.
+pub struct PictureTarget {
+    target: Target,
+    format: Format,
+}
+
+#[derive(Clone, Copy)]
+enum Format {
+    Exr,
+    Png,
+    Hdr,
+}
+
+impl PictureTarget {
+    /// Refuses endings other than `.exr`, `.png`, `.hdr`.
+    pub fn new(path: &Path) -> Result<Self, Failure> {
+        let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase());
+        let format = match ending.as_deref() {
+            Some("exr") => Format::Exr,
+            Some("png") => Format::Png,
+            Some("hdr") => Format::Hdr,
+            _ => return Err(Failure::input(CommandError::UnknownFormat { path: path.to_owned() })),
+        };
+        Ok(Self { target: Target::new(path)?, format })
+    }
+
+    pub fn path(&self) -> &Path {
+        self.target.path()
+    }
+
+    /// Writes all layers as EXR, or the picture as PNG (tone-mapped after a factor of 2^`exposure`) or HDR.
+    pub fn write(&self, picture: &Layers, exposure: f32) -> Result<(), Failure> {
+        let bytes = match self.format {
+            Format::Exr => picture.to_exr(),
+            Format::Png => picture.to_png(PICTURE, exposure),
+            Format::Hdr => picture.to_hdr(PICTURE),
+        };
+        self.target.write(&bytes.map_err(|error| Failure::work(CommandError::BadPicture { path: self.path().to_owned(), error }))?)
+    }
+}
+
+/// Reads a picture file of any kind.
+pub fn read_picture(path: &Path) -> Result<Layers, Failure> {
+    let bytes = fs::read(path).map_err(|error| Failure::read(path, error))?;
+    Layers::read(&bytes).map_err(|error| Failure::input(CommandError::BadPicture { path: path.to_owned(), error }))
+}
+
+fn folder(path: &Path) -> &Path {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+#[cfg(unix)]
+fn temporary(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
+    use std::os::unix::fs::PermissionsExt;
+    // As any new file: what the user's mask leaves of read and write for all.
+    tempfile::Builder::new().prefix(".hemisplat-").permissions(fs::Permissions::from_mode(0o666)).tempfile_in(folder)
+}
+
+#[cfg(not(unix))]
+fn temporary(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
+    tempfile::Builder::new().prefix(".hemisplat-").tempfile_in(folder)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names(folder: &Path) -> Vec<String> {
+        let mut names: Vec<String> = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    }
+
+    #[test]
+    fn a_file_appears_whole_in_a_new_folder_and_replaces_an_older_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a/b/c.json");
+        for text in ["first", "second"] {
+            Target::new(&path).ok().unwrap().write(text.as_bytes()).ok().unwrap();
+            assert_eq!(fs::read_to_string(&path).unwrap(), text);
+        }
+        assert_eq!(names(path.parent().unwrap()), ["c.json"]);
+    }
+
+    #[test]
+    fn a_picture_that_cannot_be_encoded_leaves_the_older_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.exr");
+        fs::write(&path, "older").unwrap();
+        let bad = Layers::new(1, 1).with("weight", crate::measure::Layer::value(vec![f32::NAN]));
+        let failure = PictureTarget::new(&path).ok().unwrap().write(&bad, 0.0).err().unwrap();
+        assert_eq!((failure.status, fs::read_to_string(&path).unwrap()), (1, "older".to_owned()));
+        assert_eq!(names(folder.path()), ["a.exr"]);
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn a_full_disk_is_reported() {
+        let failure = Target::new(Path::new("/dev/full")).ok().unwrap().write(b"x").err().unwrap();
+        assert_eq!(failure.status, 1);
+        assert!(failure.report.to_string().contains("/dev/full"), "{}", failure.report);
+    }
+
+    #[test]
+    fn folders_and_unknown_endings_are_refused_before_work() {
+        let folder = tempfile::tempdir().unwrap();
+        assert_eq!(Target::new(folder.path()).err().unwrap().status, 1);
+        assert_eq!(PictureTarget::new(Path::new("a.jpg")).err().unwrap().status, 2);
+    }
+}

@@ -1,0 +1,165 @@
+//! The program from outside: its help, its exit statuses, its exact messages.
+
+use assert_cmd::Command;
+use hemisplat::measure::{Layer, Layers, PICTURE};
+use std::fs;
+use tempfile::TempDir;
+
+/// An empty folder to run in, so that messages hold no path of the machine.
+struct Place(TempDir);
+
+impl Place {
+    fn new() -> Self {
+        Self(tempfile::tempdir().unwrap())
+    }
+
+    fn with(self, name: &str, picture: Layers) -> Self {
+        fs::write(self.0.path().join(name), picture.to_exr().unwrap()).unwrap();
+        self
+    }
+
+    /// Runs the program; its exit status, stdout and stderr.
+    fn run(&self, arguments: &[&str]) -> (i32, String, String) {
+        let output = Command::new(env!("CARGO_BIN_EXE_hemisplat")).current_dir(self.0.path()).args(arguments).env_remove("NO_COLOR").output().unwrap();
+        let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+        (output.status.code().unwrap(), text(output.stdout), text(output.stderr))
+    }
+
+    /// The message of a run that fails with bad usage or input and prints no result.
+    #[track_caller]
+    fn refusal(&self, arguments: &[&str]) -> String {
+        let (status, stdout, stderr) = self.run(arguments);
+        assert_eq!((status, stdout.as_str()), (2, ""), "{stderr}");
+        stderr
+    }
+}
+
+fn irradiance(values: [f32; 4]) -> Layers {
+    Layers::new(2, 2).with("irradiance", Layer::value(values.to_vec()))
+}
+
+fn two_pictures() -> Place {
+    Place::new().with("a.exr", irradiance([1.5, 2.0, 3.0, 1.0])).with("b.exr", irradiance([1.0, 2.0, 4.0, 1.0]))
+}
+
+#[test]
+fn help_is_a_result() {
+    let (status, stdout, stderr) = Place::new().run(&["--help"]);
+    assert_eq!((status, stderr.as_str()), (0, ""));
+    assert!(stdout.contains("Exit status"));
+}
+
+#[test]
+fn each_command_has_help_with_an_example() {
+    let (_, help, _) = Place::new().run(&["--help"]);
+    let commands = help.lines().skip_while(|line| *line != "Commands:").skip(1).take_while(|line| !line.is_empty());
+    let commands: Vec<&str> = commands.filter_map(|line| line.split_whitespace().next()).filter(|name| *name != "help").collect();
+    assert!(commands.contains(&"diff"), "{commands:?}");
+    for command in commands {
+        let (status, stdout, _) = Place::new().run(&[command, "--help"]);
+        assert_eq!(status, 0, "{command}");
+        assert!(stdout.contains(&format!("Example: hemisplat {command} ")), "{command}: {stdout}");
+    }
+}
+
+#[test]
+fn bad_usage_has_status_2() {
+    for arguments in [&[][..], &["nothing"], &["diff"], &["diff", "a.exr", "b.exr", "--color", "pink"]] {
+        Place::new().refusal(arguments);
+    }
+}
+
+#[test]
+fn completions_are_printed() {
+    let (status, stdout, _) = Place::new().run(&["completions", "bash"]);
+    assert_eq!(status, 0);
+    assert!(stdout.contains("_hemisplat"));
+}
+
+#[test]
+fn diff_prints_a_table() {
+    let (status, stdout, stderr) = two_pictures().run(&["diff", "a.exr", "b.exr"]);
+    assert_eq!((status, stderr.as_str()), (0, ""));
+    insta::assert_snapshot!(stdout);
+}
+
+#[test]
+fn diff_writes_json_without_nan() {
+    let place = two_pictures();
+    let (status, _, _) = place.run(&["diff", "a.exr", "b.exr:irradiance", "--json", "new/folder/diff.json"]);
+    assert_eq!(status, 0);
+    insta::assert_snapshot!(fs::read_to_string(place.0.path().join("new/folder/diff.json")).unwrap());
+}
+
+#[test]
+fn diff_fails_above_a_threshold_with_status_1() {
+    let place = two_pictures();
+    let judged = |limit: &str| place.run(&["diff", "a.exr", "b.exr", "--fail-above", limit]);
+    assert_eq!(judged("rmse_over_mean=0.28").0, 0);
+    let (status, stdout, stderr) = judged("rmse_over_mean=0.27");
+    assert_eq!(status, 1);
+    assert!(stdout.contains("rmse_over_mean"), "the table is printed all the same");
+    insta::assert_snapshot!(stderr);
+    assert_eq!(judged("bias_over_mean=0.06").0, 1, "a signed metric fails by its size");
+}
+
+#[test]
+fn diff_takes_the_noise_of_the_reference_off() {
+    let place = two_pictures().with("variance.exr", irradiance([0.3125; 4]));
+    let (status, stdout, _) = place.run(&["diff", "a.exr", "b.exr", "--variance", "variance.exr", "--fail-above", "rmse_over_mean=0"]);
+    assert_eq!(status, 0, "{stdout}");
+}
+
+#[test]
+fn diff_refuses_a_metric_that_it_does_not_know() {
+    insta::assert_snapshot!(two_pictures().refusal(&["diff", "a.exr", "b.exr", "--fail-above", "rsme=1"]));
+}
+
+#[test]
+fn diff_names_a_missing_file() {
+    insta::assert_snapshot!(two_pictures().refusal(&["diff", "a.exr", "c.exr"]));
+}
+
+#[test]
+fn diff_names_a_missing_layer() {
+    let place = Place::new().with("a.exr", irradiance([1.0; 4]).with("weight", Layer::value(vec![1.0; 4])));
+    insta::assert_snapshot!(place.refusal(&["diff", "a.exr:irradianse", "a.exr"]));
+}
+
+#[test]
+fn diff_refuses_pictures_without_a_common_layer() {
+    let place = Place::new().with("a.exr", irradiance([1.0; 4])).with("b.exr", Layers::new(2, 2).with(PICTURE, Layer::value(vec![1.0; 4])));
+    insta::assert_snapshot!(place.refusal(&["diff", "a.exr", "b.exr"]));
+    let (status, _, _) = place.run(&["diff", "a.exr:irradiance", "b.exr"]);
+    assert_eq!(status, 0, "a file of one layer need not name it");
+}
+
+#[test]
+fn diff_refuses_other_bounces() {
+    let place =
+        Place::new().with("a.exr", irradiance([1.0; 4]).with_attribute("bounces", 1)).with("b.exr", irradiance([1.0; 4]).with_attribute("bounces", "all"));
+    insta::assert_snapshot!(place.refusal(&["diff", "a.exr", "b.exr"]));
+}
+
+#[test]
+fn diff_refuses_a_picture_that_is_damaged() {
+    let place = two_pictures();
+    let bytes = fs::read(place.0.path().join("a.exr")).unwrap();
+    fs::write(place.0.path().join("cut.exr"), &bytes[..bytes.len() / 2]).unwrap();
+    fs::write(place.0.path().join("text.exr"), "not a picture").unwrap();
+    assert!(place.refusal(&["diff", "cut.exr", "a.exr"]).contains("measure::corrupt_exr"));
+    insta::assert_snapshot!(place.refusal(&["diff", "text.exr", "a.exr"]));
+}
+
+#[test]
+fn diff_refuses_sizes_that_do_not_fit() {
+    let place = two_pictures().with("wide.exr", Layers::new(3, 2).with("irradiance", Layer::value(vec![1.0; 6])));
+    insta::assert_snapshot!(place.refusal(&["diff", "wide.exr", "a.exr"]));
+}
+
+#[test]
+fn colours_are_a_choice() {
+    let place = Place::new();
+    let escapes = |when: &str| place.run(&["--color", when, "diff", "a.exr", "b.exr"]).2.contains('\u{1b}');
+    assert!(escapes("always") && !escapes("never") && !escapes("auto"));
+}

@@ -99,6 +99,14 @@ fn every_dependency_is_a_released_version() {
 }
 
 #[test]
+fn cargo_deny_has_the_same_list() {
+    let deny = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/deny.toml")).unwrap();
+    let list = deny.split_once("allow = [").and_then(|(_, rest)| rest.split_once(']')).unwrap().0;
+    let listed: Vec<&str> = list.split('"').skip(1).step_by(2).collect();
+    assert_eq!(listed, ALLOWED);
+}
+
+#[test]
 fn expressions_are_read_as_spdx_means_them() {
     for good in
         ["MIT", "GPL-3.0 OR MIT", "MIT/Apache-2.0", "(MIT OR GPL-2.0) AND Unicode-3.0", "Apache-2.0 WITH LLVM-exception OR MIT", "Zlib OR (GPL-3.0 AND MIT)"]

@@ -1,0 +1,42 @@
+# Sourced by ./demo, ./check and .ci/run: installs what a fresh Debian lacks, and says so.
+
+# Installs packages, or prints the command and stops where that needs a right that we lack.
+install_packages() {
+    local command="apt-get install -y --no-install-recommends $*"
+    if ! command -v apt-get >/dev/null; then
+        echo "missing: $*; install them with this system's package manager" >&2
+        exit 1
+    fi
+    if [ "$(id -u)" -ne 0 ]; then
+        echo "missing: $*; install them as root, then run this again:" >&2
+        echo "    apt-get update && $command" >&2
+        exit 1
+    fi
+    echo "installing: $*"
+    apt-get update -qq
+    DEBIAN_FRONTEND=noninteractive $command
+}
+
+# Whether the system has a Vulkan loader and any driver for it.
+has_vulkan() {
+    [ "$(uname -s)" = Linux ] || return 0
+    ldconfig -p 2>/dev/null | grep -q 'libvulkan\.so\.1' || return 1
+    [ -n "${VK_DRIVER_FILES:-}${VK_ICD_FILENAMES:-}" ] || compgen -G '/usr/share/vulkan/icd.d/*.json' >/dev/null || compgen -G '/etc/vulkan/icd.d/*.json' >/dev/null
+}
+
+# What building needs, and a Vulkan driver: Mesa's, which runs on any processor, where there is none.
+install_missing() {
+    if ! command -v cargo >/dev/null && [ -x "$HOME/.cargo/bin/cargo" ]; then
+        PATH="$HOME/.cargo/bin:$PATH"
+    fi
+    if ! command -v cargo >/dev/null; then
+        echo "missing: Rust; install it from https://rustup.rs, then run this again" >&2
+        exit 1
+    fi
+    local packages=()
+    command -v cc >/dev/null || packages+=(gcc libc6-dev)
+    has_vulkan || packages+=(mesa-vulkan-drivers libvulkan1)
+    [ "${#packages[@]}" -eq 0 ] || install_packages "${packages[@]}"
+    # Silences a warning of Mesa's.
+    export XDG_RUNTIME_DIR="${XDG_RUNTIME_DIR:-${TMPDIR:-/tmp}}"
+}

@@ -1,12 +1,14 @@
 //! The bounding volume hierarchy that the reference walks on the CPU and the ray-casting passes on the GPU.
 
-use super::model::{Material, Scene, Texture, Triangle};
+use super::{
+    model::{Material, Scene, Texture, Triangle},
+    wide::{Candidate, Wide},
+};
 use bytemuck::{Pod, Zeroable};
-use glam::{Vec2, Vec3, Vec3A};
+use glam::{Vec2, Vec3};
 use obvhs::{
     BvhBuildParams,
     bvh2::{Bvh2, builder::build_bvh2_from_tris, node::Bvh2Node},
-    ray::{Ray, RayHit},
 };
 use std::time::Duration;
 
@@ -16,6 +18,7 @@ pub const MAX_DEPTH: usize = 64;
 /// A binary hierarchy over a scene's triangles, in whose order it has sorted them.
 pub struct Bvh {
     inner: Bvh2,
+    wide: Wide,
 }
 
 /// A node as the GPU reads it: an inner node's children stand at `first` and `first + 1`; a leaf holds the triangles
@@ -54,7 +57,8 @@ impl Bvh {
         let mut inner = build_bvh2_from_tris(&boxes, parameters, &mut Duration::default());
         let order = sort_depth_first(&mut inner);
         scene.triangles = order.iter().map(|&i| scene.triangles[i as usize]).collect();
-        Self { inner }
+        let wide = Wide::new(&nodes(&inner), &scene.triangles);
+        Self { inner, wide }
     }
 
     /// For each node the triangles below it, first and one past the last: a subtree's triangles are neighbours.
@@ -71,7 +75,7 @@ impl Bvh {
 
     /// The nodes, root first; empty for an empty scene.
     pub fn nodes(&self) -> Vec<Node> {
-        self.inner.nodes.iter().map(|n| Node { min: n.aabb().min.into(), count: n.prim_count, max: n.aabb().max.into(), first: n.first_index }).collect()
+        nodes(&self.inner)
     }
 
     /// Nodes on the longest path from the root to a leaf.
@@ -82,35 +86,27 @@ impl Bvh {
     /// The nearest surface that a viewer would see along `origin + t·direction`, 0 < t < `limit`: one-sided surfaces
     /// are seen from their front only, holes of alpha-masked textures not at all.
     pub fn closest(&self, scene: &Scene, origin: Vec3, direction: Vec3, limit: f32) -> Option<Hit> {
-        let mut found = None;
-        let ray = Ray::new(origin.into(), direction.into(), 0.0, limit);
-        self.inner.ray_traverse(ray, &mut RayHit::none(), |ray, index| {
-            let triangle = &scene.triangles[index];
-            let Some((distance, barycentric, front)) = intersect(triangle, ray.origin.into(), ray.direction.into()) else {
-                return f32::INFINITY;
-            };
+        let seen = |candidate: &Candidate| {
+            let triangle = &scene.triangles[candidate.triangle];
             let material = &scene.materials[triangle.material as usize];
-            if distance >= ray.tmax || (!front && !material.two_sided) || is_hole(triangle, material, &scene.textures, barycentric) {
-                return f32::INFINITY;
-            }
-            found = Some(Hit { triangle: index as u32, distance, barycentric });
-            distance
-        });
-        found
+            (candidate.front || material.two_sided) && !is_hole(triangle, material, &scene.textures, candidate.barycentric)
+        };
+        let found = self.wide.closest(origin, direction, limit, seen)?;
+        Some(Hit { triangle: found.triangle as u32, distance: found.distance, barycentric: found.barycentric })
     }
 
     /// Whether anything blocks light between 0 and `limit` along the ray. A surface blocks from both of its sides,
     /// whatever its sidedness; holes of alpha-masked textures let light through.
     pub fn occluded(&self, scene: &Scene, origin: Vec3, direction: Vec3, limit: f32) -> bool {
-        let ray = Ray::new(origin.into(), direction.into(), 0.0, limit);
-        !self.inner.ray_traverse_miss(ray, |ray, index| {
-            let triangle = &scene.triangles[index];
-            match intersect(triangle, ray.origin.into(), ray.direction.into()) {
-                Some((distance, barycentric, _)) if !is_hole(triangle, &scene.materials[triangle.material as usize], &scene.textures, barycentric) => distance,
-                _ => f32::INFINITY,
-            }
+        self.wide.any(origin, direction, limit, |candidate| {
+            let triangle = &scene.triangles[candidate.triangle];
+            !is_hole(triangle, &scene.materials[triangle.material as usize], &scene.textures, candidate.barycentric)
         })
     }
+}
+
+fn nodes(hierarchy: &Bvh2) -> Vec<Node> {
+    hierarchy.nodes.iter().map(|n| Node { min: n.aabb().min.into(), count: n.prim_count, max: n.aabb().max.into(), first: n.first_index }).collect()
 }
 
 /// Node indices, parents before children, left before right.
@@ -142,28 +138,103 @@ fn sort_depth_first(bvh: &mut Bvh2) -> Vec<u32> {
     order
 }
 
-/// Möller and Trumbore's test: distance > 0, barycentric weights of corners 1 and 2, and whether the front was met.
-/// The shaders do the same arithmetic.
-fn intersect(triangle: &Triangle, origin: Vec3A, direction: Vec3A) -> Option<(f32, Vec2, bool)> {
-    let [a, b, c] = triangle.positions.map(Vec3A::from);
-    let (e1, e2) = (b - a, c - a);
-    let p = direction.cross(e2);
-    let determinant = e1.dot(p);
-    if determinant == 0.0 {
-        return None;
-    }
-    let inverse = 1.0 / determinant;
-    let s = origin - a;
-    let u = s.dot(p) * inverse;
-    let q = s.cross(e1);
-    let v = direction.dot(q) * inverse;
-    let t = e2.dot(q) * inverse;
-    // Written so that a NaN from a degenerate triangle is a miss.
-    (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0).then_some((t, Vec2::new(u, v), determinant > 0.0))
-}
-
 /// Whether an alpha-masked texture leaves a hole at the barycentric weights of corners 1 and 2.
 pub fn is_hole(triangle: &Triangle, material: &Material, textures: &[Texture], barycentric: Vec2) -> bool {
     let (Some(cutoff), Some(texture)) = (material.alpha_cutoff, material.texture) else { return false };
     textures[texture as usize].sample(triangle.uv(barycentric)).w < cutoff
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::model::{Environment, Scene};
+    use glam::DVec3;
+
+    /// Numbers in −1..1 of no particular order (a linear congruential generator).
+    fn numbers() -> impl FnMut() -> f32 {
+        let mut state = 1u64;
+        move || {
+            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            (state >> 40) as f32 / (1 << 23) as f32 - 1.0
+        }
+    }
+
+    /// Triangles small, huge, needle-thin, flat along an axis, doubled and without area; half of them one-sided.
+    fn clutter(scale: f32) -> Scene {
+        let mut number = numbers();
+        let mut point = move || Vec3::new(number(), number(), number());
+        let mut triangles = Vec::new();
+        for k in 0..600u32 {
+            let (centre, spread) = (point(), [0.05, 0.05, 0.4, 2.0][k as usize % 4]);
+            let mut positions = [point(), point(), point()].map(|p| centre + p * spread);
+            match k % 7 {
+                0 => positions[2] = positions[0].lerp(positions[1], 0.3) + point() * 1e-4,
+                1 => positions = positions.map(|p| Vec3::new(p.x, centre.y, p.z)),
+                2 if k % 5 == 0 => positions[2] = positions[1],
+                _ => {}
+            }
+            let triangle = Triangle { positions: positions.map(|p| p * scale), normals: [Vec3::Y; 3], uvs: [Vec2::ZERO; 3], material: k % 2 };
+            triangles.extend(vec![triangle; 1 + (k % 11 == 0) as usize]);
+        }
+        let materials = [true, false].map(|two_sided| Material { two_sided, ..Material::diffuse("grey", Vec3::ONE) }).into();
+        let environment = Environment::Constant(Vec3::ZERO);
+        let (name, origin) = (String::new(), DVec3::ZERO);
+        Scene { name, triangles, materials, textures: vec![], lights: vec![], environment, cameras: vec![], origin, notes: vec![] }
+    }
+
+    /// Distance to a triangle and whether its front is met, in double precision; none near its edges counts for sure.
+    fn met(triangle: &Triangle, origin: Vec3, direction: Vec3, margin: f64) -> Option<(f64, bool)> {
+        let [a, b, c] = triangle.positions.map(|p| p.as_dvec3());
+        let (d, e1, e2) = (direction.as_dvec3(), b - a, c - a);
+        let p = d.cross(e2);
+        let determinant = e1.dot(p);
+        let s = origin.as_dvec3() - a;
+        let (u, v, t) = (s.dot(p) / determinant, d.dot(s.cross(e1)) / determinant, e2.dot(s.cross(e1)) / determinant);
+        (u >= -margin && v >= -margin && u + v <= 1.0 + margin && t > 0.0).then_some((t, determinant > 0.0))
+    }
+
+    #[test]
+    fn rays_meet_what_a_search_of_all_triangles_finds() {
+        for scale in [1.0, 1e-3, 1e6] {
+            let mut scene = clutter(scale);
+            let bvh = Bvh::build(&mut scene);
+            let mut number = numbers();
+            let mut unsure = 0;
+            for k in 0..2000 {
+                let origin = Vec3::new(number(), number(), number()) * scale;
+                let mut direction = Vec3::new(number(), number(), number());
+                // Along an axis and nearly so, too.
+                direction[k % 3] *= [1.0, 0.0, 1e-9][k / 3 % 3];
+                let direction = direction.normalize_or(Vec3::X);
+                let search = |margin: f64, two_sided_only: bool| {
+                    let seen = |t: &&Triangle| met(t, origin, direction, margin).filter(|(_, front)| !two_sided_only || *front || t.material == 0);
+                    scene.triangles.iter().filter_map(|t| seen(&t)).map(|(t, _)| t).fold(f64::INFINITY, f64::min)
+                };
+                let found = bvh.closest(&scene, origin, direction, f32::INFINITY).map_or(f64::INFINITY, |hit| hit.distance as f64);
+                // Where the answer hangs on the rounding at an edge, either is right.
+                let (least, most) = (search(1e-4, true), search(-1e-4, true));
+                unsure += (least != most) as u32;
+                assert!(found >= least * (1.0 - 1e-3) && found <= most * (1.0 + 1e-3), "ray {k} at scale {scale}: {found}, not {least} to {most}");
+                let (least, most) = (search(1e-4, false), search(-1e-4, false));
+                let limit = 0.8 * scale;
+                let blocked = bvh.occluded(&scene, origin, direction, limit);
+                assert!(if blocked { least <= limit as f64 * 1.001 } else { most >= limit as f64 * 0.999 }, "ray {k} at scale {scale}: {blocked}");
+            }
+            assert!(unsure < 100, "{unsure} rays test nothing");
+        }
+    }
+
+    #[test]
+    fn small_and_empty_scenes_are_walked() {
+        for count in [0, 1, 2, 3, 5] {
+            let mut scene = clutter(1.0);
+            scene.triangles.truncate(count);
+            let bvh = Bvh::build(&mut scene);
+            for target in scene.triangles.clone() {
+                let centre = target.positions.iter().sum::<Vec3>() / 3.0;
+                assert!(bvh.occluded(&scene, centre + target.face_normal(), -target.face_normal(), 2.0));
+            }
+            assert!(bvh.closest(&scene, Vec3::splat(9.0), Vec3::ONE.normalize(), f32::INFINITY).is_none());
+        }
+    }
 }

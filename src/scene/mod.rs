@@ -4,5 +4,6 @@ pub mod bvh;
 pub mod load;
 pub mod model;
 pub mod needs;
+mod wide;
 
 pub use model::*;

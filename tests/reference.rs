@@ -290,6 +290,22 @@ fn one_sided_surfaces_are_unseen_from_behind_but_shadow() {
 }
 
 #[test]
+fn one_sided_surfaces_shadow_the_sky() {
+    let texels = vec![Vec3::ONE; 8];
+    for environment in [Environment::Constant(Vec3::ONE), Environment::LatLong { width: 4, height: 2, texels }] {
+        let under_lid = |two_sided| {
+            let lid = quad(Vec3::new(-1.0, 1.0, -1.0), Vec3::Z * 2.0, Vec3::X * 2.0, 0);
+            let mut scene = scene(lid, vec![Material { two_sided, ..grey(0.0) }]);
+            scene.environment = environment.clone();
+            direct_at(scene, Vec3::ZERO, Vec3::Y, 4096)
+        };
+        // All but the lid's share, four corner rectangles of 1 × 1 at height 1: 4·0.13853.
+        assert_close(under_lid(true) / PI, 1.0 - 4.0 * 0.13853, 0.01);
+        assert_close(under_lid(false), under_lid(true), 1e-6);
+    }
+}
+
+#[test]
 fn one_sided_emitters_shine_from_their_front_alone() {
     let from_behind = |two_sided| {
         let ceiling = quad(Vec3::new(-1.0, 1.0, -1.0), Vec3::Z * 2.0, Vec3::X * 2.0, 0);

@@ -159,9 +159,9 @@ pub fn punctual(kind: &LightKind, receiver: Vec3) -> Option<(Vec3, f32, DVec3)> 
         LightKind::Point { position, intensity } => toward(position, receiver, intensity),
         LightKind::Spot { position, direction, intensity, inner, outer } => {
             let (to, distance, irradiance) = toward(position, receiver, intensity)?;
-            // The falloff of KHR_lights_punctual.
+            // The falloff of KHR_lights_punctual, its least width small enough for a spot of one degree.
             let (inner, outer) = (inner.cos(), outer.cos());
-            let ramp = ((-to.dot(direction) - outer) / (inner - outer).max(1e-3)).clamp(0.0, 1.0);
+            let ramp = ((-to.dot(direction) - outer) / (inner - outer).max(1e-4)).clamp(0.0, 1.0);
             Some((to, distance, irradiance * (ramp as f64).powi(2)))
         }
     }

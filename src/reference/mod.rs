@@ -10,8 +10,8 @@
 //! draws from its own counter-based stream: the result does not depend on the number of threads, and a picture with a
 //! stride holds the same bits as every k-th pixel of the full one.
 //!
-//! Punctual lights and emitters are shadowed by either side of a surface. The sky is what rays see, and rays pass
-//! through the backs of one-sided surfaces.
+//! Direct light is shadowed by either side of a surface, whatever sends it. Rays that look for indirect light pass
+//! through the backs of one-sided surfaces, as those of a viewer do.
 
 mod lights;
 mod path;

@@ -172,8 +172,8 @@ impl<'a> Tracer<'a> {
         let mut sum = DVec3::ZERO;
         for light in &self.scene.lights {
             let Some((direction, distance, irradiance)) = punctual(&light.kind, start) else { continue };
-            let cosine = at.normal.dot(direction);
-            if cosine > 0.0 && irradiance != DVec3::ZERO && !(light.shadows && self.shadowed(start, direction, distance)) {
+            let Some(cosine) = at.cosine(direction) else { continue };
+            if irradiance != DVec3::ZERO && !(light.shadows && self.shadowed(start, direction, distance)) {
                 sum += irradiance * cosine as f64;
             }
         }
@@ -184,37 +184,28 @@ impl<'a> Tracer<'a> {
     fn light_sampled(&self, at: &Surface, pair: [f64; 2]) -> DVec3 {
         let start = self.start(at);
         let Some(sample) = self.sources.sample(self.scene, start, pair) else { return DVec3::ZERO };
-        let cosine = at.normal.dot(sample.direction);
-        if cosine <= 0.0 {
-            return DVec3::ZERO;
+        match at.cosine(sample.direction) {
+            Some(cosine) if !self.shadowed(start, sample.direction, sample.distance) => balanced(sample.radiance, cosine, sample.density),
+            _ => DVec3::ZERO,
         }
-        let hidden = match sample.distance.is_finite() {
-            true => self.shadowed(start, sample.direction, sample.distance),
-            false => self.bvh.closest(self.scene, start, sample.direction, f32::INFINITY).is_some(),
-        };
-        if hidden { DVec3::ZERO } else { balanced(sample.radiance, cosine, sample.density) }
     }
 
     /// What a cosine-distributed ray met: its share of the direct irradiance under the balance heuristic.
     fn light_met(&self, at: &Surface, direction: Vec3, met: Option<&Surface>) -> DVec3 {
-        let cosine = at.normal.dot(direction);
-        let Some(met) = met else {
-            return if self.sources.visible() {
-                balanced(self.scene.environment.radiance(direction), cosine, self.sources.sky_density(direction))
-            } else {
-                DVec3::ZERO
-            };
-        };
-        if luminance(met.emission.as_dvec3()) <= 0.0 {
-            return DVec3::ZERO;
-        }
         let start = self.start(at);
-        let distance = met.position.distance(start);
-        // The ray may have come through the back of a one-sided surface, which shadows.
-        if self.one_sided && self.shadowed(start, direction, distance) {
-            return DVec3::ZERO;
+        let (radiance, distance, density) = match met {
+            None if self.sources.visible() => (self.scene.environment.radiance(direction), f32::INFINITY, self.sources.sky_density(direction)),
+            Some(met) if luminance(met.emission.as_dvec3()) > 0.0 => {
+                let distance = met.position.distance(start);
+                (met.emission, distance, self.sources.emitter_density(met.emission, distance, -met.face.dot(direction)))
+            }
+            _ => return DVec3::ZERO,
+        };
+        match at.cosine(direction) {
+            // The ray may have come through the back of a one-sided surface, which shadows.
+            Some(cosine) if !(self.one_sided && self.shadowed(start, direction, distance)) => balanced(radiance, cosine, density),
+            _ => DVec3::ZERO,
         }
-        balanced(met.emission, cosine, self.sources.emitter_density(met.emission, distance, -met.face.dot(direction)))
     }
 
     /// Whether something stands between `start` and a light at `distance`, short of the surface that the light may be on.
@@ -224,9 +215,16 @@ impl<'a> Tracer<'a> {
     }
 }
 
+impl Surface {
+    /// Cosine of a direction from which light may arrive: above the plane and about the shading normal.
+    fn cosine(&self, direction: Vec3) -> Option<f32> {
+        let cosine = self.normal.dot(direction);
+        (cosine > 0.0 && self.face.dot(direction) > 0.0).then_some(cosine)
+    }
+}
+
 /// A direction's share of the irradiance [W/m²] when one sample is drawn by cosine/π and one with `density` at the
 /// source: L·cos / (p_cosine + p_source), whichever of the two drew it (Veach 1997, eq. 9.8).
 fn balanced(radiance: Rgb, cosine: f32, density: f64) -> DVec3 {
-    let cosine = (cosine as f64).max(f64::MIN_POSITIVE);
-    radiance.as_dvec3() * (cosine / (cosine / PI + density))
+    radiance.as_dvec3() * (cosine as f64 / (cosine as f64 / PI + density))
 }

@@ -487,6 +487,7 @@ fn bad_settings_are_named() {
     };
     assert_eq!(error(&|s, _| s.size = [0, 5]), "reference::size");
     assert_eq!(error(&|s, _| s.size = [1, 40_000]), "reference::size");
+    assert_eq!(error(&|s, _| s.size = [8192, 8192]), "reference::size");
     assert_eq!(error(&|s, _| s.stride = 0), "reference::stride");
     assert_eq!(error(&|s, _| s.stride = 17), "reference::stride");
     assert_eq!(error(&|s, _| s.stop = Stop::Samples(0)), "reference::samples");

@@ -35,6 +35,9 @@ use std::{
 /// The longest side of a picture [pixels].
 pub const MAX_SIDE: u32 = 32768;
 
+/// Pixels that one reference computes, at some 300 bytes each.
+pub const MAX_PIXELS: u64 = 1 << 24;
+
 /// Samples per pixel at which [`Stop::RelativeError`] gives up.
 pub const MAX_SAMPLES: u32 = 1 << 20;
 
@@ -55,6 +58,13 @@ pub struct Settings {
     pub stop: Stop,
     /// Another seed is an independent estimate.
     pub seed: u64,
+}
+
+impl Settings {
+    /// Columns and rows of the pixels computed.
+    fn pixels(&self) -> [u32; 2] {
+        self.size.map(|side| (side - self.stride / 2).div_ceil(self.stride))
+    }
 }
 
 /// How many surfaces indirect light may touch.
@@ -138,7 +148,10 @@ pub struct Reference {
 #[derive(Debug, Clone, PartialEq, thiserror::Error, miette::Diagnostic)]
 pub enum ReferenceError {
     #[error("a picture of {width}×{height} pixels cannot be rendered")]
-    #[diagnostic(code(reference::size), help("each side must be 1 to {MAX_SIDE} pixels"))]
+    #[diagnostic(
+        code(reference::size),
+        help("each side must be 1 to {MAX_SIDE} pixels, and {MAX_PIXELS} pixels may be computed in all: a stride leaves some out")
+    )]
     Size { width: u32, height: u32 },
     #[error("a stride of {stride} does not fit a picture of {width}×{height} pixels")]
     #[diagnostic(code(reference::stride), help("the stride must be at least 1 and at most the shorter side"))]
@@ -204,6 +217,10 @@ fn check(scene: &Scene, camera: &Camera, settings: &Settings) -> Result<(), Refe
     if settings.stride == 0 || settings.stride > width.min(height) {
         return Err(ReferenceError::Stride { stride: settings.stride, width, height });
     }
+    let [columns, rows] = settings.pixels().map(u64::from);
+    if columns * rows > MAX_PIXELS {
+        return Err(ReferenceError::Size { width, height });
+    }
     match settings.stop {
         Stop::Samples(0) => return Err(ReferenceError::NoSamples),
         Stop::RelativeError(error) if !(error.is_finite() && error > 0.0) => return Err(ReferenceError::RelativeError { error }),
@@ -264,7 +281,7 @@ struct Sums {
 impl Frame {
     fn new(tracer: &Tracer, camera: &Camera, settings: &Settings) -> Self {
         let stride = settings.stride;
-        let [width, height] = settings.size.map(|side| (side - stride / 2).div_ceil(stride));
+        let [width, height] = settings.pixels();
         let (mut sky, mut visible) = (Vec::new(), Vec::new());
         for index in 0..width as usize * height as usize {
             let [x, y] = [index as u32 % width, index as u32 / width].map(|i| i * stride + stride / 2);

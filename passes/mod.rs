@@ -2,5 +2,32 @@
 
 use crate::contract::Registry;
 
+pub mod add_records;
+pub mod combine;
+pub mod compensation;
+pub mod direct_light;
+pub mod find_misses;
+pub mod gbuffer;
+pub mod hemisphere_tiles;
+pub mod irradiance_sum;
+pub mod normalize;
+pub mod record;
+pub mod record_cache;
+pub mod shadow_map;
+pub mod splat;
+
 /// All passes, in the order that `hemisplat passes` lists them.
-pub static REGISTRY: &Registry = &[];
+pub static REGISTRY: &Registry = &[
+    &gbuffer::GBuffer,
+    &shadow_map::ShadowMap,
+    &direct_light::DirectLight,
+    &record_cache::RecordCache,
+    &splat::Splat,
+    &find_misses::FindMisses,
+    &hemisphere_tiles::HemisphereTiles,
+    &compensation::Compensation,
+    &irradiance_sum::IrradianceSum,
+    &add_records::AddRecords,
+    &normalize::Normalize,
+    &combine::Combine,
+];

@@ -47,8 +47,8 @@ fn record_weight(record: Record, weighting: Weighting, position: vec3f, normal: 
     if apart > 1.0 {
         return 0.0;
     }
-    let aligned = dot(normal, record.normal);
-    let turned = sqrt(max(1.0 - aligned, 0.0));
+    // sqrt(1 − n·n_k), without its cancellation.
+    let turned = length(normal - record.normal) * 0.70710678;
     // In front of the point: what the record saw is behind the point's surroundings.
     if dot(d, normal + record.normal) * 0.5 < -0.05 * radius {
         return 0.0;

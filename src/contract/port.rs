@@ -9,6 +9,7 @@ use std::sync::Arc;
 pub enum PortKind {
     GBuffer,
     ShadowMaps,
+    DirectLight,
     Image,
     Splats,
     Requests,
@@ -25,6 +26,7 @@ impl PortKind {
         match self {
             Self::GBuffer => "a G-buffer",
             Self::ShadowMaps => "shadow maps",
+            Self::DirectLight => "direct light",
             Self::Image => "an image",
             Self::Splats => "a splat buffer",
             Self::Requests => "requests for records",
@@ -42,6 +44,7 @@ impl PortKind {
 pub enum Port {
     GBuffer(GBuffer),
     ShadowMaps(ShadowMaps),
+    DirectLight(DirectLight),
     Image(Image),
     Splats(Splats),
     Requests(Requests),
@@ -52,6 +55,41 @@ pub enum Port {
     Flag(Variable),
 }
 
+impl Port {
+    pub fn kind(&self) -> PortKind {
+        match self {
+            Self::GBuffer(_) => PortKind::GBuffer,
+            Self::ShadowMaps(_) => PortKind::ShadowMaps,
+            Self::DirectLight(_) => PortKind::DirectLight,
+            Self::Image(_) => PortKind::Image,
+            Self::Splats(_) => PortKind::Splats,
+            Self::Requests(_) => PortKind::Requests,
+            Self::Tiles(_) => PortKind::Tiles,
+            Self::WeightedTiles(_) => PortKind::WeightedTiles,
+            Self::Records(_) => PortKind::Records,
+            Self::RecordCache(_) => PortKind::RecordCache,
+            Self::Flag(_) => PortKind::Flag,
+        }
+    }
+
+    /// The memory behind the port: what has to be whole where the port is looked at.
+    pub fn resources(&self) -> Vec<Resource> {
+        match self {
+            Self::GBuffer(p) => vec![p.position, p.normal, p.reflectance, p.triangles],
+            Self::ShadowMaps(p) => vec![p.depth, p.views],
+            Self::DirectLight(p) => vec![p.radiance],
+            Self::Image(p) => vec![p.texture],
+            Self::Splats(p) => [p.sums, p.cache.records].into_iter().chain(p.counts).collect(),
+            Self::Requests(p) => vec![p.places],
+            Self::Tiles(p) => vec![p.samples, p.requests.places],
+            Self::WeightedTiles(p) => vec![p.tiles.samples, p.tiles.requests.places, p.weights, p.edges],
+            Self::Records(p) => vec![p.records],
+            Self::RecordCache(p) => vec![p.records],
+            Self::Flag(_) => Vec::new(),
+        }
+    }
+}
+
 /// The visible surfaces, one texel a pixel.
 #[derive(Debug, Clone, Copy)]
 pub struct GBuffer {
@@ -59,10 +97,19 @@ pub struct GBuffer {
     pub position: Resource,
     /// RGBA32F: unit shading normal, facing the viewer; depth along the camera's axis [scene units].
     pub normal: Resource,
-    /// RGBA32F: diffuse reflectance; 1 where a surface is seen.
+    /// RGBA16F: diffuse reflectance; 1 where a surface is seen.
     pub reflectance: Resource,
-    /// RGBA32F: emitted radiance or sky; material index.
-    pub emission: Resource,
+    /// R32U: index of the triangle + 1, 0 where nothing is seen.
+    pub triangles: Resource,
+}
+
+/// Reflected direct light, and who lights from emitters.
+#[derive(Debug, Clone, Copy)]
+pub struct DirectLight {
+    /// RGBA32F: radiance toward the camera.
+    pub radiance: Resource,
+    /// Whether the direct pass lights surfaces from emitters and the sky, so that records must leave emission out.
+    pub lights_from_emitters: bool,
 }
 
 /// Depth from the lights that cast shadows.
@@ -92,6 +139,8 @@ pub enum Channels {
     Colour,
     /// The first channel alone.
     Single,
+    /// The fourth channel alone.
+    Fourth,
     /// X, Y, Z.
     Vector,
 }
@@ -103,17 +152,28 @@ pub struct Splats {
     pub sums: Resource,
     /// Number of records that count, as f32 in the first channel; absent unless asked for.
     pub counts: Option<Resource>,
-    pub weighting: Weighting,
     pub cache: RecordCache,
 }
 
-/// Which records count at a point and how much.
+/// Which records count at a point and how much; the shaders know them by these numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Weighting {
     /// Ward 1988, RCS 2 and 3.
-    Ward,
+    Ward = 0,
     /// Tabellion and Lamorlette 2004: falls to 0 at the rim.
-    TabellionLamorlette,
+    TabellionLamorlette = 1,
+    /// Ward's support, falls to 0 at the rim.
+    Compact = 2,
+}
+
+/// The rule by which records count.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Rule {
+    pub weighting: Weighting,
+    /// The accuracy parameter a: a record reaches a·R.
+    pub accuracy: f32,
+    /// Least and most reach in widths of the pixel that asked for the record.
+    pub spacing: [f32; 2],
 }
 
 /// Places that need a record: at most `capacity` a round.
@@ -135,6 +195,8 @@ pub struct Tiles {
     pub shape: crate::math::hemisphere::Shape,
     /// Samples along a tile's edge, N.
     pub resolution: u32,
+    /// Tiles along a row of the atlas.
+    pub tiles_per_row: u32,
     /// The shape without compensation: directions and raw weights.
     pub table: Arc<Table>,
 }
@@ -166,6 +228,7 @@ pub struct RecordCache {
     /// Records in the cache.
     pub count: Variable,
     pub capacity: u32,
-    /// The accuracy parameter a: a record reaches a·R.
-    pub accuracy: f32,
+    /// The rule as a uniform buffer.
+    pub weighting: Resource,
+    pub rule: Rule,
 }

@@ -23,6 +23,18 @@ pub struct Refusal {
     pub message: String,
     /// What to do about it.
     pub help: String,
+    /// The parameter that is at fault, if one is.
+    pub parameter: Option<&'static str>,
+}
+
+impl Refusal {
+    pub fn new(code: &'static str, message: impl Into<String>, help: impl Into<String>) -> Self {
+        Self { code, message: message.into(), help: help.into(), parameter: None }
+    }
+
+    pub fn of_parameter(parameter: &'static str, code: &'static str, message: impl Into<String>, help: impl Into<String>) -> Self {
+        Self { parameter: Some(parameter), ..Self::new(code, message, help) }
+    }
 }
 
 /// Records one node.
@@ -30,6 +42,10 @@ pub struct Recorder<'a> {
     pub node: &'a str,
     pub arguments: &'a Arguments,
     pub setting: Setting<'a>,
+    /// How many records a round of the loop that holds the node adds at most; None outside of loops.
+    pub batch: Option<u32>,
+    /// Whether the loop walks one record at a time in the order of pixels, as the papers do; then `batch` is 1.
+    pub sequential: bool,
     inputs: &'a BTreeMap<&'static str, Port>,
     recording: &'a mut Recording,
     recorded: Recorded,
@@ -44,13 +60,37 @@ pub struct Recorded {
     pub commands: Vec<Command>,
     /// Remarks for `explain`: what was adapted and why.
     pub remarks: Vec<String>,
-    /// Memory to show under a name with `--dump`, besides the ports.
-    pub dumps: BTreeMap<&'static str, Resource>,
+    /// Numbers for the run's report: name, buffer of u32 and index.
+    pub reports: Vec<(&'static str, Reported)>,
+    /// Histories that `--cache` saves and loads.
+    pub persistent: Vec<Persistent>,
+}
+
+/// Where a number of the report stands after a frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Reported {
+    /// A u32 of a buffer, by its index.
+    Buffer(Resource, u32),
+    Variable(Variable),
+}
+
+/// A history of items that can be saved and loaded.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Persistent {
+    pub name: &'static str,
+    pub items: Resource,
+    pub item_bytes: u64,
+    pub count: Variable,
 }
 
 impl<'a> Recorder<'a> {
     pub fn new(node: &'a str, arguments: &'a Arguments, setting: Setting<'a>, inputs: &'a BTreeMap<&'static str, Port>, recording: &'a mut Recording) -> Self {
-        Self { node, arguments, setting, inputs, recording, recorded: Recorded::default() }
+        Self { node, arguments, setting, batch: None, sequential: false, inputs, recording, recorded: Recorded::default() }
+    }
+
+    /// For a node inside a loop.
+    pub fn in_loop(self, batch: u32, sequential: bool) -> Self {
+        Self { batch: Some(batch), sequential, ..self }
     }
 
     pub fn finish(self) -> Recorded {
@@ -64,6 +104,20 @@ impl<'a> Recorder<'a> {
 
     pub fn output(&mut self, name: &'static str, port: Port) {
         self.recorded.outputs.insert(name, port);
+    }
+
+    /// Puts a number of a buffer into the run's report.
+    pub fn report(&mut self, name: &'static str, buffer: Resource, index: u32) {
+        self.recorded.reports.push((name, Reported::Buffer(buffer, index)));
+    }
+
+    pub fn report_variable(&mut self, name: &'static str, variable: Variable) {
+        self.recorded.reports.push((name, Reported::Variable(variable)));
+    }
+
+    /// Makes a history one that `--cache` saves and loads.
+    pub fn persist(&mut self, name: &'static str, items: Resource, item_bytes: u64, count: Variable) {
+        self.recorded.persistent.push(Persistent { name, items, item_bytes, count });
     }
 
     pub fn remark(&mut self, remark: impl Into<String>) {
@@ -184,4 +238,28 @@ macro_rules! typed_inputs {
         }
     };
 }
-typed_inputs!(g_buffer: GBuffer, shadow_maps: ShadowMaps, image_port: Image, splats: Splats, requests: Requests, tiles: Tiles, weighted_tiles: WeightedTiles, records: Records, record_cache: RecordCache);
+typed_inputs!(g_buffer: GBuffer, shadow_maps: ShadowMaps, image_port: Image, splats: Splats, requests: Requests, tiles: Tiles, weighted_tiles: WeightedTiles, records: Records, record_cache: RecordCache, direct_light: DirectLight);
+
+/// Specialises a program to what the scene has: textures, alpha masks, one-sided surfaces.
+pub fn scene_constants(program: Program, needs: &Needs) -> Program {
+    program.constant("TEXTURES", needs.textures as u8).constant("ALPHA_MASKS", needs.alpha_masks as u8).constant("ONE_SIDED", needs.one_sided as u8)
+}
+
+/// The same for a program that computes direct light, with `[area, sky]` samples where the scene has such light.
+pub fn light_constants(program: Program, needs: &Needs, samples: [u32; 2]) -> Program {
+    scene_constants(program, needs)
+        .constant("AREA_SAMPLES", if needs.emissive_triangles > 0 { samples[0] } else { 0 })
+        .constant("SKY_SAMPLES", if needs.environment { samples[1] } else { 0 })
+}
+
+/// Joins shadow maps to a program that looks lights up; shadow rays where there are none.
+pub fn bind_visibility(program: Program, maps: Option<&super::port::ShadowMaps>) -> Program {
+    match maps {
+        Some(maps) => program
+            .import("VISIBILITY", "lib/visibility/shadow_maps")
+            .constant("SHADOW_TAPS", (maps.taps as f64).sqrt())
+            .bind("shadow_depth", maps.depth)
+            .bind("shadow_views", maps.views),
+        None => program.import("VISIBILITY", "lib/visibility/rays"),
+    }
+}

@@ -2,7 +2,7 @@
 
 use crate::host_struct;
 use crate::recording::{HostLayout, SceneData};
-use crate::scene::{Camera, Environment, LightKind, Scene, Triangle, bvh::Bvh};
+use crate::scene::{Camera, Environment, LightKind, Scene, Triangle, bvh::Bvh, shadow_layers};
 use bytemuck::{bytes_of, cast_slice};
 use glam::{Vec2, Vec3};
 
@@ -87,19 +87,6 @@ pub const LAYOUTS: &[HostLayout] = &[SceneParameters::LAYOUT, SceneMaterial::LAY
 pub const TWO_SIDED: u32 = 1;
 pub const HOLES: u32 = 2;
 pub const TEXTURED: u32 = 4;
-
-/// Layers of the shadow maps that a light takes: six for a point light, one for the others; none without shadows.
-pub fn shadow_layers(light: &crate::scene::Light) -> u32 {
-    match light.kind {
-        _ if !light.shadows => 0,
-        LightKind::Point { .. } => 6,
-        LightKind::Spot { outer, .. } if outer > WIDE_SPOT => 6,
-        LightKind::Spot { .. } | LightKind::Directional { .. } => 1,
-    }
-}
-
-/// Half-angle from which on a spot light's shadow takes a cube: 60°.
-const WIDE_SPOT: f32 = std::f32::consts::PI / 3.0;
 
 /// Size of a part of the scene as a buffer.
 pub fn byte_size(scene: &Scene, data: SceneData) -> u64 {

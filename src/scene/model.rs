@@ -302,3 +302,16 @@ impl Scene {
 pub fn surface_offset(extent: f32, point: Vec3) -> f32 {
     2e-6 * extent + 4e-7 * point.abs().max_element()
 }
+
+/// Layers of the shadow maps that a light takes: six for a point light, one for the others; none without shadows.
+pub fn shadow_layers(light: &Light) -> u32 {
+    match light.kind {
+        _ if !light.shadows => 0,
+        LightKind::Point { .. } => 6,
+        LightKind::Spot { outer, .. } if outer > WIDE_SPOT => 6,
+        LightKind::Spot { .. } | LightKind::Directional { .. } => 1,
+    }
+}
+
+/// Half-angle from which on a spot light's shadow takes a cube: 60°.
+const WIDE_SPOT: f32 = std::f32::consts::PI / 3.0;

@@ -1,0 +1,43 @@
+//! The picture.
+
+use crate::contract::{Description, Input, Output, Pass, Port, PortKind, Recorder, Refusal, port, recorder::scene_constants};
+use crate::recording::*;
+
+pub struct Combine;
+
+static DESCRIPTION: Description = Description {
+    name: "Combine",
+    about: "Adds direct light, indirect light and what surfaces and sky emit toward the camera",
+    source: "RCS section 4, step 5",
+    parameters: &[],
+    inputs: &[
+        Input { name: "gbuffer", about: "the visible surfaces", accepts: PortKind::GBuffer, required: true },
+        Input { name: "direct", about: "reflected direct light", accepts: PortKind::DirectLight, required: false },
+        Input { name: "indirect", about: "reflected indirect radiance", accepts: PortKind::Image, required: false },
+    ],
+    outputs: &[Output { name: "picture", about: "radiance toward the camera", kind: PortKind::Image }],
+};
+
+impl Pass for Combine {
+    fn description(&self) -> &'static Description {
+        &DESCRIPTION
+    }
+
+    fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
+        let Some(gbuffer) = r.g_buffer("gbuffer").copied() else { return Ok(()) };
+        let direct = r.direct_light("direct").map(|d| d.radiance);
+        let indirect = r.image_port("indirect").map(|i| i.texture);
+        let picture = r.image("picture", Format::Rgba32Float);
+        // A part that is absent is bound to any image and never read.
+        let program = scene_constants(Program::new("combine"), r.setting.needs)
+            .constant("HAS_DIRECT", direct.is_some() as u8)
+            .constant("HAS_INDIRECT", indirect.is_some() as u8)
+            .bind("triangles", gbuffer.triangles)
+            .bind("direct", direct.unwrap_or(gbuffer.position))
+            .bind("indirect", indirect.unwrap_or(gbuffer.position))
+            .bind("picture", picture);
+        r.compute_pixels(program, "combine_parts");
+        r.output("picture", Port::Image(port::Image { texture: picture, channels: port::Channels::Colour }));
+        Ok(())
+    }
+}

@@ -1,0 +1,50 @@
+//! What stands for the directions that a shape leaves out.
+
+use super::record::{edge_bytes, sample_bytes};
+use crate::contract::{Choice, Description, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, port};
+use crate::math::hemisphere::{Method, Table};
+use std::sync::Arc;
+
+pub struct Compensation;
+
+static DESCRIPTION: Description = Description {
+    name: "Compensation",
+    about: "The weight of every sample, so that an incomplete shape stands for the whole hemisphere; complete shapes need none",
+    source: "RCS section 5.2, Table 1; Larsen and Christensen 2004",
+    parameters: &[Parameter {
+        name: "method",
+        about: "how the rest of the hemisphere is made up for",
+        unit: "",
+        kind: ParameterKind::Choice {
+            choices: &[
+                Choice { name: "BorderExtension", about: "a border sample also stands for the band between it and the horizon", parameters: &[] },
+                Choice { name: "CoverageRatio", about: "the sum is divided by the share of the hemisphere that is covered", parameters: &[] },
+                Choice { name: "None", about: "what is not seen counts as black", parameters: &[] },
+            ],
+        },
+    }],
+    inputs: &[Input { name: "of", about: "the tiles", accepts: PortKind::Tiles, required: true }],
+    outputs: &[Output { name: "tiles", about: "the tiles with their weights", kind: PortKind::WeightedTiles }],
+};
+
+impl Pass for Compensation {
+    fn description(&self) -> &'static Description {
+        &DESCRIPTION
+    }
+
+    fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
+        let Some(tiles) = r.tiles("of").cloned() else { return Ok(()) };
+        let method = match r.arguments.choice("method").0 {
+            "CoverageRatio" => Method::CoverageRatio,
+            "None" => Method::None,
+            _ => Method::BorderExtension,
+        };
+        let table = Arc::new(
+            Table::new(tiles.shape, tiles.resolution, method).map_err(|e| Refusal::new("plan::tile", e.to_string(), "choose another shape or resolution"))?,
+        );
+        let weights = r.constant_buffer("weights", &sample_bytes(&table));
+        let edges = r.constant_buffer("edges", &edge_bytes(&table));
+        r.output("tiles", Port::WeightedTiles(port::WeightedTiles { tiles, table, weights, edges }));
+        Ok(())
+    }
+}

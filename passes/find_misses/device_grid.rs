@@ -1,0 +1,92 @@
+//! Misses found on the device, coarse cells first.
+
+use super::Work;
+use crate::contract::{Recorder, Refusal};
+use crate::host_struct;
+use crate::recording::*;
+
+host_struct! {
+    /// Which cells a round looks at.
+    pub struct Grid {
+        cell: u32,
+        phase: u32,
+        capacity: u32,
+        padding: u32,
+    }
+}
+
+/// Cells up to this edge take one lane each.
+const SMALL: u32 = 2;
+
+pub(super) fn record(r: &mut Recorder<'_>, work: &Work, coarsest: u32) -> Result<(), Refusal> {
+    if !coarsest.is_power_of_two() {
+        return Err(Refusal::of_parameter(
+            "by",
+            "plan::coarsest",
+            format!("cells of {coarsest} pixels cannot be halved down to one"),
+            "give a power of two from 1 to 64",
+        ));
+    }
+    let [width, height] = r.setting.size;
+    let grid = r.buffer("grid", size_of::<Grid>() as u64);
+    let candidates = r.buffer("candidates", 4 * width.div_ceil(2) as u64 * height.div_ceil(2) as u64);
+    let counts = r.buffer("counts", 16);
+    // The level of cells, their phase, and how many phases in a row found nothing at the finest level.
+    let [cell, phase, idle] = ["cell", "phase", "idle"].map(|name| r.variable(name, false));
+    let capacity = work.requests.capacity;
+    r.before_loop(Command::Host(Host {
+        name: "start",
+        reads: Vec::new(),
+        writes: vec![grid],
+        run: std::sync::Arc::new(move |host| {
+            host.set(cell, coarsest);
+            host.write(grid, 0, bytemuck::bytes_of(&Grid { cell: coarsest, phase: 0, capacity, padding: 0 }));
+            Ok(())
+        }),
+    }));
+    let [lanes, blocks, groups] = ["lanes", "blocks", "groups"].map(|name| r.variable(name, false));
+    r.host("size", &[], &[], move |host| {
+        let edge = 2 * host.variable(cell);
+        let count = width.div_ceil(edge) * height.div_ceil(edge);
+        let small = host.variable(cell) <= SMALL;
+        host.set(lanes, if small { count } else { 0 });
+        host.set(blocks, if small { 0 } else { count });
+        host.set(groups, 1);
+        Ok(())
+    });
+    let bound = |program: Program| {
+        program
+            .bind("grid", grid)
+            .bind("position", work.gbuffer.position)
+            .bind("normal", work.gbuffer.normal)
+            .bind("sums", work.splats.sums)
+            .bind("candidates", candidates)
+            .bind("counts", counts)
+            .bind("requests", work.requests.places)
+    };
+    r.compute(bound(Program::new("find_misses/device_grid")), "search", Groups::Counted { count: blocks, divisor: 1, per: 1 });
+    r.compute(bound(Program::new("find_misses/device_grid")), "search_small", Groups::Counted { count: lanes, divisor: 64, per: 1 });
+    r.compute(bound(Program::new("find_misses/device_grid")), "collect", Groups::Fixed([1, 1, 1]));
+    let (requests, none, at_most, made) = (work.requests, work.none, work.at_most, work.made);
+    r.host("advance", &[Read::whole(counts)], &[grid], move |host| {
+        let numbers: Vec<u32> = bytemuck::pod_collect_to_vec(host.read(counts));
+        let (found, all) = (numbers[0].min(at_most - host.variable(made)), numbers[1]);
+        host.set(requests.count, found);
+        host.set(made, host.variable(made) + found);
+        let finest = host.variable(cell) == 1;
+        host.set(idle, if finest && all == 0 { host.variable(idle) + 1 } else { 0 });
+        host.set(none, (host.variable(idle) == 4 || host.variable(made) == at_most) as u32);
+        // What did not fit into the batch is looked for again, among what the batch leaves uncovered.
+        if all <= capacity {
+            let next = host.variable(phase) + 1;
+            host.set(phase, next % 4);
+            if next == 4 && !finest {
+                host.set(cell, host.variable(cell) / 2);
+            }
+        }
+        let uniform = Grid { cell: host.variable(cell), phase: host.variable(phase), capacity, padding: 0 };
+        host.write(grid, 0, bytemuck::bytes_of(&uniform));
+        Ok(())
+    });
+    Ok(())
+}

@@ -1,0 +1,83 @@
+//! Where records are missing.
+
+use super::record::REQUEST_BYTES;
+use crate::contract::{Choice, Description, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, port};
+use crate::recording::*;
+
+mod device_grid;
+
+pub struct FindMisses;
+
+static DESCRIPTION: Description = Description {
+    name: "FindMisses",
+    about: "Finds pixels where no record counts and asks for records there",
+    source: "RCS section 4, steps 3 and 4; order by a hierarchy of cells: our own",
+    parameters: &[
+        Parameter {
+            name: "by",
+            about: "how misses are found",
+            unit: "",
+            kind: ParameterKind::Choice {
+                choices: &[Choice {
+                    name: "DeviceGrid",
+                    about: "on the device, from coarse cells of pixels to fine ones; only the number of requests is read back",
+                    parameters: &[Parameter {
+                        name: "coarsest",
+                        about: "edge of the first cells, a power of two",
+                        unit: "pixels",
+                        kind: ParameterKind::Integer { default: 32, min: 1, max: 64 },
+                    }],
+                }],
+            },
+        },
+        Parameter {
+            name: "at_most",
+            about: "most new records a frame, for interactive use; 0 for no limit",
+            unit: "records",
+            kind: ParameterKind::Integer { default: 0, min: 0, max: 1_000_000 },
+        },
+    ],
+    inputs: &[
+        Input { name: "gbuffer", about: "the visible surfaces", accepts: PortKind::GBuffer, required: true },
+        Input { name: "splats", about: "what the records so far cover", accepts: PortKind::Splats, required: true },
+    ],
+    outputs: &[
+        Output { name: "requests", about: "places that need a record", kind: PortKind::Requests },
+        Output { name: "none", about: "set when no pixel misses a record", kind: PortKind::Flag },
+    ],
+};
+
+/// What the ways of finding misses share.
+struct Work {
+    gbuffer: port::GBuffer,
+    splats: port::Splats,
+    requests: port::Requests,
+    none: Variable,
+    /// Most new records a frame.
+    at_most: u32,
+    /// Requests made so far this frame.
+    made: Variable,
+}
+
+impl Pass for FindMisses {
+    fn description(&self) -> &'static Description {
+        &DESCRIPTION
+    }
+
+    fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
+        let (Some(gbuffer), Some(splats)) = (r.g_buffer("gbuffer").copied(), r.splats("splats").copied()) else { return Ok(()) };
+        let capacity = r.batch.unwrap_or(1);
+        let requests = port::Requests { places: r.buffer("requests", capacity as u64 * REQUEST_BYTES), count: r.variable("count", false), capacity };
+        let at_most = match r.arguments.integer("at_most") {
+            0 => u32::MAX,
+            limit => limit as u32,
+        };
+        let work = Work { gbuffer, splats, requests, none: r.variable("none", false), at_most, made: r.variable("made", false) };
+        let (_, arguments) = r.arguments.choice("by");
+        device_grid::record(r, &work, arguments.integer("coarsest") as u32)?;
+        r.report_variable("new_records", work.made);
+        r.output("requests", Port::Requests(requests));
+        r.output("none", Port::Flag(work.none));
+        Ok(())
+    }
+}

@@ -1,0 +1,196 @@
+//! What records see.
+
+use super::record::{TileSample, sample_bytes};
+use crate::contract::recorder::{bind_visibility, light_constants};
+use crate::contract::{Choice, Description, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, port};
+use crate::math::hemisphere::{Shape, Table};
+use crate::recording::*;
+use std::sync::Arc;
+
+pub mod raster;
+mod ray_cast;
+
+pub struct HemisphereTiles;
+
+static DESCRIPTION: Description = Description {
+    name: "HemisphereTiles",
+    about: "Radiance and distance over the hemisphere of every request: one tile each, in an atlas; every visible sample is shaded once",
+    source: "RCS section 5.2; hemispherical projection: STOCH; hemicube: Cohen and Greenberg 1985; strata: Ward and Heckbert 1992",
+    parameters: &[
+        Parameter {
+            name: "shape",
+            about: "how directions are laid out in a tile",
+            unit: "",
+            kind: ParameterKind::Choice {
+                choices: &[
+                    Choice { name: "Cosine", about: "strata of equal cosine-weighted solid angle; for rays", parameters: &[] },
+                    Choice {
+                        name: "Plane",
+                        about: "one raster along the normal; what lies below its edge is left to compensation",
+                        parameters: &[Parameter {
+                            name: "fov",
+                            about: "full opening angle",
+                            unit: "degrees",
+                            kind: ParameterKind::Float { default: 126.87, min: 10.0, max: 175.0 },
+                        }],
+                    },
+                    Choice { name: "Hemicube", about: "five rasters, nothing left out", parameters: &[] },
+                    Choice { name: "Hemispherical", about: "x and y of the unit direction, projected per vertex", parameters: &[] },
+                ],
+            },
+        },
+        Parameter {
+            name: "by",
+            about: "how a sample finds what it sees",
+            unit: "",
+            kind: ParameterKind::Choice {
+                choices: &[
+                    Choice { name: "RayCast", about: "one ray a sample through the hierarchy", parameters: &[] },
+                    Choice {
+                        name: "Raster",
+                        about: "the scene is rasterised from each record; parts outside of a view are culled on the host",
+                        parameters: &[],
+                    },
+                ],
+            },
+        },
+        Parameter {
+            name: "resolution",
+            about: "samples along an edge of a tile",
+            unit: "samples",
+            kind: ParameterKind::Integer { default: 64, min: 4, max: 512 },
+        },
+    ],
+    inputs: &[
+        Input { name: "at", about: "places that need a record", accepts: PortKind::Requests, required: true },
+        Input {
+            name: "direct",
+            about: "the direct pass: what it lights surfaces from, records leave out; without it records see all emission",
+            accepts: PortKind::DirectLight,
+            required: false,
+        },
+        Input { name: "shadow", about: "maps of the punctual lights; without them shadows are traced by rays", accepts: PortKind::ShadowMaps, required: false },
+    ],
+    outputs: &[Output { name: "tiles", about: "the atlas", kind: PortKind::Tiles }],
+};
+
+/// Most bytes of one buffer of a batch: 128 MiB is the least that adapters must bind.
+const MOST_BYTES: u64 = 128 << 20;
+/// Widest atlas [texels].
+const ATLAS: u32 = 8192;
+
+/// What the ways of seeing share.
+struct Work {
+    requests: port::Requests,
+    table: Arc<Table>,
+    shape: Shape,
+    /// The table's samples as a buffer.
+    samples: Resource,
+    /// R32U atlas of triangle + 1.
+    seen: Resource,
+    tiles_per_row: u32,
+}
+
+impl Work {
+    fn layout(&self, program: Program) -> Program {
+        program
+            .constant("TILE_WIDTH", self.table.width)
+            .constant("TILE_HEIGHT", self.table.height)
+            .constant("TILES_PER_ROW", self.tiles_per_row)
+            .constant("TILE_CAPACITY", self.requests.capacity)
+    }
+
+    fn samples_per_tile(&self) -> u32 {
+        self.table.width * self.table.height
+    }
+
+    fn corner(&self, tile: u32) -> [u32; 2] {
+        [tile % self.tiles_per_row * self.table.width, tile / self.tiles_per_row * self.table.height]
+    }
+}
+
+impl Pass for HemisphereTiles {
+    fn description(&self) -> &'static Description {
+        &DESCRIPTION
+    }
+
+    fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
+        let Some(requests) = r.requests("at").copied() else { return Ok(()) };
+        let shape = shape(r);
+        let resolution = r.arguments.integer("resolution") as u32;
+        let by = r.arguments.choice("by").0;
+        let table = Table::new(shape, resolution, crate::math::hemisphere::Method::None)
+            .map_err(|e| Refusal::of_parameter("resolution", "plan::tile", e.to_string(), "choose another shape or resolution"))?;
+        if by == "Raster" && table.views.is_empty() {
+            return Err(Refusal::of_parameter(
+                "by",
+                "plan::raster_shape",
+                "the shape Cosine cannot be rasterised",
+                "cast rays, or choose Plane, Hemicube or Hemispherical",
+            ));
+        }
+        let glossy = &r.setting.needs.glossy;
+        if !glossy.is_empty() {
+            return Err(Refusal::new(
+                "plan::glossy",
+                format!("the materials {} are glossy, which this pipeline cannot render", glossy.join(", ")),
+                "make them diffuse in a scene file, or use a pipeline for glossy light",
+            ));
+        }
+        let work = layout(r, requests, shape, table)?;
+        if by == "Raster" {
+            raster::record(r, &work)
+        } else {
+            ray_cast::record(r, &work)
+        }
+        let samples = shade(r, &work);
+        let tiles = port::Tiles { samples, requests, shape, resolution, table: work.table, tiles_per_row: work.tiles_per_row };
+        r.output("tiles", Port::Tiles(tiles));
+        Ok(())
+    }
+}
+
+fn shape(r: &Recorder<'_>) -> Shape {
+    match r.arguments.choice("shape") {
+        ("Plane", arguments) => Shape::Plane { fov_degrees: arguments.float("fov") },
+        ("Hemicube", _) => Shape::Hemicube,
+        ("Hemispherical", _) => Shape::Hemispherical,
+        _ => Shape::Cosine,
+    }
+}
+
+fn layout(r: &mut Recorder<'_>, requests: port::Requests, shape: Shape, table: Table) -> Result<Work, Refusal> {
+    let bytes = requests.capacity as u64 * (table.width * table.height) as u64 * 16;
+    let tiles_per_row = (ATLAS / table.width).min(requests.capacity).max(1);
+    let rows = requests.capacity.div_ceil(tiles_per_row);
+    if bytes > MOST_BYTES || rows * table.height > ATLAS {
+        let fits = (MOST_BYTES / ((table.width * table.height) as u64 * 16)).min((tiles_per_row * (ATLAS / table.height)) as u64);
+        return Err(Refusal::of_parameter(
+            "resolution",
+            "plan::batch",
+            format!("a batch of {} tiles of {}×{} samples does not fit into {} MiB", requests.capacity, table.width, table.height, MOST_BYTES >> 20),
+            format!("fill in batches of at most {fits}"),
+        ));
+    }
+    let samples = r.constant_buffer("directions", &sample_bytes(&table));
+    let seen = r.texture("seen", [tiles_per_row * table.width, rows * table.height], 1, Format::R32Uint);
+    debug_assert_eq!(size_of::<TileSample>(), 32);
+    Ok(Work { requests, table: Arc::new(table), shape, samples, seen, tiles_per_row })
+}
+
+/// Shadow rays from what a sample sees, to area lights and to the sky: a tile holds thousands of samples.
+const SAMPLES_OF_EMITTERS: [u32; 2] = [1, 1];
+
+fn shade(r: &mut Recorder<'_>, work: &Work) -> Resource {
+    let direct_lights = r.direct_light("direct").is_some_and(|d| d.lights_from_emitters);
+    let radiance = r.buffer("radiance", work.requests.capacity as u64 * work.samples_per_tile() as u64 * 16);
+    let program = work.layout(light_constants(Program::new("hemisphere_tiles/shade"), r.setting.needs, SAMPLES_OF_EMITTERS));
+    let program = bind_visibility(program, r.shadow_maps("shadow"))
+        .constant("SEES_EMISSION", !direct_lights as u8)
+        .bind("requests", work.requests.places)
+        .bind("samples", work.samples)
+        .bind("seen", work.seen)
+        .bind("radiance", radiance);
+    r.compute(program, "shade", Groups::Counted { count: work.requests.count, divisor: 1, per: work.samples_per_tile().div_ceil(64) });
+    radiance
+}

@@ -1,0 +1,62 @@
+//! From tiles to records.
+
+use super::record::RECORD_BYTES;
+use crate::contract::{Choice, Description, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, port};
+use crate::recording::*;
+
+mod workgroup_tree;
+
+pub struct IrradianceSum;
+
+static DESCRIPTION: Description = Description {
+    name: "IrradianceSum",
+    about: "Irradiance, rotation and translation gradients and harmonic mean distance of every tile",
+    source: "RCS sections 2 and 5.2; THESIS 4.4.2; MESH 5",
+    parameters: &[
+        Parameter {
+            name: "by",
+            about: "how a tile is summed",
+            unit: "",
+            kind: ParameterKind::Choice { choices: &[Choice { name: "WorkgroupTree", about: "one workgroup a tile, a tree in its memory", parameters: &[] }] },
+        },
+        Parameter { name: "gradients", about: "rotation and translation gradients, or none", unit: "", kind: ParameterKind::Bool { default: true } },
+    ],
+    inputs: &[Input { name: "of", about: "tiles with weights", accepts: PortKind::WeightedTiles, required: true }],
+    outputs: &[Output { name: "records", about: "one record a tile", kind: PortKind::Records }],
+};
+
+/// What the ways of summing share.
+struct Work<'a> {
+    weighted: &'a port::WeightedTiles,
+    records: Resource,
+    gradients: bool,
+}
+
+impl Work<'_> {
+    fn layout(&self, program: Program) -> Program {
+        let tiles = &self.weighted.tiles;
+        program
+            .constant("TILE_WIDTH", tiles.table.width)
+            .constant("TILE_HEIGHT", tiles.table.height)
+            .constant("TILES_PER_ROW", tiles.tiles_per_row)
+            .constant("TILE_CAPACITY", tiles.requests.capacity)
+            .constant("EDGES", self.weighted.table.edges.len() as u32)
+            .constant("GRADIENTS", self.gradients as u8)
+    }
+}
+
+impl Pass for IrradianceSum {
+    fn description(&self) -> &'static Description {
+        &DESCRIPTION
+    }
+
+    fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
+        let Some(weighted) = r.weighted_tiles("of") else { return Ok(()) };
+        let requests = weighted.tiles.requests;
+        let records = r.buffer("records", requests.capacity as u64 * RECORD_BYTES);
+        let work = Work { weighted, records, gradients: r.arguments.bool("gradients") };
+        workgroup_tree::record(r, &work);
+        r.output("records", Port::Records(port::Records { records, count: requests.count, capacity: requests.capacity }));
+        Ok(())
+    }
+}

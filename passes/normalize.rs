@@ -1,0 +1,55 @@
+//! From weighted sums to irradiance and radiance.
+
+use crate::contract::{Description, Input, Output, Pass, Port, PortKind, Recorder, Refusal, port};
+use crate::recording::*;
+
+pub struct Normalize;
+
+static DESCRIPTION: Description = Description {
+    name: "Normalize",
+    about: "Divides the sums of the splat by their weight; counts uncovered and non-finite pixels",
+    source: "RCS 1 and section 4, step 5",
+    parameters: &[],
+    inputs: &[
+        Input { name: "splats", about: "the sums", accepts: PortKind::Splats, required: true },
+        Input { name: "gbuffer", about: "the visible surfaces", accepts: PortKind::GBuffer, required: true },
+    ],
+    outputs: &[
+        Output { name: "radiance", about: "reflected indirect radiance toward the camera", kind: PortKind::Image },
+        Output { name: "irradiance", about: "indirect irradiance [W/m²]", kind: PortKind::Image },
+        Output { name: "weight", about: "sums; the fourth channel is Σ w", kind: PortKind::Image },
+        Output { name: "count", about: "records that count at each pixel", kind: PortKind::Image },
+    ],
+};
+
+impl Pass for Normalize {
+    fn description(&self) -> &'static Description {
+        &DESCRIPTION
+    }
+
+    fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
+        let (Some(splats), Some(gbuffer)) = (r.splats("splats").copied(), r.g_buffer("gbuffer").copied()) else { return Ok(()) };
+        let irradiance = r.image("irradiance", Format::Rgba32Float);
+        let radiance = r.image("radiance", Format::Rgba32Float);
+        let faults = r.buffer("faults", 16);
+        r.clear(faults);
+        let program = Program::new("normalize")
+            .bind("sums", splats.sums)
+            .bind("position", gbuffer.position)
+            .bind("reflectance", gbuffer.reflectance)
+            .bind("irradiance", irradiance)
+            .bind("radiance", radiance)
+            .bind("faults", faults);
+        r.compute_pixels(program, "divide");
+        r.report("uncovered_pixels", faults, 0);
+        r.report("non_finite_pixels", faults, 1);
+        let image = |texture, channels| Port::Image(port::Image { texture, channels });
+        r.output("radiance", image(radiance, port::Channels::Colour));
+        r.output("irradiance", image(irradiance, port::Channels::Colour));
+        r.output("weight", image(splats.sums, port::Channels::Fourth));
+        if let Some(counts) = splats.counts {
+            r.output("count", image(counts, port::Channels::Single));
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,95 @@
+//! The records that earlier rounds and frames left.
+
+use super::record::{RECORD_BYTES, Weighting};
+use crate::contract::{Choice, Description, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, port};
+
+pub struct RecordCache;
+
+static DESCRIPTION: Description = Description {
+    name: "RecordCache",
+    about: "The irradiance records so far, kept between rounds, frames and views, and the rule by which they count",
+    source: "RCS sections 2 and 4; limits in pixels: Tabellion and Lamorlette 2004; compact weights: Krivanek and others",
+    parameters: &[
+        Parameter {
+            name: "accuracy",
+            about: "a: a record reaches a times its harmonic mean distance; smaller is more accurate",
+            unit: "",
+            kind: ParameterKind::Float { default: 0.15, min: 0.001, max: 10.0 },
+        },
+        Parameter {
+            name: "minimum_spacing",
+            about: "least reach of a record",
+            unit: "pixels",
+            kind: ParameterKind::Float { default: 1.5, min: 0.1, max: 1000.0 },
+        },
+        Parameter {
+            name: "maximum_spacing",
+            about: "greatest reach of a record",
+            unit: "pixels",
+            kind: ParameterKind::Float { default: 40.0, min: 0.1, max: 1e6 },
+        },
+        Parameter {
+            name: "weights",
+            about: "how much a record counts at a point",
+            unit: "",
+            kind: ParameterKind::Choice {
+                choices: &[
+                    Choice { name: "Compact", about: "reaches as far as Ward's, falls to 0 at the rim", parameters: &[] },
+                    Choice { name: "Ward", about: "1 / (distance / R + sqrt(1 - n·n_k)), counts from 1/a on (RCS 2, 3)", parameters: &[] },
+                    Choice {
+                        name: "TabellionLamorlette",
+                        about: "1 - max(distance / (a · nearest distance), sqrt(1 - n·n_k) / sqrt(1 - cos 10°))",
+                        parameters: &[],
+                    },
+                ],
+            },
+        },
+        Parameter {
+            name: "capacity",
+            about: "most records; a fill that needs more stops",
+            unit: "records",
+            kind: ParameterKind::Integer { default: 131_072, min: 1, max: 900_000 },
+        },
+    ],
+    inputs: &[],
+    outputs: &[Output { name: "cache", about: "the records", kind: PortKind::RecordCache }],
+};
+
+impl Pass for RecordCache {
+    fn description(&self) -> &'static Description {
+        &DESCRIPTION
+    }
+
+    fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
+        let [minimum, maximum] = [r.arguments.float("minimum_spacing"), r.arguments.float("maximum_spacing")];
+        if minimum > maximum {
+            return Err(Refusal::of_parameter(
+                "minimum_spacing",
+                "plan::spacing",
+                format!("the least reach, {minimum} pixels, is more than the greatest, {maximum} pixels"),
+                "make minimum_spacing the smaller of the two",
+            ));
+        }
+        let weighting = match r.arguments.choice("weights").0 {
+            "Ward" => port::Weighting::Ward,
+            "TabellionLamorlette" => port::Weighting::TabellionLamorlette,
+            _ => port::Weighting::Compact,
+        };
+        let uniform = Weighting {
+            accuracy: r.arguments.float("accuracy") as f32,
+            minimum_spacing: minimum as f32,
+            maximum_spacing: maximum as f32,
+            kind: weighting as u32,
+        };
+        let capacity = r.arguments.integer("capacity") as u32;
+        let cache = port::RecordCache {
+            records: r.history_buffer("records", capacity as u64 * RECORD_BYTES),
+            count: r.variable("count", true),
+            capacity,
+            weighting: r.constant_buffer("weighting", bytemuck::bytes_of(&uniform)),
+            rule: port::Rule { weighting, accuracy: uniform.accuracy, spacing: [uniform.minimum_spacing, uniform.maximum_spacing] },
+        };
+        r.output("cache", Port::RecordCache(cache));
+        Ok(())
+    }
+}

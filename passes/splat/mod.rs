@@ -1,0 +1,64 @@
+//! Records onto pixels.
+
+use crate::contract::{Choice, Description, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, port};
+use crate::recording::*;
+
+mod raster_blend;
+
+pub struct Splat;
+
+static DESCRIPTION: Description = Description {
+    name: "Splat",
+    about: "Adds the weighted estimate of every record to the pixels that it covers; in a fill, of those added since the last round",
+    source: "RCS section 4, steps 2 and 5; SLIDES 38",
+    parameters: &[
+        Parameter {
+            name: "by",
+            about: "how records find their pixels",
+            unit: "",
+            kind: ParameterKind::Choice {
+                choices: &[Choice { name: "RasterBlend", about: "a screen rectangle a record, blended additively", parameters: &[] }],
+            },
+        },
+        Parameter { name: "count", about: "also counts the records of each pixel", unit: "", kind: ParameterKind::Bool { default: false } },
+    ],
+    inputs: &[
+        Input { name: "records", about: "the cache", accepts: PortKind::RecordCache, required: true },
+        Input { name: "gbuffer", about: "the visible surfaces", accepts: PortKind::GBuffer, required: true },
+    ],
+    outputs: &[Output { name: "sums", about: "weighted sums", kind: PortKind::Splats }],
+};
+
+/// What the ways of splatting share.
+struct Work {
+    gbuffer: port::GBuffer,
+    cache: port::RecordCache,
+    sums: Resource,
+    counts: Option<Resource>,
+    /// Records already splatted this frame.
+    first: Variable,
+}
+
+impl Pass for Splat {
+    fn description(&self) -> &'static Description {
+        &DESCRIPTION
+    }
+
+    fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
+        let (Some(cache), Some(gbuffer)) = (r.record_cache("records").copied(), r.g_buffer("gbuffer").copied()) else { return Ok(()) };
+        let sums = r.image("sums", Format::Rgba32Float);
+        let counts = r.arguments.bool("count").then(|| r.image("counts", Format::Rgba32Float));
+        let first = r.variable("splatted", false);
+        let work = Work { gbuffer, cache, sums, counts, first };
+        for target in [Some(sums), counts].into_iter().flatten() {
+            if r.batch.is_some() { r.before_loop(Command::Clear(target)) } else { r.clear(target) }
+        }
+        raster_blend::record(r, &work);
+        r.host("splatted", &[], &[], move |host| {
+            host.set(first, host.variable(cache.count));
+            Ok(())
+        });
+        r.output("sums", Port::Splats(port::Splats { sums, counts, cache }));
+        Ok(())
+    }
+}

@@ -1,0 +1,23 @@
+//! A screen rectangle a record, blended additively into 32-bit floats.
+
+use super::Work;
+use crate::contract::Recorder;
+use crate::recording::*;
+
+pub(super) fn record(r: &mut Recorder<'_>, work: &Work) {
+    let add = |texture| Target { texture, clear: None, blend: Blend::Add };
+    r.command(Command::Raster(Raster {
+        program: Program::new("splat/raster_blend")
+            .bind("records", work.cache.records)
+            .bind("weighting", work.cache.weighting)
+            .bind("position", work.gbuffer.position)
+            .bind("normal", work.gbuffer.normal),
+        vertex: "vertex",
+        fragment: Some(if work.counts.is_some() { "fragment_counted" } else { "fragment" }),
+        colours: [Some(work.sums), work.counts].into_iter().flatten().map(add).collect(),
+        depth: None,
+        vertices: None,
+        topology: Topology::TriangleStrip,
+        draws: Draws::Instances { vertices: 4, first: Some(work.first), count: work.cache.count },
+    }));
+}

@@ -1,1 +1,0 @@
-//! Reading scenes from files.

@@ -1,0 +1,340 @@
+//! A scene while it is being read: double precision, the file's own coordinates, textures not yet decoded.
+
+use super::{
+    error::{Problem, SceneError},
+    image::{self, TextureSource},
+};
+use crate::scene::model::*;
+use glam::{DMat3, DMat4, DVec3, Vec2, Vec3};
+use std::collections::HashMap;
+
+/// The most triangles that a scene may have.
+pub const MAX_TRIANGLES: usize = 16_000_000;
+
+/// The extents that single precision serves: beyond them the squares of areas overflow or vanish [scene units].
+const EXTENT_RANGE: std::ops::RangeInclusive<f64> = 1e-4..=4e9;
+
+/// Where shading normals come from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Normals {
+    /// The file's, and the face's where the file has none.
+    File,
+    /// Every triangle is flat.
+    Face,
+    /// The mean over the faces around a corner whose planes differ by at most this angle [radians], weighted by their angle there.
+    Smooth(f64),
+}
+
+/// A triangle in the file's coordinates.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Face {
+    pub positions: [DVec3; 3],
+    /// Zero where the file has none.
+    pub normals: [Vec3; 3],
+    pub uvs: [Vec2; 3],
+    pub material: u32,
+}
+
+/// All that the loaders gather, in the file's coordinates.
+#[derive(Default)]
+pub(super) struct Draft {
+    pub faces: Vec<Face>,
+    pub materials: Vec<Material>,
+    pub textures: Vec<TextureSource>,
+    /// Lights and where they stand; the position inside the light is filled in at the end.
+    pub lights: Vec<(Light, DVec3)>,
+    /// Cameras and where they stand, likewise.
+    pub cameras: Vec<(Camera, DVec3)>,
+    pub environment: Option<Environment>,
+    pub notes: Vec<String>,
+}
+
+impl Face {
+    /// A flat triangle without texture coordinates.
+    pub fn flat(positions: [DVec3; 3], material: u32) -> Self {
+        Self { positions, normals: [Vec3::ZERO; 3], uvs: [Vec2::ZERO; 3], material }
+    }
+
+    /// The triangle under an affine map; mirroring swaps two corners so that the front stays the front.
+    pub fn transformed(&self, map: &DMat4, normal_map: &DMat3) -> Self {
+        let mut face = *self;
+        face.positions = self.positions.map(|p| map.transform_point3(p));
+        face.normals = self.normals.map(|n| (*normal_map * n.as_dvec3()).normalize_or_zero().as_vec3());
+        if map.determinant() < 0.0 {
+            face.positions.swap(1, 2);
+            face.normals.swap(1, 2);
+            face.uvs.swap(1, 2);
+        }
+        face
+    }
+
+    fn cross(&self) -> DVec3 {
+        let [a, b, c] = self.positions;
+        (b - a).cross(c - a)
+    }
+}
+
+/// The map of normals that belongs to an affine map of positions: the inverse transpose, up to a positive factor.
+pub(super) fn normal_map(map: &DMat4) -> DMat3 {
+    let linear = DMat3::from_mat4(*map);
+    // The matrix of cofactors: it exists for flattening maps too, and its sign follows the mirroring.
+    let cofactors = DMat3::from_cols(linear.y_axis.cross(linear.z_axis), linear.z_axis.cross(linear.x_axis), linear.x_axis.cross(linear.y_axis));
+    if linear.determinant() < 0.0 { -cofactors } else { cofactors }
+}
+
+impl Draft {
+    /// Adds a triangle; `object` names it in errors.
+    ///
+    /// # Errors
+    /// A position that is no finite number, or one triangle too many.
+    pub fn push(&mut self, face: Face, object: impl Fn() -> String) -> Result<(), SceneError> {
+        if !face.positions.iter().all(|p| p.is_finite()) {
+            return Err(SceneError::new(Problem::NonFinite, format!("{} has a corner that is no finite number", object()))
+                .help("export the object again, or take it out of the file"));
+        }
+        self.expect_room(1)?;
+        self.faces.push(face);
+        Ok(())
+    }
+
+    /// Refuses `more` triangles before they are made when they would be too many.
+    pub fn expect_room(&self, more: usize) -> Result<(), SceneError> {
+        let count = self.faces.len().saturating_add(more);
+        if count <= MAX_TRIANGLES {
+            return Ok(());
+        }
+        Err(SceneError::new(Problem::TooLarge, format!("the scene has {count} triangles or more; the limit is {MAX_TRIANGLES}"))
+            .help("simplify the geometry or load a part of it"))
+    }
+
+    /// The finished scene: recentred, cleaned, in single precision.
+    ///
+    /// # Errors
+    /// Nothing to show, an extent that single precision cannot hold, textures beyond the limits.
+    pub fn finish(mut self, name: &str, normals: Normals) -> Result<Scene, SceneError> {
+        let (low, high) = self.bounds(name)?;
+        let origin = choose_origin(low, high);
+        self.keep_used_materials();
+        let normals = self.corner_normals(normals);
+        let candidates: Vec<Triangle> = self.faces.iter().zip(normals).map(|(face, normals)| to_triangle(face, normals, origin)).collect();
+        let triangles = clean(candidates, &self.materials, &mut self.notes);
+        if triangles.is_empty() {
+            return Err(no_triangles(name));
+        }
+        let textures = image::decode_all(&self.textures, &mut self.materials, &mut self.notes)?;
+        let lights = self.lights.into_iter().map(|(light, at)| place_light(light, at - origin)).collect::<Result<_, _>>()?;
+        let mut cameras = self.cameras.into_iter().map(|(camera, at)| place_camera(camera, at - origin)).collect::<Result<Vec<_>, _>>()?;
+        if cameras.is_empty() {
+            cameras.push(framing_camera(Bounds::of(&triangles)));
+            self.notes.push("the file has no camera: one that sees the whole scene was made".to_owned());
+        }
+        let environment = self.environment.unwrap_or(Environment::Constant(Vec3::ZERO));
+        Ok(Scene { name: name.to_owned(), triangles, materials: self.materials, textures, lights, environment, cameras, origin, notes: self.notes })
+    }
+
+    fn bounds(&self, name: &str) -> Result<(DVec3, DVec3), SceneError> {
+        let corners = self.faces.iter().flat_map(|face| face.positions);
+        let (low, high) = corners.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)));
+        if self.faces.is_empty() {
+            return Err(no_triangles(name));
+        }
+        let extent = low.distance(high);
+        if extent == 0.0 {
+            return Err(no_triangles(name));
+        }
+        if !EXTENT_RANGE.contains(&extent) {
+            let (least, most) = (EXTENT_RANGE.start(), EXTENT_RANGE.end());
+            return Err(SceneError::new(Problem::Range, format!("`{name}` is {extent:e} units across; single precision serves {least:e} to {most:e}"))
+                .help("scale the scene; no result depends on the unit of length"));
+        }
+        Ok((low, high))
+    }
+
+    /// Forgets materials and textures that no triangle uses.
+    fn keep_used_materials(&mut self) {
+        let mut used = vec![false; self.materials.len()];
+        self.faces.iter().for_each(|face| used[face.material as usize] = true);
+        let material_map = renumber(&used);
+        retain_marked(&mut self.materials, &used);
+        self.faces.iter_mut().for_each(|face| face.material = material_map[face.material as usize]);
+
+        let mut used = vec![false; self.textures.len()];
+        self.materials.iter().filter_map(|m| m.texture).for_each(|texture| used[texture as usize] = true);
+        let texture_map = renumber(&used);
+        retain_marked(&mut self.textures, &used);
+        self.materials.iter_mut().for_each(|m| m.texture = m.texture.map(|texture| texture_map[texture as usize]));
+    }
+
+    fn corner_normals(&self, normals: Normals) -> Vec<[Vec3; 3]> {
+        match normals {
+            Normals::File => self.faces.iter().map(|face| face.normals).collect(),
+            Normals::Face => vec![[Vec3::ZERO; 3]; self.faces.len()],
+            Normals::Smooth(angle) => smooth_normals(&self.faces, angle),
+        }
+    }
+}
+
+fn no_triangles(name: &str) -> SceneError {
+    SceneError::new(Problem::NoTriangles, format!("`{name}` has no triangle with an area")).help("a scene needs at least one surface")
+}
+
+fn renumber(used: &[bool]) -> Vec<u32> {
+    used.iter()
+        .scan(0, |next, &used| {
+            let number = *next;
+            *next += u32::from(used);
+            Some(number)
+        })
+        .collect()
+}
+
+fn retain_marked<T>(items: &mut Vec<T>, marks: &[bool]) {
+    let mut marks = marks.iter();
+    items.retain(|_| *marks.next().unwrap_or(&false));
+}
+
+/// Zero for geometry near the file's origin, so that ordinary scenes keep their coordinates; otherwise the middle of
+/// the bounds, rounded to a power of two so that the shift itself is exact.
+fn choose_origin(low: DVec3, high: DVec3) -> DVec3 {
+    let extent = low.distance(high);
+    if low.abs().max(high.abs()).max_element() <= 4.0 * extent {
+        return DVec3::ZERO;
+    }
+    let grid = extent.log2().floor().exp2();
+    ((low + high) / 2.0 / grid).round() * grid
+}
+
+fn to_triangle(face: &Face, normals: [Vec3; 3], origin: DVec3) -> Triangle {
+    // Adding zero turns a negative zero into a positive one, so that equal corners have equal bits.
+    let positions = face.positions.map(|p| (p - origin).as_vec3() + 0.0);
+    let mut triangle = Triangle { positions, normals, uvs: face.uvs, material: face.material };
+    triangle.normals = on_front_side(normals, triangle.face_normal());
+    triangle
+}
+
+/// Shading normals that agree with the plane: turned round together where most point backwards, the plane's own where
+/// one is missing or still points backwards.
+fn on_front_side(normals: [Vec3; 3], front: Vec3) -> [Vec3; 3] {
+    let units = normals.map(|n| n.normalize_or_zero());
+    let sign = if units.iter().sum::<Vec3>().dot(front) < 0.0 { -1.0 } else { 1.0 };
+    units.map(|n| if (sign * n).dot(front) > 0.0 { sign * n } else { front })
+}
+
+/// Leaves out triangles without an area and repetitions of the same triangle.
+fn clean(triangles: Vec<Triangle>, materials: &[Material], notes: &mut Vec<String>) -> Vec<Triangle> {
+    let before = triangles.len();
+    let mut triangles: Vec<Triangle> = triangles.into_iter().filter(has_area).collect();
+    let without_area = before - triangles.len();
+    let keep = first_of_each(&triangles, materials);
+    retain_marked(&mut triangles, &keep);
+    let repeated = keep.len() - triangles.len();
+    if without_area > 0 {
+        notes.push(format!("{without_area} of {before} triangles have no area and were left out"));
+    }
+    if repeated > 0 {
+        notes.push(format!("{repeated} of {before} triangles repeat another and were left out"));
+    }
+    triangles
+}
+
+/// Whether a triangle's plane is more than rounding: thinner than 1e-7 of its length it is not, in single precision.
+fn has_area(triangle: &Triangle) -> bool {
+    let [a, b, c] = triangle.positions.map(|p| p.as_dvec3());
+    let longest = a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a));
+    (b - a).cross(c - a).length() > 1e-7 * longest && triangle.face_normal() != Vec3::ZERO
+}
+
+/// Marks the first of all triangles that have the same corners and material; on two-sided surfaces either winding is the same.
+fn first_of_each(triangles: &[Triangle], materials: &[Material]) -> Vec<bool> {
+    let keys: Vec<[u32; 10]> = triangles.iter().map(|t| identity(t, materials[t.material as usize].two_sided)).collect();
+    let mut order: Vec<(u64, u32)> = keys.iter().zip(0..).map(|(key, index)| (hash(key), index)).collect();
+    order.sort_unstable();
+    let mut keep = vec![true; triangles.len()];
+    for run in order.chunk_by(|a, b| a.0 == b.0) {
+        // Runs are single triangles but for repetitions: different keys of one hash are as rare as they are harmless.
+        for pair in run.windows(2) {
+            keep[pair[1].1 as usize] = keys[pair[0].1 as usize] != keys[pair[1].1 as usize];
+        }
+    }
+    keep
+}
+
+/// Corners in an order that does not depend on where the file starts, and the material.
+fn identity(triangle: &Triangle, two_sided: bool) -> [u32; 10] {
+    let mut corners = triangle.positions.map(|p| p.to_array().map(f32::to_bits));
+    if two_sided {
+        corners.sort_unstable();
+    } else {
+        let first = (0..3).min_by_key(|&i| corners[i]).unwrap_or(0);
+        corners.rotate_left(first);
+    }
+    let mut key = [triangle.material; 10];
+    key.iter_mut().zip(corners.as_flattened()).for_each(|(slot, &bits)| *slot = bits);
+    key
+}
+
+/// FNV-1a over words with a final mix: fast, and the same everywhere.
+fn hash(words: &[u32]) -> u64 {
+    let hash = words.iter().fold(0xcbf2_9ce4_8422_2325_u64, |hash, &word| (hash ^ u64::from(word)).wrapping_mul(0x0100_0000_01b3).rotate_left(23));
+    (hash ^ (hash >> 29)).wrapping_mul(0xbf58_476d_1ce4_e5b9)
+}
+
+/// Mean normals around each corner over the faces within `angle` of the corner's own, weighted by the angle there.
+fn smooth_normals(faces: &[Face], angle: f64) -> Vec<[Vec3; 3]> {
+    let fronts: Vec<DVec3> = faces.iter().map(|face| face.cross().normalize_or_zero()).collect();
+    let mut around: HashMap<[u64; 3], Vec<(u32, f64)>> = HashMap::new();
+    for (face, index) in faces.iter().zip(0..) {
+        for corner in 0..3 {
+            around.entry(position_key(face.positions[corner])).or_default().push((index, corner_angle(&face.positions, corner)));
+        }
+    }
+    let limit = angle.cos() - 1e-9;
+    let mean = |index: usize, corner: usize| {
+        let neighbours = &around[&position_key(faces[index].positions[corner])];
+        let within = neighbours.iter().filter(|(other, _)| fronts[*other as usize].dot(fronts[index]) >= limit);
+        within.map(|&(other, weight)| fronts[other as usize] * weight).sum::<DVec3>().normalize_or_zero().as_vec3()
+    };
+    (0..faces.len()).map(|index| [mean(index, 0), mean(index, 1), mean(index, 2)]).collect()
+}
+
+fn position_key(position: DVec3) -> [u64; 3] {
+    (position + 0.0).to_array().map(f64::to_bits)
+}
+
+fn corner_angle(positions: &[DVec3; 3], corner: usize) -> f64 {
+    let at = positions[corner];
+    let (a, b) = (positions[(corner + 1) % 3] - at, positions[(corner + 2) % 3] - at);
+    a.cross(b).length().atan2(a.dot(b))
+}
+
+fn place_light(mut light: Light, at: DVec3) -> Result<Light, SceneError> {
+    match &mut light.kind {
+        LightKind::Point { position, .. } | LightKind::Spot { position, .. } => *position = at.as_vec3(),
+        LightKind::Directional { .. } => return Ok(light),
+    }
+    if at.as_vec3().is_finite() { Ok(light) } else { Err(too_far(&format!("light `{}`", light.name))) }
+}
+
+fn place_camera(mut camera: Camera, at: DVec3) -> Result<Camera, SceneError> {
+    camera.eye = at.as_vec3();
+    if camera.eye.is_finite() { Ok(camera) } else { Err(too_far(&format!("camera `{}`", camera.name))) }
+}
+
+fn too_far(what: &str) -> SceneError {
+    SceneError::new(Problem::NonFinite, format!("the position of {what} is no finite number")).help("give it a place near the geometry")
+}
+
+/// A camera outside the bounds that holds all of them.
+fn framing_camera(bounds: Bounds) -> Camera {
+    let angle = 50_f32.to_radians();
+    let direction = Vec3::new(-0.5, -0.35, -1.0).normalize();
+    let distance = 1.02 * bounds.diagonal() / 2.0 / (angle / 2.0).sin();
+    Camera {
+        name: "whole scene".to_owned(),
+        eye: bounds.centre() - direction * distance,
+        direction,
+        up: Vec3::Y.reject_from_normalized(direction).normalize(),
+        field_of_view: FieldOfView::Vertical(angle),
+        size: None,
+    }
+}

@@ -1,0 +1,188 @@
+//! Loading scenes: glTF, OBJ and this project's own RON documents.
+//!
+//! Every loader gathers a draft in double precision and the file's own coordinates; one place turns it into a
+//! [`Scene`]: recentred, cleaned and in single precision.
+
+mod draft;
+mod error;
+mod generate;
+mod image;
+mod obj;
+mod primitives;
+mod ron;
+
+pub use draft::MAX_TRIANGLES;
+pub use error::{Problem, SceneError};
+
+use super::model::Scene;
+use draft::{Draft, Normals};
+use error::suggestion;
+use std::{
+    cell::Cell,
+    panic::{AssertUnwindSafe, catch_unwind},
+    path::{Path, PathBuf},
+    sync::Once,
+};
+
+/// The variable that names folders with scenes, separated as in PATH.
+pub const SEARCH_VARIABLE: &str = "HEMISPLAT_SCENES";
+
+/// The largest file that is read [bytes].
+const MAX_FILE: u64 = 4 << 30;
+
+/// The scenes that ship, by file name.
+const EMBEDDED: [(&str, &str); 6] = [
+    ("cornell.ron", include_str!("../../../scenes/cornell.ron")),
+    ("corner.ron", include_str!("../../../scenes/corner.ron")),
+    ("furnace.ron", include_str!("../../../scenes/furnace.ron")),
+    ("hall.ron", include_str!("../../../scenes/hall.ron")),
+    ("sibenik.ron", include_str!("../../../scenes/sibenik.ron")),
+    ("sponza.ron", include_str!("../../../scenes/sponza.ron")),
+];
+
+/// Where to look for files, and what to change in a scene.
+#[derive(Debug, Clone, Default)]
+pub struct LoadOptions {
+    /// Folders in which scenes and the files that they name are looked up, in this order.
+    pub search: Vec<PathBuf>,
+    /// Parameters of generators to override: key and value in RON.
+    pub overrides: Vec<(String, String)>,
+}
+
+impl LoadOptions {
+    /// Adds the folders of `HEMISPLAT_SCENES` after those already given.
+    pub fn with_environment(mut self) -> Self {
+        if let Some(folders) = std::env::var_os(SEARCH_VARIABLE) {
+            self.search.extend(std::env::split_paths(&folders).filter(|folder| !folder.as_os_str().is_empty()));
+        }
+        self
+    }
+}
+
+/// The names of the scenes that ship inside the program.
+pub fn embedded_scenes() -> impl Iterator<Item = &'static str> {
+    EMBEDDED.iter().map(|(name, _)| *name)
+}
+
+/// Loads a scene from a `.gltf`, `.glb`, `.obj` or `.ron` file. A path is looked up as it stands, then among the
+/// scenes that ship (`scenes/cornell.ron`, `cornell.ron` or `cornell`), then in the search folders.
+///
+/// # Errors
+/// A file that is missing, broken, or beyond the stated limits; [`SceneError::problem`] says which. No input panics.
+pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene, SceneError> {
+    if path.is_file() {
+        return load_file(path, options);
+    }
+    if let Some((name, text)) = find_embedded(path) {
+        return load_document(Path::new(name), text, None, options);
+    }
+    match options.search.iter().map(|folder| folder.join(path)).find(|candidate| candidate.is_file()) {
+        Some(found) => load_file(&found, options),
+        None => Err(scene_not_found(path, options)),
+    }
+}
+
+fn load_file(path: &Path, options: &LoadOptions) -> Result<Scene, SceneError> {
+    if extension(path) == "ron" {
+        return load_document(path, &read_text(path)?, path.parent(), options);
+    }
+    refuse_overrides(options, &[])?;
+    let mut draft = Draft::default();
+    load_geometry(path, &mut draft, &|_| true)?;
+    draft.finish(&stem(path), Normals::File)
+}
+
+fn load_document(path: &Path, text: &str, folder: Option<&Path>, options: &LoadOptions) -> Result<Scene, SceneError> {
+    let (draft, normals) = ron::read(path, text, folder, options)?;
+    draft.finish(&stem(path), normals)
+}
+
+/// Adds what a geometry file holds to a draft; `wanted` says which of its materials need their textures.
+fn load_geometry(path: &Path, draft: &mut Draft, wanted: &dyn Fn(&str) -> bool) -> Result<(), SceneError> {
+    match extension(path).as_str() {
+        "obj" => obj::read(path, draft, wanted),
+        other => Err(SceneError::new(Problem::Format, format!("`{}`: no scene format has the extension `{other}`", path.display()))
+            .help("scenes are read from .gltf, .glb, .obj and .ron files")),
+    }
+}
+
+fn find_embedded(path: &Path) -> Option<(&'static str, &'static str)> {
+    let name = path.strip_prefix("scenes").unwrap_or(path).to_str()?;
+    EMBEDDED.into_iter().find(|(known, _)| *known == name || known.strip_suffix(".ron") == Some(name))
+}
+
+fn scene_not_found(path: &Path, options: &LoadOptions) -> SceneError {
+    let asked = stem(path);
+    let near = suggestion(&asked, embedded_scenes().map(|name| name.trim_end_matches(".ron")));
+    SceneError::new(Problem::NotFound, format!("there is no scene `{}`{}", path.display(), tried(&options.search))).help(format!("scenes that ship: {near}"))
+}
+
+fn tried(folders: &[PathBuf]) -> String {
+    if folders.is_empty() {
+        return String::new();
+    }
+    let folders: Vec<String> = folders.iter().map(|folder| folder.display().to_string()).collect();
+    format!("; looked in {}", list(&folders))
+}
+
+/// Refuses overrides whose key is not among `known`.
+fn refuse_overrides(options: &LoadOptions, known: &[&str]) -> Result<(), SceneError> {
+    match options.overrides.iter().find(|(key, _)| !known.contains(&key.as_str())) {
+        None => Ok(()),
+        Some((key, _)) => {
+            Err(SceneError::new(Problem::UnknownKey, format!("the scene has no parameter `{key}` to set")).help(suggestion(key, known.iter().copied())))
+        }
+    }
+}
+
+fn extension(path: &Path) -> String {
+    path.extension().unwrap_or_default().to_string_lossy().to_lowercase()
+}
+
+fn stem(path: &Path) -> String {
+    path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+/// Reads a whole file.
+fn read_bytes(path: &Path) -> Result<Vec<u8>, SceneError> {
+    let unreadable = |error: std::io::Error| {
+        let problem = if error.kind() == std::io::ErrorKind::NotFound { Problem::NotFound } else { Problem::Unreadable };
+        SceneError::new(problem, format!("`{}` cannot be read: {error}", path.display())).help("check the path and its permissions")
+    };
+    let size = std::fs::metadata(path).map_err(unreadable)?.len();
+    if size > MAX_FILE {
+        return Err(SceneError::new(Problem::TooLarge, format!("`{}` has {size} bytes; the limit is {MAX_FILE}", path.display())).help("split the file"));
+    }
+    std::fs::read(path).map_err(unreadable)
+}
+
+/// Reads a text file; bytes that are no UTF-8, as in old names, become replacement characters.
+fn read_text(path: &Path) -> Result<String, SceneError> {
+    let bytes = read_bytes(path)?;
+    Ok(String::from_utf8(bytes).unwrap_or_else(|error| String::from_utf8_lossy(error.as_bytes()).into_owned()))
+}
+
+/// The first few of many, separated by commas.
+fn list(items: &[String]) -> String {
+    const SHOWN: usize = 4;
+    let shown = items.iter().take(SHOWN).map(String::as_str).collect::<Vec<_>>().join(", ");
+    if items.len() > SHOWN { format!("{shown} and {} more", items.len() - SHOWN) } else { shown }
+}
+
+/// Runs a decoder that others wrote; `None` where it panics, without a word on the terminal.
+fn guard<T>(decode: impl FnOnce() -> T) -> Option<T> {
+    thread_local!(static QUIET: Cell<bool> = const { Cell::new(false) });
+    static INSTALL: Once = Once::new();
+    INSTALL.call_once(|| {
+        let previous = std::panic::take_hook();
+        std::panic::set_hook(Box::new(move |info| {
+            if !QUIET.get() {
+                previous(info);
+            }
+        }));
+    });
+    QUIET.set(true);
+    let result = catch_unwind(AssertUnwindSafe(decode)).ok();
+    QUIET.set(false);
+    result
+}

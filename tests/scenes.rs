@@ -1,0 +1,67 @@
+//! Scenes as files: those that ship, and the large ones that are looked for in `HEMISPLAT_SCENES`.
+
+use hemisplat::scene::{
+    Scene,
+    load::{LoadOptions, embedded_scenes, load},
+    needs::Needs,
+};
+use std::{path::Path, time::Instant};
+
+/// Scenes whose geometry is not part of the project.
+const FOREIGN: [&str; 2] = ["sibenik.ron", "sponza.ron"];
+
+fn load_with(name: &str, options: &LoadOptions) -> Scene {
+    load(Path::new(name), options).unwrap_or_else(|error| panic!("{:?}", miette::Report::new(error)))
+}
+
+#[test]
+fn scenes_that_ship_load_without_notes() {
+    for name in embedded_scenes().filter(|name| !FOREIGN.contains(name)) {
+        let scene = load_with(name, &LoadOptions::default());
+        assert!(scene.notes.is_empty(), "{name}: {:?}", scene.notes);
+        assert_eq!(scene.cameras[0].name, "main", "{name}");
+    }
+}
+
+#[test]
+fn shipped_scenes_are_found_by_three_names() {
+    for name in ["cornell", "cornell.ron", "scenes/cornell.ron"] {
+        let scene = load_with(name, &LoadOptions::default());
+        assert_eq!((scene.name.as_str(), scene.triangles.len()), ("cornell", 32), "{name}");
+        let needs = Needs::of(&scene);
+        assert_eq!((needs.emissive_triangles, needs.punctual_lights, needs.one_sided), (2, 0, false));
+    }
+}
+
+#[test]
+fn the_hall_grows_on_request() {
+    for asked in [1000_u32, 30_000, 1_000_000] {
+        let options = LoadOptions { overrides: vec![("triangles".into(), asked.to_string())], ..LoadOptions::default() };
+        let scene = load_with("hall", &options);
+        let off = scene.triangles.len() as f64 / f64::from(asked) - 1.0;
+        assert!(off.abs() < 0.05, "asked for {asked}, got {}", scene.triangles.len());
+        assert!(scene.notes.is_empty(), "{:?}", scene.notes);
+    }
+}
+
+#[test]
+fn foreign_scenes_load_as_they_are() {
+    let options = LoadOptions::default().with_environment();
+    if options.search.is_empty() {
+        eprintln!("skipped: HEMISPLAT_SCENES is not set");
+        return;
+    }
+    // File, triangles in it, triangles left: the files hold some without area and some twice.
+    let files = [
+        ("sibenik.ron", 73_564, 73_404),
+        ("sponza.ron", 66_454, 66_443),
+        ("cornell-mcguire/CornellBox-Original.obj", 36, 32),
+        ("cornell-mcguire/CornellBox-Sphere.obj", 2188, 2188),
+    ];
+    for (name, in_file, left) in files {
+        let start = Instant::now();
+        let scene = load_with(name, &options);
+        eprintln!("{name}: {} of {in_file} triangles in {:?}; {:?}", scene.triangles.len(), start.elapsed(), scene.notes);
+        assert_eq!(scene.triangles.len(), left, "{name}");
+    }
+}

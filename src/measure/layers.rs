@@ -110,6 +110,9 @@ impl Layer {
     /// Rec. 709 luminance of each pixel, or the values of a single plane. `None` for any other set of channels.
     pub fn luminance(&self) -> Option<Vec<f64>> {
         let [r, g, b] = self.rgb()?;
+        if self.channels.len() == 1 {
+            return Some(r.iter().map(|&value| value.into()).collect());
+        }
         Some((0..r.len()).map(|i| luminance([r[i], g[i], b[i]].map(f64::from))).collect())
     }
 
@@ -149,6 +152,12 @@ impl Layers {
     pub fn rgb(&self, name: &str) -> std::result::Result<[&[f32]; 3], PictureError> {
         let layer = self.layer(name)?;
         layer.rgb().ok_or_else(|| PictureError::NotAPicture { name: name.to_owned(), held: layer.channel_names() })
+    }
+
+    /// The luminance of a layer, as [`Layer::luminance`].
+    pub fn luminance(&self, name: &str) -> std::result::Result<Vec<f64>, PictureError> {
+        let layer = self.layer(name)?;
+        layer.luminance().ok_or_else(|| PictureError::NotAPicture { name: name.to_owned(), held: layer.channel_names() })
     }
 
     /// Checks what every writer and every comparison relies on: planes of the picture's size, finite values.

@@ -163,3 +163,74 @@ fn colours_are_a_choice() {
     let escapes = |when: &str| place.run(&["--color", when, "diff", "a.exr", "b.exr"]).2.contains('\u{1b}');
     assert!(escapes("always") && !escapes("never") && !escapes("auto"));
 }
+
+/// A box whose walls emit 1 and reflect nothing: the direct irradiance is π, the indirect none.
+const FURNACE: [&str; 5] = ["reference", "--scene", "furnace.ron", "--size", "16x12"];
+
+#[test]
+fn reference_writes_layers_that_can_be_compared_and_attributes_to_run_it_again() {
+    let place = Place::new();
+    let (status, stdout, stderr) = place.run(&[&FURNACE[..], &["--spp", "256", "-o", "out/f.exr", "-o", "out/f.png", "--quiet"]].concat());
+    assert_eq!((status, stdout.as_str(), stderr.as_str()), (0, "", ""));
+    let picture = Layers::read(&fs::read(place.0.path().join("out/f.exr")).unwrap()).unwrap();
+    let names: Vec<&str> = picture.layers.keys().map(String::as_str).collect();
+    assert_eq!(names, ["depth", "direct", "direct_irradiance", "indirect", "irradiance", "normal", "picture", "variance"]);
+    let [direct, indirect] = ["direct_irradiance", "irradiance"].map(|layer| picture.rgb(layer).unwrap()[1].to_vec());
+    let mean = direct.iter().sum::<f32>() / direct.len() as f32;
+    assert!((mean - std::f32::consts::PI).abs() < 0.02, "{mean}");
+    assert!(indirect.iter().all(|value| *value == 0.0));
+    for (name, value) in
+        [("bounces", "1"), ("stride", "1"), ("spp", "256"), ("seed", "0"), ("size", "16x12"), ("scene", "furnace.ron"), ("command", "reference")]
+    {
+        assert_eq!(picture.attributes.get(name).map(String::as_str), Some(value), "{name}");
+    }
+    assert_eq!(place.run(&["diff", "out/f.exr:direct_irradiance", "out/f.exr", "--fail-above", "largest=0"]).0, 0);
+}
+
+#[test]
+fn reference_is_repeatable_and_a_stride_holds_the_same_pixels() {
+    let place = Place::new();
+    let written = |name: &str, more: &[&str]| {
+        assert_eq!(place.run(&[&FURNACE[..], &["--spp", "8", "-o", name], more].concat()).0, 0);
+        fs::read(place.0.path().join(name)).unwrap()
+    };
+    assert_eq!(written("a.exr", &[]), written("b.exr", &[]));
+    let strided = Layers::read(&written("c.exr", &["--stride", "4"])).unwrap();
+    assert_eq!((strided.width, strided.height), (4, 3));
+    assert_eq!(place.run(&["diff", "a.exr:direct_irradiance", "c.exr", "--fail-above", "largest=0"]).0, 0);
+}
+
+#[test]
+fn reference_refuses_what_it_cannot_use_before_it_works() {
+    let place = Place::new();
+    let refusal = |more: &[&str]| place.refusal(&[&FURNACE[..], more].concat());
+    insta::assert_snapshot!(refusal(&["-o", "f.jpg"]));
+    insta::assert_snapshot!(refusal(&["-o", "f.exr", "--camera", "none"]));
+    insta::assert_snapshot!(refusal(&["-o", "f.exr", "--stride", "13"]));
+    insta::assert_snapshot!(refusal(&["-o", "f.exr", "--bounces", "some"]));
+    assert!(refusal(&["-o", "f.exr", "--spp", "8", "--error", "0.1"]).contains("cannot be used with"));
+    assert!(place.refusal(&["reference", "--scene", "missing.obj", "-o", "f.exr"]).contains("missing.obj"));
+    assert!(place.refusal(&["reference", "--scene", "furnace.ron", "--size", "0x5", "-o", "f.exr"]).contains("640x480"));
+}
+
+#[test]
+#[cfg(unix)]
+fn an_interrupted_reference_ends_with_130_and_keeps_what_is_whole() {
+    let place = Place::new();
+    let arguments = [&FURNACE[..], &["--spp", "1000000", "-o", "f.exr"]].concat();
+    let mut child = std::process::Command::new(env!("CARGO_BIN_EXE_hemisplat"))
+        .current_dir(place.0.path())
+        .args(arguments)
+        .stderr(std::process::Stdio::null())
+        .spawn()
+        .unwrap();
+    std::thread::sleep(std::time::Duration::from_millis(1500));
+    let sent = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    assert!(sent.success());
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    let names: Vec<_> = fs::read_dir(place.0.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    assert!(names.is_empty() || names == ["f.exr"], "{names:?}");
+    if names == ["f.exr"] {
+        assert!(Layers::read(&fs::read(place.0.path().join("f.exr")).unwrap()).is_ok());
+    }
+}

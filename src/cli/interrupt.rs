@@ -1,14 +1,18 @@
-//! Ctrl-C: the first asks the work to end cleanly, the second ends the program at once.
+//! Ctrl-C: the first asks the work to end cleanly, a later one ends the program at once.
 
 use super::failure::{CommandError, Failure};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::OnceLock;
+use std::time::{Duration, Instant};
 
-static REQUESTED: AtomicBool = AtomicBool::new(false);
+static REQUESTED: OnceLock<Instant> = OnceLock::new();
+
+/// Some wrappers send one interruption twice: to the program and to its group.
+const ECHO: Duration = Duration::from_millis(500);
 
 /// Listens to Ctrl-C and to the request to terminate, from now on.
 pub fn listen() -> Result<(), Failure> {
     let handler = || {
-        if REQUESTED.swap(true, Ordering::Relaxed) {
+        if REQUESTED.get_or_init(Instant::now).elapsed() > ECHO {
             std::process::exit(130);
         }
     };
@@ -17,5 +21,5 @@ pub fn listen() -> Result<(), Failure> {
 
 /// Whether the user asked to stop.
 pub fn requested() -> bool {
-    REQUESTED.load(Ordering::Relaxed)
+    REQUESTED.get().is_some()
 }

@@ -6,6 +6,9 @@ mod diff;
 mod failure;
 mod interrupt;
 mod output;
+mod progress;
+mod reference;
+mod scene;
 
 use clap::{Parser, Subcommand};
 use console::{Console, ConsoleOptions};
@@ -26,6 +29,7 @@ const STATUSES: &str = "Exit status: 0 done; 2 bad usage or bad input; 1 any oth
 
 #[derive(Subcommand)]
 enum Command {
+    Reference(reference::Options),
     Diff(diff::Options),
     Completions(completions::Options),
 }
@@ -33,6 +37,7 @@ enum Command {
 impl Command {
     fn run(&self, console: &Console) -> Result<(), Failure> {
         match self {
+            Self::Reference(options) => reference::run(options, console),
             Self::Diff(options) => diff::run(options, console),
             Self::Completions(options) => completions::run::<Program>(options, console),
         }

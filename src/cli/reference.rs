@@ -1,0 +1,97 @@
+//! `hemisplat reference`
+
+use super::console::Console;
+use super::failure::Failure;
+use super::interrupt;
+use super::output::PictureTarget;
+use super::progress::Progress;
+use super::scene::{SceneOptions, View};
+use crate::measure::{Layer, Layers, PICTURE};
+use crate::reference::{Bounces, Reference, Settings, Stop, render};
+use clap::Args;
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+/// Trace the ground truth of a scene's view
+#[derive(Args)]
+#[command(after_help = "Example: hemisplat reference --scene scenes/cornell.ron --bounces 1 --spp 4096 -o out/cornell-reference.exr
+
+An EXR file holds the layers picture, direct, indirect, irradiance and its variance, direct_irradiance, depth, normal.")]
+pub struct Options {
+    #[command(flatten)]
+    scene: SceneOptions,
+    /// How many surfaces indirect light touches: 1 is the papers' first bounce
+    #[arg(long, value_name = "1|N|all", default_value = "1")]
+    bounces: Bounces,
+    /// Rays per pixel
+    #[arg(long, value_name = "N", default_value_t = 1024, conflicts_with = "error")]
+    spp: u32,
+    /// Stop when the standard deviation of the irradiance is below this share of its mean, instead of after so many rays
+    #[arg(long, value_name = "E")]
+    error: Option<f32>,
+    /// Only every K-th pixel of each row and column, from pixel K/2 on
+    #[arg(long, value_name = "K", default_value_t = 1)]
+    stride: u32,
+    /// Another seed is an independent estimate
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
+    /// Brightens PNG files by 2^EV
+    #[arg(long, value_name = "EV", default_value_t = 0.0, allow_negative_numbers = true)]
+    exposure: f32,
+    /// Where to write: .exr, .png or .hdr; may be repeated
+    #[arg(long, short, value_name = "FILE", required = true)]
+    output: Vec<PathBuf>,
+}
+
+pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
+    let targets = options.output.iter().map(|path| PictureTarget::new(path)).collect::<Result<Vec<_>, _>>()?;
+    let view = options.scene.load(console)?;
+    let stop = options.error.map_or(Stop::Samples(options.spp), Stop::RelativeError);
+    let settings = Settings { size: view.size, stride: options.stride, bounces: options.bounces, stop, seed: options.seed };
+    let result = {
+        let progress = Progress::new(console, "tracing paths");
+        render(&view.scene, &view.bvh, &view.camera, &settings, &|share| progress.report(share))
+    };
+    if interrupt::requested() && result.is_err() {
+        return Err(Failure::interrupted(None));
+    }
+    let reference = result.map_err(Failure::input)?;
+    let picture = layers(&reference, attributes(options, &view, &reference));
+    targets.iter().try_for_each(|target| target.write(&picture, options.exposure))?;
+    if interrupt::requested() {
+        return Err(Failure::interrupted(Some(targets[0].path())));
+    }
+    console.note(&format!("{} rays a pixel in {:.1} s", reference.samples, reference.seconds));
+    Ok(())
+}
+
+fn attributes(options: &Options, view: &View, reference: &Reference) -> BTreeMap<String, String> {
+    let mut attributes = options.scene.attributes(view);
+    let stop = options.error.map_or(("spp", options.spp.to_string()), |error| ("error", error.to_string()));
+    let own = [
+        ("command", "reference".to_owned()),
+        ("bounces", reference.bounces.to_string()),
+        ("stride", reference.stride.to_string()),
+        ("samples", reference.samples.to_string()),
+        ("seed", options.seed.to_string()),
+        stop,
+    ];
+    attributes.extend(own.map(|(name, value)| (name.to_owned(), value)));
+    attributes
+}
+
+/// The reference's layers under the names that pictures of pipelines have, so that each finds its counterpart.
+fn layers(reference: &Reference, attributes: BTreeMap<String, String>) -> Layers {
+    let planes = |names: &[&str], data: &[glam::Vec3]| Layer::interleaved(names, bytemuck::cast_slice(data), 3);
+    let colour = |data: &[glam::Vec3]| planes(&["R", "G", "B"], data);
+    let picture = Layers::new(reference.width, reference.height)
+        .with(PICTURE, colour(&reference.picture))
+        .with("direct", colour(&reference.direct))
+        .with("indirect", colour(&reference.indirect))
+        .with("irradiance", colour(&reference.irradiance))
+        .with("direct_irradiance", colour(&reference.direct_irradiance))
+        .with("variance", colour(&reference.variance))
+        .with("depth", Layer::value(reference.depth.clone()))
+        .with("normal", planes(&["X", "Y", "Z"], &reference.normal));
+    Layers { attributes, ..picture }
+}

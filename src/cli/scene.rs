@@ -1,0 +1,88 @@
+//! The options of every command that takes a scene.
+
+use super::console::Console;
+use super::failure::{CommandError, Failure};
+use crate::scene::bvh::Bvh;
+use crate::scene::load::{LoadOptions, load};
+use crate::scene::model::{Camera, Scene};
+use clap::Args;
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+/// The size of a picture where neither the user nor the scene says one [pixels].
+const DEFAULT_SIZE: [u32; 2] = [512, 512];
+
+#[derive(Args)]
+pub struct SceneOptions {
+    /// The scene: a file .gltf, .glb, .obj or .ron, or the name of one that ships
+    #[arg(long, value_name = "FILE")]
+    scene: PathBuf,
+    /// One of the scene's cameras; its first if not given
+    #[arg(long, value_name = "NAME")]
+    camera: Option<String>,
+    /// The picture's size in pixels; the scene's own if not given
+    #[arg(long, value_name = "WxH", value_parser = size)]
+    size: Option<[u32; 2]>,
+    /// Where else to look for scenes and their files, before the folders of HEMISPLAT_SCENES; may be repeated
+    #[arg(long = "scenes", value_name = "DIR")]
+    search: Vec<PathBuf>,
+    /// A parameter of the scene's generator; may be repeated
+    #[arg(long = "scene-set", value_name = "KEY=VALUE", value_parser = key_and_value)]
+    set: Vec<(String, String)>,
+}
+
+/// A scene that is ready for rays, and the view of it.
+pub struct View {
+    pub scene: Scene,
+    pub bvh: Bvh,
+    pub camera: Camera,
+    /// Width and height [pixels].
+    pub size: [u32; 2],
+}
+
+impl SceneOptions {
+    /// Loads the scene, says what loading had to mend, and picks the view.
+    pub fn load(&self, console: &Console) -> Result<View, Failure> {
+        let options = LoadOptions { search: self.search.clone(), overrides: self.set.clone() }.with_environment();
+        let mut scene = load(&self.scene, &options).map_err(Failure::input)?;
+        scene.notes.iter().for_each(|note| console.note(&format!("note: {note}")));
+        let camera = self.pick_camera(&scene)?.clone();
+        let size = self.size.or(camera.size).unwrap_or(DEFAULT_SIZE);
+        let bvh = Bvh::build(&mut scene);
+        Ok(View { scene, bvh, camera, size })
+    }
+
+    /// What is needed to make the view again, for a picture's attributes.
+    pub fn attributes(&self, view: &View) -> BTreeMap<String, String> {
+        let set: Vec<String> = self.set.iter().map(|(key, value)| format!("{key}={value}")).collect();
+        let [width, height] = view.size;
+        let attributes = [
+            ("program", format!("hemisplat {}", env!("CARGO_PKG_VERSION"))),
+            ("scene", self.scene.display().to_string()),
+            ("scene-set", set.join(" ")),
+            ("camera", view.camera.name.clone()),
+            ("size", format!("{width}x{height}")),
+        ];
+        attributes.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
+    }
+
+    fn pick_camera<'a>(&self, scene: &'a Scene) -> Result<&'a Camera, Failure> {
+        scene.camera(self.camera.as_deref()).ok_or_else(|| {
+            let known = scene.cameras.iter().map(|camera| camera.name.as_str()).collect::<Vec<_>>().join(", ");
+            Failure::input(CommandError::UnknownCamera { name: self.camera.clone().unwrap_or_default(), known })
+        })
+    }
+}
+
+fn size(text: &str) -> Result<[u32; 2], String> {
+    let side = |text: &str| text.parse().ok().filter(|side| *side > 0);
+    let both = text.split_once('x').and_then(|(width, height)| Some([side(width)?, side(height)?]));
+    both.ok_or_else(|| "expected WIDTHxHEIGHT in pixels, such as 640x480".to_owned())
+}
+
+fn key_and_value(text: &str) -> Result<(String, String), String> {
+    match text.split_once('=') {
+        Some((key, value)) if !key.is_empty() => Ok((key.to_owned(), value.to_owned())),
+        _ => Err("expected KEY=VALUE".to_owned()),
+    }
+}

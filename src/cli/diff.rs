@@ -106,7 +106,7 @@ fn choose_layers<'a>(test: &'a Input, reference: &'a Input) -> Result<[&'a str; 
 }
 
 fn table(test: &Path, reference: &Path, errors: &Errors) -> String {
-    let every = if errors.stride == 1 { String::new() } else { format!(", every {}th of each row and column", errors.stride) };
+    let every = if errors.stride == 1 { String::new() } else { format!(", one of {0} in each row and column", errors.stride) };
     let mut table = format!(
         "{} of {} against {}\n{} pixels of surface{every}; mean {:.6}",
         errors.layer,

@@ -120,7 +120,9 @@ fn imports_run_one_way() {
 fn passes_do_not_name_each_other() {
     let passes: Vec<Source> = sources().into_iter().filter(|source| source.path.starts_with("passes/") && source.path != "passes/mod.rs").collect();
     let stem = |source: &Source| source.path["passes/".len()..].split('/').next().unwrap_or_default().trim_end_matches(".rs").to_owned();
-    let stems: Vec<String> = passes.iter().map(stem).collect();
+    // What several passes share, such as the layout of records, is no pass.
+    let stems: Vec<String> = passes.iter().filter(|source| source.code.contains("impl Pass for ")).map(stem).collect();
+    assert!(!stems.is_empty());
     let mut wrong = Vec::new();
     for source in &passes {
         // A folder's own ways name each other by `super::`; only another pass's stem is a fault.

@@ -1,6 +1,6 @@
 //! The picture.
 
-use crate::contract::{Description, Input, Output, Pass, Port, PortKind, Recorder, Refusal, port, recorder::scene_constants};
+use crate::contract::{Description, Input, Output, Pass, Port, PortKind, Recorder, Refusal, port};
 use crate::recording::*;
 
 pub struct Combine;
@@ -29,7 +29,8 @@ impl Pass for Combine {
         let indirect = r.image_port("indirect").map(|i| i.texture);
         let picture = r.image("picture", Format::Rgba32Float);
         // A part that is absent is bound to any image and never read.
-        let program = scene_constants(Program::new("combine"), r.setting.needs)
+        let program = Program::new("combine")
+            .constant("TEXTURES", r.setting.needs.textures as u8)
             .constant("HAS_DIRECT", direct.is_some() as u8)
             .constant("HAS_INDIRECT", indirect.is_some() as u8)
             .bind("triangles", gbuffer.triangles)

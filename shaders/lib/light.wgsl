@@ -66,7 +66,7 @@ fn area_irradiance(position: vec3f, normal: vec3f, plane_normal: vec3f, seed: u3
     var sum = vec3f(0.0);
     for (var i = 0u; i < AREA_SAMPLES; i++) {
         let index = f32(i);
-        let triangle = pick_emitter((index + shift.x) / f32(AREA_SAMPLES) * scene_parameters.emitter_weight);
+        let triangle = pick_emitter((index + shift.x) / f32(max(AREA_SAMPLES, 1u)) * scene_parameters.emitter_weight);
         let u = fract(vec2f(0.7548776662, 0.5698402910) * index + shift.yz);
         let root = sqrt(u.x);
         let b = vec2f(root * (1.0 - u.y), root * u.y);
@@ -87,7 +87,7 @@ fn area_irradiance(position: vec3f, normal: vec3f, plane_normal: vec3f, seed: u3
             sum += material.emission * (arriving * leaving / squared / max(luminance(material.emission), 1e-37));
         }
     }
-    return sum * (scene_parameters.emitter_weight / f32(AREA_SAMPLES));
+    return sum * (scene_parameters.emitter_weight / f32(max(AREA_SAMPLES, 1u)));
 }
 
 // Irradiance from the sky: cosine-distributed rays in strata of the azimuth.
@@ -100,7 +100,7 @@ fn sky_irradiance(position: vec3f, normal: vec3f, plane_normal: vec3f, seed: u32
     let shift = vec2f(unit(hash(seed + 3u)), unit(hash(seed + 4u)));
     var sum = vec3f(0.0);
     for (var i = 0u; i < SKY_SAMPLES; i++) {
-        let u = (f32(i) + shift.x) / f32(SKY_SAMPLES);
+        let u = (f32(i) + shift.x) / f32(max(SKY_SAMPLES, 1u));
         let v = fract(0.6180339887 * f32(i) + shift.y);
         let r = sqrt(v);
         let direction = frame * vec3f(r * cos(2.0 * PI * u), r * sin(2.0 * PI * u), sqrt(1.0 - v));
@@ -108,7 +108,7 @@ fn sky_irradiance(position: vec3f, normal: vec3f, plane_normal: vec3f, seed: u32
             sum += environment_radiance(direction);
         }
     }
-    return sum * (PI / f32(SKY_SAMPLES));
+    return sum * (PI / f32(max(SKY_SAMPLES, 1u)));
 }
 
 // Irradiance on the side that `normal` faces, from whatever emits, without touching another surface.

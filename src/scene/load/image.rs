@@ -8,6 +8,7 @@ use crate::scene::model::{Environment, Material, Rgb, Texture};
 use ::image::{DynamicImage, ImageReader};
 use glam::Vec3;
 use std::{
+    borrow::Cow,
     io::Cursor,
     path::{Path, PathBuf},
 };
@@ -62,10 +63,10 @@ pub(super) fn decode_all(sources: &[TextureSource], materials: &mut [Material], 
 fn decode(source: &TextureSource, budget: &mut u64) -> Result<Result<Texture, String>, SceneError> {
     let bytes = match &source.content {
         Content::File(path) => match read_bytes(path) {
-            Ok(bytes) => bytes,
-            Err(error) => return Ok(Err(error.to_string())),
+            Ok(bytes) => Cow::Owned(bytes),
+            Err(error) => return Ok(Err(if error.problem() == Problem::NotFound { "missing" } else { "unreadable" }.to_owned())),
         },
-        Content::Bytes(bytes) => bytes.clone(),
+        Content::Bytes(bytes) => Cow::Borrowed(bytes.as_slice()),
         Content::Missing(why) => return Ok(Err(why.clone())),
     };
     let Some((width, height)) = dimensions(&bytes) else { return Ok(Err("not an image of a known format".to_owned())) };

@@ -6,6 +6,7 @@
 mod draft;
 mod error;
 mod generate;
+mod gltf;
 mod image;
 mod obj;
 mod primitives;
@@ -101,6 +102,7 @@ fn load_document(path: &Path, text: &str, folder: Option<&Path>, options: &LoadO
 fn load_geometry(path: &Path, draft: &mut Draft, wanted: &dyn Fn(&str) -> bool) -> Result<(), SceneError> {
     match extension(path).as_str() {
         "obj" => obj::read(path, draft, wanted),
+        "gltf" | "glb" => gltf::read(path, draft, wanted),
         other => Err(SceneError::new(Problem::Format, format!("`{}`: no scene format has the extension `{other}`", path.display()))
             .help("scenes are read from .gltf, .glb, .obj and .ron files")),
     }
@@ -113,8 +115,8 @@ fn find_embedded(path: &Path) -> Option<(&'static str, &'static str)> {
 
 fn scene_not_found(path: &Path, options: &LoadOptions) -> SceneError {
     let asked = stem(path);
-    let near = suggestion(&asked, embedded_scenes().map(|name| name.trim_end_matches(".ron")));
-    SceneError::new(Problem::NotFound, format!("there is no scene `{}`{}", path.display(), tried(&options.search))).help(format!("scenes that ship: {near}"))
+    let help = suggestion(&asked, embedded_scenes().map(|name| name.trim_end_matches(".ron")));
+    SceneError::new(Problem::NotFound, format!("there is no scene `{}`{}", path.display(), tried(&options.search))).help(help)
 }
 
 fn tried(folders: &[PathBuf]) -> String {
@@ -147,7 +149,7 @@ fn stem(path: &Path) -> String {
 fn read_bytes(path: &Path) -> Result<Vec<u8>, SceneError> {
     let unreadable = |error: std::io::Error| {
         let problem = if error.kind() == std::io::ErrorKind::NotFound { Problem::NotFound } else { Problem::Unreadable };
-        SceneError::new(problem, format!("`{}` cannot be read: {error}", path.display())).help("check the path and its permissions")
+        SceneError::new(problem, format!("`{}` cannot be read: {}", path.display(), error.kind())).help("check the path and its permissions")
     };
     let size = std::fs::metadata(path).map_err(unreadable)?.len();
     if size > MAX_FILE {
@@ -181,8 +183,11 @@ fn guard<T>(decode: impl FnOnce() -> T) -> Option<T> {
             }
         }));
     });
-    QUIET.set(true);
+    let before = QUIET.replace(true);
     let result = catch_unwind(AssertUnwindSafe(decode)).ok();
-    QUIET.set(false);
+    QUIET.set(before);
     result
 }
+
+#[cfg(test)]
+mod tests;

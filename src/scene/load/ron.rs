@@ -162,7 +162,7 @@ enum Geometry<'a> {
 }
 
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(rename = "Rotate", deny_unknown_fields)]
 struct Turn<'a> {
     #[serde(borrow)]
     axis: Raw<'a, Triple>,
@@ -279,7 +279,7 @@ enum Sky<'a> {
 }
 
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(rename = "Camera", deny_unknown_fields)]
 struct CameraEntry<'a> {
     #[serde(borrow)]
     eye: Raw<'a, Triple>,

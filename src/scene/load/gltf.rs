@@ -1,0 +1,507 @@
+//! glTF 2.0, as text or binary: what diffuse light transport needs of it, and notes about the rest.
+
+use super::{
+    MAX_TRIANGLES,
+    draft::{Draft, Face, normal_map},
+    error::{Problem, SceneError},
+    guard,
+    image::{Content, TextureSource},
+    list, read_bytes,
+};
+use crate::scene::model::*;
+use ::gltf::{
+    Accessor, Document, Gltf, Node, Primitive, Semantic,
+    accessor::{DataType, Dimensions, sparse::IndexType},
+    buffer, image, khr_lights_punctual as punctual,
+    material::AlphaMode,
+    mesh::Mode,
+    texture::WrappingMode,
+};
+use glam::{DMat4, DQuat, DVec3, Vec2, Vec3};
+use std::{
+    collections::{BTreeMap, HashMap},
+    path::Path,
+};
+
+/// The extensions that are read here. Quantised meshes need nothing but integer attributes.
+const EXTENSIONS: [&str; 4] = ["KHR_lights_punctual", "KHR_materials_emissive_strength", "KHR_texture_transform", "KHR_mesh_quantization"];
+
+/// Reads the default scene of a glTF file.
+pub(super) fn read(path: &Path, draft: &mut Draft, wanted: &dyn Fn(&str) -> bool) -> Result<(), SceneError> {
+    let bytes = read_bytes(path)?;
+    // The crate checks a document before use; should a check be missing, its panic ends here.
+    guard(|| read_document(path, &bytes, draft, wanted)).unwrap_or_else(|| Err(broken(path, "its structure is inconsistent")))
+}
+
+fn broken(path: &Path, why: &str) -> SceneError {
+    SceneError::new(Problem::Format, format!("`{}` breaks the rules of glTF: {why}", path.display()))
+        .help("export it again, or see what Khronos' glTF-Validator says")
+}
+
+fn read_document(path: &Path, bytes: &[u8], draft: &mut Draft, wanted: &dyn Fn(&str) -> bool) -> Result<(), SceneError> {
+    let Gltf { document, blob } = Gltf::from_slice_without_validation(bytes).map_err(|error| broken(path, &error.to_string()))?;
+    let document = checked(path, document)?;
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let buffers = read_buffers(path, folder, &document, blob)?;
+    let mut reader = Reader { path, folder, buffers, draft, wanted, materials: HashMap::new(), textures: HashMap::new(), ignored: BTreeMap::new() };
+    reader.note_unread(&document);
+    reader.walk(&document)?;
+    let ignored: Vec<String> = reader.ignored.into_iter().map(|(what, count)| if count > 1 { format!("{what} ({count})") } else { what }).collect();
+    if !ignored.is_empty() {
+        draft.notes.push(format!("not read from the glTF file: {}", ignored.join(", ")));
+    }
+    Ok(())
+}
+
+/// The document after the crate's checks, with required extensions judged by what is read here.
+fn checked(path: &Path, document: Document) -> Result<Document, SceneError> {
+    let mut root = document.into_json();
+    let unknown: Vec<String> = root.extensions_required.iter().filter(|name| !EXTENSIONS.contains(&name.as_str())).cloned().collect();
+    if !unknown.is_empty() {
+        return Err(SceneError::new(Problem::Unsupported, format!("`{}` requires glTF extensions that are not supported: {}", path.display(), list(&unknown)))
+            .help(format!("export it without them; supported are {}", EXTENSIONS.join(", "))));
+    }
+    root.extensions_required.clear();
+    Document::from_json(root).map_err(|error| broken(path, &error.to_string()))
+}
+
+fn read_buffers(path: &Path, folder: &Path, document: &Document, mut blob: Option<Vec<u8>>) -> Result<Vec<Vec<u8>>, SceneError> {
+    let read = |buffer: buffer::Buffer| {
+        let bytes = match buffer.source() {
+            buffer::Source::Bin => blob.take().ok_or_else(|| broken(path, "the binary chunk is missing"))?,
+            buffer::Source::Uri(uri) => read_uri(path, folder, uri)?,
+        };
+        let (there, stated) = (bytes.len(), buffer.length());
+        if there < stated {
+            return Err(broken(path, &format!("buffer {} holds {there} of its {stated} bytes", buffer.index())));
+        }
+        Ok(bytes)
+    };
+    document.buffers().map(read).collect()
+}
+
+/// The bytes behind a data URI or a relative path.
+fn read_uri(path: &Path, folder: &Path, uri: &str) -> Result<Vec<u8>, SceneError> {
+    if uri.starts_with("data:") {
+        let data = buffer::Data::from_source(buffer::Source::Uri(uri), Some(folder));
+        return data.map(|data| data.0).map_err(|error| broken(path, &format!("a data URI cannot be decoded: {error}")));
+    }
+    read_bytes(&folder.join(percent_decoded(uri)))
+}
+
+fn percent_decoded(uri: &str) -> String {
+    let mut bytes = Vec::with_capacity(uri.len());
+    let mut rest = uri.as_bytes();
+    while let [first, tail @ ..] = rest {
+        let escaped = tail.get(..2).filter(|_| *first == b'%').and_then(|hex| std::str::from_utf8(hex).ok()).and_then(|hex| u8::from_str_radix(hex, 16).ok());
+        bytes.push(escaped.unwrap_or(*first));
+        rest = if escaped.is_some() { &tail[2..] } else { tail };
+    }
+    String::from_utf8_lossy(&bytes).into_owned()
+}
+
+struct Reader<'a> {
+    path: &'a Path,
+    folder: &'a Path,
+    buffers: Vec<Vec<u8>>,
+    draft: &'a mut Draft,
+    wanted: &'a dyn Fn(&str) -> bool,
+    /// Numbers by glTF index; `None` is the default material.
+    materials: HashMap<Option<usize>, u32>,
+    textures: HashMap<usize, u32>,
+    /// What was met and left out, and how often.
+    ignored: BTreeMap<String, usize>,
+}
+
+/// The vertices of a primitive.
+struct Vertices {
+    positions: Vec<DVec3>,
+    normals: Vec<Vec3>,
+    uvs: Vec<Vec2>,
+}
+
+impl Reader<'_> {
+    fn ignore(&mut self, what: impl Into<String>) {
+        *self.ignored.entry(what.into()).or_default() += 1;
+    }
+
+    fn note_unread(&mut self, document: &Document) {
+        (0..document.animations().count()).for_each(|_| self.ignore("animations"));
+        for name in document.extensions_used().filter(|name| !EXTENSIONS.contains(name)) {
+            self.ignore(format!("extension {name}"));
+        }
+    }
+
+    /// Visits the nodes of the default scene, or all of a file without scenes, depth first.
+    fn walk(&mut self, document: &Document) -> Result<(), SceneError> {
+        let mut stack: Vec<(Node, DMat4)> = match document.default_scene().or_else(|| document.scenes().next()) {
+            Some(scene) => scene.nodes().map(|node| (node, DMat4::IDENTITY)).collect(),
+            None => {
+                let mut is_child = vec![false; document.nodes().len()];
+                document.nodes().flat_map(|node| node.children()).for_each(|child| is_child[child.index()] = true);
+                document.nodes().filter(|node| !is_child[node.index()]).map(|node| (node, DMat4::IDENTITY)).collect()
+            }
+        };
+        stack.reverse();
+        let mut visited = vec![false; document.nodes().len()];
+        while let Some((node, parent)) = stack.pop() {
+            if std::mem::replace(&mut visited[node.index()], true) {
+                return Err(broken(self.path, &format!("node {} hangs in the scene twice", node.index())));
+            }
+            let map = parent * node_map(&node);
+            self.add_node(&node, &map)?;
+            let children: Vec<Node> = node.children().collect();
+            stack.extend(children.into_iter().rev().map(|child| (child, map)));
+        }
+        Ok(())
+    }
+
+    fn add_node(&mut self, node: &Node, map: &DMat4) -> Result<(), SceneError> {
+        if node.skin().is_some() {
+            self.ignore("skins");
+        }
+        if let Some(mesh) = node.mesh() {
+            let name = node.name().or(mesh.name()).map_or(format!("mesh {}", mesh.index()), |name| format!("mesh `{name}`"));
+            for primitive in mesh.primitives() {
+                self.add_primitive(&primitive, map, &name)?;
+            }
+        }
+        if let Some(light) = node.light() {
+            self.add_light(&light, node, map)?;
+        }
+        if let Some(camera) = node.camera() {
+            self.add_camera(&camera, node, map)?;
+        }
+        Ok(())
+    }
+
+    fn add_primitive(&mut self, primitive: &Primitive, map: &DMat4, name: &str) -> Result<(), SceneError> {
+        if matches!(primitive.mode(), Mode::Points | Mode::Lines | Mode::LineLoop | Mode::LineStrip) {
+            self.ignore("points and lines");
+            return Ok(());
+        }
+        if primitive.morph_targets().len() > 0 {
+            self.ignore("morph targets");
+        }
+        if primitive.get(&Semantic::Colors(0)).is_some() {
+            self.ignore("vertex colours");
+        }
+        let Some(material) = self.material(&primitive.material())? else { return Ok(()) };
+        let vertices = self.read_vertices(primitive, name)?;
+        let indices = match primitive.indices() {
+            Some(accessor) => self.read_indices(&accessor)?,
+            None => (0..vertices.positions.len() as u32).collect(),
+        };
+        if let Some(&index) = indices.iter().find(|&&index| index as usize >= vertices.positions.len()) {
+            return Err(broken(self.path, &format!("{name} refers to vertex {index} of {}", vertices.positions.len())));
+        }
+        let normal_map = normal_map(map);
+        for corners in triangles(primitive.mode(), &indices) {
+            let corners = corners.map(|index| index as usize);
+            let normals = corners.map(|i| vertices.normals.get(i).copied().unwrap_or(Vec3::ZERO));
+            let uvs = corners.map(|i| vertices.uvs.get(i).copied().unwrap_or(Vec2::ZERO));
+            let face = Face { positions: corners.map(|i| vertices.positions[i]), normals, uvs, material };
+            self.draft.push(face.transformed(map, &normal_map), || format!("{name} of `{}`", self.path.display()))?;
+        }
+        Ok(())
+    }
+
+    fn read_vertices(&self, primitive: &Primitive, name: &str) -> Result<Vertices, SceneError> {
+        let missing = || broken(self.path, &format!("{name} has no positions"));
+        let positions = self.read_vectors::<3>(&primitive.get(&Semantic::Positions).ok_or_else(missing)?)?;
+        let normals = primitive.get(&Semantic::Normals).map(|accessor| self.read_vectors::<3>(&accessor)).transpose()?.unwrap_or_default();
+        let texture = primitive.material().pbr_metallic_roughness().base_color_texture();
+        let (set, transform) = match &texture {
+            Some(info) => {
+                let transform = info.texture_transform();
+                (transform.as_ref().and_then(|t| t.tex_coord()).unwrap_or(info.tex_coord()), transform)
+            }
+            None => (0, None),
+        };
+        let uvs = primitive.get(&Semantic::TexCoords(set)).map(|accessor| self.read_vectors::<2>(&accessor)).transpose()?.unwrap_or_default();
+        let place = |uv: [f32; 2]| transform.as_ref().map_or(Vec2::from(uv), |t| transformed_uv(uv.into(), t.offset().into(), t.rotation(), t.scale().into()));
+        Ok(Vertices {
+            positions: positions.into_iter().map(|p| Vec3::from(p).as_dvec3()).collect(),
+            normals: normals.into_iter().map(Vec3::from).map(|n| if n.is_finite() { n } else { Vec3::ZERO }).collect(),
+            uvs: uvs.into_iter().map(place).map(|uv| if uv.is_finite() { uv } else { Vec2::ZERO }).collect(),
+        })
+    }
+
+    /// The number of a material; `None` for one that is a hole all over.
+    fn material(&mut self, material: &::gltf::Material) -> Result<Option<u32>, SceneError> {
+        const HOLE: u32 = u32::MAX;
+        if let Some(&number) = self.materials.get(&material.index()) {
+            return Ok((number != HOLE).then_some(number));
+        }
+        let made = self.make_material(material)?;
+        let number = match made {
+            Some(made) => {
+                self.draft.materials.push(made);
+                self.draft.materials.len() as u32 - 1
+            }
+            None => HOLE,
+        };
+        self.materials.insert(material.index(), number);
+        Ok((number != HOLE).then_some(number))
+    }
+
+    fn make_material(&mut self, material: &::gltf::Material) -> Result<Option<Material>, SceneError> {
+        let name = material.name().map_or_else(|| material.index().map_or("default".to_owned(), |index| format!("material {index}")), str::to_owned);
+        let surface = material.pbr_metallic_roughness();
+        let [r, g, b, alpha] = surface.base_color_factor();
+        let emission = Vec3::from(material.emissive_factor()) * material.emissive_strength().unwrap_or(1.0);
+        let (metallic, roughness) = (surface.metallic_factor(), surface.roughness_factor());
+        self.expect_in_unit(&name, "base colour, metallic or roughness factor", &[r, g, b, alpha, metallic, roughness])?;
+        if !(emission.is_finite() && emission.cmpge(Vec3::ZERO).all()) {
+            return Err(self.out_of_range(&format!("the emission of material `{name}`"), "0 or more"));
+        }
+        let texture = match surface.base_color_texture() {
+            Some(info) if (self.wanted)(&name) => self.texture(&info.texture()),
+            _ => None,
+        };
+        let alpha_cutoff = match material.alpha_mode() {
+            AlphaMode::Opaque => None,
+            AlphaMode::Blend => {
+                self.ignore("alpha blending");
+                None
+            }
+            // The factor multiplies the texture's alpha, so it divides the cutoff; 2 is above any alpha.
+            AlphaMode::Mask => Some((material.alpha_cutoff().unwrap_or(0.5) / alpha.max(1e-6)).min(2.0)).filter(|cutoff| *cutoff > 0.0),
+        };
+        if texture.is_none() && alpha_cutoff.is_some_and(|cutoff| cutoff > 1.0) {
+            return Ok(None);
+        }
+        let maps = [
+            (surface.metallic_roughness_texture().is_some(), "metallic-roughness textures"),
+            (material.normal_texture().is_some(), "normal maps"),
+            (material.emissive_texture().is_some(), "emissive textures, with their emission"),
+        ];
+        maps.iter().filter(|(present, _)| *present).for_each(|(_, what)| self.ignore(*what));
+        Ok(Some(Material {
+            texture,
+            // A factor alone, where a texture says which parts shine, would make the whole surface a lamp.
+            emission: if material.emissive_texture().is_some() { Vec3::ZERO } else { emission },
+            two_sided: material.double_sided(),
+            alpha_cutoff,
+            glossy: (metallic != 0.0 || roughness != 1.0).then_some(Glossy::MetallicRoughness { metallic, roughness }),
+            ..Material::diffuse(name, Vec3::new(r, g, b))
+        }))
+    }
+
+    fn expect_in_unit(&self, material: &str, what: &str, values: &[f32]) -> Result<(), SceneError> {
+        if values.iter().all(|value| (0.0..=1.0).contains(value)) {
+            Ok(())
+        } else {
+            Err(self.out_of_range(&format!("a {what} of material `{material}`"), "0 to 1"))
+        }
+    }
+
+    fn out_of_range(&self, what: &str, range: &str) -> SceneError {
+        SceneError::new(Problem::Range, format!("{what} in `{}` is out of range", self.path.display())).help(format!("the range is {range}"))
+    }
+
+    fn texture(&mut self, texture: &::gltf::Texture) -> Option<u32> {
+        if [texture.sampler().wrap_s(), texture.sampler().wrap_t()].iter().any(|mode| *mode != WrappingMode::Repeat) {
+            self.ignore("texture wrapping other than repetition");
+        }
+        let image = texture.source();
+        if let Some(&number) = self.textures.get(&image.index()) {
+            return Some(number);
+        }
+        let number = self.draft.textures.len() as u32;
+        let (name, content) = match image.source() {
+            image::Source::Uri { uri, .. } if uri.starts_with("data:") => (format!("image {}", image.index()), self.data_content(uri)),
+            image::Source::Uri { uri, .. } => (uri.to_owned(), Content::File(self.folder.join(percent_decoded(uri)))),
+            image::Source::View { view, .. } => (format!("image {}", image.index()), self.view_content(&view)),
+        };
+        let name = image.name().map_or(name, str::to_owned);
+        self.draft.textures.push(TextureSource { name, content });
+        self.textures.insert(image.index(), number);
+        Some(number)
+    }
+
+    fn data_content(&self, uri: &str) -> Content {
+        match read_uri(self.path, self.folder, uri) {
+            Ok(bytes) => Content::Bytes(bytes),
+            Err(error) => Content::Missing(error.to_string()),
+        }
+    }
+
+    fn view_content(&self, view: &buffer::View) -> Content {
+        match self.view_bytes(view) {
+            Some(bytes) => Content::Bytes(bytes.to_vec()),
+            None => Content::Missing("it reaches past its buffer".to_owned()),
+        }
+    }
+
+    fn add_light(&mut self, light: &punctual::Light, node: &Node, map: &DMat4) -> Result<(), SceneError> {
+        let name = node.name().or(light.name()).map_or(format!("light {}", self.draft.lights.len() + 1), str::to_owned);
+        let strength = Vec3::from(light.color()) * light.intensity();
+        if !(strength.is_finite() && strength.cmpge(Vec3::ZERO).all()) {
+            return Err(self.out_of_range(&format!("the intensity of light `{name}`"), "0 or more"));
+        }
+        if light.range().is_some() {
+            self.ignore("ranges of lights");
+        }
+        let position = Vec3::ZERO;
+        let kind = match light.kind() {
+            punctual::Kind::Point => LightKind::Point { position, intensity: strength },
+            punctual::Kind::Directional => LightKind::Directional { direction: self.axis(map, DVec3::NEG_Z, &name)?.as_vec3(), irradiance: strength },
+            punctual::Kind::Spot { inner_cone_angle: inner, outer_cone_angle: outer } => {
+                if !(inner >= 0.0 && inner < outer && outer <= std::f32::consts::FRAC_PI_2 + 1e-6) {
+                    return Err(self.out_of_range(&format!("a cone angle of light `{name}`"), "0 ≤ inner < outer ≤ π/2"));
+                }
+                LightKind::Spot { position, direction: self.axis(map, DVec3::NEG_Z, &name)?.as_vec3(), intensity: strength, inner, outer }
+            }
+        };
+        self.draft.lights.push((Light { name, kind, shadows: true }, map.transform_point3(DVec3::ZERO)));
+        Ok(())
+    }
+
+    fn add_camera(&mut self, camera: &::gltf::Camera, node: &Node, map: &DMat4) -> Result<(), SceneError> {
+        let ::gltf::camera::Projection::Perspective(lens) = camera.projection() else {
+            self.ignore("orthographic cameras");
+            return Ok(());
+        };
+        let number = self.draft.cameras.len() + 1;
+        let stated = node.name().or(camera.name()).unwrap_or("camera");
+        let taken = self.draft.cameras.iter().any(|(other, _)| other.name == stated);
+        let name = if taken { format!("{stated} {number}") } else { stated.to_owned() };
+        if !(lens.yfov() > 0.0 && lens.yfov() < std::f32::consts::PI) {
+            return Err(self.out_of_range(&format!("the field of view of camera `{name}`"), "greater than 0 and less than π"));
+        }
+        let direction = self.axis(map, DVec3::NEG_Z, &name)?;
+        let up = self.axis(map, DVec3::Y, &name)?.reject_from_normalized(direction).try_normalize();
+        let up = up.ok_or_else(|| broken(self.path, &format!("the transform of `{name}` is flat")))?;
+        let camera =
+            Camera { name, eye: Vec3::ZERO, direction: direction.as_vec3(), up: up.as_vec3(), field_of_view: FieldOfView::Vertical(lens.yfov()), size: None };
+        self.draft.cameras.push((camera, map.transform_point3(DVec3::ZERO)));
+        Ok(())
+    }
+
+    /// A unit vector of a node's own axes in the world.
+    fn axis(&self, map: &DMat4, axis: DVec3, name: &str) -> Result<DVec3, SceneError> {
+        map.transform_vector3(axis).try_normalize().ok_or_else(|| broken(self.path, &format!("the transform of `{name}` is flat")))
+    }
+
+    fn view_bytes(&self, view: &buffer::View) -> Option<&[u8]> {
+        let end = view.offset().checked_add(view.length())?;
+        self.buffers.get(view.buffer().index())?.get(view.offset()..end)
+    }
+
+    /// The elements of an accessor as byte strings of its size, each checked to lie inside its buffer.
+    fn elements<'s>(&'s self, accessor: &Accessor, view: &buffer::View, offset: usize, size: usize, count: usize) -> Result<Vec<&'s [u8]>, SceneError> {
+        let outside = || broken(self.path, &format!("accessor {} reaches past its buffer", accessor.index()));
+        let bytes = self.view_bytes(view).and_then(|bytes| bytes.get(offset..)).ok_or_else(outside)?;
+        let stride = view.stride().unwrap_or(size).max(1);
+        let needed = count.saturating_sub(1).checked_mul(stride).and_then(|start| start.checked_add(size));
+        if count > 0 && needed.is_none_or(|needed| needed > bytes.len()) {
+            return Err(outside());
+        }
+        Ok((0..count).map(|index| &bytes[index * stride..index * stride + size]).collect())
+    }
+
+    /// Vectors of floats or (normalised) integers, sparse replacements included.
+    fn read_vectors<const N: usize>(&self, accessor: &Accessor) -> Result<Vec<[f32; N]>, SceneError> {
+        let dimensions = if N == 2 { Dimensions::Vec2 } else { Dimensions::Vec3 };
+        if accessor.dimensions() != dimensions {
+            return Err(broken(self.path, &format!("accessor {} has to hold vectors of {N} numbers", accessor.index())));
+        }
+        self.expect_count(accessor)?;
+        let (size, kind, normalised) = (accessor.size(), accessor.data_type(), accessor.normalized());
+        let decode = |bytes: &[u8]| std::array::from_fn(|axis| number(&bytes[axis * kind.size()..], kind, normalised));
+        let mut vectors: Vec<[f32; N]> = match accessor.view() {
+            Some(view) => self.elements(accessor, &view, accessor.offset(), size, accessor.count())?.into_iter().map(decode).collect(),
+            None => vec![[0.0; N]; accessor.count()],
+        };
+        if let Some(sparse) = accessor.sparse() {
+            let (indices, values) = (sparse.indices(), sparse.values());
+            let index_kind = match indices.index_type() {
+                IndexType::U8 => DataType::U8,
+                IndexType::U16 => DataType::U16,
+                IndexType::U32 => DataType::U32,
+            };
+            let at = self.elements(accessor, &indices.view(), indices.offset(), index_kind.size(), sparse.count())?;
+            let with = self.elements(accessor, &values.view(), values.offset(), size, sparse.count())?;
+            for (at, with) in at.into_iter().zip(with) {
+                let outside = || broken(self.path, &format!("a sparse index of accessor {} is out of range", accessor.index()));
+                *vectors.get_mut(whole_number(at, index_kind) as usize).ok_or_else(outside)? = decode(with);
+            }
+        }
+        Ok(vectors)
+    }
+
+    fn read_indices(&self, accessor: &Accessor) -> Result<Vec<u32>, SceneError> {
+        let kind = accessor.data_type();
+        if accessor.dimensions() != Dimensions::Scalar || !matches!(kind, DataType::U8 | DataType::U16 | DataType::U32) {
+            return Err(broken(self.path, &format!("accessor {} has to hold indices", accessor.index())));
+        }
+        self.expect_count(accessor)?;
+        let view = accessor.view().ok_or_else(|| broken(self.path, &format!("accessor {} has no buffer", accessor.index())))?;
+        let elements = self.elements(accessor, &view, accessor.offset(), kind.size(), accessor.count())?;
+        Ok(elements.into_iter().map(|bytes| whole_number(bytes, kind)).collect())
+    }
+
+    /// Refuses counts that no scene within the limits can have, before anything is allocated for them.
+    fn expect_count(&self, accessor: &Accessor) -> Result<(), SceneError> {
+        if accessor.count() <= 3 * MAX_TRIANGLES {
+            return Ok(());
+        }
+        let message =
+            format!("accessor {} of `{}` has {} elements; the limit is {}", accessor.index(), self.path.display(), accessor.count(), 3 * MAX_TRIANGLES);
+        Err(SceneError::new(Problem::TooLarge, message).help("simplify the geometry or load a part of it"))
+    }
+}
+
+/// A node's own transform, composed in double precision.
+fn node_map(node: &Node) -> DMat4 {
+    match node.transform() {
+        ::gltf::scene::Transform::Matrix { matrix } => DMat4::from_cols_array_2d(&matrix.map(|column| column.map(f64::from))),
+        ::gltf::scene::Transform::Decomposed { translation, rotation, scale } => {
+            let rotation = DQuat::from_array(rotation.map(f64::from));
+            // A quaternion of no length turns nothing.
+            let rotation = if rotation.length_squared() > 0.0 { rotation.normalize() } else { DQuat::IDENTITY };
+            DMat4::from_scale_rotation_translation(scale.map(f64::from).into(), rotation, translation.map(f64::from).into())
+        }
+    }
+}
+
+/// Scaled, turned counter-clockwise as seen (v points down), moved: KHR_texture_transform.
+fn transformed_uv(uv: Vec2, offset: Vec2, rotation: f32, scale: Vec2) -> Vec2 {
+    let (sine, cosine) = rotation.sin_cos();
+    let uv = uv * scale;
+    offset + Vec2::new(cosine * uv.x + sine * uv.y, cosine * uv.y - sine * uv.x)
+}
+
+/// Corners of the triangles of a list, strip or fan. Every other triangle of a strip is turned round.
+fn triangles(mode: Mode, indices: &[u32]) -> Vec<[u32; 3]> {
+    match mode {
+        Mode::TriangleStrip => indices.windows(3).enumerate().map(|(i, t)| if i % 2 == 0 { [t[0], t[1], t[2]] } else { [t[1], t[0], t[2]] }).collect(),
+        Mode::TriangleFan => indices.get(1..).unwrap_or_default().windows(2).map(|t| [indices[0], t[0], t[1]]).collect(),
+        _ => indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect(),
+    }
+}
+
+/// One little-endian number; normalised integers map to 0..1 or −1..1.
+fn number(bytes: &[u8], kind: DataType, normalised: bool) -> f32 {
+    let (value, most) = match (kind, bytes) {
+        (DataType::F32, [a, b, c, d, ..]) => return f32::from_le_bytes([*a, *b, *c, *d]),
+        (DataType::U8, [a, ..]) => (f32::from(*a), 255.0),
+        (DataType::I8, [a, ..]) => (f32::from(*a as i8), 127.0),
+        (DataType::U16, [a, b, ..]) => (f32::from(u16::from_le_bytes([*a, *b])), 65535.0),
+        (DataType::I16, [a, b, ..]) => (f32::from(i16::from_le_bytes([*a, *b])), 32767.0),
+        (DataType::U32, _) => (whole_number(bytes, kind) as f32, 4294967295.0),
+        _ => (0.0, 1.0),
+    };
+    if normalised { (value / most).max(-1.0) } else { value }
+}
+
+/// One little-endian unsigned integer.
+fn whole_number(bytes: &[u8], kind: DataType) -> u32 {
+    match (kind, bytes) {
+        (DataType::U8, [a, ..]) => u32::from(*a),
+        (DataType::U16, [a, b, ..]) => u32::from(u16::from_le_bytes([*a, *b])),
+        (DataType::U32, [a, b, c, d, ..]) => u32::from_le_bytes([*a, *b, *c, *d]),
+        _ => 0,
+    }
+}

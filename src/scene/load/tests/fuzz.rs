@@ -1,0 +1,91 @@
+//! Damaged files: loading answers with a sound scene or an error, and never panics.
+
+use super::*;
+use std::panic::catch_unwind;
+
+/// Every feature of a document, small.
+const DOCUMENT: &str = r#"Scene(version: 1, about: "all of it", source: "here", geometry: [
+    Generate(Hall(triangles: 1000)), Box(min: (0, 0, 0), max: (1, 1, 1), material: "red"),
+    Place(of: [Sphere(centre: (0, 0, 0), radius: 1, subdivisions: 1)], scale: (1, 2, -1), rotate: (axis: (0, 1, 0), degrees: 20), translate: (5, 0, 0)),
+    Quad(corners: ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)), material: "lamp"),
+    Triangles(positions: [(0, 0, 0), (1, 0, 0), (0, 1, 0)], indices: [(0, 1, 2)], material: "shiny"),
+    ], materials: { "*": Diffuse(reflectance: (0.7, 0.7, 0.7)), "red": Ward(reflectance: (0.5, 0, 0), specular: (0.1, 0.1, 0.1), alpha: (0.1, 0.2)),
+    "lamp": Emitter(radiance: (5, 5, 5)), "shiny": Phong(reflectance: (0.2, 0.2, 0.2), specular: (0.3, 0.3, 0.3), exponent: 20) },
+    normals: Smooth(degrees: 40), environment: Constant((0.1, 0.2, 0.3)),
+    lights: [Point(position: (2, 2, 2), intensity: (9, 9, 9)), Spot(position: (2, 3, 2), direction: (0, -1, 0), intensity: (9, 9, 9), inner: 10, outer: 20, shadows: false),
+    Directional(direction: (0, -1, 0.1), irradiance: (1, 1, 1))],
+    cameras: { "main": (eye: (3, 3, 3), direction: (-1, -1, -1), up: (0, 1, 0), fov: 60, size: (64, 64)) })"#;
+
+const OBJECT: &str = "mtllib a.mtl\no a\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0.5\nvt 0 1\nvt 0.5 0.25\nvn 0 0 1\nusemtl red\nf 1/1/1 2/2/1 3//1 -1\nf 1 2 4\n";
+const LIBRARY: &str = "newmtl red\nKd 0.5 0.1 0.1\nKs 0.1 0.1 0.1\nNs 20\nillum 2\nKe 1 1 1\nmap_Kd gone.png\n";
+
+/// A linear congruential generator: the same tries on every machine.
+struct Random(u64);
+
+impl Random {
+    fn below(&mut self, limit: usize) -> usize {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 33) as usize % limit.max(1)
+    }
+
+    /// A few random changes: flipped bits, tokens dropped, doubled or swapped for numbers that break things, and cuts.
+    fn damaged(&mut self, bytes: &[u8]) -> Vec<u8> {
+        const NUMBERS: [&str; 8] = ["NaN", "1e39", "-1", "0", "1e-40", "4294967296", "-inf", "18446744073709551615"];
+        let mut bytes = bytes.to_vec();
+        for _ in 0..=self.below(3) {
+            let at = self.below(bytes.len());
+            let token = token_at(&bytes, at);
+            match self.below(6) {
+                0 if !bytes.is_empty() => bytes[at] ^= 1 << self.below(8),
+                1 => drop(bytes.drain(token)),
+                2 => {
+                    let copy = bytes[token.clone()].to_vec();
+                    drop(bytes.splice(token.start..token.start, copy));
+                }
+                3 | 4 => drop(bytes.splice(token, NUMBERS[self.below(NUMBERS.len())].bytes())),
+                _ if self.below(8) == 0 => bytes.truncate(at),
+                _ => {}
+            }
+        }
+        bytes
+    }
+}
+
+/// The run of letters and digits around a place, or the single byte there.
+fn token_at(bytes: &[u8], at: usize) -> std::ops::Range<usize> {
+    let is_word = |byte: &u8| byte.is_ascii_alphanumeric() || b"._-+".contains(byte);
+    let start = at - bytes[..at].iter().rev().take_while(|byte| is_word(byte)).count();
+    let length = bytes[at..].iter().take_while(|byte| is_word(byte)).count();
+    start..(at + length.max(1)).min(bytes.len())
+}
+
+/// Loads one damaged file; how many triangles came of it.
+fn survive(name: &str, files: &[(&str, &[u8])]) -> Option<usize> {
+    let outcome = catch_unwind(|| load_files(files).ok().inspect(expect_sound).map(|scene| scene.triangles.len()));
+    outcome.unwrap_or_else(|_| panic!("{name} broke the loader:\n{}", String::from_utf8_lossy(files[0].1)))
+}
+
+#[test]
+fn damaged_files_never_panic() {
+    let mut random = Random(2005);
+    let binary = super::gltf::complete().finish();
+    let sky = super::sky::exr(4, 2, |x, y| [x as f32, y as f32, 0.5]);
+    let (mut loaded, tries) = ([0; 5], 400);
+    for _ in 0..tries {
+        let document = random.damaged(DOCUMENT.as_bytes());
+        let (object, library) = (random.damaged(OBJECT.as_bytes()), random.damaged(LIBRARY.as_bytes()));
+        // Mostly the text part of the binary file, whose numbers are those that can lead astray.
+        let damaged = [random.damaged(&binary[20..]), random.damaged(&binary)];
+        let text = [&binary[..20], &damaged[0]].concat();
+        let results = [
+            survive("a document", &[("a.ron", &document)]),
+            survive("an object", &[("a.obj", &object), ("a.mtl", &library)]),
+            survive("a glTF text", &[("a.glb", &text)]),
+            survive("a glTF file", &[("a.glb", &damaged[1])]),
+            survive("a sky", &[("a.ron", super::sky::DOCUMENT.as_bytes()), ("sky.exr", &random.damaged(&sky))]),
+        ];
+        results.iter().zip(&mut loaded).for_each(|(result, count)| *count += usize::from(result.is_some()));
+    }
+    // Neither all nor none: the damage is neither harmless nor total.
+    assert!(loaded.iter().all(|&count| count > tries / 50 && count < tries * 19 / 20), "{loaded:?}");
+}

@@ -1,0 +1,226 @@
+//! glTF files made here, feature by feature.
+
+use super::*;
+use crate::scene::{FieldOfView, Glossy, LightKind};
+use glam::{Vec2, Vec3};
+use serde_json::{Value, json};
+
+/// A binary glTF file: buffer views and accessors are added as data arrives.
+pub(super) struct Builder {
+    pub root: Value,
+    bytes: Vec<u8>,
+}
+
+impl Builder {
+    pub fn new(root: Value) -> Self {
+        let mut root = root;
+        root["asset"] = json!({"version": "2.0"});
+        root["accessors"] = json!([]);
+        root["bufferViews"] = json!([]);
+        Self { root, bytes: Vec::new() }
+    }
+
+    pub fn view(&mut self, bytes: &[u8]) -> usize {
+        while self.bytes.len() % 4 != 0 {
+            self.bytes.push(0);
+        }
+        let views = self.root["bufferViews"].as_array_mut().unwrap();
+        views.push(json!({"buffer": 0, "byteOffset": self.bytes.len(), "byteLength": bytes.len()}));
+        self.bytes.extend_from_slice(bytes);
+        views.len() - 1
+    }
+
+    pub fn accessor(&mut self, accessor: Value) -> usize {
+        let accessors = self.root["accessors"].as_array_mut().unwrap();
+        accessors.push(accessor);
+        accessors.len() - 1
+    }
+
+    pub fn floats<const N: usize>(&mut self, vectors: &[[f32; N]]) -> usize {
+        let bytes: Vec<u8> = vectors.as_flattened().iter().flat_map(|x| x.to_le_bytes()).collect();
+        let view = self.view(&bytes);
+        let (low, high) = (vec![-1e9; N], vec![1e9; N]);
+        self.accessor(json!({"bufferView": view, "componentType": 5126, "count": vectors.len(), "type": format!("VEC{N}"), "min": low, "max": high}))
+    }
+
+    pub fn indices(&mut self, indices: &[u16]) -> usize {
+        let bytes: Vec<u8> = indices.iter().flat_map(|i| i.to_le_bytes()).collect();
+        let view = self.view(&bytes);
+        self.accessor(json!({"bufferView": view, "componentType": 5123, "count": indices.len(), "type": "SCALAR"}))
+    }
+
+    pub fn finish(&self) -> Vec<u8> {
+        let mut root = self.root.clone();
+        root["buffers"] = json!([{"byteLength": self.bytes.len()}]);
+        let (mut text, mut bytes) = (root.to_string().into_bytes(), self.bytes.clone());
+        text.resize(text.len().next_multiple_of(4), b' ');
+        bytes.resize(bytes.len().next_multiple_of(4), 0);
+        let word = |value: usize| (value as u32).to_le_bytes();
+        let mut file = b"glTF".to_vec();
+        file.extend([word(2), word(28 + text.len() + bytes.len()), word(text.len())].concat());
+        file.extend(b"JSON");
+        file.extend(text);
+        file.extend(word(bytes.len()));
+        file.extend(b"BIN\0");
+        file.extend(bytes);
+        file
+    }
+}
+
+const SQUARE: [[f32; 3]; 4] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
+
+fn checkerboard() -> Vec<u8> {
+    let image = image::RgbaImage::from_fn(2, 2, |x, y| image::Rgba([200, 100, 50, if x == y { 255 } else { 0 }]));
+    let mut png = std::io::Cursor::new(Vec::new());
+    image.write_to(&mut png, image::ImageFormat::Png).unwrap();
+    png.into_inner()
+}
+
+/// A textured square below two nodes, a spot light and a camera.
+pub(super) fn complete() -> Builder {
+    let half = std::f32::consts::FRAC_1_SQRT_2;
+    let mut builder = Builder::new(json!({
+        "scene": 0,
+        "scenes": [{"nodes": [0, 2, 3]}],
+        "nodes": [
+            {"translation": [10, 0, 0], "scale": [-2, 2, 4], "children": [1]},
+            {"name": "panel", "mesh": 0, "rotation": [0, half, 0, half]},
+            {"name": "torch", "translation": [0, 3, 0], "rotation": [-half, 0, 0, half], "extensions": {"KHR_lights_punctual": {"light": 0}}},
+            {"name": "eye", "camera": 0, "translation": [1, 2, 3], "rotation": [0, half, 0, half]}
+        ],
+        "cameras": [{"type": "perspective", "perspective": {"yfov": 0.8, "znear": 0.1}}],
+        "extensionsUsed": ["KHR_lights_punctual", "KHR_materials_emissive_strength", "KHR_texture_transform", "EXT_unheard_of"],
+        "extensionsRequired": ["KHR_texture_transform"],
+        "extensions": {"KHR_lights_punctual": {"lights": [
+            {"type": "spot", "color": [1, 0.5, 0.25], "intensity": 8, "spot": {"innerConeAngle": 0.2, "outerConeAngle": 0.6}}
+        ]}},
+        "materials": [{
+            "name": "leaf",
+            "doubleSided": true,
+            "alphaMode": "MASK",
+            "alphaCutoff": 0.4,
+            "emissiveFactor": [1, 0.5, 0],
+            "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 3}},
+            "pbrMetallicRoughness": {"baseColorFactor": [0.5, 0.25, 1, 0.8], "metallicFactor": 0, "roughnessFactor": 1, "baseColorTexture": {
+                "index": 0, "texCoord": 0, "extensions": {"KHR_texture_transform": {"offset": [0.5, 0], "rotation": std::f32::consts::FRAC_PI_2, "scale": [2, 1], "texCoord": 1}}
+            }}
+        }],
+        "textures": [{"source": 0}],
+    }));
+    let picture = builder.view(&checkerboard());
+    builder.root["images"] = json!([{"bufferView": picture, "mimeType": "image/png"}]);
+    let (positions, uvs, colours) = (builder.floats(&SQUARE), builder.floats(&[[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]), builder.floats(&SQUARE));
+    let indices = builder.indices(&[0, 1, 2, 0, 2, 3]);
+    let attributes = json!({"POSITION": positions, "TEXCOORD_1": uvs, "COLOR_0": colours});
+    builder.root["meshes"] = json!([{"primitives": [{"attributes": attributes, "indices": indices, "material": 0}]}]);
+    builder
+}
+
+fn load_glb(builder: &Builder) -> Result<Scene, SceneError> {
+    load_files(&[("thing.glb", &builder.finish())]).map_err(|(error, _)| error)
+}
+
+#[test]
+fn nodes_materials_lights_and_cameras_are_read() {
+    let scene = load_glb(&complete()).unwrap();
+    expect_sound(&scene);
+    assert_eq!(scene.triangles.len(), 2);
+    // The inner node turns +z to +x and +x to −z, the outer one mirrors x and scales.
+    for triangle in &scene.triangles {
+        assert!(triangle.face_normal().distance(-Vec3::X) < 1e-6, "{triangle:?}");
+    }
+    let corners: Vec<Vec3> = scene.triangles.iter().flat_map(|t| t.positions).collect();
+    for expected in [Vec3::new(10.0, 0.0, 0.0), Vec3::new(10.0, 0.0, -4.0), Vec3::new(10.0, 2.0, -4.0), Vec3::new(10.0, 2.0, 0.0)] {
+        assert!(corners.iter().any(|p| p.distance(expected) < 1e-5), "{expected} is not among {corners:?}");
+    }
+
+    let material = &scene.materials[0];
+    assert_eq!((material.name.as_str(), material.reflectance, material.emission), ("leaf", Vec3::new(0.5, 0.25, 1.0), Vec3::new(3.0, 1.5, 0.0)));
+    assert_eq!((material.two_sided, material.glossy, material.alpha_cutoff), (true, None, Some(0.5)));
+    let texture = &scene.textures[material.texture.unwrap() as usize];
+    assert_eq!((texture.width, texture.height, texture.texels[0], texture.texels[1]), (2, 2, [200, 100, 50, 255], [200, 100, 50, 0]));
+    // (1, 0) doubled, turned up by a quarter (v points down), moved by a half.
+    let uv = scene.triangles.iter().flat_map(|t| t.positions.into_iter().zip(t.uvs)).find(|(p, _)| p.distance(Vec3::new(10.0, 0.0, -4.0)) < 1e-5);
+    assert!(uv.unwrap().1.distance(Vec2::new(0.5, -2.0)) < 1e-5, "{uv:?}");
+
+    let LightKind::Spot { position, direction, intensity, inner, outer } = scene.lights[0].kind else { panic!("not a spot light") };
+    assert!(position == Vec3::new(0.0, 3.0, 0.0) && direction.distance(-Vec3::Y) < 1e-6);
+    assert_eq!((intensity, inner, outer, scene.lights[0].name.as_str()), (Vec3::new(8.0, 4.0, 2.0), 0.2, 0.6, "torch"));
+    let camera = &scene.cameras[0];
+    assert!(camera.eye == Vec3::new(1.0, 2.0, 3.0) && camera.direction.distance(-Vec3::X) < 1e-6 && camera.up.distance(Vec3::Y) < 1e-6);
+    assert_eq!((camera.field_of_view, camera.name.as_str()), (FieldOfView::Vertical(0.8), "eye"));
+    assert_eq!(scene.notes, ["not read from the glTF file: extension EXT_unheard_of, vertex colours"]);
+}
+
+#[test]
+fn strips_fans_quantised_and_sparse_vertices_are_read() {
+    let mut builder =
+        Builder::new(json!({"nodes": [{"mesh": 0}], "extensionsRequired": ["KHR_mesh_quantization"], "extensionsUsed": ["KHR_mesh_quantization"]}));
+    let strip = builder.floats(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]]);
+    let fan = builder.floats(&SQUARE.map(|[x, y, _]| [x + 2.0, y, 0.0]));
+    let bytes: Vec<u8> = [[4_i16, 0, 0, 0], [5, 0, 0, 0], [5, 1, 0, 0]].as_flattened().iter().flat_map(|x| x.to_le_bytes()).collect();
+    let view = builder.view(&bytes);
+    builder.root["bufferViews"][view]["byteStride"] = json!(8);
+    let quantised = builder.accessor(json!({"bufferView": view, "componentType": 5122, "count": 3, "type": "VEC3", "min": [4, 0, 0], "max": [5, 1, 0]}));
+    let at = builder.view(&[1, 2]);
+    let with: Vec<u8> = [7.0_f32, 0.0, 0.0, 7.0, 1.0, 0.0].iter().flat_map(|x| x.to_le_bytes()).collect();
+    let with = builder.view(&with);
+    let sparse = json!({"count": 2, "indices": {"bufferView": at, "componentType": 5121}, "values": {"bufferView": with}});
+    let sparse = builder.accessor(json!({"componentType": 5126, "count": 3, "type": "VEC3", "sparse": sparse, "min": [0, 0, 0], "max": [7, 1, 0]}));
+    let primitive = |accessor: usize, mode: u32| json!({"attributes": {"POSITION": accessor}, "mode": mode});
+    builder.root["meshes"] =
+        json!([{"primitives": [primitive(strip, 5), primitive(fan, 6), primitive(quantised, 4), primitive(sparse, 4), primitive(fan, 1)]}]);
+    let scene = load_glb(&builder).unwrap();
+    expect_sound(&scene);
+    assert_eq!(scene.triangles.len(), 6);
+    let area: f32 = scene.triangles.iter().map(|t| t.cross().z / 2.0).sum();
+    assert_eq!(area, 1.0 + 1.0 + 0.5 + 3.5);
+    // The default material is a rough metal, one-sided.
+    assert_eq!(scene.materials[0].glossy, Some(Glossy::MetallicRoughness { metallic: 1.0, roughness: 1.0 }));
+    assert!(!scene.materials[0].two_sided);
+    assert!(scene.notes[0].contains("points and lines"), "{:?}", scene.notes);
+}
+
+#[test]
+fn a_texture_that_is_missing_leaves_the_colour() {
+    let mut builder = complete();
+    builder.root["images"] = json!([{"uri": "no%20where.png"}]);
+    let scene = load_glb(&builder).unwrap();
+    assert_eq!((scene.materials[0].texture, scene.materials[0].alpha_cutoff, scene.textures.len()), (None, None, 0));
+    assert!(scene.notes.iter().any(|note| note.contains("no%20where.png")), "{:?}", scene.notes);
+}
+
+#[test]
+fn text_files_read_their_buffers_beside_them() {
+    let builder = complete();
+    let mut root = builder.root.clone();
+    root["buffers"] = json!([{"byteLength": builder.bytes.len(), "uri": "the%20data.bin"}]);
+    let text = root.to_string();
+    let scene = load_files(&[("thing.gltf", text.as_bytes()), ("the data.bin", &builder.bytes)]).unwrap();
+    assert_eq!(scene.triangles, load_glb(&builder).unwrap().triangles);
+}
+
+#[test]
+fn ranges_outside_buffers_are_refused() {
+    let changes: [(&str, Value); 8] = [
+        ("/accessors/0/count", json!(5)),
+        ("/accessors/0/count", json!(u64::MAX)),
+        ("/accessors/0/byteOffset", json!(u64::MAX)),
+        ("/accessors/3/count", json!(1_000_000_000)),
+        ("/bufferViews/1/byteLength", json!(u64::MAX)),
+        ("/bufferViews/1/byteOffset", json!(u64::MAX - 3)),
+        ("/accessors/3/type", json!("VEC4")),
+        ("/nodes/1/children", json!([0])),
+    ];
+    for (pointer, value) in changes {
+        let mut builder = complete();
+        match builder.root.pointer_mut(pointer) {
+            Some(slot) => *slot = value.clone(),
+            None => {
+                let (parent, key) = pointer.rsplit_once('/').unwrap();
+                builder.root.pointer_mut(parent).unwrap()[key] = value.clone();
+            }
+        }
+        assert!(load_glb(&builder).is_err(), "{pointer} = {value} was accepted");
+    }
+}

@@ -1,0 +1,43 @@
+//! Tests of loading, by kind.
+
+mod cleaning;
+mod errors;
+mod fuzz;
+mod gltf;
+mod obj;
+mod sky;
+
+use super::{LoadOptions, Scene, SceneError, load, load_document};
+use std::path::Path;
+
+/// Loads a document that has no folder of its own.
+fn load_text(text: &str) -> Result<Scene, SceneError> {
+    load_document(Path::new("scene.ron"), text, None, &LoadOptions::default())
+}
+
+/// Writes files into a new folder and loads the first.
+fn load_files(files: &[(&str, &[u8])]) -> Result<Scene, (SceneError, String)> {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, bytes) in files {
+        std::fs::write(folder.path().join(name), bytes).unwrap();
+    }
+    load(&folder.path().join(files[0].0), &LoadOptions::default()).map_err(|error| (error, folder.path().display().to_string()))
+}
+
+/// What every scene promises to those who render it.
+fn expect_sound(scene: &Scene) {
+    assert!(!scene.triangles.is_empty() && !scene.cameras.is_empty());
+    for triangle in &scene.triangles {
+        assert!(triangle.positions.iter().all(|p| p.is_finite()) && triangle.uvs.iter().all(|uv| uv.is_finite()));
+        let front = triangle.face_normal();
+        assert!(triangle.normals.iter().all(|n| (n.length() - 1.0).abs() < 1e-4 && n.dot(front) > 0.0), "{triangle:?}");
+        assert!((triangle.material as usize) < scene.materials.len());
+    }
+    for material in &scene.materials {
+        assert!(material.reflectance.cmpge(glam::Vec3::ZERO).all() && material.reflectance.cmple(glam::Vec3::ONE).all());
+        assert!(material.emission.is_finite() && material.texture.is_none_or(|texture| (texture as usize) < scene.textures.len()));
+    }
+    for camera in &scene.cameras {
+        assert!(camera.eye.is_finite() && (camera.direction.length() - 1.0).abs() < 1e-4 && camera.direction.dot(camera.up).abs() < 1e-4);
+    }
+}

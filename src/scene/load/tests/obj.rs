@@ -1,0 +1,28 @@
+//! OBJ and MTL.
+
+use super::*;
+use crate::scene::Glossy;
+use glam::{Vec2, Vec3};
+
+const LIBRARY: &str = "newmtl lamp\r\nKd 0.5 0.5 0.5\r\nKe 17 12 4\r\nillum 2\r\nKs 0 0 0\r\n\r\nnewmtl shiny\r\nKd 0.2\r\nKs 0.1 0.1 0.1\r\nNs 20\r\nmap_Kd -s 1 1 1 nowhere\\wood.png\r\n\
+    newmtl odd\r\nKd 2 0 x\r\n";
+
+#[test]
+fn faces_materials_and_faults_are_taken_as_they_are() {
+    let object = "mtllib gone.mtl\r\nv 0 0 0\r\nv 1 0 0 # a comment\r\nv 1 1 0\r\nv 0 1 \\\r\n0\r\nvt 0 0\r\nvt 1 0.25\r\nvn 0 0 -1\r\nvn 0 0 0\r\n\
+        o square\r\nusemtl lamp\r\nf 1/1/1 2/2/1 3//1 4//1\r\nusemtl shiny\r\nf -4 -3 -1\r\nusemtl odd\r\nf 1//2 3//2 4//2\r\nusemtl gone\r\nf 1 2 4\r\nf 1 2\r\n";
+    let scene = load_files(&[("thing.obj", object.as_bytes()), ("thing.mtl", LIBRARY.as_bytes())]).unwrap();
+    expect_sound(&scene);
+    let names: Vec<&str> = scene.materials.iter().map(|m| m.name.as_str()).collect();
+    assert_eq!(names, ["lamp", "shiny", "odd", "gone"]);
+    assert!(scene.materials.iter().all(|m| m.two_sided));
+    assert_eq!(scene.materials[0].emission, Vec3::new(17.0, 12.0, 4.0));
+    assert_eq!(scene.materials[0].glossy, None);
+    assert_eq!(scene.materials[1].glossy, Some(Glossy::Phong { reflectance: Vec3::splat(0.1), exponent: 20.0 }));
+    assert_eq!(scene.materials[1].reflectance, Vec3::splat(0.2));
+    assert_eq!(scene.triangles.len(), 5);
+    // The file's normal points backwards here and is turned to the front.
+    assert_eq!(scene.triangles[0].normals[0], Vec3::Z);
+    assert_eq!(scene.triangles[0].uvs[1], Vec2::new(1.0, 0.75));
+    insta::assert_snapshot!("notes_of_an_obj", scene.notes.join("\n"));
+}

@@ -320,7 +320,7 @@ impl Session<'_> {
         let mut open = false;
         for (position, command) in node.commands.iter().enumerate() {
             if let Command::Host(host) = command {
-                self.end_timing(&mut open, pending);
+                self.end_timing(&mut open, pending)?;
                 let start = Instant::now();
                 self.run_host(host, node, pending)?;
                 self.nodes[index].cpu_ms += start.elapsed().as_secs_f64() * 1e3;
@@ -330,7 +330,7 @@ impl Session<'_> {
                 pending.empty = false;
             }
         }
-        self.end_timing(&mut open, pending);
+        self.end_timing(&mut open, pending)?;
         Ok(())
     }
 
@@ -351,11 +351,18 @@ impl Session<'_> {
         Ok(())
     }
 
-    fn end_timing(&mut self, open: &mut bool, pending: &mut Pending) {
-        if let (true, Some(timing)) = (*open, &mut self.timing) {
+    fn end_timing(&mut self, open: &mut bool, pending: &mut Pending) -> Result<(), GpuError> {
+        if !std::mem::replace(open, false) {
+            return Ok(());
+        }
+        if self.timing.as_ref().is_some_and(Timing::waits) {
+            self.submit(pending);
+            self.gpu.wait("running a node")?;
+        }
+        if let Some(timing) = &mut self.timing {
             timing.end(&mut pending.encoder);
         }
-        *open = false;
+        Ok(())
     }
 
     fn pending(&self) -> Pending {

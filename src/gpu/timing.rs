@@ -1,12 +1,20 @@
-//! Timestamps per node.
+//! Time per node.
 
 use super::device::{Gpu, GpuError};
+use std::time::Instant;
 
-/// Timestamps between flushes; a node takes two.
+/// How the device's time is told.
+pub enum Timing {
+    /// Timestamps around each node's commands.
+    Stamps(Stamps),
+    /// A software adapter's timestamps do not wait for compute work: each node is waited for instead.
+    Waits { began: Option<(usize, Instant)>, totals: Vec<f64> },
+}
+
+/// Timestamps between collections; a node takes two.
 const CAPACITY: u32 = 4096;
 
-/// Writes a timestamp before and after each node and adds up what passes between them.
-pub struct Timing {
+pub struct Stamps {
     set: wgpu::QuerySet,
     resolved: wgpu::Buffer,
     staging: wgpu::Buffer,
@@ -18,37 +26,75 @@ pub struct Timing {
 }
 
 impl Timing {
-    /// None where the adapter has no timestamps.
+    /// None where a GPU has no timestamps.
     pub fn new(gpu: &Gpu, nodes: usize) -> Option<Self> {
+        let totals = vec![0.0; nodes];
+        if gpu.adapter.kind == "software" {
+            return Some(Self::Waits { began: None, totals });
+        }
         let tick_ms = gpu.tick? as f64 * 1e-6;
         let bytes = CAPACITY as u64 * 8;
         let buffer = |label, usage| gpu.device.create_buffer(&wgpu::BufferDescriptor { label: Some(label), size: bytes, usage, mapped_at_creation: false });
-        Some(Self {
+        Some(Self::Stamps(Stamps {
             set: gpu.device.create_query_set(&wgpu::QuerySetDescriptor { label: Some("timestamps"), ty: wgpu::QueryType::Timestamp, count: CAPACITY }),
             resolved: buffer("timestamps", wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC),
             staging: buffer("timestamps read back", wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST),
             tick_ms,
             pending: Vec::new(),
-            totals: vec![0.0; nodes],
-        })
+            totals,
+        }))
     }
 
+    /// Whether everything must be submitted and collected before another node begins.
     pub fn is_full(&self) -> bool {
-        self.pending.len() as u32 * 2 + 2 > CAPACITY
+        matches!(self, Self::Stamps(stamps) if stamps.pending.len() as u32 * 2 + 2 > CAPACITY)
+    }
+
+    /// Whether a node's commands must be submitted and waited for as it ends.
+    pub fn waits(&self) -> bool {
+        matches!(self, Self::Waits { .. })
     }
 
     pub fn begin(&mut self, encoder: &mut wgpu::CommandEncoder, node: usize) {
-        encoder.write_timestamp(&self.set, self.pending.len() as u32 * 2);
-        self.pending.push(node);
+        match self {
+            Self::Stamps(stamps) => {
+                encoder.write_timestamp(&stamps.set, stamps.pending.len() as u32 * 2);
+                stamps.pending.push(node);
+            }
+            Self::Waits { began, .. } => *began = Some((node, Instant::now())),
+        }
     }
 
     /// Ends the node that began last.
     pub fn end(&mut self, encoder: &mut wgpu::CommandEncoder) {
-        encoder.write_timestamp(&self.set, self.pending.len() as u32 * 2 - 1);
+        match self {
+            Self::Stamps(stamps) => encoder.write_timestamp(&stamps.set, stamps.pending.len() as u32 * 2 - 1),
+            Self::Waits { began, totals } => {
+                if let Some((node, start)) = began.take() {
+                    totals[node] += start.elapsed().as_secs_f64() * 1e3;
+                }
+            }
+        }
     }
 
     /// Adds up what was written since the last time; everything must have been submitted.
     pub fn collect(&mut self, gpu: &Gpu) -> Result<(), GpuError> {
+        match self {
+            Self::Stamps(stamps) => stamps.collect(gpu),
+            Self::Waits { .. } => Ok(()),
+        }
+    }
+
+    /// Milliseconds by node since the last call.
+    pub fn take(&mut self) -> Vec<f64> {
+        let (Self::Stamps(Stamps { totals, .. }) | Self::Waits { totals, .. }) = self;
+        let zeros = vec![0.0; totals.len()];
+        std::mem::replace(totals, zeros)
+    }
+}
+
+impl Stamps {
+    fn collect(&mut self, gpu: &Gpu) -> Result<(), GpuError> {
         if self.pending.is_empty() {
             return Ok(());
         }
@@ -58,16 +104,10 @@ impl Timing {
         encoder.copy_buffer_to_buffer(&self.resolved, 0, &self.staging, 0, count as u64 * 8);
         gpu.queue.submit([encoder.finish()]);
         let bytes = super::readback::map(gpu, &self.staging, count as u64 * 8)?;
-        let stamps: Vec<u64> = bytes.chunks_exact(8).map(|b| u64::from_le_bytes([b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7]])).collect();
+        let stamps: Vec<u64> = bytemuck::pod_collect_to_vec(&bytes);
         for (pair, node) in stamps.chunks_exact(2).zip(self.pending.drain(..)) {
             self.totals[node] += pair[1].saturating_sub(pair[0]) as f64 * self.tick_ms;
         }
         Ok(())
-    }
-
-    /// Milliseconds by node since the last call.
-    pub fn take(&mut self) -> Vec<f64> {
-        let nodes = self.totals.len();
-        std::mem::replace(&mut self.totals, vec![0.0; nodes])
     }
 }

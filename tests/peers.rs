@@ -3,10 +3,14 @@
 //! Runs where the peers are installed (`benches/peers/setup.sh`) and the scenes are given (`HEMISPLAT_SCENES`); else each
 //! case is named as skipped, which `HEMISPLAT_REQUIRE=peers` makes a failure.
 
-use glam::{DVec3, Vec2, Vec3};
+use glam::{DVec3, Vec3};
 use hemisplat::{
     reference::{Bounces, Reference, Settings, Stop, render},
-    scene::{bvh::Bvh, model::*},
+    scene::{
+        bvh::Bvh,
+        load::{LoadOptions, load},
+        model::*,
+    },
 };
 use libtest_mimic::{Arguments, Failed, Trial};
 use serde::Deserialize;
@@ -86,17 +90,10 @@ struct CaseCamera {
     fov: f32,
 }
 
-/// The scene of a case, built here rather than loaded: the comparison is about light alone.
+/// The scene of a case: its geometry as loaded, all else as the case says, for the comparison is about light alone.
 fn scene(case: &Case) -> Result<Scene, Failed> {
-    let (models, _) = tobj::load_obj(scenes().join(&case.obj), &tobj::GPU_LOAD_OPTIONS)?;
-    let triangles = models.iter().flat_map(|model| {
-        let point = |i: u32| Vec3::from_slice(&model.mesh.positions[3 * i as usize..]);
-        model.mesh.indices.chunks_exact(3).map(move |corners| {
-            let positions = [point(corners[0]), point(corners[1]), point(corners[2])];
-            let face = (positions[1] - positions[0]).cross(positions[2] - positions[0]).normalize_or_zero();
-            Triangle { positions, normals: [face; 3], uvs: [Vec2::ZERO; 3], material: 0 }
-        })
-    });
+    let loaded = load(&scenes().join(&case.obj), &LoadOptions::default())?;
+    let triangles = loaded.triangles.into_iter().map(|triangle| Triangle { normals: [triangle.face_normal(); 3], material: 0, ..triangle });
     let light = |light: &CaseLight| Light {
         name: "lamp".into(),
         kind: LightKind::Point { position: light.position.into(), intensity: light.intensity.into() },

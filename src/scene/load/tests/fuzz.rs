@@ -5,7 +5,7 @@ use std::panic::catch_unwind;
 
 /// Every feature of a document, small.
 const DOCUMENT: &str = r#"Scene(version: 1, about: "all of it", source: "here", geometry: [
-    Generate(Hall(triangles: 1000)), Box(min: (0, 0, 0), max: (1, 1, 1), material: "red"),
+    Generate(Hall(triangles: 2000)), Box(min: (0, 0, 0), max: (1, 1, 1), material: "red"),
     Place(of: [Sphere(centre: (0, 0, 0), radius: 1, subdivisions: 1)], scale: (1, 2, -1), rotate: (axis: (0, 1, 0), degrees: 20), translate: (5, 0, 0)),
     Quad(corners: ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)), material: "lamp"),
     Triangles(positions: [(0, 0, 0), (1, 0, 0), (0, 1, 0)], indices: [(0, 1, 2)], material: "shiny"),

@@ -21,7 +21,7 @@ impl Builder {
     }
 
     pub fn view(&mut self, bytes: &[u8]) -> usize {
-        while self.bytes.len() % 4 != 0 {
+        while !self.bytes.len().is_multiple_of(4) {
             self.bytes.push(0);
         }
         let views = self.root["bufferViews"].as_array_mut().unwrap();

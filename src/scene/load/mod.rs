@@ -103,6 +103,8 @@ fn load_geometry(path: &Path, draft: &mut Draft, wanted: &dyn Fn(&str) -> bool) 
     match extension(path).as_str() {
         "obj" => obj::read(path, draft, wanted),
         "gltf" | "glb" => gltf::read(path, draft, wanted),
+        "ron" => Err(SceneError::new(Problem::Format, format!("`{}` is a document, and a document cannot hold another", path.display()))
+            .help("`File` takes .gltf, .glb and .obj files; copy the other document's geometry")),
         other => Err(SceneError::new(Problem::Format, format!("`{}`: no scene format has the extension `{other}`", path.display()))
             .help("scenes are read from .gltf, .glb, .obj and .ron files")),
     }

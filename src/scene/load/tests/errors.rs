@@ -68,6 +68,8 @@ fn faults_outside_documents_are_told() {
     problem_of("obj_not_finite", Problem::NonFinite, &[("a.obj", b"o roof\nv 0 0 inf\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")]);
     problem_of("obj_empty", Problem::NoTriangles, &[("a.obj", b"")]);
     problem_of("extension", Problem::Format, &[("a.stl", b"")]);
+    let nested = br#"Scene(version: 1, geometry: [File("a.ron")])"#;
+    problem_of("nested_document", Problem::Format, &[("a.ron", nested)]);
     problem_of("gltf_broken", Problem::Format, &[("a.gltf", b"{}")]);
     problem_of(
         "gltf_extension",

@@ -1,9 +1,11 @@
 //! Records and requests in memory, as `shaders/lib/record.wgsl` and `lib/tile.wgsl` read them.
 
+use crate::contract::{Recorder, port};
 use crate::host_struct;
-use crate::math::hemisphere::Table;
-use crate::recording::HostLayout;
+use crate::math::{frame::Frame, hemisphere::Table, projection::Pinhole, sum::Summed, weight};
+use crate::recording::*;
 use bytemuck::cast_slice;
+use glam::Vec3;
 
 host_struct! {
     /// One irradiance record; lengths in scene units, irradiance in W/m².
@@ -68,7 +70,17 @@ host_struct! {
     }
 }
 
-pub const LAYOUTS: &[HostLayout] = &[Record::LAYOUT, Request::LAYOUT, Weighting::LAYOUT, TileSample::LAYOUT, TileEdge::LAYOUT];
+host_struct! {
+    /// Items of a list that a step works on.
+    pub struct Stretch {
+        first: u32,
+        count: u32,
+        padding_a: u32,
+        padding_b: u32,
+    }
+}
+
+pub const LAYOUTS: &[HostLayout] = &[Record::LAYOUT, Request::LAYOUT, Weighting::LAYOUT, TileSample::LAYOUT, TileEdge::LAYOUT, Stretch::LAYOUT];
 
 pub const RECORD_BYTES: u64 = size_of::<Record>() as u64;
 pub const REQUEST_BYTES: u64 = size_of::<Request>() as u64;
@@ -96,4 +108,95 @@ pub fn edge_bytes(table: &Table) -> Vec<u8> {
     let edges: Vec<_> =
         table.edges.iter().map(|e| TileEdge { gradient: e.gradient.map(|x| x as f32), a: e.a, b: e.b, padding_a: 0, padding_b: 0, padding_c: 0 }).collect();
     cast_slice(&edges).to_vec()
+}
+
+impl From<&Record> for weight::Record {
+    fn from(record: &Record) -> Self {
+        let gradients = |all: [[f32; 4]; 3]| all.map(|[x, y, z, _]| Vec3::new(x, y, z));
+        Self {
+            position: record.position.into(),
+            radius: record.radius,
+            normal: record.normal.into(),
+            minimum_distance: record.minimum_distance,
+            irradiance: record.irradiance.into(),
+            footprint: record.footprint,
+            rotation: gradients(record.rotation),
+            translation: gradients(record.translation),
+        }
+    }
+}
+
+impl From<&weight::Record> for Record {
+    fn from(record: &weight::Record) -> Self {
+        let gradients = |all: [Vec3; 3]| all.map(|v| v.extend(0.0).to_array());
+        Self {
+            position: record.position.into(),
+            radius: record.radius,
+            normal: record.normal.into(),
+            minimum_distance: record.minimum_distance,
+            irradiance: record.irradiance.into(),
+            footprint: record.footprint,
+            rotation: gradients(record.rotation),
+            translation: gradients(record.translation),
+        }
+    }
+}
+
+/// The record of a request whose tile was summed on the host: what `record_of` in `shaders/lib/sums.wgsl` makes of it.
+/// Distances of nothing but sky are a huge number, as there.
+pub fn summed_record(request: &Request, summed: &Summed, gradients: bool) -> Record {
+    let frame = Frame::new(Vec3::from(request.normal)).turned(request.turn);
+    let record = summed.record(Vec3::from(request.position), &frame, summed.harmonic_mean_cosine.min(FAR_AWAY) as f32, request.footprint);
+    let record = weight::Record { minimum_distance: summed.min_distance.min(FAR_AWAY) as f32, ..record };
+    let none = [Vec3::ZERO; 3];
+    Record::from(&if gradients { record } else { weight::Record { rotation: none, translation: none, ..record } })
+}
+
+/// Distance of the sky [scene units].
+const FAR_AWAY: f64 = 1e30;
+
+/// Records that a host step reads: those that joined the cache since the last look.
+#[derive(Debug, Clone, Copy)]
+pub struct Fresh {
+    records: Resource,
+    count: Variable,
+}
+
+impl Fresh {
+    /// Copies the records from `first` on out of the cache, `capacity` at most.
+    pub fn record(r: &mut Recorder<'_>, cache: &port::RecordCache, first: Variable, capacity: u32) -> Self {
+        let fresh = Self { records: r.buffer("fresh", capacity as u64 * RECORD_BYTES), count: r.variable("fresh_count", false) };
+        let stretch = r.buffer("stretch", size_of::<Stretch>() as u64);
+        let all = cache.count;
+        r.host("stretch", &[], &[stretch], move |host| {
+            let first = host.variable(first);
+            let count = host.variable(all).saturating_sub(first).min(capacity);
+            host.set(fresh.count, count);
+            host.write(stretch, 0, bytemuck::bytes_of(&Stretch { first, count, padding_a: 0, padding_b: 0 }));
+            Ok(())
+        });
+        let program = Program::new("copy_records").bind("stretch", stretch).bind("records", cache.records).bind("fresh", fresh.records);
+        r.compute(program, "copy", Groups::Counted { count: fresh.count, divisor: 64, per: 1 });
+        fresh
+    }
+
+    pub fn read(&self) -> Read {
+        Read::counted(self.records, RECORD_BYTES, self.count)
+    }
+
+    /// The records, in a host step that reads them.
+    pub fn records(&self, host: &dyn HostContext) -> Vec<weight::Record> {
+        bytemuck::pod_collect_to_vec::<u8, Record>(host.read(self.records)).iter().map(weight::Record::from).collect()
+    }
+}
+
+/// Four floats a texel, in a host step that reads an RGBA32F image.
+pub fn texels(host: &dyn HostContext, image: Resource) -> Vec<[f32; 4]> {
+    bytemuck::pod_collect_to_vec(host.read(image))
+}
+
+/// The pinhole of the frame's camera.
+pub fn pinhole(host: &dyn HostContext) -> Pinhole {
+    let (camera, size) = host.camera();
+    Pinhole { eye: camera.eye, right: camera.right(), up: camera.up, forward: camera.direction, half_extent: camera.half_extent(size), size }
 }

@@ -5,6 +5,7 @@ use crate::contract::{Choice, Description, Input, Output, Parameter, ParameterKi
 use crate::recording::*;
 
 mod device_grid;
+mod host_scan;
 
 pub struct FindMisses;
 
@@ -18,16 +19,28 @@ static DESCRIPTION: Description = Description {
             about: "how misses are found",
             unit: "",
             kind: ParameterKind::Choice {
-                choices: &[Choice {
-                    name: "DeviceGrid",
-                    about: "on the device, from coarse cells of pixels to fine ones; only the number of requests is read back",
-                    parameters: &[Parameter {
-                        name: "coarsest",
-                        about: "edge of the first cells, a power of two",
-                        unit: "pixels",
-                        kind: ParameterKind::Integer { default: 32, min: 1, max: 64 },
-                    }],
-                }],
+                choices: &[
+                    Choice {
+                        name: "DeviceGrid",
+                        about: "on the device, from coarse cells of pixels to fine ones; only the number of requests is read back",
+                        parameters: &[Parameter {
+                            name: "coarsest",
+                            about: "edge of the first cells, a power of two",
+                            unit: "pixels",
+                            kind: ParameterKind::Integer { default: 32, min: 1, max: 64 },
+                        }],
+                    },
+                    Choice {
+                        name: "HostScan",
+                        about: "the papers' walk over the splat sums on the host, pixel by pixel in scan order (RCS)",
+                        parameters: &[Parameter {
+                            name: "spacing",
+                            about: "distance between the records of a batch at first, halved down to 2; a sequential fill needs none",
+                            unit: "pixels",
+                            kind: ParameterKind::Integer { default: 32, min: 2, max: 256 },
+                        }],
+                    },
+                ],
             },
         },
         Parameter {
@@ -73,8 +86,10 @@ impl Pass for FindMisses {
             limit => limit as u32,
         };
         let work = Work { gbuffer, splats, requests, none: r.variable("none", false), at_most, made: r.variable("made", false) };
-        let (_, arguments) = r.arguments.choice("by");
-        device_grid::record(r, &work, arguments.integer("coarsest") as u32)?;
+        match r.arguments.choice("by") {
+            ("HostScan", arguments) => host_scan::record(r, &work, arguments.integer("spacing") as u32),
+            (_, arguments) => device_grid::record(r, &work, arguments.integer("coarsest") as u32)?,
+        }
         r.report_variable("new_records", work.made);
         r.output("requests", Port::Requests(requests));
         r.output("none", Port::Flag(work.none));

@@ -4,6 +4,10 @@ use super::record::RECORD_BYTES;
 use crate::contract::{Choice, Description, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, port};
 use crate::recording::*;
 
+mod cpu_readback;
+mod mipmap_chain;
+mod ping_pong;
+mod reduce;
 mod workgroup_tree;
 
 pub struct IrradianceSum;
@@ -17,7 +21,22 @@ static DESCRIPTION: Description = Description {
             name: "by",
             about: "how a tile is summed",
             unit: "",
-            kind: ParameterKind::Choice { choices: &[Choice { name: "WorkgroupTree", about: "one workgroup a tile, a tree in its memory", parameters: &[] }] },
+            kind: ParameterKind::Choice {
+                choices: &[
+                    Choice { name: "WorkgroupTree", about: "one workgroup a tile, a tree in its memory", parameters: &[] },
+                    Choice {
+                        name: "MipmapChain",
+                        about: "averages of 2×2 texels down to one a tile, in six images (RCS); tiles of a power of two, or of little more",
+                        parameters: &[reduce::STORAGE],
+                    },
+                    Choice {
+                        name: "PingPong",
+                        about: "two images take turns down to 16×16 texels a tile, which the host adds (MESH)",
+                        parameters: &[reduce::STORAGE],
+                    },
+                    Choice { name: "CpuReadback", about: "the tiles are read back and added on the host in double precision", parameters: &[] },
+                ],
+            },
         },
         Parameter { name: "gradients", about: "rotation and translation gradients, or none", unit: "", kind: ParameterKind::Bool { default: true } },
     ],
@@ -40,7 +59,6 @@ impl Work<'_> {
             .constant("TILE_HEIGHT", tiles.table.height)
             .constant("TILES_PER_ROW", tiles.tiles_per_row)
             .constant("TILE_CAPACITY", tiles.requests.capacity)
-            .constant("EDGES", self.weighted.table.edges.len() as u32)
             .constant("GRADIENTS", self.gradients as u8)
     }
 }
@@ -55,7 +73,12 @@ impl Pass for IrradianceSum {
         let requests = weighted.tiles.requests;
         let records = r.buffer("records", requests.capacity as u64 * RECORD_BYTES);
         let work = Work { weighted, records, gradients: r.arguments.bool("gradients") };
-        workgroup_tree::record(r, &work);
+        match r.arguments.choice("by") {
+            ("MipmapChain", arguments) => mipmap_chain::record(r, &work, arguments)?,
+            ("PingPong", arguments) => ping_pong::record(r, &work, arguments),
+            ("CpuReadback", _) => cpu_readback::record(r, &work),
+            _ => workgroup_tree::record(r, &work),
+        }
         r.output("records", Port::Records(port::Records { records, count: requests.count, capacity: requests.capacity }));
         Ok(())
     }

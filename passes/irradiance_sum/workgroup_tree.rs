@@ -8,6 +8,7 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work<'_>) {
     let tiles = &work.weighted.tiles;
     let program = work
         .layout(Program::new("irradiance_sum/workgroup_tree"))
+        .constant("EDGES", work.weighted.table.edges.len() as u32)
         .bind("requests", tiles.requests.places)
         .bind("weights", work.weighted.weights)
         .bind("edges", work.weighted.edges)

@@ -3,6 +3,8 @@
 use crate::contract::{Choice, Description, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, port};
 use crate::recording::*;
 
+mod compute_tiles;
+mod host;
 mod raster_blend;
 
 pub struct Splat;
@@ -17,7 +19,15 @@ static DESCRIPTION: Description = Description {
             about: "how records find their pixels",
             unit: "",
             kind: ParameterKind::Choice {
-                choices: &[Choice { name: "RasterBlend", about: "a screen rectangle a record, blended additively", parameters: &[] }],
+                choices: &[
+                    Choice { name: "RasterBlend", about: "a screen rectangle a record, blended additively (RCS)", parameters: &[] },
+                    Choice {
+                        name: "ComputeTiles",
+                        about: "binned over tiles of 16×16 pixels and added in order; needs no blending; masks of 32 MiB at most",
+                        parameters: &[],
+                    },
+                    Choice { name: "Host", about: "plain code on the host, for comparison; reads the surfaces back once a frame", parameters: &[] },
+                ],
             },
         },
         Parameter { name: "count", about: "also counts the records of each pixel", unit: "", kind: ParameterKind::Bool { default: false } },
@@ -51,9 +61,13 @@ impl Pass for Splat {
         let first = r.variable("splatted", false);
         let work = Work { gbuffer, cache, sums, counts, first };
         for target in [Some(sums), counts].into_iter().flatten() {
-            if r.batch.is_some() { r.before_loop(Command::Clear(target)) } else { r.clear(target) }
+            at_start(r, Command::Clear(target));
         }
-        raster_blend::record(r, &work);
+        match r.arguments.choice("by").0 {
+            "ComputeTiles" => compute_tiles::record(r, &work),
+            "Host" => host::record(r, &work),
+            _ => raster_blend::record(r, &work),
+        }
         r.host("splatted", &[], &[], move |host| {
             host.set(first, host.variable(cache.count));
             Ok(())
@@ -61,4 +75,9 @@ impl Pass for Splat {
         r.output("sums", Port::Splats(port::Splats { sums, counts, cache }));
         Ok(())
     }
+}
+
+/// Once a frame: before the loop that holds the node, or before its other commands.
+fn at_start(r: &mut Recorder<'_>, command: Command) {
+    if r.batch.is_some() { r.before_loop(command) } else { r.command(command) }
 }

@@ -33,6 +33,14 @@ struct Weighting {
     kind: u32,
 }
 
+// Items of a list that a step works on.
+struct Stretch {
+    first: u32,
+    count: u32,
+    padding_a: u32,
+    padding_b: u32,
+}
+
 // How far a record reaches [scene units].
 fn reach(record: Record, weighting: Weighting) -> f32 {
     let distance = select(record.radius, record.minimum_distance, weighting.kind == 1u);

@@ -1,6 +1,7 @@
 //! What flows along the edges of a pipeline.
 
 use crate::math::hemisphere::Table;
+pub use crate::math::weight::{Rule, Weighting};
 use crate::recording::{Resource, Variable};
 use std::sync::Arc;
 
@@ -153,27 +154,6 @@ pub struct Splats {
     /// Number of records that count, as f32 in the first channel; absent unless asked for.
     pub counts: Option<Resource>,
     pub cache: RecordCache,
-}
-
-/// Which records count at a point and how much; the shaders know them by these numbers.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Weighting {
-    /// Ward 1988, RCS 2 and 3.
-    Ward = 0,
-    /// Tabellion and Lamorlette 2004: falls to 0 at the rim.
-    TabellionLamorlette = 1,
-    /// Ward's support, falls to 0 at the rim.
-    Compact = 2,
-}
-
-/// The rule by which records count.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Rule {
-    pub weighting: Weighting,
-    /// The accuracy parameter a: a record reaches a·R.
-    pub accuracy: f32,
-    /// Least and most reach in widths of the pixel that asked for the record.
-    pub spacing: [f32; 2],
 }
 
 /// Places that need a record: at most `capacity` a round.

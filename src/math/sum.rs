@@ -106,15 +106,16 @@ impl Total {
 
 impl Summed {
     /// The record of this hemisphere at `position`, seen in `frame`, with a radius already clamped
-    /// (see [`super::radius`]).
-    pub fn record(&self, position: Vec3, frame: &Frame, radius: f32) -> Record {
+    /// (see [`super::radius`]); `footprint` is the width of a pixel there.
+    pub fn record(&self, position: Vec3, frame: &Frame, radius: f32, footprint: f32) -> Record {
         let to_world = |gradient: DVec3| frame.to_world(gradient.as_vec3());
         Record {
             position,
             normal: frame.normal,
             radius,
-            min_distance: self.min_distance as f32,
+            minimum_distance: self.min_distance as f32,
             irradiance: self.irradiance.as_vec3(),
+            footprint,
             rotation: self.rotation.map(to_world),
             translation: self.translation.map(to_world),
         }
@@ -269,8 +270,8 @@ mod tests {
         let table = table(Shape::Hemicube, 16, Method::None);
         let frame = Frame::new(Vec3::X).turned(0.4);
         let summed = gather(&table, |d| (1.0 + d.x, 2.0));
-        let record = summed.record(Vec3::ONE, &frame, 1.5);
-        assert_eq!((record.normal, record.radius, record.min_distance), (Vec3::X, 1.5, 2.0));
+        let record = summed.record(Vec3::ONE, &frame, 1.5, 0.1);
+        assert_eq!((record.normal, record.radius, record.minimum_distance, record.footprint), (Vec3::X, 1.5, 2.0, 0.1));
         // Brighter towards the tangent: turning the normal there, about the bitangent, brightens.
         let expected = frame.bitangent * (2.0 * PI / 3.0) as f32;
         assert!(record.rotation[1].abs_diff_eq(expected, 0.02), "{} {expected}", record.rotation[1]);

@@ -1,0 +1,155 @@
+//! The papers' walk over the pixels on the host.
+//!
+//! In a sequential fill each record is sampled and splatted on the host's copy of the weights before the walk goes on;
+//! the splat sums are read back as the walk begins, and once more as it ends, for what host and device round differently.
+//! In batches the sums are read back every round, and a round's records stand some pixels apart.
+
+use super::Work;
+use crate::contract::Recorder;
+use crate::math::{projection::Pinhole, weight::Record, weight::Rule};
+use crate::passes::record::{Fresh, Request, pinhole, texels};
+use crate::recording::*;
+use glam::{Vec4, Vec4Swizzles};
+use std::f32::consts::TAU;
+use std::sync::Arc;
+
+/// Least distance between the records of a batch, along a row or a column [pixels].
+const LEAST_SPACING: u32 = 2;
+
+/// What the host keeps of a frame.
+struct Walk {
+    width: usize,
+    /// Position and width of a pixel, normal and depth: one texel a pixel.
+    position: Vec<Vec4>,
+    normal: Vec<Vec4>,
+    /// Σ w; −1 where no surface is seen.
+    weights: Vec<f32>,
+    /// The pixel that the walk goes on from.
+    next: usize,
+    /// Distance between the records of a batch [pixels].
+    spacing: u32,
+}
+
+pub(super) fn record(r: &mut Recorder<'_>, work: &Work, spacing: u32) {
+    let sequential = r.sequential;
+    let [width, height] = r.setting.size;
+    let pixels = width * height;
+    let walk = r.state("walk");
+    // Whether this round reads the sums back, and how many records the host's weights hold.
+    let [look, seen] = ["look", "seen"].map(|name| r.variable(name, false));
+    let gbuffer = work.gbuffer;
+    r.before_loop(Command::Host(Host {
+        name: "read_surfaces",
+        reads: vec![Read::whole(gbuffer.position), Read::whole(gbuffer.normal)],
+        writes: vec![],
+        run: Arc::new(move |host| {
+            let vectors = |texels: Vec<[f32; 4]>| texels.into_iter().map(Vec4::from).collect();
+            let (position, normal) = (vectors(texels(host, gbuffer.position)), vectors(texels(host, gbuffer.normal)));
+            *host.state(walk) = Some(Box::new(Walk { width: width as usize, position, normal, weights: Vec::new(), next: 0, spacing }));
+            host.set(look, 1);
+            Ok(())
+        }),
+    }));
+    let cache = work.splats.cache;
+    r.host("look", &[], &[], move |host| {
+        if host.variable(look) > 0 {
+            host.set(seen, host.variable(cache.count));
+        }
+        Ok(())
+    });
+    let weights = r.buffer("weights", pixels as u64 * 4);
+    let program = Program::new("find_misses/host_scan").bind("position", gbuffer.position).bind("sums", work.splats.sums).bind("weights", weights);
+    r.compute(program, "look", Groups::Counted { count: look, divisor: 1, per: pixels.div_ceil(64) });
+    let fresh = Fresh::record(r, &cache, seen, work.requests.capacity);
+    let (requests, none, at_most, made) = (work.requests, work.none, work.at_most, work.made);
+    r.host("walk", &[Read::counted(weights, pixels as u64 * 4, look), fresh.read()], &[requests.places], move |host| {
+        let looked = host.variable(look) > 0;
+        let device_weights: Vec<f32> = bytemuck::pod_collect_to_vec(host.read(weights));
+        let (records, camera) = (fresh.records(host), pinhole(host));
+        let room = requests.capacity.min(at_most - host.variable(made)) as usize;
+        let state = host.state(walk).as_mut().and_then(|s| s.downcast_mut::<Walk>());
+        let walk = state.ok_or("the surfaces were not read before the walk")?;
+        if looked {
+            (walk.weights, walk.next) = (device_weights, 0);
+        }
+        for record in &records {
+            walk.splat(record, &cache.rule, &camera);
+        }
+        let new = if sequential { walk.first_miss().into_iter().take(room).collect() } else { walk.misses(room) };
+        host.write(requests.places, 0, bytemuck::cast_slice(&new));
+        host.set(requests.count, new.len() as u32);
+        host.set(seen, host.variable(cache.count));
+        host.set(made, host.variable(made) + new.len() as u32);
+        // A walk that ends without having just looked at the sums looks once more.
+        host.set(look, (!sequential || (new.is_empty() && !looked)) as u32);
+        host.set(none, ((new.is_empty() && looked) || host.variable(made) == at_most) as u32);
+        Ok(())
+    });
+}
+
+impl Walk {
+    /// Adds a record's weight to the pixels that it covers.
+    fn splat(&mut self, record: &Record, rule: &Rule, camera: &Pinhole) {
+        let Some(bounds) = camera.bounds(record.position, rule.reach(record) * 1.0001) else { return };
+        for row in bounds.min[1]..bounds.max[1] {
+            for column in bounds.min[0]..bounds.max[0] {
+                let pixel = row as usize * self.width + column as usize;
+                if self.weights[pixel] == 0.0 {
+                    self.weights[pixel] = rule.weight(record, self.position[pixel].xyz(), self.normal[pixel].xyz());
+                }
+            }
+        }
+    }
+
+    /// The next pixel in scan order that no record covers.
+    fn first_miss(&mut self) -> Option<Request> {
+        let found = (self.next..self.weights.len()).find(|pixel| self.weights[*pixel] == 0.0);
+        self.next = found.unwrap_or(self.weights.len());
+        found.map(|pixel| self.request(pixel))
+    }
+
+    /// Misses in scan order, `room` at most, that stand apart; closer next time when these did not fill the room.
+    fn misses(&mut self, room: usize) -> Vec<Request> {
+        let mut found = Vec::new();
+        let mut taken = vec![false; self.weights.len()];
+        for pixel in 0..self.weights.len() {
+            if found.len() == room {
+                return found;
+            }
+            if self.weights[pixel] == 0.0 && !taken[pixel] {
+                found.push(self.request(pixel));
+                self.take(&mut taken, pixel);
+            }
+        }
+        self.spacing = (self.spacing / 2).max(LEAST_SPACING);
+        found
+    }
+
+    /// Marks the pixels after `pixel` in scan order that are too close to it.
+    fn take(&self, taken: &mut [bool], pixel: usize) {
+        let spacing = self.spacing as usize;
+        let (row, column) = (pixel / self.width, pixel % self.width);
+        for below in row..(row + spacing).min(taken.len() / self.width) {
+            let columns = column.saturating_sub(spacing - 1)..(column + spacing).min(self.width);
+            taken[below * self.width..][columns].fill(true);
+        }
+    }
+
+    /// As `collect` of shaders/find_misses/device_grid.wgsl makes it.
+    fn request(&self, pixel: usize) -> Request {
+        let (place, facing) = (self.position[pixel], self.normal[pixel]);
+        Request { position: place.xyz().into(), footprint: place.w, normal: facing.xyz().into(), turn: TAU * unit(hash(pixel as u32 + 1)) }
+    }
+}
+
+/// As shaders/lib/random.wgsl.
+fn hash(value: u32) -> u32 {
+    let state = value.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
+    let word = ((state >> ((state >> 28) + 4)) ^ state).wrapping_mul(277_803_737);
+    (word >> 22) ^ word
+}
+
+/// In [0, 1).
+fn unit(bits: u32) -> f32 {
+    (bits >> 8) as f32 / 16_777_216.0
+}

@@ -1,0 +1,97 @@
+//! What the mipmap chain and the ping-pong share: images of six parts a sample, and averages of 2×2 texels.
+
+use super::Work;
+use crate::contract::{Arguments, Choice, Parameter, ParameterKind, Recorder};
+use crate::recording::*;
+
+/// Vectors that a tile adds up to: layers of the images.
+pub(super) const PARTS: u32 = 6;
+
+pub(super) const STORAGE: Parameter = Parameter {
+    name: "storage",
+    about: "numbers of the images between the steps",
+    unit: "",
+    kind: ParameterKind::Choice {
+        choices: &[
+            Choice { name: "F32", about: "single precision, six times the tiles' memory and a third more", parameters: &[] },
+            Choice { name: "F16", about: "half precision, half of it; what is above 65,504 times the mean sample's share is cut", parameters: &[] },
+        ],
+    },
+};
+
+/// Entry points and format of a way of storing.
+pub(super) struct Storage {
+    contribute: &'static str,
+    average: &'static str,
+    coarse: &'static str,
+    pub(super) format: Format,
+}
+
+impl Storage {
+    pub(super) fn of(r: &mut Recorder<'_>, arguments: &Arguments) -> Self {
+        if arguments.choice("storage").0 == "F16" {
+            r.remark("half floats hold three digits and no contribution above 65,504 W/m²: the sums are as accurate as that");
+            return Self { contribute: "contribute_f16", average: "average_f16", coarse: "coarse_f16", format: Format::Rgba16Float };
+        }
+        Self { contribute: "contribute_f32", average: "average_f32", coarse: "coarse_f32", format: Format::Rgba32Float }
+    }
+}
+
+impl Work<'_> {
+    /// Width and height of a tile at a level.
+    pub(super) fn level_size(&self, level: u32) -> [u32; 2] {
+        let table = &self.weighted.table;
+        [table.width >> level, table.height >> level]
+    }
+
+    /// An image that holds the tiles at a level.
+    pub(super) fn level_image(&self, r: &mut Recorder<'_>, name: &str, level: u32, format: Format) -> Resource {
+        let tiles = &self.weighted.tiles;
+        let rows = tiles.requests.capacity.div_ceil(tiles.tiles_per_row);
+        let [width, height] = self.level_size(level);
+        r.texture(name, [tiles.tiles_per_row * width, rows * height], PARTS, format)
+    }
+
+    /// One workgroup of 64 lanes for every 64 texels of a level, for each tile.
+    pub(super) fn groups(&self, level: u32) -> Groups {
+        let [width, height] = self.level_size(level);
+        Groups::Counted { count: self.weighted.tiles.requests.count, divisor: 1, per: (width * height).div_ceil(64) }
+    }
+
+    /// A program that works on a level.
+    pub(super) fn at_level(&self, shader: &'static str, level: u32) -> Program {
+        let [width, height] = self.level_size(level);
+        self.layout(Program::new(shader)).constant("LEVEL_WIDTH", width).constant("LEVEL_HEIGHT", height)
+    }
+
+    /// Every sample's six parts.
+    pub(super) fn contribute(&self, r: &mut Recorder<'_>, storage: &Storage, into: Resource) {
+        let starts: Vec<u32> = (0..=self.weighted.table.samples.len()).map(|i| self.weighted.table.edges.partition_point(|e| e.a < i as u32) as u32).collect();
+        let starts = r.constant_buffer("edge_starts", bytemuck::cast_slice(&starts));
+        let tiles = &self.weighted.tiles;
+        let program = self
+            .at_level("irradiance_sum/reduce", 0)
+            .bind("requests", tiles.requests.places)
+            .bind("weights", self.weighted.weights)
+            .bind("edges", self.weighted.edges)
+            .bind("edge_starts", starts)
+            .bind("radiance", tiles.samples)
+            .bind(storage.coarse, into);
+        r.compute(program, storage.contribute, self.groups(0));
+    }
+
+    /// Averages of 2×2 texels, the maximum where a maximum is wanted.
+    pub(super) fn average(&self, r: &mut Recorder<'_>, storage: &Storage, level: u32, from: Resource, into: Resource) {
+        let program = self.at_level("irradiance_sum/reduce", level).bind("fine", from).bind(storage.coarse, into);
+        r.compute(program, storage.average, self.groups(level));
+    }
+
+    /// How often a tile can be halved until it is no larger than `enough` along each side.
+    pub(super) fn levels(&self, enough: u32) -> u32 {
+        let can = |level: u32| {
+            let [width, height] = self.level_size(level);
+            width.max(height) > enough && width % 2 == 0 && height % 2 == 0
+        };
+        (0..).find(|level| !can(*level)).unwrap_or(0)
+    }
+}

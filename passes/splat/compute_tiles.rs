@@ -1,0 +1,61 @@
+//! Records binned over tiles of 16×16 pixels and added in their order, without blending.
+
+use super::{Work, at_start};
+use crate::contract::Recorder;
+use crate::passes::record::Stretch;
+use crate::recording::*;
+
+/// Edge of a tile [pixels].
+const TILE: u32 = 16;
+/// Most records that are binned at a time.
+const CHUNK: u32 = 32_768;
+/// Most bytes of all tiles' masks.
+const MASK_BYTES: u64 = 32 << 20;
+
+pub(super) fn record(r: &mut Recorder<'_>, work: &Work) {
+    let [width, height] = r.setting.size;
+    let tiles = width.div_ceil(TILE) * height.div_ceil(TILE);
+    // One bit a record and tile, 64 records at least.
+    let words = (MASK_BYTES / 4 / tiles as u64).clamp(2, CHUNK as u64 / 32) as u32;
+    let chunk = 32 * words;
+    let pixels = width as u64 * height as u64;
+    let masks = r.buffer("masks", tiles as u64 * words as u64 * 4);
+    let added = r.buffer("added", pixels * 16);
+    let counted = work.counts.map(|counts| (r.buffer("counted", pixels * 4), counts));
+    for buffer in [Some(masks), Some(added), counted.map(|c| c.0)].into_iter().flatten() {
+        at_start(r, Command::Clear(buffer));
+    }
+    let chunks: Vec<_> = (0..work.cache.capacity.div_ceil(chunk))
+        .map(|i| (r.buffer(&format!("chunk{i}"), size_of::<Stretch>() as u64), r.variable(&format!("count{i}"), false)))
+        .collect();
+    let (first, all, list) = (work.first, work.cache.count, chunks.clone());
+    let written: Vec<_> = chunks.iter().map(|c| c.0).collect();
+    r.host("chunks", &[], &written, move |host| {
+        let (mut first, last) = (host.variable(first), host.variable(all));
+        for &(stretch, records) in &list {
+            let count = last.saturating_sub(first).min(chunk);
+            host.set(records, count);
+            if count > 0 {
+                host.write(stretch, 0, bytemuck::bytes_of(&Stretch { first, count, padding_a: 0, padding_b: 0 }));
+            }
+            first += count;
+        }
+        Ok(())
+    });
+    for (stretch, records) in chunks {
+        let program = Program::new("splat/compute_tiles")
+            .constant("MASK_WORDS", words)
+            .bind("records", work.cache.records)
+            .bind("weighting", work.cache.weighting)
+            .bind("stretch", stretch)
+            .bind("masks", masks);
+        r.compute(program.clone(), "bin", Groups::Counted { count: records, divisor: 64, per: 1 });
+        let program = program.bind("position", work.gbuffer.position).bind("normal", work.gbuffer.normal).bind("added", added).bind("sums", work.sums);
+        // As many groups as tiles where the chunk has any record.
+        let groups = Groups::Counted { count: records, divisor: chunk, per: tiles };
+        match counted {
+            Some((counted, counts)) => r.compute(program.bind("counted", counted).bind("counts", counts), "add_counted", groups),
+            None => r.compute(program, "add", groups),
+        }
+    }
+}

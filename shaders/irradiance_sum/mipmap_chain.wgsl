@@ -1,0 +1,34 @@
+#import lib/sums
+
+// A record from the last level of a tile's mipmap chain.
+
+@group(0) @binding(0) var<storage, read> requests: array<Request>;
+// A part a layer, as irradiance_sum/reduce leaves them: one texel a tile, or what cannot be halved any more.
+@group(0) @binding(1) var last: texture_2d_array<f32>;
+@group(0) @binding(2) var<storage, read_write> records: array<Record>;
+
+@compute @workgroup_size(64)
+fn finish(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) lane: u32) {
+    let tile = (group.x + group.y * groups.x) * 64u + lane;
+    if tile >= TILE_CAPACITY {
+        return;
+    }
+    let texels = LEVEL_WIDTH * LEVEL_HEIGHT;
+    let corner = level_corner(tile);
+    var sums: Sums;
+    for (var i = 0u; i < texels; i++) {
+        for (var part = 0u; part < PARTS; part++) {
+            let value = textureLoad(last, corner + vec2u(i % LEVEL_WIDTH, i / LEVEL_WIDTH), part, 0);
+            sums.parts[part] = joined(part, sums.parts[part], value);
+        }
+    }
+    let share = 1.0 / f32(texels);
+    let scale = share / scene_parameters.extent;
+    sums.parts[0] *= vec4f(vec3f(share), scale);
+    sums.parts[1] *= share;
+    sums.parts[2] *= vec4f(vec3f(share), 1.0 / scene_parameters.extent);
+    for (var part = 3u; part < PARTS; part++) {
+        sums.parts[part] *= scale;
+    }
+    records[tile] = record_of(requests[tile], sums);
+}

@@ -1,0 +1,128 @@
+#import lib/sums
+
+// What the mipmap chain and the ping-pong share: each sample's six parts as an image, and averages of 2×2 texels.
+// A part is stored times the number of samples, so that the average over a tile is its sum, and free of the unit of
+// length: what has 1/distance in it is stored times the scene's extent. The third part's last component is a maximum.
+
+@group(0) @binding(0) var<storage, read> requests: array<Request>;
+@group(0) @binding(1) var<storage, read> weights: array<TileSample>;
+// Sorted by their first samples; those of sample i are `edge_starts[i] .. edge_starts[i + 1]`.
+@group(0) @binding(2) var<storage, read> edges: array<TileEdge>;
+@group(0) @binding(3) var<storage, read> edge_starts: array<u32>;
+@group(0) @binding(4) var<storage, read> radiance: array<vec4f>;
+// The level before the one that is written, a part a layer; level 0 has a texel a sample.
+@group(0) @binding(5) var fine: texture_2d_array<f32>;
+@group(0) @binding(6) var coarse_f32: texture_storage_2d_array<rgba32float, write>;
+@group(0) @binding(7) var coarse_f16: texture_storage_2d_array<rgba16float, write>;
+
+// The largest half float: what is brighter is cut, not infinite.
+const LARGEST_F16 = 65504.0;
+
+struct Place {
+    tile: u32,
+    // Within the tile.
+    texel: vec2u,
+    // In the image.
+    at: vec2u,
+    inside: bool,
+}
+
+fn place_of(group: vec3u, groups: vec3u, lane: u32) -> Place {
+    let per = (LEVEL_WIDTH * LEVEL_HEIGHT + 63u) / 64u;
+    let linear = group.x + group.y * groups.x;
+    let index = (linear % per) * 64u + lane;
+    let tile = linear / per;
+    let texel = vec2u(index % LEVEL_WIDTH, index / LEVEL_WIDTH);
+    return Place(tile, texel, level_corner(tile) + texel, tile < TILE_CAPACITY && index < LEVEL_WIDTH * LEVEL_HEIGHT);
+}
+
+fn scaled(part: u32, value: vec4f) -> vec4f {
+    let count = f32(TILE_WIDTH * TILE_HEIGHT);
+    let extent = scene_parameters.extent;
+    switch part {
+        case 0u: {
+            return value * count * vec4f(1.0, 1.0, 1.0, extent);
+        }
+        case 1u: {
+            return value * count;
+        }
+        case 2u: {
+            return value * vec4f(count, count, count, extent);
+        }
+        default: {
+            return value * count * extent;
+        }
+    }
+}
+
+fn contribution(tile: u32, sample: u32) -> Sums {
+    let request = requests[tile];
+    let size = TILE_WIDTH * TILE_HEIGHT;
+    let weight = weights[sample];
+    var sums: Sums;
+    if weight.plain_weight > 0.0 {
+        let seen = radiance[tile * size + sample];
+        let inverse = inverse_distance(request, seen.w);
+        add_sample(&sums, weight, seen, inverse);
+        if GRADIENTS {
+            for (var i = edge_starts[sample]; i < edge_starts[sample + 1u]; i++) {
+                let edge = edges[i];
+                let other = radiance[tile * size + edge.b];
+                let inverse_other = inverse_distance(request, other.w) / weights[edge.b].depth_cosine;
+                add_edge(&sums, edge, seen.rgb, other.rgb, inverse / weight.depth_cosine, inverse_other);
+            }
+        }
+    }
+    return sums;
+}
+
+@compute @workgroup_size(64)
+fn contribute_f32(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) lane: u32) {
+    let place = place_of(group, groups, lane);
+    if place.inside {
+        let sums = contribution(place.tile, place.texel.y * TILE_WIDTH + place.texel.x);
+        for (var part = 0u; part < PARTS; part++) {
+            textureStore(coarse_f32, place.at, part, scaled(part, sums.parts[part]));
+        }
+    }
+}
+
+@compute @workgroup_size(64)
+fn contribute_f16(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) lane: u32) {
+    let place = place_of(group, groups, lane);
+    if place.inside {
+        let sums = contribution(place.tile, place.texel.y * TILE_WIDTH + place.texel.x);
+        for (var part = 0u; part < PARTS; part++) {
+            textureStore(coarse_f16, place.at, part, clamp(scaled(part, sums.parts[part]), vec4f(-LARGEST_F16), vec4f(LARGEST_F16)));
+        }
+    }
+}
+
+fn average(at: vec2u, part: u32) -> vec4f {
+    let a = textureLoad(fine, 2u * at, part, 0);
+    let b = textureLoad(fine, 2u * at + vec2u(1u, 0u), part, 0);
+    let c = textureLoad(fine, 2u * at + vec2u(0u, 1u), part, 0);
+    let d = textureLoad(fine, 2u * at + vec2u(1u, 1u), part, 0);
+    let mean = (a + b + c + d) * 0.25;
+    return vec4f(mean.xyz, select(mean.w, max(max(a.w, b.w), max(c.w, d.w)), part == 2u));
+}
+
+@compute @workgroup_size(64)
+fn average_f32(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) lane: u32) {
+    let place = place_of(group, groups, lane);
+    if place.inside {
+        for (var part = 0u; part < PARTS; part++) {
+            textureStore(coarse_f32, place.at, part, average(place.at, part));
+        }
+    }
+}
+
+@compute @workgroup_size(64)
+fn average_f16(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) lane: u32) {
+    let place = place_of(group, groups, lane);
+    if place.inside {
+        for (var part = 0u; part < PARTS; part++) {
+            textureStore(coarse_f16, place.at, part, average(place.at, part));
+        }
+    }
+}

@@ -4,7 +4,7 @@ use super::record::REQUEST_BYTES;
 use crate::contract::{Choice, Description, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, port};
 use crate::recording::*;
 
-mod device_grid;
+pub mod device_grid;
 mod host_scan;
 
 pub struct FindMisses;

@@ -53,6 +53,7 @@ fn add(tile: &[u8], extent: f64) -> Summed {
         rotation: [DVec3::new(parts[1].x, parts[1].y, 0.0), DVec3::new(parts[1].z, parts[1].w, 0.0), DVec3::new(parts[2].x, parts[2].y, 0.0)],
         translation: [3, 4, 5].map(|part| parts[part].truncate() / extent),
         harmonic_mean_cosine: weight / inverse,
+        // Not among the parts, and of no use to a record of irradiance.
         harmonic_mean_plain: weight / inverse,
         min_distance: extent / f64::from(nearest),
     }

@@ -7,7 +7,7 @@ use crate::recording::*;
 
 /// Edge of a tile [pixels].
 const TILE: u32 = 16;
-/// Most records that are binned at a time.
+/// Most records that are binned at a time; fewer for large pictures, but 1024 at least.
 const CHUNK: u32 = 32_768;
 /// Most bytes of all tiles' masks.
 const MASK_BYTES: u64 = 32 << 20;
@@ -15,11 +15,12 @@ const MASK_BYTES: u64 = 32 << 20;
 pub(super) fn record(r: &mut Recorder<'_>, work: &Work) {
     let [width, height] = r.setting.size;
     let tiles = width.div_ceil(TILE) * height.div_ceil(TILE);
-    // One bit a record and tile, 64 records at least.
-    let words = (MASK_BYTES / 4 / tiles as u64).clamp(2, CHUNK as u64 / 32) as u32;
+    // A bit a record, and a bit a word of those.
+    let summary = (MASK_BYTES / 4 / 33 / tiles as u64).clamp(1, CHUNK as u64 / 1024) as u32;
+    let words = 32 * summary;
     let chunk = 32 * words;
     let pixels = width as u64 * height as u64;
-    let masks = r.buffer("masks", tiles as u64 * words as u64 * 4);
+    let masks = r.buffer("masks", tiles as u64 * (summary + words) as u64 * 4);
     let added = r.buffer("added", pixels * 16);
     let counted = work.counts.map(|counts| (r.buffer("counted", pixels * 4), counts));
     for buffer in [Some(masks), Some(added), counted.map(|c| c.0)].into_iter().flatten() {
@@ -45,6 +46,7 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work) {
     for (stretch, records) in chunks {
         let program = Program::new("splat/compute_tiles")
             .constant("MASK_WORDS", words)
+            .constant("SUMMARY_WORDS", summary)
             .bind("records", work.cache.records)
             .bind("weighting", work.cache.weighting)
             .bind("stretch", stretch)

@@ -1,7 +1,8 @@
 #import lib/splat
 
 // Records binned over tiles of 16×16 pixels, then added pixel by pixel in the records' order.
-// A tile's mask has a bit a record; setting bits in any order gives the same masks, so every run gives the same sums.
+// A tile's mask has a bit a record, and before those a bit for each of their words that is not 0. Setting bits in any
+// order gives the same masks, so every run gives the same sums.
 
 @group(0) @binding(0) var<storage, read> records: array<Record>;
 @group(0) @binding(1) var<uniform> weighting: Weighting;
@@ -17,10 +18,16 @@
 @group(0) @binding(8) var<storage, read_write> counted: array<u32>;
 @group(0) @binding(9) var counts: texture_storage_2d<rgba32float, write>;
 
-// Words of a tile's mask.
+// Words with a bit a record, and with a bit a word.
 override MASK_WORDS: u32 = 1024u;
+override SUMMARY_WORDS: u32 = 32u;
 
 const TILE = 16u;
+
+// Where a tile's mask begins; the words of records follow its summary.
+fn mask_of(tile: u32) -> u32 {
+    return tile * (SUMMARY_WORDS + MASK_WORDS);
+}
 
 fn tiles() -> vec2u {
     return (camera.size + TILE - 1u) / TILE;
@@ -43,7 +50,9 @@ fn bin(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec
     let last = vec2u(high) / TILE;
     for (var y = first.y; y <= last.y; y++) {
         for (var x = first.x; x <= last.x; x++) {
-            atomicOr(&masks[(y * tiles().x + x) * MASK_WORDS + index / 32u], 1u << (index % 32u));
+            let mask = mask_of(y * tiles().x + x);
+            atomicOr(&masks[mask + index / 1024u], 1u << (index / 32u % 32u));
+            atomicOr(&masks[mask + SUMMARY_WORDS + index / 32u], 1u << (index % 32u));
         }
     }
 }
@@ -64,22 +73,27 @@ fn pixel_of(tile: u32, lane: u32) -> Pixel {
 fn walk(tile: u32, pixel: Pixel, lane: u32) -> u32 {
     let place = select(vec4f(0.0), textureLoad(position, pixel.at, 0), pixel.inside);
     let facing = textureLoad(normal, pixel.at, 0).xyz;
-    let words = (stretch.count + 31u) / 32u;
+    let mask = mask_of(tile);
     var sum = added[select(0u, pixel.index, pixel.inside)];
     var count = 0u;
-    for (var word = 0u; word < words; word++) {
-        var bits = atomicLoad(&masks[tile * MASK_WORDS + word]);
-        while bits != 0u {
-            let index = stretch.first + word * 32u + firstTrailingBit(bits);
-            bits &= bits - 1u;
-            let value = contribution(records[index], weighting, place, facing);
-            sum += value;
-            count += select(0u, 1u, value.w > 0.0);
+    for (var i = 0u; i < (stretch.count + 1023u) / 1024u; i++) {
+        var words = atomicLoad(&masks[mask + i]);
+        while words != 0u {
+            let word = i * 32u + firstTrailingBit(words);
+            words &= words - 1u;
+            var bits = atomicLoad(&masks[mask + SUMMARY_WORDS + word]);
+            while bits != 0u {
+                let index = stretch.first + word * 32u + firstTrailingBit(bits);
+                bits &= bits - 1u;
+                let value = contribution(records[index], weighting, place, facing);
+                sum += value;
+                count += select(0u, 1u, value.w > 0.0);
+            }
         }
     }
     storageBarrier();
-    for (var word = lane; word < words; word += TILE * TILE) {
-        atomicStore(&masks[tile * MASK_WORDS + word], 0u);
+    for (var i = lane; i < SUMMARY_WORDS + (stretch.count + 31u) / 32u; i += TILE * TILE) {
+        atomicStore(&masks[mask + i], 0u);
     }
     if count > 0u {
         added[pixel.index] = sum;

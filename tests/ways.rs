@@ -1,0 +1,651 @@
+//! The ways of one pass against each other: sums against double precision, splats pixel by pixel, walks for what they
+//! leave uncovered, host against device for the weights of records, and each way against its own repetition.
+//!
+//! Needs a GPU adapter, a software one will do; without one each case is named as skipped, which
+//! `HEMISPLAT_REQUIRE=gpu` makes a failure. The long cases run with `--ignored` or `--include-ignored`.
+
+use glam::Vec3;
+use hemisplat::{
+    contract::{Arguments as Given, ParameterKind, Port, Recorder, Value, find, port, recorder::Reported, recorder::Setting},
+    gpu::{Gpu, Session, scene as scene_data, shader},
+    math::{
+        hemisphere::{Method, Shape, Table},
+        sum::sum,
+        weight::{self, Rule},
+    },
+    passes::{
+        REGISTRY,
+        record::{Record, Request, Weighting, edge_bytes, sample_bytes, summed_record},
+    },
+    recording::*,
+    scene::{bvh::Bvh, load, model::*, needs::Needs},
+};
+use libtest_mimic::{Arguments, Failed, Trial};
+use std::{collections::BTreeMap, env, path::Path, sync::Arc, time::Instant};
+
+type Outcome = Result<(), Failed>;
+type Case = fn(&Stage) -> Outcome;
+
+fn main() {
+    let required = env::var("HEMISPLAT_REQUIRE").is_ok_and(|list| list.split(',').any(|item| item.trim() == "gpu"));
+    let cases: [(&str, bool, Case); 8] = [
+        ("sums_agree_with_double_precision", false, sums_agree),
+        ("half_precision_sums_stay_finite", false, half_sums_are_bounded),
+        ("tiles_that_cannot_be_halved_are_refused", false, odd_tiles_are_refused),
+        ("splats_agree_pixel_by_pixel", false, splats_agree),
+        ("fills_cover_every_pixel_and_repeat", false, fills_cover),
+        ("a_sequential_walk_has_no_surplus", false, sequential_walk),
+        ("weights_on_the_host_are_those_on_the_device", false, weights_agree),
+        ("as_many_records_as_fit_splat_alike", true, many_records),
+    ];
+    let stage = match Stage::open() {
+        Ok(stage) => Ok(Arc::new(stage)),
+        Err(reason) if required => Err(reason),
+        Err(reason) => {
+            cases.iter().for_each(|(name, ..)| println!("SKIPPED: {name}: {reason}"));
+            let skipped = cases.map(|(name, ..)| Trial::test(name, || Ok(())).with_ignored_flag(true));
+            libtest_mimic::run(&Arguments { include_ignored: false, ignored: false, ..Arguments::from_args() }, skipped.into()).exit()
+        }
+    };
+    let trials = cases.map(|(name, long, case)| {
+        let stage = stage.clone();
+        Trial::test(name, move || case(&*stage?)).with_ignored_flag(long)
+    });
+    libtest_mimic::run(&Arguments::from_args(), trials.into()).exit();
+}
+
+/// A device, and a scene of some thousand triangles and two lights.
+struct Stage {
+    gpu: Gpu,
+    scene: Scene,
+    bvh: Bvh,
+    needs: Needs,
+}
+
+impl Stage {
+    fn open() -> Result<Self, String> {
+        let gpu = Gpu::open().map_err(|e| e.to_string())?;
+        let options = load::LoadOptions { overrides: vec![("triangles".into(), "1000".into())], ..Default::default() };
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/hall.ron");
+        let mut scene = load::load(&path, &options).map_err(|e| e.to_string())?;
+        let bvh = Bvh::build(&mut scene);
+        let needs = Needs::of(&scene);
+        Ok(Self { gpu, scene, bvh, needs })
+    }
+
+    /// The ways of splatting that the adapter has.
+    fn splats(&self) -> Vec<&'static str> {
+        let blends = self.gpu.features.contains(wgpu::Features::FLOAT32_BLENDABLE);
+        if !blends {
+            println!("SKIPPED: RasterBlend: the adapter cannot blend 32-bit floats");
+        }
+        ["RasterBlend", "ComputeTiles", "Host"].into_iter().filter(|way| blends || *way != "RasterBlend").collect()
+    }
+}
+
+/// Nodes wired by hand.
+struct Graph<'a> {
+    stage: &'a Stage,
+    size: [u32; 2],
+    recording: Recording,
+    ports: BTreeMap<String, Port>,
+    reports: Vec<(&'static str, Reported)>,
+    /// Records a round and whether the loop is sequential, while one is open.
+    batch: Option<(u32, bool)>,
+    looped: Vec<Step>,
+}
+
+impl<'a> Graph<'a> {
+    fn new(stage: &'a Stage, size: [u32; 2]) -> Self {
+        let mut recording = Recording::default();
+        let mut declare = |name: &str, bytes, lifetime| {
+            recording.resources.push(ResourceDescription { name: name.into(), kind: ResourceKind::Buffer { bytes }, lifetime });
+        };
+        for data in SceneData::ALL {
+            declare(data.name(), scene_data::byte_size(&stage.scene, data), Lifetime::Scene(data));
+        }
+        declare("camera", 256, Lifetime::Frame);
+        Self { stage, size, recording, ports: BTreeMap::new(), reports: Vec::new(), batch: None, looped: Vec::new() }
+    }
+
+    /// A buffer with these contents.
+    fn buffer(&mut self, name: &str, contents: &[u8]) -> Resource {
+        let kind = ResourceKind::Buffer { bytes: contents.len() as u64 };
+        self.recording.resources.push(ResourceDescription { name: name.into(), kind, lifetime: Lifetime::Constant(contents.into()) });
+        Resource(self.recording.resources.len() as u32 - 1)
+    }
+
+    /// A variable that the test sets.
+    fn variable(&mut self, name: &str) -> Variable {
+        self.recording.variables.push(VariableDescription { name: name.into(), history: true });
+        Variable(self.recording.variables.len() as u32 - 1)
+    }
+
+    /// A node whose inputs are joined to ports by name: `("gbuffer", "gbuffer")`.
+    fn node(&mut self, name: &str, pass: &str, values: &[(&str, &str)], inputs: &[(&str, &str)]) -> Result<(), Failed> {
+        let pass = find(REGISTRY, pass).ok_or("no such pass")?;
+        let description = pass.description();
+        let given = arguments(description.parameters, values);
+        let join = |input: &str| inputs.iter().find(|i| i.0 == input).and_then(|i| self.ports.get(i.1)).cloned();
+        let joined: BTreeMap<_, _> = description.inputs.iter().filter_map(|i| Some((i.name, join(i.name)?))).collect();
+        let setting = Setting { scene: &self.stage.scene, needs: &self.stage.needs, size: self.size };
+        let mut recorder = Recorder::new(name, &given, setting, &joined, &mut self.recording);
+        if let Some((batch, sequential)) = self.batch {
+            recorder = recorder.in_loop(batch, sequential);
+        }
+        pass.record(&mut recorder).map_err(|refusal| refusal.message)?;
+        let recorded = recorder.finish();
+        self.reports.extend(recorded.reports);
+        for (output, port) in recorded.outputs {
+            if output == description.outputs[0].name {
+                self.ports.insert(name.into(), port.clone());
+            }
+            self.ports.insert(format!("{name}.{output}"), port);
+        }
+        let step = |commands| Step::Node(Node { name: name.into(), pass: description.name, commands });
+        self.recording.steps.push(step(recorded.prologue));
+        if self.batch.is_some() {
+            self.looped.push(step(recorded.commands))
+        } else {
+            self.recording.steps.push(step(recorded.commands))
+        }
+        Ok(())
+    }
+
+    /// Ends the loop that was open.
+    fn end_loop(&mut self, until: &str) -> Result<(), Failed> {
+        let Some(Port::Flag(until)) = self.ports.get(until) else { return Err("no such flag".into()) };
+        let until = *until;
+        let round = self.variable("round");
+        let steps = std::mem::take(&mut self.looped);
+        self.recording.steps.push(Step::Repeat(Repeat { name: "fill".into(), until, round, at_most: 100_000, steps }));
+        self.batch = None;
+        Ok(())
+    }
+
+    fn texture(&self, port: &str) -> Result<Resource, Failed> {
+        match self.ports.get(port) {
+            Some(Port::Image(image)) => Ok(image.texture),
+            Some(Port::Splats(splats)) => Ok(splats.sums),
+            _ => Err(format!("{port} is no image").into()),
+        }
+    }
+
+    fn session(&'a self, kept: &[Resource]) -> Result<Session<'a>, Failed> {
+        let reported = self.reports.iter().filter_map(|r| if let Reported::Buffer(buffer, _) = r.1 { Some(buffer) } else { None });
+        let kept: Vec<_> = kept.iter().copied().chain(reported).collect();
+        let Stage { gpu, scene, bvh, .. } = self.stage;
+        Ok(Session::new(gpu, scene, bvh, &self.recording, &kept, &scene.cameras[0], self.size).map_err(|e| e.to_string())?)
+    }
+
+    /// The number that a node reports.
+    fn report(&self, session: &Session<'_>, name: &str) -> Result<u32, Failed> {
+        match self.reports.iter().find(|r| r.0 == name).ok_or("no such report")?.1 {
+            Reported::Variable(variable) => Ok(session.variable(variable)),
+            Reported::Buffer(buffer, index) => Ok(read::<u32>(session, buffer)?[index as usize]),
+        }
+    }
+}
+
+/// Values by name, all others their defaults; `MipmapChain:F16` chooses the first parameter of a choice too.
+fn arguments(parameters: &'static [hemisplat::contract::Parameter], values: &[(&str, &str)]) -> Given {
+    let mut given = Given::defaults(parameters);
+    for parameter in parameters {
+        let Some((_, text)) = values.iter().find(|v| v.0 == parameter.name) else { continue };
+        given.set(
+            parameter.name,
+            match parameter.kind {
+                ParameterKind::Bool { .. } => Value::Bool(*text == "true"),
+                ParameterKind::Integer { .. } => Value::Integer(text.parse().expect("an integer")),
+                ParameterKind::Float { .. } => Value::Float(text.parse().expect("a number")),
+                ParameterKind::Choice { choices } => {
+                    let (name, inner) = text.split_once(':').unwrap_or((text, ""));
+                    let choice = choices.iter().find(|c| c.name == name).expect("a way");
+                    let inner: Vec<_> = choice.parameters.first().filter(|_| !inner.is_empty()).map(|p| (p.name, inner)).into_iter().collect();
+                    Value::Choice(choice.name, arguments(choice.parameters, &inner))
+                }
+            },
+        );
+    }
+    given
+}
+
+fn read<T: bytemuck::Pod>(session: &Session<'_>, resource: Resource) -> Result<Vec<T>, Failed> {
+    Ok(bytemuck::pod_collect_to_vec(&session.read(resource).map_err(|e| e.to_string())?))
+}
+
+fn check(holds: bool, what: impl FnOnce() -> String) -> Outcome {
+    if holds { Ok(()) } else { Err(what().into()) }
+}
+
+/// Numbers that are the same on every machine.
+struct Numbers(u64);
+
+impl Numbers {
+    /// In 0..1.
+    fn next(&mut self) -> f32 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 40) as f32 / (1 << 24) as f32
+    }
+
+    fn between(&mut self, low: f32, high: f32) -> f32 {
+        low + (high - low) * self.next()
+    }
+
+    fn exponent(&mut self, low: f32, high: f32) -> f32 {
+        10f32.powf(self.between(low, high))
+    }
+
+    fn vector(&mut self) -> Vec3 {
+        Vec3::new(self.between(-1.0, 1.0), self.between(-1.0, 1.0), self.between(-1.0, 1.0))
+    }
+}
+
+// Sums
+
+const TILES: usize = 4;
+
+/// The shapes with a resolution that can be halved to the end, and one that leaves three texels a side.
+const SHAPES: [(Shape, u32); 5] =
+    [(Shape::Cosine, 16), (Shape::Plane { fov_degrees: 126.87 }, 64), (Shape::Hemicube, 16), (Shape::Hemispherical, 32), (Shape::Cosine, 24)];
+
+const SUMS: [&str; 4] = ["WorkgroupTree", "MipmapChain:F32", "PingPong:F32", "CpuReadback"];
+
+/// Samples of a mild tile, of one with radiance from 1e-6 to 1e6, of one that touches a wall, and of a bit of ceiling under the sky.
+fn tiles(table: &Table, extent: f32) -> [Vec<[f32; 4]>; TILES] {
+    let mut numbers = Numbers(7);
+    let mut tile = |radiance: fn(&mut Numbers) -> f32, distance: &dyn Fn(&mut Numbers) -> f32| {
+        table.samples.iter().map(|_| [radiance(&mut numbers), radiance(&mut numbers), radiance(&mut numbers), distance(&mut numbers)]).collect::<Vec<_>>()
+    };
+    [
+        tile(|n| n.between(0.5, 2.0), &|n| n.between(0.1, 1.0) * extent),
+        tile(|n| n.exponent(-6.0, 6.0), &|n| n.between(0.1, 1.0) * extent),
+        tile(|n| n.next(), &|n| if n.next() < 0.1 { 0.0 } else { n.exponent(-4.0, 0.0) * extent }),
+        tile(|n| n.next(), &|n| if n.next() < 0.9 { 1e30 } else { 0.3 * extent }),
+    ]
+}
+
+fn requests() -> [Request; TILES] {
+    let mut numbers = Numbers(3);
+    [0.0, 1.0, 2.5, 6.0].map(|turn| Request { position: numbers.vector().into(), footprint: 0.01, normal: numbers.vector().normalize().into(), turn })
+}
+
+/// The records of the tiles, summed one way, after two frames that must give the same bits.
+fn summed(stage: &Stage, table: &Arc<Table>, shape: (Shape, u32), by: &str) -> Result<Vec<Record>, Failed> {
+    // More tiles than are asked for, in an atlas of two columns.
+    let (capacity, size) = (TILES + 3, table.samples.len());
+    let mut samples: Vec<[f32; 4]> = tiles(table, stage.scene.extent()).concat();
+    samples.resize(capacity * size, [f32::NAN; 4]);
+    let mut places = requests().to_vec();
+    places.resize(capacity, bytemuck::Zeroable::zeroed());
+    let mut graph = Graph::new(stage, [16, 16]);
+    let requests = port::Requests { places: graph.buffer("places", bytemuck::cast_slice(&places)), count: graph.variable("count"), capacity: capacity as u32 };
+    let tiles = port::Tiles {
+        samples: graph.buffer("samples", bytemuck::cast_slice(&samples)),
+        requests,
+        shape: shape.0,
+        resolution: shape.1,
+        tiles_per_row: 2,
+        table: table.clone(),
+    };
+    let (weights, edges) = (graph.buffer("weights", &sample_bytes(table)), graph.buffer("edges", &edge_bytes(table)));
+    graph.ports.insert("tiles".into(), Port::WeightedTiles(port::WeightedTiles { tiles, table: table.clone(), weights, edges }));
+    graph.node("records", "IrradianceSum", &[("by", by)], &[("of", "tiles")])?;
+    let Some(Port::Records(port::Records { records, .. })) = graph.ports.get("records") else { return Err("no records".into()) };
+    let mut session = graph.session(&[*records])?;
+    session.set_variable(requests.count, TILES as u32);
+    let mut frames = Vec::new();
+    for _ in 0..2 {
+        session.frame(&|| true).map_err(|e| e.to_string())?;
+        frames.push(read::<Record>(&session, *records)?[..TILES].to_vec());
+    }
+    check(bytemuck::cast_slice::<_, u8>(&frames[0]) == bytemuck::cast_slice::<_, u8>(&frames[1]), || format!("{by} does not repeat"))?;
+    Ok(frames.swap_remove(0))
+}
+
+/// What the sums should be, and the sums of the moduli of what is added up in the two gradients: the scale of their rounding.
+fn expected(table: &Table, extent: f32) -> Result<Vec<(Record, [f32; 2])>, Failed> {
+    let mut all = Vec::new();
+    for (request, tile) in requests().iter().zip(tiles(table, extent)) {
+        let nearest = f64::from(surface_offset(extent, Vec3::from(request.position)));
+        let summed = sum(table, &tile, nearest).map_err(|e| e.to_string())?;
+        let rotation: f64 = table.samples.iter().zip(&tile).map(|(s, t)| s.rotation[0].hypot(s.rotation[1]) * f64::from(t[0].max(t[1]).max(t[2]))).sum();
+        let inverse = |i: u32| 1.0 / (f64::from(tile[i as usize][3]).max(nearest) * table.samples[i as usize].depth_cosine);
+        let most = |i: u32| f64::from(tile[i as usize][..3].iter().fold(0.0f32, |a, b| a.max(*b)));
+        let length = |g: [f64; 3]| g.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let translation: f64 = table.edges.iter().map(|e| length(e.gradient) * (most(e.a) + most(e.b)) * inverse(e.a).max(inverse(e.b))).sum();
+        all.push((summed_record(request, &summed, true), [rotation as f32, translation as f32]));
+    }
+    Ok(all)
+}
+
+/// The largest error of a record's parts, each in proportion to what was added up.
+fn error(found: &Record, expected: &Record, scales: [f32; 2]) -> f32 {
+    let relative = |a: f32, b: f32| (a - b).abs() / b.abs();
+    let gradients = |a: &[[f32; 4]; 3], b: &[[f32; 4]; 3], scale: f32| {
+        a.as_flattened().iter().zip(b.as_flattened()).map(|(a, b)| (a - b).abs() / scale).fold(0.0, f32::max)
+    };
+    let irradiance = found.irradiance.iter().zip(expected.irradiance).map(|(a, b)| relative(*a, b)).fold(0.0, f32::max);
+    let distances = relative(found.radius, expected.radius).max(relative(found.minimum_distance, expected.minimum_distance));
+    let all =
+        [irradiance, distances, gradients(&found.rotation, &expected.rotation, scales[0]), gradients(&found.translation, &expected.translation, scales[1])];
+    // NaN counts as the largest error.
+    all.into_iter().fold(0.0, |worst, e| if e.is_nan() || e > worst { if e.is_nan() { f32::INFINITY } else { e } } else { worst })
+}
+
+fn table(shape: (Shape, u32)) -> Result<Arc<Table>, Failed> {
+    Ok(Arc::new(Table::new(shape.0, shape.1, Method::BorderExtension).map_err(|e| e.to_string())?))
+}
+
+fn sums_agree(stage: &Stage) -> Outcome {
+    for shape in SHAPES {
+        let table = table(shape)?;
+        let expected = expected(&table, stage.scene.extent())?;
+        for by in SUMS {
+            let found = summed(stage, &table, shape, by)?;
+            let errors: Vec<f32> = found.iter().zip(&expected).map(|(f, (e, scales))| error(f, e, *scales)).collect();
+            println!("{by} over {shape:?}: {errors:?}");
+            check(errors.iter().all(|e| *e < 1e-5), || format!("{by} over {shape:?}: errors {errors:?}"))?;
+        }
+    }
+    Ok(())
+}
+
+/// Half floats: 0.4 % on the mild tile; elsewhere bright contributions are cut, never added or infinite.
+fn half_sums_are_bounded(stage: &Stage) -> Outcome {
+    for shape in SHAPES {
+        let table = table(shape)?;
+        let expected = expected(&table, stage.scene.extent())?;
+        for by in ["MipmapChain:F16", "PingPong:F16"] {
+            let found = summed(stage, &table, shape, by)?;
+            let mild = error(&found[0], &expected[0].0, expected[0].1);
+            println!("{by} over {shape:?}: {mild:.1e}");
+            check(mild < 4e-3, || format!("{by} over {shape:?}: error {mild:e}"))?;
+            for (found, (expected, _)) in found.iter().zip(&expected) {
+                let finite = bytemuck::cast_slice::<Record, f32>(std::slice::from_ref(found)).iter().all(|x| x.is_finite());
+                let bounded = found.irradiance.iter().zip(expected.irradiance).all(|(f, e)| *f >= 0.0 && *f <= e * 1.004);
+                check(finite && bounded, || format!("{by} over {shape:?}: {found:?}, not {expected:?}"))?;
+            }
+        }
+    }
+    Ok(())
+}
+
+fn odd_tiles_are_refused(stage: &Stage) -> Outcome {
+    let shape = (Shape::Cosine, 22);
+    let table = table(shape)?;
+    let refused = summed(stage, &table, shape, "MipmapChain:F32").err().and_then(|e| e.message().map(String::from)).unwrap_or_default();
+    check(refused.contains("22×22"), || format!("a mipmap chain of 22×22 samples was not refused: {refused}"))?;
+    let errors: Vec<f32> =
+        summed(stage, &table, shape, "PingPong:F32")?.iter().zip(expected(&table, stage.scene.extent())?).map(|(f, (e, s))| error(f, &e, s)).collect();
+    check(errors.iter().all(|e| *e < 1e-5), || format!("PingPong of 22×22 samples: errors {errors:?}"))
+}
+
+// Splats
+
+/// Records on the scene's surfaces, on the side that the camera sees.
+fn records(scene: &Scene, size: [u32; 2], count: usize) -> Vec<Record> {
+    let mut numbers = Numbers(11);
+    let camera = &scene.cameras[0];
+    let pixel = 2.0 * camera.half_extent(size).x / size[0] as f32;
+    (0..count)
+        .map(|_| {
+            let triangle = &scene.triangles[(numbers.next() * scene.triangles.len() as f32) as usize % scene.triangles.len()];
+            let [a, b, c] = triangle.positions;
+            let (u, v) = (numbers.next().sqrt(), numbers.next());
+            let position = a * (1.0 - u) + b * (u * (1.0 - v)) + c * (u * v);
+            let normal = (b - a).cross(c - a).normalize();
+            let normal = if normal.dot(camera.eye - position) < 0.0 { -normal } else { normal };
+            let gradients = |scale: f32, numbers: &mut Numbers| std::array::from_fn(|_| (numbers.vector() * scale).extend(0.0).to_array());
+            Record {
+                position: position.into(),
+                radius: numbers.exponent(-1.0, 1.0),
+                normal: normal.into(),
+                minimum_distance: numbers.exponent(-1.0, 0.5),
+                irradiance: [numbers.next(), numbers.next(), numbers.next()],
+                footprint: (position - camera.eye).dot(camera.direction).abs().max(1e-3) * pixel,
+                rotation: gradients(1.0, &mut numbers),
+                translation: gradients(0.3, &mut numbers),
+            }
+        })
+        .collect()
+}
+
+fn rule(weighting: weight::Weighting, most_pixels: f32) -> Rule {
+    Rule { weighting, accuracy: 0.3, spacing: [1.5, most_pixels] }
+}
+
+/// One texel a pixel: sums, and the number of records in the first channel; the seconds that the second frame took.
+struct Splatted {
+    sums: Vec<[f32; 4]>,
+    counts: Vec<[f32; 4]>,
+    seconds: f64,
+}
+
+/// The records splatted one way in two frames that must give the same bits.
+fn splatted(stage: &Stage, records: &[Record], rule: Rule, size: [u32; 2], by: &str) -> Result<Splatted, Failed> {
+    let mut graph = Graph::new(stage, size);
+    graph.node("gbuffer", "GBuffer", &[], &[])?;
+    let uniform = Weighting { accuracy: rule.accuracy, minimum_spacing: rule.spacing[0], maximum_spacing: rule.spacing[1], kind: rule.weighting as u32 };
+    let cache = port::RecordCache {
+        records: graph.buffer("records", bytemuck::cast_slice(records)),
+        count: graph.variable("count"),
+        capacity: records.len() as u32,
+        weighting: graph.buffer("weighting", bytemuck::bytes_of(&uniform)),
+        rule,
+    };
+    graph.ports.insert("cache".into(), Port::RecordCache(cache));
+    graph.node("splats", "Splat", &[("by", by), ("count", "true")], &[("records", "cache"), ("gbuffer", "gbuffer")])?;
+    let Some(Port::Splats(port::Splats { sums, counts: Some(counts), .. })) = graph.ports.get("splats").cloned() else { return Err("no sums".into()) };
+    let mut session = graph.session(&[sums, counts])?;
+    session.set_variable(cache.count, records.len() as u32);
+    let mut frames = Vec::new();
+    let mut seconds = 0.0;
+    for _ in 0..2 {
+        let start = Instant::now();
+        session.frame(&|| true).map_err(|e| e.to_string())?;
+        seconds = start.elapsed().as_secs_f64();
+        frames.push((session.read(sums).map_err(|e| e.to_string())?, read(&session, counts)?));
+    }
+    check(frames[0] == frames[1], || format!("{by} does not repeat"))?;
+    let (sums, counts) = frames.swap_remove(0);
+    Ok(Splatted { sums: bytemuck::pod_collect_to_vec(&sums), counts, seconds })
+}
+
+/// Compares two ways: everywhere to `tolerance` of the pixel's value and of the largest weight there can be, but for
+/// pixels at the rim of a record, where rounding decides whether it counts: at most one in ten thousand.
+fn compare_splats(a: &Splatted, b: &Splatted, tolerance: f32) -> Outcome {
+    let pixels = a.counts.len();
+    let covered = a.counts.iter().filter(|c| c[0] > 0.0).count();
+    check(covered * 4 > pixels, || format!("only {covered} pixels are covered"))?;
+    let same = |pixel: usize| a.counts[pixel][0] == b.counts[pixel][0];
+    let rim = (0..pixels).filter(|pixel| !same(*pixel)).count();
+    check(rim * 10_000 <= pixels, || format!("the number of records differs at {rim} pixels"))?;
+    for pixel in (0..pixels).filter(|pixel| same(*pixel)) {
+        let (x, y) = (a.sums[pixel], b.sums[pixel]);
+        let apart = x.iter().zip(y).map(|(x, y)| (x - y).abs()).fold(0.0, f32::max);
+        check(apart <= tolerance * (1.0 + y[3]), || format!("pixel {pixel}: {x:?} and {y:?}"))?;
+    }
+    Ok(())
+}
+
+const WEIGHTINGS: [weight::Weighting; 3] = [weight::Weighting::Ward, weight::Weighting::TabellionLamorlette, weight::Weighting::Compact];
+
+fn splats_agree(stage: &Stage) -> Outcome {
+    // No multiple of a tile of 16 pixels.
+    let size = [100, 75];
+    let records = records(&stage.scene, size, 3000);
+    for weighting in WEIGHTINGS {
+        let host = splatted(stage, &records, rule(weighting, 40.0), size, "Host")?;
+        for by in stage.splats() {
+            let found = splatted(stage, &records, rule(weighting, 40.0), size, by)?;
+            compare_splats(&found, &host, 1e-5).map_err(|e| format!("{weighting:?} by {by}: {}", e.message().unwrap_or_default()))?;
+        }
+    }
+    Ok(())
+}
+
+/// As many records as the largest cache holds: 900,000, 130 MB; the tiles' masks take 32 MiB at most.
+fn many_records(stage: &Stage) -> Outcome {
+    let size = [512, 384];
+    let records = records(&stage.scene, size, 900_000);
+    let found = stage.splats().into_iter().map(|by| {
+        let found = splatted(stage, &records, rule(weight::Weighting::Compact, 3.0), size, by)?;
+        println!("{by}: {:.2} s", found.seconds);
+        Ok(found)
+    });
+    let found = found.collect::<Result<Vec<_>, Failed>>()?;
+    found.windows(2).try_for_each(|pair| compare_splats(&pair[0], &pair[1], 1e-5))
+}
+
+// Walks
+
+/// A whole fill: irradiance, and what the nodes report by name.
+fn filled(stage: &Stage, batch: u32, sequential: bool, splat: &str, misses: &str, sum: &str) -> Result<(Vec<u8>, BTreeMap<&'static str, u32>), Failed> {
+    let mut graph = Graph::new(stage, [60, 45]);
+    graph.node("gbuffer", "GBuffer", &[], &[])?;
+    graph.node("cache", "RecordCache", &[], &[])?;
+    graph.batch = Some((batch, sequential));
+    graph.node("splats", "Splat", &[("by", splat)], &[("records", "cache"), ("gbuffer", "gbuffer")])?;
+    graph.node("misses", "FindMisses", &[("by", misses)], &[("gbuffer", "gbuffer"), ("splats", "splats")])?;
+    graph.node("tiles", "HemisphereTiles", &[("resolution", "8")], &[("at", "misses")])?;
+    graph.node("closed", "Compensation", &[], &[("of", "tiles")])?;
+    graph.node("records", "IrradianceSum", &[("by", sum)], &[("of", "closed")])?;
+    graph.node("added", "AddRecords", &[], &[("to", "cache"), ("records", "records")])?;
+    graph.end_loop("misses.none")?;
+    graph.node("indirect", "Normalize", &[], &[("splats", "splats"), ("gbuffer", "gbuffer")])?;
+    let irradiance = graph.texture("indirect.irradiance")?;
+    let mut session = graph.session(&[irradiance])?;
+    let frame = session.frame(&|| true).map_err(|e| e.to_string())?;
+    check(frame.unfinished.is_empty(), || "the fill did not end".into())?;
+    let names = ["records", "new_records", "surplus_records", "uncovered_pixels", "non_finite_pixels"];
+    let reports = names.into_iter().map(|name| Ok((name, graph.report(&session, name)?))).collect::<Result<_, Failed>>()?;
+    Ok((session.read(irradiance).map_err(|e| e.to_string())?, reports))
+}
+
+/// A fill that covers everything, twice with the same bits; its reports.
+fn filled_twice(stage: &Stage, batch: u32, sequential: bool, splat: &str, misses: &str, sum: &str) -> Result<BTreeMap<&'static str, u32>, Failed> {
+    let runs = [filled(stage, batch, sequential, splat, misses, sum)?, filled(stage, batch, sequential, splat, misses, sum)?];
+    let name = format!("batches of {batch}, {splat}, {misses}, {sum}");
+    check(runs[0] == runs[1], || format!("{name}: two runs differ"))?;
+    let [(_, reports), _] = runs;
+    println!("{name}: {reports:?}");
+    let whole = reports["uncovered_pixels"] == 0 && reports["non_finite_pixels"] == 0 && reports["records"] > 50;
+    check(whole, || format!("{name}: {reports:?}"))?;
+    Ok(reports)
+}
+
+fn fills_cover(stage: &Stage) -> Outcome {
+    for splat in stage.splats() {
+        filled_twice(stage, 32, false, splat, "DeviceGrid", "WorkgroupTree")?;
+    }
+    for sum in &SUMS[1..] {
+        filled_twice(stage, 32, false, "ComputeTiles", "DeviceGrid", sum)?;
+    }
+    let reports = filled_twice(stage, 32, false, "ComputeTiles", "HostScan", "WorkgroupTree")?;
+    check(reports["surplus_records"] * 10 < reports["records"], || format!("a tenth of the records or more is surplus: {reports:?}"))
+}
+
+fn sequential_walk(stage: &Stage) -> Outcome {
+    for splat in stage.splats() {
+        let reports = filled_twice(stage, 1, true, splat, "HostScan", "WorkgroupTree")?;
+        check(reports["surplus_records"] == 0, || format!("{reports:?}"))?;
+    }
+    Ok(())
+}
+
+// Host and device
+
+/// Reach, weight and estimate of one record at one point a lane.
+const TWIN: &str = "
+struct Place { position: vec3f, kind: u32, normal: vec3f, padding: u32 }
+struct Value { estimate: vec3f, weight: f32, reach: f32, padding_a: f32, padding_b: f32, padding_c: f32 }
+@group(0) @binding(0) var<storage, read> records: array<Record>;
+@group(0) @binding(1) var<storage, read> places: array<Place>;
+@group(0) @binding(2) var<storage, read_write> values: array<Value>;
+@compute @workgroup_size(64)
+fn twin(@builtin(global_invocation_id) id: vec3u) {
+    let place = places[id.x];
+    let weighting = Weighting(0.3, 1.5, 40.0, place.kind);
+    let record = records[id.x];
+    values[id.x] = Value(
+        record_estimate(record, place.position, place.normal), record_weight(record, weighting, place.position, place.normal),
+        reach(record, weighting), 0.0, 0.0, 0.0,
+    );
+}
+";
+
+/// A pair per lane of [`TWIN`].
+const PAIRS: usize = 64 * 256;
+
+fn weights_agree(stage: &Stage) -> Outcome {
+    let records = records(&stage.scene, [512, 384], PAIRS);
+    let mut numbers = Numbers(5);
+    let places: Vec<[f32; 8]> = records
+        .iter()
+        .enumerate()
+        .map(|(i, record)| {
+            let kind = i % 3;
+            let reach = rule(WEIGHTINGS[kind], 40.0).reach(&weight::Record::from(record));
+            // Some at the record's own place, some beyond its reach.
+            let position = Vec3::from(record.position) + numbers.vector() * reach * if i % 50 == 0 { 0.0 } else { 0.8 };
+            let normal = (Vec3::from(record.normal) + numbers.vector() * if i % 7 == 0 { 0.0 } else { 0.2 }).normalize();
+            let [x, y, z] = position.to_array();
+            let [a, b, c] = normal.to_array();
+            [x, y, z, f32::from_bits(kind as u32), a, b, c, 0.0]
+        })
+        .collect();
+    let values = run_twin(&stage.gpu, &records, &places)?;
+    let mut counted = [0; 3];
+    for (i, (value, place)) in values.iter().zip(&places).enumerate() {
+        let (record, rule) = (weight::Record::from(&records[i]), rule(WEIGHTINGS[i % 3], 40.0));
+        let (position, normal) = (Vec3::new(place[0], place[1], place[2]), Vec3::new(place[4], place[5], place[6]));
+        let (weight, estimate) = (rule.weight(&record, position, normal), weight::estimate(&record, position, normal));
+        counted[i % 3] += (weight > 0.0) as u32;
+        let near = |found: f32, expected: f32, scale: f32| (found - expected).abs() <= 1e-5 * scale;
+        // A weight near its rim is a small difference of numbers near 1.
+        let agrees = near(value[3], weight, weight.max(1.0)) && near(value[4], rule.reach(&record), rule.reach(&record));
+        let estimates = (0..3).all(|c| near(value[c], estimate[c], estimate[c].abs() + record.irradiance[c]));
+        check(agrees && estimates, || format!("record {i}: weight {weight}, estimate {estimate}; the device says {value:?}"))?;
+    }
+    check(counted.iter().all(|c| *c > 500), || format!("too few records count for a test: {counted:?}"))
+}
+
+/// Runs [`TWIN`] over the records and places.
+fn run_twin(gpu: &Gpu, records: &[Record], places: &[[f32; 8]]) -> Result<Vec<[f32; 8]>, Failed> {
+    let text = shader::assemble("lib/record", &[]).map_err(|e| e.to_string())? + TWIN;
+    let device = &gpu.device;
+    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor { label: Some("twin"), source: wgpu::ShaderSource::Wgsl(text.into()) });
+    let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        label: Some("twin"),
+        layout: None,
+        module: &module,
+        entry_point: Some("twin"),
+        compilation_options: Default::default(),
+        cache: None,
+    });
+    let buffer = |bytes: u64, usage| device.create_buffer(&wgpu::BufferDescriptor { label: None, size: bytes, usage, mapped_at_creation: false });
+    let filled = |contents: &[u8]| {
+        let filled = buffer(contents.len() as u64, wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST);
+        gpu.queue.write_buffer(&filled, 0, contents);
+        filled
+    };
+    let bytes = size_of_val(places) as u64;
+    let values = buffer(bytes, wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC);
+    let bound = [filled(bytemuck::cast_slice(records)), filled(bytemuck::cast_slice(places)), values.clone()];
+    let entries: Vec<_> = bound.iter().zip(0..).map(|(b, binding)| wgpu::BindGroupEntry { binding, resource: b.as_entire_binding() }).collect();
+    let group = device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout: &pipeline.get_bind_group_layout(0), entries: &entries });
+    let staging = buffer(bytes, wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST);
+    let mut encoder = device.create_command_encoder(&Default::default());
+    let mut pass = encoder.begin_compute_pass(&Default::default());
+    pass.set_pipeline(&pipeline);
+    pass.set_bind_group(0, &group, &[]);
+    pass.dispatch_workgroups((PAIRS / 64) as u32, 1, 1);
+    drop(pass);
+    encoder.copy_buffer_to_buffer(&values, 0, &staging, 0, bytes);
+    gpu.queue.submit([encoder.finish()]);
+    staging.map_async(wgpu::MapMode::Read, .., |_| ());
+    gpu.wait("comparing host and device").map_err(|e| e.to_string())?;
+    let view = staging.get_mapped_range(..).map_err(|e| e.to_string())?;
+    Ok(bytemuck::pod_collect_to_vec(&view))
+}

@@ -74,9 +74,11 @@ fn walk(tile: u32, pixel: Pixel, lane: u32) -> u32 {
     let place = select(vec4f(0.0), textureLoad(position, pixel.at, 0), pixel.inside);
     let facing = textureLoad(normal, pixel.at, 0).xyz;
     let mask = mask_of(tile);
+    // A dispatch of many tiles has some groups too many.
+    let records_binned = select(0u, stretch.count, tile < tiles().x * tiles().y);
     var sum = added[select(0u, pixel.index, pixel.inside)];
     var count = 0u;
-    for (var i = 0u; i < (stretch.count + 1023u) / 1024u; i++) {
+    for (var i = 0u; i < (records_binned + 1023u) / 1024u; i++) {
         var words = atomicLoad(&masks[mask + i]);
         while words != 0u {
             let word = i * 32u + firstTrailingBit(words);
@@ -92,7 +94,8 @@ fn walk(tile: u32, pixel: Pixel, lane: u32) -> u32 {
         }
     }
     storageBarrier();
-    for (var i = lane; i < SUMMARY_WORDS + (stretch.count + 31u) / 32u; i += TILE * TILE) {
+    let used = select(0u, SUMMARY_WORDS + (records_binned + 31u) / 32u, records_binned > 0u);
+    for (var i = lane; i < used; i += TILE * TILE) {
         atomicStore(&masks[mask + i], 0u);
     }
     if count > 0u {

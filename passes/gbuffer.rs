@@ -13,7 +13,8 @@ static DESCRIPTION: Description = Description {
     inputs: &[],
     outputs: &[
         Output { name: "gbuffer", about: "all of it", kind: PortKind::GBuffer },
-        Output { name: "normal", about: "shading normal, and depth in the fourth channel", kind: PortKind::Image },
+        Output { name: "normal", about: "unit shading normal, facing the viewer", kind: PortKind::Image },
+        Output { name: "depth", about: "depth along the camera's axis", kind: PortKind::Image },
         Output { name: "position", about: "position, and the width of a pixel in the fourth channel", kind: PortKind::Image },
         Output { name: "reflectance", about: "diffuse reflectance", kind: PortKind::Image },
     ],
@@ -49,6 +50,7 @@ impl Pass for GBuffer {
         r.compute_pixels(resolve, "resolve");
         r.output("gbuffer", Port::GBuffer(port::GBuffer { position, normal, reflectance, triangles }));
         r.output("normal", Port::Image(port::Image { texture: normal, channels: port::Channels::Vector }));
+        r.output("depth", Port::Image(port::Image { texture: normal, channels: port::Channels::Fourth }));
         r.output("position", Port::Image(port::Image { texture: position, channels: port::Channels::Vector }));
         r.output("reflectance", Port::Image(port::Image { texture: reflectance, channels: port::Channels::Colour }));
         Ok(())

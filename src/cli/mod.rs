@@ -1,13 +1,16 @@
 //! The program: one file a command, and what the commands share.
 
+mod adapters;
 mod completions;
 mod console;
 mod diff;
+mod dump;
 mod failure;
 mod interrupt;
 mod output;
 mod progress;
 mod reference;
+mod render;
 mod scene;
 
 use clap::{Parser, Subcommand};
@@ -29,16 +32,20 @@ const STATUSES: &str = "Exit status: 0 done; 2 bad usage or bad input; 1 any oth
 
 #[derive(Subcommand)]
 enum Command {
+    Render(render::Options),
     Reference(reference::Options),
     Diff(diff::Options),
+    Adapters(adapters::Options),
     Completions(completions::Options),
 }
 
 impl Command {
     fn run(&self, console: &Console) -> Result<(), Failure> {
         match self {
+            Self::Render(options) => render::run(options, console),
             Self::Reference(options) => reference::run(options, console),
             Self::Diff(options) => diff::run(options, console),
+            Self::Adapters(options) => adapters::run(options, console),
             Self::Completions(options) => completions::run::<Program>(options, console),
         }
     }

@@ -66,6 +66,14 @@ impl SceneOptions {
         attributes.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
     }
 
+    /// The camera of a frame: the one that was named, or the frame's own where the scene has several.
+    pub fn camera_of_frame<'v>(&self, view: &'v View, frame: u32) -> &'v Camera {
+        match self.camera {
+            Some(_) => &view.camera,
+            None => view.scene.cameras.get(frame as usize).or(view.scene.cameras.last()).unwrap_or(&view.camera),
+        }
+    }
+
     fn pick_camera<'a>(&self, scene: &'a Scene) -> Result<&'a Camera, Failure> {
         scene.camera(self.camera.as_deref()).ok_or_else(|| {
             let known = scene.cameras.iter().map(|camera| camera.name.as_str()).collect::<Vec<_>>().join(", ");

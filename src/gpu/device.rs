@@ -75,10 +75,18 @@ const WANTED: wgpu::Features = wgpu::Features::FLOAT32_BLENDABLE
 
 const STORAGE_BUFFERS: u32 = 10;
 
-/// All adapters that the machine shows.
+/// All adapters that the machine shows, the one that [`Gpu::open`] takes first.
 pub fn adapters() -> Vec<Adapter> {
     let instance = instance();
-    pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY)).iter().map(describe).collect()
+    let mut adapters: Vec<_> = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY)).iter().map(describe).collect();
+    adapters.sort_by_key(rank);
+    adapters
+}
+
+/// Usable ones first, then the faster kinds.
+fn rank(adapter: &Adapter) -> (bool, Option<usize>) {
+    let kind = ["discrete", "integrated", "virtual", "software", "other"].iter().position(|k| *k == adapter.kind);
+    (!adapter.lacks.is_empty(), kind)
 }
 
 fn instance() -> wgpu::Instance {
@@ -124,8 +132,7 @@ impl Gpu {
             .filter(|a| wanted.as_ref().is_none_or(|name| a.get_info().name.to_lowercase().contains(name)))
             .map(|a| (describe(&a), a))
             .collect();
-        let rank = |kind: &str| ["discrete", "integrated", "virtual", "software", "other"].iter().position(|k| *k == kind);
-        found.sort_by_key(|(d, _)| (!d.lacks.is_empty(), rank(d.kind)));
+        found.sort_by_key(|(d, _)| rank(d));
         let Some((description, adapter)) = found.into_iter().next() else { return Err(GpuError::NoAdapter) };
         if let Some(feature) = description.lacks.first() {
             return Err(GpuError::MissingFeature { adapter: description.name, feature: feature.clone(), way: "update its driver".into() });

@@ -71,13 +71,14 @@ struct Pending {
 }
 
 impl<'a> Session<'a> {
-    /// Allocates, uploads the scene and builds all shader pipelines. `kept` resources can be read after a frame.
+    /// Allocates, uploads the scene and builds all shader pipelines. What the placement keeps alive to the end can be
+    /// read after a frame.
     pub fn new(
         gpu: &'a Gpu,
         scene: &'a Scene,
         bvh: &'a Bvh,
         recording: &'a Recording,
-        kept: &[Resource],
+        placement: &Placement,
         camera: &Camera,
         size: [u32; 2],
     ) -> Result<Self, GpuError> {
@@ -98,7 +99,7 @@ impl<'a> Session<'a> {
             frames: 0,
             gpu_bytes: 0,
         };
-        session.allocate(kept)?;
+        session.allocate(placement)?;
         let (mut modules, mut pipelines) = (Modules::default(), Pipelines::default());
         for node in recording.nodes() {
             let ready = node.commands.iter().map(|c| session.prepare(c, &mut modules, &mut pipelines)).collect::<Result<_, _>>()?;
@@ -109,12 +110,9 @@ impl<'a> Session<'a> {
         Ok(session)
     }
 
-    fn allocate(&mut self, kept: &[Resource]) -> Result<(), GpuError> {
-        let lifetimes = Lifetimes::of(self.recording, kept);
-        let placement = Placement::of(self.recording, &lifetimes);
+    fn allocate(&mut self, placement: &Placement) -> Result<(), GpuError> {
         let shared = placement.allocations.iter().enumerate().map(|(i, kind)| self.create(&format!("shared {i}"), kind)).collect::<Result<Vec<_>, _>>()?;
         for (index, description) in self.recording.resources.iter().enumerate() {
-            let used = lifetimes.span(Resource(index as u32)).is_some();
             let physical = match (&description.lifetime, &description.kind) {
                 (_, ResourceKind::Draws | ResourceKind::State) => Physical::Host,
                 (Lifetime::Scene(data), _) => self.upload(&description.name, &scene_data::bytes(self.scene, self.bvh, *data))?,
@@ -122,7 +120,6 @@ impl<'a> Session<'a> {
                 (Lifetime::History | Lifetime::Frame, kind) => self.create(&description.name, kind)?,
                 (Lifetime::Transient, _) => match placement.slots[index] {
                     Some(slot) => shared[slot as usize].share(),
-                    None if used => unreachable!("{} is used and has no memory", description.name),
                     None => Physical::Unused,
                 },
             };

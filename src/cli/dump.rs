@@ -1,0 +1,131 @@
+//! What `--dump` writes: images and atlases as EXR, records and requests as CSV and PLY.
+
+use super::failure::{CommandError, Failure};
+use super::output::Target;
+use crate::contract::{Port, port};
+use crate::measure::run::{Run, image};
+use crate::measure::{Layer, Layers};
+use crate::passes::record::{Record, Request};
+use crate::pipeline::Plan;
+use crate::recording::{Format, Resource, ResourceKind};
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+/// Distances beyond this are sky.
+const SKY: f32 = 1e29;
+
+/// Writes the ports of a node, or one port, to files named after `beside`: `out.exr` gives `out.records.csv`.
+pub fn write(name: &str, plan: &Plan, run: &Run<'_>, beside: &Path) -> Result<(), Failure> {
+    let mine = |port: &str| port == name || port.split_once('.').is_some_and(|(node, _)| node == name);
+    let ports: Vec<_> = plan.ports.iter().filter(|(port, _)| mine(port)).collect();
+    if ports.is_empty() {
+        let known = plan.ports.keys().cloned().collect::<Vec<_>>().join(", ");
+        return Err(Failure::input(CommandError::UnknownDump { name: name.into(), known }));
+    }
+    ports.into_iter().try_for_each(|(name, port)| write_port(name, port, plan, run, beside))
+}
+
+fn write_port(name: &str, port: &Port, plan: &Plan, run: &Run<'_>, beside: &Path) -> Result<(), Failure> {
+    match port {
+        Port::Requests(requests) => {
+            let items: Vec<Request> = items(run, requests.places, run.variable(requests.count))?;
+            file(beside, name, "csv")?.write(requests_csv(&items).as_bytes())
+        }
+        Port::Records(records) => write_records(&items(run, records.records, run.variable(records.count))?, None, name, beside),
+        Port::RecordCache(cache) => write_records(&items(run, cache.records, run.variable(cache.count))?, Some(cache.rule), name, beside),
+        Port::Tiles(tiles) => write_layers(tiles_picture(tiles, run)?, name, beside),
+        Port::WeightedTiles(weighted) => write_layers(tiles_picture(&weighted.tiles, run)?, name, beside),
+        Port::ShadowMaps(maps) => write_layers(depth_picture(maps.depth, plan, run)?, name, beside),
+        Port::Flag(flag) => file(beside, name, "csv")?.write(format!("value\n{}\n", run.variable(*flag)).as_bytes()),
+        Port::GBuffer(_) => Ok(()),
+        Port::Image(_) | Port::DirectLight(_) | Port::Splats(_) => {
+            let Some(image) = image(port) else { return Ok(()) };
+            let layer = run.layer(name, image).map_err(Failure::work)?;
+            let ResourceKind::Texture { size, .. } = plan.recording.resource(image.texture).kind else { return Ok(()) };
+            write_layers(Layers::new(size[0], size[1]).with("dump", layer), name, beside)
+        }
+    }
+}
+
+fn file(beside: &Path, name: &str, ending: &str) -> Result<Target, Failure> {
+    Target::new(&path(beside, name, ending))
+}
+
+fn path(beside: &Path, name: &str, ending: &str) -> PathBuf {
+    beside.with_extension(format!("{name}.{ending}"))
+}
+
+fn write_layers(picture: Layers, name: &str, beside: &Path) -> Result<(), Failure> {
+    super::output::PictureTarget::new(&path(beside, name, "exr"))?.write(&picture, 0.0)
+}
+
+fn items<T: bytemuck::AnyBitPattern + bytemuck::NoUninit>(run: &Run<'_>, buffer: Resource, count: u32) -> Result<Vec<T>, Failure> {
+    let mut items: Vec<T> = bytemuck::pod_collect_to_vec(&run.bytes(buffer).map_err(Failure::work)?);
+    items.truncate(count as usize);
+    Ok(items)
+}
+
+fn requests_csv(requests: &[Request]) -> String {
+    let mut text = String::from("x,y,z,normal_x,normal_y,normal_z,footprint,turn_radians\n");
+    for r in requests {
+        let ([x, y, z], [a, b, c]) = (r.position, r.normal);
+        let _ = writeln!(text, "{x},{y},{z},{a},{b},{c},{},{}", r.footprint, r.turn);
+    }
+    text
+}
+
+/// Reach of a record and what limited it.
+fn reach(record: &Record, rule: port::Rule) -> (f32, &'static str) {
+    let distance = if rule.weighting == port::Weighting::TabellionLamorlette { record.minimum_distance } else { record.radius };
+    let free = rule.accuracy * distance;
+    let [least, most] = rule.spacing.map(|pixels| pixels * record.footprint);
+    match free {
+        _ if free < least => (least, "minimum_spacing"),
+        _ if free > most => (most, "maximum_spacing"),
+        _ => (free, "accuracy"),
+    }
+}
+
+fn write_records(records: &[Record], rule: Option<port::Rule>, name: &str, beside: &Path) -> Result<(), Failure> {
+    let mut csv = String::from("x,y,z,normal_x,normal_y,normal_z,irradiance_r,irradiance_g,irradiance_b,radius,minimum_distance,footprint,reach,limited_by\n");
+    let mut ply = format!("ply\nformat ascii 1.0\nelement vertex {}\n", records.len());
+    for property in ["x", "y", "z", "nx", "ny", "nz", "red", "green", "blue", "radius", "reach"] {
+        let _ = writeln!(ply, "property float {property}");
+    }
+    ply.push_str("end_header\n");
+    for record in records {
+        let ([x, y, z], [a, b, c], [r, g, h]) = (record.position, record.normal, record.irradiance);
+        let (reach, limited_by) = rule.map_or((record.radius, ""), |rule| reach(record, rule));
+        let (radius, footprint) = (record.radius, record.footprint);
+        let _ = writeln!(csv, "{x},{y},{z},{a},{b},{c},{r},{g},{h},{radius},{},{footprint},{reach},{limited_by}", record.minimum_distance);
+        let _ = writeln!(ply, "{x} {y} {z} {a} {b} {c} {r} {g} {h} {radius} {reach}");
+    }
+    file(beside, name, "csv")?.write(csv.as_bytes())?;
+    file(beside, name, "ply")?.write(ply.as_bytes())
+}
+
+/// The batch's tiles as they lie in the atlas: radiance as the picture, distance (0 for sky) as a layer.
+fn tiles_picture(tiles: &port::Tiles, run: &Run<'_>) -> Result<Layers, Failure> {
+    let samples: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&run.bytes(tiles.samples).map_err(Failure::work)?);
+    let count = run.variable(tiles.requests.count);
+    let (tile_width, tile_height) = (tiles.table.width, tiles.table.height);
+    let (width, height) = (tiles.tiles_per_row.min(count.max(1)) * tile_width, count.div_ceil(tiles.tiles_per_row).max(1) * tile_height);
+    let at = |x: u32, y: u32| {
+        let tile = y / tile_height * tiles.tiles_per_row + x / tile_width;
+        let sample = y % tile_height * tile_width + x % tile_width;
+        (tile < count).then(|| samples[(tile * tile_width * tile_height + sample) as usize]).unwrap_or_default()
+    };
+    let pixels: Vec<[f32; 4]> = (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| at(x, y)).collect();
+    let radiance = Layer::interleaved(&["R", "G", "B"], bytemuck::cast_slice(&pixels), 4);
+    let distance = Layer::value(pixels.iter().map(|p| if p[3] > SKY { 0.0 } else { p[3] }).collect());
+    Ok(Layers::new(width, height).with(crate::measure::PICTURE, radiance).with("distance", distance))
+}
+
+/// All layers of a depth texture below each other, reverse Z.
+fn depth_picture(depth: Resource, plan: &Plan, run: &Run<'_>) -> Result<Layers, Failure> {
+    let ResourceKind::Texture { size: [width, height], layers, format: Format::Depth32Float } = plan.recording.resource(depth).kind else {
+        return Ok(Layers::new(1, 1));
+    };
+    let values = bytemuck::pod_collect_to_vec(&run.bytes(depth).map_err(Failure::work)?);
+    Ok(Layers::new(width, height * layers).with("depth", Layer::value(values)))
+}

@@ -1,0 +1,256 @@
+//! One pipeline on one scene: frames, their report, their pictures, the records they leave.
+
+use super::layers::{Layer, Layers, VALUE};
+use crate::contract::{
+    Port,
+    port::{Channels, Image},
+    recorder::{Persistent, Reported},
+};
+use crate::gpu::{Frame, Gpu, GpuError, Session};
+use crate::pipeline::Plan;
+use crate::recording::Resource;
+use crate::scene::{Camera, Scene, bvh::Bvh};
+use miette::Diagnostic;
+use serde::Serialize;
+use std::collections::BTreeMap;
+use thiserror::Error;
+
+/// A plan made ready on a device. Several frames share its histories.
+pub struct Run<'a> {
+    plan: &'a Plan,
+    session: Session<'a>,
+    size: [u32; 2],
+}
+
+/// What a frame measured; a number that cannot be had is None, never 0.
+#[derive(Debug, Clone, Serialize)]
+pub struct FrameReport {
+    pub seconds: f64,
+    pub records: Records,
+    pub new_records: Option<u32>,
+    /// Records that an earlier one of their batch would have covered.
+    pub surplus_records: Option<u32>,
+    pub fill_rounds: Option<u32>,
+    pub uncovered_pixels: Option<u32>,
+    pub non_finite_pixels: Option<u32>,
+    pub passes: Vec<PassReport>,
+    /// Whether every loop came to its end.
+    #[serde(skip)]
+    pub complete: bool,
+}
+
+#[derive(Debug, Clone, Serialize)]
+pub struct Records {
+    pub irradiance: Option<u32>,
+    pub radiance: Option<u32>,
+}
+
+#[derive(Debug, Clone, Serialize)]
+pub struct PassReport {
+    pub node: String,
+    pub pass: &'static str,
+    pub gpu_ms: Option<f64>,
+    pub cpu_ms: f64,
+    pub runs: u32,
+}
+
+/// What goes wrong with a frame or with saved records.
+#[derive(Debug, Error, Diagnostic)]
+pub enum RunError {
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Gpu(#[from] GpuError),
+    #[error("{pixels} pixels of `{layer}` are not finite")]
+    #[diagnostic(code(render::non_finite), help("this is a fault of the pass that made the layer; nothing was written"))]
+    NonFinite { layer: String, pixels: u32 },
+    #[error("the file of records does not fit: {reason}")]
+    #[diagnostic(code(render::cache), help("records are good for the scene and the layout of records that made them; leave the file away to start anew"))]
+    Cache { reason: String },
+}
+
+/// First line of a file of records; then the records as they stand in memory.
+#[derive(Serialize, serde::Deserialize, PartialEq, Debug)]
+struct CacheHeader {
+    format: String,
+    scene: String,
+    triangles: u32,
+    extent: f32,
+    histories: Vec<CachedHistory>,
+}
+
+#[derive(Serialize, serde::Deserialize, PartialEq, Debug)]
+struct CachedHistory {
+    name: String,
+    item_bytes: u64,
+    items: u32,
+}
+
+const CACHE_FORMAT: &str = "hemisplat records 1";
+
+impl<'a> Run<'a> {
+    pub fn new(gpu: &'a Gpu, scene: &'a Scene, bvh: &'a Bvh, plan: &'a Plan, camera: &Camera, size: [u32; 2]) -> Result<Self, RunError> {
+        let session = Session::new(gpu, scene, bvh, &plan.recording, &plan.placement, camera, size)?;
+        Ok(Self { plan, session, size })
+    }
+
+    /// Bytes on the device.
+    pub fn gpu_bytes(&self) -> u64 {
+        self.session.gpu_bytes
+    }
+
+    pub fn set_camera(&mut self, camera: &Camera) {
+        self.session.set_camera(camera);
+    }
+
+    /// Renders one frame and reads its numbers.
+    pub fn frame(&mut self, keep_going: &dyn Fn() -> bool) -> Result<FrameReport, RunError> {
+        let frame = self.session.frame(keep_going)?;
+        let mut numbers = BTreeMap::new();
+        for (_, name, place) in &self.plan.reports {
+            numbers.insert(*name, self.number(*place)?);
+        }
+        Ok(report(frame, &numbers))
+    }
+
+    fn number(&self, place: Reported) -> Result<u32, RunError> {
+        match place {
+            Reported::Variable(variable) => Ok(self.session.variable(variable)),
+            Reported::Buffer(buffer, index) => {
+                let numbers: Vec<u32> = bytemuck::pod_collect_to_vec(&self.session.read(buffer)?);
+                Ok(numbers.get(index as usize).copied().unwrap_or(0))
+            }
+        }
+    }
+
+    /// The layers that the pipeline outputs, checked to be finite.
+    pub fn picture(&self) -> Result<Layers, RunError> {
+        let mut picture = Layers::new(self.size[0], self.size[1]);
+        for (layer, port) in &self.plan.outputs {
+            if let Some(image) = image(port) {
+                picture.layers.insert(layer.name.clone(), self.layer(&layer.name, image)?);
+            }
+        }
+        Ok(picture)
+    }
+
+    /// One image as a layer.
+    pub fn layer(&self, name: &str, image: Image) -> Result<Layer, RunError> {
+        let values = self.floats(image.texture)?;
+        let layer = match image.channels {
+            Channels::Colour => Layer::interleaved(&["R", "G", "B"], &values, 4),
+            Channels::Vector => Layer::interleaved(&["X", "Y", "Z"], &values, 4),
+            Channels::Single => Layer::interleaved(&[VALUE], &values, 4),
+            Channels::Fourth => Layer::value(values.chunks_exact(4).map(|pixel| pixel[3]).collect()),
+        };
+        let bad = layer.channels.values().map(|plane| plane.iter().filter(|v| !v.is_finite()).count()).max().unwrap_or(0);
+        if bad > 0 {
+            return Err(RunError::NonFinite { layer: name.into(), pixels: bad as u32 });
+        }
+        Ok(layer)
+    }
+
+    /// Contents of a resource.
+    pub fn bytes(&self, resource: Resource) -> Result<Vec<u8>, RunError> {
+        Ok(self.session.read(resource)?)
+    }
+
+    /// Texels as floats, four a pixel.
+    fn floats(&self, texture: Resource) -> Result<Vec<f32>, RunError> {
+        use crate::recording::{Format, ResourceKind};
+        let bytes = self.bytes(texture)?;
+        Ok(match self.plan.recording.resource(texture).kind {
+            ResourceKind::Texture { format: Format::Rgba16Float, .. } => bytemuck::pod_collect_to_vec::<u8, half::f16>(&bytes).into_iter().map(half::f16::to_f32).collect(),
+            _ => bytemuck::pod_collect_to_vec(&bytes),
+        })
+    }
+
+    pub fn variable(&self, variable: crate::recording::Variable) -> u32 {
+        self.session.variable(variable)
+    }
+
+    fn cache_header(&self, scene: &Scene) -> CacheHeader {
+        let history = |p: &Persistent| CachedHistory { name: p.name.into(), item_bytes: p.item_bytes, items: self.session.variable(p.count) };
+        CacheHeader {
+            format: CACHE_FORMAT.into(),
+            scene: scene.name.clone(),
+            triangles: scene.triangles.len() as u32,
+            extent: scene.extent(),
+            histories: self.plan.persistent.iter().map(|p| history(&p.1)).collect(),
+        }
+    }
+
+    /// All histories that can be saved, as one file.
+    pub fn save_cache(&self, scene: &Scene) -> Result<Vec<u8>, RunError> {
+        let header = self.cache_header(scene);
+        let mut file = serde_json::to_vec(&header).map_err(|e| RunError::Cache { reason: e.to_string() })?;
+        file.push(b'\n');
+        for ((_, history), head) in self.plan.persistent.iter().zip(&header.histories) {
+            let bytes = self.session.read(history.items)?;
+            file.extend_from_slice(&bytes[..(head.item_bytes * head.items as u64) as usize]);
+        }
+        Ok(file)
+    }
+
+    /// Takes over what [`Self::save_cache`] wrote.
+    pub fn load_cache(&mut self, scene: &Scene, file: &[u8]) -> Result<(), RunError> {
+        let wrong = |reason: String| RunError::Cache { reason };
+        let end = file.iter().position(|b| *b == b'\n').ok_or_else(|| wrong("it has no header".into()))?;
+        let header: CacheHeader = serde_json::from_slice(&file[..end]).map_err(|e| wrong(format!("its header cannot be read: {e}")))?;
+        let expected = self.cache_header(scene);
+        let place = |h: &CacheHeader| (h.format.clone(), h.scene.clone(), h.triangles, h.extent.to_bits());
+        if place(&header) != place(&expected) {
+            return Err(wrong(format!("it was made for the scene `{}` of {} triangles", header.scene, header.triangles)));
+        }
+        let mut rest = &file[end + 1..];
+        let histories: Vec<_> = self.plan.persistent.iter().map(|p| p.1).collect();
+        if histories.len() != header.histories.len() {
+            return Err(wrong("the pipeline keeps other histories".into()));
+        }
+        for (history, saved) in histories.iter().zip(&header.histories) {
+            let bytes = saved.item_bytes.checked_mul(saved.items as u64).unwrap_or(u64::MAX);
+            let capacity = self.plan.recording.resource(history.items).kind.bytes();
+            if saved.name != history.name || saved.item_bytes != history.item_bytes || bytes > capacity || bytes > rest.len() as u64 {
+                return Err(wrong(format!("its `{}` are {} items of {} bytes, which do not fit", saved.name, saved.items, saved.item_bytes)));
+            }
+            let (items, after) = rest.split_at(bytes as usize);
+            if bytemuck::pod_collect_to_vec::<u8, f32>(items).iter().any(|v| !v.is_finite()) {
+                return Err(wrong(format!("its `{}` hold numbers that are not finite", saved.name)));
+            }
+            self.session.write(history.items, items);
+            self.session.set_variable(history.count, saved.items);
+            rest = after;
+        }
+        if rest.is_empty() { Ok(()) } else { Err(wrong("it goes on after its records".into())) }
+    }
+}
+
+/// The image that an output shows.
+pub fn image(port: &Port) -> Option<Image> {
+    match port {
+        Port::Image(image) => Some(*image),
+        Port::DirectLight(direct) => Some(Image { texture: direct.radiance, channels: Channels::Colour }),
+        Port::Splats(splats) => Some(Image { texture: splats.sums, channels: Channels::Fourth }),
+        _ => None,
+    }
+}
+
+fn report(frame: Frame, numbers: &BTreeMap<&'static str, u32>) -> FrameReport {
+    let number = |name: &str| numbers.get(name).copied();
+    FrameReport {
+        seconds: frame.seconds,
+        records: Records { irradiance: number("records"), radiance: None },
+        new_records: number("new_records"),
+        surplus_records: number("surplus_records"),
+        fill_rounds: (!frame.rounds.is_empty()).then(|| frame.rounds.iter().map(|r| r.1).sum()),
+        uncovered_pixels: number("uncovered_pixels"),
+        non_finite_pixels: number("non_finite_pixels"),
+        passes: frame.nodes.into_iter().map(|n| PassReport { node: n.node, pass: n.pass, gpu_ms: n.gpu_ms, cpu_ms: n.cpu_ms, runs: n.runs }).collect(),
+        complete: frame.unfinished.is_empty(),
+    }
+}
+
+/// Most bytes that this process has held in memory; None where the system does not tell.
+pub fn peak_host_bytes(status: &str) -> Option<u64> {
+    let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
+    line.split_whitespace().nth(1)?.parse::<u64>().ok().map(|kib| kib * 1024)
+}

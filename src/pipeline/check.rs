@@ -219,7 +219,7 @@ impl<'d> Checker<'d, '_> {
             (ParameterKind::Integer { min, max, .. }, ValueKind::Number(number)) => match ron::from_str::<i64>(number) {
                 Ok(value) if (*min..=*max).contains(&value) => Some(Value::Integer(value)),
                 Ok(_) => self.out_of_range(path, parameter, written),
-                Err(_) if ron::from_str::<i128>(number).is_ok() => self.out_of_range(path, parameter, written),
+                Err(_) if number.trim_start_matches(['+', '-']).chars().all(|c| c.is_ascii_digit() || c == '_') => self.out_of_range(path, parameter, written),
                 Err(_) => self.wrong_type(path, parameter, written),
             },
             (ParameterKind::Float { min, max, .. }, ValueKind::Number(number)) => match ron::from_str::<f64>(number) {
@@ -388,7 +388,7 @@ impl<'d> Checker<'d, '_> {
         };
         let nodes: Vec<String> = ports.filter(|(_, _, output)| output.kind == kind).map(name).collect();
         if !nodes.is_empty() {
-            return format!("{} comes from {}", kind.phrase(), nodes.join(", "));
+            return format!("nodes that make {}: {}", kind.phrase(), nodes.join(", "));
         }
         let makers = self.registry.iter().map(|pass| pass.description()).filter(|d| d.outputs.iter().any(|o| o.kind == kind));
         let makers: Vec<&str> = makers.map(|d| d.name).collect();
@@ -422,7 +422,7 @@ fn choice_text(choice: &Choice) -> String {
 }
 
 fn meaning(path: &str, parameter: &Parameter) -> String {
-    format!("`{path}` is {}; its default is {}", parameter.about, with_unit(&parameter.kind.default().to_string(), parameter.unit))
+    format!("{path}: {}; default {}", parameter.about, with_unit(&parameter.kind.default().to_string(), parameter.unit))
 }
 
 fn with_unit(text: &str, unit: &str) -> String {

@@ -165,10 +165,10 @@ impl Reader<'_, '_> {
     }
 
     fn pipeline(&mut self, name: String, head: &Word, fields: &[Field]) -> Option<Document> {
-        let keys = self.keys("Pipeline", &head.place, fields, &["version", "about", "source", "nodes", "outputs"]);
-        if !self.version(&keys) {
+        if !self.version(head, fields) {
             return None;
         }
+        let keys = self.keys("Pipeline", &head.place, fields, &["version", "about", "source", "nodes", "outputs"]);
         let about = self.text(&keys, "about", true);
         let reference = self.text(&keys, "source", false);
         let nodes = self.required(&keys, "nodes").map(|value| self.nodes(value));
@@ -178,10 +178,10 @@ impl Reader<'_, '_> {
     }
 
     fn variant(&mut self, name: String, head: &Word, fields: &[Field]) -> Option<Document> {
-        let keys = self.keys("Variant", &head.place, fields, &["version", "about", "source", "of", "set", "replace", "remove", "add", "outputs"]);
-        if !self.version(&keys) {
+        if !self.version(head, fields) {
             return None;
         }
+        let keys = self.keys("Variant", &head.place, fields, &["version", "about", "source", "of", "set", "replace", "remove", "add", "outputs"]);
         let about = self.text(&keys, "about", true);
         let of = self.required(&keys, "of").and_then(|value| self.word(value, "the name of a pipeline file"))?;
         let mut document = self.base(&of)?;
@@ -430,17 +430,18 @@ impl Reader<'_, '_> {
         }
     }
 
-    /// The version decides what everything else means.
-    fn version(&mut self, keys: &Keys<'_>) -> bool {
-        match self.required(keys, "version") {
-            Some(Value { kind: ValueKind::Number(number), .. }) if number == VERSION => true,
-            Some(value) => {
-                let problem = Problem::new("pipeline::version", format!("version {VERSION} is known, this is {}", value.phrase()));
-                self.problems.push(problem.at(&value.place, "unknown version").help("a newer hemisplat may read it"));
-                false
-            }
-            None => false,
-        }
+    /// The version decides what everything else means: nothing is read of one that is not known.
+    fn version(&mut self, head: &Word, fields: &[Field]) -> bool {
+        let version = fields.iter().find(|field| field.name.text == "version").map(|field| &field.value);
+        let problem = match version {
+            Some(Value { kind: ValueKind::Number(number), .. }) if number == VERSION => return true,
+            Some(value) => Problem::new("pipeline::version", format!("version {VERSION} is known, this is {}", value.phrase()))
+                .at(&value.place, "unknown version")
+                .help("a newer hemisplat may read it"),
+            None => Problem::new("pipeline::missing_key", format!("{} needs `version`", head.text)).at(&head.place, "`version` is missing"),
+        };
+        self.problems.push(problem);
+        false
     }
 
     fn text(&mut self, keys: &Keys<'_>, key: &str, required: bool) -> String {

@@ -100,7 +100,10 @@ pub fn parse(source: &Source, span: Range<usize>) -> Result<Value, Problem> {
         return Err(Problem::new("pipeline::syntax", format!("this is not RON: {}", error.code)).at(&place, "here"));
     }
     let mut parser = Parser { source, at: span.start, end: span.end };
-    parser.value()
+    let value = parser.value()?;
+    parser.skip_space();
+    // ron has accepted the whole: what is left is a kind of value that is cut differently, such as b"bytes".
+    if parser.rest().is_empty() { Ok(value) } else { parser.refuse() }
 }
 
 /// Byte offset of a line and column that count characters from 1.

@@ -1,11 +1,16 @@
 //! The program: one file a command, and what the commands share.
 
+mod check;
 mod completions;
 mod console;
 mod diff;
+mod explain;
 mod failure;
+mod graph;
 mod interrupt;
 mod output;
+mod passes;
+mod pipeline;
 mod progress;
 mod reference;
 mod scene;
@@ -31,6 +36,11 @@ const STATUSES: &str = "Exit status: 0 done; 2 bad usage or bad input; 1 any oth
 enum Command {
     Reference(reference::Options),
     Diff(diff::Options),
+    #[command(mut_arg("scene", |scene| scene.required(false)))]
+    Check(check::Options),
+    Explain(explain::Options),
+    Graph(graph::Options),
+    Passes(passes::Options),
     Completions(completions::Options),
 }
 
@@ -39,6 +49,10 @@ impl Command {
         match self {
             Self::Reference(options) => reference::run(options, console),
             Self::Diff(options) => diff::run(options, console),
+            Self::Check(options) => check::run(options, console),
+            Self::Explain(options) => explain::run(options, console),
+            Self::Graph(options) => graph::run(options, console),
+            Self::Passes(options) => passes::run(options, console),
             Self::Completions(options) => completions::run::<Program>(options, console),
         }
     }

@@ -38,6 +38,12 @@ impl Problem {
         self.help = Some(help.into());
         self
     }
+
+    /// Whether the other says the same of the same place.
+    pub fn same(&self, other: &Self) -> bool {
+        let name = |problem: &Self| problem.source.as_ref().map(|source| source.name().to_owned());
+        self.message == other.message && self.labels == other.labels && name(self) == name(other)
+    }
 }
 
 impl fmt::Display for Problem {
@@ -70,7 +76,7 @@ impl fmt::Display for Problems {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.0.as_slice() {
             [only] => only.fmt(f),
-            several => write!(f, "the pipeline has {} errors", several.len()),
+            several => write!(f, "{} errors", several.len()),
         }
     }
 }

@@ -11,7 +11,7 @@ mod graph;
 pub mod plan;
 pub mod syntax;
 
-pub use check::FILL;
+pub use check::{FILL, expected};
 pub use diagnostics::{Problem, Problems};
 pub use document::ReadFile;
 pub use export::{Format, export};

@@ -495,6 +495,66 @@ fn every_shipped_pipeline_is_embedded_and_plans_the_same_twice() {
     }
 }
 
+// The program.
+
+/// Exit status, stdout and stderr, run in an empty folder.
+fn program(arguments: &[&str]) -> (i32, String, String) {
+    let folder = tempfile::tempdir().unwrap();
+    let output = assert_cmd::Command::new(env!("CARGO_BIN_EXE_hemisplat")).current_dir(folder.path()).args(arguments).output().unwrap();
+    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+    (output.status.code().unwrap(), text(output.stdout), text(output.stderr))
+}
+
+#[test]
+fn all_shipped_pipelines_pass_the_check_in_a_second() {
+    let start = std::time::Instant::now();
+    let (status, stdout, stderr) = program(&["check"]);
+    assert_eq!((status, stderr.as_str()), (0, ""));
+    assert_eq!(stdout.lines().count(), EMBEDDED.len());
+    assert!(start.elapsed().as_secs_f64() < 1.0);
+}
+
+#[test]
+fn an_error_that_variants_share_is_told_once_with_status_2() {
+    let (status, _, stderr) = program(&["check", "irradiance", "irradiance-ward", "--set", "cache.accuracy=77"]);
+    assert_eq!(status, 2);
+    assert_eq!(stderr.matches("pipeline::out_of_range").count(), 1, "{stderr}");
+    assert_eq!(program(&["check", "no-such-pipeline"]).0, 2);
+    assert_eq!(program(&["check", "--camera", "left"]).0, 2, "a camera without a scene");
+}
+
+#[test]
+fn a_plan_can_be_read_without_a_gpu() {
+    let (status, stdout, stderr) = program(&["explain", "irradiance", "--scene", "cornell", "--size", "32x16", "--set", "tiles.resolution=8"]);
+    assert_eq!(status, 0, "{stderr}");
+    for line in ["dropped shadow because", "repeat fill until misses.none, at most 513 rounds", "Rgba32Float 32×16"] {
+        assert!(stdout.contains(line), "{line}\n{stdout}");
+    }
+    assert_eq!(program(&["explain", "irradiance", "--scene", "cornell", "--set", "tiles.by=Raster"]).0, 2, "a shape that cannot be rasterised");
+}
+
+#[test]
+fn every_pass_tells_all_about_itself() {
+    let (_, list, _) = program(&["passes"]);
+    let names: Vec<&str> = list.lines().filter_map(|line| line.split_whitespace().next()).collect();
+    assert_eq!(names.len(), REGISTRY.len() + 1, "the passes and the loop");
+    for name in names {
+        let (status, stdout, _) = program(&["passes", name]);
+        assert_eq!(status, 0);
+        let description = REGISTRY.iter().map(|pass| pass.description()).find(|d| d.name == name).unwrap_or(&hemisplat::pipeline::FILL);
+        assert!(description.parameters.iter().all(|p| stdout.contains(&format!("  {}: ", p.name)) && stdout.contains(p.about)), "{stdout}");
+    }
+    assert_eq!(program(&["passes", "Splatt"]).0, 2);
+}
+
+#[test]
+fn a_graph_goes_to_stdout_in_each_format() {
+    for (format, beginning) in [("dot", "digraph"), ("mermaid", "flowchart"), ("svg", "<svg")] {
+        let (status, stdout, _) = program(&["graph", "irradiance", "--format", format]);
+        assert!(status == 0 && stdout.starts_with(beginning), "{format}");
+    }
+}
+
 // What no one writes on purpose.
 
 /// SplitMix64 (Steele and others 2014).

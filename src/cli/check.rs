@@ -8,7 +8,7 @@ use crate::pipeline::embedded::EMBEDDED;
 use crate::pipeline::{Node, Pipeline, Problem, Problems};
 use clap::Args;
 
-/// Check pipelines: names, types, ranges, edges; with a scene also what passes refuse
+/// Check pipelines; with a scene, also whether they can be planned for it
 #[derive(Args)]
 #[command(after_help = "Example: hemisplat check pipelines/*.ron --scene cornell
 

@@ -6,7 +6,7 @@ use super::pipeline::{load_pipeline, plan_view};
 use super::scene::SceneOptions;
 use clap::Args;
 
-/// Print the plan of a pipeline for a scene: what is dropped and why, every resource, every command
+/// Print the plan of a pipeline for a scene: what is dropped, resources, commands
 #[derive(Args)]
 #[command(after_help = "Example: hemisplat explain irradiance --scene cornell --set tiles.resolution=32
 

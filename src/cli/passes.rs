@@ -9,7 +9,7 @@ use crate::pipeline::{FILL, Problem, expected};
 use clap::Args;
 use std::fmt::Write;
 
-/// List the passes, or tell all about one: parameters, inputs, outputs, source
+/// List the passes, or tell all about one
 #[derive(Args)]
 #[command(after_help = "Example: hemisplat passes HemisphereTiles")]
 pub struct Options {

@@ -16,13 +16,13 @@ static DESCRIPTION: Description = Description {
             name: "limit_by_gradient",
             about: "the radius ends where the gradient foretells a change of the whole value",
             unit: "",
-            kind: ParameterKind::Bool { default: true },
+            kind: ParameterKind::Bool { default: false },
         },
         Parameter {
             name: "neighbour_clamping",
             about: "a radius is at most a neighbour's plus the distance to it",
             unit: "",
-            kind: ParameterKind::Bool { default: true },
+            kind: ParameterKind::Bool { default: false },
         },
     ],
     inputs: &[

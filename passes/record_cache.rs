@@ -20,13 +20,13 @@ static DESCRIPTION: Description = Description {
             name: "minimum_spacing",
             about: "least reach of a record",
             unit: "pixels",
-            kind: ParameterKind::Float { default: 1.5, min: 0.1, max: 1000.0 },
+            kind: ParameterKind::Float { default: 2.0, min: 0.1, max: 1000.0 },
         },
         Parameter {
             name: "maximum_spacing",
             about: "greatest reach of a record",
             unit: "pixels",
-            kind: ParameterKind::Float { default: 40.0, min: 0.1, max: 1e6 },
+            kind: ParameterKind::Float { default: 1000.0, min: 0.1, max: 1e6 },
         },
         Parameter {
             name: "weights",

@@ -13,7 +13,7 @@ const MAY_NAME: [(&str, &[&str]); 10] = [
     ("pipeline", &["contract", "recording", "math", "scene"]),
     ("passes", &["contract", "recording", "math", "scene"]),
     ("gpu", &["recording", "math", "scene"]),
-    ("measure", &["recording", "gpu", "math", "scene"]),
+    ("measure", &["pipeline", "contract", "recording", "gpu", "math", "scene"]),
     ("cli", &["math", "scene", "reference", "recording", "contract", "pipeline", "passes", "gpu", "measure"]),
 ];
 

@@ -175,7 +175,8 @@ impl<'a> Graph<'a> {
         let reported = self.reports.iter().filter_map(|r| if let Reported::Buffer(buffer, _) = r.1 { Some(buffer) } else { None });
         let kept: Vec<_> = kept.iter().copied().chain(reported).collect();
         let Stage { gpu, scene, bvh, .. } = self.stage;
-        Ok(Session::new(gpu, scene, bvh, &self.recording, &kept, &scene.cameras[0], self.size).map_err(|e| e.to_string())?)
+        let placement = Placement::of(&self.recording, &Lifetimes::of(&self.recording, &kept));
+        Ok(Session::new(gpu, scene, bvh, &self.recording, &placement, &scene.cameras[0], self.size).map_err(|e| e.to_string())?)
     }
 
     /// The number that a node reports.

@@ -7,7 +7,7 @@ use clap::Args;
 
 /// List the GPU adapters, the one that would be used first
 #[derive(Args)]
-#[command(after_help = "Example: hemisplat adapters
+#[command(after_help = "Example: hemisplat adapters --quiet
 
 The environment variable WGPU_ADAPTER_NAME picks another by a part of its name. Status 1 where none is usable.")]
 pub struct Options {}

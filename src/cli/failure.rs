@@ -68,7 +68,10 @@ pub enum CommandError {
     #[diagnostic(code(cli::json))]
     Json { reason: String },
     #[error("{pixels} pixels see a surface that no record covers")]
-    #[diagnostic(code(render::incomplete), help("the fill ended early: raise the cache's capacity, misses.at_most or the bound of the fill, or render more frames"))]
+    #[diagnostic(
+        code(render::incomplete),
+        help("the fill ended early: raise the cache's capacity, misses.at_most or the bound of the fill, or render more frames")
+    )]
     Incomplete { pixels: u32 },
     #[error("nothing is called `{name}` in this plan")]
     #[diagnostic(code(render::unknown_dump), help("it has: {known}"))]

@@ -1,13 +1,18 @@
 //! The program: one file a command, and what the commands share.
 
 mod adapters;
+mod check;
 mod completions;
 mod console;
 mod diff;
 mod dump;
+mod explain;
 mod failure;
+mod graph;
 mod interrupt;
 mod output;
+mod passes;
+mod pipeline;
 mod progress;
 mod reference;
 mod render;
@@ -36,6 +41,11 @@ enum Command {
     Reference(reference::Options),
     Diff(diff::Options),
     Adapters(adapters::Options),
+    #[command(mut_arg("scene", |scene| scene.required(false)))]
+    Check(check::Options),
+    Explain(explain::Options),
+    Graph(graph::Options),
+    Passes(passes::Options),
     Completions(completions::Options),
 }
 
@@ -46,6 +56,10 @@ impl Command {
             Self::Reference(options) => reference::run(options, console),
             Self::Diff(options) => diff::run(options, console),
             Self::Adapters(options) => adapters::run(options, console),
+            Self::Check(options) => check::run(options, console),
+            Self::Explain(options) => explain::run(options, console),
+            Self::Graph(options) => graph::run(options, console),
+            Self::Passes(options) => passes::run(options, console),
             Self::Completions(options) => completions::run::<Program>(options, console),
         }
     }

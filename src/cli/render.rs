@@ -5,13 +5,11 @@ use super::dump;
 use super::failure::{CommandError, Failure};
 use super::interrupt;
 use super::output::{PictureTarget, Target};
-use super::pipeline::load_pipeline;
+use super::pipeline::{load_pipeline, plan_view};
 use super::scene::{SceneOptions, View};
-use crate::contract::recorder::Setting;
-use crate::gpu::{Gpu, GpuError, scene as scene_data};
+use crate::gpu::{Gpu, GpuError};
 use crate::measure::run::{FrameReport, Run, RunError, peak_host_bytes};
-use crate::pipeline::{Plan, plan};
-use crate::scene::needs::Needs;
+use crate::pipeline::Plan;
 use clap::Args;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -33,8 +31,8 @@ pub struct Options {
     #[arg(long, value_name = "A..B", value_parser = frames)]
     frames: Option<Range<u32>>,
     /// Changes a parameter of a node; may be repeated
-    #[arg(long, value_name = "NODE.PARAM=VALUE")]
-    set: Vec<String>,
+    #[arg(long = "set", value_name = "NODE.PARAM=VALUE")]
+    sets: Vec<String>,
     /// Loads records from this file where it exists, and saves them to it
     #[arg(long, value_name = "FILE")]
     cache: Option<PathBuf>,
@@ -68,15 +66,13 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     let frames = options.frames.clone().unwrap_or(0..1);
     let targets = frames.clone().map(|frame| Targets::new(options, sequence.then_some(frame))).collect::<Result<Vec<_>, _>>()?;
     let stats = options.stats.as_deref().map(Target::new).transpose()?;
-    let pipeline = load_pipeline(&options.pipeline, &options.set)?;
+    let pipeline = load_pipeline(&options.pipeline, &options.sets)?;
 
     let mut clock = Instant::now();
     let mut lap = || std::mem::replace(&mut clock, Instant::now()).elapsed().as_secs_f64();
     let view = options.scene.load(console)?;
     let load = lap();
-    let needs = Needs::of(&view.scene);
-    let setting = Setting { scene: &view.scene, needs: &needs, size: view.size };
-    let plan = plan(&pipeline, setting, &options.dump, &|data| scene_data::byte_size(&view.scene, data)).map_err(Failure::input)?;
+    let plan = plan_view(&pipeline, &view, &options.dump).map_err(Failure::input)?;
     let planned = lap();
     let gpu = Gpu::open().map_err(Failure::work)?;
     let device = lap();
@@ -145,7 +141,7 @@ fn attributes(options: &Options, view: &View, plan: &Plan, frame: u32) -> BTreeM
     let own = [
         ("command", "render".to_owned()),
         ("pipeline", plan.pipeline.clone()),
-        ("set", options.set.join(" ")),
+        ("set", options.sets.join(" ")),
         ("frame", frame.to_string()),
         ("bounces", "1".to_owned()),
         ("stride", "1".to_owned()),
@@ -200,7 +196,7 @@ fn statistics(options: &Options, view: &View, plan: &Plan, gpu: &Gpu, run: &Run<
     json!({
         "schema": 1,
         "pipeline": plan.pipeline,
-        "set": options.set,
+        "set": options.sets,
         "scene": view.scene.name,
         "triangles": view.scene.triangles.len(),
         "adapter": { "name": gpu.adapter.name, "backend": gpu.adapter.backend, "driver": gpu.adapter.driver },

@@ -88,6 +88,9 @@ pub const TWO_SIDED: u32 = 1;
 pub const HOLES: u32 = 2;
 pub const TEXTURED: u32 = 4;
 
+/// Least size of a part of the scene [bytes]: shaders bind at least one element, lights and attributes are the largest.
+const LEAST_BYTES: usize = 64;
+
 /// Size of a part of the scene as a buffer.
 pub fn byte_size(scene: &Scene, data: SceneData) -> u64 {
     let triangles = scene.triangles.len() as u64;
@@ -106,7 +109,7 @@ pub fn byte_size(scene: &Scene, data: SceneData) -> u64 {
             Environment::LatLong { texels, .. } => texels.len() as u64 * 16,
         },
     };
-    bytes.max(16)
+    bytes.max(LEAST_BYTES as u64)
 }
 
 /// The bytes of a part of the scene; `bvh` has sorted the scene's triangles.
@@ -126,7 +129,7 @@ pub fn bytes(scene: &Scene, bvh: &Bvh, data: SceneData) -> Vec<u8> {
             Environment::LatLong { texels, .. } => texels.iter().flat_map(|t| bytes_of(&t.extend(0.0).to_array()).to_vec()).collect(),
         },
     };
-    bytes.resize(bytes.len().next_multiple_of(16).max(16), 0);
+    bytes.resize(bytes.len().next_multiple_of(16).max(LEAST_BYTES), 0);
     bytes
 }
 

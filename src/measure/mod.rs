@@ -3,6 +3,7 @@
 pub mod flip;
 pub mod layers;
 pub mod metrics;
+pub mod run;
 pub mod tone;
 
 pub use layers::{Layer, Layers, PICTURE, PictureError};

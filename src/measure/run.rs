@@ -159,7 +159,9 @@ impl<'a> Run<'a> {
         use crate::recording::{Format, ResourceKind};
         let bytes = self.bytes(texture)?;
         Ok(match self.plan.recording.resource(texture).kind {
-            ResourceKind::Texture { format: Format::Rgba16Float, .. } => bytemuck::pod_collect_to_vec::<u8, half::f16>(&bytes).into_iter().map(half::f16::to_f32).collect(),
+            ResourceKind::Texture { format: Format::Rgba16Float, .. } => {
+                bytemuck::pod_collect_to_vec::<u8, half::f16>(&bytes).into_iter().map(half::f16::to_f32).collect()
+            }
             _ => bytemuck::pod_collect_to_vec(&bytes),
         })
     }

@@ -1,1 +1,121 @@
-//! pipeline
+//! Pipelines: the RON document, its checks against the passes that there are, the order of its nodes, and the plan for one scene.
+//!
+//! Nothing here reads files or touches a device: texts come through a function that the caller gives, plans are values.
+
+mod check;
+pub mod diagnostics;
+pub mod document;
+pub mod embedded;
+pub mod export;
+mod graph;
+pub mod plan;
+pub mod syntax;
+
+pub use check::{FILL, expected};
+pub use diagnostics::{Problem, Problems};
+pub use document::ReadFile;
+pub use export::{Format, export};
+pub use plan::{Plan, plan};
+
+use crate::contract::{Arguments, Description, Pass, Registry};
+use std::collections::BTreeMap;
+use syntax::Place;
+
+/// A pipeline whose every name, type, range and edge is right, in the order in which it runs.
+pub struct Pipeline {
+    /// The file's path, or `pipelines/…` for one that ships.
+    pub name: String,
+    pub about: String,
+    /// Paper and section.
+    pub reference: String,
+    pub nodes: Vec<Node>,
+    pub outputs: Vec<Layer>,
+    /// Where the document begins.
+    pub place: Place,
+}
+
+/// An output: the name of a layer and what it shows.
+#[derive(Clone)]
+pub struct Layer {
+    pub name: String,
+    pub from: Origin,
+}
+
+/// One use of a pass, or a loop.
+pub struct Node {
+    pub name: String,
+    pub work: Work,
+    pub arguments: Arguments,
+    pub inputs: Vec<Edge>,
+    /// The node's name in the document.
+    pub place: Place,
+    /// Where the document gives values to parameters.
+    pub places: BTreeMap<&'static str, Place>,
+}
+
+pub enum Work {
+    Pass(&'static dyn Pass),
+    /// A loop, whose arguments and inputs are those of [`FILL`].
+    Fill(Vec<Node>),
+}
+
+/// What an input is joined to.
+#[derive(Clone)]
+pub struct Edge {
+    pub input: &'static str,
+    pub required: bool,
+    pub when: When,
+    pub from: Origin,
+}
+
+/// An output of a node, and where the document names it.
+#[derive(Clone)]
+pub struct Origin {
+    pub node: String,
+    pub output: &'static str,
+    pub place: Place,
+}
+
+/// Which of its values an edge takes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum When {
+    Now,
+    PreviousRound,
+    PreviousFrame,
+}
+
+/// Reads and checks a pipeline: `name` is a path or one that ships, each of `sets` is `NODE.PARAM=VALUE`.
+///
+/// # Errors
+/// All root causes at once.
+pub fn load(name: &str, sets: &[String], registry: &Registry, read_file: &mut ReadFile<'_>) -> Result<Pipeline, Problems> {
+    let (document, mut problems) = document::read(name, sets, read_file);
+    let pipeline = document.and_then(|document| check::check(&document, registry, &mut problems));
+    match pipeline {
+        Some(pipeline) if problems.is_empty() => Ok(pipeline),
+        _ => Err(Problems(problems)),
+    }
+}
+
+impl Node {
+    pub fn description(&self) -> &'static Description {
+        match &self.work {
+            Work::Pass(pass) => pass.description(),
+            Work::Fill(_) => &FILL,
+        }
+    }
+
+    /// The nodes of a loop.
+    pub fn inner(&self) -> &[Node] {
+        match &self.work {
+            Work::Pass(_) => &[],
+            Work::Fill(nodes) => nodes,
+        }
+    }
+}
+
+impl std::fmt::Display for Origin {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}.{}", self.node, self.output)
+    }
+}

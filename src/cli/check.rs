@@ -1,0 +1,66 @@
+//! `hemisplat check`
+
+use super::console::Console;
+use super::failure::Failure;
+use super::pipeline::{check_pipeline, plan_view};
+use super::scene::{SceneOptions, View};
+use crate::pipeline::embedded::EMBEDDED;
+use crate::pipeline::{Node, Pipeline, Problem, Problems};
+use clap::Args;
+
+/// Check pipelines; with a scene, also whether they can be planned for it
+#[derive(Args)]
+#[command(after_help = "Example: hemisplat check pipelines/*.ron --scene cornell
+
+Without a pipeline, all that ship are checked. Needs no GPU. Status 2 if anything is wrong.")]
+pub struct Options {
+    /// Pipelines: files, or names of those that ship
+    #[arg(value_name = "PIPELINE")]
+    pipelines: Vec<String>,
+    /// Change a parameter of a node in all of them; may be repeated
+    #[arg(long = "set", value_name = "NODE.PARAM=VALUE")]
+    sets: Vec<String>,
+    #[command(flatten)]
+    scene: Option<SceneOptions>,
+}
+
+pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
+    let view = options.scene.as_ref().map(|scene| scene.load(console)).transpose()?;
+    let shipped = || EMBEDDED.iter().map(|(file, _)| format!("pipelines/{file}")).collect();
+    let names: Vec<String> = if options.pipelines.is_empty() { shipped() } else { options.pipelines.clone() };
+    let mut problems = Vec::new();
+    for name in &names {
+        match check(name, options, view.as_ref()) {
+            Ok(summary) => console.print(&format!("{name}: {summary}\n"))?,
+            Err(found) => problems.extend(found.0),
+        }
+    }
+    if problems.is_empty() { Ok(()) } else { Err(Failure::input(Problems(unique(problems)))) }
+}
+
+fn check(name: &str, options: &Options, view: Option<&View>) -> Result<String, Problems> {
+    let pipeline = check_pipeline(name, &options.sets)?;
+    let Some(view) = view else { return Ok(summary(&pipeline)) };
+    let plan = plan_view(&pipeline, view, &[])?;
+    let dropped: Vec<String> = plan.dropped.iter().map(|dropped| format!(", drops {}: {}", dropped.node, dropped.because)).collect();
+    Ok(format!("{}{}", summary(&pipeline), dropped.concat()))
+}
+
+fn summary(pipeline: &Pipeline) -> String {
+    format!("{} nodes, {} outputs", count(&pipeline.nodes), pipeline.outputs.len())
+}
+
+fn count(nodes: &[Node]) -> usize {
+    nodes.iter().map(|node| 1 + count(node.inner())).sum()
+}
+
+/// Variants of one pipeline share its errors: each is told once.
+fn unique(problems: Vec<Problem>) -> Vec<Problem> {
+    let mut kept: Vec<Problem> = Vec::new();
+    for problem in problems {
+        if !kept.iter().any(|other| other.same(&problem)) {
+            kept.push(problem);
+        }
+    }
+    kept
+}

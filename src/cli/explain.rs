@@ -1,0 +1,29 @@
+//! `hemisplat explain`
+
+use super::console::Console;
+use super::failure::Failure;
+use super::pipeline::{load_pipeline, plan_view};
+use super::scene::SceneOptions;
+use clap::Args;
+
+/// Print the plan of a pipeline for a scene: what is dropped, resources, commands
+#[derive(Args)]
+#[command(after_help = "Example: hemisplat explain irradiance --scene cornell --set tiles.resolution=32
+
+Needs no GPU.")]
+pub struct Options {
+    /// The pipeline: a file, or the name of one that ships
+    pipeline: String,
+    #[command(flatten)]
+    scene: SceneOptions,
+    /// Change a parameter of a node; may be repeated
+    #[arg(long = "set", value_name = "NODE.PARAM=VALUE")]
+    sets: Vec<String>,
+}
+
+pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
+    let pipeline = load_pipeline(&options.pipeline, &options.sets)?;
+    let view = options.scene.load(console)?;
+    let plan = plan_view(&pipeline, &view, &[]).map_err(Failure::input)?;
+    console.print(&plan.explain())
+}

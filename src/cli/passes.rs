@@ -1,0 +1,66 @@
+//! `hemisplat passes`
+
+use super::console::Console;
+use super::failure::Failure;
+use crate::contract::{Description, Input, Parameter, ParameterKind};
+use crate::passes::REGISTRY;
+use crate::pipeline::diagnostics::known;
+use crate::pipeline::{FILL, Problem, expected};
+use clap::Args;
+use std::fmt::Write;
+
+/// List the passes, or tell all about one
+#[derive(Args)]
+#[command(after_help = "Example: hemisplat passes HemisphereTiles")]
+pub struct Options {
+    /// A pass, or the loop Fill
+    name: Option<String>,
+}
+
+pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
+    let all = || REGISTRY.iter().map(|pass| pass.description()).chain([&FILL]);
+    let Some(name) = &options.name else {
+        return console.print(&all().map(|d| format!("{:<18} {}\n", d.name, d.about)).collect::<String>());
+    };
+    let found = all().find(|description| description.name == name).ok_or_else(|| {
+        let problem = Problem::new("cli::unknown_pass", format!("there is no pass `{name}`"));
+        Failure::input(problem.help(known(name, all().map(|d| d.name), "the passes")))
+    })?;
+    console.print(&text(found))
+}
+
+fn text(description: &Description) -> String {
+    let mut text = format!("{}: {}\nsource: {}\n", description.name, description.about, description.source);
+    section(&mut text, "inputs", description.inputs, |input, text| {
+        let _ = writeln!(text, "  {}: {}{}\n      {}", input.name, input.accepts.phrase(), optional(input), input.about);
+    });
+    section(&mut text, "outputs", description.outputs, |output, text| {
+        let _ = writeln!(text, "  {}: {}\n      {}", output.name, output.kind.phrase(), output.about);
+    });
+    section(&mut text, "parameters", description.parameters, |parameter, text| parameter_text(parameter, 1, text));
+    text
+}
+
+fn section<T>(text: &mut String, title: &str, items: &[T], line: impl Fn(&T, &mut String)) {
+    if !items.is_empty() {
+        let _ = writeln!(text, "{title}");
+        items.iter().for_each(|item| line(item, text));
+    }
+}
+
+fn optional(input: &Input) -> &'static str {
+    if input.required { "" } else { ", optional" }
+}
+
+fn parameter_text(parameter: &Parameter, depth: usize, text: &mut String) {
+    let indent = "  ".repeat(depth);
+    let unit = if parameter.unit.is_empty() { String::new() } else { format!(" {}", parameter.unit) };
+    let _ = writeln!(text, "{indent}{}: {}; default {}{unit}", parameter.name, expected(parameter), parameter.kind.default());
+    let _ = writeln!(text, "{indent}    {}", parameter.about);
+    if let ParameterKind::Choice { choices } = &parameter.kind {
+        for choice in *choices {
+            let _ = writeln!(text, "{indent}  {}: {}", choice.name, choice.about);
+            choice.parameters.iter().for_each(|inner| parameter_text(inner, depth + 2, text));
+        }
+    }
+}

@@ -1,0 +1,26 @@
+//! What the commands that take a pipeline share.
+
+use super::failure::Failure;
+use super::scene::View;
+use crate::contract::recorder::Setting;
+use crate::gpu::scene::byte_size;
+use crate::passes::REGISTRY;
+use crate::pipeline::{Pipeline, Plan, Problems, load, plan};
+use crate::scene::needs::Needs;
+
+/// Reads and checks a pipeline: a path, or one that ships; `sets` are `NODE.PARAM=VALUE`.
+pub fn load_pipeline(name: &str, sets: &[String]) -> Result<Pipeline, Failure> {
+    check_pipeline(name, sets).map_err(Failure::input)
+}
+
+/// The same, for those who collect problems.
+pub fn check_pipeline(name: &str, sets: &[String]) -> Result<Pipeline, Problems> {
+    load(name, sets, REGISTRY, &mut |path| std::fs::read_to_string(path))
+}
+
+/// Plans a pipeline for a view of a scene; `dumps` stay whole after the frame.
+pub fn plan_view(pipeline: &Pipeline, view: &View, dumps: &[String]) -> Result<Plan, Problems> {
+    let needs = Needs::of(&view.scene);
+    let setting = Setting { scene: &view.scene, needs: &needs, size: view.size };
+    plan(pipeline, setting, dumps, &|data| byte_size(&view.scene, data))
+}

@@ -1,0 +1,29 @@
+//! The pipelines that ship, inside the program.
+
+/// File name and text, the default of each method first, its variants after it.
+pub static EMBEDDED: &[(&str, &str)] = &[
+    ("irradiance.ron", include_str!("../../pipelines/irradiance.ron")),
+    ("irradiance-compute-splat.ron", include_str!("../../pipelines/irradiance-compute-splat.ron")),
+    ("irradiance-emitters-in-records.ron", include_str!("../../pipelines/irradiance-emitters-in-records.ron")),
+    ("irradiance-hemicube.ron", include_str!("../../pipelines/irradiance-hemicube.ron")),
+    ("irradiance-hemispherical.ron", include_str!("../../pipelines/irradiance-hemispherical.ron")),
+    ("irradiance-host-scan.ron", include_str!("../../pipelines/irradiance-host-scan.ron")),
+    ("irradiance-host-splat.ron", include_str!("../../pipelines/irradiance-host-splat.ron")),
+    ("irradiance-mipmap.ron", include_str!("../../pipelines/irradiance-mipmap.ron")),
+    ("irradiance-no-gradients.ron", include_str!("../../pipelines/irradiance-no-gradients.ron")),
+    ("irradiance-ping-pong.ron", include_str!("../../pipelines/irradiance-ping-pong.ron")),
+    ("irradiance-plane.ron", include_str!("../../pipelines/irradiance-plane.ron")),
+    ("irradiance-plane-coverage.ron", include_str!("../../pipelines/irradiance-plane-coverage.ron")),
+    ("irradiance-plane-open.ron", include_str!("../../pipelines/irradiance-plane-open.ron")),
+    ("irradiance-readback.ron", include_str!("../../pipelines/irradiance-readback.ron")),
+    ("irradiance-sequential.ron", include_str!("../../pipelines/irradiance-sequential.ron")),
+    ("irradiance-tabellion.ron", include_str!("../../pipelines/irradiance-tabellion.ron")),
+    ("irradiance-ward.ron", include_str!("../../pipelines/irradiance-ward.ron")),
+];
+
+/// Finds a pipeline by "pipelines/irradiance.ron", "irradiance.ron" or "irradiance".
+pub fn find(name: &str) -> Option<(&'static str, &'static str)> {
+    let name = name.strip_prefix("pipelines/").unwrap_or(name);
+    let name = name.strip_suffix(".ron").unwrap_or(name);
+    EMBEDDED.iter().copied().find(|(file, _)| file.strip_suffix(".ron") == Some(name))
+}

@@ -1,0 +1,695 @@
+//! Pipelines without a device: what is refused and how it reads, what is kept, how plans come out.
+
+use hemisplat::contract::recorder::Setting;
+use hemisplat::contract::*;
+use hemisplat::passes::REGISTRY;
+use hemisplat::pipeline::{Format, Pipeline, Plan, Problems, embedded::EMBEDDED, export, load, plan};
+use hemisplat::recording::*;
+use hemisplat::scene::{Camera, Environment, FieldOfView, Light, LightKind, Material, Scene, Triangle, needs::Needs};
+use miette::{GraphicalReportHandler, GraphicalTheme};
+use std::collections::BTreeMap;
+use std::io;
+use std::path::Path;
+
+// Passes that only have what these tests need.
+
+struct Mock {
+    description: Description,
+    needs_shadows: bool,
+}
+
+const fn parameter(name: &'static str, about: &'static str, unit: &'static str, kind: ParameterKind) -> Parameter {
+    Parameter { name, about, unit, kind }
+}
+
+const fn input(name: &'static str, accepts: PortKind, required: bool) -> Input {
+    Input { name, about: accepts_about(accepts), accepts, required }
+}
+
+const fn accepts_about(kind: PortKind) -> &'static str {
+    match kind {
+        PortKind::Image => "a picture",
+        PortKind::Requests => "where records are wanted",
+        _ => "what it works on",
+    }
+}
+
+const fn output(name: &'static str, kind: PortKind) -> Output {
+    Output { name, about: "what it makes", kind }
+}
+
+const fn mock(name: &'static str, parameters: &'static [Parameter], inputs: &'static [Input], outputs: &'static [Output]) -> Mock {
+    Mock { description: Description { name, about: "a pass of the tests", source: "none", parameters, inputs, outputs }, needs_shadows: false }
+}
+
+static SURFACES: Mock = mock("Surfaces", &[], &[], &[output("image", PortKind::Image), output("normal", PortKind::Image)]);
+static SHADOWS: Mock = Mock {
+    needs_shadows: true,
+    ..mock(
+        "Shadows",
+        &[parameter("taps", "lookups a pixel", "", ParameterKind::Integer { default: 16, min: 1, max: 25 })],
+        &[],
+        &[output("maps", PortKind::ShadowMaps)],
+    )
+};
+static LIT: Mock =
+    mock("Lit", &[], &[input("surfaces", PortKind::Image, true), input("shadow", PortKind::ShadowMaps, false)], &[output("image", PortKind::Image)]);
+static SHADOW_VIEW: Mock = mock("ShadowView", &[], &[input("of", PortKind::ShadowMaps, true)], &[output("image", PortKind::Image)]);
+static SEEK: Mock = mock(
+    "Seek",
+    &[],
+    &[input("in", PortKind::Image, true), input("before", PortKind::Image, false)],
+    &[output("requests", PortKind::Requests), output("none", PortKind::Flag)],
+);
+static GATHER: Mock = mock(
+    "Gather",
+    &[
+        parameter(
+            "shape",
+            "how directions are laid out",
+            "",
+            ParameterKind::Choice {
+                choices: &[
+                    Choice {
+                        name: "Plane",
+                        about: "one raster",
+                        parameters: &[parameter("fov", "opening angle", "degrees", ParameterKind::Float { default: 126.87, min: 10.0, max: 175.0 })],
+                    },
+                    Choice { name: "Hemicube", about: "five rasters", parameters: &[] },
+                ],
+            },
+        ),
+        parameter("resolution", "edge of a tile", "samples", ParameterKind::Integer { default: 64, min: 4, max: 512 }),
+        parameter("gradients", "also the gradients", "", ParameterKind::Bool { default: true }),
+    ],
+    &[input("at", PortKind::Requests, true)],
+    &[output("image", PortKind::Image)],
+);
+static SUM: Mock = mock("Sum", &[], &[input("a", PortKind::Image, true), input("b", PortKind::Image, false)], &[output("image", PortKind::Image)]);
+
+static MOCKS: &Registry = &[&SURFACES, &SHADOWS, &LIT, &SHADOW_VIEW, &SEEK, &GATHER, &SUM];
+
+impl Pass for Mock {
+    fn description(&self) -> &'static Description {
+        // Mocks are statics: what they hold lives as long as the registry that lists them.
+        let all: [&'static Mock; 7] = [&SURFACES, &SHADOWS, &LIT, &SHADOW_VIEW, &SEEK, &GATHER, &SUM];
+        &all.into_iter().find(|mock| mock.description.name == self.description.name).unwrap().description
+    }
+
+    fn need(&self, _: &Arguments, needs: &Needs) -> Need {
+        if self.needs_shadows && needs.shadowed_lights == 0 { Need::Dropped("no light casts shadows") } else { Need::Kept }
+    }
+
+    fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
+        if self.description.name == "Shadows" && r.arguments.integer("taps") == 2 {
+            return Err(Refusal::of_parameter("taps", "plan::taps", "2 taps do not make a square", "give 1, 4, 9, 16 or 25"));
+        }
+        if self.description.name == "Gather" && r.batch.is_none() {
+            return Err(Refusal::new("plan::not_in_a_loop", "there is no batch to gather", "put it into a Fill"));
+        }
+        let reads: Vec<Read> = self.description.inputs.iter().filter_map(|input| r.input(input.name)).flat_map(Port::resources).map(Read::whole).collect();
+        for output in self.description.outputs {
+            let variable = r.variable(output.name, false);
+            let memory = r.image(output.name, hemisplat::recording::Format::Rgba32Float);
+            let port = match output.kind {
+                PortKind::Image => Port::Image(port::Image { texture: memory, channels: port::Channels::Colour }),
+                PortKind::Requests => Port::Requests(port::Requests { places: memory, count: variable, capacity: r.batch.unwrap_or(1) }),
+                PortKind::ShadowMaps => Port::ShadowMaps(port::ShadowMaps { depth: memory, views: memory, resolution: 1, taps: 1 }),
+                PortKind::Flag => Port::Flag(variable),
+                other => unreachable!("no mock makes {other:?}"),
+            };
+            r.host("work", &reads, &[memory], |_| Ok(()));
+            r.output(output.name, port);
+        }
+        if r.batch.is_some() {
+            r.remark(format!("{} at once, sequential: {}", r.batch.unwrap_or(0), r.sequential));
+        }
+        Ok(())
+    }
+}
+
+// Reading.
+
+fn load_files(name: &str, files: &[(&str, &str)], sets: &[&str], registry: &Registry) -> Result<Pipeline, Problems> {
+    let sets: Vec<String> = sets.iter().map(|set| set.to_string()).collect();
+    let mut read = |path: &Path| {
+        let found = files.iter().find(|(file, _)| Path::new(file) == path);
+        found.map(|(_, text)| text.to_string()).ok_or_else(|| io::Error::from(io::ErrorKind::NotFound))
+    };
+    load(name, &sets, registry, &mut read)
+}
+
+fn load_text(text: &str) -> Result<Pipeline, Problems> {
+    load_files("test.ron", &[("test.ron", text)], &[], MOCKS)
+}
+
+fn rendered(problems: &Problems) -> String {
+    let mut text = String::new();
+    let handler = GraphicalReportHandler::new_themed(GraphicalTheme::unicode_nocolor()).with_links(false).with_width(110);
+    problems.0.iter().for_each(|problem| handler.render_report(&mut text, problem).unwrap());
+    text
+}
+
+fn problems(result: Result<Pipeline, Problems>) -> Problems {
+    result.err().expect("the pipeline is wrong")
+}
+
+/// A pipeline of these nodes with one output.
+fn nodes(nodes: &str, output: &str) -> String {
+    format!("Pipeline(\n    version: 1,\n    about: \"test\",\n    nodes: [\n{nodes}\n    ],\n    outputs: {{ \"picture\": \"{output}\" }},\n)\n")
+}
+
+const FILL: &str = r#"        (name: "surfaces", pass: Surfaces()),
+        (name: "shadow", pass: Shadows()),
+        (name: "lit", pass: Lit(surfaces: "surfaces", shadow: "shadow")),
+        (name: "fill", repeat: Fill(order: Batched(at_most: 8), until: "seek.none", nodes: [
+            (name: "seek", pass: Seek(in: "lit")),
+            (name: "gather", pass: Gather(at: "seek", shape: Plane(fov: 100))),
+        ])),
+        (name: "sum", pass: Sum(a: "gather", b: "lit")),"#;
+
+// Errors: the code is part of the contract, the text is reviewed as a snapshot.
+
+/// Bad nodes, the one they are asked for, and the codes expected.
+#[rustfmt::skip]
+const BAD: &[(&str, &str, &str, &[&str])] = &[
+    ("unknown_pass", r#"        (name: "a", pass: Surface()),
+        (name: "b", pass: Sum(a: "a.nothing_is_known_of_it")),"#, "b", &["pipeline::unknown_pass"]),
+    ("unknown_node", r#"        (name: "surfaces", pass: Surfaces()),
+        (name: "b", pass: Sum(a: "surface")),"#, "b", &["pipeline::unknown_node"]),
+    ("unknown_output", r#"        (name: "a", pass: Surfaces()),
+        (name: "b", pass: Sum(a: "a.normals")),"#, "b", &["pipeline::unknown_output"]),
+    ("unknown_parameter", r#"        (name: "a", pass: Shadows(resolution: 16)),
+        (name: "b", pass: ShadowView(of: "a")),"#, "b", &["pipeline::unknown_parameter"]),
+    ("unknown_choice", r#"        (name: "a", pass: Surfaces()),
+        (name: "f", repeat: Fill(until: "s.none", nodes: [
+            (name: "s", pass: Seek(in: "a")),
+            (name: "g", pass: Gather(at: "s", shape: Hemicub)),
+        ])),"#, "g", &["pipeline::unknown_choice"]),
+    ("unknown_key", r#"        (name: "a", pass: Surfaces(), comment: "no"),"#, "a", &["pipeline::unknown_key"]),
+    ("unknown_loop", r#"        (name: "a", repeat: Fil(nodes: [])),"#, "a", &["pipeline::unknown_loop"]),
+    ("missing_key", r#"        (pass: Surfaces()),"#, "a", &["pipeline::missing_key"]),
+    ("duplicate_key", r#"        (name: "a", name: "b", pass: Shadows(taps: 4, taps: 9)),"#, "a", &["pipeline::duplicate_key", "pipeline::duplicate_key", "pipeline::kind_mismatch"]),
+    ("missing_input", r#"        (name: "a", pass: Surfaces()),
+        (name: "b", pass: Sum(b: "a")),"#, "b", &["pipeline::missing_input"]),
+    ("duplicate_name", r#"        (name: "a", pass: Surfaces()),
+        (name: "a", pass: Sum(a: "a")),"#, "a", &["pipeline::duplicate_name"]),
+    ("invalid_name", r#"        (name: "a.b", pass: Surfaces()),
+        (name: "c", pass: Surfaces()),"#, "c", &["pipeline::invalid_name"]),
+    ("kind_mismatch", r#"        (name: "a", pass: Surfaces()),
+        (name: "b", pass: Surfaces()),
+        (name: "s", pass: Shadows()),
+        (name: "c", pass: Sum(a: "s")),"#, "c", &["pipeline::kind_mismatch"]),
+    ("kind_mismatch_of_an_output", r#"        (name: "s", pass: Shadows()),"#, "s", &["pipeline::kind_mismatch"]),
+    ("wrong_type", r#"        (name: "a", pass: Shadows(taps: 4.5)),
+        (name: "v", pass: ShadowView(of: "a")),
+        (name: "w", pass: ShadowView(of: 4)),"#, "v", &["pipeline::wrong_type", "pipeline::wrong_type"]),
+    ("out_of_range", r#"        (name: "a", pass: Surfaces()),
+        (name: "f", repeat: Fill(order: Batched(at_most: 0), until: "s.none", nodes: [
+            (name: "s", pass: Seek(in: "a")),
+            (name: "g", pass: Gather(at: "s", shape: Plane(fov: 200), resolution: 99999999999999999999)),
+            (name: "h", pass: Gather(at: "s", shape: Plane(fov: NaN))),
+        ])),"#, "g", &["pipeline::out_of_range"; 4]),
+    ("cycle", r#"        (name: "a", pass: Sum(a: "c")),
+        (name: "b", pass: Sum(a: "a")),
+        (name: "c", pass: Sum(a: "b")),
+        (name: "self", pass: Sum(a: "self")),"#, "c", &["pipeline::cycle", "pipeline::cycle"]),
+    ("cycle_through_a_loop", r#"        (name: "a", pass: Sum(a: "g")),
+        (name: "f", repeat: Fill(until: "s.none", nodes: [
+            (name: "s", pass: Seek(in: "a")),
+            (name: "g", pass: Gather(at: "s")),
+        ])),"#, "a", &["pipeline::cycle"]),
+    ("other_round", r#"        (name: "a", pass: Surfaces()),
+        (name: "b", pass: Sum(a: PreviousRound("a"))),"#, "b", &["pipeline::other_round"]),
+    ("until_outside", r#"        (name: "a", pass: Surfaces()),
+        (name: "s", pass: Seek(in: "a")),
+        (name: "f", repeat: Fill(until: "s.none", nodes: [
+            (name: "g", pass: Gather(at: "s")),
+        ])),"#, "g", &["pipeline::until_outside"]),
+    ("until_is_no_flag", r#"        (name: "a", pass: Surfaces()),
+        (name: "f", repeat: Fill(until: "s", nodes: [
+            (name: "s", pass: Seek(in: "a")),
+            (name: "g", pass: Gather(at: "s")),
+        ])),"#, "g", &["pipeline::kind_mismatch"]),
+    ("a_loop_is_no_source", r#"        (name: "a", pass: Surfaces()),
+        (name: "f", repeat: Fill(until: "s.none", nodes: [
+            (name: "s", pass: Seek(in: "a")),
+            (name: "g", pass: Gather(at: "s")),
+        ])),"#, "f", &["pipeline::unknown_output"]),
+];
+
+#[test]
+fn each_error_has_its_code_and_underlines_its_cause() {
+    for (name, bad, output, codes) in BAD {
+        let problems = problems(load_text(&nodes(bad, output)));
+        let found: Vec<_> = problems.0.iter().map(|problem| problem.code).collect();
+        assert_eq!(found, *codes, "{name}\n{}", rendered(&problems));
+        insta::assert_snapshot!(*name, rendered(&problems));
+    }
+}
+
+/// Names and texts.
+type Files = &'static [(&'static str, &'static str)];
+
+/// Whole files that are wrong.
+#[rustfmt::skip]
+const BAD_FILES: &[(&str, Files, &str)] = &[
+    ("syntax", &[("test.ron", "Pipeline(\n    version: 1,\n    nodes: [1 2],\n)")], "pipeline::syntax"),
+    ("syntax_of_another_kind", &[("test.ron", "Pipeline(version: 'a')")], "pipeline::syntax"),
+    ("not_a_pipeline", &[("test.ron", "Scene(version: 1)")], "pipeline::not_a_pipeline"),
+    ("version", &[("test.ron", "Pipeline(version: 2, tables: [])")], "pipeline::version"),
+    ("no_outputs", &[("test.ron", "Pipeline(version: 1, about: \"\", nodes: [], outputs: {})")], "pipeline::no_outputs"),
+    ("duplicate_output", &[("test.ron", "Pipeline(version: 1, about: \"\", nodes: [(name: \"a\", pass: Surfaces)], outputs: {\"x\": \"a\", \"x\": \"a.normal\"})")], "pipeline::duplicate_output"),
+    ("not_found", &[], "pipeline::not_found"),
+    ("base_not_found", &[("test.ron", "Variant(version: 1, about: \"\", of: \"iradiance.ron\")")], "pipeline::not_found"),
+    ("extends_itself", &[("test.ron", "Variant(version: 1, about: \"\", of: \"./b/other.ron\")"), ("b/other.ron", "Variant(version: 1, about: \"\", of: \"../test.ron\")")], "pipeline::extends_itself"),
+];
+
+#[test]
+fn each_bad_file_is_one_clear_error() {
+    for (name, files, code) in BAD_FILES {
+        let problems = problems(load_files("test.ron", files, &[], MOCKS));
+        assert_eq!(problems.0.iter().map(|problem| problem.code).collect::<Vec<_>>(), [*code], "{name}\n{}", rendered(&problems));
+        insta::assert_snapshot!(*name, rendered(&problems));
+    }
+}
+
+#[test]
+fn a_file_that_cannot_be_read_says_why() {
+    let mut read = |_: &Path| Err(io::Error::new(io::ErrorKind::InvalidData, "stream did not contain valid UTF-8"));
+    let problems = problems(load("test.ron", &[], MOCKS, &mut read));
+    assert_eq!(problems.0[0].code, "pipeline::unreadable");
+    insta::assert_snapshot!("unreadable", rendered(&problems));
+}
+
+#[test]
+fn sets_are_checked_like_the_document() {
+    let text = nodes(FILL, "sum");
+    let sets = [
+        "gather.shape.fov=5",
+        "gather.shap=Hemicube",
+        "gater.shape=Hemicube",
+        "gather",
+        "gather=1",
+        "gather.resolution=",
+        "shadow.taps.x=1",
+        "gather.at=\"lit\"",
+    ];
+    let problems = problems(load_files("test.ron", &[("test.ron", &text)], &sets, MOCKS));
+    insta::assert_snapshot!("sets", rendered(&problems));
+    assert_eq!(problems.0.len(), sets.len());
+}
+
+#[test]
+fn all_root_causes_come_at_once_and_nothing_that_follows_from_them() {
+    let bad = r#"        (name: "a", pass: Surfaces(x: 1)),
+        (name: "b", pass: Lot(surfaces: "a")),
+        (name: "c", pass: Sum(a: "b", b: "bb")),
+        (name: "d", pass: Sum(a: "c.image", b: "a.nothing")),"#;
+    let problems = problems(load_text(&nodes(bad, "d")));
+    let codes: Vec<_> = problems.0.iter().map(|problem| problem.code).collect();
+    assert_eq!(codes, ["pipeline::unknown_pass", "pipeline::unknown_parameter", "pipeline::unknown_node", "pipeline::unknown_output"]);
+}
+
+// Variants.
+
+#[test]
+fn variants_remove_replace_add_and_set() {
+    let base = nodes(FILL, "sum");
+    let middle = r#"Variant(version: 1, about: "middle", of: "base.ron", set: {"gather.shape": Hemicube, "fill.order": Sequential})"#;
+    let top = r#"Variant(version: 1, about: "top", of: "x/middle.ron", remove: ["shadow"],
+        replace: {"lit": Sum(a: "surfaces")}, add: {"seek": [(name: "second", pass: Gather(at: "seek"))]},
+        set: {"second.shape.fov": 90, "sum.b": "second"}, outputs: {"all": "sum", "normal": "surfaces.normal"})"#;
+    let files = [("x/base.ron", base.as_str()), ("x/middle.ron", middle), ("top.ron", top)];
+    let pipeline = load_files("top.ron", &files, &["gather.resolution=8", "second.gradients = false"], MOCKS).unwrap_or_else(|e| panic!("{}", rendered(&e)));
+    assert_eq!(pipeline.about, "top");
+    assert_eq!(pipeline.nodes.iter().map(|n| n.name.as_str()).collect::<Vec<_>>(), ["surfaces", "lit", "fill", "sum"]);
+    let fill = &pipeline.nodes[2];
+    assert_eq!(fill.arguments.choice("order").0, "Sequential");
+    let inner: BTreeMap<&str, &Arguments> = fill.inner().iter().map(|n| (n.name.as_str(), &n.arguments)).collect();
+    assert_eq!(inner["gather"].choice("shape").0, "Hemicube");
+    assert_eq!(inner["gather"].integer("resolution"), 8);
+    assert_eq!(inner["second"].choice("shape").1.float("fov"), 90.0);
+    assert!(!inner["second"].bool("gradients"));
+    assert_eq!(pipeline.nodes[3].inputs[1].from.to_string(), "second.image");
+    assert_eq!(pipeline.outputs.iter().map(|o| o.name.as_str()).collect::<Vec<_>>(), ["all", "normal"]);
+}
+
+#[test]
+fn nodes_run_after_their_sources_and_otherwise_in_the_documents_order() {
+    let text = nodes(
+        r#"(name: "z", pass: Sum(a: "y", b: "b")), (name: "b", pass: Surfaces), (name: "y", pass: Surfaces), (name: "a", pass: Surfaces), (name: "c", pass: Sum(a: "a"))"#,
+        "z",
+    );
+    let pipeline = load_text(&text).unwrap_or_else(|e| panic!("{}", rendered(&e)));
+    assert_eq!(pipeline.nodes.iter().map(|n| n.name.as_str()).collect::<String>(), "byzac");
+}
+
+// Plans.
+
+/// One triangle, lit by one point light.
+fn scene(shadows: bool) -> Scene {
+    use glam::{DVec3, Vec2, Vec3};
+    let positions = [Vec3::ZERO, Vec3::X, Vec3::Y];
+    let light = Light { name: "lamp".into(), kind: LightKind::Point { position: Vec3::Z, intensity: Vec3::ONE }, shadows };
+    let camera =
+        Camera { name: "camera".into(), eye: Vec3::Z * 3.0, direction: -Vec3::Z, up: Vec3::Y, field_of_view: FieldOfView::Horizontal(1.0), size: None };
+    Scene {
+        name: "triangle".into(),
+        triangles: vec![Triangle { positions, normals: [Vec3::Z; 3], uvs: [Vec2::ZERO; 3], material: 0 }],
+        materials: vec![Material::diffuse("grey", Vec3::splat(0.5))],
+        textures: Vec::new(),
+        lights: vec![light],
+        environment: Environment::Constant(Vec3::ZERO),
+        cameras: vec![camera],
+        origin: DVec3::ZERO,
+        notes: Vec::new(),
+    }
+}
+
+fn plan_for(pipeline: &Pipeline, scene: &Scene, dumps: &[&str]) -> Result<Plan, Problems> {
+    let needs = Needs::of(scene);
+    let dumps: Vec<String> = dumps.iter().map(|dump| dump.to_string()).collect();
+    plan(pipeline, Setting { scene, needs: &needs, size: [64, 48] }, &dumps, &|_| 1024)
+}
+
+fn planned(text: &str, shadows: bool) -> Plan {
+    let pipeline = load_text(text).unwrap_or_else(|e| panic!("{}", rendered(&e)));
+    plan_for(&pipeline, &scene(shadows), &[]).unwrap_or_else(|e| panic!("{}", rendered(&e)))
+}
+
+#[test]
+fn a_plan_explains_itself_and_comes_out_the_same_twice() {
+    let text = nodes(FILL, "sum");
+    let explained = planned(&text, true).explain();
+    assert_eq!(explained, planned(&text, true).explain());
+    insta::assert_snapshot!("explain", explained);
+}
+
+#[test]
+fn what_a_scene_does_not_need_is_dropped_with_all_that_hangs_on_it() {
+    let text = nodes(&format!("{FILL}\n        (name: \"view\", pass: ShadowView(of: \"shadow\")), (name: \"idle\", pass: Surfaces),"), "sum")
+        .replace("outputs: {", "outputs: { \"shadows\": \"view\",");
+    let plan = planned(&text, false);
+    let dropped: Vec<_> = plan.dropped.iter().map(|d| format!("{}: {}", d.node, d.because)).collect();
+    assert_eq!(dropped, ["shadow: no light casts shadows", "view: its input `of` comes from `shadow`, which is dropped", "idle: nothing uses it"]);
+    assert_eq!(plan.absent[0].layer, "shadows");
+    assert!(plan.recording.resources.iter().all(|r| !r.name.starts_with("shadow.") && !r.name.starts_with("idle.")));
+    assert!(plan.explain().contains("dropped shadow because no light casts shadows"));
+}
+
+#[test]
+fn a_loop_that_nothing_reads_is_dropped_whole() {
+    let plan = planned(&nodes(FILL, "lit"), true);
+    assert_eq!(plan.dropped.iter().map(|d| d.node.as_str()).collect::<Vec<_>>(), ["fill", "seek", "gather", "sum"]);
+    assert!(plan.recording.steps.iter().all(|step| matches!(step, Step::Node(_))));
+}
+
+#[test]
+fn a_loop_tells_its_passes_the_batch() {
+    let remarks = |order: &str| planned(&nodes(&FILL.replace("Batched(at_most: 8)", order), "sum"), true).remarks[1].1.clone();
+    assert_eq!(remarks("Batched(at_most: 8)"), "8 at once, sequential: false");
+    assert_eq!(remarks("Sequential"), "1 at once, sequential: true");
+}
+
+#[test]
+fn a_loop_is_bounded_by_the_pixels_or_by_its_parameter() {
+    let bound = |text: &str| {
+        let plan = planned(text, true);
+        let repeat = plan.recording.steps.iter().find_map(|step| if let Step::Repeat(repeat) = step { Some(repeat.at_most) } else { None });
+        repeat.unwrap()
+    };
+    let text = nodes(FILL, "sum");
+    assert_eq!(bound(&text), 64 * 48 + 1);
+    assert_eq!(bound(&text.replace("order:", "max_rounds: 7, order:")), 7);
+}
+
+#[test]
+fn what_passes_refuse_is_underlined() {
+    let text = nodes(&format!("{}\n        (name: \"alone\", pass: Gather(at: \"seek\")),", FILL.replace("Shadows()", "Shadows(taps: 2)")), "sum")
+        .replace("outputs: {", "outputs: { \"alone\": \"alone\",");
+    let pipeline = load_text(&text).unwrap_or_else(|e| panic!("{}", rendered(&e)));
+    let problems = plan_for(&pipeline, &scene(true), &[]).err().expect("refused");
+    insta::assert_snapshot!("refusal", rendered(&problems));
+    assert_eq!(problems.0.iter().map(|p| p.code).collect::<Vec<_>>(), ["plan::taps"], "what waits for the shadows is not refused as well");
+}
+
+#[test]
+fn a_scene_that_leaves_nothing_is_an_error() {
+    let text = nodes(r#"        (name: "s", pass: Shadows()), (name: "v", pass: ShadowView(of: "s")),"#, "v");
+    let pipeline = load_text(&text).unwrap_or_else(|e| panic!("{}", rendered(&e)));
+    let problems = plan_for(&pipeline, &scene(false), &[]).err().expect("nothing is left");
+    insta::assert_snapshot!("nothing_left", rendered(&problems));
+}
+
+#[test]
+fn edges_to_earlier_rounds_are_read_and_refused_by_the_plan() {
+    let text = nodes(&FILL.replace("Seek(in: \"lit\")", "Seek(in: \"lit\", before: PreviousRound(\"gather\"))"), "sum");
+    let pipeline = load_text(&text).unwrap_or_else(|e| panic!("{}", rendered(&e)));
+    let problems = plan_for(&pipeline, &scene(true), &[]).err().expect("refused");
+    insta::assert_snapshot!("previous", rendered(&problems));
+}
+
+#[test]
+fn dumps_stay_whole_and_unknown_ones_are_refused() {
+    let pipeline = load_text(&nodes(FILL, "sum")).unwrap_or_else(|e| panic!("{}", rendered(&e)));
+    let scene_without = scene(false);
+    let plan = plan_for(&pipeline, &scene_without, &["surfaces.normal"]).unwrap_or_else(|e| panic!("{}", rendered(&e)));
+    let [normal] = plan.ports["surfaces.normal"].resources()[..] else { panic!("one texture") };
+    let last = plan.recording.nodes().len() as u32;
+    assert_eq!(plan.lifetimes.span(normal).map(|[_, end]| end), Some(last));
+    let problems = plan_for(&pipeline, &scene_without, &["lot", "shadow", "fill", "sum.x"]).err().expect("refused");
+    insta::assert_snapshot!("dumps", rendered(&problems));
+}
+
+#[test]
+fn drawings_show_every_node_and_output() {
+    let pipeline = load_text(&nodes(FILL, "sum")).unwrap_or_else(|e| panic!("{}", rendered(&e)));
+    insta::assert_snapshot!("graph_dot", export(&pipeline, Format::Dot));
+    insta::assert_snapshot!("graph_mermaid", export(&pipeline, Format::Mermaid));
+    let svg = export(&pipeline, Format::Svg);
+    for name in ["surfaces: Surfaces", "fill: Fill, Batched(at_most: 8) until seek.none", ">picture<"] {
+        assert!(svg.contains(name), "{name}");
+    }
+    assert_eq!(svg.matches("<path d=\"M").count(), 1 + 7, "the arrow's head and one line an edge");
+}
+
+// Pipelines that ship.
+
+#[test]
+fn every_shipped_pipeline_is_embedded_and_plans_the_same_twice() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("pipelines");
+    let mut files: Vec<String> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    let mut embedded: Vec<String> = EMBEDDED.iter().map(|(file, _)| file.to_string()).collect();
+    files.sort();
+    embedded.sort();
+    assert_eq!(files, embedded);
+    for (file, text) in EMBEDDED {
+        let explain = |shadows| {
+            let pipeline = load_files(file, &[], &[], REGISTRY).unwrap_or_else(|e| panic!("{}", rendered(&e)));
+            plan_for(&pipeline, &scene(shadows), &[]).unwrap_or_else(|e| panic!("{}", rendered(&e))).explain()
+        };
+        assert_eq!(explain(true), explain(true), "{file}");
+        assert!(explain(false).contains("dropped shadow because"), "{file}");
+        assert!(text.contains("about: "), "{file}");
+    }
+}
+
+// The program.
+
+/// Exit status, stdout and stderr, run in an empty folder.
+fn program(arguments: &[&str]) -> (i32, String, String) {
+    let folder = tempfile::tempdir().unwrap();
+    let output = assert_cmd::Command::new(env!("CARGO_BIN_EXE_hemisplat")).current_dir(folder.path()).args(arguments).output().unwrap();
+    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+    (output.status.code().unwrap(), text(output.stdout), text(output.stderr))
+}
+
+#[test]
+fn all_shipped_pipelines_pass_the_check_in_a_second() {
+    let start = std::time::Instant::now();
+    let (status, stdout, stderr) = program(&["check"]);
+    assert_eq!((status, stderr.as_str()), (0, ""));
+    assert_eq!(stdout.lines().count(), EMBEDDED.len());
+    assert!(start.elapsed().as_secs_f64() < 1.0);
+}
+
+#[test]
+fn an_error_that_variants_share_is_told_once_with_status_2() {
+    let (status, _, stderr) = program(&["check", "irradiance", "irradiance-ward", "--set", "cache.accuracy=77"]);
+    assert_eq!(status, 2);
+    assert_eq!(stderr.matches("pipeline::out_of_range").count(), 1, "{stderr}");
+    assert_eq!(program(&["check", "no-such-pipeline"]).0, 2);
+    assert_eq!(program(&["check", "--camera", "left"]).0, 2, "a camera without a scene");
+}
+
+#[test]
+fn a_plan_can_be_read_without_a_gpu() {
+    let (status, stdout, stderr) = program(&["explain", "irradiance", "--scene", "cornell", "--size", "32x16", "--set", "tiles.resolution=8"]);
+    assert_eq!(status, 0, "{stderr}");
+    for line in ["dropped shadow because", "repeat fill until misses.none, at most 513 rounds", "Rgba32Float 32×16"] {
+        assert!(stdout.contains(line), "{line}\n{stdout}");
+    }
+    assert_eq!(program(&["explain", "irradiance", "--scene", "cornell", "--set", "tiles.by=Raster"]).0, 2, "a shape that cannot be rasterised");
+}
+
+#[test]
+fn every_pass_tells_all_about_itself() {
+    let (_, list, _) = program(&["passes"]);
+    let names: Vec<&str> = list.lines().filter_map(|line| line.split_whitespace().next()).collect();
+    assert_eq!(names.len(), REGISTRY.len() + 1, "the passes and the loop");
+    for name in names {
+        let (status, stdout, _) = program(&["passes", name]);
+        assert_eq!(status, 0);
+        let description = REGISTRY.iter().map(|pass| pass.description()).find(|d| d.name == name).unwrap_or(&hemisplat::pipeline::FILL);
+        assert!(description.parameters.iter().all(|p| stdout.contains(&format!("  {}: ", p.name)) && stdout.contains(p.about)), "{stdout}");
+    }
+    assert_eq!(program(&["passes", "Splatt"]).0, 2);
+}
+
+#[test]
+fn a_graph_goes_to_stdout_in_each_format() {
+    for (format, beginning) in [("dot", "digraph"), ("mermaid", "flowchart"), ("svg", "<svg")] {
+        let (status, stdout, _) = program(&["graph", "irradiance", "--format", format]);
+        assert!(status == 0 && stdout.starts_with(beginning), "{format}");
+    }
+}
+
+// What no one writes on purpose.
+
+/// SplitMix64 (Steele and others 2014).
+struct Random(u64);
+
+impl Random {
+    fn below(&mut self, limit: usize) -> usize {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) % limit.max(1) as u64) as usize
+    }
+}
+
+fn mutate(text: &str, other: &str, random: &mut Random) -> String {
+    let mut characters: Vec<char> = text.chars().collect();
+    for _ in 0..=random.below(3) {
+        let at = random.below(characters.len());
+        let end = (at + random.below(30)).min(characters.len());
+        match random.below(5) {
+            0 => drop(characters.drain(at..end)),
+            1 => characters.insert(at, ['(', ')', '"', ',', ':', '{', ']', '\'', '\\', 'é', '\0', '-', '9', '.', '/', '*', '#', 'r'][random.below(18)]),
+            2 => {
+                let piece: Vec<char> = characters[at..end].to_vec();
+                let to = random.below(characters.len());
+                drop(characters.splice(to..to, piece));
+            }
+            3 => {
+                let words: Vec<&str> = other.split_whitespace().collect();
+                drop(characters.splice(at..end, words[random.below(words.len())].chars()));
+            }
+            _ if at + 1 < characters.len() => characters.swap(at, at + 1),
+            _ => {}
+        }
+        if characters.is_empty() {
+            break;
+        }
+    }
+    characters.into_iter().collect()
+}
+
+#[test]
+fn mutated_pipelines_never_panic() {
+    let pipeline = nodes(FILL, "sum");
+    let variant = r#"Variant(version: 1, about: "v", of: "base.ron", remove: ["shadow"], set: {"gather.shape.fov": 9e1, "sum.b": PreviousFrame("gather")}, replace: {"lit": Sum(a: "surfaces")}, add: {"seek": [(name: "x", pass: Gather(at: "seek"))]}, outputs: {"a": "sum"})"#;
+    let (scene, mut random) = (scene(true), Random(1));
+    let mut counts = [0, 0, 0];
+    for attempt in 0..5000 {
+        let (text, other) = if attempt % 2 == 0 { (pipeline.as_str(), variant) } else { (variant, pipeline.as_str()) };
+        let text = mutate(text, other, &mut random);
+        match load_files("test.ron", &[("test.ron", &text), ("base.ron", &pipeline)], &[], MOCKS) {
+            Err(problems) => {
+                assert!(!problems.0.is_empty() && !rendered(&problems).is_empty());
+                counts[0] += 1;
+            }
+            Ok(pipeline) => match plan_for(&pipeline, &scene, &[]) {
+                Err(problems) => {
+                    assert!(!rendered(&problems).is_empty());
+                    counts[1] += 1;
+                }
+                Ok(plan) => {
+                    assert!(!plan.outputs.is_empty());
+                    counts[2] += 1;
+                }
+            },
+        }
+    }
+    assert!(counts.iter().all(|count| *count > 20), "all ways are walked: {counts:?}");
+}
+
+// Memory.
+
+/// A recording of nodes and loops that touch random resources.
+fn random_recording(random: &mut Random) -> Recording {
+    let mut recording = Recording::default();
+    for index in 0..2 + random.below(12) {
+        let kind = match random.below(3) {
+            0 => ResourceKind::Buffer { bytes: 16 * (1 + random.below(8) as u64) },
+            1 => ResourceKind::Texture { size: [8, 8], layers: 1, format: hemisplat::recording::Format::R32Float },
+            _ => ResourceKind::Texture { size: [8, 8], layers: 1, format: hemisplat::recording::Format::Rgba32Float },
+        };
+        let lifetime = if random.below(5) == 0 { Lifetime::History } else { Lifetime::Transient };
+        recording.resources.push(ResourceDescription { name: format!("r{index}"), kind, lifetime });
+    }
+    recording.variables.push(VariableDescription { name: "done".into(), history: false });
+    recording.steps = random_steps(random, recording.resources.len(), 2);
+    recording
+}
+
+fn random_steps(random: &mut Random, resources: usize, depth: usize) -> Vec<Step> {
+    let step = |random: &mut Random| {
+        if depth > 0 && random.below(4) == 0 {
+            let steps = random_steps(random, resources, depth - 1);
+            return Step::Repeat(Repeat { name: "loop".into(), until: Variable(0), round: Variable(0), at_most: 3, steps });
+        }
+        let commands = (0..random.below(3)).map(|_| Command::Clear(Resource(random.below(resources) as u32))).collect();
+        Step::Node(Node { name: "node".into(), pass: "Pass", commands })
+    };
+    (0..1 + random.below(6)).map(|_| step(random)).collect()
+}
+
+/// What runs, in order, with every loop run twice: the resources that each node touches.
+fn trace(steps: &[Step], into: &mut Vec<Vec<Resource>>) {
+    for step in steps {
+        match step {
+            Step::Node(node) => into.push(node.commands.iter().flat_map(Command::resources).collect()),
+            Step::Repeat(repeat) => (0..2).for_each(|_| trace(&repeat.steps, into)),
+        }
+    }
+}
+
+#[test]
+fn resources_that_are_alive_at_once_never_share_memory_and_histories_never_do() {
+    let mut shared = 0;
+    for seed in 0..3000 {
+        let recording = random_recording(&mut Random(seed));
+        let kept = [Resource(0)];
+        let placement = Placement::of(&recording, &Lifetimes::of(&recording, &kept));
+        let mut steps = Vec::new();
+        trace(&recording.steps, &mut steps);
+        let touched = |resource: u32| steps.iter().enumerate().filter(move |(_, all)| all.contains(&Resource(resource))).map(|(at, _)| at);
+        let alive = |resource: u32| Some((touched(resource).min()?, if resource == 0 { usize::MAX } else { touched(resource).max()? }));
+        for a in 0..recording.resources.len() as u32 {
+            let slot = placement.slots[a as usize];
+            let description = &recording.resources[a as usize];
+            assert!(slot.is_none() || matches!(description.lifetime, Lifetime::Transient), "seed {seed}");
+            if let Some(slot) = slot {
+                assert!(placement.allocations[slot as usize].bytes() >= description.kind.bytes(), "seed {seed}");
+            }
+            for b in (0..a).filter(|b| slot.is_some() && placement.slots[*b as usize] == slot) {
+                let (Some(a), Some(b)) = (alive(a), alive(b)) else { continue };
+                assert!(a.1 < b.0 || b.1 < a.0, "seed {seed}");
+                shared += 1;
+            }
+        }
+    }
+    assert!(shared > 100, "sharing happens: {shared}");
+}

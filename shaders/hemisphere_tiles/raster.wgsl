@@ -67,6 +67,11 @@ fn part_corner(part: u32, corner: u32, level: u32) -> vec2f {
     return vec2f(f32(at.x - at.y), f32(at.y)) / f32(1u << level);
 }
 
+fn part_position(triangle: u32, part: u32, corner: u32, level: u32) -> vec3f {
+    let b = part_corner(part, corner, level);
+    return scene_corners[3u * triangle].xyz + scene_corners[3u * triangle + 1u].xyz * b.x + scene_corners[3u * triangle + 2u].xyz * b.y;
+}
+
 // The hemispherical projection: x and y of the unit direction. The instance is tile + level << 24: each triangle is
 // drawn as 4^level parts, so that its edges may curve.
 @vertex
@@ -75,9 +80,15 @@ fn vertex_hemispherical(@builtin(vertex_index) index: u32, @builtin(instance_ind
     let request = requests[instance & 0xffffffu];
     let parts = 1u << (2u * level);
     let triangle = index / (3u * parts);
-    let b = part_corner((index / 3u) % parts, index % 3u, level);
-    let position = scene_corners[3u * triangle].xyz + scene_corners[3u * triangle + 1u].xyz * b.x + scene_corners[3u * triangle + 2u].xyz * b.y;
-    let local = in_frame(request, position);
+    let part = (index / 3u) % parts;
+    let corners = array(part_position(triangle, part, 0u, level), part_position(triangle, part, 1u, level), part_position(triangle, part, 2u, level));
+    let origin = request.position + request.normal * surface_offset(request.position);
+    let heights = vec3f(dot(corners[0] - origin, request.normal), dot(corners[1] - origin, request.normal), dot(corners[2] - origin, request.normal));
+    if max(heights.x, max(heights.y, heights.z)) <= 0.0 {
+        // Below the horizon: bent upwards, a part that surrounds the record's foot would hide everything.
+        return Fragment(vec4f(2.0, 2.0, 0.5, 1.0), triangle, instance);
+    }
+    let local = in_frame(request, part_position(triangle, part, index % 3u, level));
     let distance = max(length(local), 1e-30);
     let direction = local / distance;
     let radius = max(length(direction.xy), 1e-12);

@@ -187,11 +187,12 @@ fn level(node: &Node, longest: f32, origin: Vec3) -> u32 {
 fn push(list: &mut Vec<Draw>, first: usize, [a, b]: [u32; 2], instance: u32, level: u32, rectangle: Option<[u32; 4]>) {
     let per_triangle = 3 << (2 * level);
     let tagged = instance | level << 24;
-    if let Some(last) = list[first..].last_mut() {
-        if last.instances[0] == tagged && a * per_triangle <= last.vertices[1] + GAP * per_triangle {
-            last.vertices[1] = b * per_triangle;
-            return;
-        }
+    if let Some(last) = list[first..].last_mut()
+        && last.instances[0] == tagged
+        && a * per_triangle <= last.vertices[1] + GAP * per_triangle
+    {
+        last.vertices[1] = b * per_triangle;
+        return;
     }
     list.push(Draw { rectangle, vertices: [a * per_triangle, b * per_triangle], instances: [tagged, tagged + 1] });
 }

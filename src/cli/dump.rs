@@ -113,7 +113,7 @@ fn tiles_picture(tiles: &port::Tiles, run: &Run<'_>) -> Result<Layers, Failure> 
     let at = |x: u32, y: u32| {
         let tile = y / tile_height * tiles.tiles_per_row + x / tile_width;
         let sample = y % tile_height * tile_width + x % tile_width;
-        (tile < count).then(|| samples[(tile * tile_width * tile_height + sample) as usize]).unwrap_or_default()
+        if tile < count { samples[(tile * tile_width * tile_height + sample) as usize] } else { [0.0; 4] }
     };
     let pixels: Vec<[f32; 4]> = (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| at(x, y)).collect();
     let radiance = Layer::interleaved(&["R", "G", "B"], bytemuck::cast_slice(&pixels), 4);

@@ -132,7 +132,7 @@ impl<'a> Session<'a> {
         self.gpu_bytes += kind.bytes();
         match kind {
             ResourceKind::Buffer { bytes } => {
-                let limit = (self.gpu.limits.max_storage_buffer_binding_size as u64).min(self.gpu.limits.max_buffer_size);
+                let limit = self.gpu.limits.max_storage_buffer_binding_size.min(self.gpu.limits.max_buffer_size);
                 if *bytes > limit {
                     return Err(GpuError::Limit { what: label.into(), wanted: *bytes, limit });
                 }

@@ -209,7 +209,7 @@ impl<'a> Run<'a> {
             return Err(wrong("the pipeline keeps other histories".into()));
         }
         for (history, saved) in histories.iter().zip(&header.histories) {
-            let bytes = saved.item_bytes.checked_mul(saved.items as u64).unwrap_or(u64::MAX);
+            let bytes = saved.item_bytes.saturating_mul(saved.items as u64);
             let capacity = self.plan.recording.resource(history.items).kind.bytes();
             if saved.name != history.name || saved.item_bytes != history.item_bytes || bytes > capacity || bytes > rest.len() as u64 {
                 return Err(wrong(format!("its `{}` are {} items of {} bytes, which do not fit", saved.name, saved.items, saved.item_bytes)));

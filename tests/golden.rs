@@ -25,7 +25,7 @@ fn pipelines() -> Vec<PathBuf> {
 }
 
 fn hemisplat(arguments: &[&str]) -> Result<(), Failed> {
-    let done = Command::new(env!("CARGO_BIN_EXE_hemisplat")).args(arguments).output().map_err(|e| e.to_string())?;
+    let done = Command::new(env!("CARGO_BIN_EXE_hemisplat")).current_dir(root()).args(arguments).output().map_err(|e| e.to_string())?;
     if done.status.success() { Ok(()) } else { Err(String::from_utf8_lossy(&done.stderr).into_owned().into()) }
 }
 
@@ -43,7 +43,8 @@ fn check(pipeline: &Path) -> Result<(), Failed> {
     let name = pipeline.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
     let made = folder.path().join("made.exr");
-    hemisplat(&["render", &pipeline.to_string_lossy(), "--scene", "cornell", "--size", SIZE, "--quiet", "-o", &made.to_string_lossy()])?;
+    // Named from the project's root, so that the file keeps no path of the machine.
+    hemisplat(&["render", &format!("pipelines/{name}.ron"), "--scene", "cornell", "--size", SIZE, "--quiet", "-o", &made.to_string_lossy()])?;
     let golden = root().join("tests/golden").join(&name).join("cornell.exr");
     if std::env::var_os("HEMISPLAT_UPDATE_GOLDEN").is_some() {
         return update(&made, &golden, folder.path());

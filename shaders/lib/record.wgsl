@@ -75,7 +75,7 @@ fn record_weight(record: Record, weighting: Weighting, position: vec3f, normal: 
     }
 }
 
-// Irradiance that a record foretells at a point (RCS 8), within a factor of 20 of its own and not negative.
+// Irradiance that a record foretells at a point (RCS 8), within a factor of 2.5 of its own.
 fn record_estimate(record: Record, position: vec3f, normal: vec3f) -> vec3f {
     let turn = cross(record.normal, normal);
     let move_by = position - record.position;
@@ -84,5 +84,5 @@ fn record_estimate(record: Record, position: vec3f, normal: vec3f) -> vec3f {
         dot(turn, record.rotation[1].xyz) + dot(move_by, record.translation[1].xyz),
         dot(turn, record.rotation[2].xyz) + dot(move_by, record.translation[2].xyz),
     );
-    return clamp(record.irradiance + change, record.irradiance * 0.05, record.irradiance * 20.0);
+    return clamp(record.irradiance + change, record.irradiance * 0.4, record.irradiance * 2.5);
 }

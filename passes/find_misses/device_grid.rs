@@ -44,14 +44,13 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, coarsest: u32) -> Result
             Ok(())
         }),
     }));
-    let [lanes, blocks, groups] = ["lanes", "blocks", "groups"].map(|name| r.variable(name, false));
+    let [lanes, blocks] = ["lanes", "blocks"].map(|name| r.variable(name, false));
     r.host("size", &[], &[], move |host| {
         let edge = 2 * host.variable(cell);
         let count = width.div_ceil(edge) * height.div_ceil(edge);
         let small = host.variable(cell) <= SMALL;
         host.set(lanes, if small { count } else { 0 });
         host.set(blocks, if small { 0 } else { count });
-        host.set(groups, 1);
         Ok(())
     });
     let bound = |program: Program| {

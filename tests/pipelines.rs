@@ -3,7 +3,7 @@
 use hemisplat::contract::recorder::Setting;
 use hemisplat::contract::*;
 use hemisplat::passes::REGISTRY;
-use hemisplat::pipeline::{Format, Pipeline, Plan, Problems, embedded::EMBEDDED, export, load, plan};
+use hemisplat::pipeline::{Format, Loop, Pipeline, Plan, Problems, embedded::EMBEDDED, export, load, plan};
 use hemisplat::recording::*;
 use hemisplat::scene::{Camera, Environment, FieldOfView, Light, LightKind, Material, Scene, Triangle, needs::Needs};
 use miette::{GraphicalReportHandler, GraphicalTheme};
@@ -87,12 +87,17 @@ static GATHER: Mock = mock(
 );
 static SUM: Mock = mock("Sum", &[], &[input("a", PortKind::Image, true), input("b", PortKind::Image, false)], &[output("image", PortKind::Image)]);
 
-static MOCKS: &Registry = &[&SURFACES, &SHADOWS, &LIT, &SHADOW_VIEW, &SEEK, &GATHER, &SUM];
+/// Makes its first output only.
+static RELAY: Mock = mock("Relay", &[], &[input("at", PortKind::Requests, true)], &[output("requests", PortKind::Requests), output("extra", PortKind::Image)]);
+/// Makes an image twice as wide as the one it gets.
+static GROW: Mock = mock("Grow", &[], &[input("of", PortKind::Image, true)], &[output("image", PortKind::Image)]);
+
+static MOCKS: &Registry = &[&SURFACES, &SHADOWS, &LIT, &SHADOW_VIEW, &SEEK, &GATHER, &SUM, &RELAY, &GROW];
 
 impl Pass for Mock {
     fn description(&self) -> &'static Description {
         // Mocks are statics: what they hold lives as long as the registry that lists them.
-        let all: [&'static Mock; 7] = [&SURFACES, &SHADOWS, &LIT, &SHADOW_VIEW, &SEEK, &GATHER, &SUM];
+        let all: [&'static Mock; 9] = [&SURFACES, &SHADOWS, &LIT, &SHADOW_VIEW, &SEEK, &GATHER, &SUM, &RELAY, &GROW];
         &all.into_iter().find(|mock| mock.description.name == self.description.name).unwrap().description
     }
 
@@ -108,9 +113,12 @@ impl Pass for Mock {
             return Err(Refusal::new("plan::not_in_a_loop", "there is no batch to gather", "put it into a Fill"));
         }
         let reads: Vec<Read> = self.description.inputs.iter().filter_map(|input| r.input(input.name)).flat_map(Port::resources).map(Read::whole).collect();
-        for output in self.description.outputs {
+        for output in self.description.outputs.iter().filter(|output| output.name != "extra") {
             let variable = r.variable(output.name, false);
-            let memory = r.image(output.name, hemisplat::recording::Format::Rgba32Float);
+            let memory = match r.image_port("of").map(|of| r.kind(of.texture)) {
+                Some(ResourceKind::Texture { size: [w, h], format, .. }) => r.texture(output.name, [2 * w, *h], 1, *format),
+                _ => r.image(output.name, hemisplat::recording::Format::Rgba32Float),
+            };
             let port = match output.kind {
                 PortKind::Image => Port::Image(port::Image { texture: memory, channels: port::Channels::Colour }),
                 PortKind::Requests => Port::Requests(port::Requests { places: memory, count: variable, capacity: r.batch.unwrap_or(1) }),
@@ -221,6 +229,10 @@ const BAD: &[(&str, &str, &str, &[&str])] = &[
         ])),"#, "a", &["pipeline::cycle"]),
     ("other_round", r#"        (name: "a", pass: Surfaces()),
         (name: "b", pass: Sum(a: PreviousRound("a"))),"#, "b", &["pipeline::other_round"]),
+    ("previous_of_an_output", r#"        (name: "a", pass: Surfaces()),"#, "a\", \"last\": PreviousFrame(\"a\"), \"b\": \"a", &["pipeline::other_round"]),
+    ("iterate", r#"        (name: "a", pass: Surfaces()),
+        (name: "i", repeat: Iterate(rounds: 0, until: "b", nodes: [(name: "b", pass: Sum(a: "a"))])),
+        (name: "j", repeat: Iterate(rounds: 2)),"#, "a", &["pipeline::missing_key", "pipeline::out_of_range", "pipeline::unknown_parameter"]),
     ("until_outside", r#"        (name: "a", pass: Surfaces()),
         (name: "s", pass: Seek(in: "a")),
         (name: "f", repeat: Fill(until: "s.none", nodes: [
@@ -442,12 +454,94 @@ fn a_scene_that_leaves_nothing_is_an_error() {
     insta::assert_snapshot!("nothing_left", rendered(&problems));
 }
 
+// Loops through time.
+
+/// What the plan refuses.
+fn refused(text: &str) -> String {
+    let pipeline = load_text(text).unwrap_or_else(|e| panic!("{}", rendered(&e)));
+    rendered(&plan_for(&pipeline, &scene(true), &[]).err().expect("refused"))
+}
+
 #[test]
-fn edges_to_earlier_rounds_are_read_and_refused_by_the_plan() {
-    let text = nodes(&FILL.replace("Seek(in: \"lit\")", "Seek(in: \"lit\", before: PreviousRound(\"gather\"))"), "sum");
-    let pipeline = load_text(&text).unwrap_or_else(|e| panic!("{}", rendered(&e)));
-    let problems = plan_for(&pipeline, &scene(true), &[]).err().expect("refused");
-    insta::assert_snapshot!("previous", rendered(&problems));
+fn edges_to_earlier_rounds_and_frames_read_memory_of_their_own() {
+    let text = FILL.replace("Seek(in: \"lit\")", "Seek(in: \"lit\", before: PreviousRound(\"gather\"))").replace("b: \"lit\"", "b: PreviousFrame(\"sum\")");
+    let plan = planned(&nodes(&text, "sum"), true);
+    insta::assert_snapshot!("previous", plan.explain());
+    let histories: Vec<_> = plan.recording.resources.iter().zip(&plan.placement.slots).filter(|(r, _)| r.name.contains(" before, ")).collect();
+    assert_eq!(histories.len(), 2);
+    assert!(histories.iter().all(|(resource, slot)| matches!(resource.lifetime, Lifetime::History) && slot.is_none()));
+}
+
+#[test]
+fn only_edges_to_earlier_rounds_close_a_loop() {
+    let ring = |first: &str| {
+        let ring = format!("(name: \"i\", repeat: Iterate(rounds: 3, nodes: [(name: \"a\", pass: Sum(a: {first})), (name: \"b\", pass: Sum(a: \"a\"))]))");
+        nodes(&ring, "b")
+    };
+    assert_eq!(problems(load_text(&ring("\"b\""))).0[0].code, "pipeline::cycle");
+    for when in ["PreviousRound", "PreviousFrame"] {
+        let plan = planned(&ring(&format!("{when}(\"b\")")), true);
+        let bound = plan.recording.steps.iter().find_map(|step| if let Step::Repeat(repeat) = step { Some((repeat.at_most, repeat.until)) } else { None });
+        assert_eq!(bound, Some((3, None)));
+    }
+}
+
+#[test]
+fn a_loop_inside_a_loop_starts_anew_each_time() {
+    let fill =
+        FILL.replace("(name: \"fill\"", "(name: \"outer\", repeat: Iterate(rounds: 2, nodes: [(name: \"fill\"").replace("        ])),", "        ])),])),");
+    insta::assert_snapshot!("nested", planned(&nodes(&fill, "sum"), true).explain());
+}
+
+#[test]
+fn an_earlier_round_is_one_of_the_innermost_loop_that_holds_both_ends() {
+    let text = r#"(name: "a", pass: Surfaces()),
+        (name: "outer", repeat: Iterate(rounds: 2, nodes: [
+            (name: "inner", repeat: Iterate(nodes: [(name: "c", pass: Sum(a: "a", b: PreviousRound("c"))), (name: "d", pass: Sum(a: "c", b: PreviousRound("e")))])),
+            (name: "e", pass: Sum(a: "d", b: PreviousRound("d"))),
+        ])),"#;
+    let plan = planned(&nodes(text, "e"), true);
+    let histories: Vec<_> = plan.recording.resources.iter().map(|r| r.name.as_str()).filter(|name| name.contains(" before, ")).collect();
+    assert_eq!(histories, ["c.image round of inner before, 0", "d.image round of outer before, 0", "e.image round of outer before, 0"]);
+}
+
+#[test]
+fn an_earlier_value_of_what_the_scene_drops_is_absent() {
+    let text = |input: &str| {
+        nodes(
+            &format!(
+                r#"(name: "a", pass: Surfaces()), (name: "s", pass: Shadows()), (name: "v", pass: ShadowView(of: "s")), (name: "sum", pass: Sum({input}))"#
+            ),
+            "sum",
+        )
+        .replace("outputs: {", "outputs: { \"surfaces\": \"a\",")
+    };
+    let optional = planned(&text("a: \"a\", b: PreviousFrame(\"v\")"), false);
+    assert_eq!(optional.outputs.len(), 2);
+    assert!(!optional.explain().contains("frame before"));
+    let required = planned(&text("a: PreviousFrame(\"v\")"), false);
+    let because = required.dropped.iter().find(|dropped| dropped.node == "sum").map(|dropped| dropped.because.as_str());
+    assert_eq!(because, Some("its input `a` comes from `v`, which is dropped"));
+}
+
+#[test]
+fn what_a_loop_through_time_cannot_know_is_refused() {
+    let waiting = r#"        (name: "a", pass: Surfaces()),
+        (name: "x", pass: Relay(at: PreviousFrame("y"))),
+        (name: "y", pass: Relay(at: "x")),
+        (name: "f", repeat: Fill(until: "s.none", nodes: [
+            (name: "s", pass: Seek(in: "a")),
+            (name: "g", pass: Gather(at: "y")),
+        ])),"#;
+    insta::assert_snapshot!("previous_unknown", refused(&nodes(waiting, "g")));
+    insta::assert_snapshot!("previous_grows", refused(&nodes(r#"        (name: "g", pass: Grow(of: PreviousFrame("g"))),"#, "g")));
+    let absent = r#"        (name: "a", pass: Surfaces()),
+        (name: "f", repeat: Fill(until: "s.none", nodes: [
+            (name: "s", pass: Seek(in: "a")),
+            (name: "r", pass: Relay(at: "s")),
+            (name: "sum", pass: Sum(a: PreviousRound("r.extra"))),
+        ])),"#;
+    insta::assert_snapshot!("previous_absent", refused(&nodes(absent, "sum")));
 }
 
 #[test]
@@ -537,11 +631,12 @@ fn a_plan_can_be_read_without_a_gpu() {
 fn every_pass_tells_all_about_itself() {
     let (_, list, _) = program(&["passes"]);
     let names: Vec<&str> = list.lines().filter_map(|line| line.split_whitespace().next()).collect();
-    assert_eq!(names.len(), REGISTRY.len() + 1, "the passes and the loop");
+    assert_eq!(names.len(), REGISTRY.len() + Loop::ALL.len(), "the passes and the loops");
     for name in names {
         let (status, stdout, _) = program(&["passes", name]);
         assert_eq!(status, 0);
-        let description = REGISTRY.iter().map(|pass| pass.description()).find(|d| d.name == name).unwrap_or(&hemisplat::pipeline::FILL);
+        let all = REGISTRY.iter().map(|pass| pass.description()).chain(Loop::ALL.map(Loop::description));
+        let description = all.into_iter().find(|d| d.name == name).unwrap();
         assert!(description.parameters.iter().all(|p| stdout.contains(&format!("  {}: ", p.name)) && stdout.contains(p.about)), "{stdout}");
     }
     assert_eq!(program(&["passes", "Splatt"]).0, 2);
@@ -600,10 +695,11 @@ fn mutate(text: &str, other: &str, random: &mut Random) -> String {
 fn mutated_pipelines_never_panic() {
     let pipeline = nodes(FILL, "sum");
     let variant = r#"Variant(version: 1, about: "v", of: "base.ron", remove: ["shadow"], set: {"gather.shape.fov": 9e1, "sum.b": PreviousFrame("gather")}, replace: {"lit": Sum(a: "surfaces")}, add: {"seek": [(name: "x", pass: Gather(at: "seek"))]}, outputs: {"a": "sum"})"#;
+    let refused = pipeline.replace("Shadows()", "Shadows(taps: 2)");
     let (scene, mut random) = (scene(true), Random(1));
     let mut counts = [0, 0, 0];
     for attempt in 0..5000 {
-        let (text, other) = if attempt % 2 == 0 { (pipeline.as_str(), variant) } else { (variant, pipeline.as_str()) };
+        let (text, other) = [(pipeline.as_str(), variant), (variant, pipeline.as_str()), (refused.as_str(), variant)][attempt % 3];
         let text = mutate(text, other, &mut random);
         match load_files("test.ron", &[("test.ron", &text), ("base.ron", &pipeline)], &[], MOCKS) {
             Err(problems) => {
@@ -648,7 +744,7 @@ fn random_steps(random: &mut Random, resources: usize, depth: usize) -> Vec<Step
     let step = |random: &mut Random| {
         if depth > 0 && random.below(4) == 0 {
             let steps = random_steps(random, resources, depth - 1);
-            return Step::Repeat(Repeat { name: "loop".into(), until: Variable(0), round: Variable(0), at_most: 3, steps });
+            return Step::Repeat(Repeat { name: "loop".into(), until: Some(Variable(0)), round: Variable(0), at_most: 3, steps });
         }
         let commands = (0..random.below(3)).map(|_| Command::Clear(Resource(random.below(resources) as u32))).collect();
         Step::Node(Node { name: "node".into(), pass: "Pass", commands })

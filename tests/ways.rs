@@ -7,7 +7,7 @@
 use glam::Vec3;
 use hemisplat::{
     contract::{Arguments as Given, ParameterKind, Port, Recorder, Value, find, port, recorder::Reported, recorder::Setting},
-    gpu::{Gpu, Session, scene as scene_data, shader},
+    gpu::{Gpu, Pace, Session, scene as scene_data, shader},
     math::{
         hemisphere::{Method, Shape, Table},
         sum::sum,
@@ -158,7 +158,7 @@ impl<'a> Graph<'a> {
         let until = *until;
         let round = self.variable("round");
         let steps = std::mem::take(&mut self.looped);
-        self.recording.steps.push(Step::Repeat(Repeat { name: "fill".into(), until, round, at_most: 100_000, steps }));
+        self.recording.steps.push(Step::Repeat(Repeat { name: "fill".into(), until: Some(until), round, at_most: 100_000, steps }));
         self.batch = None;
         Ok(())
     }
@@ -297,7 +297,7 @@ fn summed(stage: &Stage, table: &Arc<Table>, shape: (Shape, u32), by: &str) -> R
     session.set_variable(requests.count, TILES as u32);
     let mut frames = Vec::new();
     for _ in 0..2 {
-        session.frame(&|| true).map_err(|e| e.to_string())?;
+        session.frame(&|| Pace::GoOn).map_err(|e| e.to_string())?;
         frames.push(read::<Record>(&session, *records)?[..TILES].to_vec());
     }
     check(bytemuck::cast_slice::<_, u8>(&frames[0]) == bytemuck::cast_slice::<_, u8>(&frames[1]), || format!("{by} does not repeat"))?;
@@ -444,7 +444,7 @@ fn splatted(stage: &Stage, records: &[Record], rule: Rule, size: [u32; 2], by: &
     let mut seconds = 0.0;
     for _ in 0..2 {
         let start = Instant::now();
-        session.frame(&|| true).map_err(|e| e.to_string())?;
+        session.frame(&|| Pace::GoOn).map_err(|e| e.to_string())?;
         seconds = start.elapsed().as_secs_f64();
         frames.push((session.read(sums).map_err(|e| e.to_string())?, read(&session, counts)?));
     }
@@ -517,7 +517,7 @@ fn filled(stage: &Stage, batch: u32, sequential: bool, splat: &str, misses: &str
     graph.node("indirect", "Normalize", &[], &[("splats", "splats"), ("gbuffer", "gbuffer")])?;
     let irradiance = graph.texture("indirect.irradiance")?;
     let mut session = graph.session(&[irradiance])?;
-    let frame = session.frame(&|| true).map_err(|e| e.to_string())?;
+    let frame = session.frame(&|| Pace::GoOn).map_err(|e| e.to_string())?;
     check(frame.unfinished.is_empty(), || "the fill did not end".into())?;
     let names = ["records", "new_records", "surplus_records", "uncovered_pixels", "non_finite_pixels"];
     let reports = names.into_iter().map(|name| Ok((name, graph.report(&session, name)?))).collect::<Result<_, Failed>>()?;

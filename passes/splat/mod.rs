@@ -68,10 +68,13 @@ impl Pass for Splat {
             "Host" => host::record(r, &work),
             _ => raster_blend::record(r, &work),
         }
-        r.host("splatted", &[], &[], move |host| {
-            host.set(first, host.variable(cache.count));
-            Ok(())
-        });
+        // Outside of a fill the sums start anew each time, and all records count again.
+        if r.batch.is_some() {
+            r.host("splatted", &[], &[], move |host| {
+                host.set(first, host.variable(cache.count));
+                Ok(())
+            });
+        }
         r.output("sums", Port::Splats(port::Splats { sums, counts, cache }));
         Ok(())
     }

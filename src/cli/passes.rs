@@ -5,7 +5,7 @@ use super::failure::Failure;
 use crate::contract::{Description, Input, Parameter, ParameterKind};
 use crate::passes::REGISTRY;
 use crate::pipeline::diagnostics::known;
-use crate::pipeline::{FILL, Problem, expected};
+use crate::pipeline::{Loop, Problem, expected};
 use clap::Args;
 use std::fmt::Write;
 
@@ -13,12 +13,12 @@ use std::fmt::Write;
 #[derive(Args)]
 #[command(after_help = "Example: hemisplat passes HemisphereTiles")]
 pub struct Options {
-    /// A pass, or the loop Fill
+    /// A pass, or a loop: Fill or Iterate
     name: Option<String>,
 }
 
 pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
-    let all = || REGISTRY.iter().map(|pass| pass.description()).chain([&FILL]);
+    let all = || REGISTRY.iter().map(|pass| pass.description()).chain(Loop::ALL.map(Loop::description));
     let Some(name) = &options.name else {
         return console.print(&all().map(|d| format!("{:<18} {}\n", d.name, d.about)).collect::<String>());
     };

@@ -7,7 +7,7 @@ use super::interrupt;
 use super::output::{PictureTarget, Target};
 use super::pipeline::{load_pipeline, plan_view};
 use super::scene::{SceneOptions, View};
-use crate::gpu::{Gpu, GpuError};
+use crate::gpu::{Gpu, GpuError, Pace};
 use crate::measure::run::{FrameReport, Run, RunError, peak_host_bytes};
 use crate::pipeline::Plan;
 use clap::Args;
@@ -86,7 +86,7 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     let mut reports = Vec::new();
     for (frame, targets) in frames.zip(&targets) {
         run.set_camera(options.scene.camera_of_frame(&view, frame));
-        let report = run.frame(&|| !interrupt::requested()).map_err(failure)?;
+        let report = run.frame(&|| if interrupt::requested() { Pace::Stop } else { Pace::GoOn }).map_err(failure)?;
         targets.write(options, &view, &plan, &run, frame)?;
         console.print(&text(options, frame, &report))?;
         warn_of_gaps(options, &report, console)?;

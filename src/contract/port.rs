@@ -41,7 +41,7 @@ impl PortKind {
 }
 
 /// What a node hands on.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub enum Port {
     GBuffer(GBuffer),
     ShadowMaps(ShadowMaps),
@@ -89,10 +89,49 @@ impl Port {
             Self::Flag(_) => Vec::new(),
         }
     }
+
+    /// The same over other memory; every resource and variable is asked for in an order that the kind of port fixes.
+    pub fn over(&self, memory: &mut dyn Memory) -> Self {
+        let mut port = self.clone();
+        match &mut port {
+            Self::GBuffer(p) => [&mut p.position, &mut p.normal, &mut p.reflectance, &mut p.triangles].into_iter().for_each(|r| replace(r, memory)),
+            Self::ShadowMaps(p) => [&mut p.depth, &mut p.views].into_iter().for_each(|r| replace(r, memory)),
+            Self::DirectLight(p) => replace(&mut p.radiance, memory),
+            Self::Image(p) => replace(&mut p.texture, memory),
+            Self::Splats(p) => {
+                replace(&mut p.sums, memory);
+                p.counts.iter_mut().for_each(|r| replace(r, memory));
+                p.cache.over(memory);
+            }
+            Self::Requests(p) => p.over(memory),
+            Self::Tiles(p) => p.over(memory),
+            Self::WeightedTiles(p) => {
+                p.tiles.over(memory);
+                [&mut p.weights, &mut p.edges].into_iter().for_each(|r| replace(r, memory));
+            }
+            Self::Records(p) => {
+                replace(&mut p.records, memory);
+                p.count = memory.variable(p.count);
+            }
+            Self::RecordCache(p) => p.over(memory),
+            Self::Flag(variable) => *variable = memory.variable(*variable),
+        }
+        port
+    }
+}
+
+/// Other memory for a port: see [`Port::over`].
+pub trait Memory {
+    fn resource(&mut self, resource: Resource) -> Resource;
+    fn variable(&mut self, variable: Variable) -> Variable;
+}
+
+fn replace(resource: &mut Resource, memory: &mut dyn Memory) {
+    *resource = memory.resource(*resource);
 }
 
 /// The visible surfaces, one texel a pixel.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GBuffer {
     /// RGBA32F: position [scene units]; the width of a pixel there [scene units], 0 where nothing is seen.
     pub position: Resource,
@@ -105,7 +144,7 @@ pub struct GBuffer {
 }
 
 /// Reflected direct light, and who lights from emitters.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DirectLight {
     /// RGBA32F: radiance toward the camera.
     pub radiance: Resource,
@@ -114,7 +153,7 @@ pub struct DirectLight {
 }
 
 /// Depth from the lights that cast shadows.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ShadowMaps {
     /// R32F-depth array: six layers a point light, one a spot or directional light, reverse Z.
     pub depth: Resource,
@@ -127,7 +166,7 @@ pub struct ShadowMaps {
 }
 
 /// RGBA32F, one texel a pixel.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Image {
     pub texture: Resource,
     pub channels: Channels,
@@ -147,7 +186,7 @@ pub enum Channels {
 }
 
 /// Weighted sums over the records that count at each pixel.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Splats {
     /// RGBA32F: Σ w E_k(p) per channel, Σ w.
     pub sums: Resource,
@@ -157,7 +196,7 @@ pub struct Splats {
 }
 
 /// Places that need a record: at most `capacity` a round.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Requests {
     /// Buffer of requests: position, footprint, normal, turn of the frame.
     pub places: Resource,
@@ -167,7 +206,7 @@ pub struct Requests {
 }
 
 /// One hemisphere a request.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Tiles {
     /// Buffer of vec4, `tile · samples + sample`: radiance seen, distance (a huge number for sky).
     pub samples: Resource,
@@ -182,7 +221,7 @@ pub struct Tiles {
 }
 
 /// Tiles with what each sample stands for.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct WeightedTiles {
     pub tiles: Tiles,
     /// The weights after compensation.
@@ -194,7 +233,7 @@ pub struct WeightedTiles {
 }
 
 /// New records, in the requests' order.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Records {
     pub records: Resource,
     pub count: Variable,
@@ -202,7 +241,7 @@ pub struct Records {
 }
 
 /// All records so far; a history.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RecordCache {
     pub records: Resource,
     /// Records in the cache.
@@ -211,4 +250,25 @@ pub struct RecordCache {
     /// The rule as a uniform buffer.
     pub weighting: Resource,
     pub rule: Rule,
+}
+
+impl Requests {
+    fn over(&mut self, memory: &mut dyn Memory) {
+        replace(&mut self.places, memory);
+        self.count = memory.variable(self.count);
+    }
+}
+
+impl Tiles {
+    fn over(&mut self, memory: &mut dyn Memory) {
+        replace(&mut self.samples, memory);
+        self.requests.over(memory);
+    }
+}
+
+impl RecordCache {
+    fn over(&mut self, memory: &mut dyn Memory) {
+        [&mut self.records, &mut self.weighting].into_iter().for_each(|r| replace(r, memory));
+        self.count = memory.variable(self.count);
+    }
 }

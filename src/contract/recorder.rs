@@ -42,7 +42,7 @@ pub struct Recorder<'a> {
     pub node: &'a str,
     pub arguments: &'a Arguments,
     pub setting: Setting<'a>,
-    /// How many records a round of the loop that holds the node adds at most; None outside of loops.
+    /// How many records a round of the fill that holds the node adds at most; None outside of fills.
     pub batch: Option<u32>,
     /// Whether the loop walks one record at a time in the order of pixels, as the papers do; then `batch` is 1.
     pub sequential: bool,
@@ -55,7 +55,7 @@ pub struct Recorder<'a> {
 #[derive(Default)]
 pub struct Recorded {
     pub outputs: BTreeMap<&'static str, Port>,
-    /// Run once a frame, before the loop that holds the node, if one does.
+    /// Run each time the innermost loop that holds the node starts; before the other commands where none does.
     pub prologue: Vec<Command>,
     pub commands: Vec<Command>,
     /// Remarks for `explain`: what was adapted and why.
@@ -88,7 +88,7 @@ impl<'a> Recorder<'a> {
         Self { node, arguments, setting, batch: None, sequential: false, inputs, recording, recorded: Recorded::default() }
     }
 
-    /// For a node inside a loop.
+    /// For a node inside a fill.
     pub fn in_loop(self, batch: u32, sequential: bool) -> Self {
         Self { batch: Some(batch), sequential, ..self }
     }
@@ -131,12 +131,12 @@ impl<'a> Recorder<'a> {
 
     /// A buffer that lives within the frame.
     pub fn buffer(&mut self, member: &str, bytes: u64) -> Resource {
-        self.resource(member, ResourceKind::Buffer { bytes: bytes.max(16) }, Lifetime::Transient)
+        self.resource(member, ResourceKind::Buffer { bytes: bytes.max(16).next_multiple_of(4) }, Lifetime::Transient)
     }
 
     /// A buffer that lives on into the next frame.
     pub fn history_buffer(&mut self, member: &str, bytes: u64) -> Resource {
-        self.resource(member, ResourceKind::Buffer { bytes: bytes.max(16) }, Lifetime::History)
+        self.resource(member, ResourceKind::Buffer { bytes: bytes.max(16).next_multiple_of(4) }, Lifetime::History)
     }
 
     /// A buffer with contents known now.
@@ -165,7 +165,7 @@ impl<'a> Recorder<'a> {
         self.resource(member, ResourceKind::State, Lifetime::Transient)
     }
 
-    /// A number that starts every frame at 0, or lives on as a history.
+    /// A number that is 0 as the frame and the innermost loop that holds the node start, or lives on as a history.
     pub fn variable(&mut self, member: &str, history: bool) -> Variable {
         self.recording.variables.push(VariableDescription { name: format!("{}.{member}", self.node), history });
         Variable(self.recording.variables.len() as u32 - 1)
@@ -185,7 +185,7 @@ impl<'a> Recorder<'a> {
         self.recorded.commands.push(command);
     }
 
-    /// A command for the start of the frame, before the loop that holds this node.
+    /// A command for each time that the innermost loop which holds this node starts.
     pub fn before_loop(&mut self, command: Command) {
         self.recorded.prologue.push(command);
     }

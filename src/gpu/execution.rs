@@ -27,6 +27,8 @@ pub struct Session<'a> {
     nodes: Vec<NodeTimes>,
     camera: (Camera, [u32; 2]),
     frames: u32,
+    /// Whether the frame's loops must end with the round that they are in.
+    time_is_up: bool,
     /// Bytes of all buffers and textures.
     pub gpu_bytes: u64,
 }
@@ -36,9 +38,9 @@ pub struct Session<'a> {
 pub struct Frame {
     pub seconds: f64,
     pub nodes: Vec<NodeTimes>,
-    /// Rounds of each loop, by name.
-    pub rounds: Vec<(String, u32)>,
-    /// Loops that reached their bound before their end, by name.
+    /// Rounds of the loops that run until they are done.
+    pub fill_rounds: Option<u32>,
+    /// Loops that ended before they were done, by name.
     pub unfinished: Vec<String>,
 }
 
@@ -97,6 +99,7 @@ impl<'a> Session<'a> {
             nodes: Vec::new(),
             camera: (camera.clone(), size),
             frames: 0,
+            time_is_up: false,
             gpu_bytes: 0,
         };
         session.allocate(placement)?;
@@ -160,7 +163,8 @@ impl<'a> Session<'a> {
     }
 
     fn create_texture(&self, label: &str, size: [u32; 2], layers: u32, format: Format) -> wgpu::Texture {
-        let mut usage = wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC;
+        let mut usage =
+            wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC | wgpu::TextureUsages::COPY_DST;
         if format != Format::Depth32Float {
             usage |= wgpu::TextureUsages::STORAGE_BINDING;
         }
@@ -199,8 +203,18 @@ impl<'a> Session<'a> {
     }
 }
 
-/// Whether to go on; asked between the rounds of loops.
-pub type KeepGoing<'k> = &'k dyn Fn() -> bool;
+/// What becomes of a frame that is under way.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Pace {
+    GoOn,
+    /// Loops end with the round that starts now, what comes after them is done: time is up.
+    Finish,
+    /// The frame is given up.
+    Stop,
+}
+
+/// Asked as each round of a loop starts.
+pub type AskPace<'k> = &'k dyn Fn() -> Pace;
 
 impl Session<'_> {
     /// Changes the camera for the frames to come; the size stays.
@@ -221,7 +235,8 @@ impl Session<'_> {
     pub fn read(&self, resource: Resource) -> Result<Vec<u8>, GpuError> {
         let mut pending = self.pending();
         let read = Read::whole(resource);
-        let (staging, bytes) = self.copy_out(&mut pending, read, None);
+        let staging = readback::staging(self.gpu, self.whole_bytes(resource));
+        let bytes = self.copy_out(&mut pending, read, &staging);
         self.submit(&mut pending);
         self.finish_read(read, &staging, bytes)
     }
@@ -232,13 +247,13 @@ impl Session<'_> {
     }
 
     /// Runs the recording once.
-    pub fn frame(&mut self, keep_going: KeepGoing) -> Result<Frame, GpuError> {
+    pub fn frame(&mut self, pace: AskPace) -> Result<Frame, GpuError> {
         let start = Instant::now();
         self.start_frame();
         let recording = self.recording;
         let mut pending = self.pending();
-        let mut frame = Frame { seconds: 0.0, nodes: Vec::new(), rounds: Vec::new(), unfinished: Vec::new() };
-        self.run(&recording.steps, 0, &mut pending, &mut frame, keep_going)?;
+        let mut frame = Frame { seconds: 0.0, nodes: Vec::new(), fill_rounds: None, unfinished: Vec::new() };
+        self.run(&recording.steps, 0, &mut pending, &mut frame, pace)?;
         self.submit(&mut pending);
         self.gpu.wait("finishing the frame")?;
         self.collect_times(&mut frame)?;
@@ -253,6 +268,7 @@ impl Session<'_> {
                 *variable = 0;
             }
         }
+        self.time_is_up = false;
         self.lists.clear();
         self.states.clear();
         for node in &mut self.nodes {
@@ -279,7 +295,7 @@ impl Session<'_> {
     }
 
     /// Runs steps whose first node has the index `first`; returns the index after the last.
-    fn run(&mut self, steps: &[Step], first: usize, pending: &mut Pending, frame: &mut Frame, keep_going: KeepGoing) -> Result<usize, GpuError> {
+    fn run(&mut self, steps: &[Step], first: usize, pending: &mut Pending, frame: &mut Frame, pace: AskPace) -> Result<usize, GpuError> {
         let mut index = first;
         for step in steps {
             match step {
@@ -287,28 +303,36 @@ impl Session<'_> {
                     self.run_node(node, index, pending)?;
                     index += 1;
                 }
-                Step::Repeat(repeat) => index = self.run_loop(repeat, index, pending, frame, keep_going)?,
+                Step::Repeat(repeat) => index = self.run_loop(repeat, index, pending, frame, pace)?,
             }
         }
         Ok(index)
     }
 
-    fn run_loop(&mut self, repeat: &Repeat, first: usize, pending: &mut Pending, frame: &mut Frame, keep_going: KeepGoing) -> Result<usize, GpuError> {
+    fn run_loop(&mut self, repeat: &Repeat, first: usize, pending: &mut Pending, frame: &mut Frame, pace: AskPace) -> Result<usize, GpuError> {
         let mut next = first;
         let mut rounds = 0;
-        self.set_variable(repeat.until, 0);
-        while rounds < repeat.at_most && self.variable(repeat.until) == 0 {
-            if !keep_going() {
-                return Err(GpuError::Interrupted);
+        let is_done = |session: &Self, rounds| repeat.until.map_or(rounds == repeat.at_most, |until| session.variable(until) != 0);
+        repeat.until.into_iter().for_each(|until| self.set_variable(until, 0));
+        while !is_done(self, rounds) && rounds < repeat.at_most {
+            match pace() {
+                Pace::GoOn => {}
+                Pace::Finish => self.time_is_up = true,
+                Pace::Stop => return Err(GpuError::Interrupted),
             }
             self.set_variable(repeat.round, rounds);
-            next = self.run(&repeat.steps, first, pending, frame, keep_going)?;
+            next = self.run(&repeat.steps, first, pending, frame, pace)?;
             rounds += 1;
+            if self.time_is_up {
+                break;
+            }
         }
-        if self.variable(repeat.until) == 0 {
+        if !is_done(self, rounds) {
             frame.unfinished.push(repeat.name.clone());
         }
-        frame.rounds.push((repeat.name.clone(), rounds));
+        if repeat.until.is_some() {
+            *frame.fill_rounds.get_or_insert(0) += rounds;
+        }
         Ok(next)
     }
 
@@ -374,8 +398,9 @@ impl Session<'_> {
     fn encode(&self, command: &Command, index: usize, position: usize, pending: &mut Pending) {
         let encoder = &mut pending.encoder;
         match (command, &self.programs[index][position]) {
-            (Command::Clear(resource), Ready::Plain(None)) => encoder.clear_buffer(self.buffer(*resource), 0, None),
-            (Command::Clear(_), Ready::Plain(Some(view))) => clear_texture(encoder, view),
+            (Command::Clear(resource), Ready::Plain) => encoder.clear_buffer(self.buffer(*resource), 0, None),
+            (Command::Clear(_), Ready::Clear { layers, format }) => layers.iter().for_each(|layer| clear_texture(encoder, layer, *format)),
+            (Command::Copy { from, to }, Ready::Plain) => self.encode_copy(*from, *to, encoder),
             (Command::Compute(compute), Ready::Compute { pipeline, groups }) => {
                 let [x, y, z] = self.workgroups(compute.groups);
                 if x * y * z > 0 {
@@ -389,6 +414,17 @@ impl Session<'_> {
                 self.encode_raster(raster, pipeline, groups, colours, depth.as_ref(), encoder)
             }
             _ => unreachable!("commands are prepared as what they are"),
+        }
+    }
+
+    fn encode_copy(&self, from: Resource, to: Resource, encoder: &mut wgpu::CommandEncoder) {
+        match self.recording.resource(to).kind {
+            ResourceKind::Texture { .. } => {
+                let (from, to) = (self.texture(from).0, self.texture(to).0);
+                encoder.copy_texture_to_texture(from.as_image_copy(), to.as_image_copy(), to.size());
+            }
+            // An allocation may be larger than the resource that it is lent to.
+            _ => encoder.copy_buffer_to_buffer(self.buffer(from), 0, self.buffer(to), 0, self.recording.resource(to).kind.bytes()),
         }
     }
 
@@ -452,15 +488,18 @@ impl Session<'_> {
 
     fn run_host(&mut self, host: &Host, node: &Node, pending: &mut Pending) -> Result<(), GpuError> {
         let failed = |reason: String| GpuError::HostStep { node: node.name.clone(), reason };
-        let copies: Vec<_> = host.reads.iter().map(|read| (*read, self.copy_out(pending, *read, Some(())))).collect();
+        let mut copies = Vec::new();
+        for read in &host.reads {
+            let staging = self.kept_staging(read.resource);
+            copies.push((read, self.copy_out(pending, *read, &staging), staging));
+        }
         // What is written must reach the device after the commands before this step and before those after it.
         if !copies.is_empty() || (!host.writes.is_empty() && !pending.empty) {
             self.submit(pending);
         }
         let mut contents = HashMap::new();
-        for (read, (staging, bytes)) in copies {
-            contents.insert(read.resource, self.finish_read(read, &staging, bytes)?);
-            self.staging.insert(read.resource, staging);
+        for (read, bytes, staging) in copies {
+            contents.insert(read.resource, self.finish_read(*read, &staging, bytes)?);
         }
         let (mut lists, mut states, mut variables) = (std::mem::take(&mut self.lists), std::mem::take(&mut self.states), std::mem::take(&mut self.variables));
         let mut view = HostView { session: self, contents, lists: &mut lists, states: &mut states, variables: &mut variables };
@@ -469,22 +508,33 @@ impl Session<'_> {
         result.map_err(failed)
     }
 
-    fn copy_out(&self, pending: &mut Pending, read: Read, reuse: Option<()>) -> (wgpu::Buffer, u64) {
-        let whole = match &self.physical[read.resource.0 as usize] {
+    /// Bytes of a resource read back whole, rows of a texture padded.
+    fn whole_bytes(&self, resource: Resource) -> u64 {
+        match &self.physical[resource.0 as usize] {
             Physical::Texture { texture, format } => {
                 readback::padded_row(texture.width(), *format) * texture.height() as u64 * texture.depth_or_array_layers() as u64
             }
-            _ => self.buffer(read.resource).size(),
-        };
-        let kept = reuse.and_then(|_| self.staging.get(&read.resource).cloned());
-        let staging = kept.unwrap_or_else(|| readback::staging(self.gpu, whole));
+            _ => self.buffer(resource).size(),
+        }
+    }
+
+    /// The staging buffer that host steps read a resource through, made once.
+    fn kept_staging(&mut self, resource: Resource) -> wgpu::Buffer {
+        let whole = self.whole_bytes(resource);
+        let gpu = self.gpu;
+        self.staging.entry(resource).or_insert_with(|| readback::staging(gpu, whole)).clone()
+    }
+
+    /// Encodes the copy of what is read; its bytes.
+    fn copy_out(&self, pending: &mut Pending, read: Read, staging: &wgpu::Buffer) -> u64 {
+        let whole = self.whole_bytes(read.resource);
         let bytes = read.counted.map_or(whole, |(stride, count)| (stride * self.variable(count) as u64).min(whole)).next_multiple_of(4);
         match &self.physical[read.resource.0 as usize] {
-            Physical::Texture { texture, format } => readback::copy_texture(&mut pending.encoder, texture, *format, &staging),
-            _ if bytes > 0 => pending.encoder.copy_buffer_to_buffer(self.buffer(read.resource), 0, &staging, 0, bytes),
+            Physical::Texture { texture, format } => readback::copy_texture(&mut pending.encoder, texture, *format, staging),
+            _ if bytes > 0 => pending.encoder.copy_buffer_to_buffer(self.buffer(read.resource), 0, staging, 0, bytes),
             _ => {}
         }
-        (staging, bytes)
+        bytes
     }
 
     fn finish_read(&self, read: Read, staging: &wgpu::Buffer, bytes: u64) -> Result<Vec<u8>, GpuError> {
@@ -511,10 +561,14 @@ fn encode_draws(pass: &mut wgpu::RenderPass<'_>, draws: &[Draw]) {
     }
 }
 
-fn clear_texture(encoder: &mut wgpu::CommandEncoder, view: &wgpu::TextureView) {
+fn clear_texture(encoder: &mut wgpu::CommandEncoder, layer: &wgpu::TextureView, format: Format) {
+    let is_depth = format == Format::Depth32Float;
     let ops = wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT), store: wgpu::StoreOp::Store };
+    let colours = [Some(wgpu::RenderPassColorAttachment { view: layer, depth_slice: None, resolve_target: None, ops })];
+    let depth_ops = Some(wgpu::Operations { load: wgpu::LoadOp::Clear(0.0), store: wgpu::StoreOp::Store });
     encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-        color_attachments: &[Some(wgpu::RenderPassColorAttachment { view, depth_slice: None, resolve_target: None, ops })],
+        color_attachments: if is_depth { &[] } else { &colours },
+        depth_stencil_attachment: is_depth.then_some(wgpu::RenderPassDepthStencilAttachment { view: layer, depth_ops, stencil_ops: None }),
         ..Default::default()
     });
 }
@@ -567,6 +621,10 @@ impl HostContext for HostView<'_, '_> {
 
     fn state(&mut self, resource: Resource) -> &mut Option<Box<dyn Any + Send>> {
         self.states.entry(resource).or_default()
+    }
+
+    fn time_is_up(&self) -> bool {
+        self.session.time_is_up
     }
 
     fn scene(&self) -> &Scene {

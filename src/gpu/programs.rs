@@ -18,8 +18,13 @@ pub(super) enum Ready {
         colours: Vec<wgpu::TextureView>,
         depth: Option<wgpu::TextureView>,
     },
-    /// A texture's view to clear, or nothing to prepare.
-    Plain(Option<wgpu::TextureView>),
+    /// The layers of a texture to clear.
+    Clear {
+        layers: Vec<wgpu::TextureView>,
+        format: Format,
+    },
+    /// Nothing to prepare.
+    Plain,
 }
 
 /// Shaders that several commands share, by their text.
@@ -36,15 +41,20 @@ pub(super) struct Pipelines {
 impl Session<'_> {
     pub(super) fn prepare(&self, command: &Command, modules: &mut Modules, pipelines: &mut Pipelines) -> Result<Ready, GpuError> {
         match command {
-            Command::Clear(resource) => Ok(Ready::Plain(self.clear_view(*resource))),
-            Command::Host(_) => Ok(Ready::Plain(None)),
+            Command::Clear(resource) => Ok(self.prepare_clear(*resource)),
+            Command::Copy { .. } | Command::Host(_) => Ok(Ready::Plain),
             Command::Compute(compute) => self.prepare_compute(compute, modules, pipelines),
             Command::Raster(raster) => self.prepare_raster(raster, modules, pipelines),
         }
     }
 
-    fn clear_view(&self, resource: Resource) -> Option<wgpu::TextureView> {
-        matches!(self.recording.resource(resource).kind, ResourceKind::Texture { .. }).then(|| self.texture(resource).0.create_view(&Default::default()))
+    fn prepare_clear(&self, resource: Resource) -> Ready {
+        match self.recording.resource(resource).kind {
+            ResourceKind::Texture { layers, format, .. } => {
+                Ready::Clear { layers: (0..layers).map(|layer| layer_view(self.texture(resource).0, layer)).collect(), format }
+            }
+            _ => Ready::Plain,
+        }
     }
 
     fn prepare_compute(&self, compute: &Compute, modules: &mut Modules, pipelines: &mut Pipelines) -> Result<Ready, GpuError> {
@@ -84,15 +94,7 @@ impl Session<'_> {
         );
         let pipeline = pipelines.raster.entry(key).or_insert_with(|| self.raster_pipeline(raster, &module, &layouts, &formats));
         let groups = self.bind(&raster.program, &slots, &layouts)?;
-        let view = |texture: Resource, layer: u32| {
-            let descriptor = wgpu::TextureViewDescriptor {
-                dimension: Some(wgpu::TextureViewDimension::D2),
-                base_array_layer: layer,
-                array_layer_count: Some(1),
-                ..Default::default()
-            };
-            self.texture(texture).0.create_view(&descriptor)
-        };
+        let view = |texture: Resource, layer: u32| layer_view(self.texture(texture).0, layer);
         self.gpu.check(&format!("building the shader {}", raster.program.shader))?;
         Ok(Ready::Raster {
             pipeline: pipeline.clone(),
@@ -222,6 +224,15 @@ impl Session<'_> {
         };
         Some(self.texture(resource).0.create_view(&wgpu::TextureViewDescriptor { dimension: Some(dimension), ..Default::default() }))
     }
+}
+
+fn layer_view(texture: &wgpu::Texture, layer: u32) -> wgpu::TextureView {
+    texture.create_view(&wgpu::TextureViewDescriptor {
+        dimension: Some(wgpu::TextureViewDimension::D2),
+        base_array_layer: layer,
+        array_layer_count: Some(1),
+        ..Default::default()
+    })
 }
 
 /// Layouts by group.

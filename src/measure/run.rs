@@ -6,7 +6,7 @@ use crate::contract::{
     port::{Channels, Image},
     recorder::{Persistent, Reported},
 };
-use crate::gpu::{Frame, Gpu, GpuError, Session};
+use crate::gpu::{AskPace, Frame, Gpu, GpuError, Session};
 use crate::pipeline::Plan;
 use crate::recording::Resource;
 use crate::scene::{Camera, Scene, bvh::Bvh};
@@ -103,8 +103,8 @@ impl<'a> Run<'a> {
     }
 
     /// Renders one frame and reads its numbers.
-    pub fn frame(&mut self, keep_going: &dyn Fn() -> bool) -> Result<FrameReport, RunError> {
-        let frame = self.session.frame(keep_going)?;
+    pub fn frame(&mut self, pace: AskPace) -> Result<FrameReport, RunError> {
+        let frame = self.session.frame(pace)?;
         let mut numbers = BTreeMap::new();
         for (_, name, place) in &self.plan.reports {
             numbers.insert(*name, self.number(*place)?);
@@ -243,7 +243,7 @@ fn report(frame: Frame, numbers: &BTreeMap<&'static str, u32>) -> FrameReport {
         records: Records { irradiance: number("records"), radiance: None },
         new_records: number("new_records"),
         surplus_records: number("surplus_records"),
-        fill_rounds: (!frame.rounds.is_empty()).then(|| frame.rounds.iter().map(|r| r.1).sum()),
+        fill_rounds: frame.fill_rounds,
         uncovered_pixels: number("uncovered_pixels"),
         non_finite_pixels: number("non_finite_pixels"),
         passes: frame.nodes.into_iter().map(|n| PassReport { node: n.node, pass: n.pass, gpu_ms: n.gpu_ms, cpu_ms: n.cpu_ms, runs: n.runs }).collect(),

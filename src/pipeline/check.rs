@@ -3,46 +3,9 @@
 use super::diagnostics::{Problem, known};
 use super::document::{self, Document, Override};
 use super::syntax::{Body, Field, Place, Value as Written, ValueKind, Word};
-use super::{Edge, Layer, Node, Origin, Pipeline, When, Work, graph};
+use super::{Edge, Layer, Loop, Node, Origin, Pipeline, When, Work, graph};
 use crate::contract::{Arguments, Choice, Description, Input, Output, Parameter, ParameterKind, Pass, PortKind, Registry, Value, find};
 use std::collections::BTreeMap;
-
-/// The loop that fills a cache, described as passes are.
-pub static FILL: Description = Description {
-    name: "Fill",
-    about: "Repeats its nodes until a flag is set; a loop of the graph, not a pass",
-    source: "RCS section 4",
-    parameters: &[
-        Parameter {
-            name: "order",
-            about: "how many records a round adds",
-            unit: "",
-            kind: ParameterKind::Choice {
-                choices: &[
-                    Choice {
-                        name: "Batched",
-                        about: "as many as the device can work on at once",
-                        parameters: &[Parameter {
-                            name: "at_most",
-                            about: "most records of a round",
-                            unit: "records",
-                            kind: ParameterKind::Integer { default: 64, min: 1, max: 65_536 },
-                        }],
-                    },
-                    Choice { name: "Sequential", about: "one record at a time in the order of pixels, as the papers do", parameters: &[] },
-                ],
-            },
-        },
-        Parameter {
-            name: "max_rounds",
-            about: "rounds after which the loop ends in any case; 0: as many as the picture has pixels",
-            unit: "rounds",
-            kind: ParameterKind::Integer { default: 0, min: 0, max: u32::MAX as i64 },
-        },
-    ],
-    inputs: &[Input { name: "until", about: "ends the loop when set; from a node inside", accepts: PortKind::Flag, required: true }],
-    outputs: &[],
-};
 
 /// What can be a layer of a picture.
 const LAYERS: [PortKind; 2] = [PortKind::Image, PortKind::DirectLight];
@@ -103,7 +66,8 @@ impl<'d> Checker<'d, '_> {
         for node in nodes {
             let index = self.entries.len();
             let pass = find(self.registry, &node.call.name.text).copied();
-            let description = if node.nodes.is_some() { Some(&FILL) } else { pass.map(|pass| pass.description()) };
+            let of_loop = Loop::find(&node.call.name.text).map(Loop::description);
+            let description = of_loop.or_else(|| pass.map(|pass| pass.description()));
             if description.is_none() {
                 let registry = self.registry;
                 let problem = Problem::new("pipeline::unknown_pass", format!("there is no pass `{}`", node.call.name.text));
@@ -146,8 +110,8 @@ impl<'d> Checker<'d, '_> {
         *next += 1;
         let checked = self.entries[index].description.map(|description| self.fields(node, index, description));
         let inner = node.nodes.as_ref().map(|inner| self.nodes(inner, next));
-        let work = match inner {
-            Some(inner) => Work::Fill(inner),
+        let work = match inner.zip(Loop::find(&node.call.name.text)) {
+            Some((inner, kind)) => Work::Loop(kind, inner),
             None => Work::Pass(self.entries[index].pass?),
         };
         let (arguments, inputs, places) = checked?;
@@ -278,7 +242,7 @@ impl<'d> Checker<'d, '_> {
         let name = format!("{}.{}", self.entries[consumer].name.text, input.name);
         let reference = self.reference(&name, written)?;
         let (source, output) = self.resolve(&reference)?;
-        self.check_round(&name, consumer, source, &reference)?;
+        let round_of = self.round_of(&name, consumer, source, &reference)?;
         if output.kind != input.accepts {
             let to = &reference_text(&reference);
             let problem = Problem::new("pipeline::kind_mismatch", format!("{name} → {to}: expects {}, got {}", input.accepts.phrase(), output.kind.phrase()));
@@ -287,7 +251,7 @@ impl<'d> Checker<'d, '_> {
             return None;
         }
         let from = Origin { node: reference.node, output: output.name, place: reference.place };
-        Some(Edge { input: input.name, required: input.required, when: reference.when, from })
+        Some(Edge { input: input.name, required: input.required, when: reference.when, round_of, from })
     }
 
     fn layer(&mut self, name: &Word, written: &Written) -> Option<Layer> {
@@ -348,7 +312,7 @@ impl<'d> Checker<'d, '_> {
                 Some(name) => format!("`{}` ({}) has no output `{name}`", reference.node, description.name),
                 None => format!("`{}` ({}) has no outputs", reference.node, description.name),
             };
-            let help = if description.name == FILL.name {
+            let help = if Loop::find(description.name).is_some() {
                 let inner = self.entries.iter().filter(|e| e.loops.last() == Some(&index)).map(|e| e.name.text.as_str());
                 format!("a loop hands nothing on, its nodes do: {}", inner.collect::<Vec<_>>().join(", "))
             } else {
@@ -359,22 +323,27 @@ impl<'d> Checker<'d, '_> {
         Some((index, output?))
     }
 
-    /// An earlier round is one of a loop that holds both ends; a loop's end is decided inside it.
-    fn check_round(&mut self, edge: &str, consumer: usize, source: usize, reference: &Reference) -> Option<()> {
-        let is_fill = self.entries[consumer].description.is_some_and(|d| std::ptr::eq(d, &FILL));
+    /// The loop that an edge to an earlier round is about, if it is one; None after an error. A loop's end is decided inside it.
+    fn round_of(&mut self, edge: &str, consumer: usize, source: usize, reference: &Reference) -> Option<Option<String>> {
+        let is_loop = self.entries[consumer].description.is_some_and(|d| Loop::find(d.name).is_some());
         let loops = &self.entries[source].loops;
-        let problem = if is_fill && (!loops.contains(&consumer) || reference.when != When::Now) {
-            Problem::new("pipeline::until_outside", format!("{edge} → {}: only a node inside the loop can end it", reference_text(reference)))
-                .at(&reference.place, "not decided by a round")
-        } else if reference.when == When::PreviousRound && !loops.last().is_some_and(|inner| self.entries[consumer].loops.contains(inner)) {
-            Problem::new("pipeline::other_round", format!("{edge} → PreviousRound(\"{}\"): the two share no loop", reference_text(reference)))
+        if is_loop && (!loops.contains(&consumer) || reference.when != When::Now) {
+            let problem = Problem::new("pipeline::until_outside", format!("{edge} → {}: only a node inside the loop can end it", reference_text(reference)));
+            self.report(problem.at(&reference.place, "not decided by a round"));
+            return None;
+        }
+        if reference.when != When::PreviousRound {
+            return Some(None);
+        }
+        let shared = loops.iter().rev().find(|index| self.entries[consumer].loops.contains(index));
+        let Some(shared) = shared else {
+            let problem = Problem::new("pipeline::other_round", format!("{edge} → PreviousRound(\"{}\"): the two share no loop", reference_text(reference)))
                 .at(&reference.place, "in no loop with it")
-                .help("PreviousRound is for two nodes of one loop; PreviousFrame takes what the last frame left")
-        } else {
-            return Some(());
+                .help("PreviousRound is for two nodes of one loop; PreviousFrame takes what the last frame left");
+            self.report(problem);
+            return None;
         };
-        self.report(problem);
-        None
+        Some(Some(self.entries[*shared].name.text.clone()))
     }
 
     /// Outputs of the document of a kind, or else passes that make it.

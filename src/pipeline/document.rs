@@ -10,6 +10,7 @@
 
 use super::diagnostics::{Problem, known};
 use super::embedded;
+use super::loops::Loop;
 use super::syntax::{self, Body, Field, Place, Source, Value, ValueKind, Word};
 use std::collections::BTreeMap;
 use std::io;
@@ -351,16 +352,16 @@ impl Reader<'_, '_> {
 
     fn repeat(&mut self, value: &Value) -> Option<(Call, Option<Vec<Node>>)> {
         match &value.kind {
-            ValueKind::Compound { name: Some(name), .. } if name.text == "Fill" => self.work(value),
+            ValueKind::Compound { name: Some(name), .. } if Loop::find(&name.text).is_some() => self.work(value),
             _ => {
                 let problem = Problem::new("pipeline::unknown_loop", format!("{} is not a loop", value.phrase()));
-                self.problems.push(problem.at(&value.place, "not a loop").help("write `Fill(order: …, until: \"…\", nodes: […])`"));
+                self.problems.push(problem.at(&value.place, "not a loop").help("write `Fill(until: \"…\", nodes: […])` or `Iterate(rounds: …, nodes: […])`"));
                 None
             }
         }
     }
 
-    /// `Pass(…)`, or `Fill(…, nodes: […])` with its nodes.
+    /// `Pass(…)`, or a loop such as `Fill(…, nodes: […])` with its nodes.
     fn work(&mut self, value: &Value) -> Option<(Call, Option<Vec<Node>>)> {
         let ValueKind::Compound { name: Some(name), body } = &value.kind else {
             self.wrong_type(value, "a pass such as `GBuffer()`");
@@ -372,10 +373,10 @@ impl Reader<'_, '_> {
         };
         let mut fields = fields.to_vec();
         self.refuse_repeated(&name.text, &mut fields);
-        if name.text != "Fill" {
+        if Loop::find(&name.text).is_none() {
             return Some((Call { name: name.clone(), fields }, None));
         }
-        let keys = Keys { owner: "Fill".into(), place: name.place.clone(), found: fields.iter().map(|f| (f.name.text.as_str(), &f.value)).collect() };
+        let keys = Keys { owner: name.text.clone(), place: name.place.clone(), found: fields.iter().map(|f| (f.name.text.as_str(), &f.value)).collect() };
         let nodes = self.required(&keys, "nodes").map(|value| self.nodes(value))?;
         fields.retain(|field| field.name.text != "nodes");
         Some((Call { name: name.clone(), fields }, Some(nodes)))

@@ -1,6 +1,6 @@
 //! A pipeline as a drawing: Graphviz, Mermaid, or SVG.
 
-use super::{Node, Pipeline, When, graph::family};
+use super::{Loop, Node, Pipeline, When, Work, graph::family};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
@@ -56,15 +56,18 @@ fn arrows(pipeline: &Pipeline) -> Vec<Arrow> {
     arrows
 }
 
-/// "fill: Fill, Batched(at_most: 64) until misses.none"
+/// "fill: Fill, Batched(at_most: 64) until misses.none", "bounces: Iterate, 3 rounds"
 fn title(node: &Node) -> String {
-    if node.inner().is_empty() {
-        return format!("{}: {}", node.name, node.description().name);
+    let description = node.description().name;
+    match &node.work {
+        Work::Pass(_) => format!("{}: {description}", node.name),
+        Work::Loop(Loop::Iterate, _) => format!("{}: {description}, {} rounds", node.name, node.arguments.integer("rounds")),
+        Work::Loop(Loop::Fill, _) => {
+            let until: Vec<String> = node.inputs.iter().map(|edge| edge.from.to_string()).collect();
+            let order = node.arguments.iter().find(|(name, _)| *name == "order").map(|(_, value)| value.to_string()).unwrap_or_default();
+            format!("{}: {description}, {order} until {}", node.name, until.join(", "))
+        }
     }
-    let until: Vec<String> = node.inputs.iter().map(|edge| edge.from.to_string()).collect();
-    let (order, arguments) = node.arguments.choice("order");
-    let order = crate::contract::Value::Choice(order, arguments.clone());
-    format!("{}: Fill, {order} until {}", node.name, until.join(", "))
 }
 
 fn dot(pipeline: &Pipeline) -> String {

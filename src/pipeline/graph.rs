@@ -37,7 +37,7 @@ fn order_level(nodes: Vec<Node>, problems: &mut Vec<Problem>) -> Vec<Node> {
 
 fn order_inside(node: Node, problems: &mut Vec<Problem>) -> Node {
     match node.work {
-        Work::Fill(inner) => Node { work: Work::Fill(order_level(inner, problems)), ..node },
+        Work::Loop(kind, inner) => Node { work: Work::Loop(kind, order_level(inner, problems)), ..node },
         Work::Pass(_) => node,
     }
 }

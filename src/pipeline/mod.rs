@@ -8,13 +8,16 @@ pub mod document;
 pub mod embedded;
 pub mod export;
 mod graph;
+mod history;
+mod loops;
 pub mod plan;
 pub mod syntax;
 
-pub use check::{FILL, expected};
+pub use check::expected;
 pub use diagnostics::{Problem, Problems};
 pub use document::ReadFile;
 pub use export::{Format, export};
+pub use loops::Loop;
 pub use plan::{Plan, plan};
 
 use crate::contract::{Arguments, Description, Pass, Registry};
@@ -55,8 +58,8 @@ pub struct Node {
 
 pub enum Work {
     Pass(&'static dyn Pass),
-    /// A loop, whose arguments and inputs are those of [`FILL`].
-    Fill(Vec<Node>),
+    /// A loop, whose arguments and inputs are those that [`Loop::description`] tells.
+    Loop(Loop, Vec<Node>),
 }
 
 /// What an input is joined to.
@@ -65,6 +68,8 @@ pub struct Edge {
     pub input: &'static str,
     pub required: bool,
     pub when: When,
+    /// The loop whose round before is meant: the innermost that holds both ends. None for other edges.
+    pub round_of: Option<String>,
     pub from: Origin,
 }
 
@@ -77,10 +82,12 @@ pub struct Origin {
 }
 
 /// Which of its values an edge takes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum When {
     Now,
+    /// What the round before left; empty in the first round, each time that the loop starts.
     PreviousRound,
+    /// What the frame before left; empty in the first frame.
     PreviousFrame,
 }
 
@@ -101,7 +108,7 @@ impl Node {
     pub fn description(&self) -> &'static Description {
         match &self.work {
             Work::Pass(pass) => pass.description(),
-            Work::Fill(_) => &FILL,
+            Work::Loop(kind, _) => kind.description(),
         }
     }
 
@@ -109,7 +116,17 @@ impl Node {
     pub fn inner(&self) -> &[Node] {
         match &self.work {
             Work::Pass(_) => &[],
-            Work::Fill(nodes) => nodes,
+            Work::Loop(_, nodes) => nodes,
+        }
+    }
+}
+
+impl Edge {
+    /// As pipelines write it: `node.output` or `PreviousRound("node.output")`.
+    pub fn written(&self) -> String {
+        match self.when {
+            When::Now => self.from.to_string(),
+            earlier => format!("{earlier:?}(\"{}\")", self.from),
         }
     }
 }

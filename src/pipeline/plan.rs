@@ -1,11 +1,15 @@
 //! A pipeline made ready for one scene: what stays, every resource and command, and the memory they share. Needs no device.
 
-use super::{Edge, Layer, Node, Pipeline, Problem, Problems, When, Work, graph::family};
+use super::history::{self, Key, Shape, Shapes};
+use super::{Edge, Layer, Loop, Node, Pipeline, Problem, Problems, When, Work, graph::family};
 use crate::contract::recorder::{Persistent, Recorded, Recorder, Reported, Setting};
 use crate::contract::{Need, Port, Refusal};
 use crate::recording::*;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
+
+/// Most times that a pipeline is recorded to learn what histories look like: one finds out, one uses it, one makes sure.
+const TRIES: usize = 4;
 
 /// Bytes of the camera's buffer.
 pub const CAMERA_BYTES: u64 = 256;
@@ -55,7 +59,7 @@ pub struct Absent {
 /// What passes refuse, each underlined in the document.
 pub fn plan(pipeline: &Pipeline, setting: Setting<'_>, dumps: &[String], scene_bytes: &dyn Fn(SceneData) -> u64) -> Result<Plan, Problems> {
     let members = members(pipeline);
-    let mut problems = refuse_previous(&members);
+    let mut problems = Vec::new();
     let dump_nodes: Vec<&str> = dumps.iter().filter_map(|dump| find_dump(&members, dump, &mut problems)).collect();
     let mut dropped = drop_unneeded(&members, setting);
     drop_unused(pipeline, &members, &dump_nodes, &mut dropped);
@@ -63,11 +67,33 @@ pub fn plan(pipeline: &Pipeline, setting: Setting<'_>, dumps: &[String], scene_b
     if !problems.is_empty() {
         return Err(Problems(problems));
     }
-    let mut planner = Planner::new(setting, &dropped, scene_bytes);
-    let (mut steps, mut prologue) = (Vec::new(), Vec::new());
-    planner.record_level(&pipeline.nodes, None, &mut prologue, &mut steps);
-    planner.recording.steps = steps;
-    planner.finish(pipeline, &members, dumps)
+    let earlier = history::edges(members.iter().map(|member| member.node), |node| !dropped.contains_key(node));
+    let mut shapes = history::guesses(&earlier, setting.size);
+    for _ in 0..TRIES {
+        let planner = Planner::of(pipeline, setting, &dropped, &shapes, scene_bytes);
+        let found = planner.shapes(&earlier);
+        if found == shapes {
+            return planner.finish(pipeline, &members, &earlier, dumps);
+        }
+        shapes = found;
+    }
+    Err(Problems(earlier.iter().map(|(node, edge)| refuse_growth(node, edge)).collect()))
+}
+
+fn refuse_growth(node: &Node, edge: &Edge) -> Problem {
+    let message = format!("{}.{} → {}: what it reads looks different each time that it is made from itself", node.name, edge.input, edge.written());
+    Problem::new("plan::history", message).at(&edge.from.place, "an earlier value").help("a loop through time needs memory of one size and format")
+}
+
+/// Recording the source waits for the edge, and the edge for what the source looks like.
+fn refuse_unknown(node: &Node, edge: &Edge) -> Problem {
+    let message = format!("{}.{} → {}: what `{}` makes is not known before `{}` is", node.name, edge.input, edge.written(), edge.from, node.name);
+    let help = "close a loop by an image, direct light, a G-buffer or a flag, whose kind tells all, or by an optional input";
+    Problem::new("plan::history", message).at(&edge.from.place, "an earlier value").help(help)
+}
+
+fn refuse_absent(edge: &Edge, subject: &str) -> Problem {
+    Problem::new("plan::absent_output", format!("{subject} → {}: not made with these parameters", edge.written())).at(&edge.from.place, "not there")
 }
 
 /// A node and the outermost loop around it.
@@ -83,17 +109,6 @@ fn members(pipeline: &Pipeline) -> Vec<Member<'_>> {
         family(node, &mut |member| members.push(Member { node: member, within: (!std::ptr::eq(member, node)).then_some(node) }));
     }
     members
-}
-
-/// Passes keep histories of their own; edges to earlier rounds and frames have no memory to read from.
-fn refuse_previous(members: &[Member<'_>]) -> Vec<Problem> {
-    let edges = members.iter().flat_map(|member| member.node.inputs.iter().map(|edge| (member.node, edge))).filter(|(_, edge)| edge.when != When::Now);
-    let refuse = |(node, edge): (&Node, &Edge)| {
-        Problem::new("plan::previous", format!("{}.{} reads what `{}` left: ports do not outlive their round", node.name, edge.input, edge.from))
-            .at(&edge.from.place, "an earlier value")
-            .help("passes such as RecordCache keep a history; join the node to one of those")
-    };
-    edges.map(refuse).collect()
 }
 
 fn find_dump<'p>(members: &[Member<'p>], dump: &str, problems: &mut Vec<Problem>) -> Option<&'p str> {
@@ -169,11 +184,26 @@ fn drop_unused<'p>(pipeline: &'p Pipeline, members: &[Member<'p>], dumps: &[&'p 
     }
 }
 
-/// What a loop tells its nodes.
+/// What a fill tells its nodes.
 #[derive(Clone, Copy)]
 struct Batch {
     at_most: u32,
     sequential: bool,
+}
+
+/// The loops around a node.
+#[derive(Clone, Copy, Default)]
+struct Within {
+    loops: u32,
+    /// Of the innermost fill.
+    batch: Option<Batch>,
+}
+
+/// What the nodes of one level do: once as the level's loop starts, and in each round.
+#[derive(Default)]
+struct Level {
+    prologue: Vec<Step>,
+    steps: Vec<Step>,
 }
 
 struct Planner<'a> {
@@ -181,6 +211,8 @@ struct Planner<'a> {
     dropped: &'a BTreeMap<&'a str, String>,
     recording: Recording,
     ports: BTreeMap<String, Port>,
+    /// What edges to earlier rounds and frames read.
+    earlier: BTreeMap<Key, Port>,
     remarks: Vec<(String, String)>,
     reports: Vec<(String, &'static str, Reported)>,
     persistent: Vec<(String, Persistent)>,
@@ -190,6 +222,17 @@ struct Planner<'a> {
 }
 
 impl<'a> Planner<'a> {
+    /// Records everything; histories have these shapes.
+    fn of(pipeline: &Pipeline, setting: Setting<'a>, dropped: &'a BTreeMap<&'a str, String>, shapes: &Shapes, scene_bytes: &dyn Fn(SceneData) -> u64) -> Self {
+        let mut planner = Self::new(setting, dropped, scene_bytes);
+        planner.earlier = shapes.iter().map(|(key, shape)| (key.clone(), shape.declare(key, &mut planner.recording))).collect();
+        let level = planner.record_level(&pipeline.nodes, Within::default());
+        planner.recording.steps = level.prologue.into_iter().chain(level.steps).collect();
+        let keep = planner.keep_earlier(|key| key.when == When::PreviousFrame);
+        planner.recording.steps.extend(step("end of frame", "PreviousFrame", keep));
+        planner
+    }
+
     fn new(setting: Setting<'a>, dropped: &'a BTreeMap<&'a str, String>, scene_bytes: &dyn Fn(SceneData) -> u64) -> Self {
         let mut recording = Recording::default();
         for data in SceneData::ALL {
@@ -203,6 +246,7 @@ impl<'a> Planner<'a> {
             dropped,
             recording,
             ports: BTreeMap::new(),
+            earlier: BTreeMap::new(),
             remarks: Vec::new(),
             reports: Vec::new(),
             persistent: Vec::new(),
@@ -211,32 +255,65 @@ impl<'a> Planner<'a> {
         }
     }
 
-    /// `prologue` takes what runs once a frame before the outermost loop.
-    fn record_level(&mut self, nodes: &[Node], batch: Option<Batch>, prologue: &mut Vec<Step>, steps: &mut Vec<Step>) {
+    /// What the sources of these edges look like, as far as they could be recorded.
+    fn shapes(&self, edges: &[(&Node, &Edge)]) -> Shapes {
+        let keys = edges.iter().filter_map(|(_, edge)| Key::of(edge));
+        keys.filter_map(|key| Some((key.clone(), Shape::of(self.ports.get(&key.from)?, &self.recording)))).collect()
+    }
+
+    /// Commands that keep what the sources of some keys hold now.
+    fn keep_earlier(&self, is_meant: impl Fn(&Key) -> bool) -> Vec<Command> {
+        let pairs = self.earlier.iter().filter(|(key, _)| is_meant(key)).filter_map(|(key, to)| Some((self.ports.get(&key.from)?, to)));
+        pairs.flat_map(|(from, to)| history::copy(from, to, &self.recording)).collect()
+    }
+
+    fn record_level(&mut self, nodes: &[Node], within: Within) -> Level {
+        let mut level = Level::default();
         for node in nodes.iter().filter(|node| !self.dropped.contains_key(node.name.as_str())) {
             match &node.work {
-                Work::Pass(_) => self.record(node, batch, prologue, steps),
-                Work::Fill(inner) => {
-                    let mut rounds = Vec::new();
-                    self.record_level(inner, Some(batch_of(node)), prologue, &mut rounds);
-                    if batch.is_none() {
-                        steps.append(prologue);
-                    }
-                    steps.extend(self.repeat(node, rounds).map(Step::Repeat));
-                }
+                Work::Pass(_) => self.record(node, within, &mut level),
+                Work::Loop(kind, inner) => self.record_loop(node, *kind, inner, within, &mut level.steps),
             }
+        }
+        level
+    }
+
+    fn record_loop(&mut self, node: &Node, kind: Loop, inner: &[Node], within: Within, steps: &mut Vec<Step>) {
+        let first_variable = self.recording.variables.len();
+        let batch = if kind == Loop::Fill { Some(batch_of(node)) } else { within.batch };
+        let mut level = self.record_level(inner, Within { loops: within.loops + 1, batch });
+        let is_mine = |key: &Key| key.round_of.as_ref() == Some(&node.name);
+        let mut start: Vec<Command> = self.earlier.iter().filter(|(key, _)| is_mine(key)).flat_map(|(_, port)| history::clear(port, &self.recording)).collect();
+        if within.loops > 0 {
+            // The frame has reset them for a loop that starts once.
+            let fresh = first_variable..self.recording.variables.len();
+            start.extend(history::reset(fresh.filter(|v| !self.recording.variables[*v].history).map(|v| Variable(v as u32)).collect()));
+        }
+        let pass = kind.description().name;
+        level.steps.extend(step(&node.name, pass, self.keep_earlier(is_mine)));
+        if let Some(repeat) = self.repeat(node, kind, level.steps) {
+            steps.extend(step(&node.name, pass, start));
+            steps.append(&mut level.prologue);
+            steps.push(Step::Repeat(repeat));
         }
     }
 
-    fn repeat(&mut self, node: &Node, steps: Vec<Step>) -> Option<Repeat> {
+    fn repeat(&mut self, node: &Node, kind: Loop, steps: Vec<Step>) -> Option<Repeat> {
         let until = node.inputs.iter().find_map(|edge| match self.ports.get(&edge.from.to_string()) {
             Some(Port::Flag(variable)) => Some(*variable),
             _ => None,
-        })?;
+        });
+        if kind == Loop::Fill && until.is_none() {
+            return None;
+        }
         let round = Variable(self.recording.variables.len() as u32);
         self.recording.variables.push(VariableDescription { name: format!("{}.round", node.name), history: false });
         let pixels = u64::from(self.setting.size[0]) * u64::from(self.setting.size[1]);
-        let at_most = match node.arguments.integer("max_rounds") {
+        let bound = match kind {
+            Loop::Fill => node.arguments.integer("max_rounds"),
+            Loop::Iterate => node.arguments.integer("rounds"),
+        };
+        let at_most = match bound {
             // Every round serves at least one pixel; the last one finds that none is left.
             0 => u32::try_from(pixels + 1).unwrap_or(u32::MAX),
             rounds => u32::try_from(rounds).unwrap_or(u32::MAX),
@@ -244,21 +321,21 @@ impl<'a> Planner<'a> {
         Some(Repeat { name: node.name.clone(), until, round, at_most, steps })
     }
 
-    fn record(&mut self, node: &Node, batch: Option<Batch>, prologue: &mut Vec<Step>, steps: &mut Vec<Step>) {
+    fn record(&mut self, node: &Node, within: Within, level: &mut Level) {
         let Work::Pass(pass) = node.work else { return };
         let Some(inputs) = self.inputs(node) else {
             self.failed.insert(node.name.clone());
             return;
         };
         let recorder = Recorder::new(&node.name, &node.arguments, self.setting, &inputs, &mut self.recording);
-        let mut recorder = match batch {
+        let mut recorder = match within.batch {
             Some(batch) => recorder.in_loop(batch.at_most, batch.sequential),
             None => recorder,
         };
         match pass.record(&mut recorder) {
             Ok(()) => {
                 let recorded = recorder.finish();
-                self.keep(node, recorded, batch.is_some(), prologue, steps);
+                self.keep(node, recorded, within.loops > 0, level);
             }
             Err(refusal) => {
                 self.failed.insert(node.name.clone());
@@ -267,18 +344,11 @@ impl<'a> Planner<'a> {
         }
     }
 
-    fn keep(&mut self, node: &Node, recorded: Recorded, in_loop: bool, prologue: &mut Vec<Step>, steps: &mut Vec<Step>) {
-        let step = |commands: Vec<Command>, to: &mut Vec<Step>| {
-            if !commands.is_empty() {
-                to.push(Step::Node(crate::recording::Node { name: node.name.clone(), pass: node.description().name, commands }));
-            }
-        };
-        if in_loop {
-            step(recorded.prologue, prologue);
-            step(recorded.commands, steps);
-        } else {
-            step(recorded.prologue.into_iter().chain(recorded.commands).collect(), steps);
-        }
+    fn keep(&mut self, node: &Node, recorded: Recorded, in_loop: bool, level: &mut Level) {
+        let prologue = if in_loop { &mut level.prologue } else { &mut level.steps };
+        let pass = node.description().name;
+        prologue.extend(step(&node.name, pass, recorded.prologue));
+        level.steps.extend(step(&node.name, pass, recorded.commands));
         self.ports.extend(recorded.outputs.into_iter().map(|(output, port)| (format!("{}.{output}", node.name), port)));
         self.remarks.extend(recorded.remarks.into_iter().map(|remark| (node.name.clone(), remark)));
         self.reports.extend(recorded.reports.into_iter().map(|(name, from)| (node.name.clone(), name, from)));
@@ -289,14 +359,18 @@ impl<'a> Planner<'a> {
     fn inputs(&mut self, node: &Node) -> Option<BTreeMap<&'static str, Port>> {
         let mut inputs = BTreeMap::new();
         for edge in &node.inputs {
-            if self.failed.contains(&edge.from.node) {
-                return None;
-            }
-            match self.ports.get(&edge.from.to_string()) {
+            let port = match Key::of(edge) {
+                None if self.failed.contains(&edge.from.node) => return None,
+                None => self.ports.get(&edge.from.to_string()),
+                // What of these is missing is told once all nodes are recorded.
+                Some(key) => self.earlier.get(&key),
+            };
+            match port {
                 Some(port) => drop(inputs.insert(edge.input, port.clone())),
                 None if edge.required => {
-                    let message = format!("{}.{} → {}: not made with these parameters", node.name, edge.input, edge.from);
-                    self.problems.push(Problem::new("plan::absent_output", message).at(&edge.from.place, "not there"));
+                    if edge.when == When::Now {
+                        self.problems.push(refuse_absent(edge, &format!("{}.{}", node.name, edge.input)));
+                    }
                     return None;
                 }
                 None => {}
@@ -305,7 +379,19 @@ impl<'a> Planner<'a> {
         Some(inputs)
     }
 
-    fn finish(mut self, pipeline: &Pipeline, members: &[Member<'_>], dumps: &[String]) -> Result<Plan, Problems> {
+    /// Edges to earlier rounds and frames that must be there and are not.
+    fn refuse_missing_earlier(&mut self, edges: &[(&Node, &Edge)]) {
+        let missing = |edge: &Edge| edge.required && Key::of(edge).is_some_and(|key| !self.earlier.contains_key(&key));
+        let (waiting, absent): (Vec<_>, Vec<_>) = edges.iter().filter(|(_, edge)| missing(edge)).partition(|(_, edge)| self.failed.contains(&edge.from.node));
+        self.problems.extend(absent.into_iter().map(|(node, edge)| refuse_absent(edge, &format!("{}.{}", node.name, edge.input))));
+        // Where a pass has refused, that is why its consumers wait.
+        if self.problems.is_empty() {
+            self.problems.extend(waiting.into_iter().map(|(node, edge)| refuse_unknown(node, edge)));
+        }
+    }
+
+    fn finish(mut self, pipeline: &Pipeline, members: &[Member<'_>], earlier: &[(&Node, &Edge)], dumps: &[String]) -> Result<Plan, Problems> {
+        self.refuse_missing_earlier(earlier);
         let (outputs, absent) = self.outputs(pipeline);
         if self.problems.is_empty() && outputs.is_empty() {
             let reasons: Vec<String> = absent.iter().map(|a| format!("`{}` is absent because {}", a.layer, a.because)).collect();
@@ -352,6 +438,11 @@ impl<'a> Planner<'a> {
         }
         (outputs, absent)
     }
+}
+
+/// A step of these commands, if there are any.
+fn step(name: &str, pass: &'static str, commands: Vec<Command>) -> Option<Step> {
+    (!commands.is_empty()).then(|| Step::Node(crate::recording::Node { name: name.into(), pass, commands }))
 }
 
 fn batch_of(fill: &Node) -> Batch {

@@ -53,7 +53,7 @@ pub enum ResourceKind {
     State,
 }
 
-#[derive(Clone)]
+#[derive(Clone, PartialEq)]
 pub enum Lifetime {
     /// Within a frame; shares memory with others whose lifetimes do not meet.
     Transient,
@@ -106,7 +106,8 @@ pub struct Node {
 /// Steps that run again until a variable is not 0 or the bound is reached.
 pub struct Repeat {
     pub name: String,
-    pub until: Variable,
+    /// Ends the loop after the round that sets it; a loop without it runs all its rounds.
+    pub until: Option<Variable>,
     /// Counts the rounds, from 0.
     pub round: Variable,
     pub at_most: u32,
@@ -116,6 +117,11 @@ pub struct Repeat {
 pub enum Command {
     /// Sets every byte or texel to 0.
     Clear(Resource),
+    /// Copies every byte or texel to a resource of the same kind.
+    Copy {
+        from: Resource,
+        to: Resource,
+    },
     Compute(Compute),
     Raster(Raster),
     Host(Host),
@@ -247,6 +253,8 @@ pub trait HostContext {
     /// Triangles and the rest, for steps that look at the scene.
     fn scene(&self) -> &crate::scene::Scene;
     fn bvh(&self) -> &crate::scene::bvh::Bvh;
+    /// Whether the time given to the frame is over: the round is the last one of its loop.
+    fn time_is_up(&self) -> bool;
     /// The camera of the frame and the picture's size.
     fn camera(&self) -> (&crate::scene::Camera, [u32; 2]);
 }
@@ -349,6 +357,7 @@ impl Command {
     pub fn resources(&self) -> Vec<Resource> {
         match self {
             Self::Clear(resource) => vec![*resource],
+            Self::Copy { from, to } => vec![*from, *to],
             Self::Compute(compute) => compute.program.bindings.iter().map(|b| b.1).collect(),
             Self::Raster(raster) => {
                 let mut all: Vec<_> = raster.program.bindings.iter().map(|b| b.1).collect();

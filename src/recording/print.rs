@@ -38,8 +38,12 @@ impl Recording {
                     }
                 }
                 Step::Repeat(repeat) => {
-                    let until = &self.variables[repeat.until.0 as usize].name;
-                    let _ = writeln!(text, "{indent}repeat {} until {until}, at most {} rounds", repeat.name, repeat.at_most);
+                    let _ = match repeat.until {
+                        Some(until) => {
+                            writeln!(text, "{indent}repeat {} until {}, at most {} rounds", repeat.name, self.variables[until.0 as usize].name, repeat.at_most)
+                        }
+                        None => writeln!(text, "{indent}repeat {}, {} rounds", repeat.name, repeat.at_most),
+                    };
                     self.steps_to_text(&repeat.steps, depth + 1, clock, text);
                 }
             }
@@ -49,6 +53,7 @@ impl Recording {
     fn command_to_text(&self, command: &Command) -> String {
         match command {
             Command::Clear(resource) => format!("clear {}", self.resource(*resource).name),
+            Command::Copy { from, to } => format!("copy {} to {}", self.resource(*from).name, self.resource(*to).name),
             Command::Compute(c) => format!("compute {}:{} {}", c.program.shader, c.entry, self.groups_to_text(&c.groups)),
             Command::Raster(r) => {
                 let targets: Vec<_> = r.colours.iter().map(|t| self.resource(t.texture).name.clone()).collect();

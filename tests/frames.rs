@@ -3,16 +3,22 @@
 //! Needs a GPU adapter, a software one will do; without one each case is named as skipped, which
 //! `HEMISPLAT_REQUIRE=gpu` makes a failure.
 
+use assert_cmd::Command;
 use hemisplat::{
     contract::recorder::Setting,
     gpu::{Gpu, Pace, scene::byte_size},
-    measure::run::Run,
+    measure::{Layers, run::Run},
     passes::REGISTRY,
     pipeline,
     scene::{bvh::Bvh, load, needs::Needs},
 };
 use libtest_mimic::{Arguments, Failed, Trial};
-use std::{env, io, path::Path};
+use serde_json::Value;
+use std::{
+    env, fs, io,
+    path::{Path, PathBuf},
+};
+use tempfile::TempDir;
 
 type Outcome = Result<(), Failed>;
 type Case = fn() -> Outcome;
@@ -21,6 +27,19 @@ const CASES: &[(&str, Case)] = &[
     ("a_sum_over_rounds_has_its_closed_form_in_every_frame", sum_over_rounds),
     ("a_sum_over_frames_has_its_closed_form_and_starts_empty", sum_over_frames),
     ("a_fill_inside_a_loop_starts_anew_each_time", fill_in_a_loop),
+    ("a_second_frame_of_the_same_view_adds_nothing_and_looks_the_same", same_view),
+    ("a_second_view_reuses_records", second_view),
+    ("saved_records_give_the_same_picture_bit_by_bit", saved_records),
+    ("a_file_of_records_that_does_not_fit_is_refused_and_kept", bad_records),
+    ("a_gap_is_a_warning_or_a_failure_and_the_picture_is_written", gaps),
+    ("frames_share_out_a_bounded_number_of_new_records", bounded_frames),
+    ("an_accuracy_changes_between_frames_and_records_stay", accuracy_per_frame),
+    ("what_cannot_change_between_frames_is_refused", refused_per_frame),
+    ("a_frame_ends_when_its_time_is_up", time_is_up),
+    ("a_full_cache_ends_the_fill", full_cache),
+    ("an_interrupted_sequence_keeps_what_is_whole", interrupted),
+    ("a_run_that_fails_leaves_earlier_files_as_they_are", failing_runs),
+    ("every_kind_of_resource_can_be_dumped", dumps),
 ];
 
 fn main() {
@@ -131,4 +150,349 @@ fn fill_in_a_loop() -> Outcome {
     let again = r#"(name: "again", repeat: Iterate(rounds: 3, nodes: [(name: "resplats", pass: Splat(records: "added", gbuffer: "gbuffer"))])),"#;
     let resplatted = document(fill, again).replace("Normalize(splats: \"splats\"", "Normalize(splats: \"resplats\"");
     check(frames("cornell.ron", &resplatted, 2)? == [once.clone(), once].concat(), || "a splat in a loop forgets records".into())
+}
+
+// The program.
+
+/// An empty folder to run in.
+struct Place(TempDir);
+
+/// Small and quick: few rays a record, few records.
+const SMALL: [&str; 8] = ["--size", "40x30", "--set", "tiles.resolution=8", "--set", "cache.accuracy=0.4", "--stats", "stats.json"];
+
+/// Exit status and stderr.
+type Ended = (i32, String);
+
+impl Place {
+    fn new() -> Result<Self, Failed> {
+        Ok(Self(tempfile::tempdir().map_err(failed)?))
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn names(&self) -> Result<Vec<String>, Failed> {
+        let entries = fs::read_dir(self.0.path()).map_err(failed)?;
+        let mut names: Vec<String> = entries.flatten().map(|entry| entry.file_name().to_string_lossy().into_owned()).collect();
+        names.sort();
+        Ok(names)
+    }
+
+    fn arguments(scene: &str, more: &[&str]) -> Vec<String> {
+        ["render", "irradiance", "--scene", scene].iter().chain(&SMALL).chain(more).map(|argument| argument.to_string()).collect()
+    }
+
+    fn render_scene(&self, scene: &str, more: &[&str]) -> Result<Ended, Failed> {
+        let output = Command::new(env!("CARGO_BIN_EXE_hemisplat")).current_dir(self.0.path()).args(Self::arguments(scene, more)).output().map_err(failed)?;
+        Ok((output.status.code().ok_or("no exit status")?, String::from_utf8_lossy(&output.stderr).into_owned()))
+    }
+
+    /// Renders the Cornell box.
+    fn render(&self, more: &[&str]) -> Result<Ended, Failed> {
+        self.render_scene("cornell.ron", more)
+    }
+
+    /// The statistics of a run that succeeds.
+    fn rendered(&self, more: &[&str]) -> Result<Value, Failed> {
+        let (status, stderr) = self.render(more)?;
+        check(status == 0, || format!("status {status}: {stderr}"))?;
+        self.stats()
+    }
+
+    fn stats(&self) -> Result<Value, Failed> {
+        serde_json::from_slice(&fs::read(self.path("stats.json")).map_err(failed)?).map_err(failed)
+    }
+
+    fn picture(&self, name: &str) -> Result<Layers, Failed> {
+        Layers::read(&fs::read(self.path(name)).map_err(|error| format!("{name}: {error}"))?).map_err(failed)
+    }
+
+    /// Every layer of two pictures has the same bits.
+    fn same(&self, a: &str, b: &str) -> Outcome {
+        let [first, second] = [self.picture(a)?, self.picture(b)?];
+        check(first.layers == second.layers, || format!("{a} and {b} differ"))
+    }
+
+    /// A Cornell box with a second camera, and with this lamp.
+    fn with_two_cameras(self, lamp: &str) -> Result<Self, Failed> {
+        let text = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/cornell.ron")).map_err(failed)?;
+        let text = text.replace("cameras: {", "cameras: {\n\"side\": (eye: (400, 300, -700), target: (200, 200, 300), fov: 37.6),").replace("27.6", lamp);
+        fs::write(self.path("two.ron"), text).map_err(failed)?;
+        Ok(self)
+    }
+}
+
+fn number(stats: &Value, frame: usize, name: &str) -> Result<u64, Failed> {
+    stats["frames"][frame].pointer(name).and_then(Value::as_u64).ok_or_else(|| format!("frame {frame} tells no {name}").into())
+}
+
+fn new_records(stats: &Value, frame: usize) -> Result<u64, Failed> {
+    number(stats, frame, "/new_records")
+}
+
+fn is(found: &Ended, status: i32, text: &str) -> Outcome {
+    check(found.0 == status && found.1.contains(text), || format!("expected status {status} and `{text}`, got {}: {}", found.0, found.1))
+}
+
+fn same_view() -> Outcome {
+    let place = Place::new()?;
+    let stats = place.rendered(&["--frames", "0..2", "-o", "out.exr", "-o", "out.png"])?;
+    check(new_records(&stats, 0)? > 0 && new_records(&stats, 1)? == 0, || format!("{stats}"))?;
+    check(place.names()? == ["out.0000.exr", "out.0000.png", "out.0001.exr", "out.0001.png", "stats.json"], || format!("{:?}", place.names()))?;
+    place.same("out.0000.exr", "out.0001.exr")
+}
+
+fn second_view() -> Outcome {
+    let place = Place::new()?.with_two_cameras("27.6")?;
+    let render = |more: &[&str]| {
+        let ended = place.render_scene("two.ron", more)?;
+        is(&ended, 0, "").and_then(|()| place.stats())
+    };
+    let cold = new_records(&render(&["--camera", "side", "-o", "cold.exr"])?, 0)?;
+    let stats = render(&["--camera", "main", "--camera", "side", "-o", "out.exr"])?;
+    let warm = new_records(&stats, 1)?;
+    check(warm > 0 && warm < cold, || format!("{cold} records from cold, {warm} after another view"))?;
+    check(stats["frames"][1]["camera"] == "side" && stats["complete"] == true, || format!("{stats}"))?;
+    // The scene's own cameras are a timeline as well.
+    render(&["--frames", "0..2", "-o", "own.exr"])?;
+    let cameras = ["own.0000.exr", "own.0001.exr"].map(|name| place.picture(name).map(|picture| picture.attributes["camera"].clone()));
+    check(matches!(&cameras, [Ok(first), Ok(second)] if first == "side" && second == "main"), || format!("{cameras:?}"))?;
+    let explained = Command::new(env!("CARGO_BIN_EXE_hemisplat"))
+        .current_dir(place.0.path())
+        .args(["explain", "irradiance", "--scene", "two.ron", "--camera", "main", "--camera", "side"])
+        .output()
+        .map_err(failed)?;
+    check(explained.status.code() == Some(2), || "one command, one camera".into())
+}
+
+fn saved_records() -> Outcome {
+    let place = Place::new()?;
+    let first = place.rendered(&["--cache", "new/records", "-o", "first.exr"])?;
+    let saved = fs::read(place.path("new/records")).map_err(failed)?;
+    let second = place.rendered(&["--cache", "new/records", "-o", "second.exr"])?;
+    check(new_records(&second, 0)? == 0, || format!("{second}"))?;
+    check(number(&first, 0, "/records/irradiance")? == number(&second, 0, "/records/irradiance")?, || format!("{second}"))?;
+    place.same("first.exr", "second.exr")?;
+    check(fs::read(place.path("new/records")).map_err(failed)? == saved, || "saved again, the file is another".into())
+}
+
+fn bad_records() -> Outcome {
+    let place = Place::new()?.with_two_cameras("27.5")?;
+    place.rendered(&["--cache", "records", "-o", "first.exr"])?;
+    let good = fs::read(place.path("records")).map_err(failed)?;
+    let start = good.iter().position(|b| *b == b'\n').ok_or("no header")? + 1;
+    let header = String::from_utf8_lossy(&good[..start]).into_owned();
+    let with_header = |header: String| [header.as_bytes(), &good[start..]].concat();
+    let flipped = |at: usize| good.iter().enumerate().map(|(i, b)| if i == at { b ^ 1 } else { *b }).collect::<Vec<u8>>();
+    let bad: [(&str, Vec<u8>, &str); 8] = [
+        ("empty", Vec::new(), "it has no header"),
+        ("text", b"not records\n".to_vec(), "its header cannot be read"),
+        ("cut in the header", good[..40].to_vec(), "it has no header"),
+        ("cut", good[..good.len() - 7].to_vec(), "its header tells of"),
+        ("longer", [good.as_slice(), b"more"].concat(), "its header tells of"),
+        ("a bit flipped", flipped(start + 100), "its records are damaged"),
+        ("another version", with_header(header.replace("hemisplat records 2", "hemisplat records 1")), "`hemisplat records 2` is known"),
+        ("another layout", with_header(header.replacen("\"name\":\"records\"", "\"name\":\"photons\"", 1)), "it holds `photons` of"),
+    ];
+    for (name, contents, message) in bad {
+        fs::write(place.path("bad"), &contents).map_err(failed)?;
+        is(&place.render(&["--cache", "bad", "-o", "out.exr"])?, 2, message).map_err(|error| format!("{name}: {:?}", error.message()))?;
+        check(fs::read(place.path("bad")).map_err(failed)? == contents, || format!("{name}: the file is lost"))?;
+    }
+    // The same triangles under another lamp.
+    is(&place.render_scene("two.ron", &["--cache", "records", "-o", "out.exr"])?, 2, "another state of the scene")?;
+    is(&place.render(&["--cache", "records", "--set", "cache.capacity=1", "-o", "out.exr"])?, 2, "has room for 1")?;
+    check(!place.path("out.exr").exists(), || "a picture was written".into())
+}
+
+fn gaps() -> Outcome {
+    let place = Place::new()?;
+    let short = ["--set", "fill.max_rounds=2", "-o"];
+    let ended = place.render(&[&short[..], &["lax.exr"]].concat())?;
+    is(&ended, 0, "pixels see a surface that no record covers")?;
+    check(place.stats()?["complete"] == false, || "a gap is no complete picture".into())?;
+    fs::remove_file(place.path("stats.json")).map_err(failed)?;
+    is(&place.render(&[&short[..], &["strict.exr", "--strict"]].concat())?, 1, "render::incomplete")?;
+    check(place.stats()?["frames"][0]["complete"] == false, || "strict or not, it is told".into())?;
+    place.same("lax.exr", "strict.exr")?;
+    is(&place.render(&["--strict", "-o", "whole.exr"])?, 0, "")?;
+    check(place.stats()?["complete"] == true, || "no gap is a complete picture".into())
+}
+
+fn bounded_frames() -> Outcome {
+    let place = Place::new()?;
+    let whole = new_records(&place.rendered(&["-o", "whole.exr"])?, 0)?;
+    let frames = whole.div_ceil(20) as usize * 2;
+    let stats = place.rendered(&["--set", "misses.at_most=20", "--frames", &format!("0..{frames}"), "-o", "out.exr"])?;
+    let mut all = 0;
+    for frame in 0..frames {
+        let new = new_records(&stats, frame)?;
+        all += new;
+        check(new <= 20 && number(&stats, frame, "/records/irradiance")? == all, || format!("frame {frame}: {stats}"))?;
+        // What a frame adds is in its picture: the frame after it starts with as few gaps.
+        let uncovered = number(&stats, frame, "/uncovered_pixels")?;
+        check(frame == 0 || uncovered <= number(&stats, frame - 1, "/uncovered_pixels")?, || format!("frame {frame}: {stats}"))?;
+    }
+    check(stats["frames"][0]["complete"] == false && stats["frames"][frames - 1]["complete"] == true, || format!("{stats}"))
+}
+
+fn accuracy_per_frame() -> Outcome {
+    let place = Place::new()?;
+    let stats = place.rendered(&["--set-frames", "cache.accuracy=0.6,0.3", "--frames", "0..3", "-o", "out.exr"])?;
+    let [first, second, third] = [new_records(&stats, 0)?, new_records(&stats, 1)?, new_records(&stats, 2)?];
+    check(first > 0 && second > 0 && third == 0, || format!("{stats}"))?;
+    check(stats["frames"][1]["set"].to_string().contains("cache.accuracy=0.3"), || format!("{stats}"))?;
+    place.same("out.0001.exr", "out.0002.exr")?;
+    // Two runs that hand the records on in a file draw the same.
+    place.rendered(&["--set", "cache.accuracy=0.6", "--cache", "records", "-o", "coarse.exr"])?;
+    place.rendered(&["--set", "cache.accuracy=0.3", "--cache", "records", "-o", "fine.exr"])?;
+    place.same("out.0000.exr", "coarse.exr")?;
+    place.same("out.0001.exr", "fine.exr")
+}
+
+fn refused_per_frame() -> Outcome {
+    let place = Place::new()?;
+    let refusal = |set: &str, message: &str| is(&place.render(&["--set-frames", set, "-o", "out.exr"])?, 2, message);
+    for (set, what) in [
+        ("tiles.resolution=8,16", "`tiles.directions` needs other memory"),
+        ("splats.by=RasterBlend,ComputeTiles", "`splats.masks` is there in one only"),
+        ("records.gradients=true,false", "`records` does other work"),
+    ] {
+        refusal(set, &format!("frame 1 cannot share memory and shaders with the frames before it: {what}"))?;
+    }
+    refusal("cache.accuracy=0.3,77", "pipeline::out_of_range")?;
+    refusal("cache.accuracy=", "sets nothing")?;
+    check(!place.path("out.0000.exr").exists(), || "refused before any frame".into())
+}
+
+fn time_is_up() -> Outcome {
+    let place = Place::new()?;
+    let stats = place.rendered(&["--time", "0", "-o", "none.exr"])?;
+    check(new_records(&stats, 0)? == 0 && stats["complete"] == false, || format!("{stats}"))?;
+    let picture = place.picture("none.exr")?;
+    check(picture.attributes["time"] == "0" && picture.rgb("irradiance").map_err(failed)?.concat().iter().all(|v| *v == 0.0), || {
+        "no light without records".into()
+    })?;
+    let stats = place.rendered(&["--time", "1e4", "-o", "all.exr"])?;
+    check(stats["complete"] == true, || format!("{stats}"))?;
+    place.rendered(&["-o", "untimed.exr"])?;
+    place.same("all.exr", "untimed.exr")?;
+    for wrong in ["-1", "soon", "inf"] {
+        is(&place.render(&[&format!("--time={wrong}"), "-o", "x.exr"])?, 2, "seconds")?;
+    }
+    Ok(())
+}
+
+fn full_cache() -> Outcome {
+    let place = Place::new()?;
+    for misses in ["DeviceGrid", "HostScan"] {
+        let stats = place.rendered(&["--set", "cache.capacity=30", "--set", &format!("misses.by={misses}"), "-o", "out.exr"])?;
+        check(number(&stats, 0, "/records/irradiance")? == 30 && stats["complete"] == false, || format!("{misses}: {stats}"))?;
+    }
+    Ok(())
+}
+
+#[cfg(unix)]
+fn interrupted() -> Outcome {
+    let place = Place::new()?;
+    // Each frame adds a few records, so that the work goes on and on.
+    let more = ["--frames", "0..100000", "--set", "misses.at_most=2", "--cache", "records", "-o", "out.exr"];
+    let mut child = std::process::Command::new(env!("CARGO_BIN_EXE_hemisplat"))
+        .current_dir(place.0.path())
+        .args(Place::arguments("cornell.ron", &more))
+        .stdout(std::process::Stdio::null())
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .map_err(failed)?;
+    let start = std::time::Instant::now();
+    while !place.path("out.0003.exr").exists() && start.elapsed().as_secs() < 120 {
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status().map_err(failed)?;
+    let status = child.wait().map_err(failed)?.code();
+    let stderr = io::read_to_string(child.stderr.take().ok_or("no stderr")?).map_err(failed)?;
+    check(status == Some(130) && stderr.contains("what was whole is in out.0000.exr"), || format!("{status:?}: {stderr}"))?;
+    let names = place.names()?;
+    for name in names.iter().filter(|name| name.ends_with(".exr")) {
+        place.picture(name)?;
+    }
+    check(names.iter().all(|name| !name.starts_with('.')), || format!("{names:?}"))?;
+    let frames = place.stats()?["frames"].as_array().map_or(0, Vec::len);
+    check(frames >= 4 && place.stats()?["complete"] == false, || format!("{frames} frames are told of"))?;
+    let stats = place.rendered(&["--cache", "records", "-o", "after.exr"])?;
+    check(number(&stats, 0, "/records/irradiance")? >= 2 * frames as u64, || format!("{stats}"))
+}
+
+#[cfg(not(unix))]
+fn interrupted() -> Outcome {
+    println!("SKIPPED: an_interrupted_sequence_keeps_what_is_whole: no signals");
+    Ok(())
+}
+
+fn failing_runs() -> Outcome {
+    let place = Place::new()?;
+    for name in ["out.exr", "file", "records"] {
+        fs::write(place.path(name), "older").map_err(failed)?;
+    }
+    for (more, status, message) in [
+        (&["--set", "cache.capacity=0", "-o", "out.exr"][..], 2, "pipeline::out_of_range"),
+        (&["--set", "tiles.by=Raster", "-o", "out.exr"], 2, "plan::"),
+        (&["--dump", "nothing", "-o", "out.exr"], 2, "plan::unknown_dump"),
+        (&["--cache", "records", "-o", "out.exr"], 2, "render::cache"),
+        (&["--cache", "file/records", "-o", "out.exr"], 1, "cannot write file/records"),
+        (&["-o", "out.exr", "-o", "file/out.exr"], 1, "cannot write file/out.exr"),
+        (&["-o", "out.exr", "-o", "out.jpg"], 2, "cannot tell the format of out.jpg"),
+        (&["--frames", "2..2", "-o", "out.exr"], 2, "expected A..B"),
+        (&["--camera", "none", "-o", "out.exr"], 2, "cli::unknown_camera"),
+    ] {
+        is(&place.render(more)?, status, message)?;
+    }
+    for name in ["out.exr", "file", "records"] {
+        check(fs::read(place.path(name)).map_err(failed)? == b"older", || format!("{name} is not what it was"))?;
+    }
+    check(place.names()? == ["file", "out.exr", "records"], || format!("{:?}", place.names()))
+}
+
+fn dumps() -> Outcome {
+    let place = Place::new()?;
+    let nodes = ["gbuffer", "splats", "misses", "tiles", "closed", "records", "cache", "indirect.weight"];
+    let dumps: Vec<&str> = nodes.iter().flat_map(|node| ["--dump", node]).collect();
+    // Some rounds, so that the last of them has requests, and those before it records that are splatted.
+    let stats = place.rendered(&[&["--set", "fill.max_rounds=6", "-o", "out.exr"], &dumps[..]].concat())?;
+    let records = number(&stats, 0, "/records/irradiance")? as usize;
+    for (name, size) in [
+        ("gbuffer.gbuffer", [40, 30]),
+        ("gbuffer.depth", [40, 30]),
+        ("splats.sums", [40, 30]),
+        ("indirect.weight", [40, 30]),
+        ("tiles.tiles", [0, 0]),
+        ("closed.tiles", [0, 0]),
+    ] {
+        let picture = place.picture(&format!("out.{name}.exr"))?;
+        check(!picture.layers.is_empty() && (size == [0, 0] || [picture.width, picture.height] == size), || {
+            format!("{name}: {}x{}", picture.width, picture.height)
+        })?;
+        check(picture.layers.values().any(|layer| layer.channels.values().flatten().any(|v| *v != 0.0)), || format!("{name} is black"))?;
+    }
+    let mut lines = Vec::new();
+    for name in ["misses.requests", "records.records", "cache.cache"] {
+        let text = fs::read_to_string(place.path(&format!("out.{name}.csv"))).map_err(|error| format!("{name}: {error}"))?;
+        let columns: Vec<usize> = text.lines().map(|line| line.split(',').count()).collect();
+        check(columns.iter().all(|c| *c == columns[0]), || format!("{name}: {columns:?}"))?;
+        lines.push(columns.len() - 1);
+    }
+    let [requests, new, all] = lines[..] else { return Err("three tables".into()) };
+    check(requests == new && 0 < new && new < all && all == records, || format!("{requests} requests, {new} new records of {all}, {records} are told of"))?;
+    for (name, records) in [("records.records", new), ("cache.cache", all)] {
+        let text = fs::read_to_string(place.path(&format!("out.{name}.ply"))).map_err(failed)?;
+        let body = text.lines().skip_while(|line| *line != "end_header").count() - 1;
+        check(text.starts_with("ply\n") && text.contains(&format!("element vertex {records}\n")) && body == records, || name.to_owned())?;
+    }
+    let flag = fs::read_to_string(place.path("out.misses.none.csv")).map_err(failed)?;
+    check(flag == "value\n0\n", || flag.clone())?;
+    let lit = ["--scene-set", "triangles=1000", "--set", "shadow.resolution=64", "--set", "fill.max_rounds=1", "--dump", "shadow", "-o", "lit.exr"];
+    is(&place.render_scene("hall.ron", &lit)?, 0, "")?;
+    let depth = place.picture("lit.shadow.maps.exr")?;
+    check(depth.width == 64 && depth.height % 64 == 0, || format!("{}x{}", depth.width, depth.height))
 }

@@ -66,15 +66,17 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, coarsest: u32) -> Result
     r.compute(bound(Program::new("find_misses/device_grid")), "search", Groups::Counted { count: blocks, divisor: 1, per: 1 });
     r.compute(bound(Program::new("find_misses/device_grid")), "search_small", Groups::Counted { count: lanes, divisor: 64, per: 1 });
     r.compute(bound(Program::new("find_misses/device_grid")), "collect", Groups::Fixed([1, 1, 1]));
-    let (requests, none, at_most, made) = (work.requests, work.none, work.at_most, work.made);
+    let work = *work;
     r.host("advance", &[Read::whole(counts)], &[grid], move |host| {
         let numbers: Vec<u32> = bytemuck::pod_collect_to_vec(host.read(counts));
-        let (found, all) = (numbers[0].min(at_most - host.variable(made)), numbers[1]);
-        host.set(requests.count, found);
-        host.set(made, host.variable(made) + found);
+        let room = work.room(host);
+        let (found, all) = (numbers[0].min(room), numbers[1]);
+        host.set(work.requests.count, found);
+        host.set(work.made, host.variable(work.made) + found);
         let finest = host.variable(cell) == 1;
         host.set(idle, if finest && all == 0 { host.variable(idle) + 1 } else { 0 });
-        host.set(none, (host.variable(idle) == 4 || host.variable(made) == at_most) as u32);
+        // Without room the records of the round before have just been splatted: nothing is left to do.
+        host.set(work.none, (host.variable(idle) == 4 || room == 0) as u32);
         // What did not fit into the batch is looked for again, among what the batch leaves uncovered.
         if all <= capacity {
             let next = host.variable(phase) + 1;

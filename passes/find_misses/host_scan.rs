@@ -61,12 +61,13 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, spacing: u32) {
     let program = Program::new("find_misses/host_scan").bind("position", gbuffer.position).bind("sums", work.splats.sums).bind("weights", weights);
     r.compute(program, "look", Groups::Counted { count: look, divisor: 1, per: pixels.div_ceil(64) });
     let fresh = Fresh::record(r, &cache, seen, work.requests.capacity);
-    let (requests, none, at_most, made) = (work.requests, work.none, work.at_most, work.made);
+    let (work, requests) = (*work, work.requests);
     r.host("walk", &[Read::counted(weights, pixels as u64 * 4, look), fresh.read()], &[requests.places], move |host| {
         let looked = host.variable(look) > 0;
         let device_weights: Vec<f32> = bytemuck::pod_collect_to_vec(host.read(weights));
         let (records, camera) = (fresh.records(host), pinhole(host));
-        let room = requests.capacity.min(at_most - host.variable(made)) as usize;
+        let free = work.room(host);
+        let room = requests.capacity.min(free) as usize;
         let state = host.state(walk).as_mut().and_then(|s| s.downcast_mut::<Walk>());
         let walk = state.ok_or("the surfaces were not read before the walk")?;
         if looked {
@@ -79,10 +80,10 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, spacing: u32) {
         host.write(requests.places, 0, bytemuck::cast_slice(&new));
         host.set(requests.count, new.len() as u32);
         host.set(seen, host.variable(cache.count));
-        host.set(made, host.variable(made) + new.len() as u32);
+        host.set(work.made, host.variable(work.made) + new.len() as u32);
         // A walk that ends without having just looked at the sums looks once more.
         host.set(look, (!sequential || (new.is_empty() && !looked)) as u32);
-        host.set(none, ((new.is_empty() && looked) || host.variable(made) == at_most) as u32);
+        host.set(work.none, ((new.is_empty() && looked) || free == 0) as u32);
         Ok(())
     });
 }

@@ -61,6 +61,7 @@ static DESCRIPTION: Description = Description {
 };
 
 /// What the ways of finding misses share.
+#[derive(Clone, Copy)]
 struct Work {
     gbuffer: port::GBuffer,
     splats: port::Splats,
@@ -70,6 +71,15 @@ struct Work {
     at_most: u32,
     /// Requests made so far this frame.
     made: Variable,
+}
+
+impl Work {
+    /// How many more records there may be: this frame's limit, the cache and the time given to the frame set bounds.
+    fn room(&self, host: &dyn HostContext) -> u32 {
+        let cache = self.splats.cache;
+        let room = (self.at_most - host.variable(self.made)).min(cache.capacity.saturating_sub(host.variable(cache.count)));
+        if host.time_is_up() { 0 } else { room }
+    }
 }
 
 impl Pass for FindMisses {

@@ -37,7 +37,7 @@ fn write_port(name: &str, port: &Port, plan: &Plan, run: &Run<'_>, beside: &Path
         Port::WeightedTiles(weighted) => write_layers(tiles_picture(&weighted.tiles, run)?, name, beside),
         Port::ShadowMaps(maps) => write_layers(depth_picture(maps.depth, plan, run)?, name, beside),
         Port::Flag(flag) => file(beside, name, "csv")?.write(format!("value\n{}\n", run.variable(*flag)).as_bytes()),
-        Port::GBuffer(_) => Ok(()),
+        Port::GBuffer(surfaces) => write_layers(surfaces_picture(surfaces, plan, run)?, name, beside),
         Port::Image(_) | Port::DirectLight(_) | Port::Splats(_) => {
             let Some(image) = image(port) else { return Ok(()) };
             let layer = run.layer(name, image).map_err(Failure::work)?;
@@ -119,6 +119,18 @@ fn tiles_picture(tiles: &port::Tiles, run: &Run<'_>) -> Result<Layers, Failure> 
     let radiance = Layer::interleaved(&["R", "G", "B"], bytemuck::cast_slice(&pixels), 4);
     let distance = Layer::value(pixels.iter().map(|p| if p[3] > SKY { 0.0 } else { p[3] }).collect());
     Ok(Layers::new(width, height).with(crate::measure::PICTURE, radiance).with("distance", distance))
+}
+
+/// What is seen, one layer each.
+fn surfaces_picture(surfaces: &port::GBuffer, plan: &Plan, run: &Run<'_>) -> Result<Layers, Failure> {
+    use port::Channels::{Colour, Vector};
+    let ResourceKind::Texture { size: [width, height], .. } = plan.recording.resource(surfaces.position).kind else {
+        return Ok(Layers::new(1, 1));
+    };
+    let images = [("position", surfaces.position, Vector), ("normal", surfaces.normal, Vector), ("reflectance", surfaces.reflectance, Colour)];
+    images.into_iter().try_fold(Layers::new(width, height), |picture, (name, texture, channels)| {
+        Ok(picture.with(name, run.layer(name, port::Image { texture, channels }).map_err(Failure::work)?))
+    })
 }
 
 /// All layers of a depth texture below each other, reverse Z.

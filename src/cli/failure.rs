@@ -24,8 +24,9 @@ impl Failure {
     }
 
     /// Ctrl-C: status 130. `kept` says what was written nevertheless.
-    pub fn interrupted(kept: Option<&Path>) -> Self {
-        let kept = kept.map_or_else(|| "nothing was written".to_owned(), |path| format!("what was whole is in {}", path.display()));
+    pub fn interrupted(kept: &[&Path]) -> Self {
+        let names: Vec<String> = kept.iter().map(|path| path.display().to_string()).collect();
+        let kept = if names.is_empty() { "nothing was written".to_owned() } else { format!("what was whole is in {}", names.join(", ")) };
         Self { status: 130, report: Box::new(CommandError::Interrupted { kept }) }
     }
 
@@ -67,12 +68,24 @@ pub enum CommandError {
     #[error("the result cannot be written as JSON: {reason}")]
     #[diagnostic(code(cli::json))]
     Json { reason: String },
-    #[error("{pixels} pixels see a surface that no record covers")]
+    #[error("frame {frame}: {gap}")]
     #[diagnostic(
         code(render::incomplete),
-        help("the fill ended early: raise the cache's capacity, misses.at_most or the bound of the fill, or render more frames")
+        help("the loop ended early: raise the cache's capacity, the most records of a frame, the bound of the loop or --time, or render more frames")
     )]
-    Incomplete { pixels: u32 },
+    Incomplete { frame: u32, gap: String },
+    #[error("frame {frame} cannot share memory and shaders with the frames before it: {what}")]
+    #[diagnostic(
+        code(render::other_plan),
+        help("its parameters are {sets}; between frames only those can change that neither sizes nor shaders depend on, such as an accuracy")
+    )]
+    OtherPlan { frame: u32, sets: String, what: String },
+    #[error("the pipeline keeps no records that {} could hold", path.display())]
+    #[diagnostic(code(render::no_records), help("leave --cache away"))]
+    NoRecords { path: PathBuf },
+    #[error("several cameras are named: {names}")]
+    #[diagnostic(code(cli::several_cameras), help("this command looks through one; `hemisplat render` makes a frame of each"))]
+    SeveralCameras { names: String },
     #[error("nothing is called `{name}` in this plan")]
     #[diagnostic(code(render::unknown_dump), help("it has: {known}"))]
     UnknownDump { name: String, known: String },

@@ -17,6 +17,7 @@ mod progress;
 mod reference;
 mod render;
 mod scene;
+mod timeline;
 
 use clap::{Parser, Subcommand};
 use console::{Console, ConsoleOptions};

@@ -53,20 +53,20 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
         render(&view.scene, &view.bvh, &view.camera, &settings, &|share| progress.report(share))
     };
     if interrupt::requested() && result.is_err() {
-        return Err(Failure::interrupted(None));
+        return Err(Failure::interrupted(&[]));
     }
     let reference = result.map_err(Failure::input)?;
     let picture = layers(&reference, attributes(options, &view, &reference));
     targets.iter().try_for_each(|target| target.write(&picture, options.exposure))?;
     if interrupt::requested() {
-        return Err(Failure::interrupted(Some(targets[0].path())));
+        return Err(Failure::interrupted(&targets.iter().map(PictureTarget::path).collect::<Vec<_>>()));
     }
     console.note(&format!("{} rays a pixel in {:.1} s", reference.samples, reference.seconds));
     Ok(())
 }
 
 fn attributes(options: &Options, view: &View, reference: &Reference) -> BTreeMap<String, String> {
-    let mut attributes = options.scene.attributes(view);
+    let mut attributes = options.scene.attributes(view, &view.camera);
     let stop = options.error.map_or(("spp", options.spp.to_string()), |error| ("error", error.to_string()));
     let own = [
         ("command", "reference".to_owned()),

@@ -5,40 +5,39 @@ use super::dump;
 use super::failure::{CommandError, Failure};
 use super::interrupt;
 use super::output::{PictureTarget, Target};
-use super::pipeline::{load_pipeline, plan_view};
 use super::scene::{SceneOptions, View};
+use super::timeline::{Frame, Plans, Timeline, TimelineOptions, camera_of_frame};
 use crate::gpu::{Gpu, GpuError, Pace};
+use crate::measure::cache;
 use crate::measure::run::{FrameReport, Run, RunError, peak_host_bytes};
 use crate::pipeline::Plan;
 use clap::Args;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
-use std::ops::Range;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Render a scene with a pipeline
 #[derive(Args)]
 #[command(after_help = "Example: hemisplat render irradiance --scene cornell -o out/cornell.exr -o out/cornell.png --stats out/cornell.json
 
-The report goes to stdout: records, time of each node, uncovered pixels.")]
+The report goes to stdout: records, time of each node, uncovered pixels. A sequence is written as OUT.0000.exr and so on; its frames share the records.")]
 pub struct Options {
     /// The pipeline: a file, or the name of one that ships
     pipeline: String,
     #[command(flatten)]
     scene: SceneOptions,
-    /// Frames to render, half-open; frame N looks through the scene's camera N, or the last, unless --camera names one
-    #[arg(long, value_name = "A..B", value_parser = frames)]
-    frames: Option<Range<u32>>,
-    /// Changes a parameter of a node; may be repeated
-    #[arg(long = "set", value_name = "NODE.PARAM=VALUE")]
-    sets: Vec<String>,
+    #[command(flatten)]
+    timeline: TimelineOptions,
     /// Loads records from this file where it exists, and saves them to it
     #[arg(long, value_name = "FILE")]
     cache: Option<PathBuf>,
-    /// Fail, with status 1, when a pixel is left without a record
+    /// Fail, with status 1, when a pixel of a frame is left without a record; its picture is written all the same
     #[arg(long)]
     strict: bool,
+    /// After so many seconds of a frame its loops end with the round that they are in, and the picture is made of what is there
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    time: Option<Duration>,
     /// Brightens PNG files by 2^EV
     #[arg(long, value_name = "EV", default_value_t = 0.0, allow_negative_numbers = true)]
     exposure: f32,
@@ -62,68 +61,184 @@ struct StartUp {
 }
 
 pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
-    let sequence = options.frames.is_some();
-    let frames = options.frames.clone().unwrap_or(0..1);
-    let targets = frames.clone().map(|frame| Targets::new(options, sequence.then_some(frame))).collect::<Result<Vec<_>, _>>()?;
+    let timeline = options.timeline.timeline(options.scene.named_cameras())?;
+    let targets = timeline.frames.iter().map(|frame| Targets::new(options, &timeline, frame)).collect::<Result<Vec<_>, _>>()?;
     let stats = options.stats.as_deref().map(Target::new).transpose()?;
-    let pipeline = load_pipeline(&options.pipeline, &options.sets)?;
+    let records = options.cache.as_deref().map(RecordsFile::open).transpose()?;
 
     let mut clock = Instant::now();
     let mut lap = || std::mem::replace(&mut clock, Instant::now()).elapsed().as_secs_f64();
-    let view = options.scene.load(console)?;
+    // Anything wrong with the pipeline is told before a large scene is loaded.
+    super::pipeline::load_pipeline(&options.pipeline, &timeline.frames[0].sets)?;
+    let view = options.scene.load_timeline(console)?;
     let load = lap();
-    let plan = plan_view(&pipeline, &view, &options.dump).map_err(Failure::input)?;
+    let plans = Plans::of(&options.pipeline, &timeline, &view, &options.dump)?;
     let planned = lap();
     let gpu = Gpu::open().map_err(Failure::work)?;
     let device = lap();
-    let mut run = Run::new(&gpu, &view.scene, &view.bvh, &plan, &view.camera, view.size).map_err(Failure::work)?;
-    if let Some(file) = options.cache.as_deref().filter(|file| file.exists()) {
-        let bytes = std::fs::read(file).map_err(|error| Failure::read(file, error))?;
-        run.load_cache(&view.scene, &bytes).map_err(Failure::input)?;
+    let mut run = Run::new(&gpu, &view.scene, &view.bvh, plans.first(), &view.camera, view.size).map_err(Failure::work)?;
+    if let Some(records) = &records {
+        records.load(&mut run, &view)?;
     }
     let start_up = StartUp { load, plan: planned, device, shaders: lap() };
 
-    let mut reports = Vec::new();
-    for (frame, targets) in frames.zip(&targets) {
-        run.set_camera(options.scene.camera_of_frame(&view, frame));
-        let report = run.frame(&|| if interrupt::requested() { Pace::Stop } else { Pace::GoOn }).map_err(failure)?;
-        targets.write(options, &view, &plan, &run, frame)?;
-        console.print(&text(options, frame, &report))?;
-        warn_of_gaps(options, &report, console)?;
-        reports.push(report);
+    let mut film = Film { options, console, view: &view, frames: Vec::new(), gaps: Vec::new(), kept: Vec::new() };
+    let result = timeline.frames.iter().zip(&targets).try_for_each(|(frame, targets)| film.expose(frame, targets, &plans, &mut run));
+    let is_interrupted = result.as_ref().is_err_and(|failure| failure.status == 130);
+    if result.is_ok() || is_interrupted {
+        film.finish(&run, records.as_ref(), stats.as_ref(), &start_up, &gpu, is_interrupted)?;
     }
-    if let Some(file) = &options.cache {
-        Target::new(file)?.write(&run.save_cache(&view.scene).map_err(Failure::work)?)?;
+    if is_interrupted {
+        return Err(Failure::interrupted(&film.kept));
     }
-    if let Some(stats) = stats {
-        let value = statistics(options, &view, &plan, &gpu, &run, &reports, &start_up);
-        let bytes = serde_json::to_vec_pretty(&value).map_err(|e| Failure::work(CommandError::Json { reason: e.to_string() }))?;
-        stats.write(&bytes)?;
+    result?;
+    match film.gaps.into_iter().next() {
+        Some(gap) if options.strict => Err(Failure::work(gap)),
+        _ => Ok(()),
     }
-    Ok(())
 }
 
 fn failure(error: RunError) -> Failure {
     match error {
-        RunError::Gpu(GpuError::Interrupted) => Failure::interrupted(None),
+        RunError::Gpu(GpuError::Interrupted) => Failure::interrupted(&[]),
         other => Failure::work(other),
     }
+}
+
+/// The file that keeps records between runs.
+struct RecordsFile {
+    target: Target,
+    /// What it held before; None where there was none.
+    contents: Option<Vec<u8>>,
+}
+
+impl RecordsFile {
+    fn open(path: &Path) -> Result<Self, Failure> {
+        let target = Target::new(path)?;
+        let contents = path.exists().then(|| std::fs::read(path).map_err(|error| Failure::read(path, error))).transpose()?;
+        Ok(Self { target, contents })
+    }
+
+    fn load(&self, run: &mut Run<'_>, view: &View) -> Result<(), Failure> {
+        if run.plan().persistent.is_empty() {
+            return Err(Failure::input(CommandError::NoRecords { path: self.target.path().to_owned() }));
+        }
+        self.contents.iter().try_for_each(|contents| cache::load(run, &view.scene, &view.bvh, contents)).map_err(Failure::input)
+    }
+
+    fn save(&self, run: &Run<'_>, view: &View) -> Result<(), Failure> {
+        self.target.write(&cache::save(run, &view.scene, &view.bvh).map_err(Failure::work)?)
+    }
+}
+
+/// What frames leave: pictures, reports, and the gaps in them.
+struct Film<'o> {
+    options: &'o Options,
+    console: &'o Console,
+    view: &'o View,
+    /// Reports of the frames that are whole, as in the file of statistics.
+    frames: Vec<Value>,
+    gaps: Vec<CommandError>,
+    /// Files that are written.
+    kept: Vec<&'o Path>,
+}
+
+impl<'o> Film<'o> {
+    /// Renders a frame and writes its pictures.
+    fn expose<'p>(&mut self, frame: &Frame, targets: &'o Targets, plans: &'p Plans, run: &mut Run<'p>) -> Result<(), Failure> {
+        if interrupt::requested() {
+            return Err(Failure::interrupted(&[]));
+        }
+        let camera = camera_of_frame(self.view, frame);
+        run.follow(plans.of_frame(frame)).map_err(failure)?;
+        run.set_camera(camera);
+        let start = Instant::now();
+        let time_is_up = || self.options.time.is_some_and(|time| start.elapsed() >= time);
+        let pace = || {
+            if interrupt::requested() {
+                Pace::Stop
+            } else if time_is_up() {
+                Pace::Finish
+            } else {
+                Pace::GoOn
+            }
+        };
+        let report = run.frame(&pace).map_err(failure)?;
+        if let Some(pixels) = report.non_finite_pixels.filter(|pixels| *pixels > 0) {
+            return Err(Failure::work(RunError::NonFinite { layer: "splats".into(), pixels }));
+        }
+        targets.write(self.options, self.view, run, frame)?;
+        self.kept.extend(targets.0.iter().map(PictureTarget::path));
+        self.console.print(&text(self.options, frame.number, &report))?;
+        self.note_gap(frame, &report);
+        self.frames.push(with_frame(&report, frame, &camera.name)?);
+        Ok(())
+    }
+
+    fn note_gap(&mut self, frame: &Frame, report: &FrameReport) {
+        if report.complete {
+            return;
+        }
+        let gap = match report.uncovered_pixels.unwrap_or(0) {
+            0 => format!("`{}` ended before it was done", report.unfinished.join("`, `")),
+            pixels => format!("{pixels} pixels see a surface that no record covers"),
+        };
+        let gap = CommandError::Incomplete { frame: frame.number, gap };
+        if !self.options.strict {
+            self.console.report(&gap);
+        }
+        self.gaps.push(gap);
+    }
+
+    /// Saves the records and what was measured.
+    fn finish(
+        &mut self,
+        run: &Run<'_>,
+        records: Option<&'o RecordsFile>,
+        stats: Option<&'o Target>,
+        start_up: &StartUp,
+        gpu: &Gpu,
+        is_interrupted: bool,
+    ) -> Result<(), Failure> {
+        if let Some(records) = records {
+            records.save(run, self.view)?;
+            self.kept.push(records.target.path());
+        }
+        if let Some(stats) = stats {
+            let complete = self.gaps.is_empty() && !is_interrupted;
+            let value = statistics(self, run, gpu, start_up, complete);
+            let bytes = serde_json::to_vec_pretty(&value).map_err(|error| Failure::work(CommandError::Json { reason: error.to_string() }))?;
+            stats.write(&bytes)?;
+            self.kept.push(stats.path());
+        }
+        Ok(())
+    }
+}
+
+/// A report with the number of its frame, its camera and its parameters.
+fn with_frame(report: &FrameReport, frame: &Frame, camera: &str) -> Result<Value, Failure> {
+    let mut value = serde_json::to_value(report).map_err(|error| Failure::work(CommandError::Json { reason: error.to_string() }))?;
+    value["frame"] = json!(frame.number);
+    value["camera"] = json!(camera);
+    value["set"] = json!(frame.sets);
+    Ok(value)
 }
 
 /// Where a frame's pictures go.
 struct Targets(Vec<PictureTarget>);
 
 impl Targets {
-    fn new(options: &Options, frame: Option<u32>) -> Result<Self, Failure> {
-        options.output.iter().map(|path| PictureTarget::new(&numbered(path, frame))).collect::<Result<_, _>>().map(Self)
+    fn new(options: &Options, timeline: &Timeline, frame: &Frame) -> Result<Self, Failure> {
+        let number = timeline.is_sequence.then_some(frame.number);
+        options.output.iter().map(|path| PictureTarget::new(&numbered(path, number))).collect::<Result<_, _>>().map(Self)
     }
 
-    fn write(&self, options: &Options, view: &View, plan: &Plan, run: &Run<'_>, frame: u32) -> Result<(), Failure> {
+    fn write(&self, options: &Options, view: &View, run: &Run<'_>, frame: &Frame) -> Result<(), Failure> {
         let mut picture = run.picture().map_err(Failure::work)?;
-        picture.attributes = attributes(options, view, plan, frame);
+        picture.attributes = attributes(options, view, run.plan(), frame);
         self.0.iter().try_for_each(|target| target.write(&picture, options.exposure))?;
         let Some(first) = self.0.first() else { return Ok(()) };
-        options.dump.iter().try_for_each(|name| dump::write(name, plan, run, first.path()))
+        options.dump.iter().try_for_each(|name| dump::write(name, run.plan(), run, first.path()))
     }
 }
 
@@ -136,34 +251,21 @@ fn numbered(path: &Path, frame: Option<u32>) -> PathBuf {
 }
 
 /// Enough to make the picture again.
-fn attributes(options: &Options, view: &View, plan: &Plan, frame: u32) -> BTreeMap<String, String> {
-    let mut attributes = options.scene.attributes(view);
+fn attributes(options: &Options, view: &View, plan: &Plan, frame: &Frame) -> BTreeMap<String, String> {
+    let mut attributes = options.scene.attributes(view, camera_of_frame(view, frame));
     let own = [
         ("command", "render".to_owned()),
         ("pipeline", plan.pipeline.clone()),
-        ("set", options.sets.join(" ")),
-        ("frame", frame.to_string()),
+        ("set", frame.sets.join(" ")),
+        ("frame", frame.number.to_string()),
         ("bounces", "1".to_owned()),
         ("stride", "1".to_owned()),
     ];
     attributes.extend(own.map(|(name, value)| (name.to_owned(), value)));
+    // What a picture with these depends on besides is not in the file: other frames, other runs, the machine's speed.
+    attributes.extend(options.time.map(|time| ("time".to_owned(), time.as_secs_f64().to_string())));
+    attributes.extend(options.cache.as_ref().map(|cache| ("cache".to_owned(), cache.display().to_string())));
     attributes
-}
-
-fn warn_of_gaps(options: &Options, report: &FrameReport, console: &Console) -> Result<(), Failure> {
-    let uncovered = report.uncovered_pixels.unwrap_or(0);
-    if report.non_finite_pixels.unwrap_or(0) > 0 {
-        return Err(Failure::work(RunError::NonFinite { layer: "splats".into(), pixels: report.non_finite_pixels.unwrap_or(0) }));
-    }
-    if uncovered == 0 && report.complete {
-        return Ok(());
-    }
-    let gap = CommandError::Incomplete { pixels: uncovered };
-    if options.strict {
-        return Err(Failure::work(gap));
-    }
-    console.report(&gap);
-    Ok(())
 }
 
 /// The report of a frame for people.
@@ -189,20 +291,19 @@ fn text(options: &Options, frame: u32, report: &FrameReport) -> String {
     text
 }
 
-fn statistics(options: &Options, view: &View, plan: &Plan, gpu: &Gpu, run: &Run<'_>, frames: &[FrameReport], start_up: &StartUp) -> Value {
-    let complete = frames.iter().all(|f| f.complete && f.uncovered_pixels.unwrap_or(0) == 0);
+fn statistics(film: &Film<'_>, run: &Run<'_>, gpu: &Gpu, start_up: &StartUp, complete: bool) -> Value {
+    let (plan, view) = (run.plan(), film.view);
     let dropped: Vec<Value> = plan.dropped.iter().map(|d| json!({ "node": d.node, "because": d.because })).collect();
     let peak_host_bytes = std::fs::read_to_string("/proc/self/status").ok().and_then(|status| peak_host_bytes(&status));
     json!({
         "schema": 1,
         "pipeline": plan.pipeline,
-        "set": options.sets,
         "scene": view.scene.name,
         "triangles": view.scene.triangles.len(),
         "adapter": { "name": gpu.adapter.name, "backend": gpu.adapter.backend, "driver": gpu.adapter.driver },
         "size": view.size,
         "complete": complete,
-        "frames": frames,
+        "frames": film.frames,
         "start_up": {
             "load_seconds": start_up.load,
             "plan_seconds": start_up.plan,
@@ -215,7 +316,7 @@ fn statistics(options: &Options, view: &View, plan: &Plan, gpu: &Gpu, run: &Run<
     })
 }
 
-fn frames(text: &str) -> Result<Range<u32>, String> {
-    let range = text.split_once("..").and_then(|(a, b)| Some(a.parse().ok()?..b.parse().ok()?));
-    range.filter(|r: &Range<u32>| r.start < r.end && r.end - r.start <= 100_000).ok_or_else(|| "expected A..B with A < B, such as 0..4".to_owned())
+fn seconds(text: &str) -> Result<Duration, String> {
+    let seconds = text.parse().ok().and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
+    seconds.ok_or_else(|| "expected a number of seconds, such as 2.5".to_owned())
 }

@@ -17,9 +17,9 @@ pub struct SceneOptions {
     /// The scene: a file .gltf, .glb, .obj or .ron, or the name of one that ships
     #[arg(long, value_name = "FILE")]
     scene: PathBuf,
-    /// One of the scene's cameras; its first if not given
-    #[arg(long, value_name = "NAME")]
-    camera: Option<String>,
+    /// One of the scene's cameras; its first if not given. Frames take several: may be repeated there
+    #[arg(long = "camera", value_name = "NAME")]
+    cameras: Vec<String>,
     /// The picture's size in pixels; the scene's own if not given
     #[arg(long, value_name = "WxH", value_parser = size)]
     size: Option<[u32; 2]>,
@@ -36,6 +36,8 @@ pub struct View {
     pub scene: Scene,
     pub bvh: Bvh,
     pub camera: Camera,
+    /// Those that were named, or else all of the scene.
+    pub cameras: Vec<Camera>,
     /// Width and height [pixels].
     pub size: [u32; 2],
 }
@@ -43,42 +45,54 @@ pub struct View {
 impl SceneOptions {
     /// Loads the scene, says what loading had to mend, and picks the view.
     pub fn load(&self, console: &Console) -> Result<View, Failure> {
+        if self.cameras.len() > 1 {
+            return Err(Failure::input(CommandError::SeveralCameras { names: self.cameras.join(", ") }));
+        }
+        self.load_timeline(console)
+    }
+
+    /// How many cameras were named.
+    pub fn named_cameras(&self) -> usize {
+        self.cameras.len()
+    }
+
+    /// The same where several cameras may be named.
+    pub fn load_timeline(&self, console: &Console) -> Result<View, Failure> {
         let options = LoadOptions { search: self.search.clone(), overrides: self.set.clone() }.with_environment();
         let mut scene = load(&self.scene, &options).map_err(Failure::input)?;
         scene.notes.iter().for_each(|note| console.note(&format!("note: {note}")));
-        let camera = self.pick_camera(&scene)?.clone();
+        let cameras = self.pick_cameras(&scene)?;
+        let camera = cameras[0].clone();
         let size = self.size.or(camera.size).unwrap_or(DEFAULT_SIZE);
         let bvh = Bvh::build(&mut scene);
-        Ok(View { scene, bvh, camera, size })
+        Ok(View { scene, bvh, camera, cameras, size })
     }
 
     /// What is needed to make the view again, for a picture's attributes.
-    pub fn attributes(&self, view: &View) -> BTreeMap<String, String> {
+    pub fn attributes(&self, view: &View, camera: &Camera) -> BTreeMap<String, String> {
         let set: Vec<String> = self.set.iter().map(|(key, value)| format!("{key}={value}")).collect();
         let [width, height] = view.size;
         let attributes = [
             ("program", format!("hemisplat {}", env!("CARGO_PKG_VERSION"))),
             ("scene", self.scene.display().to_string()),
             ("scene-set", set.join(" ")),
-            ("camera", view.camera.name.clone()),
+            ("camera", camera.name.clone()),
             ("size", format!("{width}x{height}")),
         ];
         attributes.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
     }
 
-    /// The camera of a frame: the one that was named, or the frame's own where the scene has several.
-    pub fn camera_of_frame<'v>(&self, view: &'v View, frame: u32) -> &'v Camera {
-        match self.camera {
-            Some(_) => &view.camera,
-            None => view.scene.cameras.get(frame as usize).or(view.scene.cameras.last()).unwrap_or(&view.camera),
-        }
-    }
-
-    fn pick_camera<'a>(&self, scene: &'a Scene) -> Result<&'a Camera, Failure> {
-        scene.camera(self.camera.as_deref()).ok_or_else(|| {
+    /// Never empty.
+    fn pick_cameras(&self, scene: &Scene) -> Result<Vec<Camera>, Failure> {
+        let unknown = |name: &str| {
             let known = scene.cameras.iter().map(|camera| camera.name.as_str()).collect::<Vec<_>>().join(", ");
-            Failure::input(CommandError::UnknownCamera { name: self.camera.clone().unwrap_or_default(), known })
-        })
+            Failure::input(CommandError::UnknownCamera { name: name.to_owned(), known })
+        };
+        if self.cameras.is_empty() {
+            let first = scene.camera(None).ok_or_else(|| unknown(""))?;
+            return Ok(if scene.cameras.is_empty() { vec![first.clone()] } else { scene.cameras.clone() });
+        }
+        self.cameras.iter().map(|name| scene.camera(Some(name)).cloned().ok_or_else(|| unknown(name))).collect()
     }
 }
 

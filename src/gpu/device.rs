@@ -37,6 +37,9 @@ pub enum GpuError {
     #[error("{node}: {reason}")]
     #[diagnostic(code(gpu::host_step))]
     HostStep { node: String, reason: String },
+    #[error("the session cannot go on with another recording: {what}")]
+    #[diagnostic(code(gpu::other_recording))]
+    OtherRecording { what: String },
     #[error("interrupted")]
     #[diagnostic(code(gpu::interrupted))]
     Interrupted,

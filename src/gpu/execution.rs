@@ -216,10 +216,27 @@ pub enum Pace {
 /// Asked as each round of a loop starts.
 pub type AskPace<'k> = &'k dyn Fn() -> Pace;
 
-impl Session<'_> {
+impl<'a> Session<'a> {
     /// Changes the camera for the frames to come; the size stays.
     pub fn set_camera(&mut self, camera: &Camera) {
         self.camera.0 = camera.clone();
+    }
+
+    /// Runs another recording from the next frame on, with the histories as they are: one that differs in contents of constants,
+    /// host functions and bounds of loops at most.
+    pub fn follow(&mut self, recording: &'a Recording) -> Result<(), GpuError> {
+        if let Some(what) = self.recording.difference(recording) {
+            return Err(GpuError::OtherRecording { what });
+        }
+        for (index, (before, after)) in self.recording.resources.iter().zip(&recording.resources).enumerate() {
+            if let (Lifetime::Constant(before), Lifetime::Constant(after)) = (&before.lifetime, &after.lifetime)
+                && before != after
+            {
+                self.write(Resource(index as u32), after);
+            }
+        }
+        self.recording = recording;
+        Ok(())
     }
 
     /// Value of a variable after the last frame.
@@ -253,8 +270,10 @@ impl Session<'_> {
         let recording = self.recording;
         let mut pending = self.pending();
         let mut frame = Frame { seconds: 0.0, nodes: Vec::new(), fill_rounds: None, unfinished: Vec::new() };
-        self.run(&recording.steps, 0, &mut pending, &mut frame, pace)?;
+        let result = self.run(&recording.steps, 0, &mut pending, &mut frame, pace);
+        // Also of a frame that is given up: what its variables count must be there.
         self.submit(&mut pending);
+        result?;
         self.gpu.wait("finishing the frame")?;
         self.collect_times(&mut frame)?;
         frame.seconds = start.elapsed().as_secs_f64();

@@ -34,9 +34,11 @@ pub struct FrameReport {
     pub uncovered_pixels: Option<u32>,
     pub non_finite_pixels: Option<u32>,
     pub passes: Vec<PassReport>,
-    /// Whether every loop came to its end.
-    #[serde(skip)]
+    /// Whether every loop came to its end and every pixel is covered.
     pub complete: bool,
+    /// Loops that did not come to their end.
+    #[serde(skip)]
+    pub unfinished: Vec<String>,
 }
 
 #[derive(Debug, Clone, Serialize)]
@@ -64,28 +66,9 @@ pub enum RunError {
     #[diagnostic(code(render::non_finite), help("this is a fault of the pass that made the layer; nothing was written"))]
     NonFinite { layer: String, pixels: u32 },
     #[error("the file of records does not fit: {reason}")]
-    #[diagnostic(code(render::cache), help("records are good for the scene and the layout of records that made them; leave the file away to start anew"))]
+    #[diagnostic(code(render::cache), help("records are good for the scene and the layout of records that made them; name another file to start anew"))]
     Cache { reason: String },
 }
-
-/// First line of a file of records; then the records as they stand in memory.
-#[derive(Serialize, serde::Deserialize, PartialEq, Debug)]
-struct CacheHeader {
-    format: String,
-    scene: String,
-    triangles: u32,
-    extent: f32,
-    histories: Vec<CachedHistory>,
-}
-
-#[derive(Serialize, serde::Deserialize, PartialEq, Debug)]
-struct CachedHistory {
-    name: String,
-    item_bytes: u64,
-    items: u32,
-}
-
-const CACHE_FORMAT: &str = "hemisplat records 1";
 
 impl<'a> Run<'a> {
     pub fn new(gpu: &'a Gpu, scene: &'a Scene, bvh: &'a Bvh, plan: &'a Plan, camera: &Camera, size: [u32; 2]) -> Result<Self, RunError> {
@@ -96,6 +79,20 @@ impl<'a> Run<'a> {
     /// Bytes on the device.
     pub fn gpu_bytes(&self) -> u64 {
         self.session.gpu_bytes
+    }
+
+    pub fn plan(&self) -> &'a Plan {
+        self.plan
+    }
+
+    /// Goes on with another plan of the same pipeline: histories stay, parameters change.
+    ///
+    /// # Errors
+    /// Where the plan needs other memory or other programs.
+    pub fn follow(&mut self, plan: &'a Plan) -> Result<(), RunError> {
+        self.session.follow(&plan.recording)?;
+        self.plan = plan;
+        Ok(())
     }
 
     pub fn set_camera(&mut self, camera: &Camera) {
@@ -170,59 +167,10 @@ impl<'a> Run<'a> {
         self.session.variable(variable)
     }
 
-    fn cache_header(&self, scene: &Scene) -> CacheHeader {
-        let history = |p: &Persistent| CachedHistory { name: p.name.into(), item_bytes: p.item_bytes, items: self.session.variable(p.count) };
-        CacheHeader {
-            format: CACHE_FORMAT.into(),
-            scene: scene.name.clone(),
-            triangles: scene.triangles.len() as u32,
-            extent: scene.extent(),
-            histories: self.plan.persistent.iter().map(|p| history(&p.1)).collect(),
-        }
-    }
-
-    /// All histories that can be saved, as one file.
-    pub fn save_cache(&self, scene: &Scene) -> Result<Vec<u8>, RunError> {
-        let header = self.cache_header(scene);
-        let mut file = serde_json::to_vec(&header).map_err(|e| RunError::Cache { reason: e.to_string() })?;
-        file.push(b'\n');
-        for ((_, history), head) in self.plan.persistent.iter().zip(&header.histories) {
-            let bytes = self.session.read(history.items)?;
-            file.extend_from_slice(&bytes[..(head.item_bytes * head.items as u64) as usize]);
-        }
-        Ok(file)
-    }
-
-    /// Takes over what [`Self::save_cache`] wrote.
-    pub fn load_cache(&mut self, scene: &Scene, file: &[u8]) -> Result<(), RunError> {
-        let wrong = |reason: String| RunError::Cache { reason };
-        let end = file.iter().position(|b| *b == b'\n').ok_or_else(|| wrong("it has no header".into()))?;
-        let header: CacheHeader = serde_json::from_slice(&file[..end]).map_err(|e| wrong(format!("its header cannot be read: {e}")))?;
-        let expected = self.cache_header(scene);
-        let place = |h: &CacheHeader| (h.format.clone(), h.scene.clone(), h.triangles, h.extent.to_bits());
-        if place(&header) != place(&expected) {
-            return Err(wrong(format!("it was made for the scene `{}` of {} triangles", header.scene, header.triangles)));
-        }
-        let mut rest = &file[end + 1..];
-        let histories: Vec<_> = self.plan.persistent.iter().map(|p| p.1).collect();
-        if histories.len() != header.histories.len() {
-            return Err(wrong("the pipeline keeps other histories".into()));
-        }
-        for (history, saved) in histories.iter().zip(&header.histories) {
-            let bytes = saved.item_bytes.saturating_mul(saved.items as u64);
-            let capacity = self.plan.recording.resource(history.items).kind.bytes();
-            if saved.name != history.name || saved.item_bytes != history.item_bytes || bytes > capacity || bytes > rest.len() as u64 {
-                return Err(wrong(format!("its `{}` are {} items of {} bytes, which do not fit", saved.name, saved.items, saved.item_bytes)));
-            }
-            let (items, after) = rest.split_at(bytes as usize);
-            if bytemuck::pod_collect_to_vec::<u8, f32>(items).iter().any(|v| !v.is_finite()) {
-                return Err(wrong(format!("its `{}` hold numbers that are not finite", saved.name)));
-            }
-            self.session.write(history.items, items);
-            self.session.set_variable(history.count, saved.items);
-            rest = after;
-        }
-        if rest.is_empty() { Ok(()) } else { Err(wrong("it goes on after its records".into())) }
+    /// Puts saved items back into a history.
+    pub(super) fn restore(&mut self, history: &Persistent, items: &[u8], count: u32) {
+        self.session.write(history.items, items);
+        self.session.set_variable(history.count, count);
     }
 }
 
@@ -247,7 +195,8 @@ fn report(frame: Frame, numbers: &BTreeMap<&'static str, u32>) -> FrameReport {
         uncovered_pixels: number("uncovered_pixels"),
         non_finite_pixels: number("non_finite_pixels"),
         passes: frame.nodes.into_iter().map(|n| PassReport { node: n.node, pass: n.pass, gpu_ms: n.gpu_ms, cpu_ms: n.cpu_ms, runs: n.runs }).collect(),
-        complete: frame.unfinished.is_empty(),
+        complete: frame.unfinished.is_empty() && number("uncovered_pixels").unwrap_or(0) == 0,
+        unfinished: frame.unfinished,
     }
 }
 

@@ -10,6 +10,7 @@ pub mod export;
 mod graph;
 mod history;
 mod loops;
+pub mod per_frame;
 pub mod plan;
 pub mod syntax;
 
@@ -18,6 +19,7 @@ pub use diagnostics::{Problem, Problems};
 pub use document::ReadFile;
 pub use export::{Format, export};
 pub use loops::Loop;
+pub use per_frame::PerFrame;
 pub use plan::{Plan, plan};
 
 use crate::contract::{Arguments, Description, Pass, Registry};

@@ -3,6 +3,7 @@
 use std::any::Any;
 use std::sync::Arc;
 
+mod difference;
 mod lifetime;
 mod print;
 
@@ -31,6 +32,7 @@ pub struct ResourceDescription {
     pub lifetime: Lifetime,
 }
 
+#[derive(PartialEq)]
 pub struct VariableDescription {
     pub name: String,
     /// Whether the value lives on into the next frame; others start every frame at 0.
@@ -97,6 +99,7 @@ pub enum Step {
 }
 
 /// One use of a pass.
+#[derive(PartialEq)]
 pub struct Node {
     pub name: String,
     pub pass: &'static str,
@@ -114,6 +117,7 @@ pub struct Repeat {
     pub steps: Vec<Step>,
 }
 
+#[derive(PartialEq)]
 pub enum Command {
     /// Sets every byte or texel to 0.
     Clear(Resource),
@@ -128,7 +132,7 @@ pub enum Command {
 }
 
 /// A shader entry point with its specialisation and bindings, by the names in its text.
-#[derive(Clone)]
+#[derive(Clone, PartialEq)]
 pub struct Program {
     /// File under `shaders/`, without its ending.
     pub shader: &'static str,
@@ -140,6 +144,7 @@ pub struct Program {
     pub bindings: Vec<(&'static str, Resource)>,
 }
 
+#[derive(PartialEq)]
 pub struct Compute {
     pub program: Program,
     pub entry: &'static str,
@@ -159,6 +164,7 @@ pub enum Groups {
     },
 }
 
+#[derive(PartialEq)]
 pub struct Raster {
     pub program: Program,
     pub vertex: &'static str,
@@ -200,6 +206,7 @@ pub struct DepthTarget {
     pub layer: u32,
 }
 
+#[derive(PartialEq)]
 pub enum Draws {
     Fixed(Vec<Draw>),
     /// What a host step put into a [`ResourceKind::Draws`].

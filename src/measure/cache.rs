@@ -1,0 +1,170 @@
+//! Records as a file: what `--cache` saves and loads.
+
+use super::run::{Run, RunError};
+use crate::contract::recorder::Persistent;
+use crate::gpu::scene::bytes;
+use crate::recording::SceneData;
+use crate::scene::{Scene, bvh::Bvh};
+use serde::{Deserialize, Serialize};
+
+const FORMAT: &str = "hemisplat records 2";
+
+/// First line of the file; then the records as they stand in memory.
+#[derive(Serialize, Deserialize)]
+struct Header {
+    format: String,
+    /// For messages: what counts is the fingerprint.
+    scene: String,
+    triangles: usize,
+    /// Of everything about the scene that shaders read.
+    fingerprint: String,
+    histories: Vec<History>,
+    /// Of the records.
+    checksum: String,
+}
+
+/// The first thing of any header, whatever its version.
+#[derive(Deserialize)]
+struct Version {
+    format: String,
+}
+
+#[derive(Serialize, Deserialize)]
+struct History {
+    name: String,
+    item_bytes: u64,
+    items: u32,
+}
+
+/// All histories of a run that can be saved, as one file.
+///
+/// # Errors
+/// Where they cannot be read back.
+pub fn save(run: &Run<'_>, scene: &Scene, bvh: &Bvh) -> Result<Vec<u8>, RunError> {
+    let mut histories = Vec::new();
+    let mut records = Vec::new();
+    for (_, history) in &run.plan().persistent {
+        let items = run.variable(history.count);
+        let contents = run.bytes(history.items)?;
+        records.extend_from_slice(&contents[..contents.len().min((history.item_bytes * u64::from(items)) as usize)]);
+        histories.push(History { name: history.name.into(), item_bytes: history.item_bytes, items });
+    }
+    let header = Header {
+        format: FORMAT.into(),
+        scene: scene.name.clone(),
+        triangles: scene.triangles.len(),
+        fingerprint: fingerprint(scene, bvh),
+        histories,
+        checksum: Checksum::of(&records),
+    };
+    let mut file = serde_json::to_vec(&header).map_err(|error| wrong(error.to_string()))?;
+    file.push(b'\n');
+    file.extend_from_slice(&records);
+    Ok(file)
+}
+
+/// Takes over what [`save`] wrote.
+///
+/// # Errors
+/// Where the file is damaged, of another version, of another scene, or holds other histories than the run keeps.
+pub fn load(run: &mut Run<'_>, scene: &Scene, bvh: &Bvh, file: &[u8]) -> Result<(), RunError> {
+    let end = file.iter().position(|b| *b == b'\n').ok_or_else(|| wrong("it has no header".into()))?;
+    let header = header(&file[..end])?;
+    if header.fingerprint != fingerprint(scene, bvh) {
+        let made_for = format!("it was made for another state of the scene: `{}` with {} triangles", header.scene, header.triangles);
+        return Err(wrong(made_for));
+    }
+    let mut rest = &file[end + 1..];
+    let expected = header.histories.iter().map(|h| h.item_bytes.saturating_mul(u64::from(h.items))).fold(0, u64::saturating_add);
+    if expected != rest.len() as u64 {
+        return Err(wrong(format!("it holds {} bytes of records, its header tells of {expected}", rest.len())));
+    }
+    if Checksum::of(rest) != header.checksum {
+        return Err(wrong("its records are damaged: their checksum is another one".into()));
+    }
+    let histories: Vec<Persistent> = run.plan().persistent.iter().map(|p| p.1).collect();
+    if histories.len() != header.histories.len() {
+        return Err(wrong(format!("it holds {} histories, the pipeline keeps {}", header.histories.len(), histories.len())));
+    }
+    // All are looked at before the first is taken over.
+    for (history, saved) in histories.iter().zip(&header.histories) {
+        fits(run, history, saved)?;
+    }
+    for (history, saved) in histories.iter().zip(&header.histories) {
+        let (items, after) = rest.split_at((saved.item_bytes * u64::from(saved.items)) as usize);
+        run.restore(history, items, saved.items);
+        rest = after;
+    }
+    Ok(())
+}
+
+fn header(line: &[u8]) -> Result<Header, RunError> {
+    let unreadable = |error: serde_json::Error| wrong(format!("its header cannot be read: {error}"));
+    let version: Version = serde_json::from_slice(line).map_err(unreadable)?;
+    if version.format != FORMAT {
+        return Err(wrong(format!("it is of the format `{}`, `{FORMAT}` is known", version.format)));
+    }
+    serde_json::from_slice(line).map_err(unreadable)
+}
+
+fn fits(run: &Run<'_>, history: &Persistent, saved: &History) -> Result<(), RunError> {
+    if saved.name != history.name || saved.item_bytes != history.item_bytes {
+        let [theirs, ours] =
+            [(saved.name.as_str(), saved.item_bytes), (history.name, history.item_bytes)].map(|(name, bytes)| format!("`{name}` of {bytes} bytes each"));
+        return Err(wrong(format!("it holds {theirs}, the pipeline keeps {ours}")));
+    }
+    let capacity = run.plan().recording.resource(history.items).kind.bytes() / history.item_bytes;
+    if u64::from(saved.items) > capacity {
+        return Err(wrong(format!("it holds {} `{}`, the pipeline has room for {capacity}", saved.items, saved.name)));
+    }
+    Ok(())
+}
+
+fn wrong(reason: String) -> RunError {
+    RunError::Cache { reason }
+}
+
+/// Of geometry, materials, textures and lights, as shaders read them: what records depend on.
+fn fingerprint(scene: &Scene, bvh: &Bvh) -> String {
+    let mut checksum = Checksum::default();
+    // The tree follows from the triangles.
+    for data in SceneData::ALL.into_iter().filter(|data| *data != SceneData::Nodes) {
+        checksum.add(&bytes(scene, bvh, data));
+    }
+    checksum.finish()
+}
+
+/// FNV-1a of 64 bits (Fowler, Noll and Vo).
+struct Checksum(u64);
+
+impl Default for Checksum {
+    fn default() -> Self {
+        Self(0xcbf2_9ce4_8422_2325)
+    }
+}
+
+impl Checksum {
+    fn of(bytes: &[u8]) -> String {
+        let mut checksum = Self::default();
+        checksum.add(bytes);
+        checksum.finish()
+    }
+
+    fn add(&mut self, bytes: &[u8]) {
+        self.0 = bytes.iter().fold(self.0, |hash, byte| (hash ^ u64::from(*byte)).wrapping_mul(0x0000_0100_0000_01b3));
+    }
+
+    fn finish(&self) -> String {
+        format!("{:016x}", self.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_checksum_is_that_of_the_published_vectors() {
+        assert_eq!([&b""[..], b"a", b"foobar"].map(Checksum::of), ["cbf29ce484222325", "af63dc4c8601ec8c", "85944171f73967e8"]);
+    }
+}

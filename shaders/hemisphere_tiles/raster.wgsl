@@ -72,6 +72,9 @@ fn part_position(triangle: u32, part: u32, corner: u32, level: u32) -> vec3f {
     return scene_corners[3u * triangle].xyz + scene_corners[3u * triangle + 1u].xyz * b.x + scene_corners[3u * triangle + 2u].xyz * b.y;
 }
 
+// How far outside the disc the horizon's underside begins: parts up to 96° wide reach all around it.
+const BEYOND = 1.5;
+
 // The hemispherical projection: x and y of the unit direction. The instance is tile + level << 24: each triangle is
 // drawn as 4^level parts, so that its edges may curve.
 @vertex
@@ -92,8 +95,9 @@ fn vertex_hemispherical(@builtin(vertex_index) index: u32, @builtin(instance_ind
     let distance = max(length(local), 1e-30);
     let direction = local / distance;
     let radius = max(length(direction.xy), 1e-12);
-    // Below the horizon the disc is continued outwards, so that triangles that cross it keep their shape.
-    let at = direction.xy * select(1.0, (2.0 - radius) / radius, direction.z < 0.0);
+    // Below the horizon the disc is continued outwards, so that triangles that cross it keep their shape, and so far that
+    // the straight edge of a part lies outside the round horizon: corners on it would leave a gap.
+    let at = direction.xy * select(1.0, BEYOND * (2.0 - radius) / radius, direction.z < 0.0);
     let near = 0.5 * surface_offset(request.position);
     return Fragment(vec4f(at.x, -at.y, near / (near + distance), 1.0), triangle, instance);
 }

@@ -1,0 +1,567 @@
+//! Light whose closed form is known, through whole pipelines on the device: each shape of tile, each way of seeing, each
+//! compensation and each sum, against formulas that this file works out by itself.
+//!
+//! Every pixel asks for a record of its own, so that a picture of a few pixels holds records at as many places, turned
+//! about their normals by as many angles. Needs a GPU adapter, a software one will do; without one each case is named
+//! as skipped, which `HEMISPLAT_REQUIRE=gpu` makes a failure.
+
+use glam::{DVec3, Vec3};
+use hemisplat::{
+    contract::{Port, recorder::Setting},
+    gpu::{Gpu, scene::byte_size},
+    measure::{Layers, run::Run},
+    passes::{REGISTRY, record::Record},
+    pipeline::{load, plan},
+    scene::{Scene, bvh::Bvh, load as scene_load, needs::Needs},
+};
+use libtest_mimic::{Arguments, Failed, Trial};
+use std::{
+    env,
+    f64::consts::{PI, TAU},
+    fs,
+    sync::Arc,
+};
+
+type Outcome = Result<(), Failed>;
+
+fn main() {
+    let gpu = Gpu::open().map(Arc::new).map_err(|e| e.to_string());
+    let required = env::var("HEMISPLAT_REQUIRE").is_ok_and(|list| list.split(',').any(|item| item.trim() == "gpu"));
+    let skipped = gpu.as_ref().err().filter(|_| !required).cloned();
+    let trials = cases().into_iter().map(|(name, case)| {
+        if let Some(reason) = &skipped {
+            println!("SKIPPED: {name}: {reason}");
+        }
+        let gpu = gpu.clone();
+        Trial::test(name, move || case(&*gpu?)).with_ignored_flag(skipped.is_some())
+    });
+    libtest_mimic::run(&Arguments::from_args(), trials.collect()).exit();
+}
+
+type Case = Box<dyn FnOnce(&Gpu) -> Outcome + Send>;
+
+fn cases() -> Vec<(String, Case)> {
+    let mut cases: Vec<(String, Case)> = Vec::new();
+    for view in views() {
+        cases.push((format!("a_cube_of_lamps {}", view.name()), Box::new(move |gpu| cube_of_lamps(gpu, &view))));
+    }
+    for view in views().into_iter().filter(View::is_whole) {
+        cases.push((format!("tiles_of_all_sizes {}", view.name()), Box::new(move |gpu| tiles_of_all_sizes(gpu, &view))));
+        cases.push((format!("a_corner_of_coloured_walls {}", view.name()), Box::new(move |gpu| coloured_corner(gpu, &view))));
+        cases.push((format!("the_centre_of_a_sphere {}", view.name()), Box::new(move |gpu| centre_of_a_sphere(gpu, &view))));
+    }
+    for view in views().into_iter().filter(|view| view.shape != "Plane") {
+        cases.push((format!("a_wall_before_the_sky {}", view.name()), Box::new(move |gpu| wall_before_the_sky(gpu, &view))));
+    }
+    cases.push(("one_bounce_in_an_oven".into(), Box::new(one_bounce_in_an_oven)));
+    cases.push(("the_formulas_hold".into(), Box::new(formulas_hold)));
+    cases.push(("mistakes_are_refused".into(), Box::new(mistakes_are_refused)));
+    cases
+}
+
+// Rooms and what is rendered of them
+
+/// A scene, ready to be rendered.
+struct Room {
+    scene: Scene,
+    bvh: Bvh,
+    needs: Needs,
+}
+
+impl Room {
+    fn new(document: &str) -> Result<Self, Failed> {
+        let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
+        let path = folder.path().join("room.ron");
+        fs::write(&path, document).map_err(|e| e.to_string())?;
+        let mut scene = scene_load::load(&path, &scene_load::LoadOptions::default()).map_err(|e| e.to_string())?;
+        let bvh = Bvh::build(&mut scene);
+        let needs = Needs::of(&scene);
+        Ok(Self { scene, bvh, needs })
+    }
+}
+
+/// Edge of the pictures [pixels].
+const EDGE: u32 = 8;
+
+/// The records that a pipeline makes of a room, one a pixel: each reaches a tenth of a pixel.
+fn lit(gpu: &Gpu, room: &Room, edge: u32, sets: &[String]) -> Result<Vec<Record>, Failed> {
+    let Room { scene, bvh, needs } = room;
+    let size = [edge, edge];
+    let reach = ["cache.minimum_spacing=0.1", "cache.maximum_spacing=0.1"].map(String::from);
+    let told = |e| format!("{:?}", miette::Report::new(e));
+    let pipeline = load("irradiance", &[&reach, sets].concat(), REGISTRY, &mut |path| fs::read_to_string(path)).map_err(told)?;
+    let plan = plan(&pipeline, Setting { scene, needs, size }, &[], &|data| byte_size(scene, data)).map_err(told)?;
+    let Some(Port::RecordCache(cache)) = plan.ports.get("cache.cache") else { return Err("no cache".into()) };
+    let mut run = Run::new(gpu, scene, bvh, &plan, &scene.cameras[0], size).map_err(|e| e.to_string())?;
+    let report = run.frame(&|| true).map_err(|e| e.to_string())?;
+    let count = run.variable(cache.count);
+    check(report.complete && report.uncovered_pixels == Some(0) && count == edge * edge, || format!("{count} records: {report:?}"))?;
+    let bytes = run.bytes(cache.records).map_err(|e| e.to_string())?;
+    let records: Vec<Record> = bytemuck::pod_collect_to_vec(&bytes[..count as usize * size_of::<Record>()]);
+    pixels_show(&run.picture().map_err(|e| e.to_string())?, &records)?;
+    Ok(records)
+}
+
+/// A pixel shows its own record at the record's own place, so that both add to the same.
+fn pixels_show(picture: &Layers, records: &[Record]) -> Outcome {
+    let planes = picture.rgb("irradiance").map_err(|e| e.to_string())?;
+    planes.into_iter().enumerate().try_for_each(|(channel, plane)| {
+        let [shown, held] = [plane.iter().sum::<f32>(), records.iter().map(|record| record.irradiance[channel]).sum()];
+        check((shown - held).abs() <= 1e-5 * held, || format!("pixels show {shown} of the {held} that records hold"))
+    })
+}
+
+fn check(holds: bool, what: impl FnOnce() -> String) -> Outcome {
+    if holds { Ok(()) } else { Err(what().into()) }
+}
+
+// Ways of seeing and summing
+
+/// A way to see a hemisphere.
+#[derive(Debug, Clone, Copy)]
+struct View {
+    shape: &'static str,
+    by: &'static str,
+    method: &'static str,
+}
+
+/// Samples along a side, where nothing else is said.
+const RESOLUTION: u32 = 64;
+const SUMS: [&str; 4] = ["WorkgroupTree", "MipmapChain", "PingPong", "CpuReadback"];
+/// Half width of the sampling plane at distance 1, as RCS has it.
+const HALF_WIDTH: f64 = 2.0;
+
+/// Every shape by every way that it can be seen, the incomplete one with every compensation.
+fn views() -> Vec<View> {
+    let shapes = [
+        ("Plane", "Raster"),
+        ("Plane", "RayCast"),
+        ("Hemicube", "Raster"),
+        ("Hemicube", "RayCast"),
+        ("Hemispherical", "Raster"),
+        ("Hemispherical", "RayCast"),
+        ("Cosine", "RayCast"),
+    ];
+    let methods = |shape| if shape == "Plane" { &["BorderExtension", "CoverageRatio", "None"][..] } else { &["None"] };
+    shapes.into_iter().flat_map(|(shape, by)| methods(shape).iter().map(move |method| View { shape, by, method })).collect()
+}
+
+impl View {
+    fn name(&self) -> String {
+        format!("{} {} {}", self.shape, self.by, self.method)
+    }
+
+    fn sets(&self, resolution: u32, sum: &str) -> Vec<String> {
+        let shape = if self.shape == "Plane" { format!("Plane(fov: {})", 2.0 * HALF_WIDTH.atan().to_degrees()) } else { self.shape.into() };
+        let Self { by, method, .. } = self;
+        vec![
+            format!("tiles.shape={shape}"),
+            format!("tiles.by={by}"),
+            format!("tiles.resolution={resolution}"),
+            format!("closed.method={method}"),
+            format!("records.by={sum}"),
+            // What fits into a batch of the largest tiles, and rounds enough to look for it.
+            "fill.order=Batched(at_most: 8)".into(),
+            "fill.max_rounds=1000".into(),
+        ]
+    }
+
+    /// Whether the samples stand for the whole hemisphere wherever the surroundings stand upright.
+    fn is_whole(&self) -> bool {
+        self.shape != "Plane" || self.method == "BorderExtension"
+    }
+}
+
+// How near a tile of samples can come
+
+impl View {
+    /// Width of a sample: on the plane around the normal, on a hemicube's faces, in the disc under the hemisphere, in
+    /// azimuth for strata.
+    fn width(&self, resolution: u32) -> f64 {
+        let width = match self.shape {
+            "Plane" => 2.0 * HALF_WIDTH,
+            "Cosine" => TAU,
+            _ => 2.0,
+        };
+        width / f64::from(resolution)
+    }
+
+    /// Share of the cosine-weighted hemisphere that the samples see: the window's integral of `1/(1+u²+v²)²`.
+    fn share(&self) -> f64 {
+        let t = HALF_WIDTH / HALF_WIDTH.hypot(1.0);
+        if self.shape == "Plane" { 4.0 / PI * t * t.atan() } else { 1.0 }
+    }
+
+    /// Irradiance in a furnace of radiance 1.
+    fn furnace(&self) -> f64 {
+        if self.is_bare() { PI * self.share() } else { PI }
+    }
+
+    fn is_bare(&self) -> bool {
+        self.shape == "Plane" && self.method == "None"
+    }
+
+    /// What the irradiance and the translation gradient of a lamp that the samples see whole are multiplied by.
+    fn gain(&self) -> f64 {
+        if self.method == "CoverageRatio" { 1.0 / self.share() } else { 1.0 }
+    }
+
+    /// Root mean square error of the irradiance from a lamp of radiance 1. A sample that the lamp's outline cuts counts
+    /// whole or not at all: off by 1/√12 of its weight, which is the square of its width at most. The outline is no
+    /// longer than the horizon, τ. Where columns of samples run along upright edges, all of a column errs alike: two
+    /// edges, each off by 1/√12 of a column, which is half as wide in the mean as at the horizon.
+    fn lamp_error(&self, resolution: u32) -> f64 {
+        let width = self.width(resolution);
+        let upright = matches!(self.shape, "Hemicube" | "Cosine");
+        let error = if upright { 2f64.sqrt() * width / 2.0 } else { (TAU / width).sqrt() * width.powi(2) };
+        error / 12f64.sqrt()
+    }
+
+    /// The same of the rotation gradient: its moduli add to π²/2 where the irradiance adds to π.
+    fn rotation_error(&self, resolution: u32) -> f64 {
+        PI / 2.0 * self.lamp_error(resolution)
+    }
+
+    /// Root mean square error of the translation gradient in proportion to its walls' lengths, which may cancel. To the
+    /// first order: a wall stands half a sample beside its edge at most, where its weight differs by twice as much at
+    /// most (`d ln(1+u²)⁻²/du ≥ −2`); and the nearer of the surfaces beside it is met a sample away, where the distance
+    /// of an upright one differs by 1/u as much, one and a half in the mean over the edges of the cube.
+    fn wall_error(&self, resolution: u32) -> f64 {
+        (0.5 * 2.0 + 1.5) * self.width(resolution)
+    }
+
+    /// Relative error of the harmonic mean distance, below and above: of the second order for samples in the middle of
+    /// what they stand for, and what the quadrature of the truth leaves. What a border sample stands for below the plane
+    /// it sees in the distance of the border; an upright wall there is nearer, by the sine of the border's polar angle.
+    fn distance_error(&self, resolution: u32) -> [f64; 2] {
+        let order = self.width(resolution).powi(2) + 1e-4;
+        let border = HALF_WIDTH / HALF_WIDTH.hypot(1.0);
+        [-order, order + (1.0 - self.share()) * (1.0 / border - 1.0)]
+    }
+
+    /// Rounding of a furnace's sum in single precision: four times what errors of half a unit add up to at random.
+    fn rounding(&self, resolution: u32) -> f64 {
+        let samples = f64::from(resolution).powi(2) * if self.shape == "Hemicube" { 3.0 } else { 1.0 };
+        4.0 * f64::from(f32::EPSILON) / 2.0 * samples.sqrt()
+    }
+}
+
+/// Differences between what was found and what is true, and what they are measured by.
+#[derive(Default)]
+struct Comparison {
+    errors: f64,
+    scales: f64,
+    count: f64,
+}
+
+impl Comparison {
+    fn add(&mut self, found: DVec3, truth: DVec3, scale: f64) {
+        self.errors += (found - truth).length_squared();
+        self.scales += scale * scale;
+        self.count += 1.0;
+    }
+
+    /// Root mean square of the differences.
+    fn absolute(&self) -> f64 {
+        (self.errors / self.count).sqrt()
+    }
+
+    /// In proportion to the root mean square of the scales.
+    fn relative(&self) -> f64 {
+        (self.errors / self.scales).sqrt()
+    }
+}
+
+fn at_most(what: &str, error: f64, limit: f64) -> Outcome {
+    check(error <= limit, || format!("{what} is {error:.2e} off, more than {limit:.2e}"))
+}
+
+// Lambert's formula and the walls
+
+type Polygon = [DVec3; 4];
+
+/// `∫ ω dω` over what a point sees of a polygon; its component along a normal is the irradiance of radiance 1 (Lambert 1760).
+fn moment(point: DVec3, polygon: &Polygon) -> DVec3 {
+    let edge = |i: usize| {
+        let (a, b) = (polygon[i] - point, polygon[(i + 1) % 4] - point);
+        a.cross(b).normalize_or_zero() * a.angle_between(b) / 2.0
+    };
+    let sum: DVec3 = (0..4).map(edge).sum();
+    sum * sum.dot(polygon[0] + polygon[2] - 2.0 * point).signum()
+}
+
+/// The derivatives of a polygon's irradiance on a surface of this normal, from differences.
+fn translation(point: DVec3, normal: DVec3, polygon: &Polygon) -> DVec3 {
+    const STEP: f64 = 1e-5;
+    let difference = |axis: DVec3| (moment(point + axis * STEP, polygon) - moment(point - axis * STEP, polygon)).dot(normal) / (2.0 * STEP);
+    DVec3::new(difference(DVec3::X), difference(DVec3::Y), difference(DVec3::Z))
+}
+
+/// `∫ cosθ n/r dℓ` along each edge, n the tangent of the sphere across it: what the walls of a tile add up to.
+fn walls(point: DVec3, normal: DVec3, polygon: &Polygon) -> [DVec3; 4] {
+    const STEPS: usize = 256;
+    std::array::from_fn(|i| {
+        let (from, along) = (polygon[i] - point, polygon[(i + 1) % 4] - polygon[i]);
+        let across = from.cross(along);
+        let at = |step: usize| from + along * ((step as f64 + 0.5) / STEPS as f64);
+        let integral: f64 = (0..STEPS).map(|step| at(step).dot(normal) / at(step).length_squared().powi(2)).sum();
+        across * (integral / STEPS as f64)
+    })
+}
+
+fn position(record: &Record) -> DVec3 {
+    Vec3::from(record.position).as_dvec3()
+}
+
+fn vector([x, y, z, _]: [f32; 4]) -> DVec3 {
+    DVec3::new(x.into(), y.into(), z.into())
+}
+
+// A cube of lamps
+
+/// A unit cube that reflects nothing: all of it emits red, the ceiling green too, the wall at x = 1 blue.
+const LAMPS: &str = r#"Scene(version: 1, geometry: [
+    Quad(corners: ((0, 0, 0), (1, 0, 0), (1, 0, 1), (0, 0, 1)), material: "red"),
+    Quad(corners: ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)), material: "red"),
+    Quad(corners: ((0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)), material: "red"),
+    Quad(corners: ((0, 0, 0), (0, 0, 1), (0, 1, 1), (0, 1, 0)), material: "red"),
+    Quad(corners: ((0, 1, 0), (1, 1, 0), (1, 1, 1), (0, 1, 1)), material: "yellow"),
+    Quad(corners: ((1, 0, 0), (1, 0, 1), (1, 1, 1), (1, 1, 0)), material: "magenta")],
+    materials: { "red": Emitter(radiance: (1, 0, 0)), "yellow": Emitter(radiance: (1, 1, 0)), "magenta": Emitter(radiance: (1, 0, 1)) },
+    normals: Face, cameras: { "main": (eye: (0.5, 0.9, 0.5), direction: (0, -1, 0), up: (0, 0, 1), fov: 53) })"#;
+
+const CEILING: Polygon = [DVec3::new(0.0, 1.0, 0.0), DVec3::new(1.0, 1.0, 0.0), DVec3::new(1.0, 1.0, 1.0), DVec3::new(0.0, 1.0, 1.0)];
+const WALL: Polygon = [DVec3::new(1.0, 0.0, 0.0), DVec3::new(1.0, 0.0, 1.0), DVec3::new(1.0, 1.0, 1.0), DVec3::new(1.0, 1.0, 0.0)];
+
+/// Channels of the three lamps.
+const RED: usize = 0;
+const GREEN: usize = 1;
+const BLUE: usize = 2;
+
+/// The furnace is claimed by all; the ceiling, which lies within the plane's window whatever its turn, by all; the wall,
+/// which reaches below the window, by those who see or stand for the whole hemisphere.
+fn cube_of_lamps(gpu: &Gpu, view: &View) -> Outcome {
+    let room = Room::new(LAMPS)?;
+    for sum in SUMS {
+        let records = lit(gpu, &room, EDGE, &see_lamps(view.sets(RESOLUTION, sum)))?;
+        cube_forms(view, RESOLUTION, &records).map_err(|e| format!("{sum}: {}", e.message().unwrap_or_default()))?;
+    }
+    Ok(())
+}
+
+/// The same for all sizes of tiles: limits shrink with the samples.
+fn tiles_of_all_sizes(gpu: &Gpu, view: &View) -> Outcome {
+    let room = Room::new(LAMPS)?;
+    for resolution in [4, 8, 16, 32, 128, 512] {
+        let edge = if resolution < 512 { EDGE } else { EDGE / 2 };
+        let records = lit(gpu, &room, edge, &see_lamps(view.sets(resolution, SUMS[0])))?;
+        cube_forms(view, resolution, &records).map_err(|e| format!("{resolution}²: {}", e.message().unwrap_or_default()))?;
+    }
+    Ok(())
+}
+
+/// Records see the lamps; the direct pass leaves them out.
+fn see_lamps(mut sets: Vec<String>) -> Vec<String> {
+    sets.push("direct.emitters=Records".into());
+    sets
+}
+
+fn cube_forms(view: &View, resolution: u32, records: &[Record]) -> Outcome {
+    furnace(view, resolution, records)?;
+    lamp(view, resolution, records, &CEILING, GREEN)?;
+    if view.is_whole() {
+        lamp(view, resolution, records, &WALL, BLUE)?;
+        distances(view, resolution, records)?;
+    }
+    Ok(())
+}
+
+/// Radiance 1 from everywhere: π, or what the window holds of it, and no gradients.
+fn furnace(view: &View, resolution: u32, records: &[Record]) -> Outcome {
+    let limit = view.rounding(resolution);
+    for record in records {
+        at_most("the furnace", (f64::from(record.irradiance[RED]) / view.furnace() - 1.0).abs(), limit)?;
+        at_most("a furnace's rotation gradient", vector(record.rotation[RED]).length() / PI, PI / 2.0 * limit)?;
+        at_most("a furnace's translation gradient", vector(record.translation[RED]).length() / PI, limit / nearest(record))?;
+    }
+    Ok(())
+}
+
+/// The distance of the nearest thing that a record sees.
+fn nearest(record: &Record) -> f64 {
+    f64::from(record.minimum_distance)
+}
+
+/// Irradiance and gradients of one face of the cube, seen from its floor.
+fn lamp(view: &View, resolution: u32, records: &[Record], face: &Polygon, channel: usize) -> Outcome {
+    let [mut irradiance, mut rotation, mut along, mut upwards]: [Comparison; 4] = Default::default();
+    let (floor, normal) = (DVec3::new(1.0, 0.0, 1.0), DVec3::Y);
+    for record in records {
+        let point = position(record);
+        let (seen, walls) = (moment(point, face), walls(point, normal, face));
+        let (moved, found) = (translation(point, normal, face), vector(record.translation[channel]) / view.gain());
+        irradiance.add(normal * (f64::from(record.irradiance[channel]) / view.gain()), normal * seen.y, 1.0);
+        rotation.add(vector(record.rotation[channel]), normal.cross(seen), 1.0);
+        along.add(found * floor, moved * floor, walls.iter().map(|wall| (*wall * floor).length()).sum());
+        upwards.add(found * normal, moved * normal, walls.iter().map(|wall| wall.y.abs()).sum());
+    }
+    at_most("a face's irradiance", irradiance.absolute(), view.lamp_error(resolution))?;
+    at_most("a face's rotation gradient", rotation.absolute(), view.rotation_error(resolution))?;
+    // Of coarser tiles the first order does not tell.
+    if resolution >= 16 {
+        at_most("a face's translation gradient", along.relative(), view.wall_error(resolution))?;
+        at_most("a face's gradient along the normal", upwards.relative(), view.wall_error(resolution))?;
+    }
+    Ok(())
+}
+
+fn distances(view: &View, resolution: u32, records: &[Record]) -> Outcome {
+    let [low, high] = view.distance_error(resolution);
+    for record in records {
+        let off = f64::from(record.radius) / harmonic_mean(position(record)) - 1.0;
+        check((low..=high).contains(&off), || format!("a harmonic mean distance is off by {off:.2e}, not by {low:.2e} to {high:.2e}"))?;
+    }
+    Ok(())
+}
+
+/// The cosine-weighted harmonic mean distance of the unit cube from a point on its floor, by quadrature over strata.
+fn harmonic_mean(point: DVec3) -> f64 {
+    const STEPS: usize = 200;
+    let exit = |d: DVec3| (0..3).map(|i| (if d[i] > 0.0 { 1.0 - point[i] } else { -point[i] }) / d[i]).fold(f64::INFINITY, f64::min);
+    let share = |i: usize| (i as f64 + 0.5) / STEPS as f64;
+    let direction = |i: usize| {
+        let (square, (sine, cosine)) = (share(i / STEPS), (TAU * share(i % STEPS)).sin_cos());
+        DVec3::new(square.sqrt() * cosine, (1.0 - square).sqrt(), square.sqrt() * sine)
+    };
+    let inverse: f64 = (0..STEPS * STEPS).map(|i| 1.0 / exit(direction(i))).sum();
+    (STEPS * STEPS) as f64 / inverse
+}
+
+// Other rooms
+
+/// Floor, left and right wall of a corner, open to a light that reaches each of them under the same angle.
+const CORNER: &str = r#"Scene(version: 1, geometry: [
+    Quad(corners: ((0, 0, 0), (0, 0, 1), (1, 0, 1), (1, 0, 0)), material: "floor"),
+    Quad(corners: ((0, 0, 0), (0, 1, 0), (0, 1, 1), (0, 0, 1)), material: "left"),
+    Quad(corners: ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)), material: "right")],
+    materials: { "floor": Diffuse(reflectance: (1, 1, 1)), "left": Diffuse(reflectance: (0.8, 0.4, 0)), "right": Diffuse(reflectance: (0, 0.4, 0.6)) },
+    normals: Face, lights: [Directional(direction: (-1, -1, -1), irradiance: (3, 3, 3))],
+    cameras: { "main": (eye: (0.5, 0.9, 0.5), direction: (0, -1, 0), up: (0, 0, 1), fov: 53) })"#;
+const LEFT: Polygon = [DVec3::ZERO, DVec3::Y, DVec3::new(0.0, 1.0, 1.0), DVec3::Z];
+const RIGHT: Polygon = [DVec3::ZERO, DVec3::X, DVec3::new(1.0, 1.0, 0.0), DVec3::Y];
+
+/// A wall of reflectance ρ under the irradiance E_d sends ρ E_d / π: the floor receives that times the wall's moment, in
+/// one bounce, and nothing of its own.
+fn coloured_corner(gpu: &Gpu, view: &View) -> Outcome {
+    let records = lit(gpu, &Room::new(CORNER)?, EDGE, &view.sets(RESOLUTION, SUMS[0]))?;
+    let direct = 3.0 / 3f64.sqrt();
+    let radiance = [DVec3::new(0.8, 0.4, 0.0), DVec3::new(0.0, 0.4, 0.6)].map(|reflectance| reflectance * direct / PI);
+    let mut colour = Comparison::default();
+    for record in &records {
+        let [left, right] = [LEFT, RIGHT].map(|wall| moment(position(record), &wall).y);
+        colour.add(Vec3::from(record.irradiance).as_dvec3(), radiance[0] * left + radiance[1] * right, 1.0);
+    }
+    at_most("light from two walls", colour.absolute(), (radiance[0].length() + radiance[1].length()) * view.lamp_error(RESOLUTION))
+}
+
+/// A ball of light around a small plate.
+const BALL: &str = r#"Scene(version: 1, geometry: [Sphere(centre: (0, 0, 0), radius: 1, subdivisions: 5),
+    Quad(corners: ((-0.001, 0, -0.001), (0.001, 0, -0.001), (0.001, 0, 0.001), (-0.001, 0, 0.001)))],
+    materials: { "*": Emitter(radiance: (1, 1, 1)) }, normals: Face,
+    cameras: { "main": (eye: (0, 0.9, 0), direction: (0, -1, 0), up: (0, 0, 1), fov: 0.05) })"#;
+
+/// All is at the distance of the radius, less a face's depth (its corners are 1.5° from its middle at most) and the
+/// way to the centre.
+fn centre_of_a_sphere(gpu: &Gpu, view: &View) -> Outcome {
+    let records = lit(gpu, &Room::new(BALL)?, EDGE, &see_lamps(view.sets(RESOLUTION, SUMS[0])))?;
+    furnace(view, RESOLUTION, &records)?;
+    for record in &records {
+        let limit = 1.0 - 1.5f64.to_radians().cos() + position(record).length();
+        at_most("the harmonic mean distance", (f64::from(record.radius) - 1.0).abs(), limit)?;
+        at_most("the least distance", (f64::from(record.minimum_distance) - 1.0).abs(), limit)?;
+    }
+    Ok(())
+}
+
+/// A floor under the sky and a black wall at its side.
+const FENCE: &str = r#"Scene(version: 1, geometry: [
+    Quad(corners: ((0, 0, 0), (0, 0, 1), (1, 0, 1), (1, 0, 0)), material: "white"),
+    Quad(corners: ((1, 0, -1), (1, 0, 2), (1, 0.8, 2), (1, 0.8, -1)), material: "black")],
+    materials: { "white": Diffuse(reflectance: (1, 1, 1)), "black": Diffuse(reflectance: (0, 0, 0)) },
+    normals: Face, environment: Constant((1, 1, 1)),
+    cameras: { "main": (eye: (0.5, 0.9, 0.5), direction: (0, -1, 0), up: (0, 0, 1), fov: 53) })"#;
+const BLACK: Polygon = [DVec3::new(1.0, 0.0, -1.0), DVec3::new(1.0, 0.0, 2.0), DVec3::new(1.0, 0.8, 2.0), DVec3::new(1.0, 0.8, -1.0)];
+
+/// π less what the wall hides. A plane takes what lies low for sky where its window ends above the wall, and claims nothing.
+fn wall_before_the_sky(gpu: &Gpu, view: &View) -> Outcome {
+    let records = lit(gpu, &Room::new(FENCE)?, EDGE, &see_lamps(view.sets(RESOLUTION, SUMS[0])))?;
+    let mut sky = Comparison::default();
+    for record in &records {
+        sky.add(Vec3::from(record.irradiance).as_dvec3(), DVec3::splat(PI - moment(position(record), &BLACK).y), 1.0);
+    }
+    at_most("the sky beside a wall", sky.absolute(), 3f64.sqrt() * view.lamp_error(RESOLUTION))
+}
+
+/// A closed box whose walls emit 1 − ρ and reflect ρ.
+const OVEN: &str = r#"Scene(version: 1, geometry: [Box(min: (0, 0, 0), max: (1, 1, 1))],
+    materials: { "*": Emitter(radiance: (0.5, 0.5, 0.5), reflectance: (0.5, 0.5, 0.5)) }, normals: Face,
+    cameras: { "main": (eye: (0.5, 0.9, 0.5), direction: (0, -1, 0), up: (0, 0, 1), fov: 53) })"#;
+
+/// Every wall receives π (1 − ρ) and sends on ρ (1 − ρ): one bounce is π ρ (1 − ρ), and would be π in the end. The direct
+/// light of what records see is sampled by single rays: the mean must lie within four of its own standard errors, which
+/// must be small.
+fn one_bounce_in_an_oven(gpu: &Gpu) -> Outcome {
+    let records = lit(gpu, &Room::new(OVEN)?, EDGE, &[])?;
+    let count = records.len() as f64;
+    let mean = records.iter().map(|record| f64::from(record.irradiance[0])).sum::<f64>() / count;
+    let variance = records.iter().map(|record| (f64::from(record.irradiance[0]) - mean).powi(2)).sum::<f64>() / (count - 1.0);
+    let standard_error = (variance / count).sqrt();
+    let truth = PI * 0.5 * 0.5;
+    at_most("the standard error of one bounce", standard_error / truth, 0.02)?;
+    at_most("one bounce", (mean - truth).abs(), 4.0 * standard_error)
+}
+
+// What proves the rest
+
+/// This file's own formulas, against published numbers and against each other.
+fn formulas_hold(_: &Gpu) -> Outcome {
+    let near = |found: f64, truth: f64, tolerance: f64| check((found - truth).abs() <= tolerance, || format!("{found}, not {truth}"));
+    let (middle, corner) = (DVec3::new(0.5, 0.0, 0.5), DVec3::new(1e-9, 0.0, 1e-9));
+    for (point, face, factor) in [(middle, &CEILING, 0.23946), (middle, &WALL, 0.1901), (corner, &CEILING, 0.13853), (corner, &WALL, 0.05573)] {
+        near(moment(point, face).y / PI, factor, 5e-5)?;
+    }
+    let point = DVec3::new(0.3, 0.0, 0.8);
+    for face in [CEILING, WALL] {
+        let outline: DVec3 = walls(point, DVec3::Y, &face).iter().sum();
+        let moved = translation(point, DVec3::Y, &face);
+        check(outline.abs_diff_eq(moved, 1e-4) || outline.abs_diff_eq(-moved, 1e-4), || format!("{outline}, not {moved}"))?;
+    }
+    // Between the nearest wall and the farthest corner.
+    near(harmonic_mean(DVec3::new(0.5, 0.0, 0.5)), (0.5 + 1.5f64.sqrt()) / 2.0, (1.5f64.sqrt() - 0.5) / 2.0)
+}
+
+/// What a small mistake makes of a record.
+type Mistake = fn(&mut Record);
+
+/// Small mistakes, each made in all records: one that the forms let pass would prove nothing.
+fn mistakes_are_refused(gpu: &Gpu) -> Outcome {
+    let view = View { shape: "Hemicube", by: "RayCast", method: "None" };
+    let records = lit(gpu, &Room::new(LAMPS)?, EDGE, &see_lamps(view.sets(RESOLUTION, SUMS[0])))?;
+    cube_forms(&view, RESOLUTION, &records)?;
+    let mistakes: [(&str, Mistake); 8] = [
+        ("a furnace a thousandth too bright", |record| record.irradiance[RED] *= 1.001),
+        ("a lamp 2 % too bright", |record| record.irradiance[GREEN] *= 1.02),
+        ("two colours swapped", |record| record.irradiance.swap(GREEN, BLUE)),
+        ("a rotation turned round", |record| record.rotation[BLUE] = record.rotation[BLUE].map(|x| -x)),
+        ("a rotation in the cosine measure", |record| record.rotation[GREEN] = record.rotation[GREEN].map(|x| x * 0.9)),
+        ("a translation a quarter too long", |record| record.translation[BLUE] = record.translation[BLUE].map(|x| x * 1.25)),
+        ("no gradient along the normal", |record| record.translation[BLUE][1] = 0.0),
+        ("a mean distance 2 % too long", |record| record.radius *= 1.02),
+    ];
+    for (name, mistake) in mistakes {
+        let mut wrong = records.clone();
+        wrong.iter_mut().for_each(mistake);
+        check(cube_forms(&view, RESOLUTION, &wrong).is_err(), || format!("{name} passes"))?;
+    }
+    Ok(())
+}

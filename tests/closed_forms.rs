@@ -8,7 +8,7 @@
 use glam::{DVec3, Vec3};
 use hemisplat::{
     contract::{Port, recorder::Setting},
-    gpu::{Gpu, scene::byte_size},
+    gpu::{Gpu, Pace, scene::byte_size},
     measure::{Layers, run::Run},
     passes::{REGISTRY, record::Record},
     pipeline::{load, plan},
@@ -55,6 +55,7 @@ fn cases() -> Vec<(String, Case)> {
     }
     cases.push(("one_bounce_in_an_oven".into(), Box::new(one_bounce_in_an_oven)));
     cases.push(("the_formulas_hold".into(), Box::new(formulas_hold)));
+    cases.push(("small_pictures_are_whole".into(), Box::new(small_pictures_are_whole)));
     cases.push(("mistakes_are_refused".into(), Box::new(mistakes_are_refused)));
     cases
 }
@@ -93,7 +94,7 @@ fn lit(gpu: &Gpu, room: &Room, edge: u32, sets: &[String]) -> Result<Vec<Record>
     let plan = plan(&pipeline, Setting { scene, needs, size }, &[], &|data| byte_size(scene, data)).map_err(told)?;
     let Some(Port::RecordCache(cache)) = plan.ports.get("cache.cache") else { return Err("no cache".into()) };
     let mut run = Run::new(gpu, scene, bvh, &plan, &scene.cameras[0], size).map_err(|e| e.to_string())?;
-    let report = run.frame(&|| true).map_err(|e| e.to_string())?;
+    let report = run.frame(&|| Pace::GoOn).map_err(|e| e.to_string())?;
     let count = run.variable(cache.count);
     check(report.complete && report.uncovered_pixels == Some(0) && count == edge * edge, || format!("{count} records: {report:?}"))?;
     let bytes = run.bytes(cache.records).map_err(|e| e.to_string())?;
@@ -160,9 +161,8 @@ impl View {
             format!("tiles.resolution={resolution}"),
             format!("closed.method={method}"),
             format!("records.by={sum}"),
-            // What fits into a batch of the largest tiles, and rounds enough to look for it.
+            // What fits into a batch of the largest tiles.
             "fill.order=Batched(at_most: 8)".into(),
-            "fill.max_rounds=1000".into(),
         ]
     }
 
@@ -538,6 +538,12 @@ fn formulas_hold(_: &Gpu) -> Outcome {
     }
     // Between the nearest wall and the farthest corner.
     near(harmonic_mean(DVec3::new(0.5, 0.0, 0.5)), (0.5 + 1.5f64.sqrt()) / 2.0, (1.5f64.sqrt() - 0.5) / 2.0)
+}
+
+/// Searches that find nothing at first end no fill, however few the pixels are.
+fn small_pictures_are_whole(gpu: &Gpu) -> Outcome {
+    let room = Room::new(LAMPS)?;
+    (1..=4).try_for_each(|edge| lit(gpu, &room, edge, &see_lamps(views()[0].sets(8, SUMS[0]))).map(drop))
 }
 
 /// What a small mistake makes of a record.

@@ -432,7 +432,7 @@ fn a_loop_is_bounded_by_the_pixels_or_by_its_parameter() {
         repeat.unwrap()
     };
     let text = nodes(FILL, "sum");
-    assert_eq!(bound(&text), 64 * 48 + 1);
+    assert_eq!(bound(&text), 64 * 48 + 64);
     assert_eq!(bound(&text.replace("order:", "max_rounds: 7, order:")), 7);
 }
 
@@ -621,7 +621,7 @@ fn an_error_that_variants_share_is_told_once_with_status_2() {
 fn a_plan_can_be_read_without_a_gpu() {
     let (status, stdout, stderr) = program(&["explain", "irradiance", "--scene", "cornell", "--size", "32x16", "--set", "tiles.resolution=8"]);
     assert_eq!(status, 0, "{stderr}");
-    for line in ["dropped shadow because", "repeat fill until misses.none, at most 513 rounds", "Rgba32Float 32×16"] {
+    for line in ["dropped shadow because", "repeat fill until misses.none, at most 576 rounds", "Rgba32Float 32×16"] {
         assert!(stdout.contains(line), "{line}\n{stdout}");
     }
     assert_eq!(program(&["explain", "irradiance", "--scene", "cornell", "--set", "tiles.by=Raster"]).0, 2, "a shape that cannot be rasterised");

@@ -11,6 +11,9 @@ use std::fmt::Write;
 /// Most times that a pipeline is recorded to learn what histories look like: one finds out, one uses it, one makes sure.
 const TRIES: usize = 4;
 
+/// Rounds of a fill that may find no pixel without a record: those of a search from coarse cells to single pixels, and the last.
+pub const IDLE_ROUNDS: u64 = 64;
+
 /// Bytes of the camera's buffer.
 pub const CAMERA_BYTES: u64 = 256;
 
@@ -314,8 +317,8 @@ impl<'a> Planner<'a> {
             Loop::Iterate => node.arguments.integer("rounds"),
         };
         let at_most = match bound {
-            // Every round serves at least one pixel; the last one finds that none is left.
-            0 => u32::try_from(pixels + 1).unwrap_or(u32::MAX),
+            // Every round serves at least one pixel, but for those in which a search that starts coarse finds nothing yet.
+            0 => u32::try_from(pixels + IDLE_ROUNDS).unwrap_or(u32::MAX),
             rounds => u32::try_from(rounds).unwrap_or(u32::MAX),
         };
         Some(Repeat { name: node.name.clone(), until, round, at_most, steps })

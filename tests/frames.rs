@@ -27,6 +27,7 @@ const CASES: &[(&str, Case)] = &[
     ("a_sum_over_rounds_has_its_closed_form_in_every_frame", sum_over_rounds),
     ("a_sum_over_frames_has_its_closed_form_and_starts_empty", sum_over_frames),
     ("a_fill_inside_a_loop_starts_anew_each_time", fill_in_a_loop),
+    ("an_earlier_cache_and_earlier_shadow_maps_are_whole", earlier_memory),
     ("a_second_frame_of_the_same_view_adds_nothing_and_looks_the_same", same_view),
     ("a_second_view_reuses_records", second_view),
     ("saved_records_give_the_same_picture_bit_by_bit", saved_records),
@@ -74,7 +75,8 @@ fn frames(scene: &str, text: &str, count: u32) -> Result<Vec<Vec<f32>>, Failed> 
     let mut read = |path: &Path| if path == Path::new("test.ron") { Ok(text.to_owned()) } else { Err(io::Error::from(io::ErrorKind::NotFound)) };
     let pipeline = pipeline::load("test.ron", &[], REGISTRY, &mut read).map_err(failed)?;
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(scene);
-    let mut scene = load::load(&path, &Default::default()).map_err(failed)?;
+    let overrides = if scene == "hall.ron" { vec![("triangles".into(), "1000".into())] } else { Vec::new() };
+    let mut scene = load::load(&path, &load::LoadOptions { overrides, ..Default::default() }).map_err(failed)?;
     let bvh = Bvh::build(&mut scene);
     let needs = Needs::of(&scene);
     let setting = Setting { scene: &scene, needs: &needs, size: SIZE };
@@ -125,31 +127,56 @@ fn sum_over_frames() -> Outcome {
     Ok(())
 }
 
-/// The shipped fill, alone and twice in a loop: the second time everything is covered already.
+/// A fill that covers everything, with other loops and nodes around it; shows `output`.
+fn filled(fill: &str, more: &str, output: &str) -> String {
+    let nodes = format!(
+        r#"(name: "gbuffer", pass: GBuffer()), (name: "direct", pass: DirectLight(gbuffer: "gbuffer")), (name: "cache", pass: RecordCache(accuracy: 0.3)),
+        {fill}, (name: "indirect", pass: Normalize(splats: "splats", gbuffer: "gbuffer")), {more}"#
+    );
+    document(&nodes, output)
+}
+
+const FILL: &str = r#"(name: "fill", repeat: Fill(order: Batched(at_most: 64), until: "misses.none", nodes: [
+        (name: "splats", pass: Splat(records: "cache", gbuffer: "gbuffer")),
+        (name: "misses", pass: FindMisses(gbuffer: "gbuffer", splats: "splats")),
+        (name: "tiles", pass: HemisphereTiles(at: "misses", direct: "direct", resolution: 8)),
+        (name: "closed", pass: Compensation(of: "tiles")),
+        (name: "records", pass: IrradianceSum(of: "closed")),
+        (name: "added", pass: AddRecords(to: "cache", records: "records")),
+    ]))"#;
+
+/// Twice in a loop: the second time everything is covered already.
 fn fill_in_a_loop() -> Outcome {
-    let fill = r#"(name: "fill", repeat: Fill(order: Batched(at_most: 64), until: "misses.none", nodes: [
-            (name: "splats", pass: Splat(records: "cache", gbuffer: "gbuffer")),
-            (name: "misses", pass: FindMisses(gbuffer: "gbuffer", splats: "splats")),
-            (name: "tiles", pass: HemisphereTiles(at: "misses", direct: "direct", resolution: 8)),
-            (name: "closed", pass: Compensation(of: "tiles")),
-            (name: "records", pass: IrradianceSum(of: "closed")),
-            (name: "added", pass: AddRecords(to: "cache", records: "records")),
-        ]))"#;
-    let document = |fill: &str, more: &str| {
-        let nodes = format!(
-            r#"(name: "gbuffer", pass: GBuffer()), (name: "direct", pass: DirectLight(gbuffer: "gbuffer")), (name: "cache", pass: RecordCache(accuracy: 0.3)),
-            {fill}, {more} (name: "indirect", pass: Normalize(splats: "splats", gbuffer: "gbuffer"))"#
-        );
-        document(&nodes, "indirect.irradiance")
-    };
-    let once = frames("cornell.ron", &document(fill, ""), 1)?;
+    let once = frames("cornell.ron", &filled(FILL, "", "indirect.irradiance"), 1)?;
     check(once[0].iter().any(|v| *v > 0.0), || "no light".into())?;
-    let twice = format!("(name: \"twice\", repeat: Iterate(rounds: 2, nodes: [{fill}]))");
-    check(frames("cornell.ron", &document(&twice, ""), 1)? == once, || "a fill that runs twice draws another picture".into())?;
+    let twice = format!("(name: \"twice\", repeat: Iterate(rounds: 2, nodes: [{FILL}]))");
+    check(frames("cornell.ron", &filled(&twice, "", "indirect.irradiance"), 1)? == once, || "a fill that runs twice draws another picture".into())?;
     // A splat outside of fills adds all records each time.
-    let again = r#"(name: "again", repeat: Iterate(rounds: 3, nodes: [(name: "resplats", pass: Splat(records: "added", gbuffer: "gbuffer"))])),"#;
-    let resplatted = document(fill, again).replace("Normalize(splats: \"splats\"", "Normalize(splats: \"resplats\"");
-    check(frames("cornell.ron", &resplatted, 2)? == [once.clone(), once].concat(), || "a splat in a loop forgets records".into())
+    let again = r#"(name: "again", repeat: Iterate(rounds: 3, nodes: [(name: "resplats", pass: Splat(records: "added", gbuffer: "gbuffer"))])),
+        (name: "same", pass: Normalize(splats: "resplats", gbuffer: "gbuffer"))"#;
+    let resplatted = frames("cornell.ron", &filled(FILL, again, "same.irradiance"), 2)?;
+    check(resplatted == [once.clone(), once].concat(), || "a splat in a loop forgets records".into())
+}
+
+/// Buffers, numbers and depth textures, not images alone.
+fn earlier_memory() -> Outcome {
+    let late = r#"(name: "late_splats", pass: Splat(records: PreviousFrame("added"), gbuffer: "gbuffer")),
+        (name: "late", pass: Normalize(splats: "late_splats", gbuffer: "gbuffer"))"#;
+    let [now, late] = ["indirect.irradiance", "late.irradiance"].map(|output| frames("cornell.ron", &filled(FILL, late, output), 2));
+    let (now, late) = (now?, late?);
+    all_are(&late[0], 0.0, "records before the first frame")?;
+    check(late[1] == now[0], || "the records of the frame before draw another picture".into())?;
+
+    let lit = |rounds: u32, shadow: &str| {
+        let nodes = format!(
+            "(name: \"gbuffer\", pass: GBuffer()), (name: \"loop\", repeat: Iterate(rounds: {rounds}, nodes: [
+                (name: \"shadow\", pass: ShadowMap(resolution: 64)), (name: \"direct\", pass: DirectLight(gbuffer: \"gbuffer\", shadow: {shadow}))]))"
+        );
+        frames("hall.ron", &document(&nodes, "direct"), 2)
+    };
+    let (shadowed, first, second) = (lit(1, "\"shadow\"")?, lit(1, "PreviousRound(\"shadow\")")?, lit(2, "PreviousRound(\"shadow\")")?);
+    check(first[0] != shadowed[0] && first[0] == first[1], || "the first round of each frame sees empty maps".into())?;
+    check(second == shadowed, || "the second round sees the maps of the first".into())
 }
 
 // The program.

@@ -386,8 +386,17 @@ impl Command {
 pub struct HostLayout {
     pub name: &'static str,
     pub bytes: usize,
-    /// Field name, offset, size [bytes].
-    pub fields: &'static [(&'static str, usize, usize)],
+    pub fields: &'static [HostField],
+}
+
+/// A field of a host struct.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct HostField {
+    pub name: &'static str,
+    /// From the struct's start [bytes].
+    pub offset: usize,
+    /// As Rust writes it: `[f32; 3]`.
+    pub kind: &'static str,
 }
 
 /// Declares a struct that stands in a buffer, and lists its fields for the test against the shader's struct.
@@ -403,7 +412,11 @@ macro_rules! host_struct {
             pub const LAYOUT: $crate::recording::HostLayout = $crate::recording::HostLayout {
                 name: stringify!($name),
                 bytes: std::mem::size_of::<$name>(),
-                fields: &[$((stringify!($field), std::mem::offset_of!($name, $field), std::mem::size_of::<$type>())),*],
+                fields: &[$($crate::recording::HostField {
+                    name: stringify!($field),
+                    offset: std::mem::offset_of!($name, $field),
+                    kind: stringify!($type),
+                }),*],
             };
         }
     };

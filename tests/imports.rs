@@ -100,49 +100,89 @@ fn first_names(path: &str) -> Vec<String> {
     names
 }
 
-#[test]
-fn imports_run_one_way() {
+/// Names of modules that stand above the one that names them.
+fn wrong_imports(sources: &[Source]) -> Vec<String> {
     let known = |name: &str| MAY_NAME.iter().find(|(module, _)| *module == name);
     let mut wrong = Vec::new();
-    for source in sources() {
+    for source in sources {
         let Some(module) = source.module() else { continue };
-        let (_, allowed) = known(module).unwrap_or_else(|| panic!("{}: module `{module}` has no place in the order", source.path));
-        for name in names_after(&source.code, "crate::") {
-            if known(&name).is_some() && name != module && !allowed.contains(&name.as_str()) {
-                wrong.push(format!("{}: `{module}` names `{name}`", source.path));
-            }
-        }
+        let Some((_, allowed)) = known(module) else {
+            wrong.push(format!("{}: module `{module}` has no place in the order", source.path));
+            continue;
+        };
+        let names = names_after(&source.code, "crate::").into_iter();
+        let above = names.filter(|name| known(name).is_some() && name != module && !allowed.contains(&name.as_str()));
+        wrong.extend(above.map(|name| format!("{}: `{module}` names `{name}`", source.path)));
     }
-    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+    wrong
 }
 
-#[test]
-fn passes_do_not_name_each_other() {
-    let passes: Vec<Source> = sources().into_iter().filter(|source| source.path.starts_with("passes/") && source.path != "passes/mod.rs").collect();
+/// Passes that name one another.
+fn wrong_passes(sources: &[Source]) -> Vec<String> {
+    let passes: Vec<&Source> = sources.iter().filter(|source| source.path.starts_with("passes/") && source.path != "passes/mod.rs").collect();
     let stem = |source: &Source| source.path["passes/".len()..].split('/').next().unwrap_or_default().trim_end_matches(".rs").to_owned();
     // What several passes share, such as the layout of records, is no pass.
-    let stems: Vec<String> = passes.iter().filter(|source| source.code.contains("impl Pass for ")).map(stem).collect();
-    assert!(!stems.is_empty());
+    let stems: Vec<String> = passes.iter().filter(|source| source.code.contains("impl Pass for ")).map(|source| stem(source)).collect();
     let mut wrong = Vec::new();
     for source in &passes {
         // A folder's own ways name each other by `super::`; only another pass's stem is a fault.
         let named = ["crate::passes::", "super::"].into_iter().flat_map(|prefix| names_after(without_tests(&source.code), prefix));
         wrong.extend(named.filter(|name| stems.contains(name) && *name != stem(source)).map(|name| format!("{} names `{name}`", source.path)));
     }
+    wrong
+}
+
+/// Files and threads where a browser has none.
+fn wrong_system(sources: &[Source]) -> Vec<String> {
+    let bound = sources.iter().filter(|source| !MAY_TOUCH_THE_SYSTEM.iter().any(|place| source.path.starts_with(place)));
+    bound
+        .flat_map(|source| {
+            let code = without_tests(&source.code);
+            SYSTEM.iter().filter(|name| code.contains(**name)).map(|name| format!("{} uses {name}", source.path))
+        })
+        .collect()
+}
+
+#[test]
+fn imports_run_one_way() {
+    let wrong = wrong_imports(&sources());
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
+fn passes_do_not_name_each_other() {
+    let wrong = wrong_passes(&sources());
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
 #[test]
 fn files_and_threads_stay_where_they_belong() {
-    let mut wrong = Vec::new();
-    for source in sources() {
-        if MAY_TOUCH_THE_SYSTEM.iter().any(|place| source.path.starts_with(place)) {
-            continue;
-        }
-        let code = without_tests(&source.code);
-        wrong.extend(SYSTEM.iter().filter(|name| code.contains(**name)).map(|name| format!("{} uses {name}", source.path)));
-    }
+    let wrong = wrong_system(&sources());
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+/// Sources that break a rule each: none may pass.
+#[test]
+fn broken_rules_are_seen() {
+    let source = |path: &str, code: &str| Source { path: path.into(), code: code.into() };
+    let imports = [
+        source("src/math/a.rs", "use crate::scene::Scene;"),
+        source("src/scene/a.rs", "use crate::{math, gpu::Gpu};"),
+        source("src/contract/a.rs", "fn f() { crate::passes::REGISTRY; }"),
+        source("passes/a.rs", "use crate::gpu;"),
+        source("src/new/a.rs", ""),
+    ];
+    assert_eq!(wrong_imports(&imports).len(), imports.len(), "{:?}", wrong_imports(&imports));
+    let passes = [
+        source("passes/a.rs", "use super::b::B; impl Pass for A {}"),
+        source("passes/b/mod.rs", "use crate::passes::a; impl Pass for B {}"),
+        source("passes/b/way.rs", "use super::Work;"),
+        source("passes/shared.rs", ""),
+    ];
+    assert_eq!(wrong_passes(&passes).len(), 2, "{:?}", wrong_passes(&passes));
+    let system = [source("src/gpu/a.rs", "std::fs::read(x)"), source("passes/a.rs", "use rayon::x;"), source("src/cli/a.rs", "std::fs::read(x)")];
+    assert_eq!(wrong_system(&system).iter().filter(|wrong| wrong.contains("src/cli")).count(), 0);
+    assert!(["src/gpu", "passes"].iter().all(|place| wrong_system(&system).iter().any(|wrong| wrong.contains(place))));
 }
 
 #[test]

@@ -7,9 +7,11 @@ use hemisplat::pipeline::{Format, Loop, Pipeline, Plan, Problems, embedded::EMBE
 use hemisplat::recording::*;
 use hemisplat::scene::{Camera, Environment, FieldOfView, Light, LightKind, Material, Scene, Triangle, needs::Needs};
 use miette::{GraphicalReportHandler, GraphicalTheme};
+use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::io;
 use std::path::Path;
+use std::time::Instant;
 
 // Passes that only have what these tests need.
 
@@ -601,7 +603,7 @@ fn program(arguments: &[&str]) -> (i32, String, String) {
 
 #[test]
 fn all_shipped_pipelines_pass_the_check_in_a_second() {
-    let start = std::time::Instant::now();
+    let start = Instant::now();
     let (status, stdout, stderr) = program(&["check"]);
     assert_eq!((status, stderr.as_str()), (0, ""));
     assert_eq!(stdout.lines().count(), EMBEDDED.len());
@@ -691,34 +693,98 @@ fn mutate(text: &str, other: &str, random: &mut Random) -> String {
     characters.into_iter().collect()
 }
 
+/// Where a mutated pipeline ended: at its document, at its plan, or with a plan.
+#[derive(Clone, Copy)]
+enum End {
+    Document,
+    Plan,
+    Planned,
+}
+
+fn end_of(files: &[(&str, &str)], registry: &Registry, scene: &Scene) -> End {
+    let start = Instant::now();
+    let end = match load_files("test.ron", files, &[], registry) {
+        Err(problems) => {
+            assert!(!problems.0.is_empty() && !rendered(&problems).is_empty());
+            End::Document
+        }
+        Ok(pipeline) => match plan_for(&pipeline, scene, &[]) {
+            Err(problems) => {
+                assert!(!rendered(&problems).is_empty());
+                End::Plan
+            }
+            Ok(plan) => {
+                assert!(!plan.outputs.is_empty());
+                End::Planned
+            }
+        },
+    };
+    assert!(start.elapsed().as_secs() < 10, "{:?} took {:?}", files[0], start.elapsed());
+    end
+}
+
+/// Runs many tries; each ending has to come about, or the mutations are too tame or too wild.
+fn expect_all_ends(tries: u64, end: impl Fn(u64) -> End + Sync) {
+    let ends: Vec<End> = (0..tries).into_par_iter().map(&end).collect();
+    let counts = [0, 1, 2].map(|kind| ends.iter().filter(|end| **end as usize == kind).count());
+    assert!(counts.iter().all(|count| *count > 10), "all ways are walked: {counts:?}");
+}
+
 #[test]
 fn mutated_pipelines_never_panic() {
     let pipeline = nodes(FILL, "sum");
     let variant = r#"Variant(version: 1, about: "v", of: "base.ron", remove: ["shadow"], set: {"gather.shape.fov": 9e1, "sum.b": PreviousFrame("gather")}, replace: {"lit": Sum(a: "surfaces")}, add: {"seek": [(name: "x", pass: Gather(at: "seek"))]}, outputs: {"a": "sum"})"#;
     let refused = pipeline.replace("Shadows()", "Shadows(taps: 2)");
-    let (scene, mut random) = (scene(true), Random(1));
-    let mut counts = [0, 0, 0];
-    for attempt in 0..5000 {
-        let (text, other) = [(pipeline.as_str(), variant), (variant, pipeline.as_str()), (refused.as_str(), variant)][attempt % 3];
-        let text = mutate(text, other, &mut random);
-        match load_files("test.ron", &[("test.ron", &text), ("base.ron", &pipeline)], &[], MOCKS) {
-            Err(problems) => {
-                assert!(!problems.0.is_empty() && !rendered(&problems).is_empty());
-                counts[0] += 1;
-            }
-            Ok(pipeline) => match plan_for(&pipeline, &scene, &[]) {
-                Err(problems) => {
-                    assert!(!rendered(&problems).is_empty());
-                    counts[1] += 1;
-                }
-                Ok(plan) => {
-                    assert!(!plan.outputs.is_empty());
-                    counts[2] += 1;
-                }
-            },
-        }
-    }
-    assert!(counts.iter().all(|count| *count > 20), "all ways are walked: {counts:?}");
+    let scene = scene(true);
+    expect_all_ends(10_000, |attempt| {
+        let (text, other) = [(pipeline.as_str(), variant), (variant, pipeline.as_str()), (refused.as_str(), variant)][attempt as usize % 3];
+        let text = mutate(text, other, &mut Random(attempt));
+        end_of(&[("test.ron", &text), ("base.ron", &pipeline)], MOCKS, &scene)
+    });
+}
+
+/// The text with the value of a random key exchanged.
+fn exchange(text: &str, random: &mut Random) -> String {
+    // Some are allowed somewhere, some nowhere.
+    const VALUES: [&str; 20] = [
+        "512",
+        "4",
+        "5",
+        "3",
+        "900000",
+        "1000000",
+        "1e6",
+        "4294967295",
+        "18446744073709551615",
+        "1e-9",
+        "-1",
+        "0.5",
+        "175",
+        "10",
+        "NaN",
+        "inf",
+        "Plane",
+        "Hemicube",
+        "Raster",
+        "MipmapChain",
+    ];
+    let keys: Vec<usize> = text.match_indices(": ").map(|(at, _)| at + 2).collect();
+    let start = keys[random.below(keys.len())];
+    let length = text[start..].find([',', ')', '}', '\n']).unwrap_or(0);
+    format!("{}{}{}", &text[..start], VALUES[random.below(VALUES.len())], &text[start + length..])
+}
+
+/// The same of what ships, with the passes that ship: no number in a pipeline may make planning endless or huge.
+#[test]
+fn mutated_shipped_pipelines_never_panic() {
+    let scene = scene(true);
+    let [(_, base), ..] = EMBEDDED else { panic!("nothing ships") };
+    expect_all_ends(10_000, |attempt| {
+        let mut random = Random(attempt);
+        let (_, other) = EMBEDDED[attempt as usize % EMBEDDED.len()];
+        let text = if attempt % 2 == 0 { exchange(base, &mut random) } else { mutate(other, base, &mut random) };
+        end_of(&[("test.ron", &text)], REGISTRY, &scene)
+    });
 }
 
 // Memory.

@@ -26,6 +26,9 @@ use std::{
 /// The extensions that are read here. Quantised meshes need nothing but integer attributes.
 const EXTENSIONS: [&str; 4] = ["KHR_lights_punctual", "KHR_materials_emissive_strength", "KHR_texture_transform", "KHR_mesh_quantization"];
 
+/// The most elements of an accessor without a buffer: a few bytes of text must not become gigabytes.
+const MAX_ZEROS: usize = 1 << 20;
+
 /// Reads the default scene of a glTF file.
 pub(super) fn read(path: &Path, draft: &mut Draft, wanted: &dyn Fn(&str) -> bool) -> Result<(), SceneError> {
     let bytes = read_bytes(path)?;
@@ -412,7 +415,7 @@ impl Reader<'_> {
         let decode = |bytes: &[u8]| std::array::from_fn(|axis| number(&bytes[axis * kind.size()..], kind, normalised));
         let mut vectors: Vec<[f32; N]> = match accessor.view() {
             Some(view) => self.elements(accessor, &view, accessor.offset(), size, accessor.count())?.into_iter().map(decode).collect(),
-            None => vec![[0.0; N]; accessor.count()],
+            None => self.zeros(accessor)?,
         };
         if let Some(sparse) = accessor.sparse() {
             let (indices, values) = (sparse.indices(), sparse.values());
@@ -429,6 +432,16 @@ impl Reader<'_> {
             }
         }
         Ok(vectors)
+    }
+
+    /// The elements of an accessor that no bytes of the file stand for.
+    fn zeros<const N: usize>(&self, accessor: &Accessor) -> Result<Vec<[f32; N]>, SceneError> {
+        if accessor.count() <= MAX_ZEROS {
+            return Ok(vec![[0.0; N]; accessor.count()]);
+        }
+        let (index, count, path) = (accessor.index(), accessor.count(), self.path.display());
+        Err(SceneError::new(Problem::TooLarge, format!("accessor {index} of `{path}` has {count} elements without a buffer; the limit is {MAX_ZEROS}"))
+            .help("store its elements in a buffer"))
     }
 
     fn read_indices(&self, accessor: &Accessor) -> Result<Vec<u32>, SceneError> {

@@ -18,6 +18,9 @@ const MAX_SIDE: u32 = 16384;
 /// What all textures of a scene may take [bytes].
 const MAX_BYTES: u64 = 1 << 30;
 
+/// The most pixels of a sky: 8192×8192, 1 GiB on the device.
+const MAX_TEXELS: u64 = 1 << 26;
+
 /// A texture that is decoded only if a surface uses it.
 #[derive(Debug, Clone)]
 pub(super) struct TextureSource {
@@ -101,6 +104,15 @@ fn expect_side(name: &str, width: u32, height: u32) -> Result<(), SceneError> {
     Err(SceneError::new(Problem::TooLarge, format!("image `{name}` is {width}×{height}; the limit is {MAX_SIDE} pixels a side")).help("scale the image down"))
 }
 
+/// Refuses a sky before memory is taken for it: a small file may state any size.
+fn expect_sky(name: &str, width: u32, height: u32) -> Result<(), SceneError> {
+    expect_side(name, width, height)?;
+    if u64::from(width) * u64::from(height) <= MAX_TEXELS {
+        return Ok(());
+    }
+    Err(SceneError::new(Problem::TooLarge, format!("sky `{name}` is {width}×{height}; the limit is {MAX_TEXELS} pixels")).help("scale the image down"))
+}
+
 /// Reads a latitude-longitude sky from EXR or Radiance HDR, turns it by `rotation` [radians] from −z towards +x and
 /// multiplies it by `scale`.
 ///
@@ -125,7 +137,7 @@ type Radiance = (u32, u32, Vec<Rgb>);
 
 fn decode_hdr(bytes: &[u8], name: &str) -> Result<Radiance, SceneError> {
     let (width, height) = dimensions(bytes).ok_or_else(|| undecodable(name))?;
-    expect_side(name, width, height)?;
+    expect_sky(name, width, height)?;
     let image = decode_pixels(bytes).ok_or_else(|| undecodable(name))?.into_rgb32f();
     Ok((width, height, image.pixels().map(|pixel| Vec3::from(pixel.0)).collect()))
 }
@@ -135,7 +147,7 @@ fn decode_exr(bytes: &[u8], name: &str) -> Result<Radiance, SceneError> {
     let meta = guard(|| MetaData::read_from_buffered(Cursor::new(bytes), false).ok()).flatten().ok_or_else(|| undecodable(name))?;
     for header in &meta.headers {
         let side = |pixels: usize| u32::try_from(pixels).unwrap_or(u32::MAX);
-        expect_side(name, side(header.layer_size.width()), side(header.layer_size.height()))?;
+        expect_sky(name, side(header.layer_size.width()), side(header.layer_size.height()))?;
     }
     let decode = || {
         let reader = read().no_deep_data().largest_resolution_level().rgb_channels(

@@ -49,6 +49,13 @@ impl Builder {
         self.accessor(json!({"bufferView": view, "componentType": 5123, "count": indices.len(), "type": "SCALAR"}))
     }
 
+    /// As a text file, and the buffer beside it.
+    pub fn finish_as_text(&self, uri: &str) -> (String, Vec<u8>) {
+        let mut root = self.root.clone();
+        root["buffers"] = json!([{"byteLength": self.bytes.len(), "uri": uri}]);
+        (root.to_string(), self.bytes.clone())
+    }
+
     pub fn finish(&self) -> Vec<u8> {
         let mut root = self.root.clone();
         root["buffers"] = json!([{"byteLength": self.bytes.len()}]);
@@ -192,12 +199,9 @@ fn a_texture_that_is_missing_leaves_the_colour() {
 
 #[test]
 fn text_files_read_their_buffers_beside_them() {
-    let builder = complete();
-    let mut root = builder.root.clone();
-    root["buffers"] = json!([{"byteLength": builder.bytes.len(), "uri": "the%20data.bin"}]);
-    let text = root.to_string();
-    let scene = load_files(&[("thing.gltf", text.as_bytes()), ("the data.bin", &builder.bytes)]).unwrap();
-    assert_eq!(scene.triangles, load_glb(&builder).unwrap().triangles);
+    let (text, bytes) = complete().finish_as_text("the%20data.bin");
+    let scene = load_files(&[("thing.gltf", text.as_bytes()), ("the data.bin", &bytes)]).unwrap();
+    assert_eq!(scene.triangles, load_glb(&complete()).unwrap().triangles);
 }
 
 #[test]
@@ -223,4 +227,16 @@ fn ranges_outside_buffers_are_refused() {
         }
         assert!(load_glb(&builder).is_err(), "{pointer} = {value} was accepted");
     }
+}
+
+#[test]
+fn counts_without_bytes_are_refused() {
+    let mut builder = Builder::new(json!({"nodes": [{"mesh": 0}]}));
+    let (at, with) = (builder.view(&[1]), builder.view(&[0; 12]));
+    let sparse = json!({"count": 1, "indices": {"bufferView": at, "componentType": 5121}, "values": {"bufferView": with}});
+    let zeros = json!({"componentType": 5126, "count": 30_000_000, "type": "VEC3", "sparse": sparse, "min": [0, 0, 0], "max": [0, 0, 0]});
+    let positions = builder.accessor(zeros);
+    builder.root["meshes"] = json!([{"primitives": [{"attributes": {"POSITION": positions}}]}]);
+    let error = load_glb(&builder).unwrap_err();
+    assert_eq!(error.problem(), crate::scene::load::Problem::TooLarge, "{error}");
 }

@@ -44,6 +44,14 @@ fn radiance_files_are_read() {
     assert_eq!(sky.radiance(Vec3::X), Vec3::new(2.0, 4.0, 8.0));
 }
 
+/// The file with another size in its header, and no more pixels than before.
+fn stating(mut exr: Vec<u8>, width: i32, height: i32) -> Vec<u8> {
+    let name = b"dataWindow\0box2i\0";
+    let window = exr.windows(name.len()).position(|bytes| bytes == name).unwrap() + name.len() + 4;
+    exr[window..window + 16].copy_from_slice(&[0, 0, width - 1, height - 1].map(i32::to_le_bytes).concat());
+    exr
+}
+
 #[test]
 fn broken_skies_are_refused() {
     let problem = |sky: &[u8]| load_sky(DOCUMENT, "sky.exr", sky).unwrap_err().problem();
@@ -51,6 +59,7 @@ fn broken_skies_are_refused() {
     assert_eq!(problem(&exr(2, 1, |_, _| [-1.0, 0.0, 0.0])), Problem::Range);
     assert_eq!(problem(&exr(2, 1, |_, _| [f32::NAN, 0.0, 0.0])), Problem::Range);
     assert_eq!(problem(&exr(16385, 1, |_, _| [0.0; 3])), Problem::TooLarge);
+    assert_eq!(problem(&stating(exr(4, 2, |_, _| [0.0; 3]), 16384, 8192)), Problem::TooLarge);
     assert_eq!(load_sky(DOCUMENT, "sky.png", &[]).unwrap_err().problem(), Problem::NotFound);
 }
 

@@ -1,0 +1,202 @@
+//! Every diagnostic code has a case whose whole message is a reviewed snapshot, here or in another test, or a reason why
+//! no input brings it about.
+
+use assert_cmd::Command;
+use hemisplat::measure::{Layer, Layers};
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::Path;
+
+/// Codes that no input brings about on every machine.
+const BEYOND_INPUT: [(&str, &str); 20] = [
+    ("cli::interrupted", "needs Ctrl-C at the right moment"),
+    ("cli::json", "results hold nothing that JSON cannot"),
+    ("cli::signal", "the system refuses a handler"),
+    ("gpu::driver", "a fault of the driver or of a shader"),
+    ("gpu::host_step", "a fault of a pass: fills stop before a cache is full"),
+    ("gpu::interrupted", "needs Ctrl-C at the right moment"),
+    ("gpu::limit", "depends on the adapter"),
+    ("gpu::lost", "the device goes away"),
+    ("gpu::missing_feature", "depends on the adapter"),
+    ("gpu::no_device", "the driver refuses its own adapter"),
+    ("gpu::other_recording", "frames are compared before the session is asked"),
+    ("gpu::out_of_memory", "depends on the machine"),
+    ("gpu::shader", "shaders ship with the program, and tests validate them"),
+    ("measure::encoding", "what is written was made here"),
+    ("measure::wrong_size", "files cannot hold layers of several sizes"),
+    ("reference::camera", "loaders refuse such cameras first"),
+    ("reference::stopped", "needs Ctrl-C at the right moment"),
+    ("render::non_finite", "a fault of a pass"),
+    ("render::unknown_dump", "plans refuse it first"),
+    ("scene::unreadable", "a file that is there but cannot be read; as the super-user all can"),
+];
+
+/// A camera and a box of this material.
+fn scene(material: &str) -> String {
+    let camera = "(eye: (3, 3, 3), target: (0, 0, 0), fov: 40, size: (8, 8))";
+    format!(
+        "Scene(version: 1, geometry: [Box(min: (0, 0, 0), max: (1, 1, 1))], materials: {{ \"*\": {material} }}, cameras: {{ \"a\": {camera}, \"b\": {camera} }})"
+    )
+}
+
+fn picture(layer: Layer) -> Layers {
+    Layers::new(2, 1).with("irradiance", layer).with("depth", Layer::value(vec![1.0, 1.0]))
+}
+
+/// Parts of two pixels of this grey, as other programs may write them.
+fn parts(names: &[&str], grey: f32) -> Vec<u8> {
+    use exr::prelude::*;
+    let colours = || SpecificChannels::rgb(move |_| (grey, grey, grey));
+    let layers: Vec<_> = names.iter().map(|name| Layer::new((2, 1), LayerAttributes::named(*name), Encoding::UNCOMPRESSED, colours())).collect();
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    Image::from_layers(ImageAttributes::new(IntegerBounds::from_dimensions((2, 1))), layers).write().to_buffered(&mut bytes).unwrap();
+    bytes.into_inner()
+}
+
+/// The picture with a header that states other pixels than it holds.
+fn stating(mut exr: Vec<u8>, width: i32, height: i32) -> Vec<u8> {
+    let name = b"dataWindow\0box2i\0";
+    let window = exr.windows(name.len()).position(|bytes| bytes == name).unwrap() + name.len() + 4;
+    exr[window..window + 16].copy_from_slice(&[0, 0, width - 1, height - 1].map(i32::to_le_bytes).concat());
+    exr
+}
+
+/// A pipeline without records.
+const DIRECT: &str = r#"Pipeline(version: 1, about: "direct light", nodes: [(name: "gbuffer", pass: GBuffer()), (name: "direct", pass: DirectLight(gbuffer: "gbuffer"))],
+    outputs: { "picture": "direct" })"#;
+
+/// What the cases work on.
+fn files() -> BTreeMap<&'static str, Vec<u8>> {
+    let exr = |picture: Layers| picture.to_exr().unwrap();
+    let grey = || exr(picture(Layer::value(vec![1.0, 2.0])));
+    BTreeMap::from([
+        ("white.ron", scene("Diffuse(reflectance: (0.5, 0.5, 0.5))").into_bytes()),
+        ("glossy.ron", scene("Phong(reflectance: (0.5, 0.5, 0.5), specular: (0.1, 0.1, 0.1), exponent: 10)").into_bytes()),
+        ("grey.exr", grey()),
+        ("black.exr", exr(picture(Layer::value(vec![0.0, 0.0])))),
+        ("nothing.exr", exr(picture(Layer::value(vec![1.0, 2.0])).with("depth", Layer::value(vec![0.0, 0.0])))),
+        ("vectors.exr", exr(picture(Layer::interleaved(&["X", "Y", "Z"], &[1.0; 6], 3)))),
+        ("small.exr", exr(Layers::new(1, 1).with("variance", Layer::value(vec![1.0])))),
+        ("parts.exr", parts(&["a", "b"], 1.0)),
+        ("huge.exr", stating(grey(), 1 << 20, 1 << 20)),
+        ("broken.exr", vec![0x76, 0x2f, 0x31, 0x01, 2, 0, 0, 0, 9]),
+        ("nan.exr", parts(&["only"], f32::NAN)),
+        ("records", b"no header".to_vec()),
+        ("direct.ron", DIRECT.as_bytes().to_vec()),
+    ])
+}
+
+/// Code and arguments, one case each, and whether a GPU is needed.
+#[rustfmt::skip]
+const CASES: [(&str, &str, bool); 31] = [
+    ("plan::batch", "check irradiance --scene white.ron --set tiles.resolution=512", false),
+    ("plan::coarsest", "check irradiance --scene white.ron --set misses.by=DeviceGrid(coarsest:3)", false),
+    ("plan::mipmap", "check irradiance-mipmap --scene white.ron --set tiles.resolution=22", false),
+    ("plan::raster_shape", "check irradiance --scene white.ron --set tiles.by=Raster", false),
+    ("plan::spacing", "check irradiance --scene white.ron --set cache.minimum_spacing=9 --set cache.maximum_spacing=1", false),
+    ("plan::tile", "check irradiance-hemicube --scene white.ron --set tiles.resolution=5", false),
+    ("plan::taps", "check irradiance --scene corner --set shadow.taps=5", false),
+    ("plan::glossy", "check irradiance --scene glossy.ron", false),
+    ("cli::unknown_pass", "passes Splatt", false),
+    ("cli::unknown_camera", "explain irradiance --scene white.ron --camera c", false),
+    ("cli::several_cameras", "explain irradiance --scene white.ron --camera a --camera b", false),
+    ("cli::write", "reference --scene white.ron --spp 4 --quiet -o white.ron/out.exr", false),
+    ("cli::unknown_format", "reference --scene white.ron -o picture.gif", false),
+    ("reference::size", "reference --scene white.ron --size 20000x20000 -o out.exr", false),
+    ("reference::samples", "reference --scene white.ron --spp 0 -o out.exr", false),
+    ("reference::error", "reference --scene white.ron --error 0 -o out.exr", false),
+    ("reference::glossy", "reference --scene glossy.ron -o out.exr", false),
+    ("measure::black_reference", "diff grey.exr black.exr", false),
+    ("measure::no_surface", "diff grey.exr nothing.exr", false),
+    ("measure::not_a_picture", "diff vectors.exr grey.exr", false),
+    ("measure::corrupt_exr", "diff broken.exr grey.exr", false),
+    ("measure::several_parts", "diff parts.exr grey.exr", false),
+    ("measure::non_finite", "diff nan.exr:picture grey.exr:irradiance", false),
+    ("measure::corrupt_picture", "diff white.ron grey.exr", false),
+    ("measure::too_large", "diff huge.exr grey.exr", false),
+    ("measure::variance_size", "diff grey.exr grey.exr --variance small.exr", false),
+    ("gpu::no_adapter", "render irradiance --scene white.ron --quiet -o out.exr", false),
+    ("render::cache", "render irradiance --scene white.ron --quiet -o out.exr --cache records", true),
+    ("render::no_records", "render direct.ron --scene white.ron --quiet -o out.exr --cache new", true),
+    ("render::incomplete", "render irradiance --scene white.ron --quiet -o out.exr --strict --set misses.at_most=1", true),
+    ("render::other_plan", "render irradiance --scene white.ron --quiet -o out.exr --set-frames tiles.resolution=8,16", false),
+];
+
+fn run(folder: &Path, code: &str, arguments: &str) -> (i32, String) {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_hemisplat"));
+    command.current_dir(folder).args(arguments.split(' ')).env_remove("NO_COLOR").env_remove("HEMISPLAT_SCENES");
+    if code == "gpu::no_adapter" {
+        command.env("WGPU_ADAPTER_NAME", "no adapter has this name");
+    }
+    let output = command.output().unwrap();
+    (output.status.code().unwrap(), String::from_utf8(output.stderr).unwrap())
+}
+
+#[test]
+fn each_case_has_its_code_and_its_words() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, contents) in files() {
+        fs::write(folder.path().join(name), contents).unwrap();
+    }
+    let required = std::env::var("HEMISPLAT_REQUIRE").is_ok_and(|list| list.split(',').any(|item| item.trim() == "gpu"));
+    let has_gpu = hemisplat::gpu::device::adapters().iter().any(|adapter| adapter.lacks.is_empty());
+    for (code, arguments, needs_gpu) in CASES {
+        if needs_gpu && !has_gpu && !required {
+            println!("SKIPPED: {code}: no GPU adapter");
+            continue;
+        }
+        let (status, message) = run(folder.path(), code, arguments);
+        assert!(status > 0 && message.starts_with(code), "{arguments}: status {status}\n{message}");
+        insta::assert_snapshot!(code.replace("::", "__"), format!("status {status}\n{message}"));
+    }
+}
+
+/// All text files below a folder with this ending.
+fn texts(folder: &str, ending: &str) -> Vec<String> {
+    let mut folders = vec![Path::new(env!("CARGO_MANIFEST_DIR")).join(folder)];
+    let mut texts = Vec::new();
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else if path.extension().is_some_and(|found| found == ending) {
+                texts.push(fs::read_to_string(path).unwrap());
+            }
+        }
+    }
+    texts
+}
+
+/// The code that a text begins with: two words joined by colons, with `end` after them.
+fn code_before(text: &str, end: char) -> Option<String> {
+    let (code, _) = text.split_once(end)?;
+    let (family, name) = code.split_once("::")?;
+    let is_word = |word: &str| !word.is_empty() && word.chars().all(|c| c.is_ascii_lowercase() || c == '_');
+    (is_word(family) && is_word(name)).then(|| code.to_owned())
+}
+
+/// Every code that the sources name, in an attribute or as a text.
+fn codes(source: &str) -> Vec<String> {
+    let after = |opening: &'static str, end: char| source.match_indices(opening).filter_map(move |(at, _)| code_before(&source[at + opening.len()..], end));
+    after("code(", ')').chain(after("\"", '"')).collect()
+}
+
+#[test]
+fn every_code_has_a_snapshot_or_a_reason() {
+    let codes: BTreeSet<String> = ["src", "passes"].iter().flat_map(|folder| texts(folder, "rs")).flat_map(|source| codes(&source)).collect();
+    assert!(codes.len() > 80, "{codes:?}");
+    let snapshots = [texts("tests", "snap"), texts("src", "snap")].concat();
+    let shown: BTreeSet<String> = snapshots.iter().flat_map(|text| text.lines()).filter_map(|line| code_before(&format!("{} ", line.trim()), ' ')).collect();
+    let excused: BTreeSet<String> = BEYOND_INPUT.iter().map(|(code, _)| code.to_string()).collect();
+    let missing: Vec<_> = codes.iter().filter(|code| !shown.contains(*code) && !excused.contains(*code)).collect();
+    assert!(missing.is_empty(), "no case brings about {missing:?}");
+    let idle: Vec<_> = excused.iter().filter(|code| !codes.contains(*code) || shown.contains(*code)).collect();
+    assert!(idle.is_empty(), "no excuse is needed for {idle:?}");
+}
+
+#[test]
+fn codes_are_found_where_they_stand() {
+    let source = "#[diagnostic(code(cli::read), help(\"x\"))] Problem::new(\"plan::tile\", y); \"a text: b::c d\"; f(\"std::Fs\")";
+    assert_eq!(codes(source), ["cli::read", "plan::tile"]);
+}

@@ -1,4 +1,4 @@
-#import lib/trace
+#import lib/scene
 #import lib/camera
 
 // The triangle at each pixel's centre, then what the pixel sees of it.

@@ -1,4 +1,4 @@
-#import lib/trace
+#import lib/scene
 #import lib/frame
 #import lib/record
 #import lib/tile

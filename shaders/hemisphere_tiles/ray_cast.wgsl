@@ -1,30 +1,74 @@
-#import lib/trace
+#import lib/packet
 #import lib/frame
 #import lib/record
 #import lib/tile
 
-// The triangle that each sample of a tile sees, by one ray a sample.
+// The triangle that each sample of a tile sees, by a ray a sample: each lane has a packet of 4×2 neighbours.
 
 @group(0) @binding(0) var<storage, read> requests: array<Request>;
 @group(0) @binding(1) var<storage, read> samples: array<TileSample>;
 @group(0) @binding(2) var seen: texture_storage_2d<r32uint, write>;
 
+// Samples along x and y that a packet and a workgroup's packets cover.
+const PACKET = vec2u(4u, 2u);
+const COVERED = vec2u(32u, 16u);
+
+// Where a lane's packet stands among those of its workgroup: eight lanes after another are 2×4 packets, 8×8 samples.
+fn packet_of(lane: u32) -> vec2u {
+    return vec2u((lane & 1u) | (lane >> 2u & 6u), (lane >> 1u & 3u) | (lane >> 3u & 4u));
+}
+
+fn is_sample(at: vec2u) -> bool {
+    return at.x < TILE_WIDTH && at.y < TILE_HEIGHT;
+}
+
+fn has_ray(at: vec2u) -> bool {
+    return is_sample(at) && samples[at.y * TILE_WIDTH + at.x].plain_weight > 0.0;
+}
+
+fn direction_at(frame: mat3x3f, at: vec2u) -> vec3f {
+    let inside = min(at, vec2u(TILE_WIDTH, TILE_HEIGHT) - 1u);
+    return frame * samples[inside.y * TILE_WIDTH + inside.x].direction;
+}
+
+// Four samples in a row.
+fn row(frame: mat3x3f, at: vec2u) -> Rays {
+    let b = at + vec2u(1u, 0u);
+    let c = at + vec2u(2u, 0u);
+    let d = at + vec2u(3u, 0u);
+    let alive = vec4<bool>(has_ray(at), has_ray(b), has_ray(c), has_ray(d));
+    return rays(direction_at(frame, at), direction_at(frame, b), direction_at(frame, c), direction_at(frame, d), alive);
+}
+
+fn store(tile: u32, at: vec2u, triangle: u32) {
+    if is_sample(at) {
+        textureStore(seen, tile_corner(tile) + at, vec4u(triangle));
+    }
+}
+
+fn store_row(tile: u32, at: vec2u, triangles: vec4u) {
+    store(tile, at, triangles.x);
+    store(tile, at + vec2u(1u, 0u), triangles.y);
+    store(tile, at + vec2u(2u, 0u), triangles.z);
+    store(tile, at + vec2u(3u, 0u), triangles.w);
+}
+
 @compute @workgroup_size(64)
 fn trace(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) lane: u32) {
-    let size = TILE_WIDTH * TILE_HEIGHT;
-    let per = (size + 63u) / 64u;
+    let across = (TILE_WIDTH + COVERED.x - 1u) / COVERED.x;
+    let parts = across * ((TILE_HEIGHT + COVERED.y - 1u) / COVERED.y);
     let linear = group.x + group.y * groups.x;
-    let tile = linear / per;
-    let sample = (linear % per) * 64u + lane;
-    if tile >= TILE_CAPACITY || sample >= size {
+    let tile = linear / parts;
+    let part = linear % parts;
+    let at = vec2u(part % across, part / across) * COVERED + packet_of(lane) * PACKET;
+    if tile >= TILE_CAPACITY || !is_sample(at) {
         return;
     }
-    var triangle = 0u;
-    if samples[sample].plain_weight > 0.0 {
-        let request = requests[tile];
-        let direction = frame_around(request.normal, request.turn) * samples[sample].direction;
-        let hit = trace_closest(request.position + request.normal * surface_offset(request.position), direction);
-        triangle = select(hit.triangle + 1u, 0u, hit.triangle == NO_TRIANGLE);
-    }
-    textureStore(seen, tile_corner(tile) + vec2u(sample % TILE_WIDTH, sample / TILE_WIDTH), vec4u(triangle));
+    let request = requests[tile];
+    let frame = frame_around(request.normal, request.turn);
+    let origin = request.position + request.normal * surface_offset(request.position);
+    let below = at + vec2u(0u, 1u);
+    let packet = trace_packet(origin, Packet(row(frame, at), row(frame, below)));
+    store_row(tile, at, packet.a.seen);
+    store_row(tile, below, packet.b.seen);
 }

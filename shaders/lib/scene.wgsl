@@ -60,8 +60,10 @@ const PI = 3.14159265358979;
 // Distance of what lies in the sky.
 const FAR_AWAY = 1e30;
 
-// Whether the plan found textures in the scene.
+// Whether the plan found textures, alpha masks, one-sided surfaces in the scene.
 override TEXTURES: bool = true;
+override ALPHA_MASKS: bool = true;
+override ONE_SIDED: bool = true;
 
 struct Surface {
     position: vec3f,

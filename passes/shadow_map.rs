@@ -1,5 +1,6 @@
 //! Shadow maps of the punctual lights.
 
+use crate::contract::recorder::shadow_taps;
 use crate::contract::{Arguments, Description, Need, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, port};
 use crate::host_struct;
 use crate::recording::*;
@@ -51,10 +52,7 @@ impl Pass for ShadowMap {
 
     fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
         let resolution = r.arguments.integer("resolution") as u32;
-        let taps = r.arguments.integer("taps") as u32;
-        if !matches!(taps, 4 | 9 | 16 | 25) {
-            return Err(Refusal::of_parameter("taps", "plan::taps", format!("{taps} taps do not make a square"), "give 4, 9, 16 or 25 taps"));
-        }
+        let taps = shadow_taps(r.arguments)?;
         let views: Vec<ShadowView> = r.setting.scene.lights.iter().flat_map(|light| views(light, r.setting.scene)).collect();
         let layers = views.len() as u32;
         let buffer = r.constant_buffer("views", bytemuck::cast_slice(&views));

@@ -1,7 +1,7 @@
 //! What records see.
 
 use super::record::{TileSample, sample_bytes};
-use crate::contract::recorder::{bind_visibility, light_constants};
+use crate::contract::recorder::{bind_visibility, light_constants, shadow_taps};
 use crate::contract::{Choice, Description, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, port};
 use crate::math::hemisphere::{Shape, Table};
 use crate::recording::*;
@@ -59,6 +59,12 @@ static DESCRIPTION: Description = Description {
             about: "samples along an edge of a tile",
             unit: "samples",
             kind: ParameterKind::Integer { default: 64, min: 4, max: 512 },
+        },
+        Parameter {
+            name: "taps",
+            about: "percentage-closer taps of a lookup into the shadow maps: 4, 9, 16 or 25; a sum over thousands of samples needs few",
+            unit: "",
+            kind: ParameterKind::Integer { default: 4, min: 4, max: 25 },
         },
     ],
     inputs: &[
@@ -119,6 +125,7 @@ impl Pass for HemisphereTiles {
         let shape = shape(r);
         let resolution = r.arguments.integer("resolution") as u32;
         let by = r.arguments.choice("by").0;
+        let taps = shadow_taps(r.arguments)?;
         let table = Table::new(shape, resolution, crate::math::hemisphere::Method::None)
             .map_err(|e| Refusal::of_parameter("resolution", "plan::tile", e.to_string(), "choose another shape or resolution"))?;
         if by == "Raster" && table.views.is_empty() {
@@ -143,7 +150,7 @@ impl Pass for HemisphereTiles {
         } else {
             ray_cast::record(r, &work)
         }
-        let samples = shade(r, &work);
+        let samples = shade(r, &work, taps);
         let tiles = port::Tiles { samples, requests, shape, resolution, table: work.table, tiles_per_row: work.tiles_per_row };
         r.output("tiles", Port::Tiles(tiles));
         Ok(())
@@ -181,11 +188,12 @@ fn layout(r: &mut Recorder<'_>, requests: port::Requests, shape: Shape, table: T
 /// Shadow rays from what a sample sees, to area lights and to the sky: a tile holds thousands of samples.
 const SAMPLES_OF_EMITTERS: [u32; 2] = [1, 1];
 
-fn shade(r: &mut Recorder<'_>, work: &Work) -> Resource {
+fn shade(r: &mut Recorder<'_>, work: &Work, taps: u32) -> Resource {
     let direct_lights = r.direct_light("direct").is_some_and(|d| d.lights_from_emitters);
     let radiance = r.buffer("radiance", work.requests.capacity as u64 * work.samples_per_tile() as u64 * 16);
     let program = work.layout(light_constants(Program::new("hemisphere_tiles/shade"), r.setting.needs, SAMPLES_OF_EMITTERS));
-    let program = bind_visibility(program, r.shadow_maps("shadow"))
+    let maps = r.shadow_maps("shadow").map(|maps| port::ShadowMaps { taps, ..*maps });
+    let program = bind_visibility(program, maps.as_ref())
         .constant("SEES_EMISSION", !direct_lights as u8)
         .bind("requests", work.requests.places)
         .bind("samples", work.samples)

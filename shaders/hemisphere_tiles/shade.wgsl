@@ -16,13 +16,12 @@ override SEES_EMISSION: bool = false;
 @compute @workgroup_size(64)
 fn shade(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) lane: u32) {
     let size = TILE_WIDTH * TILE_HEIGHT;
-    let per = (size + 63u) / 64u;
-    let linear = group.x + group.y * groups.x;
-    let tile = linear / per;
-    let sample = (linear % per) * 64u + lane;
-    if tile >= TILE_CAPACITY || sample >= size {
+    let item = tile_item(size, group, groups, lane);
+    if !item.inside {
         return;
     }
+    let tile = item.tile;
+    let sample = item.index;
     let request = requests[tile];
     let direction = frame_around(request.normal, request.turn) * samples[sample].direction;
     let triangle = textureLoad(seen, tile_corner(tile) + vec2u(sample % TILE_WIDTH, sample / TILE_WIDTH), 0).x;

@@ -8,15 +8,12 @@
 @compute @workgroup_size(64)
 fn pack(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) lane: u32) {
     let texels = LEVEL_WIDTH * LEVEL_HEIGHT;
-    let per = (texels + 63u) / 64u;
-    let linear = group.x + group.y * groups.x;
-    let tile = linear / per;
-    let index = (linear % per) * 64u + lane;
-    if tile >= TILE_CAPACITY || index >= texels {
+    let item = tile_item(texels, group, groups, lane);
+    if !item.inside {
         return;
     }
-    let at = level_corner(tile) + vec2u(index % LEVEL_WIDTH, index / LEVEL_WIDTH);
+    let at = level_corner(item.tile) + vec2u(item.index % LEVEL_WIDTH, item.index / LEVEL_WIDTH);
     for (var part = 0u; part < PARTS; part++) {
-        rest[(tile * PARTS + part) * texels + index] = textureLoad(last, at, part, 0);
+        rest[(item.tile * PARTS + part) * texels + item.index] = textureLoad(last, at, part, 0);
     }
 }

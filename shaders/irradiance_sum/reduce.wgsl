@@ -28,12 +28,9 @@ struct Place {
 }
 
 fn place_of(group: vec3u, groups: vec3u, lane: u32) -> Place {
-    let per = (LEVEL_WIDTH * LEVEL_HEIGHT + 63u) / 64u;
-    let linear = group.x + group.y * groups.x;
-    let index = (linear % per) * 64u + lane;
-    let tile = linear / per;
-    let texel = vec2u(index % LEVEL_WIDTH, index / LEVEL_WIDTH);
-    return Place(tile, texel, level_corner(tile) + texel, tile < TILE_CAPACITY && index < LEVEL_WIDTH * LEVEL_HEIGHT);
+    let item = tile_item(LEVEL_WIDTH * LEVEL_HEIGHT, group, groups, lane);
+    let texel = vec2u(item.index % LEVEL_WIDTH, item.index / LEVEL_WIDTH);
+    return Place(item.tile, texel, level_corner(item.tile) + texel, item.inside);
 }
 
 fn scaled(part: u32, value: vec4f) -> vec4f {

@@ -28,3 +28,19 @@ override TILE_CAPACITY: u32 = 256u;
 fn tile_corner(tile: u32) -> vec2u {
     return vec2u((tile % TILES_PER_ROW) * TILE_WIDTH, (tile / TILES_PER_ROW) * TILE_HEIGHT);
 }
+
+// One of the `items` of a tile that a lane has, where workgroups of 64 lanes work through the items of one tile after the other.
+struct TileItem {
+    tile: u32,
+    index: u32,
+    // False for lanes beyond a tile's items or the last tile.
+    inside: bool,
+}
+
+fn tile_item(items: u32, group: vec3u, groups: vec3u, lane: u32) -> TileItem {
+    let per = (items + 63u) / 64u;
+    let linear = group.x + group.y * groups.x;
+    let tile = linear / per;
+    let index = (linear % per) * 64u + lane;
+    return TileItem(tile, index, tile < TILE_CAPACITY && index < items);
+}

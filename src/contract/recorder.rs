@@ -252,6 +252,14 @@ pub fn light_constants(program: Program, needs: &Needs, samples: [u32; 2]) -> Pr
         .constant("SKY_SAMPLES", if needs.environment { samples[1] } else { 0 })
 }
 
+/// Percentage-closer taps of a lookup, as a node's parameter `taps` says: a square number.
+pub fn shadow_taps(arguments: &Arguments) -> Result<u32, Refusal> {
+    match arguments.integer("taps") as u32 {
+        taps @ (4 | 9 | 16 | 25) => Ok(taps),
+        taps => Err(Refusal::of_parameter("taps", "plan::taps", format!("{taps} taps do not make a square"), "give 4, 9, 16 or 25 taps")),
+    }
+}
+
 /// Joins shadow maps to a program that looks lights up; shadow rays where there are none.
 pub fn bind_visibility(program: Program, maps: Option<&super::port::ShadowMaps>) -> Program {
     match maps {

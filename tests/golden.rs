@@ -96,6 +96,23 @@ fn update(made: &Path, golden: &Path, folder: &Path) -> Outcome {
     std::fs::copy(made, golden).map(|_| ()).map_err(|e| e.to_string().into())
 }
 
+/// The same files on the same adapter: the same bits, whatever ran in between.
+fn pictures_repeat_to_the_bit() -> Outcome {
+    let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
+    let drawn = |name: &str| -> Result<Vec<u8>, Failed> {
+        let made = folder.path().join(name);
+        render("irradiance", &[], &made)?;
+        Ok(std::fs::read(&made).map_err(|e| e.to_string())?)
+    };
+    let first = drawn("first.exr")?;
+    for name in ["second.exr", "third.exr"] {
+        if drawn(name)? != first {
+            return Err(format!("{name} differs from the first").into());
+        }
+    }
+    Ok(())
+}
+
 // Mistakes on purpose
 
 fn golden(name: &str) -> Result<Layers, Failed> {
@@ -179,6 +196,7 @@ fn main() {
     let mut trials = vec![
         Trial::test("small_mistakes_are_refused", small_mistakes_are_refused),
         Trial::test("a_border_in_the_wrong_measure_is_refused", a_border_in_the_wrong_measure_is_refused),
+        drawn("pictures_repeat_to_the_bit", Box::new(pictures_repeat_to_the_bit)),
         drawn("wrong_parameters_are_refused", Box::new(wrong_parameters_are_refused)),
     ];
     trials.extend(pipelines().into_iter().map(|pipeline| {

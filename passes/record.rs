@@ -2,7 +2,7 @@
 
 use crate::contract::{Recorder, port};
 use crate::host_struct;
-use crate::math::{frame::Frame, hemisphere::Table, projection::Pinhole, sum::Summed, weight};
+use crate::math::{frame::Frame, hemisphere::Table, projection::Pinhole, radius::Ellipse, sum::Summed, weight};
 use crate::recording::*;
 use bytemuck::cast_slice;
 use glam::Vec3;
@@ -11,16 +11,16 @@ host_struct! {
     /// One irradiance record; lengths in scene units, irradiance in W/m².
     pub struct Record {
         position: [f32; 3],
-        /// Harmonic mean distance.
+        /// What the reach is in proportion to.
         radius: f32,
         normal: [f32; 3],
         minimum_distance: f32,
         irradiance: [f32; 3],
         /// Width of the pixel that asked for the record.
         footprint: f32,
-        /// Gradients of red, green and blue per radian; the fourth numbers are spare.
+        /// Gradients of red, green and blue per radian; the fourth numbers are the stretch, see `math::weight::Record`.
         rotation: [[f32; 4]; 3],
-        /// Gradients per scene unit.
+        /// Gradients per scene unit; the fourth numbers are spare.
         translation: [[f32; 4]; 3],
     }
 }
@@ -45,6 +45,11 @@ host_struct! {
         maximum_spacing: f32,
         /// 0 Ward, 1 Tabellion and Lamorlette, 2 compact.
         kind: u32,
+        /// Most of the reach in distances of the nearest thing seen.
+        nearest: f32,
+        padding_a: u32,
+        padding_b: u32,
+        padding_c: u32,
     }
 }
 
@@ -64,9 +69,9 @@ host_struct! {
         gradient: [f32; 3],
         a: u32,
         b: u32,
-        padding_a: u32,
-        padding_b: u32,
-        padding_c: u32,
+        hessian_xx: f32,
+        hessian_xy: f32,
+        hessian_yy: f32,
     }
 }
 
@@ -105,8 +110,15 @@ pub fn sample_bytes(table: &Table) -> Vec<u8> {
 
 /// A table's edges in single precision.
 pub fn edge_bytes(table: &Table) -> Vec<u8> {
-    let edges: Vec<_> =
-        table.edges.iter().map(|e| TileEdge { gradient: e.gradient.map(|x| x as f32), a: e.a, b: e.b, padding_a: 0, padding_b: 0, padding_c: 0 }).collect();
+    let single = |v: [f64; 3]| v.map(|x| x as f32);
+    let edges: Vec<_> = table
+        .edges
+        .iter()
+        .map(|e| {
+            let [hessian_xx, hessian_xy, hessian_yy] = single(e.hessian);
+            TileEdge { gradient: single(e.gradient), a: e.a, b: e.b, hessian_xx, hessian_xy, hessian_yy }
+        })
+        .collect();
     cast_slice(&edges).to_vec()
 }
 
@@ -122,13 +134,14 @@ impl From<&Record> for weight::Record {
             footprint: record.footprint,
             rotation: gradients(record.rotation),
             translation: gradients(record.translation),
+            stretch: Vec3::from(record.rotation.map(|[_, _, _, w]| w)),
         }
     }
 }
 
 impl From<&weight::Record> for Record {
     fn from(record: &weight::Record) -> Self {
-        let gradients = |all: [Vec3; 3]| all.map(|v| v.extend(0.0).to_array());
+        let gradients = |all: [Vec3; 3], fourth: Vec3| [0, 1, 2].map(|i| all[i].extend(fourth[i]).to_array());
         Self {
             position: record.position.into(),
             radius: record.radius,
@@ -136,17 +149,28 @@ impl From<&weight::Record> for Record {
             minimum_distance: record.minimum_distance,
             irradiance: record.irradiance.into(),
             footprint: record.footprint,
-            rotation: gradients(record.rotation),
-            translation: gradients(record.translation),
+            rotation: gradients(record.rotation, record.stretch),
+            translation: gradients(record.translation, Vec3::ZERO),
         }
     }
 }
 
+/// What a record's reach is in proportion to; the shaders know them by these numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Radius {
+    HarmonicMean = 0,
+    Curvature = 1,
+}
+
 /// The record of a request whose tile was summed on the host: what `record_of` in `shaders/lib/sums.wgsl` makes of it.
 /// Distances of nothing but sky are a huge number, as there.
-pub fn summed_record(request: &Request, summed: &Summed, gradients: bool) -> Record {
+pub fn summed_record(request: &Request, summed: &Summed, gradients: bool, radius: Radius) -> Record {
     let frame = Frame::new(Vec3::from(request.normal)).turned(request.turn);
-    let record = summed.record(Vec3::from(request.position), &frame, summed.harmonic_mean_cosine.min(FAR_AWAY) as f32, request.footprint);
+    let ellipse = match radius {
+        Radius::HarmonicMean => Ellipse::disc(summed.harmonic_mean_cosine),
+        Radius::Curvature => Ellipse::of_curvature(summed.luminance(), summed.hessian),
+    };
+    let record = summed.record(Vec3::from(request.position), &frame, ellipse, request.footprint);
     let record = weight::Record { minimum_distance: summed.min_distance.min(FAR_AWAY) as f32, ..record };
     let none = [Vec3::ZERO; 3];
     Record::from(&if gradients { record } else { weight::Record { rotation: none, translation: none, ..record } })

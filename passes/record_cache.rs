@@ -29,6 +29,12 @@ static DESCRIPTION: Description = Description {
             kind: ParameterKind::Float { default: 1000.0, min: 0.1, max: 1e6 },
         },
         Parameter {
+            name: "nearest",
+            about: "most of the reach over the distance of the nearest surface that the record sees: it stops before that surface's corner",
+            unit: "",
+            kind: ParameterKind::Float { default: 1.0, min: 0.01, max: 1e6 },
+        },
+        Parameter {
             name: "weights",
             about: "how much a record counts at a point",
             unit: "",
@@ -70,6 +76,7 @@ impl Pass for RecordCache {
                 "make minimum_spacing the smaller of the two",
             ));
         }
+        let nearest = r.arguments.float("nearest");
         let weighting = match r.arguments.choice("weights").0 {
             "Ward" => port::Weighting::Ward,
             "TabellionLamorlette" => port::Weighting::TabellionLamorlette,
@@ -80,6 +87,10 @@ impl Pass for RecordCache {
             minimum_spacing: minimum as f32,
             maximum_spacing: maximum as f32,
             kind: weighting as u32,
+            nearest: nearest as f32,
+            padding_a: 0,
+            padding_b: 0,
+            padding_c: 0,
         };
         let capacity = r.arguments.integer("capacity") as u32;
         let cache = port::RecordCache {
@@ -87,7 +98,7 @@ impl Pass for RecordCache {
             count: r.variable("count", true),
             capacity,
             weighting: r.constant_buffer("weighting", bytemuck::bytes_of(&uniform)),
-            rule: port::Rule { weighting, accuracy: uniform.accuracy, spacing: [uniform.minimum_spacing, uniform.maximum_spacing] },
+            rule: port::Rule { weighting, accuracy: uniform.accuracy, spacing: [uniform.minimum_spacing, uniform.maximum_spacing], nearest: uniform.nearest },
         };
         r.output("cache", Port::RecordCache(cache));
         Ok(())

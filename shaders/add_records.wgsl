@@ -1,3 +1,4 @@
+#import lib/colour
 #import lib/record
 
 // Appends a batch of records to the cache.
@@ -21,10 +22,6 @@ struct Batch {
 override LIMIT_BY_GRADIENT: bool = true;
 // Whether the radius may not jump over what a neighbour has seen (Krivanek 2006).
 override NEIGHBOUR_CLAMPING: bool = true;
-
-fn luminance(colour: vec3f) -> f32 {
-    return dot(colour, vec3f(0.2126, 0.7152, 0.0722));
-}
 
 fn limited(record: Record) -> f32 {
     let gradient = record.translation[0].xyz * 0.2126 + record.translation[1].xyz * 0.7152 + record.translation[2].xyz * 0.0722;

@@ -91,7 +91,7 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, spacing: u32) {
 impl Walk {
     /// Adds a record's weight to the pixels that it covers.
     fn splat(&mut self, record: &Record, rule: &Rule, camera: &Pinhole) {
-        let Some(bounds) = camera.bounds(record.position, rule.reach(record) * 1.0001) else { return };
+        let Some(bounds) = camera.bounds(record.position, rule.longest_reach(record) * 1.0001) else { return };
         for row in bounds.min[1]..bounds.max[1] {
             for column in bounds.min[0]..bounds.max[0] {
                 let pixel = row as usize * self.width + column as usize;

@@ -11,7 +11,7 @@ use glam::Vec3;
 pub(super) fn record(r: &mut Recorder<'_>, work: &Work<'_>) {
     let tiles = &work.weighted.tiles;
     let (table, samples, requests) = (work.weighted.table.clone(), tiles.samples, tiles.requests);
-    let (records, gradients) = (work.records, work.gradients);
+    let (records, gradients, radius) = (work.records, work.gradients, work.radius);
     let tile_bytes = table.samples.len() as u64 * 16;
     let reads = [Read::counted(samples, tile_bytes, requests.count), Read::counted(requests.places, REQUEST_BYTES, requests.count)];
     r.host("add", &reads, &[records], move |host| {
@@ -22,7 +22,7 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work<'_>) {
             let radiance: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(tile);
             let nearest = f64::from(surface_offset(extent, Vec3::from(place.position)).max(1e-30));
             let summed = sum(&table, &radiance, nearest).map_err(|e| e.to_string())?;
-            new.push(summed_record(place, &summed, gradients));
+            new.push(summed_record(place, &summed, gradients, radius));
         }
         host.write(records, 0, bytemuck::cast_slice(&new));
         Ok(())

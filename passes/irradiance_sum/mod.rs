@@ -1,6 +1,6 @@
 //! From tiles to records.
 
-use super::record::RECORD_BYTES;
+use super::record::{RECORD_BYTES, Radius};
 use crate::contract::{Choice, Description, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, port};
 use crate::recording::*;
 
@@ -15,7 +15,7 @@ pub struct IrradianceSum;
 static DESCRIPTION: Description = Description {
     name: "IrradianceSum",
     about: "Irradiance, rotation and translation gradients and harmonic mean distance of every tile",
-    source: "RCS sections 2 and 5.2; THESIS 4.4.2; MESH 5",
+    source: "RCS sections 2 and 5.2; THESIS 4.4.2; MESH 5; curvature: Schwarzhaupt and others 2012",
     parameters: &[
         Parameter {
             name: "by",
@@ -38,6 +38,21 @@ static DESCRIPTION: Description = Description {
                 ],
             },
         },
+        Parameter {
+            name: "radius",
+            about: "what a record's reach is in proportion to",
+            unit: "",
+            kind: ParameterKind::Choice {
+                choices: &[
+                    Choice { name: "HarmonicMean", about: "the harmonic mean distance of what the tile sees: it changes as fast at most (RCS 2)", parameters: &[] },
+                    Choice {
+                        name: "Curvature",
+                        about: "how far extrapolation along the gradient holds, by the second derivatives: an ellipse; needs gradients",
+                        parameters: &[],
+                    },
+                ],
+            },
+        },
         Parameter { name: "gradients", about: "rotation and translation gradients, or none", unit: "", kind: ParameterKind::Bool { default: true } },
     ],
     inputs: &[Input { name: "of", about: "tiles with weights", accepts: PortKind::WeightedTiles, required: true }],
@@ -49,6 +64,7 @@ struct Work<'a> {
     weighted: &'a port::WeightedTiles,
     records: Resource,
     gradients: bool,
+    radius: Radius,
 }
 
 impl Work<'_> {
@@ -60,6 +76,7 @@ impl Work<'_> {
             .constant("TILES_PER_ROW", tiles.tiles_per_row)
             .constant("TILE_CAPACITY", tiles.requests.capacity)
             .constant("GRADIENTS", self.gradients as u8)
+            .constant("RADIUS", self.radius as u32)
     }
 }
 
@@ -72,7 +89,17 @@ impl Pass for IrradianceSum {
         let Some(weighted) = r.weighted_tiles("of") else { return Ok(()) };
         let requests = weighted.tiles.requests;
         let records = r.buffer("records", requests.capacity as u64 * RECORD_BYTES);
-        let work = Work { weighted, records, gradients: r.arguments.bool("gradients") };
+        let gradients = r.arguments.bool("gradients");
+        let radius = if r.arguments.choice("radius").0 == "Curvature" { Radius::Curvature } else { Radius::HarmonicMean };
+        if radius == Radius::Curvature && !gradients {
+            return Err(Refusal::of_parameter(
+                "radius",
+                "plan::curvature",
+                "Curvature bounds the error of an extrapolation along gradients, which are off",
+                "set gradients to true, or radius to HarmonicMean",
+            ));
+        }
+        let work = Work { weighted, records, gradients, radius };
         match r.arguments.choice("by") {
             ("MipmapChain", arguments) => mipmap_chain::record(r, &work, arguments)?,
             ("PingPong", arguments) => ping_pong::record(r, &work, arguments),

@@ -27,13 +27,13 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work<'_>, arguments: &Argument
     let rest = r.buffer("rest", requests.capacity as u64 * tile_bytes);
     let program = work.at_level("irradiance_sum/ping_pong", levels).bind("last", from).bind("rest", rest);
     r.compute(program, "pack", work.groups(levels));
-    let (records, gradients) = (work.records, work.gradients);
+    let (records, gradients, radius) = (work.records, work.gradients, work.radius);
     let reads = [Read::counted(rest, tile_bytes, requests.count), Read::counted(requests.places, REQUEST_BYTES, requests.count)];
     r.host("add", &reads, &[records], move |host| {
         let extent = host.scene().extent() as f64;
         let places: Vec<Request> = bytemuck::pod_collect_to_vec(host.read(requests.places));
         let tiles = host.read(rest).chunks_exact(tile_bytes as usize);
-        let new: Vec<_> = places.iter().zip(tiles).map(|(place, tile)| summed_record(place, &add(tile, extent), gradients)).collect();
+        let new: Vec<_> = places.iter().zip(tiles).map(|(place, tile)| summed_record(place, &add(tile, extent), gradients, radius)).collect();
         debug_assert_eq!(size_of_val(new.as_slice()) as u64, places.len() as u64 * RECORD_BYTES);
         host.write(records, 0, bytemuck::cast_slice(&new));
         Ok(())
@@ -52,6 +52,7 @@ fn add(tile: &[u8], extent: f64) -> Summed {
         irradiance: parts[0].truncate(),
         rotation: [DVec3::new(parts[1].x, parts[1].y, 0.0), DVec3::new(parts[1].z, parts[1].w, 0.0), DVec3::new(parts[2].x, parts[2].y, 0.0)],
         translation: [3, 4, 5].map(|part| parts[part].truncate() / extent),
+        hessian: DVec3::new(parts[3].w, parts[4].w, parts[5].w) / (extent * extent),
         harmonic_mean_cosine: weight / inverse,
         // Not among the parts, and of no use to a record of irradiance.
         harmonic_mean_plain: weight / inverse,

@@ -49,7 +49,7 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work) {
             return Err("the surfaces were not read before the splat".into());
         };
         for record in &records {
-            if let Some(bounds) = camera.bounds(record.position, rule.reach(record) * 1.0001) {
+            if let Some(bounds) = camera.bounds(record.position, rule.longest_reach(record) * 1.0001) {
                 for row in bounds.min[1]..bounds.max[1] {
                     for column in bounds.min[0]..bounds.max[0] {
                         pictures.add(record, &rule, (row * width + column) as usize);

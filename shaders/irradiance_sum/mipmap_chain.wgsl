@@ -28,7 +28,7 @@ fn finish(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: 
     sums.parts[1] *= share;
     sums.parts[2] *= vec4f(vec3f(share), 1.0 / scene_parameters.extent);
     for (var part = 3u; part < PARTS; part++) {
-        sums.parts[part] *= scale;
+        sums.parts[part] *= scale * vec4f(1.0, 1.0, 1.0, 1.0 / scene_parameters.extent);
     }
     records[tile] = record_of(requests[tile], sums);
 }

@@ -47,7 +47,7 @@ fn scaled(part: u32, value: vec4f) -> vec4f {
             return value * vec4f(count, count, count, extent);
         }
         default: {
-            return value * count * extent;
+            return value * count * extent * vec4f(1.0, 1.0, 1.0, extent);
         }
     }
 }

@@ -1,3 +1,4 @@
+#import lib/colour
 #import lib/scene
 #import lib/random
 #import lib/frame
@@ -9,10 +10,6 @@
 // Points sampled on the area lights, and rays to the sky; 0 where the scene has none.
 override AREA_SAMPLES: u32 = 1u;
 override SKY_SAMPLES: u32 = 1u;
-
-fn luminance(colour: vec3f) -> f32 {
-    return dot(colour, vec3f(0.2126, 0.7152, 0.0722));
-}
 
 // Irradiance from punctual lights; `normal` faces the side that is lit.
 fn punctual_irradiance(position: vec3f, normal: vec3f, plane_normal: vec3f) -> vec3f {

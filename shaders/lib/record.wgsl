@@ -10,7 +10,8 @@ struct Record {
     irradiance: vec3f,
     // Width of the pixel that asked for the record.
     footprint: f32,
-    // Gradients of red, green and blue.
+    // Gradients of red, green and blue. The rotation's fourth components are the stretch: along the axis of the longest
+    // reach, sqrt(1 - (R0 / R1)²) long.
     rotation: array<vec4f, 3>,
     translation: array<vec4f, 3>,
 }
@@ -31,6 +32,11 @@ struct Weighting {
     maximum_spacing: f32,
     // 0 Ward, 1 Tabellion and Lamorlette, 2 compact.
     kind: u32,
+    // Most of the reach in distances of the nearest thing seen.
+    nearest: f32,
+    padding_a: u32,
+    padding_b: u32,
+    padding_c: u32,
 }
 
 // Items of a list that a step works on.
@@ -41,17 +47,29 @@ struct Stretch {
     padding_b: u32,
 }
 
-// How far a record reaches [scene units].
+// How far a record reaches along its shorter axis [scene units].
 fn reach(record: Record, weighting: Weighting) -> f32 {
     let distance = select(record.radius, record.minimum_distance, weighting.kind == 1u);
-    return clamp(weighting.accuracy * distance, weighting.minimum_spacing * record.footprint, weighting.maximum_spacing * record.footprint);
+    let free = min(weighting.accuracy * distance, weighting.nearest * record.minimum_distance);
+    return clamp(free, weighting.minimum_spacing * record.footprint, weighting.maximum_spacing * record.footprint);
+}
+
+fn stretch_of(record: Record) -> vec3f {
+    return vec3f(record.rotation[0].w, record.rotation[1].w, record.rotation[2].w);
+}
+
+// How far a record reaches along its longer axis [scene units].
+fn longest_reach(record: Record, weighting: Weighting) -> f32 {
+    let stretch = stretch_of(record);
+    return reach(record, weighting) / sqrt(max(1.0 - dot(stretch, stretch), 0.01));
 }
 
 // Weight of a record at a point; 0 where it does not count.
 fn record_weight(record: Record, weighting: Weighting, position: vec3f, normal: vec3f) -> f32 {
     let radius = max(reach(record, weighting), 1e-30);
     let d = position - record.position;
-    let apart = length(d) / radius;
+    let along = dot(d, stretch_of(record));
+    let apart = sqrt(max(dot(d, d) - along * along, 0.0)) / radius;
     if apart > 1.0 {
         return 0.0;
     }

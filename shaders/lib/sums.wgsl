@@ -1,13 +1,17 @@
+#import lib/colour
 #import lib/scene
 #import lib/frame
 #import lib/record
 #import lib/tile
 
 // What a tile adds up to, as six vectors in the record's frame: irradiance with Σ w/d; rotation gradients of red and
-// green; of blue with Σ w and 1/nearest; translation gradients of red, green and blue. math::sum is the twin.
+// green; of blue with Σ w and 1/nearest; translation gradients of red, green and blue with xx, xy and yy of the
+// luminance's second derivatives. math::sum is the twin.
 
 const PARTS = 6u;
 
+// What the reach is in proportion to: 0 the harmonic mean distance, 1 the curvature.
+override RADIUS: u32 = 0u;
 // Whether gradients are wanted.
 override GRADIENTS: bool = true;
 
@@ -39,16 +43,37 @@ fn add_sample(sums: ptr<function, Sums>, weight: TileSample, seen: vec4f, invers
 
 // Adds the wall between two samples to the last three parts; their inverse depths are given.
 fn add_edge(sums: ptr<function, Sums>, edge: TileEdge, a: vec3f, b: vec3f, inverse_a: f32, inverse_b: f32) {
-    let step = (b - a) * max(inverse_a, inverse_b);
-    let gradient = vec4f(edge.gradient, 0.0);
-    (*sums).parts[3] += gradient * step.r;
-    (*sums).parts[4] += gradient * step.g;
-    (*sums).parts[5] += gradient * step.b;
+    let inverse = max(inverse_a, inverse_b);
+    let step = (b - a) * inverse;
+    let bend = luminance(step) * inverse;
+    (*sums).parts[3] += vec4f(edge.gradient * step.r, edge.hessian_xx * bend);
+    (*sums).parts[4] += vec4f(edge.gradient * step.g, edge.hessian_xy * bend);
+    (*sums).parts[5] += vec4f(edge.gradient * step.b, edge.hessian_yy * bend);
 }
 
 // Two sums of one part: the third part's last component is a maximum.
 fn joined(part: u32, a: vec4f, b: vec4f) -> vec4f {
     return vec4f(a.xyz + b.xyz, select(a.w + b.w, max(a.w, b.w), part == 2u));
+}
+
+struct Ellipse {
+    radius: f32,
+    // In the record's frame.
+    stretch: vec2f,
+}
+
+// Where the curvature has changed the irradiance by all of itself, math::radius has the derivation.
+fn ellipse_of_curvature(irradiance: f32, hessian: vec3f) -> Ellipse {
+    let mean = (hessian.x + hessian.z) * 0.5;
+    let half = vec2f((hessian.x - hessian.z) * 0.5, hessian.y);
+    let spread = length(half);
+    let strongest = abs(mean) + spread;
+    let weakest = max(abs(abs(mean) - spread), strongest * 0.25);
+    let radius = sqrt(2.0 * irradiance / max(strongest, 1e-30));
+    // Twice the angle of the eigenvector that belongs to the weaker curvature.
+    let doubled = select(half, -half, mean >= 0.0) / max(spread, 1e-30);
+    let axis = vec2f(sqrt(max(0.5 + 0.5 * doubled.x, 0.0)), sqrt(max(0.5 - 0.5 * doubled.x, 0.0)) * select(-1.0, 1.0, doubled.y >= 0.0));
+    return Ellipse(min(radius, 1e30), axis * sqrt(max(1.0 - weakest / max(strongest, 1e-30), 0.0)));
 }
 
 fn record_of(request: Request, sums: Sums) -> Record {
@@ -67,6 +92,14 @@ fn record_of(request: Request, sums: Sums) -> Record {
         record.translation[0] = vec4f(frame * sums.parts[3].xyz, 0.0);
         record.translation[1] = vec4f(frame * sums.parts[4].xyz, 0.0);
         record.translation[2] = vec4f(frame * sums.parts[5].xyz, 0.0);
+        if RADIUS == 1u {
+            let ellipse = ellipse_of_curvature(luminance(record.irradiance), vec3f(sums.parts[3].w, sums.parts[4].w, sums.parts[5].w));
+            let stretch = frame * vec3f(ellipse.stretch, 0.0);
+            record.radius = ellipse.radius;
+            record.rotation[0].w = stretch.x;
+            record.rotation[1].w = stretch.y;
+            record.rotation[2].w = stretch.z;
+        }
     }
     return record;
 }

@@ -13,9 +13,10 @@ struct TileEdge {
     gradient: vec3f,
     a: u32,
     b: u32,
-    padding_a: u32,
-    padding_b: u32,
-    padding_c: u32,
+    // Second derivatives along the surface.
+    hessian_xx: f32,
+    hessian_xy: f32,
+    hessian_yy: f32,
 }
 
 override TILE_WIDTH: u32 = 64u;

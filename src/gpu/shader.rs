@@ -12,6 +12,7 @@ macro_rules! sources {
 }
 
 sources![
+    "lib/colour",
     "lib/scene",
     "lib/camera",
     "lib/random",

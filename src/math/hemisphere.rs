@@ -84,7 +84,8 @@ pub struct Sample {
     pub depth_cosine: f64,
 }
 
-/// A wall between two samples: `∇E += (L_b − L_a) · gradient / min(depth_a, depth_b)`.
+/// A wall between two samples: with d = min(depth_a, depth_b), `∇E += (L_b − L_a) · gradient / d` and
+/// `HE += (L_b − L_a) · hessian / d²`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Edge {
     /// Index of the one sample, less than `b`.
@@ -92,6 +93,8 @@ pub struct Edge {
     pub b: u32,
     /// In the record's frame; the z component is the derivative along the normal.
     pub gradient: [f64; 3],
+    /// xx, xy and yy of the second derivatives along the surface.
+    pub hessian: [f64; 3],
 }
 
 /// A camera at the record, in the record's frame, that fills a rectangle of the tile. Pixel centres are the
@@ -180,15 +183,49 @@ impl View {
         self.right * v.x + self.up * v.y + self.forward * v.z
     }
 
-    /// Gradient of the wall at `u` over the interval `v` of the window, towards larger u.
-    fn wall_across_u(&self, u: f64, v: Interval) -> DVec3 {
-        self.to_local(line_moment(u, v)).z * (self.right - self.forward * u)
+    /// The wall at `u` over the interval `v` of the window, towards larger u.
+    fn wall_across_u(&self, u: f64, v: Interval) -> Wall {
+        let gradient = self.to_local(line_moment(u, v)).z * (self.right - self.forward * u);
+        Wall { gradient, ends: v.map(|v| self.to_local(DVec3::new(u, v, 1.0))) }
     }
 
-    /// Gradient of the wall at `v` over the interval `u` of the window, towards larger v.
-    fn wall_across_v(&self, v: f64, u: Interval) -> DVec3 {
+    /// The wall at `v` over the interval `u` of the window, towards larger v.
+    fn wall_across_v(&self, v: f64, u: Interval) -> Wall {
         let moment = line_moment(v, u);
-        self.to_local(DVec3::new(moment.y, moment.x, moment.z)).z * (self.up - self.forward * v)
+        let gradient = self.to_local(DVec3::new(moment.y, moment.x, moment.z)).z * (self.up - self.forward * v);
+        Wall { gradient, ends: u.map(|u| self.to_local(DVec3::new(u, v, 1.0))) }
+    }
+}
+
+/// Where two samples meet, at depth 1.
+#[derive(Clone, Copy)]
+struct Wall {
+    /// What the irradiance changes by, per step of radiance across the wall.
+    gradient: DVec3,
+    ends: [DVec3; 2],
+}
+
+impl Wall {
+    /// xx, xy, yy of the second derivatives along the surface, per step of radiance across the wall: those of Lambert's
+    /// formula `E = ½ ΔL θ ĉ·n` for the segment from r₀ to r₁, with `θ ĉ = r₀×r₁ / (|r₀||r₁|)` as θ is small. `r₀×r₁`
+    /// is linear in the point, so that only the lengths are differentiated twice: no arc cosine, no differences of
+    /// nearly equal numbers, and 0 where the radiance is uniform.
+    fn hessian(&self) -> [f64; 3] {
+        let [a, b] = self.ends;
+        let [along_a, along_b] = self.ends.map(|r| r / r.length_squared());
+        let lengths = 1.0 / (a.length() * b.length());
+        let (height, lift) = (a.cross(b).z, (b - a).cross(DVec3::Z));
+        // Derivatives of height and of the lengths' factor.
+        let (first, both) = (-lift, along_a + along_b);
+        let second = |i: usize, j: usize| {
+            let lengths_twice = both[i] * both[j] + 2.0 * (along_a[i] * along_a[j] + along_b[i] * along_b[j])
+                - if i == j { 1.0 / a.length_squared() + 1.0 / b.length_squared() } else { 0.0 };
+            0.5 * lengths * (first[i] * both[j] + first[j] * both[i] + height * lengths_twice)
+        };
+        // Lambert's sum runs counterclockwise; the gradient knows on which side of the wall it is.
+        let gradient = (first + both * height) * (0.5 * lengths);
+        let sign = gradient.dot(self.gradient).signum();
+        [second(0, 0), second(0, 1), second(1, 1)].map(|h| sign * h)
     }
 }
 
@@ -224,10 +261,11 @@ impl Builder {
     }
 
     /// A wall between a region of sample `from` and one of sample `to`, whose normal points to the latter.
-    fn wall(&mut self, from: u32, to: u32, gradient: DVec3) {
-        if from != to && gradient != DVec3::ZERO {
-            let gradient = if from < to { gradient } else { -gradient };
-            self.table.edges.push(Edge { a: from.min(to), b: from.max(to), gradient: gradient.to_array() });
+    fn wall(&mut self, from: u32, to: u32, wall: Wall) {
+        if from != to && wall.gradient != DVec3::ZERO {
+            let sign = if from < to { 1.0 } else { -1.0 };
+            let [gradient, hessian] = [wall.gradient.to_array(), wall.hessian()].map(|all| all.map(|x| sign * x));
+            self.table.edges.push(Edge { a: from.min(to), b: from.max(to), gradient, hessian });
         }
     }
 
@@ -256,7 +294,9 @@ impl Builder {
         edges.dedup_by(|later, kept| {
             let same = (later.a, later.b) == (kept.a, kept.b);
             if same {
-                kept.gradient = (DVec3::from(kept.gradient) + DVec3::from(later.gradient)).to_array();
+                for (sum, part) in [(&mut kept.gradient, later.gradient), (&mut kept.hessian, later.hessian)] {
+                    *sum = (DVec3::from(*sum) + DVec3::from(part)).to_array();
+                }
             }
             same
         });
@@ -294,7 +334,8 @@ fn extend_border(builder: &mut Builder, half: f64, resolution: u32) {
         let band = [low_start, low_end, high_end, high_start];
         builder.region(owner, polygon_moment(&band), polygon_solid_angle(&band));
         let tangent = end.length();
-        builder.wall(owner, neighbour, low_end.cross(DVec3::Z) * (-0.5 / (tangent * (1.0 + tangent * tangent))));
+        let gradient = low_end.cross(DVec3::Z) * (-0.5 / (tangent * (1.0 + tangent * tangent)));
+        builder.wall(owner, neighbour, Wall { gradient, ends: [end.extend(0.0), end.extend(1.0)] });
     }
 }
 
@@ -321,6 +362,7 @@ fn divide_by_coverage(table: &mut Table, half: f64) {
     }
     for edge in &mut table.edges {
         edge.gradient = edge.gradient.map(|g| g / cosine);
+        edge.hessian = edge.hessian.map(|h| h / cosine);
     }
 }
 
@@ -382,15 +424,25 @@ fn hemispherical(resolution: u32) -> Table {
         let Some(owner) = disc_owner(&view, column, row) else { continue };
         builder.region(owner, disc_moment(x, y), disc_solid_angle(x, y));
         if let Some(right) = disc_owner(&view, column + 1, row) {
-            builder.wall(owner, right, disc_wall(x[1], y));
+            builder.wall(owner, right, disc_wall_between(x[1], y, |x, y| DVec2::new(x, y)));
         }
         if let Some(below) = disc_owner(&view, column, row + 1) {
-            let wall = disc_wall(y[1], x);
-            builder.wall(owner, below, DVec3::new(wall.y, wall.x, wall.z));
+            builder.wall(owner, below, disc_wall_between(y[1], x, |y, x| DVec2::new(x, y)));
         }
     }
     builder.table.views.push(view);
     builder.finish()
+}
+
+/// The wall at `across` over the interval `along`; `place` tells which of the two is x.
+fn disc_wall_between(across: f64, along: Interval, place: impl Fn(f64, f64) -> DVec2) -> Wall {
+    let gradient = disc_wall(across, along);
+    let limit = (1.0 - across * across).max(0.0).sqrt();
+    let ends = along.map(|along| {
+        let at = place(across, along.clamp(-limit, limit));
+        at.extend((1.0 - at.length_squared()).max(0.0).sqrt())
+    });
+    Wall { gradient: place(gradient.x, gradient.y).extend(gradient.z), ends }
 }
 
 /// The sample that stands for the part of a cell within the disc: its own, or the next one inward when its centre is
@@ -430,10 +482,13 @@ fn cosine(resolution: u32) -> Table {
         builder.place(index, (middle * strip.middle.x).extend(strip.middle.y), 1.0);
         builder.region(index, (azimuth * strip.sine_square).extend(strip.cosine_sine * width), strip.cosine_difference() * width);
         let next = row * resolution + (column + 1) % resolution;
-        builder.wall(index, next, to.perp().extend(0.0) * (strip.lower.x - strip.upper.x));
+        let meridian = |polar: DVec2| (to * polar.x).extend(polar.y);
+        let gradient = to.perp().extend(0.0) * (strip.lower.x - strip.upper.x);
+        builder.wall(index, next, Wall { gradient, ends: [meridian(strip.upper), meridian(strip.lower)] });
         if row + 1 < resolution {
             let DVec2 { x: sine, y: cosine } = strip.lower;
-            builder.wall(index, index + resolution, (azimuth * cosine).extend(-sine * width) * (cosine * sine));
+            let gradient = (azimuth * cosine).extend(-sine * width) * (cosine * sine);
+            builder.wall(index, index + resolution, Wall { gradient, ends: [from, to].map(|azimuth| (azimuth * sine).extend(cosine)) });
         }
     }
     builder.finish()

@@ -17,6 +17,13 @@ const OCCLUDER: Rectangle = Rectangle { min: DVec2::new(0.35, -0.2), max: DVec2:
 /// An upright rectangle that floats above the floor, beside the others: x, y from and to, z from and to, radiance.
 const WALL: Wall = Wall { x: 2.5, y: [-1.2, 1.6], z: [0.3, 1.4], radiance: 2.0 };
 
+/// What stands there besides the emitter.
+#[derive(Clone, Copy)]
+pub struct Objects {
+    pub occluder: bool,
+    pub wall: bool,
+}
+
 struct Rectangle {
     min: DVec2,
     max: DVec2,
@@ -50,19 +57,23 @@ fn wall_moment(point: DVec3) -> DVec3 {
 }
 
 /// Irradiance at a point near the floor for a normal that is nearly upright: the sky goes on below the floor.
-pub fn irradiance(point: DVec3, normal: DVec3, wall: bool) -> f64 {
-    let (emitter, occluder) = (EMITTER.seen(point), OCCLUDER.seen(point));
-    let hidden = [emitter[0].max(occluder[0]), emitter[1].min(occluder[1])];
-    let mut light = moment(emitter) * (EMITTER.radiance - SKY) - moment(hidden) * (EMITTER.radiance - SKY) + moment(occluder) * (OCCLUDER.radiance - SKY);
-    if wall {
+pub fn irradiance(point: DVec3, normal: DVec3, objects: Objects) -> f64 {
+    let emitter = EMITTER.seen(point);
+    let mut light = moment(emitter) * (EMITTER.radiance - SKY);
+    if objects.occluder {
+        let occluder = OCCLUDER.seen(point);
+        let hidden = [emitter[0].max(occluder[0]), emitter[1].min(occluder[1])];
+        light += moment(occluder) * (OCCLUDER.radiance - SKY) - moment(hidden) * (EMITTER.radiance - SKY);
+    }
+    if objects.wall {
         light += wall_moment(point) * (WALL.radiance - SKY);
     }
     SKY * PI + light.dot(normal)
 }
 
 /// Radiance and distance along a unit direction.
-fn trace(point: DVec3, direction: DVec3, wall: bool) -> (f64, f64) {
-    for rectangle in [OCCLUDER, EMITTER] {
+fn trace(point: DVec3, direction: DVec3, objects: Objects) -> (f64, f64) {
+    for rectangle in [objects.occluder.then_some(OCCLUDER), Some(EMITTER)].into_iter().flatten() {
         let distance = (rectangle.height - point.z) / direction.z;
         let hit = (point + direction * distance).truncate();
         if distance > 0.0 && hit.cmpge(rectangle.min).all() && hit.cmple(rectangle.max).all() {
@@ -72,7 +83,7 @@ fn trace(point: DVec3, direction: DVec3, wall: bool) -> (f64, f64) {
     let distance = (WALL.x - point.x) / direction.x;
     let hit = point + direction * distance;
     let inside = (WALL.y[0]..WALL.y[1]).contains(&hit.y) && (WALL.z[0]..WALL.z[1]).contains(&hit.z);
-    if wall && distance > 0.0 && inside { (WALL.radiance, distance) } else { (SKY, f64::INFINITY) }
+    if objects.wall && distance > 0.0 && inside { (WALL.radiance, distance) } else { (SKY, f64::INFINITY) }
 }
 
 /// The tile seen by a function of local directions that returns radiance and distance.
@@ -99,21 +110,47 @@ pub struct GradientErrors {
 
 /// Compares a table's gradients with central differences of the closed form, over points on the floor and frames
 /// turned about the normal.
-pub fn gradient_errors(table: &Table, wall: bool) -> GradientErrors {
+pub fn gradient_errors(table: &Table, objects: Objects) -> GradientErrors {
     let [mut tangent, mut normal, mut rotation] = [[0.0; 2]; 3];
     for i in 0..48 {
-        let share = |k: f64| (0.5 + f64::from(i) * k).fract();
-        let point = DVec3::new(0.5 * share(0.754_877_67), 0.4 * share(0.569_840_29) - 0.2, 0.0);
-        let frame = Frame::new(Vec3::Z).turned(std::f32::consts::TAU * share(0.618_034) as f32);
+        let (point, frame) = place(i);
         let to_world = |v: DVec3| frame.tangent.as_dvec3() * v.x + frame.bitangent.as_dvec3() * v.y + DVec3::Z * v.z;
-        let summed = gather(table, |direction| trace(point, to_world(direction), wall));
-        let (found, truth) = (to_world(summed.translation[0]), translation(point, wall));
+        let summed = gather(table, |direction| trace(point, to_world(direction), objects));
+        let (found, truth) = (to_world(summed.translation[0]), translation(point, objects));
         accumulate(&mut tangent, found.truncate().extend(0.0), truth.truncate().extend(0.0));
         accumulate(&mut normal, DVec3::Z * found.z, DVec3::Z * truth.z);
-        accumulate(&mut rotation, to_world(summed.rotation[0]), rotation_truth(point, wall));
+        accumulate(&mut rotation, to_world(summed.rotation[0]), rotation_truth(point, objects));
     }
     let relative = |[error, total]: [f64; 2]| (error / total).sqrt();
     GradientErrors { tangent: relative(tangent), normal: relative(normal), rotation: relative(rotation) }
+}
+
+/// Relative root of the mean square error of the second derivatives along the surface over many points, against
+/// central differences of the closed form.
+pub fn hessian_error(table: &Table, objects: Objects) -> f64 {
+    let mut errors = [0.0; 2];
+    for i in 0..48 {
+        let (point, frame) = place(i);
+        let to_world = |v: DVec3| frame.tangent.as_dvec3() * v.x + frame.bitangent.as_dvec3() * v.y + DVec3::Z * v.z;
+        let summed = gather(table, |direction| trace(point, to_world(direction), objects));
+        let [x, y] = [DVec3::X, DVec3::Y].map(to_world);
+        let truth = DVec3::new(second_difference(point, x, x, objects), second_difference(point, x, y, objects), second_difference(point, y, y, objects));
+        accumulate(&mut errors, summed.hessian, truth);
+    }
+    (errors[0] / errors[1]).sqrt()
+}
+
+fn second_difference(point: DVec3, a: DVec3, b: DVec3, objects: Objects) -> f64 {
+    const STEP: f64 = 1e-3;
+    let at = |s: f64, t: f64| irradiance(point + (a * s + b * t) * STEP, DVec3::Z, objects);
+    (at(1.0, 1.0) - at(1.0, -1.0) - at(-1.0, 1.0) + at(-1.0, -1.0)) / (4.0 * STEP * STEP)
+}
+
+/// The i-th of many points on the floor and frames turned about the normal.
+fn place(i: u32) -> (DVec3, Frame) {
+    let share = |k: f64| (0.5 + f64::from(i) * k).fract();
+    let point = DVec3::new(0.5 * share(0.754_877_67), 0.4 * share(0.569_840_29) - 0.2, 0.0);
+    (point, Frame::new(Vec3::Z).turned(std::f32::consts::TAU * share(0.618_034) as f32))
 }
 
 fn accumulate(sums: &mut [f64; 2], found: DVec3, truth: DVec3) {
@@ -123,16 +160,16 @@ fn accumulate(sums: &mut [f64; 2], found: DVec3, truth: DVec3) {
 
 const STEP: f64 = 1e-5;
 
-fn translation(point: DVec3, wall: bool) -> DVec3 {
-    let difference = |axis: DVec3| irradiance(point + axis * STEP, DVec3::Z, wall) - irradiance(point - axis * STEP, DVec3::Z, wall);
+fn translation(point: DVec3, objects: Objects) -> DVec3 {
+    let difference = |axis: DVec3| irradiance(point + axis * STEP, DVec3::Z, objects) - irradiance(point - axis * STEP, DVec3::Z, objects);
     DVec3::new(difference(DVec3::X), difference(DVec3::Y), difference(DVec3::Z)) / (2.0 * STEP)
 }
 
 /// The normal turned by α about an axis changes the irradiance by α · axis·∇r.
-fn rotation_truth(point: DVec3, wall: bool) -> DVec3 {
+fn rotation_truth(point: DVec3, objects: Objects) -> DVec3 {
     let difference = |axis: DVec3| {
         let turned = |sign: f64| (DVec3::Z + axis.cross(DVec3::Z) * sign * STEP).normalize();
-        irradiance(point, turned(1.0), wall) - irradiance(point, turned(-1.0), wall)
+        irradiance(point, turned(1.0), objects) - irradiance(point, turned(-1.0), objects)
     };
     DVec3::new(difference(DVec3::X), difference(DVec3::Y), 0.0) / (2.0 * STEP)
 }

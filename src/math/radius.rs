@@ -1,6 +1,40 @@
 //! How far a record reaches: limits, caps and the agreement between neighbours.
 
-use glam::{Vec2, Vec3};
+use glam::{DVec2, DVec3, Vec2, Vec3};
+
+/// Where a record reaches, up to the accuracy: an ellipse in its tangent plane.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Ellipse {
+    /// The smaller radius R₀ [scene units].
+    pub radius: f64,
+    /// Along the axis of the larger radius R₁, in the record's frame, `√(1 − (R₀/R₁)²)` long; 0 for a disc.
+    pub stretch: DVec2,
+}
+
+impl Ellipse {
+    pub fn disc(radius: f64) -> Self {
+        Self { radius, stretch: DVec2::ZERO }
+    }
+
+    /// Where an extrapolation along the gradient is off by as much as the irradiance itself: the next term of the series
+    /// is `½ λ r²` along an eigenvector of the second derivatives (Schwarzhaupt et al. 2012 integrate it over a disc; the
+    /// value at the rim needs no unit of length), so `R_i = √(2 E / |λ_i|)`, and within `a·R_i` the error is at most `a²`.
+    /// `hessian` is xx, xy and yy [W/m² per square scene unit]. R₁ is at most 2 R₀; infinite where nothing bends.
+    pub fn of_curvature(irradiance: f64, hessian: DVec3) -> Self {
+        let mean = (hessian.x + hessian.z) / 2.0;
+        let half = DVec2::new((hessian.x - hessian.z) / 2.0, hessian.y);
+        let spread = half.length();
+        let strongest = mean.abs() + spread;
+        if strongest == 0.0 {
+            return Self::disc(f64::INFINITY);
+        }
+        let weakest = (mean.abs() - spread).abs().max(strongest / 4.0);
+        // Twice the angle of the eigenvector that belongs to the weaker curvature.
+        let doubled = if mean >= 0.0 { -half } else { half };
+        let axis = DVec2::from_angle(doubled.to_angle() / 2.0);
+        Self { radius: (2.0 * irradiance / strongest).sqrt(), stretch: axis * (1.0 - weakest / strongest).max(0.0).sqrt() }
+    }
+}
 
 /// Width of a pixel at a depth along the camera's axis [scene units]: `half_extent` is the picture plane's half
 /// width and height at distance 1, `size` the picture in pixels. The larger of width and height.

@@ -3,6 +3,7 @@
 use super::{
     frame::Frame,
     hemisphere::{Sample, Table},
+    radius::Ellipse,
     weight::Record,
 };
 use glam::{DVec3, Vec3};
@@ -16,6 +17,8 @@ pub struct Summed {
     pub rotation: [DVec3; 3],
     /// Translation gradient of each channel, along the normal too [W/m² per scene unit].
     pub translation: [DVec3; 3],
+    /// xx, xy and yy of the second derivatives of the luminance along the surface [W/m² per square scene unit].
+    pub hessian: DVec3,
     /// Harmonic mean distance in the cosine measure, for irradiance [scene units]; infinite where only sky is seen.
     pub harmonic_mean_cosine: f64,
     /// The same in the plain measure, for radiance.
@@ -48,12 +51,21 @@ pub fn sum(table: &Table, radiance: &[[f32; 4]], nearest: f64) -> Result<Summed,
     }
     let inverse_depth = |i: u32| 1.0 / (distance(radiance[i as usize], nearest) * table.samples[i as usize].depth_cosine);
     let mut translation = [DVec3::ZERO; 3];
+    let mut hessian = DVec3::ZERO;
     for edge in &table.edges {
-        let step = (colour(radiance[edge.b as usize]) - colour(radiance[edge.a as usize])) * inverse_depth(edge.a).max(inverse_depth(edge.b));
+        let inverse = inverse_depth(edge.a).max(inverse_depth(edge.b));
+        let step = (colour(radiance[edge.b as usize]) - colour(radiance[edge.a as usize])) * inverse;
         add_outer(&mut translation, step, DVec3::from(edge.gradient));
+        hessian += DVec3::from(edge.hessian) * (step.dot(LUMINANCE) * inverse);
     }
-    Ok(total.finish(translation))
+    Ok(total.finish(translation, hessian))
 }
+
+/// Radius of a record that sees nothing but sky [scene units].
+const FAR_AWAY: f64 = 1e30;
+
+/// Of linear Rec. 709.
+const LUMINANCE: DVec3 = DVec3::new(0.2126, 0.7152, 0.0722);
 
 fn colour(texel: [f32; 4]) -> DVec3 {
     DVec3::new(texel[0].into(), texel[1].into(), texel[2].into())
@@ -92,11 +104,12 @@ impl Total {
         self.largest_inverse = self.largest_inverse.max(inverse);
     }
 
-    fn finish(self, translation: [DVec3; 3]) -> Summed {
+    fn finish(self, translation: [DVec3; 3], hessian: DVec3) -> Summed {
         Summed {
             irradiance: self.irradiance,
             rotation: self.rotation,
             translation,
+            hessian,
             harmonic_mean_cosine: self.cosine[0] / self.cosine[1],
             harmonic_mean_plain: self.plain[0] / self.plain[1],
             min_distance: 1.0 / self.largest_inverse,
@@ -105,19 +118,25 @@ impl Total {
 }
 
 impl Summed {
-    /// The record of this hemisphere at `position`, seen in `frame`, with a radius already clamped
-    /// (see [`super::radius`]); `footprint` is the width of a pixel there.
-    pub fn record(&self, position: Vec3, frame: &Frame, radius: f32, footprint: f32) -> Record {
+    /// Of the irradiance [W/m²].
+    pub fn luminance(&self) -> f64 {
+        self.irradiance.dot(LUMINANCE)
+    }
+
+    /// The record of this hemisphere at `position`, seen in `frame`, that reaches as the ellipse says; `footprint` is
+    /// the width of a pixel there.
+    pub fn record(&self, position: Vec3, frame: &Frame, ellipse: Ellipse, footprint: f32) -> Record {
         let to_world = |gradient: DVec3| frame.to_world(gradient.as_vec3());
         Record {
             position,
             normal: frame.normal,
-            radius,
+            radius: ellipse.radius.min(FAR_AWAY) as f32,
             minimum_distance: self.min_distance as f32,
             irradiance: self.irradiance.as_vec3(),
             footprint,
             rotation: self.rotation.map(to_world),
             translation: self.translation.map(to_world),
+            stretch: to_world(ellipse.stretch.extend(0.0)),
         }
     }
 }
@@ -127,7 +146,7 @@ mod tests {
     use super::*;
     use crate::math::{
         hemisphere::{Method, Shape},
-        oracle::{GradientErrors, gather, gradient_errors, tile},
+        oracle::{GradientErrors, Objects, gather, gradient_errors, hessian_error, tile},
     };
     use std::f64::consts::PI;
 
@@ -242,7 +261,7 @@ mod tests {
         // Root mean square over 48 points: translation along the surface, along the normal, rotation.
         for (resolution, limits) in [(64, [0.05, 0.03, 0.05]), (512, [0.005, 0.003, 0.003])] {
             for (shape, table) in closed(resolution) {
-                let GradientErrors { tangent, normal, rotation } = gradient_errors(&table, false);
+                let GradientErrors { tangent, normal, rotation } = gradient_errors(&table, Objects { occluder: true, wall: false });
                 // The plane's pixels are the widest.
                 let share = if shape == PLANE { 2.0 } else { 1.0 };
                 for (error, limit) in [tangent, normal, rotation].into_iter().zip(limits.map(|limit| limit * share)) {
@@ -252,11 +271,25 @@ mod tests {
         }
     }
 
+    #[test]
+    fn second_derivatives_match_differences_of_the_closed_form() {
+        let alone = Objects { occluder: false, wall: false };
+        for (resolution, limit) in [(64, 0.02), (512, 0.011)] {
+            for (shape, table) in closed(resolution) {
+                let error = hessian_error(&table, alone);
+                assert!(error < limit, "{shape:?} {resolution}: {error} over {limit}");
+            }
+        }
+        // Where a near edge crosses a far one, the crossing moves along both, which no wall alone can tell.
+        let crossing = hessian_error(&table(Shape::Hemicube, 256, Method::None), Objects { occluder: true, wall: false });
+        assert!((0.5..0.65).contains(&crossing), "{crossing}");
+    }
+
     /// A wall that floats below the plane's window: complete shapes see it, the bands of the plane let it stand on the
     /// floor, which its rotation gradient shows most.
     #[test]
     fn gradients_of_complete_shapes_reach_down_to_the_horizon() {
-        let errors = |shape: Shape| gradient_errors(&table(shape, 512, Method::BorderExtension), true);
+        let errors = |shape: Shape| gradient_errors(&table(shape, 512, Method::BorderExtension), Objects { occluder: true, wall: true });
         for shape in COMPLETE {
             let GradientErrors { tangent, normal, rotation } = errors(shape);
             assert!(tangent < 0.006 && normal < 0.004 && rotation < 0.008, "{shape:?}: {tangent} {normal} {rotation}");
@@ -270,7 +303,7 @@ mod tests {
         let table = table(Shape::Hemicube, 16, Method::None);
         let frame = Frame::new(Vec3::X).turned(0.4);
         let summed = gather(&table, |d| (1.0 + d.x, 2.0));
-        let record = summed.record(Vec3::ONE, &frame, 1.5, 0.1);
+        let record = summed.record(Vec3::ONE, &frame, Ellipse::disc(1.5), 0.1);
         assert_eq!((record.normal, record.radius, record.minimum_distance, record.footprint), (Vec3::X, 1.5, 2.0, 0.1));
         // Brighter towards the tangent: turning the normal there, about the bitangent, brightens.
         let expected = frame.bitangent * (2.0 * PI / 3.0) as f32;

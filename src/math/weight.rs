@@ -25,7 +25,8 @@ const LEAST_LENGTH: f32 = 1e-30;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Record {
     pub position: Vec3,
-    /// Harmonic mean distance of the surroundings; finite and > 0 [scene units].
+    /// What the reach is in proportion to: the harmonic mean distance of the surroundings, or the smaller radius of the
+    /// ellipse of its curvature; finite and > 0 [scene units].
     pub radius: f32,
     /// Unit normal.
     pub normal: Vec3,
@@ -39,6 +40,8 @@ pub struct Record {
     pub rotation: [Vec3; 3],
     /// Translation gradient of each channel [W/m² per scene unit].
     pub translation: [Vec3; 3],
+    /// Along the axis of the ellipse's larger radius, `√(1 − (R₀/R₁)²)` long; 0 for a disc.
+    pub stretch: Vec3,
 }
 
 /// How a record counts within its reach; the shaders know the kinds by these numbers.
@@ -60,20 +63,29 @@ pub struct Rule {
     pub accuracy: f32,
     /// Least and most reach in widths of the pixel that asked for the record; the least is not above the most.
     pub spacing: [f32; 2],
+    /// Most of the reach in distances of the nearest surface seen.
+    pub nearest: f32,
 }
 
 impl Rule {
-    /// How far a record reaches: `a` times its distance, within the limits in pixels [scene units].
+    /// How far a record reaches along the shorter axis: `a` times its distance, within the limits in pixels [scene units].
     pub fn reach(&self, record: &Record) -> f32 {
         let distance = if self.weighting == Weighting::TabellionLamorlette { record.minimum_distance } else { record.radius };
-        (self.accuracy * distance).max(self.spacing[0] * record.footprint).min(self.spacing[1] * record.footprint)
+        (self.accuracy * distance).min(self.nearest * record.minimum_distance).max(self.spacing[0] * record.footprint).min(self.spacing[1] * record.footprint)
+    }
+
+    /// How far a record reaches along the longer axis [scene units].
+    pub fn longest_reach(&self, record: &Record) -> f32 {
+        self.reach(record) / (1.0 - record.stretch.length_squared()).max(0.01).sqrt()
     }
 
     /// Weight of a record at a point; 0 where it does not count: out of reach, turned too far, or in front of the point.
     pub fn weight(&self, record: &Record, position: Vec3, normal: Vec3) -> f32 {
         let reach = self.reach(record).max(LEAST_LENGTH);
-        let apart = position.distance(record.position) / reach;
-        let behind = (position - record.position).dot(normal + record.normal) * 0.5;
+        let offset = position - record.position;
+        let along = offset.dot(record.stretch);
+        let apart = (offset.length_squared() - along * along).max(0.0).sqrt() / reach;
+        let behind = offset.dot(normal + record.normal) * 0.5;
         if apart > 1.0 || behind < -FRONT_TOLERANCE * reach {
             return 0.0;
         }
@@ -117,11 +129,12 @@ mod tests {
             footprint: 0.01,
             rotation: [Vec3::X * 0.5, Vec3::Y, Vec3::ZERO],
             translation: [Vec3::X, Vec3::ZERO, Vec3::new(0.0, -3.0, 0.0)],
+            stretch: Vec3::ZERO,
         }
     }
 
     fn rule(weighting: Weighting) -> Rule {
-        Rule { weighting, accuracy: 0.15, spacing: [1.5, 40.0] }
+        Rule { weighting, accuracy: 0.15, spacing: [1.5, 40.0], nearest: 1e6 }
     }
 
     fn tilted(axis: Vec3, degrees: f32) -> Vec3 {
@@ -197,7 +210,7 @@ mod tests {
     proptest! {
         #[test]
         fn ward_counts_where_the_formula_says(x in -0.5..0.5f32, y in -0.5..0.5f32, degrees in 0.0..30.0f32, accuracy in 0.01..2.0f32) {
-            let (r, rule) = (record(), Rule { weighting: Weighting::Ward, accuracy, spacing: [0.0, 1e6] });
+            let (r, rule) = (record(), Rule { weighting: Weighting::Ward, accuracy, spacing: [0.0, 1e6], nearest: 1e6 });
             let (p, n) = (r.position + Vec3::new(x, y, 0.0), tilted(Vec3::X, degrees));
             let behind = (p - r.position).dot(n + r.normal) * 0.5 + FRONT_TOLERANCE * rule.reach(&r);
             let error = f64::from((p - r.position).length()) / 2.0 + (1.0 - f64::from(degrees).to_radians().cos()).sqrt();

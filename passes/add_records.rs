@@ -9,22 +9,14 @@ pub struct AddRecords;
 
 static DESCRIPTION: Description = Description {
     name: "AddRecords",
-    about: "Limits the new records' radii, appends them to the cache and counts those that their own batch already covered",
-    source: "RCS section 4, step 4; neighbour clamping: Krivanek and others 2006; gradient limit: Larson and Shakespeare 1998",
-    parameters: &[
-        Parameter {
-            name: "limit_by_gradient",
-            about: "the radius ends where the gradient foretells a change of the whole value",
-            unit: "",
-            kind: ParameterKind::Bool { default: false },
-        },
-        Parameter {
-            name: "neighbour_clamping",
-            about: "a radius is at most a neighbour's plus the distance to it",
-            unit: "",
-            kind: ParameterKind::Bool { default: false },
-        },
-    ],
+    about: "Appends the new records to the cache and counts those that their own batch already covered",
+    source: "RCS section 4, step 4; neighbour clamping: Krivanek and others 2006",
+    parameters: &[Parameter {
+        name: "neighbour_clamping",
+        about: "a radius is at most a neighbour's plus the distance to it",
+        unit: "",
+        kind: ParameterKind::Bool { default: false },
+    }],
     inputs: &[
         Input { name: "to", about: "the cache", accepts: PortKind::RecordCache, required: true },
         Input { name: "records", about: "the new records", accepts: PortKind::Records, required: true },
@@ -67,7 +59,6 @@ impl Pass for AddRecords {
             Ok(())
         });
         let program = Program::new("add_records")
-            .constant("LIMIT_BY_GRADIENT", r.arguments.bool("limit_by_gradient") as u8)
             .constant("NEIGHBOUR_CLAMPING", r.arguments.bool("neighbour_clamping") as u8)
             .bind("batch", batch)
             .bind("weighting", cache.weighting)

@@ -20,7 +20,7 @@ host_struct! {
         footprint: f32,
         /// Gradients of red, green and blue per radian; the fourth numbers are the stretch, see `math::weight::Record`.
         rotation: [[f32; 4]; 3],
-        /// Gradients per scene unit; the fourth numbers are spare.
+        /// Gradients per scene unit; the first one's fourth number is the relative gradient.
         translation: [[f32; 4]; 3],
     }
 }
@@ -47,9 +47,10 @@ host_struct! {
         kind: u32,
         /// Most of the reach in distances of the nearest thing seen.
         nearest: f32,
+        /// Most of the reach in lengths over which the irradiance changes by all of itself.
+        change: f32,
         padding_a: u32,
         padding_b: u32,
-        padding_c: u32,
     }
 }
 
@@ -134,6 +135,7 @@ impl From<&Record> for weight::Record {
             footprint: record.footprint,
             rotation: gradients(record.rotation),
             translation: gradients(record.translation),
+            relative_gradient: record.translation[0][3],
             stretch: Vec3::from(record.rotation.map(|[_, _, _, w]| w)),
         }
     }
@@ -150,7 +152,7 @@ impl From<&weight::Record> for Record {
             irradiance: record.irradiance.into(),
             footprint: record.footprint,
             rotation: gradients(record.rotation, record.stretch),
-            translation: gradients(record.translation, Vec3::ZERO),
+            translation: gradients(record.translation, Vec3::X * record.relative_gradient),
         }
     }
 }
@@ -173,7 +175,7 @@ pub fn summed_record(request: &Request, summed: &Summed, gradients: bool, radius
     let record = summed.record(Vec3::from(request.position), &frame, ellipse, request.footprint);
     let record = weight::Record { minimum_distance: summed.min_distance.min(FAR_AWAY) as f32, ..record };
     let none = [Vec3::ZERO; 3];
-    Record::from(&if gradients { record } else { weight::Record { rotation: none, translation: none, ..record } })
+    Record::from(&if gradients { record } else { weight::Record { rotation: none, translation: none, relative_gradient: 0.0, ..record } })
 }
 
 /// Distance of the sky [scene units].

@@ -20,7 +20,7 @@ static DESCRIPTION: Description = Description {
             name: "minimum_spacing",
             about: "least reach of a record",
             unit: "pixels",
-            kind: ParameterKind::Float { default: 2.0, min: 0.1, max: 1000.0 },
+            kind: ParameterKind::Float { default: 5.0, min: 0.1, max: 1000.0 },
         },
         Parameter {
             name: "maximum_spacing",
@@ -30,7 +30,13 @@ static DESCRIPTION: Description = Description {
         },
         Parameter {
             name: "nearest",
-            about: "most of the reach over the distance of the nearest surface that the record sees: it stops before that surface's corner",
+            about: "most of the reach over the distance of the nearest surface seen: a record stops before that surface's corner",
+            unit: "",
+            kind: ParameterKind::Float { default: 0.7, min: 0.01, max: 1e6 },
+        },
+        Parameter {
+            name: "change",
+            about: "most change within the reach that the gradient may foretell, as a share of the irradiance",
             unit: "",
             kind: ParameterKind::Float { default: 1.0, min: 0.01, max: 1e6 },
         },
@@ -88,9 +94,9 @@ impl Pass for RecordCache {
             maximum_spacing: maximum as f32,
             kind: weighting as u32,
             nearest: nearest as f32,
+            change: r.arguments.float("change") as f32,
             padding_a: 0,
             padding_b: 0,
-            padding_c: 0,
         };
         let capacity = r.arguments.integer("capacity") as u32;
         let cache = port::RecordCache {
@@ -98,7 +104,13 @@ impl Pass for RecordCache {
             count: r.variable("count", true),
             capacity,
             weighting: r.constant_buffer("weighting", bytemuck::bytes_of(&uniform)),
-            rule: port::Rule { weighting, accuracy: uniform.accuracy, spacing: [uniform.minimum_spacing, uniform.maximum_spacing], nearest: uniform.nearest },
+            rule: port::Rule {
+                weighting,
+                accuracy: uniform.accuracy,
+                spacing: [uniform.minimum_spacing, uniform.maximum_spacing],
+                nearest: uniform.nearest,
+                change: uniform.change,
+            },
         };
         r.output("cache", Port::RecordCache(cache));
         Ok(())

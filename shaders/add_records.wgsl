@@ -1,4 +1,3 @@
-#import lib/colour
 #import lib/record
 
 // Appends a batch of records to the cache.
@@ -18,17 +17,8 @@ struct Batch {
 // Records that an earlier one of their batch would have covered.
 @group(0) @binding(4) var<storage, read_write> surplus: array<atomic<u32>, 4>;
 
-// Whether the radius is limited to where the gradient foretells a change of the whole value.
-override LIMIT_BY_GRADIENT: bool = true;
 // Whether the radius may not jump over what a neighbour has seen (Krivanek 2006).
 override NEIGHBOUR_CLAMPING: bool = true;
-
-fn limited(record: Record) -> f32 {
-    let gradient = record.translation[0].xyz * 0.2126 + record.translation[1].xyz * 0.7152 + record.translation[2].xyz * 0.0722;
-    // On the surface only: the derivative along the normal does not count on it.
-    let along = gradient - record.normal * dot(gradient, record.normal);
-    return min(record.radius, luminance(record.irradiance) / max(length(along), 1e-30));
-}
 
 @compute @workgroup_size(64)
 fn append(@builtin(global_invocation_id) id: vec3u) {
@@ -36,9 +26,6 @@ fn append(@builtin(global_invocation_id) id: vec3u) {
         return;
     }
     var record = records[id.x];
-    if LIMIT_BY_GRADIENT {
-        record.radius = limited(record);
-    }
     if NEIGHBOUR_CLAMPING {
         for (var i = 0u; i < batch.first; i++) {
             let other = cache[i];

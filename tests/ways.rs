@@ -397,7 +397,9 @@ fn records(scene: &Scene, size: [u32; 2], count: usize) -> Vec<Record> {
             let position = a * (1.0 - u) + b * (u * (1.0 - v)) + c * (u * v);
             let normal = (b - a).cross(c - a).normalize();
             let normal = if normal.dot(camera.eye - position) < 0.0 { -normal } else { normal };
-            let gradients = |scale: f32, numbers: &mut Numbers| std::array::from_fn(|_| (numbers.vector() * scale).extend(0.0).to_array());
+            // The fourth numbers are the stretch and the relative gradient.
+            let gradients =
+                |scale: f32, fourth: f32, numbers: &mut Numbers| std::array::from_fn(|_| (numbers.vector() * scale).extend(numbers.next() * fourth).to_array());
             Record {
                 position: position.into(),
                 radius: numbers.exponent(-1.0, 1.0),
@@ -405,15 +407,15 @@ fn records(scene: &Scene, size: [u32; 2], count: usize) -> Vec<Record> {
                 minimum_distance: numbers.exponent(-1.0, 0.5),
                 irradiance: [numbers.next(), numbers.next(), numbers.next()],
                 footprint: (position - camera.eye).dot(camera.direction).abs().max(1e-3) * pixel,
-                rotation: gradients(1.0, &mut numbers),
-                translation: gradients(0.3, &mut numbers),
+                rotation: gradients(1.0, 0.3, &mut numbers),
+                translation: gradients(0.3, 1.0, &mut numbers),
             }
         })
         .collect()
 }
 
 fn rule(weighting: weight::Weighting, most_pixels: f32) -> Rule {
-    Rule { weighting, accuracy: 0.3, spacing: [1.5, most_pixels] }
+    Rule { weighting, accuracy: 0.3, spacing: [1.5, most_pixels], nearest: 2.0, change: 1.5 }
 }
 
 /// One texel a pixel: sums, and the number of records in the first channel; the seconds that the second frame took.
@@ -427,7 +429,16 @@ struct Splatted {
 fn splatted(stage: &Stage, records: &[Record], rule: Rule, size: [u32; 2], by: &str) -> Result<Splatted, Failed> {
     let mut graph = Graph::new(stage, size);
     graph.node("gbuffer", "GBuffer", &[], &[])?;
-    let uniform = Weighting { accuracy: rule.accuracy, minimum_spacing: rule.spacing[0], maximum_spacing: rule.spacing[1], kind: rule.weighting as u32 };
+    let uniform = Weighting {
+        accuracy: rule.accuracy,
+        minimum_spacing: rule.spacing[0],
+        maximum_spacing: rule.spacing[1],
+        kind: rule.weighting as u32,
+        nearest: rule.nearest,
+        change: rule.change,
+        padding_a: 0,
+        padding_b: 0,
+    };
     let cache = port::RecordCache {
         records: graph.buffer("records", bytemuck::cast_slice(records)),
         count: graph.variable("count"),
@@ -567,10 +578,10 @@ struct Value { estimate: vec3f, weight: f32, reach: f32, padding_a: f32, padding
 @compute @workgroup_size(64)
 fn twin(@builtin(global_invocation_id) id: vec3u) {
     let place = places[id.x];
-    let weighting = Weighting(0.3, 1.5, 40.0, place.kind);
+    let weighting = Weighting(0.3, 1.5, 40.0, place.kind, 2.0, 1.5, 0u, 0u);
     let record = records[id.x];
     values[id.x] = Value(
-        record_estimate(record, place.position, place.normal), record_weight(record, weighting, place.position, place.normal),
+        record_estimate(record, weighting, place.position, place.normal), record_weight(record, weighting, place.position, place.normal),
         reach(record, weighting), 0.0, 0.0, 0.0,
     );
 }
@@ -601,7 +612,7 @@ fn weights_agree(stage: &Stage) -> Outcome {
     for (i, (value, place)) in values.iter().zip(&places).enumerate() {
         let (record, rule) = (weight::Record::from(&records[i]), rule(WEIGHTINGS[i % 3], 40.0));
         let (position, normal) = (Vec3::new(place[0], place[1], place[2]), Vec3::new(place[4], place[5], place[6]));
-        let (weight, estimate) = (rule.weight(&record, position, normal), weight::estimate(&record, position, normal));
+        let (weight, estimate) = (rule.weight(&record, position, normal), rule.estimate(&record, position, normal));
         counted[i % 3] += (weight > 0.0) as u32;
         let near = |found: f32, expected: f32, scale: f32| (found - expected).abs() <= 1e-5 * scale;
         // A weight near its rim is a small difference of numbers near 1.

@@ -55,6 +55,7 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, coarsest: u32) -> Result
     });
     let bound = |program: Program| {
         program
+            .constant("OVERLAP", work.overlap)
             .bind("grid", grid)
             .bind("position", work.gbuffer.position)
             .bind("normal", work.gbuffer.normal)

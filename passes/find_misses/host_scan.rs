@@ -28,6 +28,8 @@ struct Walk {
     next: usize,
     /// Distance between the records of a batch [pixels].
     spacing: u32,
+    /// A pixel whose weights add up to this or less misses a record.
+    overlap: f32,
 }
 
 pub(super) fn record(r: &mut Recorder<'_>, work: &Work, spacing: u32) {
@@ -37,7 +39,7 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, spacing: u32) {
     let walk = r.state("walk");
     // Whether this round reads the sums back, and how many records the host's weights hold.
     let [look, seen] = ["look", "seen"].map(|name| r.variable(name, false));
-    let gbuffer = work.gbuffer;
+    let (gbuffer, overlap) = (work.gbuffer, work.overlap);
     r.before_loop(Command::Host(Host {
         name: "read_surfaces",
         reads: vec![Read::whole(gbuffer.position), Read::whole(gbuffer.normal)],
@@ -45,7 +47,7 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, spacing: u32) {
         run: Arc::new(move |host| {
             let vectors = |texels: Vec<[f32; 4]>| texels.into_iter().map(Vec4::from).collect();
             let (position, normal) = (vectors(texels(host, gbuffer.position)), vectors(texels(host, gbuffer.normal)));
-            *host.state(walk) = Some(Box::new(Walk { width: width as usize, position, normal, weights: Vec::new(), next: 0, spacing }));
+            *host.state(walk) = Some(Box::new(Walk { width: width as usize, position, normal, weights: Vec::new(), next: 0, spacing, overlap }));
             host.set(look, 1);
             Ok(())
         }),
@@ -95,16 +97,20 @@ impl Walk {
         for row in bounds.min[1]..bounds.max[1] {
             for column in bounds.min[0]..bounds.max[0] {
                 let pixel = row as usize * self.width + column as usize;
-                if self.weights[pixel] == 0.0 {
-                    self.weights[pixel] = rule.weight(record, self.position[pixel].xyz(), self.normal[pixel].xyz());
+                if self.weights[pixel] >= 0.0 {
+                    self.weights[pixel] += rule.weight(record, self.position[pixel].xyz(), self.normal[pixel].xyz());
                 }
             }
         }
     }
 
-    /// The next pixel in scan order that no record covers.
+    fn misses_at(&self, pixel: usize) -> bool {
+        (0.0..=self.overlap).contains(&self.weights[pixel])
+    }
+
+    /// The next pixel in scan order that misses a record.
     fn first_miss(&mut self) -> Option<Request> {
-        let found = (self.next..self.weights.len()).find(|pixel| self.weights[*pixel] == 0.0);
+        let found = (self.next..self.weights.len()).find(|pixel| self.misses_at(*pixel));
         self.next = found.unwrap_or(self.weights.len());
         found.map(|pixel| self.request(pixel))
     }
@@ -117,7 +123,7 @@ impl Walk {
             if found.len() == room {
                 return found;
             }
-            if self.weights[pixel] == 0.0 && !taken[pixel] {
+            if self.misses_at(pixel) && !taken[pixel] {
                 found.push(self.request(pixel));
                 self.take(&mut taken, pixel);
             }

@@ -44,7 +44,11 @@ static DESCRIPTION: Description = Description {
             unit: "",
             kind: ParameterKind::Choice {
                 choices: &[
-                    Choice { name: "HarmonicMean", about: "the harmonic mean distance of what the tile sees: it changes as fast at most (RCS 2)", parameters: &[] },
+                    Choice {
+                        name: "HarmonicMean",
+                        about: "the harmonic mean distance of what the tile sees: it changes as fast at most (RCS 2)",
+                        parameters: &[],
+                    },
                     Choice {
                         name: "Curvature",
                         about: "how far extrapolation along the gradient holds, by the second derivatives: an ellipse; needs gradients",

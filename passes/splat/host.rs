@@ -2,7 +2,7 @@
 
 use super::{Work, at_start};
 use crate::contract::Recorder;
-use crate::math::weight::{Record, Rule, estimate};
+use crate::math::weight::{Record, Rule};
 use crate::passes::record::{Fresh, pinhole, texels};
 use crate::recording::*;
 use glam::{Vec3, Vec4};
@@ -75,7 +75,7 @@ impl Pictures {
         let (position, normal) = (Vec3::new(x, y, z), Vec3::new(a, b, c));
         let weight = if footprint > 0.0 { rule.weight(record, position, normal) } else { 0.0 };
         if weight > 0.0 {
-            self.sums[pixel] += estimate(record, position, normal).extend(1.0) * weight;
+            self.sums[pixel] += rule.estimate(record, position, normal).extend(1.0) * weight;
             self.counts[pixel] += Vec4::ONE;
         }
     }

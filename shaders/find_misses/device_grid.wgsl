@@ -24,6 +24,9 @@ struct Grid {
 @group(0) @binding(5) var<storage, read_write> counts: array<u32, 4>;
 @group(0) @binding(6) var<storage, read_write> requests: array<Request>;
 
+// A pixel whose weights add up to this or less misses a record.
+override OVERLAP: f32 = 0.0;
+
 const NONE = 0xffffffffu;
 
 var<workgroup> best: array<u32, 64>;
@@ -49,7 +52,7 @@ fn search(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: 
         for (var i = lane; i < grid.cell * grid.cell; i += 64u) {
             let local = vec2u(i % grid.cell, i / grid.cell);
             let pixel = cell * grid.cell + local;
-            if all(pixel < camera.size) && textureLoad(position, pixel, 0).w > 0.0 && textureLoad(sums, pixel, 0).w == 0.0 {
+            if all(pixel < camera.size) && textureLoad(position, pixel, 0).w > 0.0 && textureLoad(sums, pixel, 0).w <= OVERLAP {
                 found = min(found, rank(local));
             }
         }
@@ -82,7 +85,7 @@ fn search_small(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) gr
     for (var i = 0u; i < grid.cell * grid.cell; i++) {
         let local = vec2u(i % grid.cell, i / grid.cell);
         let pixel = cell * grid.cell + local;
-        if all(pixel < camera.size) && rank(local) < found && textureLoad(position, pixel, 0).w > 0.0 && textureLoad(sums, pixel, 0).w == 0.0 {
+        if all(pixel < camera.size) && rank(local) < found && textureLoad(position, pixel, 0).w > 0.0 && textureLoad(sums, pixel, 0).w <= OVERLAP {
             found = rank(local);
             candidate = pixel.y * camera.size.x + pixel.x + 1u;
         }

@@ -13,6 +13,7 @@ struct Record {
     // Gradients of red, green and blue. The rotation's fourth components are the stretch: along the axis of the longest
     // reach, sqrt(1 - (R0 / R1)²) long.
     rotation: array<vec4f, 3>,
+    // The first one's fourth component is the luminance's relative gradient along the surface, |∇E| / E.
     translation: array<vec4f, 3>,
 }
 
@@ -34,9 +35,10 @@ struct Weighting {
     kind: u32,
     // Most of the reach in distances of the nearest thing seen.
     nearest: f32,
+    // Most of the reach in lengths over which the irradiance changes by all of itself.
+    change: f32,
     padding_a: u32,
     padding_b: u32,
-    padding_c: u32,
 }
 
 // Items of a list that a step works on.
@@ -47,10 +49,15 @@ struct Stretch {
     padding_b: u32,
 }
 
-// How far a record reaches along its shorter axis [scene units].
+// How far a record's gradient may be followed: not to the corner of the nearest surface, nor until all has changed.
+fn gradient_reach(record: Record, weighting: Weighting) -> f32 {
+    return min(weighting.nearest * record.minimum_distance, weighting.change / max(record.translation[0].w, 1e-30));
+}
+
+// How far a record reaches along its shorter axis [scene units], within the limits in pixels.
 fn reach(record: Record, weighting: Weighting) -> f32 {
     let distance = select(record.radius, record.minimum_distance, weighting.kind == 1u);
-    let free = min(weighting.accuracy * distance, weighting.nearest * record.minimum_distance);
+    let free = min(weighting.accuracy * distance, gradient_reach(record, weighting));
     return clamp(free, weighting.minimum_spacing * record.footprint, weighting.maximum_spacing * record.footprint);
 }
 
@@ -94,9 +101,11 @@ fn record_weight(record: Record, weighting: Weighting, position: vec3f, normal: 
 }
 
 // Irradiance that a record foretells at a point (RCS 8), within a factor of 2.5 of its own.
-fn record_estimate(record: Record, position: vec3f, normal: vec3f) -> vec3f {
+fn record_estimate(record: Record, weighting: Weighting, position: vec3f, normal: vec3f) -> vec3f {
     let turn = cross(record.normal, normal);
-    let move_by = position - record.position;
+    // A record that has to reach farther foretells at its rim what it would have where its gradient ends.
+    let share = min(gradient_reach(record, weighting) / max(reach(record, weighting), 1e-30), 1.0);
+    let move_by = (position - record.position) * share;
     let change = vec3f(
         dot(turn, record.rotation[0].xyz) + dot(move_by, record.translation[0].xyz),
         dot(turn, record.rotation[1].xyz) + dot(move_by, record.translation[1].xyz),

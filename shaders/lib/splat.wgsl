@@ -44,5 +44,5 @@ fn contribution(record: Record, weighting: Weighting, place: vec4f, facing: vec3
     if place.w == 0.0 || weight <= 0.0 {
         return vec4f(0.0);
     }
-    return vec4f(record_estimate(record, place.xyz, facing), 1.0) * weight;
+    return vec4f(record_estimate(record, weighting, place.xyz, facing), 1.0) * weight;
 }

@@ -76,6 +76,15 @@ fn ellipse_of_curvature(irradiance: f32, hessian: vec3f) -> Ellipse {
     return Ellipse(min(radius, 1e30), axis * sqrt(max(1.0 - weakest / max(strongest, 1e-30), 0.0)));
 }
 
+// Of the luminance along the surface.
+fn relative_gradient(sums: Sums) -> f32 {
+    let change = vec2f(
+        luminance(vec3f(sums.parts[3].x, sums.parts[4].x, sums.parts[5].x)),
+        luminance(vec3f(sums.parts[3].y, sums.parts[4].y, sums.parts[5].y)),
+    );
+    return min(length(change) / max(luminance(sums.parts[0].rgb), 1e-30), 1e30);
+}
+
 fn record_of(request: Request, sums: Sums) -> Record {
     let frame = frame_around(request.normal, request.turn);
     var record: Record;
@@ -89,7 +98,7 @@ fn record_of(request: Request, sums: Sums) -> Record {
         record.rotation[0] = vec4f(frame * vec3f(sums.parts[1].xy, 0.0), 0.0);
         record.rotation[1] = vec4f(frame * vec3f(sums.parts[1].zw, 0.0), 0.0);
         record.rotation[2] = vec4f(frame * vec3f(sums.parts[2].xy, 0.0), 0.0);
-        record.translation[0] = vec4f(frame * sums.parts[3].xyz, 0.0);
+        record.translation[0] = vec4f(frame * sums.parts[3].xyz, relative_gradient(sums));
         record.translation[1] = vec4f(frame * sums.parts[4].xyz, 0.0);
         record.translation[2] = vec4f(frame * sums.parts[5].xyz, 0.0);
         if RADIUS == 1u {

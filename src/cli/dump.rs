@@ -3,6 +3,7 @@
 use super::failure::{CommandError, Failure};
 use super::output::Target;
 use crate::contract::{Port, port};
+use crate::math::weight;
 use crate::measure::run::{Run, image};
 use crate::measure::{Layer, Layers};
 use crate::passes::record::{Record, Request};
@@ -74,18 +75,6 @@ fn requests_csv(requests: &[Request]) -> String {
     text
 }
 
-/// Reach of a record and what limited it.
-fn reach(record: &Record, rule: port::Rule) -> (f32, &'static str) {
-    let distance = if rule.weighting == port::Weighting::TabellionLamorlette { record.minimum_distance } else { record.radius };
-    let free = rule.accuracy * distance;
-    let [least, most] = rule.spacing.map(|pixels| pixels * record.footprint);
-    match free {
-        _ if free < least => (least, "minimum_spacing"),
-        _ if free > most => (most, "maximum_spacing"),
-        _ => (free, "accuracy"),
-    }
-}
-
 fn write_records(records: &[Record], rule: Option<port::Rule>, name: &str, beside: &Path) -> Result<(), Failure> {
     let mut csv = String::from("x,y,z,normal_x,normal_y,normal_z,irradiance_r,irradiance_g,irradiance_b,radius,minimum_distance,footprint,reach,limited_by\n");
     let mut ply = format!("ply\nformat ascii 1.0\nelement vertex {}\n", records.len());
@@ -95,7 +84,8 @@ fn write_records(records: &[Record], rule: Option<port::Rule>, name: &str, besid
     ply.push_str("end_header\n");
     for record in records {
         let ([x, y, z], [a, b, c], [r, g, h]) = (record.position, record.normal, record.irradiance);
-        let (reach, limited_by) = rule.map_or((record.radius, ""), |rule| reach(record, rule));
+        let (reach, limited_by) =
+            rule.map_or((record.radius, ""), |rule| (rule.reach(&weight::Record::from(record)), rule.limited_by(&weight::Record::from(record))));
         let (radius, footprint) = (record.radius, record.footprint);
         let _ = writeln!(csv, "{x},{y},{z},{a},{b},{c},{r},{g},{h},{radius},{},{footprint},{reach},{limited_by}", record.minimum_distance);
         let _ = writeln!(ply, "{x} {y} {z} {a} {b} {c} {r} {g} {h} {radius} {reach}");

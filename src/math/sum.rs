@@ -123,6 +123,12 @@ impl Summed {
         self.irradiance.dot(LUMINANCE)
     }
 
+    /// `|∇E| / E` of the luminance along the surface [1 / scene unit].
+    fn relative_gradient(&self) -> f64 {
+        let along = DVec3::from_array([0, 1, 2].map(|i| DVec3::from_array(self.translation.map(|t| t[i])).dot(LUMINANCE)));
+        along.truncate().length() / self.luminance().max(1e-30)
+    }
+
     /// The record of this hemisphere at `position`, seen in `frame`, that reaches as the ellipse says; `footprint` is
     /// the width of a pixel there.
     pub fn record(&self, position: Vec3, frame: &Frame, ellipse: Ellipse, footprint: f32) -> Record {
@@ -136,6 +142,7 @@ impl Summed {
             footprint,
             rotation: self.rotation.map(to_world),
             translation: self.translation.map(to_world),
+            relative_gradient: self.relative_gradient().min(FAR_AWAY) as f32,
             stretch: to_world(ellipse.stretch.extend(0.0)),
         }
     }

@@ -42,6 +42,8 @@ pub struct Record {
     pub translation: [Vec3; 3],
     /// Along the axis of the ellipse's larger radius, `√(1 − (R₀/R₁)²)` long; 0 for a disc.
     pub stretch: Vec3,
+    /// Of the luminance along the surface, `|∇E| / E` [1 / scene unit].
+    pub relative_gradient: f32,
 }
 
 /// How a record counts within its reach; the shaders know the kinds by these numbers.
@@ -65,18 +67,58 @@ pub struct Rule {
     pub spacing: [f32; 2],
     /// Most of the reach in distances of the nearest surface seen.
     pub nearest: f32,
+    /// Most of the reach in lengths over which the irradiance changes by all of itself.
+    pub change: f32,
 }
 
 impl Rule {
-    /// How far a record reaches along the shorter axis: `a` times its distance, within the limits in pixels [scene units].
+    /// How far a record's gradient may be followed: not to the corner of the nearest surface, nor until all has changed
+    /// [scene units].
+    fn gradient_reach(&self, record: &Record) -> f32 {
+        let change = self.change / record.relative_gradient.max(LEAST_LENGTH);
+        (self.nearest * record.minimum_distance).min(change)
+    }
+
+    /// How far a record reaches along the shorter axis: `a` times its distance, as far as the gradient may be followed,
+    /// within the limits in pixels [scene units].
     pub fn reach(&self, record: &Record) -> f32 {
-        let distance = if self.weighting == Weighting::TabellionLamorlette { record.minimum_distance } else { record.radius };
-        (self.accuracy * distance).min(self.nearest * record.minimum_distance).max(self.spacing[0] * record.footprint).min(self.spacing[1] * record.footprint)
+        let [least, most] = self.spacing.map(|pixels| pixels * record.footprint);
+        (self.accuracy * self.distance(record)).min(self.gradient_reach(record)).max(least).min(most)
+    }
+
+    /// What the accuracy multiplies [scene units].
+    fn distance(&self, record: &Record) -> f32 {
+        if self.weighting == Weighting::TabellionLamorlette { record.minimum_distance } else { record.radius }
+    }
+
+    /// The parameter that decided how far a record reaches.
+    pub fn limited_by(&self, record: &Record) -> &'static str {
+        let reach = self.reach(record);
+        let [least, most] = self.spacing.map(|pixels| pixels * record.footprint);
+        match reach {
+            _ if reach == most => "maximum_spacing",
+            _ if reach == least => "minimum_spacing",
+            _ if reach == self.accuracy * self.distance(record) => "accuracy",
+            _ if reach == self.nearest * record.minimum_distance => "nearest",
+            _ => "change",
+        }
     }
 
     /// How far a record reaches along the longer axis [scene units].
     pub fn longest_reach(&self, record: &Record) -> f32 {
         self.reach(record) / (1.0 - record.stretch.length_squared()).max(0.01).sqrt()
+    }
+
+    /// The record's estimate `E_k + (n_k × n)·∇r + (p − p_k)·∇t` of the irradiance at a point, per channel (Gautron 2005,
+    /// equation 8, with absolute gradients), within [`EXTRAPOLATION`] times its own. A record that has to reach farther
+    /// foretells at its rim what it would have where its gradient ends.
+    pub fn estimate(&self, record: &Record, position: Vec3, normal: Vec3) -> Vec3 {
+        let turn = record.normal.cross(normal);
+        let share = (self.gradient_reach(record) / self.reach(record).max(LEAST_LENGTH)).min(1.0);
+        let step = (position - record.position) * share;
+        let change = |channel: usize| turn.dot(record.rotation[channel]) + step.dot(record.translation[channel]);
+        let estimate = record.irradiance + Vec3::new(change(0), change(1), change(2));
+        estimate.max(record.irradiance * EXTRAPOLATION[0]).min(record.irradiance * EXTRAPOLATION[1])
     }
 
     /// Weight of a record at a point; 0 where it does not count: out of reach, turned too far, or in front of the point.
@@ -103,16 +145,6 @@ impl Rule {
     }
 }
 
-/// The record's estimate `E_k + (n_k × n)·∇r + (p − p_k)·∇t` of the irradiance at a point, per channel (Gautron 2005,
-/// equation 8, with absolute gradients), within [`EXTRAPOLATION`] times its own.
-pub fn estimate(record: &Record, position: Vec3, normal: Vec3) -> Vec3 {
-    let turn = record.normal.cross(normal);
-    let step = position - record.position;
-    let change = |channel: usize| turn.dot(record.rotation[channel]) + step.dot(record.translation[channel]);
-    let estimate = record.irradiance + Vec3::new(change(0), change(1), change(2));
-    estimate.max(record.irradiance * EXTRAPOLATION[0]).min(record.irradiance * EXTRAPOLATION[1])
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -130,11 +162,12 @@ mod tests {
             rotation: [Vec3::X * 0.5, Vec3::Y, Vec3::ZERO],
             translation: [Vec3::X, Vec3::ZERO, Vec3::new(0.0, -3.0, 0.0)],
             stretch: Vec3::ZERO,
+            relative_gradient: 1.0,
         }
     }
 
     fn rule(weighting: Weighting) -> Rule {
-        Rule { weighting, accuracy: 0.15, spacing: [1.5, 40.0], nearest: 1e6 }
+        Rule { weighting, accuracy: 0.15, spacing: [1.5, 40.0], nearest: 1e6, change: 1e6 }
     }
 
     fn tilted(axis: Vec3, degrees: f32) -> Vec3 {
@@ -198,6 +231,8 @@ mod tests {
     #[test]
     fn estimates_follow_the_gradients_within_limits() {
         let r = record();
+        let rule = Rule { spacing: [0.0, 1e6], ..rule(Weighting::Ward) };
+        let estimate = |record: &Record, position: Vec3, normal: Vec3| rule.estimate(record, position, normal);
         assert_eq!(estimate(&r, r.position, r.normal), r.irradiance);
         assert_eq!(estimate(&r, r.position + Vec3::X * 0.25, r.normal), Vec3::new(1.25, 2.0, 3.0));
         assert_eq!(estimate(&r, r.position + Vec3::Y * 2.0, r.normal), Vec3::new(1.0, 2.0, 3.0 * EXTRAPOLATION[0]));
@@ -205,12 +240,16 @@ mod tests {
         // z × n for a normal turned about x by α is (sin α, 0, 0).
         let turned = estimate(&r, r.position, tilted(Vec3::X, 30.0));
         assert!(turned.abs_diff_eq(Vec3::new(1.25, 2.0, 3.0), 1e-6));
+        // A reach that the limits in pixels make ten times as long as the gradient's: the step counts a tenth.
+        let steep = Record { relative_gradient: 100.0, footprint: 0.1, ..r };
+        let wide = Rule { spacing: [1.0, 2.0], change: 1.0, ..rule };
+        assert!(near(wide.reach(&steep), 0.1) && near(wide.estimate(&steep, r.position + Vec3::X * 0.05, r.normal).x, 1.005));
     }
 
     proptest! {
         #[test]
         fn ward_counts_where_the_formula_says(x in -0.5..0.5f32, y in -0.5..0.5f32, degrees in 0.0..30.0f32, accuracy in 0.01..2.0f32) {
-            let (r, rule) = (record(), Rule { weighting: Weighting::Ward, accuracy, spacing: [0.0, 1e6], nearest: 1e6 });
+            let (r, rule) = (record(), Rule { weighting: Weighting::Ward, accuracy, spacing: [0.0, 1e6], nearest: 1e6, change: 1e6 });
             let (p, n) = (r.position + Vec3::new(x, y, 0.0), tilted(Vec3::X, degrees));
             let behind = (p - r.position).dot(n + r.normal) * 0.5 + FRONT_TOLERANCE * rule.reach(&r);
             let error = f64::from((p - r.position).length()) / 2.0 + (1.0 - f64::from(degrees).to_radians().cos()).sqrt();

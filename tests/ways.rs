@@ -15,7 +15,7 @@ use hemisplat::{
     },
     passes::{
         REGISTRY,
-        record::{Record, Request, Weighting, edge_bytes, sample_bytes, summed_record},
+        record::{Radius, Record, Request, Weighting, edge_bytes, sample_bytes, summed_record},
     },
     recording::*,
     scene::{bvh::Bvh, load, model::*, needs::Needs},
@@ -28,8 +28,9 @@ type Case = fn(&Stage) -> Outcome;
 
 fn main() {
     let required = env::var("HEMISPLAT_REQUIRE").is_ok_and(|list| list.split(',').any(|item| item.trim() == "gpu"));
-    let cases: [(&str, bool, Case); 8] = [
+    let cases: [(&str, bool, Case); 9] = [
         ("sums_agree_with_double_precision", false, sums_agree),
+        ("curvatures_agree_with_double_precision", false, curvatures_agree),
         ("half_precision_sums_stay_finite", false, half_sums_are_bounded),
         ("tiles_that_cannot_be_halved_are_refused", false, odd_tiles_are_refused),
         ("splats_agree_pixel_by_pixel", false, splats_agree),
@@ -272,7 +273,7 @@ fn requests() -> [Request; TILES] {
 }
 
 /// The records of the tiles, summed one way, after two frames that must give the same bits.
-fn summed(stage: &Stage, table: &Arc<Table>, shape: (Shape, u32), by: &str) -> Result<Vec<Record>, Failed> {
+fn summed(stage: &Stage, table: &Arc<Table>, shape: (Shape, u32), by: &str, radius: Radius) -> Result<Vec<Record>, Failed> {
     // More tiles than are asked for, in an atlas of two columns.
     let (capacity, size) = (TILES + 3, table.samples.len());
     let mut samples: Vec<[f32; 4]> = tiles(table, stage.scene.extent()).concat();
@@ -291,7 +292,7 @@ fn summed(stage: &Stage, table: &Arc<Table>, shape: (Shape, u32), by: &str) -> R
     };
     let (weights, edges) = (graph.buffer("weights", &sample_bytes(table)), graph.buffer("edges", &edge_bytes(table)));
     graph.ports.insert("tiles".into(), Port::WeightedTiles(port::WeightedTiles { tiles, table: table.clone(), weights, edges }));
-    graph.node("records", "IrradianceSum", &[("by", by)], &[("of", "tiles")])?;
+    graph.node("records", "IrradianceSum", &[("by", by), ("radius", &format!("{radius:?}"))], &[("of", "tiles")])?;
     let Some(Port::Records(port::Records { records, .. })) = graph.ports.get("records") else { return Err("no records".into()) };
     let mut session = graph.session(&[*records])?;
     session.set_variable(requests.count, TILES as u32);
@@ -305,7 +306,7 @@ fn summed(stage: &Stage, table: &Arc<Table>, shape: (Shape, u32), by: &str) -> R
 }
 
 /// What the sums should be, and the sums of the moduli of what is added up in the two gradients: the scale of their rounding.
-fn expected(table: &Table, extent: f32) -> Result<Vec<(Record, [f32; 2])>, Failed> {
+fn expected(table: &Table, extent: f32, radius: Radius) -> Result<Vec<(Record, [f32; 2])>, Failed> {
     let mut all = Vec::new();
     for (request, tile) in requests().iter().zip(tiles(table, extent)) {
         let nearest = f64::from(surface_offset(extent, Vec3::from(request.position)));
@@ -315,7 +316,7 @@ fn expected(table: &Table, extent: f32) -> Result<Vec<(Record, [f32; 2])>, Faile
         let most = |i: u32| f64::from(tile[i as usize][..3].iter().fold(0.0f32, |a, b| a.max(*b)));
         let length = |g: [f64; 3]| g.iter().map(|x| x * x).sum::<f64>().sqrt();
         let translation: f64 = table.edges.iter().map(|e| length(e.gradient) * (most(e.a) + most(e.b)) * inverse(e.a).max(inverse(e.b))).sum();
-        all.push((summed_record(request, &summed, true), [rotation as f32, translation as f32]));
+        all.push((summed_record(request, &summed, true, radius), [rotation as f32, translation as f32]));
     }
     Ok(all)
 }
@@ -323,13 +324,20 @@ fn expected(table: &Table, extent: f32) -> Result<Vec<(Record, [f32; 2])>, Faile
 /// The largest error of a record's parts, each in proportion to what was added up.
 fn error(found: &Record, expected: &Record, scales: [f32; 2]) -> f32 {
     let relative = |a: f32, b: f32| (a - b).abs() / b.abs();
-    let gradients = |a: &[[f32; 4]; 3], b: &[[f32; 4]; 3], scale: f32| {
-        a.as_flattened().iter().zip(b.as_flattened()).map(|(a, b)| (a - b).abs() / scale).fold(0.0, f32::max)
-    };
+    let gradients =
+        |a: &[[f32; 4]; 3], b: &[[f32; 4]; 3], scale: f32| a.iter().zip(b).flat_map(|(a, b)| (0..3).map(|i| (a[i] - b[i]).abs() / scale)).fold(0.0, f32::max);
+    // The gradient's share of the luminance, as the gradient is.
+    let luminance = Vec3::from(expected.irradiance).dot(Vec3::new(0.2126, 0.7152, 0.0722));
+    let share = (found.translation[0][3] - expected.translation[0][3]).abs() * luminance / scales[1];
     let irradiance = found.irradiance.iter().zip(expected.irradiance).map(|(a, b)| relative(*a, b)).fold(0.0, f32::max);
     let distances = relative(found.radius, expected.radius).max(relative(found.minimum_distance, expected.minimum_distance));
-    let all =
-        [irradiance, distances, gradients(&found.rotation, &expected.rotation, scales[0]), gradients(&found.translation, &expected.translation, scales[1])];
+    let all = [
+        irradiance,
+        share,
+        distances,
+        gradients(&found.rotation, &expected.rotation, scales[0]),
+        gradients(&found.translation, &expected.translation, scales[1]),
+    ];
     // NaN counts as the largest error.
     all.into_iter().fold(0.0, |worst, e| if e.is_nan() || e > worst { if e.is_nan() { f32::INFINITY } else { e } } else { worst })
 }
@@ -341,12 +349,33 @@ fn table(shape: (Shape, u32)) -> Result<Arc<Table>, Failed> {
 fn sums_agree(stage: &Stage) -> Outcome {
     for shape in SHAPES {
         let table = table(shape)?;
-        let expected = expected(&table, stage.scene.extent())?;
+        let expected = expected(&table, stage.scene.extent(), Radius::HarmonicMean)?;
         for by in SUMS {
-            let found = summed(stage, &table, shape, by)?;
+            let found = summed(stage, &table, shape, by, Radius::HarmonicMean)?;
             let errors: Vec<f32> = found.iter().zip(&expected).map(|(f, (e, scales))| error(f, e, *scales)).collect();
             println!("{by} over {shape:?}: {errors:?}");
             check(errors.iter().all(|e| *e < 1e-5), || format!("{by} over {shape:?}: errors {errors:?}"))?;
+        }
+    }
+    Ok(())
+}
+
+/// The ellipses of the second derivatives, which are what is left of large numbers of both signs.
+fn curvatures_agree(stage: &Stage) -> Outcome {
+    for shape in SHAPES {
+        let table = table(shape)?;
+        let expected = expected(&table, stage.scene.extent(), Radius::Curvature)?;
+        for by in SUMS {
+            let found = summed(stage, &table, shape, by, Radius::Curvature)?;
+            for (found, (expected, _)) in found.iter().zip(&expected) {
+                let [a, b] = [found, expected].map(|r| Vec3::from(r.rotation.map(|g| g[3])));
+                // An axis has no sign.
+                let axes = (a - b).length().min((a + b).length());
+                let radii = (found.radius - expected.radius).abs() / expected.radius;
+                check(b.length() < 0.87 && radii < 2e-3 && axes < 2e-2, || {
+                    format!("{by} over {shape:?}: radius {} and stretch {a}, not {} and {b}", found.radius, expected.radius)
+                })?;
+            }
         }
     }
     Ok(())
@@ -356,9 +385,9 @@ fn sums_agree(stage: &Stage) -> Outcome {
 fn half_sums_are_bounded(stage: &Stage) -> Outcome {
     for shape in SHAPES {
         let table = table(shape)?;
-        let expected = expected(&table, stage.scene.extent())?;
+        let expected = expected(&table, stage.scene.extent(), Radius::HarmonicMean)?;
         for by in ["MipmapChain:F16", "PingPong:F16"] {
-            let found = summed(stage, &table, shape, by)?;
+            let found = summed(stage, &table, shape, by, Radius::HarmonicMean)?;
             let mild = error(&found[0], &expected[0].0, expected[0].1);
             println!("{by} over {shape:?}: {mild:.1e}");
             check(mild < 4e-3, || format!("{by} over {shape:?}: error {mild:e}"))?;
@@ -375,10 +404,13 @@ fn half_sums_are_bounded(stage: &Stage) -> Outcome {
 fn odd_tiles_are_refused(stage: &Stage) -> Outcome {
     let shape = (Shape::Cosine, 22);
     let table = table(shape)?;
-    let refused = summed(stage, &table, shape, "MipmapChain:F32").err().and_then(|e| e.message().map(String::from)).unwrap_or_default();
+    let refused = summed(stage, &table, shape, "MipmapChain:F32", Radius::HarmonicMean).err().and_then(|e| e.message().map(String::from)).unwrap_or_default();
     check(refused.contains("22×22"), || format!("a mipmap chain of 22×22 samples was not refused: {refused}"))?;
-    let errors: Vec<f32> =
-        summed(stage, &table, shape, "PingPong:F32")?.iter().zip(expected(&table, stage.scene.extent())?).map(|(f, (e, s))| error(f, &e, s)).collect();
+    let errors: Vec<f32> = summed(stage, &table, shape, "PingPong:F32", Radius::HarmonicMean)?
+        .iter()
+        .zip(expected(&table, stage.scene.extent(), Radius::HarmonicMean)?)
+        .map(|(f, (e, s))| error(f, &e, s))
+        .collect();
     check(errors.iter().all(|e| *e < 1e-5), || format!("PingPong of 22×22 samples: errors {errors:?}"))
 }
 

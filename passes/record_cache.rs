@@ -41,6 +41,12 @@ static DESCRIPTION: Description = Description {
             kind: ParameterKind::Float { default: 1.0, min: 0.01, max: 1e6 },
         },
         Parameter {
+            name: "overlap",
+            about: "weights that add up to this or less are a miss: above 0 there is always another record where one ends, so that no rim shows",
+            unit: "",
+            kind: ParameterKind::Float { default: 0.25, min: 0.0, max: 0.9 },
+        },
+        Parameter {
             name: "weights",
             about: "how much a record counts at a point",
             unit: "",
@@ -95,8 +101,8 @@ impl Pass for RecordCache {
             kind: weighting as u32,
             nearest: nearest as f32,
             change: r.arguments.float("change") as f32,
-            padding_a: 0,
-            padding_b: 0,
+            overlap: r.arguments.float("overlap") as f32,
+            padding: 0,
         };
         let capacity = r.arguments.integer("capacity") as u32;
         let cache = port::RecordCache {
@@ -110,6 +116,7 @@ impl Pass for RecordCache {
                 spacing: [uniform.minimum_spacing, uniform.maximum_spacing],
                 nearest: uniform.nearest,
                 change: uniform.change,
+                overlap: uniform.overlap,
             },
         };
         r.output("cache", Port::RecordCache(cache));

@@ -36,7 +36,7 @@ fn append(@builtin(global_invocation_id) id: vec3u) {
     }
     cache[batch.first + id.x] = record;
     for (var i = 0u; i < id.x; i++) {
-        if record_weight(records[i], weighting, record.position, record.normal) > 0.0 {
+        if record_weight(records[i], weighting, record.position, record.normal) > weighting.overlap {
             atomicAdd(&surplus[0], 1u);
             break;
         }

@@ -447,7 +447,7 @@ fn records(scene: &Scene, size: [u32; 2], count: usize) -> Vec<Record> {
 }
 
 fn rule(weighting: weight::Weighting, most_pixels: f32) -> Rule {
-    Rule { weighting, accuracy: 0.3, spacing: [1.5, most_pixels], nearest: 2.0, change: 1.5 }
+    Rule { weighting, accuracy: 0.3, spacing: [1.5, most_pixels], nearest: 2.0, change: 1.5, overlap: 0.0 }
 }
 
 /// One texel a pixel: sums, and the number of records in the first channel; the seconds that the second frame took.
@@ -468,8 +468,8 @@ fn splatted(stage: &Stage, records: &[Record], rule: Rule, size: [u32; 2], by: &
         kind: rule.weighting as u32,
         nearest: rule.nearest,
         change: rule.change,
-        padding_a: 0,
-        padding_b: 0,
+        overlap: rule.overlap,
+        padding: 0,
     };
     let cache = port::RecordCache {
         records: graph.buffer("records", bytemuck::cast_slice(records)),
@@ -610,7 +610,7 @@ struct Value { estimate: vec3f, weight: f32, reach: f32, padding_a: f32, padding
 @compute @workgroup_size(64)
 fn twin(@builtin(global_invocation_id) id: vec3u) {
     let place = places[id.x];
-    let weighting = Weighting(0.3, 1.5, 40.0, place.kind, 2.0, 1.5, 0u, 0u);
+    let weighting = Weighting(0.3, 1.5, 40.0, place.kind, 2.0, 1.5, 0.0, 0u);
     let record = records[id.x];
     values[id.x] = Value(
         record_estimate(record, weighting, place.position, place.normal), record_weight(record, weighting, place.position, place.normal),

@@ -44,12 +44,6 @@ static DESCRIPTION: Description = Description {
             },
         },
         Parameter {
-            name: "overlap",
-            about: "weights that add up to this or less are a miss: above 0 there is always another record where one ends, so that no rim shows",
-            unit: "",
-            kind: ParameterKind::Float { default: 0.25, min: 0.0, max: 0.9 },
-        },
-        Parameter {
             name: "at_most",
             about: "most new records a frame, for interactive use; 0 for no limit",
             unit: "records",
@@ -103,7 +97,7 @@ impl Pass for FindMisses {
             0 => u32::MAX,
             limit => limit as u32,
         };
-        let overlap = r.arguments.float("overlap") as f32;
+        let overlap = splats.cache.rule.overlap;
         let work = Work { gbuffer, splats, requests, none: r.variable("none", false), overlap, at_most, made: r.variable("made", false) };
         match r.arguments.choice("by") {
             ("HostScan", arguments) => host_scan::record(r, &work, arguments.integer("spacing") as u32),

@@ -37,8 +37,9 @@ struct Weighting {
     nearest: f32,
     // Most of the reach in lengths over which the irradiance changes by all of itself.
     change: f32,
-    padding_a: u32,
-    padding_b: u32,
+    // A point whose weights add up to this or less misses a record.
+    overlap: f32,
+    padding: u32,
 }
 
 // Items of a list that a step works on.

@@ -69,6 +69,8 @@ pub struct Rule {
     pub nearest: f32,
     /// Most of the reach in lengths over which the irradiance changes by all of itself.
     pub change: f32,
+    /// A point whose weights add up to this or less misses a record.
+    pub overlap: f32,
 }
 
 impl Rule {
@@ -167,7 +169,7 @@ mod tests {
     }
 
     fn rule(weighting: Weighting) -> Rule {
-        Rule { weighting, accuracy: 0.15, spacing: [1.5, 40.0], nearest: 1e6, change: 1e6 }
+        Rule { weighting, accuracy: 0.15, spacing: [1.5, 40.0], nearest: 1e6, change: 1e6, overlap: 0.0 }
     }
 
     fn tilted(axis: Vec3, degrees: f32) -> Vec3 {
@@ -249,7 +251,7 @@ mod tests {
     proptest! {
         #[test]
         fn ward_counts_where_the_formula_says(x in -0.5..0.5f32, y in -0.5..0.5f32, degrees in 0.0..30.0f32, accuracy in 0.01..2.0f32) {
-            let (r, rule) = (record(), Rule { weighting: Weighting::Ward, accuracy, spacing: [0.0, 1e6], nearest: 1e6, change: 1e6 });
+            let (r, rule) = (record(), Rule { weighting: Weighting::Ward, accuracy, spacing: [0.0, 1e6], nearest: 1e6, change: 1e6, overlap: 0.0 });
             let (p, n) = (r.position + Vec3::new(x, y, 0.0), tilted(Vec3::X, degrees));
             let behind = (p - r.position).dot(n + r.normal) * 0.5 + FRONT_TOLERANCE * rule.reach(&r);
             let error = f64::from((p - r.position).length()) / 2.0 + (1.0 - f64::from(degrees).to_radians().cos()).sqrt();

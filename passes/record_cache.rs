@@ -20,7 +20,7 @@ static DESCRIPTION: Description = Description {
             name: "minimum_spacing",
             about: "least reach of a record",
             unit: "pixels",
-            kind: ParameterKind::Float { default: 5.0, min: 0.1, max: 1000.0 },
+            kind: ParameterKind::Float { default: 4.0, min: 0.1, max: 1000.0 },
         },
         Parameter {
             name: "maximum_spacing",
@@ -44,7 +44,7 @@ static DESCRIPTION: Description = Description {
             name: "overlap",
             about: "weights that add up to this or less are a miss: above 0 there is always another record where one ends, so that no rim shows",
             unit: "",
-            kind: ParameterKind::Float { default: 0.25, min: 0.0, max: 0.9 },
+            kind: ParameterKind::Float { default: 0.2, min: 0.0, max: 0.9 },
         },
         Parameter {
             name: "weights",

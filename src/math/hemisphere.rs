@@ -424,7 +424,7 @@ fn hemispherical(resolution: u32) -> Table {
         let Some(owner) = disc_owner(&view, column, row) else { continue };
         builder.region(owner, disc_moment(x, y), disc_solid_angle(x, y));
         if let Some(right) = disc_owner(&view, column + 1, row) {
-            builder.wall(owner, right, disc_wall_between(x[1], y, |x, y| DVec2::new(x, y)));
+            builder.wall(owner, right, disc_wall_between(x[1], y, DVec2::new));
         }
         if let Some(below) = disc_owner(&view, column, row + 1) {
             builder.wall(owner, below, disc_wall_between(y[1], x, |y, x| DVec2::new(x, y)));

@@ -39,6 +39,7 @@ impl Pass for GBuffer {
             colours: vec![Target { texture: triangles, clear: Some([0.0; 4]), blend: Blend::Replace }],
             depth: Some(DepthTarget { texture: depth, layer: 0 }),
             vertices: Some(vertices),
+            instances: None,
             topology: Topology::Triangles,
             draws: Draws::Fixed(vec![Draw { rectangle: None, vertices: [0, 3 * r.setting.needs.triangles], instances: [0, 1] }]),
         }));

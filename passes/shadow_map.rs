@@ -69,6 +69,7 @@ impl Pass for ShadowMap {
                 colours: Vec::new(),
                 depth: Some(DepthTarget { texture: depth, layer }),
                 vertices: Some(vertices),
+                instances: None,
                 topology: Topology::Triangles,
                 draws: Draws::Fixed(vec![Draw { rectangle: None, vertices: [0, 3 * r.setting.needs.triangles], instances: [layer, layer + 1] }]),
             }));

@@ -14,7 +14,7 @@ fn shared() -> Vec<(&'static str, Vec<HostLayout>)> {
         ("irradiance_sum/workgroup_tree", record::LAYOUTS.to_vec()),
         ("add_records", vec![add_records::Batch::LAYOUT]),
         ("find_misses/device_grid", vec![device_grid::Grid::LAYOUT]),
-        ("hemisphere_tiles/raster", vec![raster::TileView::LAYOUT]),
+        ("hemisphere_tiles/raster", vec![raster::TileView::LAYOUT, raster::TileCamera::LAYOUT]),
         ("shadow_map", vec![shadow_map::ShadowView::LAYOUT]),
     ]
 }

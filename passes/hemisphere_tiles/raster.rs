@@ -26,6 +26,21 @@ host_struct! {
     }
 }
 
+host_struct! {
+    /// A camera where a request stands: an inner product of a point relative to `origin` with each axis is a clip coordinate.
+    pub struct TileCamera {
+        right: [f32; 3],
+        /// Distance of the near plane.
+        near: f32,
+        up: [f32; 3],
+        padding_a: f32,
+        forward: [f32; 3],
+        padding_b: f32,
+        origin: [f32; 3],
+        padding_c: f32,
+    }
+}
+
 /// Ranges with gaps up to this many triangles are drawn as one: a draw costs about as much.
 const GAP: u32 = 24;
 /// A subtree of at most this many triangles is drawn whole.
@@ -48,12 +63,8 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work) {
         _ => return,
     };
     let vertices = (!hemispherical).then(|| r.scene_data(SceneData::Positions));
-    let program = work
-        .layout(scene_constants(Program::new("hemisphere_tiles/raster"), needs))
-        .constant("VIEWS", work.table.views.len() as u32)
-        .bind("requests", work.requests.places)
-        .bind("views", buffer)
-        .bind("samples", work.samples);
+    let program = program(r, work, buffer);
+    let instances = (!hemispherical).then(|| aim(r, work, program.clone()));
     r.command(Command::Raster(Raster {
         program,
         vertex: if hemispherical { "vertex_hemispherical" } else { "vertex" },
@@ -65,9 +76,26 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work) {
         colours: vec![Target { texture: work.seen, clear: Some([0.0; 4]), blend: Blend::Replace }],
         depth: Some(DepthTarget { texture: depth, layer: 0 }),
         vertices,
+        instances,
         topology: Topology::Triangles,
         draws: Draws::Listed(draws),
     }));
+}
+
+fn program(r: &Recorder<'_>, work: &Work, views: Resource) -> Program {
+    work.layout(scene_constants(Program::new("hemisphere_tiles/raster"), r.setting.needs))
+        .constant("VIEWS", work.table.views.len() as u32)
+        .bind("requests", work.requests.places)
+        .bind("views", views)
+        .bind("samples", work.samples)
+}
+
+/// Turns the views of every request to where they stand, once for all vertices.
+fn aim(r: &mut Recorder<'_>, work: &Work, program: Program) -> Resource {
+    let views = work.table.views.len() as u32;
+    let cameras = r.buffer("cameras", (work.requests.capacity * views) as u64 * size_of::<TileCamera>() as u64);
+    r.compute(program.bind("cameras", cameras), "aim", Groups::Counted { count: work.requests.count, divisor: 64, per: views });
+    cameras
 }
 
 fn tile_view(view: &View) -> TileView {

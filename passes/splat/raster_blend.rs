@@ -17,6 +17,7 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work) {
         colours: [Some(work.sums), work.counts].into_iter().flatten().map(add).collect(),
         depth: None,
         vertices: None,
+        instances: None,
         topology: Topology::TriangleStrip,
         draws: Draws::Instances { vertices: 4, first: Some(work.first), count: work.cache.count },
     }));

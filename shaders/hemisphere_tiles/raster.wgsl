@@ -18,10 +18,47 @@ struct TileView {
     padding_c: f32,
 }
 
+// A camera where a request stands, as vertices read it.
+struct TileCamera {
+    // A point relative to the origin, times these: coordinates in the clip space, the last of them its w.
+    right: vec3f,
+    near: f32,
+    up: vec3f,
+    padding_a: f32,
+    forward: vec3f,
+    padding_b: f32,
+    origin: vec3f,
+    padding_c: f32,
+}
+
 @group(0) @binding(0) var<storage, read> requests: array<Request>;
 @group(0) @binding(1) var<storage, read> views: array<TileView>;
 
+// tile · VIEWS + view.
+@group(0) @binding(3) var<storage, read_write> cameras: array<TileCamera>;
+
 override VIEWS: u32 = 1u;
+
+@compute @workgroup_size(64)
+fn aim(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) lane: u32) {
+    let index = (group.x + group.y * groups.x) * 64u + lane;
+    if index >= TILE_CAPACITY * VIEWS {
+        return;
+    }
+    let request = requests[index / VIEWS];
+    let view = views[index % VIEWS];
+    let frame = frame_around(request.normal, request.turn);
+    let centre = 0.5 * vec2f(view.maximum_x + view.minimum_x, view.maximum_y + view.minimum_y);
+    let half = 0.5 * vec2f(view.maximum_x - view.minimum_x, view.maximum_y - view.minimum_y);
+    let offset = surface_offset(request.position);
+    var camera: TileCamera;
+    camera.right = frame * (view.right - view.forward * centre.x) / half.x;
+    camera.up = frame * (view.up - view.forward * centre.y) / half.y;
+    camera.forward = frame * view.forward;
+    camera.near = 0.5 * offset;
+    camera.origin = request.position + request.normal * offset;
+    cameras[index] = camera;
+}
 
 struct Fragment {
     @builtin(position) clip: vec4f,
@@ -34,18 +71,20 @@ fn in_frame(request: Request, point: vec3f) -> vec3f {
     return transpose(frame_around(request.normal, request.turn)) * (point - origin);
 }
 
-// Perspective views. The instance is tile · VIEWS + view.
+// Perspective views. The instance is tile · VIEWS + view, the vectors are its camera.
 @vertex
-fn vertex(@location(0) position: vec3f, @builtin(vertex_index) index: u32, @builtin(instance_index) instance: u32) -> Fragment {
-    let request = requests[instance / VIEWS];
-    let view = views[instance % VIEWS];
-    let local = in_frame(request, position);
-    let z = dot(local, view.forward);
-    let centre = 0.5 * vec2f(view.maximum_x + view.minimum_x, view.maximum_y + view.minimum_y);
-    let half = 0.5 * vec2f(view.maximum_x - view.minimum_x, view.maximum_y - view.minimum_y);
-    let plane = (vec2f(dot(local, view.right), dot(local, view.up)) - centre * z) / half;
-    let near = 0.5 * surface_offset(request.position);
-    return Fragment(vec4f(plane, near, z), index / 3u, instance);
+fn vertex(
+    @location(0) position: vec3f,
+    @location(1) right_near: vec4f,
+    @location(2) up: vec4f,
+    @location(3) forward: vec4f,
+    @location(4) origin: vec4f,
+    @builtin(vertex_index) index: u32,
+    @builtin(instance_index) instance: u32,
+) -> Fragment {
+    let local = position - origin.xyz;
+    let clip = vec4f(dot(local, right_near.xyz), dot(local, up.xyz), right_near.w, dot(local, forward.xyz));
+    return Fragment(clip, index / 3u, instance);
 }
 
 // A corner of one of the 4^level parts of a triangle: barycentric weights of corners 1 and 2.

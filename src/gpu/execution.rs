@@ -493,6 +493,9 @@ impl<'a> Session<'a> {
         if let Some(vertices) = raster.vertices {
             pass.set_vertex_buffer(0, self.buffer(vertices).slice(..));
         }
+        if let Some(instances) = raster.instances {
+            pass.set_vertex_buffer(1, self.buffer(instances).slice(..));
+        }
         match &raster.draws {
             Draws::Fixed(draws) => encode_draws(&mut pass, draws),
             Draws::Listed(list) => encode_draws(&mut pass, self.lists.get(list).map_or(&[], Vec::as_slice)),

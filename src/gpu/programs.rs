@@ -83,14 +83,15 @@ impl Session<'_> {
         let layouts = self.layouts(&slots, wgpu::ShaderStages::VERTEX_FRAGMENT);
         let formats: Vec<_> = raster.colours.iter().map(|t| (self.texture(t.texture).1, t.blend)).collect();
         let key = format!(
-            "{}{}{:?}{:?}{:?}{formats:?}{:?}{:?}",
+            "{}{}{:?}{:?}{:?}{formats:?}{:?}{:?}{:?}",
             raster.program.shader,
             raster.vertex,
             raster.fragment,
             raster.program.constants,
             raster.program.imports,
             raster.depth.is_some(),
-            raster.topology
+            raster.topology,
+            raster.instances.is_some()
         );
         let pipeline = pipelines.raster.entry(key).or_insert_with(|| self.raster_pipeline(raster, &module, &layouts, &formats));
         let groups = self.bind(&raster.program, &slots, &layouts)?;
@@ -127,7 +128,10 @@ impl Session<'_> {
             .collect();
         let attributes = wgpu::vertex_attr_array![0 => Float32x3];
         let position = wgpu::VertexBufferLayout { array_stride: 12, step_mode: wgpu::VertexStepMode::Vertex, attributes: &attributes };
-        let buffers = [Some(position)];
+        let vectors = wgpu::vertex_attr_array![1 => Float32x4, 2 => Float32x4, 3 => Float32x4, 4 => Float32x4];
+        let instance = wgpu::VertexBufferLayout { array_stride: 64, step_mode: wgpu::VertexStepMode::Instance, attributes: &vectors };
+        let buffers = [raster.vertices.map(|_| position), raster.instances.map(|_| instance)];
+        let used = buffers.iter().rposition(Option::is_some).map_or(0, |last| last + 1);
         let topology = match raster.topology {
             Topology::Triangles => wgpu::PrimitiveTopology::TriangleList,
             Topology::TriangleStrip => wgpu::PrimitiveTopology::TriangleStrip,
@@ -139,7 +143,7 @@ impl Session<'_> {
                 module,
                 entry_point: Some(raster.vertex),
                 compilation_options: options(&raster.program),
-                buffers: if raster.vertices.is_some() { &buffers } else { &[] },
+                buffers: &buffers[..used],
             },
             primitive: wgpu::PrimitiveState { topology, ..Default::default() },
             depth_stencil: raster.depth.map(|_| wgpu::DepthStencilState {

@@ -174,6 +174,8 @@ pub struct Raster {
     pub depth: Option<DepthTarget>,
     /// The buffer of three-float positions at vertex slot 0, if the vertex shader reads one.
     pub vertices: Option<Resource>,
+    /// The buffer of four four-float vectors an instance at vertex slot 1, locations 1 to 4, if the vertex shader reads one.
+    pub instances: Option<Resource>,
     pub topology: Topology,
     pub draws: Draws,
 }
@@ -371,6 +373,7 @@ impl Command {
                 all.extend(raster.colours.iter().map(|t| t.texture));
                 all.extend(raster.depth.iter().map(|t| t.texture));
                 all.extend(raster.vertices);
+                all.extend(raster.instances);
                 if let Draws::Listed(list) = &raster.draws {
                     all.push(*list);
                 }

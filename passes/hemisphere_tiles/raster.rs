@@ -42,9 +42,9 @@ host_struct! {
 }
 
 /// Ranges with gaps up to this many triangles are drawn as one: a draw costs about as much.
-const GAP: u32 = 24;
+const GAP: u32 = 16;
 /// A subtree of at most this many triangles is drawn whole.
-const CLUSTER: u32 = 64;
+const CLUSTER: u32 = 32;
 /// Finest subdivision of a triangle for the hemispherical projection: 4^5 parts.
 const FINEST: u32 = 5;
 /// Angle that an edge of a part spans at most, where the subdivision allows [radians].
@@ -162,22 +162,30 @@ impl Tree {
         let frame = Frame::new(Vec3::from(place.normal)).turned(place.turn);
         let planes = planes(&frame, view);
         let origin = Vec3::from(place.position);
-        let first = list.len();
+        let mut ranges = Ranges { first: list.len(), list, instance, rectangle, clipped: None };
         let mut stack = if self.nodes.is_empty() { Vec::new() } else { vec![0usize] };
         while let Some(index) = stack.pop() {
             let node = &self.nodes[index];
-            if outside(node, origin, &planes) {
-                continue;
-            }
+            let part = part(node, origin, &planes);
             let [a, b] = self.ranges[index];
-            if node.count > 0 || b - a <= CLUSTER {
-                let level = if view.linear { 0 } else { level(node, self.longest[index], origin) };
-                push(list, first, [a, b], instance, level, rectangle);
-            } else {
-                stack.extend([node.first as usize + 1, node.first as usize]);
+            match part {
+                Part::Outside => {}
+                Part::Inside if view.linear => ranges.add([a, b], 0, false),
+                _ if node.count > 0 || b - a <= CLUSTER => {
+                    let level = if view.linear { 0 } else { level(node, self.longest[index], origin) };
+                    ranges.add([a, b], level, view.linear);
+                }
+                _ => stack.extend([node.first as usize + 1, node.first as usize]),
             }
         }
     }
+}
+
+/// Where a box lies to the planes that bound a view.
+enum Part {
+    Outside,
+    Crossing,
+    Inside,
 }
 
 /// Normals of the planes through the record that bound a view, pointing inwards: the tangent plane and the four sides.
@@ -196,12 +204,19 @@ fn planes(frame: &Frame, view: &View) -> Vec<Vec3> {
     planes
 }
 
-fn outside(node: &Node, origin: Vec3, planes: &[Vec3]) -> bool {
+fn part(node: &Node, origin: Vec3, planes: &[Vec3]) -> Part {
     let (low, high) = (Vec3::from(node.min) - origin, Vec3::from(node.max) - origin);
-    planes.iter().any(|plane| {
-        let farthest = Vec3::select(plane.cmpge(Vec3::ZERO), high, low);
-        plane.dot(farthest) < 0.0
-    })
+    let mut part = Part::Inside;
+    for plane in planes {
+        let forward = plane.cmpge(Vec3::ZERO);
+        if plane.dot(Vec3::select(forward, high, low)) < 0.0 {
+            return Part::Outside;
+        }
+        if plane.dot(Vec3::select(forward, low, high)) <= 0.0 {
+            part = Part::Crossing;
+        }
+    }
+    part
 }
 
 /// Halvings of an edge after which its parts span a small angle seen from the record.
@@ -211,16 +226,29 @@ fn level(node: &Node, longest: f32, origin: Vec3) -> u32 {
     (spans.max(1.0).log2().ceil() as u32).min(FINEST)
 }
 
-/// Adds a range to the list, joined with the one before it where only a small gap lies between.
-fn push(list: &mut Vec<Draw>, first: usize, [a, b]: [u32; 2], instance: u32, level: u32, rectangle: Option<[u32; 4]>) {
-    let per_triangle = 3 << (2 * level);
-    let tagged = instance | level << 24;
-    if let Some(last) = list[first..].last_mut()
-        && last.instances[0] == tagged
-        && a * per_triangle <= last.vertices[1] + GAP * per_triangle
-    {
-        last.vertices[1] = b * per_triangle;
-        return;
+/// The draws of one view.
+struct Ranges<'l> {
+    list: &'l mut Vec<Draw>,
+    /// The view's first draw.
+    first: usize,
+    instance: u32,
+    rectangle: Option<[u32; 4]>,
+    /// Whether triangles of the last range may cross the view's bounds. Drivers that clip on the CPU take a slower path
+    /// for all of a draw where any of it needs clipping.
+    clipped: Option<bool>,
+}
+
+impl Ranges<'_> {
+    /// Adds a range of triangles, joined with the one before it where only a small gap lies between.
+    fn add(&mut self, [a, b]: [u32; 2], level: u32, clipped: bool) {
+        let per_triangle = 3 << (2 * level);
+        let tagged = self.instance | level << 24;
+        let same = self.clipped.replace(clipped) == Some(clipped);
+        match self.list[self.first..].last_mut() {
+            Some(last) if same && last.instances[0] == tagged && a * per_triangle <= last.vertices[1] + GAP * per_triangle => {
+                last.vertices[1] = b * per_triangle;
+            }
+            _ => self.list.push(Draw { rectangle: self.rectangle, vertices: [a * per_triangle, b * per_triangle], instances: [tagged, tagged + 1] }),
+        }
     }
-    list.push(Draw { rectangle, vertices: [a * per_triangle, b * per_triangle], instances: [tagged, tagged + 1] });
 }

@@ -139,12 +139,7 @@ impl Session<'_> {
         self.gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
             label: Some(raster.program.shader),
             layout: Some(&self.pipeline_layout(layouts)),
-            vertex: wgpu::VertexState {
-                module,
-                entry_point: Some(raster.vertex),
-                compilation_options: options(&raster.program),
-                buffers: &buffers[..used],
-            },
+            vertex: wgpu::VertexState { module, entry_point: Some(raster.vertex), compilation_options: options(&raster.program), buffers: &buffers[..used] },
             primitive: wgpu::PrimitiveState { topology, ..Default::default() },
             depth_stencil: raster.depth.map(|_| wgpu::DepthStencilState {
                 format: wgpu::TextureFormat::Depth32Float,

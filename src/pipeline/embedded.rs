@@ -4,6 +4,7 @@
 pub static EMBEDDED: &[(&str, &str)] = &[
     ("irradiance.ron", include_str!("../../pipelines/irradiance.ron")),
     ("irradiance-compute-splat.ron", include_str!("../../pipelines/irradiance-compute-splat.ron")),
+    ("irradiance-curvature.ron", include_str!("../../pipelines/irradiance-curvature.ron")),
     ("irradiance-emitters-in-records.ron", include_str!("../../pipelines/irradiance-emitters-in-records.ron")),
     ("irradiance-hemicube.ron", include_str!("../../pipelines/irradiance-hemicube.ron")),
     ("irradiance-hemispherical.ron", include_str!("../../pipelines/irradiance-hemispherical.ron")),

@@ -32,6 +32,9 @@ const CASES: &[(&str, Case)] = &[
     ("a_second_view_reuses_records", second_view),
     ("saved_records_give_the_same_picture_bit_by_bit", saved_records),
     ("a_file_of_records_that_does_not_fit_is_refused_and_kept", bad_records),
+    ("a_fill_that_ends_at_its_bound_splats_what_it_has_made", bounded_fill),
+    ("a_frame_that_fails_keeps_records_and_statistics_of_those_before_it", failing_frame),
+    ("work_that_takes_long_is_shown_on_a_terminal_only", progress),
     ("a_gap_is_a_warning_or_a_failure_and_the_picture_is_written", gaps),
     ("frames_share_out_a_bounded_number_of_new_records", bounded_frames),
     ("an_accuracy_changes_between_frames_and_records_stay", accuracy_per_frame),
@@ -319,7 +322,7 @@ fn bad_records() -> Outcome {
         ("cut", good[..good.len() - 7].to_vec(), "its header tells of"),
         ("longer", [good.as_slice(), b"more"].concat(), "its header tells of"),
         ("a bit flipped", flipped(start + 100), "its records are damaged"),
-        ("another version", with_header(header.replace("hemisplat records 2", "hemisplat records 1")), "`hemisplat records 2` is known"),
+        ("another version", with_header(header.replace("hemisplat records 3", "hemisplat records 2")), "`hemisplat records 3` is known"),
         ("another layout", with_header(header.replacen("\"name\":\"records\"", "\"name\":\"photons\"", 1)), "it holds `photons` of"),
     ];
     for (name, contents, message) in bad {
@@ -330,7 +333,70 @@ fn bad_records() -> Outcome {
     // The same triangles under another lamp.
     is(&place.render_scene("two.ron", &["--cache", "records", "-o", "out.exr"])?, 2, "another state of the scene")?;
     is(&place.render(&["--cache", "records", "--set", "cache.capacity=1", "-o", "out.exr"])?, 2, "has room for 1")?;
+    // Records that other nodes made: what differs is told.
+    for (set, theirs) in [
+        ("tiles.resolution=16", "were made by HemisphereTiles("),
+        ("tiles.taps=9", "were made by HemisphereTiles("),
+        ("records.gradients=false", "were made by IrradianceSum("),
+        ("closed.method=None", "were made by Compensation("),
+        ("direct.emitters=Records", "were made by direct: lights from emitters: true"),
+    ] {
+        is(&place.render(&["--cache", "records", "--set", set, "-o", "out.exr"])?, 2, theirs)?;
+    }
+    check(fs::read(place.path("records")).map_err(failed)? == good, || "a file that is refused stays as it is".into())?;
+    // Those that only say where records stand, or how they count, do not matter.
+    for set in ["misses.by=HostScan", "cache.accuracy=0.5", "fill.order=Batched(at_most: 32)", "direct.emitters.area_samples=4"] {
+        place.rendered(&["--cache", "records", "--set", set, "-o", "fits.exr"])?;
+    }
     check(!place.path("out.exr").exists(), || "a picture was written".into())
+}
+
+/// What a bounded fill leaves covers what the same records cover when they are splatted again.
+fn bounded_fill() -> Outcome {
+    let place = Place::new()?;
+    let bounded = place.rendered(&["--set", "fill.max_rounds=6", "--cache", "records", "-o", "bounded.exr"])?;
+    let again = place.rendered(&["--time", "0", "--cache", "records", "-o", "again.exr"])?;
+    check(number(&bounded, 0, "/fill_rounds")? == 6 && new_records(&bounded, 0)? > 0 && new_records(&again, 0)? == 0, || format!("{bounded} {again}"))?;
+    check(number(&bounded, 0, "/uncovered_pixels")? == number(&again, 0, "/uncovered_pixels")?, || format!("{bounded} {again}"))?;
+    place.same("bounded.exr", "again.exr")
+}
+
+/// The disk is full as the second of three pictures is written.
+#[cfg(target_os = "linux")]
+fn failing_frame() -> Outcome {
+    let place = Place::new()?;
+    std::os::unix::fs::symlink("/dev/full", place.path("out.0001.exr")).map_err(failed)?;
+    is(&place.render(&["--frames", "0..3", "--cache", "records", "-o", "out.exr"])?, 1, "cannot write out.0001.exr")?;
+    let stats = place.stats()?;
+    check(stats["frames"].as_array().map_or(0, Vec::len) == 1 && stats["complete"] == false, || format!("{stats}"))?;
+    let after = place.rendered(&["--cache", "records", "-o", "after.exr"])?;
+    check(new_records(&after, 0)? == 0, || format!("{after}"))?;
+    place.same("out.0000.exr", "after.exr")
+}
+
+#[cfg(not(target_os = "linux"))]
+fn failing_frame() -> Outcome {
+    println!("SKIPPED: a_frame_that_fails_keeps_records_and_statistics_of_those_before_it: no /dev/full");
+    Ok(())
+}
+
+/// A fill of one record a round takes longer than a second.
+fn progress() -> Outcome {
+    let place = Place::new()?;
+    let slow = ["--size", "200x150", "--set", "fill.order=Batched(at_most: 1)", "--time", "3", "-o", "out.exr"];
+    let arguments: Vec<String> = ["render", "irradiance", "--scene", "cornell"].iter().chain(&slow).map(|a| a.to_string()).collect();
+    let quoted: Vec<String> = arguments.iter().map(|argument| format!("'{argument}'")).collect();
+    let command = format!("'{}' {}", env!("CARGO_BIN_EXE_hemisplat"), quoted.join(" "));
+    let plain = Command::new(env!("CARGO_BIN_EXE_hemisplat")).current_dir(place.0.path()).args(&arguments).output().map_err(failed)?;
+    let shows = |bytes: &[u8]| String::from_utf8_lossy(bytes).contains("frame 0, round");
+    check(!shows(&plain.stderr) && !shows(&plain.stdout), || "a bar where no terminal is".into())?;
+    match std::process::Command::new("script").current_dir(place.0.path()).args(["-qec", &command, "/dev/null"]).output() {
+        Ok(terminal) => check(shows(&terminal.stdout), || String::from_utf8_lossy(&terminal.stdout).into_owned()),
+        Err(_) => {
+            println!("SKIPPED: progress on a terminal: the program `script`, which makes one, is missing");
+            Ok(())
+        }
+    }
 }
 
 fn gaps() -> Outcome {
@@ -343,6 +409,8 @@ fn gaps() -> Outcome {
     is(&place.render(&[&short[..], &["strict.exr", "--strict"]].concat())?, 1, "render::incomplete")?;
     check(place.stats()?["frames"][0]["complete"] == false, || "strict or not, it is told".into())?;
     place.same("lax.exr", "strict.exr")?;
+    let both = place.render(&["--strict", "--set", "misses.at_most=2", "--frames", "0..2", "-o", "two.exr"])?;
+    is(&both, 1, "frame 0:").and_then(|()| is(&both, 1, "frame 1:"))?;
     is(&place.render(&["--strict", "-o", "whole.exr"])?, 0, "")?;
     check(place.stats()?["complete"] == true, || "no gap is a complete picture".into())
 }
@@ -485,8 +553,8 @@ fn dumps() -> Outcome {
     let place = Place::new()?;
     let nodes = ["gbuffer", "splats", "misses", "tiles", "closed", "records", "cache", "indirect.weight"];
     let dumps: Vec<&str> = nodes.iter().flat_map(|node| ["--dump", node]).collect();
-    // Some rounds, so that the last of them has requests, and those before it records that are splatted.
-    let stats = place.rendered(&[&["--set", "fill.max_rounds=6", "-o", "out.exr"], &dumps[..]].concat())?;
+    // Of a fill the last batch that held anything.
+    let stats = place.rendered(&[&["-o", "out.exr"], &dumps[..]].concat())?;
     let records = number(&stats, 0, "/records/irradiance")? as usize;
     for (name, size) in [
         ("gbuffer.gbuffer", [40, 30]),
@@ -517,7 +585,7 @@ fn dumps() -> Outcome {
         check(text.starts_with("ply\n") && text.contains(&format!("element vertex {records}\n")) && body == records, || name.to_owned())?;
     }
     let flag = fs::read_to_string(place.path("out.misses.none.csv")).map_err(failed)?;
-    check(flag == "value\n0\n", || flag.clone())?;
+    check(flag == "value\n1\n", || flag.clone())?;
     let lit = ["--scene-set", "triangles=1000", "--set", "shadow.resolution=64", "--set", "fill.max_rounds=1", "--dump", "shadow", "-o", "lit.exr"];
     is(&place.render_scene("hall.ron", &lit)?, 0, "")?;
     let depth = place.picture("lit.shadow.maps.exr")?;

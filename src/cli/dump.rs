@@ -1,4 +1,5 @@
-//! What `--dump` writes: images and atlases as EXR, records and requests as CSV and PLY.
+//! What `--dump` writes: images and atlases as EXR, records and requests as CSV and PLY. Of what a fill makes in batches, the last
+//! batch that held anything.
 
 use super::failure::{CommandError, Failure};
 use super::output::Target;
@@ -29,10 +30,10 @@ pub fn write(name: &str, plan: &Plan, run: &Run<'_>, beside: &Path) -> Result<()
 fn write_port(name: &str, port: &Port, plan: &Plan, run: &Run<'_>, beside: &Path) -> Result<(), Failure> {
     match port {
         Port::Requests(requests) => {
-            let items: Vec<Request> = items(run, requests.places, run.variable(requests.count))?;
+            let items: Vec<Request> = items(run, requests.places, run.latest(requests.count))?;
             file(beside, name, "csv")?.write(requests_csv(&items).as_bytes())
         }
-        Port::Records(records) => write_records(&items(run, records.records, run.variable(records.count))?, None, name, beside),
+        Port::Records(records) => write_records(&items(run, records.records, run.latest(records.count))?, None, name, beside),
         Port::RecordCache(cache) => write_records(&items(run, cache.records, run.variable(cache.count))?, Some(cache.rule), name, beside),
         Port::Tiles(tiles) => write_layers(tiles_picture(tiles, run)?, name, beside),
         Port::WeightedTiles(weighted) => write_layers(tiles_picture(&weighted.tiles, run)?, name, beside),
@@ -97,7 +98,7 @@ fn write_records(records: &[Record], rule: Option<port::Rule>, name: &str, besid
 /// The batch's tiles as they lie in the atlas: radiance as the picture, distance (0 for sky) as a layer.
 fn tiles_picture(tiles: &port::Tiles, run: &Run<'_>) -> Result<Layers, Failure> {
     let samples: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&run.bytes(tiles.samples).map_err(Failure::work)?);
-    let count = run.variable(tiles.requests.count);
+    let count = run.latest(tiles.requests.count);
     let (tile_width, tile_height) = (tiles.table.width, tiles.table.height);
     let (width, height) = (tiles.tiles_per_row.min(count.max(1)) * tile_width, count.div_ceil(tiles.tiles_per_row).max(1) * tile_height);
     let at = |x: u32, y: u32| {

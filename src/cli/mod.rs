@@ -19,7 +19,7 @@ mod render;
 mod scene;
 mod timeline;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 use console::{Console, ConsoleOptions};
 use failure::Failure;
 use std::process::ExitCode;
@@ -66,6 +66,11 @@ impl Command {
     }
 }
 
+/// The program's commands and options, for manuals, completions and the tests of both.
+pub fn command() -> clap::Command {
+    Program::command()
+}
+
 /// Runs the program with the process's arguments.
 ///
 /// Status: 0 done; 2 bad usage or bad input; 1 any other failure; 130 interrupted. Results go to stdout or to named files, messages to stderr.
@@ -92,16 +97,15 @@ pub fn run() -> ExitCode {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use clap::CommandFactory;
 
     #[test]
     fn the_arguments_are_declared_without_contradiction() {
-        Program::command().debug_assert();
+        command().debug_assert();
     }
 
     #[test]
     fn every_command_shows_an_example() {
-        for command in Program::command().get_subcommands() {
+        for command in command().get_subcommands() {
             let help = command.get_after_help().map(ToString::to_string).unwrap_or_default();
             assert!(help.contains(&format!("hemisplat {}", command.get_name())), "{}", command.get_name());
         }

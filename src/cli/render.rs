@@ -5,14 +5,16 @@ use super::dump;
 use super::failure::{CommandError, Failure};
 use super::interrupt;
 use super::output::{PictureTarget, Target};
+use super::progress::Progress;
 use super::scene::{SceneOptions, View};
 use super::timeline::{Frame, Plans, Timeline, TimelineOptions, camera_of_frame};
 use crate::gpu::{Gpu, GpuError, Pace};
-use crate::measure::cache;
 use crate::measure::run::{FrameReport, Run, RunError, peak_host_bytes};
+use crate::measure::{Layers, cache};
 use crate::pipeline::Plan;
 use clap::Args;
 use serde_json::{Value, json};
+use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -82,20 +84,16 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     }
     let start_up = StartUp { load, plan: planned, device, shaders: lap() };
 
-    let mut film = Film { options, console, view: &view, frames: Vec::new(), gaps: Vec::new(), kept: Vec::new() };
+    let mut film = Film { options, console, view: &view, frames: Vec::new(), gaps: Vec::new(), is_faulty: false, kept: Vec::new() };
     let result = timeline.frames.iter().zip(&targets).try_for_each(|(frame, targets)| film.expose(frame, targets, &plans, &mut run));
     let is_interrupted = result.as_ref().is_err_and(|failure| failure.status == 130);
-    if result.is_ok() || is_interrupted {
-        film.finish(&run, records.as_ref(), stats.as_ref(), &start_up, &gpu, is_interrupted)?;
-    }
+    let finished = film.finish(&run, records.as_ref(), stats.as_ref(), &start_up, &gpu, result.is_ok());
     if is_interrupted {
-        return Err(Failure::interrupted(&film.kept));
+        return finished.and(Err(Failure::interrupted(&film.kept)));
     }
-    result?;
-    match film.gaps.into_iter().next() {
-        Some(gap) if options.strict => Err(Failure::work(gap)),
-        _ => Ok(()),
-    }
+    // What went wrong first is the cause.
+    result.and(finished)?;
+    film.refuse_gaps()
 }
 
 fn failure(error: RunError) -> Failure {
@@ -139,6 +137,8 @@ struct Film<'o> {
     /// Reports of the frames that are whole, as in the file of statistics.
     frames: Vec<Value>,
     gaps: Vec<CommandError>,
+    /// Whether the last frame failed on the device or made numbers that are not finite.
+    is_faulty: bool,
     /// Files that are written.
     kept: Vec<&'o Path>,
 }
@@ -152,9 +152,27 @@ impl<'o> Film<'o> {
         let camera = camera_of_frame(self.view, frame);
         run.follow(plans.of_frame(frame)).map_err(failure)?;
         run.set_camera(camera);
+        let drawn = self.draw(frame, run);
+        // Records that a faulty frame leaves are not for other runs; those of one that was given up are whole.
+        self.is_faulty = matches!(&drawn, Err(error) if !matches!(error, RunError::Gpu(GpuError::Interrupted)));
+        let (report, picture) = drawn.map_err(failure)?;
+        targets.write(self.options, self.view, run, frame, picture)?;
+        self.kept.extend(targets.0.iter().map(PictureTarget::path));
+        self.console.print(&text(self.options, frame.number, &report))?;
+        self.note_gap(frame, &report);
+        self.frames.push(with_frame(&report, frame, &camera.name)?);
+        Ok(())
+    }
+
+    /// The frame's numbers and layers, all of them finite.
+    fn draw(&self, frame: &Frame, run: &mut Run<'_>) -> Result<(FrameReport, Layers), RunError> {
         let start = Instant::now();
         let time_is_up = || self.options.time.is_some_and(|time| start.elapsed() >= time);
+        let progress = Progress::open_ended(self.console, &format!("frame {}", frame.number));
+        let rounds = Cell::new(0);
         let pace = || {
+            progress.tell(|| format!("round {}", rounds.get()));
+            rounds.set(rounds.get() + 1);
             if interrupt::requested() {
                 Pace::Stop
             } else if time_is_up() {
@@ -163,16 +181,11 @@ impl<'o> Film<'o> {
                 Pace::GoOn
             }
         };
-        let report = run.frame(&pace).map_err(failure)?;
-        if let Some(pixels) = report.non_finite_pixels.filter(|pixels| *pixels > 0) {
-            return Err(Failure::work(RunError::NonFinite { layer: "splats".into(), pixels }));
+        let report = run.frame(&pace)?;
+        match report.non_finite_pixels {
+            Some(pixels) if pixels > 0 => Err(RunError::NonFinite { layer: "splats".into(), pixels }),
+            _ => Ok((report, run.picture()?)),
         }
-        targets.write(self.options, self.view, run, frame)?;
-        self.kept.extend(targets.0.iter().map(PictureTarget::path));
-        self.console.print(&text(self.options, frame.number, &report))?;
-        self.note_gap(frame, &report);
-        self.frames.push(with_frame(&report, frame, &camera.name)?);
-        Ok(())
     }
 
     fn note_gap(&mut self, frame: &Frame, report: &FrameReport) {
@@ -190,7 +203,18 @@ impl<'o> Film<'o> {
         self.gaps.push(gap);
     }
 
-    /// Saves the records and what was measured.
+    /// With `--strict` gaps are errors, of which all are told.
+    fn refuse_gaps(mut self) -> Result<(), Failure> {
+        match self.gaps.pop() {
+            Some(last) if self.options.strict => {
+                self.gaps.iter().for_each(|gap| self.console.report(gap));
+                Err(Failure::work(last))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Saves the records and what was measured, also of frames before one that failed.
     fn finish(
         &mut self,
         run: &Run<'_>,
@@ -198,14 +222,14 @@ impl<'o> Film<'o> {
         stats: Option<&'o Target>,
         start_up: &StartUp,
         gpu: &Gpu,
-        is_interrupted: bool,
+        is_whole: bool,
     ) -> Result<(), Failure> {
-        if let Some(records) = records {
+        if let Some(records) = records.filter(|_| !self.is_faulty) {
             records.save(run, self.view)?;
             self.kept.push(records.target.path());
         }
         if let Some(stats) = stats {
-            let complete = self.gaps.is_empty() && !is_interrupted;
+            let complete = self.gaps.is_empty() && is_whole;
             let value = statistics(self, run, gpu, start_up, complete);
             let bytes = serde_json::to_vec_pretty(&value).map_err(|error| Failure::work(CommandError::Json { reason: error.to_string() }))?;
             stats.write(&bytes)?;
@@ -233,8 +257,7 @@ impl Targets {
         options.output.iter().map(|path| PictureTarget::new(&numbered(path, number))).collect::<Result<_, _>>().map(Self)
     }
 
-    fn write(&self, options: &Options, view: &View, run: &Run<'_>, frame: &Frame) -> Result<(), Failure> {
-        let mut picture = run.picture().map_err(Failure::work)?;
+    fn write(&self, options: &Options, view: &View, run: &Run<'_>, frame: &Frame, mut picture: Layers) -> Result<(), Failure> {
         picture.attributes = attributes(options, view, run.plan(), frame);
         self.0.iter().try_for_each(|target| target.write(&picture, options.exposure))?;
         let Some(first) = self.0.first() else { return Ok(()) };

@@ -20,6 +20,8 @@ pub struct Session<'a> {
     /// Commands of each node, in the order of [`Recording::nodes`].
     programs: Vec<Vec<Ready>>,
     variables: Vec<u32>,
+    /// What each variable was before it became 0, or is.
+    latest: Vec<u32>,
     lists: HashMap<Resource, Vec<Draw>>,
     states: HashMap<Resource, Option<Box<dyn Any + Send>>>,
     staging: HashMap<Resource, wgpu::Buffer>,
@@ -29,6 +31,8 @@ pub struct Session<'a> {
     frames: u32,
     /// Whether the frame's loops must end with the round that they are in.
     time_is_up: bool,
+    /// Whether the innermost loop ends with the round that it is in.
+    is_last_round: bool,
     /// Bytes of all buffers and textures.
     pub gpu_bytes: u64,
 }
@@ -92,6 +96,7 @@ impl<'a> Session<'a> {
             physical: Vec::new(),
             programs: Vec::new(),
             variables: vec![0; recording.variables.len()],
+            latest: vec![0; recording.variables.len()],
             lists: HashMap::new(),
             states: HashMap::new(),
             staging: HashMap::new(),
@@ -100,6 +105,7 @@ impl<'a> Session<'a> {
             camera: (camera.clone(), size),
             frames: 0,
             time_is_up: false,
+            is_last_round: false,
             gpu_bytes: 0,
         };
         session.allocate(placement)?;
@@ -244,6 +250,12 @@ impl<'a> Session<'a> {
         self.variables[variable.0 as usize]
     }
 
+    /// The last value of a variable in the last frame that was not 0, if there was one: how many items the last round left that
+    /// worked on any.
+    pub fn latest(&self, variable: Variable) -> u32 {
+        self.latest[variable.0 as usize]
+    }
+
     pub fn set_variable(&mut self, variable: Variable, value: u32) {
         self.variables[variable.0 as usize] = value;
     }
@@ -287,7 +299,8 @@ impl<'a> Session<'a> {
                 *variable = 0;
             }
         }
-        self.time_is_up = false;
+        (self.time_is_up, self.is_last_round) = (false, false);
+        self.latest.clone_from(&self.variables);
         self.lists.clear();
         self.states.clear();
         for node in &mut self.nodes {
@@ -331,6 +344,7 @@ impl<'a> Session<'a> {
     fn run_loop(&mut self, repeat: &Repeat, first: usize, pending: &mut Pending, frame: &mut Frame, pace: AskPace) -> Result<usize, GpuError> {
         let mut next = first;
         let mut rounds = 0;
+        let outer = self.is_last_round;
         let is_done = |session: &Self, rounds| repeat.until.map_or(rounds == repeat.at_most, |until| session.variable(until) != 0);
         repeat.until.into_iter().for_each(|until| self.set_variable(until, 0));
         while !is_done(self, rounds) && rounds < repeat.at_most {
@@ -340,12 +354,15 @@ impl<'a> Session<'a> {
                 Pace::Stop => return Err(GpuError::Interrupted),
             }
             self.set_variable(repeat.round, rounds);
+            // A loop of so many rounds has nothing to leave for later ones; one with an end to reach must not.
+            self.is_last_round = self.time_is_up || (repeat.until.is_some() && rounds + 1 == repeat.at_most);
             next = self.run(&repeat.steps, first, pending, frame, pace)?;
             rounds += 1;
             if self.time_is_up {
                 break;
             }
         }
+        self.is_last_round = outer;
         if !is_done(self, rounds) {
             frame.unfinished.push(repeat.name.clone());
         }
@@ -524,9 +541,10 @@ impl<'a> Session<'a> {
             contents.insert(read.resource, self.finish_read(*read, &staging, bytes)?);
         }
         let (mut lists, mut states, mut variables) = (std::mem::take(&mut self.lists), std::mem::take(&mut self.states), std::mem::take(&mut self.variables));
-        let mut view = HostView { session: self, contents, lists: &mut lists, states: &mut states, variables: &mut variables };
+        let mut latest = std::mem::take(&mut self.latest);
+        let mut view = HostView { session: self, contents, lists: &mut lists, states: &mut states, variables: &mut variables, latest: &mut latest };
         let result = (host.run)(&mut view);
-        (self.lists, self.states, self.variables) = (lists, states, variables);
+        (self.lists, self.states, self.variables, self.latest) = (lists, states, variables, latest);
         result.map_err(failed)
     }
 
@@ -618,6 +636,7 @@ struct HostView<'s, 'a> {
     lists: &'s mut HashMap<Resource, Vec<Draw>>,
     states: &'s mut HashMap<Resource, Option<Box<dyn Any + Send>>>,
     variables: &'s mut Vec<u32>,
+    latest: &'s mut Vec<u32>,
 }
 
 impl HostContext for HostView<'_, '_> {
@@ -635,6 +654,9 @@ impl HostContext for HostView<'_, '_> {
 
     fn set(&mut self, variable: Variable, value: u32) {
         self.variables[variable.0 as usize] = value;
+        if value != 0 {
+            self.latest[variable.0 as usize] = value;
+        }
     }
 
     fn draws(&mut self, resource: Resource) -> &mut Vec<Draw> {
@@ -646,7 +668,7 @@ impl HostContext for HostView<'_, '_> {
     }
 
     fn time_is_up(&self) -> bool {
-        self.session.time_is_up
+        self.session.is_last_round
     }
 
     fn scene(&self) -> &Scene {

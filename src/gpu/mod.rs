@@ -9,4 +9,4 @@ pub mod shader;
 mod timing;
 
 pub use device::{Adapter, Gpu, GpuError};
-pub use execution::{AskPace, Frame, Pace, Session};
+pub use execution::{AskPace, Frame, NodeTimes, Pace, Session};

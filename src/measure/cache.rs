@@ -3,11 +3,12 @@
 use super::run::{Run, RunError};
 use crate::contract::recorder::Persistent;
 use crate::gpu::scene::bytes;
+use crate::pipeline::plan::Saved;
 use crate::recording::SceneData;
 use crate::scene::{Scene, bvh::Bvh};
 use serde::{Deserialize, Serialize};
 
-const FORMAT: &str = "hemisplat records 2";
+const FORMAT: &str = "hemisplat records 3";
 
 /// First line of the file; then the records as they stand in memory.
 #[derive(Serialize, Deserialize)]
@@ -34,6 +35,8 @@ struct History {
     name: String,
     item_bytes: u64,
     items: u32,
+    /// The nodes that made the items.
+    made_by: Vec<String>,
 }
 
 /// All histories of a run that can be saved, as one file.
@@ -43,11 +46,11 @@ struct History {
 pub fn save(run: &Run<'_>, scene: &Scene, bvh: &Bvh) -> Result<Vec<u8>, RunError> {
     let mut histories = Vec::new();
     let mut records = Vec::new();
-    for (_, history) in &run.plan().persistent {
+    for Saved { history, made_by, .. } in &run.plan().persistent {
         let items = run.variable(history.count);
         let contents = run.bytes(history.items)?;
         records.extend_from_slice(&contents[..contents.len().min((history.item_bytes * u64::from(items)) as usize)]);
-        histories.push(History { name: history.name.into(), item_bytes: history.item_bytes, items });
+        histories.push(History { name: history.name.into(), item_bytes: history.item_bytes, items, made_by: made_by.clone() });
     }
     let header = Header {
         format: FORMAT.into(),
@@ -66,7 +69,8 @@ pub fn save(run: &Run<'_>, scene: &Scene, bvh: &Bvh) -> Result<Vec<u8>, RunError
 /// Takes over what [`save`] wrote.
 ///
 /// # Errors
-/// Where the file is damaged, of another version, of another scene, or holds other histories than the run keeps.
+/// Where the file is damaged, of another version, of another scene, or holds other histories than the run keeps, or such that other
+/// nodes made.
 pub fn load(run: &mut Run<'_>, scene: &Scene, bvh: &Bvh, file: &[u8]) -> Result<(), RunError> {
     let end = file.iter().position(|b| *b == b'\n').ok_or_else(|| wrong("it has no header".into()))?;
     let header = header(&file[..end])?;
@@ -82,17 +86,18 @@ pub fn load(run: &mut Run<'_>, scene: &Scene, bvh: &Bvh, file: &[u8]) -> Result<
     if Checksum::of(rest) != header.checksum {
         return Err(wrong("its records are damaged: their checksum is another one".into()));
     }
-    let histories: Vec<Persistent> = run.plan().persistent.iter().map(|p| p.1).collect();
+    let histories: &[Saved] = &run.plan().persistent;
     if histories.len() != header.histories.len() {
         return Err(wrong(format!("it holds {} histories, the pipeline keeps {}", header.histories.len(), histories.len())));
     }
     // All are looked at before the first is taken over.
     for (history, saved) in histories.iter().zip(&header.histories) {
-        fits(run, history, saved)?;
+        fits(run, &history.history, saved)?;
+        expect_same_makers(history, saved)?;
     }
     for (history, saved) in histories.iter().zip(&header.histories) {
         let (items, after) = rest.split_at((saved.item_bytes * u64::from(saved.items)) as usize);
-        run.restore(history, items, saved.items);
+        run.restore(&history.history, items, saved.items);
         rest = after;
     }
     Ok(())
@@ -105,6 +110,17 @@ fn header(line: &[u8]) -> Result<Header, RunError> {
         return Err(wrong(format!("it is of the format `{}`, `{FORMAT}` is known", version.format)));
     }
     serde_json::from_slice(line).map_err(unreadable)
+}
+
+/// Records of a coarser tile, of another shape or with other light are no worse to read, but make a picture that nothing states.
+fn expect_same_makers(history: &Saved, saved: &History) -> Result<(), RunError> {
+    let longest = saved.made_by.len().max(history.made_by.len());
+    let maker = |all: &[String], index: usize| all.get(index).map_or("nothing more", String::as_str).to_owned();
+    let mut pairs = (0..longest).map(|index| [&saved.made_by, &history.made_by].map(|all| maker(all, index)));
+    match pairs.find(|[theirs, ours]| theirs != ours) {
+        Some([theirs, ours]) => Err(wrong(format!("its `{}` were made by {theirs}, the pipeline makes them by {ours}", saved.name))),
+        None => Ok(()),
+    }
 }
 
 fn fits(run: &Run<'_>, history: &Persistent, saved: &History) -> Result<(), RunError> {

@@ -54,6 +54,17 @@ pub struct PassReport {
     pub gpu_ms: Option<f64>,
     pub cpu_ms: f64,
     pub runs: u32,
+    /// What the node itself reports, by name.
+    pub numbers: BTreeMap<&'static str, u32>,
+}
+
+/// A number that a node reports after a frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Number<'p> {
+    node: &'p str,
+    name: &'static str,
+    place: Reported,
+    value: u32,
 }
 
 /// What goes wrong with a frame or with saved records.
@@ -102,10 +113,8 @@ impl<'a> Run<'a> {
     /// Renders one frame and reads its numbers.
     pub fn frame(&mut self, pace: AskPace) -> Result<FrameReport, RunError> {
         let frame = self.session.frame(pace)?;
-        let mut numbers = BTreeMap::new();
-        for (_, name, place) in &self.plan.reports {
-            numbers.insert(*name, self.number(*place)?);
-        }
+        let read = |(node, name, place): &'a (String, &'static str, Reported)| Ok(Number { node, name, place: *place, value: self.number(*place)? });
+        let numbers = self.plan.reports.iter().map(read).collect::<Result<Vec<_>, RunError>>()?;
         Ok(report(frame, &numbers))
     }
 
@@ -167,6 +176,11 @@ impl<'a> Run<'a> {
         self.session.variable(variable)
     }
 
+    /// The last value in the frame that was not 0.
+    pub fn latest(&self, variable: crate::recording::Variable) -> u32 {
+        self.session.latest(variable)
+    }
+
     /// Puts saved items back into a history.
     pub(super) fn restore(&mut self, history: &Persistent, items: &[u8], count: u32) {
         self.session.write(history.items, items);
@@ -184,18 +198,39 @@ pub fn image(port: &Port) -> Option<Image> {
     }
 }
 
-fn report(frame: Frame, numbers: &BTreeMap<&'static str, u32>) -> FrameReport {
-    let number = |name: &str| numbers.get(name).copied();
+/// Several nodes may report one name: records of several caches add up, those of one cache count once.
+fn total(numbers: &[Number<'_>], name: &str) -> Option<u32> {
+    let mut named: Vec<&Number<'_>> = Vec::new();
+    for number in numbers.iter().filter(|number| number.name == name) {
+        if named.iter().all(|other| other.place != number.place) {
+            named.push(number);
+        }
+    }
+    named.iter().map(|number| number.value).reduce(u32::saturating_add)
+}
+
+/// The pixels of one picture, counted by several nodes, are told as the node has them that found the most.
+fn most(numbers: &[Number<'_>], name: &str) -> Option<u32> {
+    numbers.iter().filter(|number| number.name == name).map(|number| number.value).max()
+}
+
+fn report(frame: Frame, numbers: &[Number<'_>]) -> FrameReport {
+    let of_node = |node: &str| numbers.iter().filter(|number| number.node == node).map(|number| (number.name, number.value)).collect();
+    let uncovered_pixels = most(numbers, "uncovered_pixels");
     FrameReport {
         seconds: frame.seconds,
-        records: Records { irradiance: number("records"), radiance: None },
-        new_records: number("new_records"),
-        surplus_records: number("surplus_records"),
+        records: Records { irradiance: total(numbers, "records"), radiance: None },
+        new_records: total(numbers, "new_records"),
+        surplus_records: total(numbers, "surplus_records"),
         fill_rounds: frame.fill_rounds,
-        uncovered_pixels: number("uncovered_pixels"),
-        non_finite_pixels: number("non_finite_pixels"),
-        passes: frame.nodes.into_iter().map(|n| PassReport { node: n.node, pass: n.pass, gpu_ms: n.gpu_ms, cpu_ms: n.cpu_ms, runs: n.runs }).collect(),
-        complete: frame.unfinished.is_empty() && number("uncovered_pixels").unwrap_or(0) == 0,
+        uncovered_pixels,
+        non_finite_pixels: most(numbers, "non_finite_pixels"),
+        passes: frame
+            .nodes
+            .into_iter()
+            .map(|n| PassReport { numbers: of_node(&n.node), node: n.node, pass: n.pass, gpu_ms: n.gpu_ms, cpu_ms: n.cpu_ms, runs: n.runs })
+            .collect(),
+        complete: frame.unfinished.is_empty() && uncovered_pixels.unwrap_or(0) == 0,
         unfinished: frame.unfinished,
     }
 }
@@ -204,4 +239,34 @@ fn report(frame: Frame, numbers: &BTreeMap<&'static str, u32>) -> FrameReport {
 pub fn peak_host_bytes(status: &str) -> Option<u64> {
     let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
     line.split_whitespace().nth(1)?.parse::<u64>().ok().map(|kib| kib * 1024)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gpu::NodeTimes;
+    use crate::recording::Variable;
+
+    fn number(node: &'static str, name: &'static str, place: u32, value: u32) -> Number<'static> {
+        Number { node, name, place: Reported::Variable(Variable(place)), value }
+    }
+
+    /// Two nodes that find gaps, two that add to one cache, one that adds to another.
+    #[test]
+    fn nodes_that_report_one_name_do_not_hide_each_other() {
+        let numbers = [
+            number("near", "uncovered_pixels", 0, 7),
+            number("far", "uncovered_pixels", 1, 0),
+            number("first", "records", 2, 100),
+            number("second", "records", 2, 100),
+            number("third", "records", 3, 10),
+        ];
+        let node = |name: &str| NodeTimes { node: name.into(), ..NodeTimes::default() };
+        let frame = Frame { seconds: 1.0, nodes: vec![node("near"), node("far")], fill_rounds: None, unfinished: Vec::new() };
+        let report = report(frame, &numbers);
+        assert_eq!((report.uncovered_pixels, report.complete), (Some(7), false));
+        assert_eq!((report.records.irradiance, report.new_records), (Some(110), None));
+        let own: Vec<_> = report.passes.iter().map(|pass| pass.numbers["uncovered_pixels"]).collect();
+        assert_eq!(own, [7, 0]);
+    }
 }

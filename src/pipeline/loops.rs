@@ -54,7 +54,7 @@ static FILL: Description = Description {
         },
         Parameter {
             name: "max_rounds",
-            about: "rounds after which the loop ends in any case; 0: as many as the picture has pixels",
+            about: "rounds after which the loop ends in any case, the last of which adds nothing; 0: as many as the picture has pixels",
             unit: "rounds",
             kind: ParameterKind::Integer { default: 0, min: 0, max: u32::MAX as i64 },
         },

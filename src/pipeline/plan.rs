@@ -36,8 +36,17 @@ pub struct Plan {
     pub remarks: Vec<(String, String)>,
     /// Node, name and place of the numbers that a run reports.
     pub reports: Vec<(String, &'static str, Reported)>,
-    /// Node and history that can be saved.
-    pub persistent: Vec<(String, Persistent)>,
+    /// Histories that can be saved.
+    pub persistent: Vec<Saved>,
+}
+
+/// A history that can be saved and loaded.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Saved {
+    pub node: String,
+    pub history: Persistent,
+    /// The nodes that make its items and what they are set to, the last of them first. Items that others made do not mix with these.
+    pub made_by: Vec<String>,
 }
 
 /// A node that the scene does not require.
@@ -218,7 +227,7 @@ struct Planner<'a> {
     earlier: BTreeMap<Key, Port>,
     remarks: Vec<(String, String)>,
     reports: Vec<(String, &'static str, Reported)>,
-    persistent: Vec<(String, Persistent)>,
+    persistent: Vec<Saved>,
     /// Nodes that could not be recorded, and those that wait for them.
     failed: BTreeSet<String>,
     problems: Vec<Problem>,
@@ -355,7 +364,7 @@ impl<'a> Planner<'a> {
         self.ports.extend(recorded.outputs.into_iter().map(|(output, port)| (format!("{}.{output}", node.name), port)));
         self.remarks.extend(recorded.remarks.into_iter().map(|remark| (node.name.clone(), remark)));
         self.reports.extend(recorded.reports.into_iter().map(|(name, from)| (node.name.clone(), name, from)));
-        self.persistent.extend(recorded.persistent.into_iter().map(|history| (node.name.clone(), history)));
+        self.persistent.extend(recorded.persistent.into_iter().map(|history| Saved { node: node.name.clone(), history, made_by: Vec::new() }));
     }
 
     /// The ports of a node's inputs; None if one is missing that must be there.
@@ -410,6 +419,10 @@ impl<'a> Planner<'a> {
         kept.extend(self.ports.iter().filter(|(name, _)| is_dumped(name)).flat_map(|(_, port)| port.resources()));
         let lifetimes = Lifetimes::of(&self.recording, &kept);
         let placement = Placement::of(&self.recording, &lifetimes);
+        for saved in &mut self.persistent {
+            let node = members.iter().find(|member| member.node.name == saved.node).map(|member| member.node);
+            node.into_iter().for_each(|node| provenance(node, members, &self.ports, &mut saved.made_by));
+        }
         let because = |node: &Node| Some(Dropped { node: node.name.clone(), because: self.dropped.get(node.name.as_str())?.clone() });
         Ok(Plan {
             pipeline: pipeline.name.clone(),
@@ -440,6 +453,28 @@ impl<'a> Planner<'a> {
             }
         }
         (outputs, absent)
+    }
+}
+
+/// What a node's items depend on: its own parameters, and those of the nodes before it. Where items are wanted, and what is there
+/// already, decides which are made, not how.
+fn provenance(node: &Node, members: &[Member<'_>], ports: &BTreeMap<String, Port>, made_by: &mut Vec<String>) {
+    let parameters: Vec<String> = node.arguments.iter().map(|(name, value)| format!("{name}: {value}")).collect();
+    let text = format!("{}({})", node.description().name, parameters.join(", "));
+    if made_by.contains(&text) {
+        return;
+    }
+    made_by.push(text);
+    for edge in &node.inputs {
+        match ports.get(&edge.from.to_string()) {
+            None | Some(Port::RecordCache(_) | Port::Requests(_) | Port::Splats(_) | Port::GBuffer(_) | Port::Flag(_)) => {}
+            Some(Port::DirectLight(direct)) => made_by.push(format!("{}: lights from emitters: {}", edge.input, direct.lights_from_emitters)),
+            Some(Port::ShadowMaps(maps)) => made_by.push(format!("{}: maps of {} texels", edge.input, maps.resolution)),
+            Some(_) => {
+                let source = members.iter().find(|member| member.node.name == edge.from.node);
+                source.into_iter().for_each(|member| provenance(member.node, members, ports, made_by));
+            }
+        }
     }
 }
 

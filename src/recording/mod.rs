@@ -262,7 +262,8 @@ pub trait HostContext {
     /// Triangles and the rest, for steps that look at the scene.
     fn scene(&self) -> &crate::scene::Scene;
     fn bvh(&self) -> &crate::scene::bvh::Bvh;
-    /// Whether the time given to the frame is over: the round is the last one of its loop.
+    /// Whether the round is the last one of its loop: the time given to the frame is over, or the loop's bound is reached. What
+    /// the round adds for a later one would be lost.
     fn time_is_up(&self) -> bool;
     /// The camera of the frame and the picture's size.
     fn camera(&self) -> (&crate::scene::Camera, [u32; 2]);

@@ -663,6 +663,10 @@ impl<'a> Reader<'a> {
             .collect();
         self.draft.textures.extend(file.textures);
         self.draft.notes.extend(file.notes);
+        if !file.lights.is_empty() || !file.cameras.is_empty() {
+            let (lights, cameras) = (file.lights.len(), file.cameras.len());
+            self.draft.notes.push(format!("not taken from a file of a document: {lights} lights and {cameras} cameras; the document has its own"));
+        }
         let normal_map = normal_map(map);
         self.draft.expect_room(file.faces.len())?;
         self.draft.faces.reserve(file.faces.len());

@@ -159,6 +159,15 @@ fn nodes_materials_lights_and_cameras_are_read() {
     assert_eq!(scene.notes, ["not read from the glTF file: extension EXT_unheard_of, vertex colours"]);
 }
 
+/// A document has lights and cameras of its own: that a file's are left out is told.
+#[test]
+fn a_document_leaves_out_the_lights_and_cameras_of_its_files() {
+    let document = r#"Scene(version: 1, geometry: [File("thing.glb")])"#;
+    let scene = load_files(&[("scene.ron", document.as_bytes()), ("thing.glb", &complete().finish())]).unwrap();
+    assert_eq!((scene.lights.len(), scene.cameras[0].name.as_str()), (0, "whole scene"));
+    assert!(scene.notes.iter().any(|note| note.contains("1 lights and 1 cameras")), "{:?}", scene.notes);
+}
+
 #[test]
 fn strips_fans_quantised_and_sparse_vertices_are_read() {
     let mut builder =

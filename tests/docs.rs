@@ -1,0 +1,227 @@
+//! The README and the book say what is so: documents in them are read, checked and planned, commands have the options and
+//! parameters that they use, quoted code stands in the file named, links lead somewhere, and no page is missing from the contents.
+
+use hemisplat::{
+    cli,
+    contract::recorder::Setting,
+    gpu::scene::byte_size,
+    measure::{Layer, Layers, PICTURE},
+    passes::REGISTRY,
+    pipeline::{self, PerFrame, embedded},
+    scene::{load, needs::Needs},
+};
+use std::{
+    collections::BTreeSet,
+    fs, io,
+    path::{Path, PathBuf},
+};
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// A page, from the root of the project.
+struct Page {
+    path: PathBuf,
+    text: String,
+}
+
+/// What stands between two fences.
+struct Block {
+    language: String,
+    text: String,
+}
+
+fn pages() -> Vec<Page> {
+    let book = fs::read_dir(root().join("docs")).unwrap().map(|entry| Path::new("docs").join(entry.unwrap().file_name()));
+    let mut paths: Vec<PathBuf> = book.filter(|path| path.extension().is_some_and(|ending| ending == "md")).collect();
+    paths.sort();
+    paths.push("README.md".into());
+    paths.into_iter().map(|path| Page { text: fs::read_to_string(root().join(&path)).unwrap(), path }).collect()
+}
+
+impl Page {
+    /// Text and blocks in turn, text first.
+    fn parts(&self) -> impl Iterator<Item = (usize, &str)> {
+        self.text.split("```").enumerate()
+    }
+
+    fn blocks(&self) -> Vec<Block> {
+        let block = |part: &str| part.split_once('\n').map(|(language, text)| Block { language: language.trim().into(), text: text.into() });
+        self.parts().filter(|(index, _)| index % 2 == 1).filter_map(|(_, part)| block(part)).collect()
+    }
+
+    fn blocks_in(&self, language: &str) -> Vec<String> {
+        self.blocks().into_iter().filter(|block| block.language == language).map(|block| block.text).collect()
+    }
+
+    /// What stands between single backquotes, line breaks as blanks.
+    fn spans(&self) -> Vec<String> {
+        let texts = self.parts().filter(|(index, _)| index % 2 == 0).map(|(_, part)| part);
+        let spans = texts.flat_map(|text| text.split('`').enumerate().filter(|(index, _)| index % 2 == 1).map(|(_, span)| span));
+        spans.map(|span| span.split_whitespace().collect::<Vec<_>>().join(" ")).collect()
+    }
+
+    /// Every `hemisplat …` of blocks and of the text, where a command's name may stand alone: its help will do.
+    fn commands(&self) -> Vec<String> {
+        let blocks = self.blocks();
+        let lines = blocks.iter().flat_map(|block| block.text.lines()).map(str::to_owned);
+        let spans = self.spans().into_iter().map(|span| if words(&span).len() == 2 { span + " --help" } else { span });
+        lines.chain(spans).filter(|line| line.starts_with("hemisplat ")).collect()
+    }
+}
+
+/// The words of a line as a shell would split it, without its comment.
+fn words(line: &str) -> Vec<String> {
+    let (mut words, mut word, mut quoted) = (Vec::new(), String::new(), false);
+    for letter in line.split(" #").next().unwrap_or_default().chars() {
+        match letter {
+            '\'' => quoted = !quoted,
+            ' ' if !quoted => words.push(std::mem::take(&mut word)),
+            _ => word.push(letter),
+        }
+    }
+    words.push(word);
+    words.retain(|word| !word.is_empty());
+    words
+}
+
+/// Reads `text` as the file `docs/example.ron`.
+fn load_pipeline(text: &str) -> Result<pipeline::Pipeline, pipeline::Problems> {
+    let mut read = |path: &Path| if path == Path::new("docs/example.ron") { Ok(text.to_owned()) } else { Err(io::ErrorKind::NotFound.into()) };
+    pipeline::load("docs/example.ron", &[], REGISTRY, &mut read)
+}
+
+#[track_caller]
+fn expect<T>(result: Result<T, impl miette::Diagnostic + Send + Sync + 'static>, of: &str) -> T {
+    result.unwrap_or_else(|error| panic!("{of}\n{:?}", miette::Report::new(error)))
+}
+
+fn check_pipeline(text: &str) {
+    let pipeline = expect(load_pipeline(text), text);
+    let scene = expect(load::load(Path::new("corner"), &load::LoadOptions::default()), "corner");
+    let needs = Needs::of(&scene);
+    let setting = Setting { scene: &scene, needs: &needs, size: [32, 24] };
+    expect(pipeline::plan(&pipeline, setting, &[], &|data| byte_size(&scene, data)), text);
+}
+
+/// Loads a scene with the page's geometry and a sky beside it.
+fn check_scene(page: &Page, text: &str) {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, bytes: &[u8]| fs::write(folder.path().join(name), bytes).unwrap();
+    let sky = Layers::new(2, 1).with(PICTURE, Layer::interleaved(&["R", "G", "B"], &[1.0; 6], 3));
+    write("sky.exr", &sky.to_exr().unwrap());
+    page.blocks_in("obj").iter().for_each(|obj| write("chair.obj", obj.as_bytes()));
+    write("example.ron", text.as_bytes());
+    let scene = expect(load::load(&folder.path().join("example.ron"), &load::LoadOptions::default()), text);
+    assert!(scene.notes.is_empty(), "{:?}", scene.notes);
+}
+
+#[test]
+fn documents_are_read_checked_and_planned() {
+    let mut kinds = BTreeSet::new();
+    for page in pages() {
+        for text in page.blocks_in("ron") {
+            let kind = text.trim_start().split('(').next().unwrap_or_default().to_owned();
+            match kind.as_str() {
+                "Scene" => check_scene(&page, &text),
+                "Pipeline" | "Variant" => check_pipeline(&text),
+                _ => panic!("{}: neither a scene nor a pipeline:\n{text}", page.path.display()),
+            }
+            kinds.insert(kind);
+        }
+    }
+    assert_eq!(kinds.len(), 3, "{kinds:?}");
+}
+
+/// The parameters that a command sets, of a pipeline that ships.
+fn check_sets(matches: &clap::ArgMatches, line: &str) {
+    let all = |id: &str| matches.try_get_many::<String>(id).ok().flatten().into_iter().flatten().cloned().collect::<Vec<_>>();
+    let per_frame = all("per_frame").into_iter().map(|text| expect(PerFrame::parse(&text), line).set(0));
+    let sets: Vec<String> = all("sets").into_iter().chain(per_frame).collect();
+    for name in all("pipeline").iter().chain(&all("pipelines")).filter(|name| embedded::find(name).is_some()) {
+        expect(pipeline::load(name, &sets, REGISTRY, &mut |_| Err(io::ErrorKind::NotFound.into())), line);
+    }
+}
+
+#[test]
+fn commands_have_the_options_and_parameters_that_they_use() {
+    let mut seen = 0;
+    for page in pages() {
+        for line in page.commands() {
+            match cli::command().try_get_matches_from(words(&line)) {
+                Ok(matches) => matches.subcommand().into_iter().for_each(|(_, matches)| check_sets(matches, &line)),
+                Err(error) => assert_eq!(error.exit_code(), 0, "{}: {line}\n{error}", page.path.display()),
+            }
+            seen += 1;
+        }
+    }
+    assert!(seen > 20, "{seen}");
+}
+
+#[test]
+fn options_that_the_text_names_exist() {
+    let program = cli::command();
+    let longs = |command: &clap::Command| command.get_arguments().filter_map(|argument| argument.get_long().map(str::to_owned)).collect::<Vec<_>>();
+    let known: BTreeSet<String> = program.get_subcommands().chain([&program]).flat_map(longs).collect();
+    for page in pages() {
+        for span in page.spans() {
+            let named = span.split([' ', '=']).next().and_then(|word| word.strip_prefix("--"));
+            assert!(named.is_none_or(|name| known.contains(name)), "{}: there is no `{span}`", page.path.display());
+        }
+    }
+}
+
+#[test]
+fn quoted_code_stands_in_the_file_named() {
+    let mut seen = 0;
+    for page in pages() {
+        for block in page.blocks().into_iter().filter(|block| ["rust", "wgsl"].contains(&block.language.as_str())) {
+            let (path, code) =
+                block.text.split_once('\n').and_then(|(first, code)| Some((first.strip_prefix("// ")?, code))).expect("a block begins with its file");
+            let text = fs::read_to_string(root().join(path)).unwrap_or_else(|error| panic!("{path}: {error}"));
+            assert!(text.contains(code), "{}: {path} does not hold\n{code}", page.path.display());
+            seen += 1;
+        }
+    }
+    assert!(seen > 0);
+}
+
+#[test]
+fn links_lead_to_files_and_the_contents_name_every_page() {
+    let mut listed = BTreeSet::new();
+    for page in pages() {
+        for target in page.text.split("](").skip(1).filter_map(|rest| rest.split([')', '#']).next()) {
+            if target.is_empty() || target.contains("://") {
+                continue;
+            }
+            let file = page.path.parent().unwrap().join(target);
+            assert!(root().join(&file).exists(), "{}: {target} leads nowhere", page.path.display());
+            if page.path == Path::new("docs/README.md") {
+                listed.insert(file);
+            }
+        }
+    }
+    let missing: Vec<_> =
+        pages().into_iter().map(|page| page.path).filter(|path| path.starts_with("docs") && !path.ends_with("README.md") && !listed.contains(path)).collect();
+    assert!(missing.is_empty(), "{missing:?}");
+}
+
+/// The words of a text that begin with `scene::`.
+fn scene_codes(text: &str, before: char) -> BTreeSet<String> {
+    let ends = |code: &str| code.split(|letter: char| !letter.is_alphanumeric() && letter != '_' && letter != ':').next().map(str::to_owned);
+    text.split(&format!("{before}scene::")).skip(1).filter_map(ends).collect()
+}
+
+#[test]
+fn the_codes_of_scenes_are_those_that_the_loader_has() {
+    let [page, source] = ["docs/scenes.md", "src/scene/load/error.rs"].map(|path| fs::read_to_string(root().join(path)).unwrap());
+    let codes = scene_codes(&page, '`');
+    assert!(codes.contains("not_found"));
+    assert_eq!(codes, scene_codes(&source, '"'));
+}
+
+#[test]
+fn lines_are_split_as_by_a_shell() {
+    assert_eq!(words("a  'b c=1' d   # e"), ["a", "b c=1", "d"]);
+}

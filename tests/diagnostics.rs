@@ -88,9 +88,10 @@ fn files() -> BTreeMap<&'static str, Vec<u8>> {
 
 /// Code and arguments, one case each, and whether a GPU is needed.
 #[rustfmt::skip]
-const CASES: [(&str, &str, bool); 31] = [
+const CASES: [(&str, &str, bool); 32] = [
     ("plan::batch", "check irradiance --scene white.ron --set tiles.resolution=512", false),
     ("plan::coarsest", "check irradiance --scene white.ron --set misses.by=DeviceGrid(coarsest:3)", false),
+    ("plan::curvature", "check irradiance-curvature --scene white.ron --set records.gradients=false", false),
     ("plan::mipmap", "check irradiance-mipmap --scene white.ron --set tiles.resolution=22", false),
     ("plan::raster_shape", "check irradiance --scene white.ron --set tiles.by=Raster", false),
     ("plan::spacing", "check irradiance --scene white.ron --set cache.minimum_spacing=9 --set cache.maximum_spacing=1", false),

@@ -80,7 +80,7 @@ impl Work {
     fn room(&self, host: &dyn HostContext) -> u32 {
         let cache = self.splats.cache;
         let room = (self.at_most - host.variable(self.made)).min(cache.capacity.saturating_sub(host.variable(cache.count)));
-        if host.time_is_up() { 0 } else { room }
+        if host.is_last_round() { 0 } else { room }
     }
 }
 

@@ -667,7 +667,7 @@ impl HostContext for HostView<'_, '_> {
         self.states.entry(resource).or_default()
     }
 
-    fn time_is_up(&self) -> bool {
+    fn is_last_round(&self) -> bool {
         self.session.is_last_round
     }
 

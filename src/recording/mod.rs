@@ -264,7 +264,7 @@ pub trait HostContext {
     fn bvh(&self) -> &crate::scene::bvh::Bvh;
     /// Whether the round is the last one of its loop: the time given to the frame is over, or the loop's bound is reached. What
     /// the round adds for a later one would be lost.
-    fn time_is_up(&self) -> bool;
+    fn is_last_round(&self) -> bool;
     /// The camera of the frame and the picture's size.
     fn camera(&self) -> (&crate::scene::Camera, [u32; 2]);
 }

@@ -53,20 +53,18 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, coarsest: u32) -> Result
         host.set(blocks, if small { 0 } else { count });
         Ok(())
     });
-    let bound = |program: Program| {
-        program
-            .constant("OVERLAP", work.overlap)
-            .bind("grid", grid)
-            .bind("position", work.gbuffer.position)
-            .bind("normal", work.gbuffer.normal)
-            .bind("sums", work.splats.sums)
-            .bind("candidates", candidates)
-            .bind("counts", counts)
-            .bind("requests", work.requests.places)
-    };
-    r.compute(bound(Program::new("find_misses/device_grid")), "search", Groups::Counted { count: blocks, divisor: 1, per: 1 });
-    r.compute(bound(Program::new("find_misses/device_grid")), "search_small", Groups::Counted { count: lanes, divisor: 64, per: 1 });
-    r.compute(bound(Program::new("find_misses/device_grid")), "collect", Groups::Fixed([1, 1, 1]));
+    let program = Program::new("find_misses/device_grid")
+        .constant("OVERLAP", work.overlap)
+        .bind("grid", grid)
+        .bind("position", work.gbuffer.position)
+        .bind("normal", work.gbuffer.normal)
+        .bind("sums", work.splats.sums)
+        .bind("candidates", candidates)
+        .bind("counts", counts)
+        .bind("requests", work.requests.places);
+    r.compute(program.clone(), "search", Groups::Counted { count: blocks, divisor: 1, per: 1 });
+    r.compute(program.clone(), "search_small", Groups::Counted { count: lanes, divisor: 64, per: 1 });
+    r.compute(program, "collect", Groups::Fixed([1, 1, 1]));
     let work = *work;
     r.host("advance", &[Read::whole(counts)], &[grid], move |host| {
         let numbers: Vec<u32> = bytemuck::pod_collect_to_vec(host.read(counts));

@@ -188,7 +188,8 @@ fn main() -> Result<(), Failure> {
     }
     if let Some(file) = options.json {
         let adapter = json!({ "name": gpu.adapter.name, "driver": gpu.adapter.driver });
-        let result = json!({ "schema": 1, "adapter": adapter, "repeats": options.repeats, "cases": rows });
+        let cores = std::thread::available_parallelism().map_or(1, |count| count.get());
+        let result = json!({ "schema": 1, "adapter": adapter, "cores": cores, "repeats": options.repeats, "cases": rows });
         std::fs::write(file, serde_json::to_vec_pretty(&result)?)?;
     }
     Ok(())

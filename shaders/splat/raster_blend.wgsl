@@ -8,16 +8,50 @@
 @group(0) @binding(2) var position: texture_2d<f32>;
 @group(0) @binding(3) var normal: texture_2d<f32>;
 
+// A record and where it is drawn. Each fragment would otherwise read all of the record from memory.
 struct Fragment {
     @builtin(position) clip: vec4f,
-    @location(0) @interpolate(flat, either) record: u32,
+    @location(0) @interpolate(flat, either) position_radius: vec4f,
+    @location(1) @interpolate(flat, either) normal_nearest: vec4f,
+    @location(2) @interpolate(flat, either) irradiance_footprint: vec4f,
+    @location(3) @interpolate(flat, either) rotation_red: vec4f,
+    @location(4) @interpolate(flat, either) rotation_green: vec4f,
+    @location(5) @interpolate(flat, either) rotation_blue: vec4f,
+    @location(6) @interpolate(flat, either) translation_red: vec4f,
+    @location(7) @interpolate(flat, either) translation_green: vec4f,
+    @location(8) @interpolate(flat, either) translation_blue: vec4f,
 }
 
 @vertex
 fn vertex(@builtin(vertex_index) corner: u32, @builtin(instance_index) index: u32) -> Fragment {
-    let bounds = rectangle_of(records[index], weighting);
+    let record = records[index];
+    let bounds = rectangle_of(record, weighting);
     let at = select(bounds.low, bounds.high, vec2<bool>((corner & 1u) != 0u, corner > 1u));
-    return Fragment(select(vec4f(at, 0.5, 1.0), vec4f(2.0, 2.0, 0.5, 1.0), bounds.behind), index);
+    return Fragment(
+        select(vec4f(at, 0.5, 1.0), vec4f(2.0, 2.0, 0.5, 1.0), bounds.behind),
+        vec4f(record.position, record.radius),
+        vec4f(record.normal, record.minimum_distance),
+        vec4f(record.irradiance, record.footprint),
+        record.rotation[0],
+        record.rotation[1],
+        record.rotation[2],
+        record.translation[0],
+        record.translation[1],
+        record.translation[2],
+    );
+}
+
+fn record_of(in: Fragment) -> Record {
+    return Record(
+        in.position_radius.xyz,
+        in.position_radius.w,
+        in.normal_nearest.xyz,
+        in.normal_nearest.w,
+        in.irradiance_footprint.xyz,
+        in.irradiance_footprint.w,
+        array(in.rotation_red, in.rotation_green, in.rotation_blue),
+        array(in.translation_red, in.translation_green, in.translation_blue),
+    );
 }
 
 struct Sums {
@@ -27,7 +61,7 @@ struct Sums {
 
 fn value_at(in: Fragment) -> vec4f {
     let pixel = vec2u(in.clip.xy);
-    return contribution(records[in.record], weighting, textureLoad(position, pixel, 0), textureLoad(normal, pixel, 0).xyz);
+    return contribution(record_of(in), weighting, textureLoad(position, pixel, 0), textureLoad(normal, pixel, 0).xyz);
 }
 
 @fragment

@@ -158,6 +158,48 @@ fn diff_refuses_sizes_that_do_not_fit() {
 }
 
 #[test]
+fn a_file_is_not_written_twice_or_over_what_is_read() {
+    let place = two_pictures();
+    insta::assert_snapshot!(place.refusal(&["diff", "a.exr", "b.exr", "--json", "./a.exr"]));
+    assert!(place.refusal(&[&FURNACE[..], &["-o", "x.exr", "-o", "x.exr"]].concat()).contains("cli::same_file"));
+    assert!(Layers::read(&fs::read(place.0.path().join("a.exr")).unwrap()).is_ok(), "what is read is left alone");
+    assert_eq!(place.run(&[&FURNACE[..], &["--spp", "4", "-o", "y.exr", "-o", "y.png"]].concat()).0, 0);
+}
+
+#[test]
+fn many_errors_in_a_line_without_end_are_a_short_report() {
+    let place = Place::new();
+    let nodes: String = (0..5000).map(|i| format!("(name: \"n{i}\", pass: Nope()), ")).collect();
+    fs::write(place.0.path().join("wide.ron"), format!("Pipeline(version: 1, about: \"\", nodes: [{nodes}], outputs: {{\"picture\": \"n0\"}})")).unwrap();
+    let message = place.refusal(&["check", "wide.ron"]);
+    assert!(message.len() < 20_000, "{} bytes", message.len());
+    assert!(message.contains("5000 errors, of which the first 20 are shown") && message.contains("wide.ron:1:"), "{message}");
+    fs::write(place.0.path().join("scene.ron"), format!("Scene(version: 1, geometry: [{}])", "Sphere(centre: (0, 0, 0), radius: 1), ".repeat(2000))).unwrap();
+    let message = place.refusal(&["reference", "--scene", "scene.ron", "-o", "x.exr"]);
+    assert!(message.len() < 1000 && message.contains("scene.ron:1:"), "{message}");
+}
+
+#[test]
+#[cfg(unix)]
+fn what_never_ends_is_not_read_to_its_end() {
+    for arguments in [&["diff", "/dev/zero", "/dev/zero"][..], &["check", "/dev/zero"]] {
+        let message = Place::new().refusal(arguments);
+        assert!(message.contains("longer than the limit"), "{message}");
+    }
+}
+
+#[test]
+fn sizes_and_exposures_have_limits() {
+    let place = Place::new();
+    for size in ["16385x1", "4294967295x4294967295", "0x1"] {
+        assert!(place.refusal(&["explain", "irradiance", "--scene", "furnace", "--size", size]).contains("1 to 16384 pixels"));
+    }
+    for exposure in ["NaN", "inf", "-1e9"] {
+        assert!(place.refusal(&[&FURNACE[..], &["-o", "x.png", "--exposure", exposure]].concat()).contains("-100 to 100"));
+    }
+}
+
+#[test]
 fn colours_are_a_choice() {
     let place = Place::new();
     let escapes = |when: &str| place.run(&["--color", when, "diff", "a.exr", "b.exr"]).2.contains('\u{1b}');
@@ -211,6 +253,21 @@ fn reference_refuses_what_it_cannot_use_before_it_works() {
     assert!(refusal(&["-o", "f.exr", "--spp", "8", "--error", "0.1"]).contains("cannot be used with"));
     assert!(place.refusal(&["reference", "--scene", "missing.obj", "-o", "f.exr"]).contains("missing.obj"));
     assert!(place.refusal(&["reference", "--scene", "furnace.ron", "--size", "0x5", "-o", "f.exr"]).contains("640x480"));
+}
+
+#[test]
+#[cfg(unix)]
+fn work_that_leaves_nothing_is_interrupted_at_once() {
+    let arguments = ["check", "irradiance", "--scene", "hall", "--scene-set", "triangles=8000000"];
+    let mut child = std::process::Command::new(env!("CARGO_BIN_EXE_hemisplat")).args(arguments).stderr(std::process::Stdio::piped()).spawn().unwrap();
+    std::thread::sleep(std::time::Duration::from_millis(700));
+    let sent = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    let start = std::time::Instant::now();
+    assert!(sent.success());
+    let status = child.wait().unwrap().code();
+    let message = std::io::read_to_string(child.stderr.take().unwrap()).unwrap();
+    assert_eq!((status, message.as_str()), (Some(130), "interrupted; nothing was written\n"));
+    assert!(start.elapsed().as_secs() < 5, "{:?}", start.elapsed());
 }
 
 #[test]

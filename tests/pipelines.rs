@@ -289,6 +289,31 @@ fn each_bad_file_is_one_clear_error() {
 }
 
 #[test]
+fn a_chain_of_variants_has_an_end() {
+    let mut asked = 0;
+    let mut read = |_: &Path| {
+        asked += 1;
+        Ok(format!("Variant(version: 1, about: \"\", of: \"{asked}.ron\")"))
+    };
+    let problems = problems(load("0.ron", &[], MOCKS, &mut read));
+    assert_eq!(problems.0.iter().map(|problem| problem.code).collect::<Vec<_>>(), ["pipeline::too_many_variants"]);
+    insta::assert_snapshot!("too_many_variants", rendered(&problems));
+}
+
+#[test]
+fn what_is_nested_too_deeply_is_told_in_those_words() {
+    let text = format!("Pipeline(version: 1, nodes: {}{})", "[".repeat(1000), "]".repeat(1000));
+    let problems = problems(load_text(&text));
+    assert_eq!(problems.0.iter().map(|problem| problem.message.as_str()).collect::<Vec<_>>(), ["this is nested too deeply"]);
+}
+
+#[test]
+fn a_mark_of_the_byte_order_is_no_part_of_a_file() {
+    let text = format!("\u{feff}{}", nodes(r#"(name: "a", pass: Surfaces()),"#, "a"));
+    assert!(load_text(&text).is_ok());
+}
+
+#[test]
 fn a_file_that_cannot_be_read_says_why() {
     let mut read = |_: &Path| Err(io::Error::new(io::ErrorKind::InvalidData, "stream did not contain valid UTF-8"));
     let problems = problems(load("test.ron", &[], MOCKS, &mut read));

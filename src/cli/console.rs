@@ -1,6 +1,7 @@
 //! What the user sees: results on stdout, messages on stderr.
 
 use super::failure::Failure;
+use super::legible::Legible;
 use clap::{Args, ValueEnum};
 use miette::{Diagnostic, GraphicalReportHandler, GraphicalTheme};
 use std::io::{self, IsTerminal, Write};
@@ -60,6 +61,7 @@ impl Console {
 
     /// Shows an error or a warning with its code, its source and what helps.
     pub fn report(&self, diagnostic: &dyn Diagnostic) {
+        let diagnostic = &Legible::new(diagnostic);
         let theme = if self.colour { GraphicalTheme::unicode() } else { GraphicalTheme::unicode_nocolor() };
         let mut text = String::new();
         match GraphicalReportHandler::new_themed(theme).with_links(false).with_width(WIDTH).render_report(&mut text, diagnostic) {

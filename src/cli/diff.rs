@@ -2,7 +2,8 @@
 
 use super::console::Console;
 use super::failure::{CommandError, Failure};
-use super::output::{Target, read_picture};
+use super::input::read_picture;
+use super::output::{Target, expect_distinct};
 use crate::measure::{Errors, Layers, PICTURE, Selected, compare_layers};
 use clap::Args;
 use serde::Serialize;
@@ -50,6 +51,8 @@ fn threshold(text: &str) -> Result<Threshold, String> {
 pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     let json = options.json.as_deref().map(Target::new).transpose()?;
     let (test, reference) = (Input::read(&options.test)?, Input::read(&options.reference)?);
+    let read: Vec<&Path> = [&test.path, &reference.path].into_iter().chain(&options.variance).map(PathBuf::as_path).collect();
+    expect_distinct(&options.json.iter().map(PathBuf::as_path).collect::<Vec<_>>(), &read)?;
     let variance = options.variance.as_deref().map(read_picture).transpose()?;
     let [test_layer, reference_layer] = choose_layers(&test, &reference)?;
     let errors = compare_layers(

@@ -53,6 +53,9 @@ pub enum CommandError {
     #[error("cannot tell the format of {}", path.display())]
     #[diagnostic(code(cli::unknown_format), help("pictures are written as .exr, .png or .hdr"))]
     UnknownFormat { path: PathBuf },
+    #[error("{} would be written twice, or over what is read", path.display())]
+    #[diagnostic(code(cli::same_file), help("give every file a name of its own"))]
+    SameFile { path: PathBuf },
     #[error("{}: {error}", path.display())]
     #[diagnostic(forward(error))]
     BadPicture { path: PathBuf, error: crate::measure::PictureError },

@@ -1,10 +1,14 @@
-//! Files in and out. A written file appears whole or not at all.
+//! Files out. A written file appears whole or not at all.
 
 use super::failure::{CommandError, Failure};
+use super::interrupt::Shelter;
 use crate::measure::{Layers, PICTURE};
 use std::fs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
+
+/// The largest exposure, up or down: its factor is a number of single precision.
+const MOST_STOPS: f32 = 100.0;
 
 /// A file to be written later, checked now, so that no work is done for a place that cannot hold its result.
 pub struct Target {
@@ -12,13 +16,25 @@ pub struct Target {
 }
 
 impl Target {
-    /// Creates the folder that the file will stand in.
+    /// Creates the folder that the file will stand in, and tries whether it takes files.
     pub fn new(path: &Path) -> Result<Self, Failure> {
-        if path.is_dir() {
-            return Err(Failure::write(path, io::Error::from(io::ErrorKind::IsADirectory)));
+        let target = Self { path: path.to_owned() };
+        target.probe().map_err(|error| Failure::write(path, error))?;
+        Ok(target)
+    }
+
+    fn probe(&self) -> io::Result<()> {
+        if self.path.is_dir() {
+            return Err(io::Error::from(io::ErrorKind::IsADirectory));
         }
-        fs::create_dir_all(folder(path)).map_err(|error| Failure::write(path, error))?;
-        Ok(Self { path: path.to_owned() })
+        let path = self.resolved();
+        fs::create_dir_all(folder(&path))?;
+        if is_special(&path) { Ok(()) } else { temporary(folder(&path)).map(drop) }
+    }
+
+    /// A link keeps being one: what it leads to is replaced.
+    fn resolved(&self) -> PathBuf {
+        fs::canonicalize(&self.path).unwrap_or_else(|_| self.path.clone())
     }
 
     pub fn path(&self) -> &Path {
@@ -31,9 +47,9 @@ impl Target {
     }
 
     fn try_write(&self, bytes: &[u8]) -> io::Result<()> {
-        // A link keeps being one: what it leads to is replaced.
-        let path = fs::canonicalize(&self.path).unwrap_or_else(|_| self.path.clone());
-        if fs::metadata(&path).is_ok_and(|metadata| !metadata.is_file()) {
+        let _shelter = Shelter::new();
+        let path = self.resolved();
+        if is_special(&path) {
             return fs::OpenOptions::new().write(true).open(&path)?.write_all(bytes);
         }
         let mut file = temporary(folder(&path))?;
@@ -85,10 +101,28 @@ impl PictureTarget {
     }
 }
 
-/// Reads a picture file of any kind.
-pub fn read_picture(path: &Path) -> Result<Layers, Failure> {
-    let bytes = fs::read(path).map_err(|error| Failure::read(path, error))?;
-    Layers::read(&bytes).map_err(|error| Failure::input(CommandError::BadPicture { path: path.to_owned(), error }))
+/// Refuses to write one file twice, or over what is read. Devices and pipes can take both.
+pub fn expect_distinct(written: &[&Path], read: &[&Path]) -> Result<(), Failure> {
+    let place = |path: &&Path| fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf());
+    let mut taken: Vec<PathBuf> = read.iter().map(place).collect();
+    for path in written.iter().filter(|path| !is_special(path)) {
+        if taken.contains(&place(path)) {
+            return Err(Failure::input(CommandError::SameFile { path: path.to_path_buf() }));
+        }
+        taken.push(place(path));
+    }
+    Ok(())
+}
+
+/// Reads the exposure of an argument [stops].
+pub fn exposure(text: &str) -> Result<f32, String> {
+    let stops = text.parse().ok().filter(|stops| (-MOST_STOPS..=MOST_STOPS).contains(stops));
+    stops.ok_or_else(|| format!("expected a number of stops from -{MOST_STOPS} to {MOST_STOPS}"))
+}
+
+/// Whether something stands there that is no plain file, such as a device.
+fn is_special(path: &Path) -> bool {
+    fs::metadata(path).is_ok_and(|metadata| !metadata.is_file())
 }
 
 fn folder(path: &Path) -> &Path {

@@ -1,12 +1,18 @@
 //! What the commands that take a pipeline share.
 
 use super::failure::Failure;
+use super::input::read_file;
 use super::scene::View;
 use crate::contract::recorder::Setting;
 use crate::gpu::scene::byte_size;
 use crate::passes::REGISTRY;
 use crate::pipeline::{Pipeline, Plan, Problems, load, plan};
 use crate::scene::needs::Needs;
+use std::io;
+use std::path::Path;
+
+/// The longest pipeline file that is read.
+const MOST_PIPELINE_BYTES: u64 = 16 << 20;
 
 /// Reads and checks a pipeline: a path, or one that ships; `sets` are `NODE.PARAM=VALUE`.
 pub fn load_pipeline(name: &str, sets: &[String]) -> Result<Pipeline, Failure> {
@@ -15,7 +21,12 @@ pub fn load_pipeline(name: &str, sets: &[String]) -> Result<Pipeline, Failure> {
 
 /// The same, for those who collect problems.
 pub fn check_pipeline(name: &str, sets: &[String]) -> Result<Pipeline, Problems> {
-    load(name, sets, REGISTRY, &mut |path| std::fs::read_to_string(path))
+    load(name, sets, REGISTRY, &mut read_pipeline)
+}
+
+fn read_pipeline(path: &Path) -> io::Result<String> {
+    let bytes = read_file(path, MOST_PIPELINE_BYTES)?;
+    String::from_utf8(bytes).map_err(|_| io::Error::new(io::ErrorKind::InvalidData, "it is no text in UTF-8"))
 }
 
 /// Plans a pipeline for a view of a scene; `dumps` stay whole after the frame.

@@ -2,8 +2,8 @@
 
 use super::console::Console;
 use super::failure::Failure;
-use super::interrupt;
-use super::output::PictureTarget;
+use super::interrupt::{self, Shelter};
+use super::output::{PictureTarget, expect_distinct, exposure};
 use super::progress::Progress;
 use super::scene::{SceneOptions, View};
 use crate::measure::{Layer, Layers, PICTURE};
@@ -36,7 +36,7 @@ pub struct Options {
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
     /// Brightens PNG files by 2^EV
-    #[arg(long, value_name = "EV", default_value_t = 0.0, allow_negative_numbers = true)]
+    #[arg(long, value_name = "EV", default_value_t = 0.0, allow_negative_numbers = true, value_parser = exposure)]
     exposure: f32,
     /// Where to write: .exr, .png or .hdr; may be repeated
     #[arg(long, short, value_name = "FILE", required = true)]
@@ -44,10 +44,12 @@ pub struct Options {
 }
 
 pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
+    expect_distinct(&options.output.iter().map(PathBuf::as_path).collect::<Vec<_>>(), &[options.scene.path()])?;
     let targets = options.output.iter().map(|path| PictureTarget::new(path)).collect::<Result<Vec<_>, _>>()?;
     let view = options.scene.load(console)?;
     let stop = options.error.map_or(Stop::Samples(options.spp), Stop::RelativeError);
     let settings = Settings { size: view.size, stride: options.stride, bounces: options.bounces, stop, seed: options.seed };
+    let _shelter = Shelter::new();
     let result = {
         let progress = Progress::new(console, "tracing paths");
         render(&view.scene, &view.bvh, &view.camera, &settings, &|share| progress.report(share))

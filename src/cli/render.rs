@@ -3,8 +3,9 @@
 use super::console::Console;
 use super::dump;
 use super::failure::{CommandError, Failure};
-use super::interrupt;
-use super::output::{PictureTarget, Target};
+use super::input::read_file;
+use super::interrupt::{self, Shelter};
+use super::output::{PictureTarget, Target, expect_distinct, exposure};
 use super::progress::Progress;
 use super::scene::{SceneOptions, View};
 use super::timeline::{Frame, Plans, Timeline, TimelineOptions, camera_of_frame};
@@ -41,7 +42,7 @@ pub struct Options {
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     time: Option<Duration>,
     /// Brightens PNG files by 2^EV
-    #[arg(long, value_name = "EV", default_value_t = 0.0, allow_negative_numbers = true)]
+    #[arg(long, value_name = "EV", default_value_t = 0.0, allow_negative_numbers = true, value_parser = exposure)]
     exposure: f32,
     /// Where to write: .exr, .png or .hdr; may be repeated
     #[arg(long, short, value_name = "FILE", required = true)]
@@ -63,6 +64,8 @@ struct StartUp {
 }
 
 pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
+    let written: Vec<&Path> = options.output.iter().chain(&options.stats).chain(&options.cache).map(PathBuf::as_path).collect();
+    expect_distinct(&written, &[options.scene.path(), Path::new(&options.pipeline)])?;
     let timeline = options.timeline.timeline(options.scene.named_cameras())?;
     let targets = timeline.frames.iter().map(|frame| Targets::new(options, &timeline, frame)).collect::<Result<Vec<_>, _>>()?;
     let stats = options.stats.as_deref().map(Target::new).transpose()?;
@@ -84,6 +87,7 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     }
     let start_up = StartUp { load, plan: planned, device, shaders: lap() };
 
+    let _shelter = Shelter::new();
     let mut film = Film { options, console, view: &view, frames: Vec::new(), gaps: Vec::new(), is_faulty: false, kept: Vec::new() };
     let result = timeline.frames.iter().zip(&targets).try_for_each(|(frame, targets)| film.expose(frame, targets, &plans, &mut run));
     let is_interrupted = result.as_ref().is_err_and(|failure| failure.status == 130);
@@ -113,7 +117,7 @@ struct RecordsFile {
 impl RecordsFile {
     fn open(path: &Path) -> Result<Self, Failure> {
         let target = Target::new(path)?;
-        let contents = path.exists().then(|| std::fs::read(path).map_err(|error| Failure::read(path, error))).transpose()?;
+        let contents = path.exists().then(|| read_file(path, cache::MOST_BYTES).map_err(|error| Failure::read(path, error))).transpose()?;
         Ok(Self { target, contents })
     }
 

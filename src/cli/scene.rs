@@ -4,10 +4,10 @@ use super::console::Console;
 use super::failure::{CommandError, Failure};
 use crate::scene::bvh::Bvh;
 use crate::scene::load::{LoadOptions, load};
-use crate::scene::model::{Camera, Scene};
+use crate::scene::{Camera, MAX_SIDE, Scene};
 use clap::Args;
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// The size of a picture where neither the user nor the scene says one [pixels].
 const DEFAULT_SIZE: [u32; 2] = [512, 512];
@@ -49,6 +49,11 @@ impl SceneOptions {
             return Err(Failure::input(CommandError::SeveralCameras { names: self.cameras.join(", ") }));
         }
         self.load_timeline(console)
+    }
+
+    /// The scene as it was named.
+    pub fn path(&self) -> &Path {
+        &self.scene
     }
 
     /// How many cameras were named.
@@ -97,9 +102,9 @@ impl SceneOptions {
 }
 
 fn size(text: &str) -> Result<[u32; 2], String> {
-    let side = |text: &str| text.parse().ok().filter(|side| *side > 0);
+    let side = |text: &str| text.parse().ok().filter(|side| (1..=MAX_SIDE).contains(side));
     let both = text.split_once('x').and_then(|(width, height)| Some([side(width)?, side(height)?]));
-    both.ok_or_else(|| "expected WIDTHxHEIGHT in pixels, such as 640x480".to_owned())
+    both.ok_or_else(|| format!("expected WIDTHxHEIGHT, each 1 to {MAX_SIDE} pixels, such as 640x480"))
 }
 
 fn key_and_value(text: &str) -> Result<(String, String), String> {

@@ -4,6 +4,9 @@ use miette::Diagnostic;
 use std::sync::{Arc, Mutex};
 use thiserror::Error;
 
+/// What helps where memory or a limit does not suffice.
+const SMALLER: &str = "make the picture, the shadow maps, the batch of the fill or the scene smaller; lights need no maps where a pipeline has no ShadowMap";
+
 /// What can go wrong between the program and the driver.
 #[derive(Debug, Error, Diagnostic)]
 pub enum GpuError {
@@ -13,17 +16,20 @@ pub enum GpuError {
         help("install a Vulkan driver; without a GPU, Debian's packages mesa-vulkan-drivers and libvulkan1 bring a software one")
     )]
     NoAdapter,
+    #[error("no adapter is called `{name}`, which WGPU_ADAPTER_NAME asks for")]
+    #[diagnostic(code(gpu::unknown_adapter), help("the adapters: {known}"))]
+    UnknownAdapter { name: String, known: String },
     #[error("the adapter {adapter} lacks {feature}")]
     #[diagnostic(code(gpu::missing_feature), help("choose another adapter with WGPU_ADAPTER_NAME (see `hemisplat adapters`), or {way}"))]
     MissingFeature { adapter: String, feature: String, way: String },
     #[error("the adapter {adapter} refused to open a device: {reason}")]
     #[diagnostic(code(gpu::no_device))]
     NoDevice { adapter: String, reason: String },
-    #[error("{what} needs {wanted} bytes; the adapter's limit is {limit}")]
-    #[diagnostic(code(gpu::limit), help("make the picture, the batch of the fill or the scene smaller"))]
-    Limit { what: String, wanted: u64, limit: u64 },
+    #[error("`{what}` needs {wanted} {unit}; the adapter's limit is {limit}")]
+    #[diagnostic(code(gpu::limit), help("{SMALLER}"))]
+    Limit { what: String, unit: &'static str, wanted: u64, limit: u64 },
     #[error("the driver ran out of memory while {doing}")]
-    #[diagnostic(code(gpu::out_of_memory), help("make the picture, the batch of the fill or the scene smaller"))]
+    #[diagnostic(code(gpu::out_of_memory), help("{SMALLER}"))]
     OutOfMemory { doing: String },
     #[error("the device was lost while {doing}: {reason}")]
     #[diagnostic(code(gpu::lost))]
@@ -127,16 +133,15 @@ impl Gpu {
 
     async fn open_async() -> Result<Self, GpuError> {
         let instance = instance();
-        let wanted = std::env::var("WGPU_ADAPTER_NAME").ok().map(|n| n.to_lowercase());
-        let mut found: Vec<_> = instance
-            .enumerate_adapters(wgpu::Backends::PRIMARY)
-            .await
-            .into_iter()
-            .filter(|a| wanted.as_ref().is_none_or(|name| a.get_info().name.to_lowercase().contains(name)))
-            .map(|a| (describe(&a), a))
-            .collect();
-        found.sort_by_key(|(d, _)| rank(d));
-        let Some((description, adapter)) = found.into_iter().next() else { return Err(GpuError::NoAdapter) };
+        let all = instance.enumerate_adapters(wgpu::Backends::PRIMARY).await;
+        let known: Vec<String> = all.iter().map(|adapter| adapter.get_info().name).collect();
+        let wanted = std::env::var("WGPU_ADAPTER_NAME").ok();
+        let is_wanted = |adapter: &wgpu::Adapter| wanted.as_ref().is_none_or(|name| adapter.get_info().name.to_lowercase().contains(&name.to_lowercase()));
+        let mut found: Vec<_> = all.into_iter().filter(is_wanted).map(|adapter| (describe(&adapter), adapter)).collect();
+        found.sort_by_key(|(description, _)| rank(description));
+        let Some((description, adapter)) = found.into_iter().next() else {
+            return Err(wanted.filter(|_| !known.is_empty()).map_or(GpuError::NoAdapter, |name| GpuError::UnknownAdapter { name, known: known.join(", ") }));
+        };
         if let Some(feature) = description.lacks.first() {
             return Err(GpuError::MissingFeature { adapter: description.name, feature: feature.clone(), way: "update its driver".into() });
         }

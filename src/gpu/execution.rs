@@ -120,7 +120,9 @@ impl<'a> Session<'a> {
     }
 
     fn allocate(&mut self, placement: &Placement) -> Result<(), GpuError> {
-        let shared = placement.allocations.iter().enumerate().map(|(i, kind)| self.create(&format!("shared {i}"), kind)).collect::<Result<Vec<_>, _>>()?;
+        let name = |slot: usize| placement.slots.iter().zip(&self.recording.resources).find(|(of, _)| **of == Some(slot as u32)).map_or("", |(_, r)| &r.name);
+        let names: Vec<&str> = (0..placement.allocations.len()).map(name).collect();
+        let shared = placement.allocations.iter().zip(names).map(|(kind, name)| self.create(name, kind)).collect::<Result<Vec<_>, _>>()?;
         for (index, description) in self.recording.resources.iter().enumerate() {
             let physical = match (&description.lifetime, &description.kind) {
                 (_, ResourceKind::Draws | ResourceKind::State) => Physical::Host,
@@ -134,17 +136,16 @@ impl<'a> Session<'a> {
             };
             self.physical.push(physical);
         }
-        self.gpu.check("allocating memory")
+        self.gpu.check("uploading the scene")
     }
 
     fn create(&mut self, label: &str, kind: &ResourceKind) -> Result<Physical, GpuError> {
         self.gpu_bytes += kind.bytes();
+        let limits = &self.gpu.limits;
+        let within = |wanted: u64, limit: u64, unit| if wanted <= limit { Ok(()) } else { Err(GpuError::Limit { what: label.into(), unit, wanted, limit }) };
         match kind {
             ResourceKind::Buffer { bytes } => {
-                let limit = self.gpu.limits.max_storage_buffer_binding_size.min(self.gpu.limits.max_buffer_size);
-                if *bytes > limit {
-                    return Err(GpuError::Limit { what: label.into(), wanted: *bytes, limit });
-                }
+                within(*bytes, limits.max_storage_buffer_binding_size.min(limits.max_buffer_size), "bytes")?;
                 let usage = wgpu::BufferUsages::STORAGE
                     | wgpu::BufferUsages::UNIFORM
                     | wgpu::BufferUsages::VERTEX
@@ -158,10 +159,8 @@ impl<'a> Session<'a> {
                 })))
             }
             ResourceKind::Texture { size, layers, format } => {
-                let limit = self.gpu.limits.max_texture_dimension_2d;
-                if size[0].max(size[1]) > limit {
-                    return Err(GpuError::Limit { what: format!("the edge of the texture {label}"), wanted: size[0].max(size[1]) as u64, limit: limit as u64 });
-                }
+                within(size[0].max(size[1]).into(), limits.max_texture_dimension_2d.into(), "texels along an edge")?;
+                within((*layers).into(), limits.max_texture_array_layers.into(), "layers")?;
                 Ok(Physical::Texture { texture: self.create_texture(label, *size, *layers, *format), format: *format })
             }
             ResourceKind::Draws | ResourceKind::State => Ok(Physical::Host),

@@ -10,6 +10,9 @@ use serde::{Deserialize, Serialize};
 
 const FORMAT: &str = "hemisplat records 3";
 
+/// The longest file that is worth reading: records of several caches as large as they may be.
+pub const MOST_BYTES: u64 = 1 << 30;
+
 /// First line of the file; then the records as they stand in memory.
 #[derive(Serialize, Deserialize)]
 struct Header {

@@ -7,5 +7,5 @@ pub mod metrics;
 pub mod run;
 pub mod tone;
 
-pub use layers::{Layer, Layers, PICTURE, PictureError};
+pub use layers::{Layer, Layers, MAX_SAMPLES, PICTURE, PictureError};
 pub use metrics::{Errors, LargestError, MetricsError, Selected, compare, compare_layers, luminance};

@@ -74,7 +74,7 @@ pub enum RunError {
     #[diagnostic(transparent)]
     Gpu(#[from] GpuError),
     #[error("{pixels} pixels of `{layer}` are not finite")]
-    #[diagnostic(code(render::non_finite), help("this is a fault of the pass that made the layer; nothing was written"))]
+    #[diagnostic(code(render::non_finite), help("light beyond single precision, or a fault of the pass that made the layer; nothing was written"))]
     NonFinite { layer: String, pixels: u32 },
     #[error("the file of records does not fit: {reason}")]
     #[diagnostic(code(render::cache), help("records are good for the scene and the layout of records that made them; name another file to start anew"))]

@@ -143,7 +143,8 @@ impl Reader<'_, '_> {
 
     fn document(&mut self, found: Found) -> Option<Document> {
         self.chain.push(found.location);
-        let source = syntax::source(&found.name, found.text);
+        // Some editors begin a file with a mark of its byte order.
+        let source = syntax::source(&found.name, found.text.trim_start_matches('\u{feff}'));
         let value = match syntax::parse(&source, 0..source.inner().len()) {
             Ok(value) => value,
             Err(problem) => {
@@ -205,7 +206,12 @@ impl Reader<'_, '_> {
                 return None;
             }
         };
-        if self.chain.contains(&found.location) || self.chain.len() >= MAX_VARIANTS {
+        if self.chain.len() >= MAX_VARIANTS {
+            let problem = Problem::new("pipeline::too_many_variants", format!("more than {MAX_VARIANTS} variants extend each other"));
+            self.problems.push(problem.at(&of.place, "one too many").help("let a variant extend a `Pipeline(…)` with fewer steps between"));
+            return None;
+        }
+        if self.chain.contains(&found.location) {
             let problem = Problem::new("pipeline::extends_itself", format!("`{}` extends itself", found.name));
             self.problems.push(problem.at(&of.place, "leads back here").help("a chain of variants ends at a `Pipeline(…)`"));
             return None;

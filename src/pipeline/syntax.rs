@@ -97,7 +97,11 @@ pub fn parse(source: &Source, span: Range<usize>) -> Result<Value, Problem> {
         let at = span.start + offset(text, error.span.start.line, error.span.start.col);
         let end = span.start + offset(text, error.span.end.line, error.span.end.col);
         let place = Place { source: source.clone(), span: at..end.max(at) };
-        return Err(Problem::new("pipeline::syntax", format!("this is not RON: {}", error.code)).at(&place, "here"));
+        let message = match error.code {
+            ron::Error::ExceededRecursionLimit => "this is nested too deeply".into(),
+            code => format!("this is not RON: {code}"),
+        };
+        return Err(Problem::new("pipeline::syntax", message).at(&place, "here"));
     }
     let mut parser = Parser { source, at: span.start, end: span.end };
     let value = parser.value()?;

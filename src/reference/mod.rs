@@ -19,7 +19,7 @@ mod random;
 
 pub use path::{Gather, Tracer};
 
-use crate::scene::{bvh::Bvh, model::Camera, model::Rgb, model::Scene};
+use crate::scene::{Camera, MAX_SIDE, Rgb, Scene, bvh::Bvh};
 use glam::{DVec3, Vec3};
 use path::{Round, Surface};
 use random::Random;
@@ -32,11 +32,11 @@ use std::{
     time::Instant,
 };
 
-/// The longest side of a picture [pixels].
-pub const MAX_SIDE: u32 = 32768;
-
 /// Pixels that one reference computes, at some 300 bytes each.
 pub const MAX_PIXELS: u64 = 1 << 24;
+
+/// The most bounces that can be counted: without end is [`Bounces::All`], which weighs what it leaves out.
+pub const MAX_BOUNCES: u32 = 1000;
 
 /// Samples per pixel at which [`Stop::RelativeError`] gives up.
 pub const MAX_SAMPLES: u32 = 1 << 20;
@@ -99,7 +99,8 @@ impl FromStr for Bounces {
         if text == "all" {
             return Ok(Self::All);
         }
-        text.parse().map(Self::Count).map_err(|_| format!("bounces are a count or `all`, got `{text}`"))
+        let count = text.parse().ok().filter(|count| *count <= MAX_BOUNCES);
+        count.map(Self::Count).ok_or_else(|| format!("bounces are a count up to {MAX_BOUNCES} or `all`, got `{text}`"))
     }
 }
 

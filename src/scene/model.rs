@@ -5,6 +5,9 @@
 
 use glam::{DVec3, Vec2, Vec3};
 
+/// The longest side of a picture [pixels].
+pub const MAX_SIDE: u32 = 16384;
+
 /// Linear Rec. 709 colour or spectrum: red, green, blue.
 pub type Rgb = Vec3;
 

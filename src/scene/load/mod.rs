@@ -160,10 +160,12 @@ fn read_bytes(path: &Path) -> Result<Vec<u8>, SceneError> {
     std::fs::read(path).map_err(unreadable)
 }
 
-/// Reads a text file; bytes that are no UTF-8, as in old names, become replacement characters.
+/// Reads a text file; bytes that are no UTF-8, as in old names, become replacement characters. A mark of the byte order, as some
+/// editors write it, is left out.
 fn read_text(path: &Path) -> Result<String, SceneError> {
     let bytes = read_bytes(path)?;
-    Ok(String::from_utf8(bytes).unwrap_or_else(|error| String::from_utf8_lossy(error.as_bytes()).into_owned()))
+    let bytes = bytes.strip_prefix("\u{feff}".as_bytes()).unwrap_or(&bytes);
+    Ok(String::from_utf8_lossy(bytes).into_owned())
 }
 
 /// The first few of many, separated by commas.

@@ -28,9 +28,6 @@ use std::{
 const VERSION: u32 = 1;
 /// The name that stands for every material without an entry of its own.
 const ANY: &str = "*";
-/// The longest side of a picture [pixels].
-const MAX_SIZE: u32 = 16384;
-
 /// A value as it stands in the source, parsed when it is asked for.
 struct Raw<'a, T> {
     text: &'a str,
@@ -365,6 +362,7 @@ impl<'a> Source<'a> {
                 let of = outer.as_ref().map_or(String::new(), |outer| format!(" in `{outer}`"));
                 (Problem::Format, format!("the key `{field}` is missing{of}"), "it has to stand before this", format!("add `{field}: …`"))
             }
+            ExceededRecursionLimit => (Problem::Format, "the document is nested too deeply".to_owned(), "here", "place geometry in fewer steps".to_owned()),
             other => (Problem::Format, format!("the document cannot be read: {other}"), "here", "see the scenes that ship for examples".to_owned()),
         };
         SceneError::new(problem, message).help(help).at(&self.text, place, label)
@@ -771,7 +769,7 @@ impl<'a> Reader<'a> {
 impl<'a> Source<'a> {
     fn picture_size(&self, raw: Raw<'a, [u32; 2]>) -> Result<[u32; 2], SceneError> {
         let size = self.get(raw)?;
-        let holds = size.iter().all(|side| (1..=MAX_SIZE).contains(side));
-        if holds { Ok(size) } else { Err(self.out_of_range(raw, &format!("1 to {MAX_SIZE} pixels a side"))) }
+        let holds = size.iter().all(|side| (1..=MAX_SIDE).contains(side));
+        if holds { Ok(size) } else { Err(self.out_of_range(raw, &format!("1 to {MAX_SIDE} pixels a side"))) }
     }
 }

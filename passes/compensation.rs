@@ -43,7 +43,7 @@ impl Pass for Compensation {
             Table::new(tiles.shape, tiles.resolution, method).map_err(|e| Refusal::new("plan::tile", e.to_string(), "choose another shape or resolution"))?,
         );
         let weights = r.constant_buffer("weights", &sample_bytes(&table));
-        let edges = r.constant_buffer("edges", &edge_bytes(&table));
+        let edges = r.constant_buffer("edges", &edge_bytes(&table.edges));
         r.output("tiles", Port::WeightedTiles(port::WeightedTiles { tiles, table, weights, edges }));
         Ok(())
     }

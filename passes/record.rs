@@ -2,7 +2,14 @@
 
 use crate::contract::{Recorder, port};
 use crate::host_struct;
-use crate::math::{frame::Frame, hemisphere::Table, projection::Pinhole, radius::Ellipse, sum::Summed, weight};
+use crate::math::{
+    frame::Frame,
+    hemisphere::{Edge, Table},
+    projection::Pinhole,
+    radius::Ellipse,
+    sum::Summed,
+    weight,
+};
 use crate::recording::*;
 use bytemuck::cast_slice;
 use glam::Vec3;
@@ -110,11 +117,10 @@ pub fn sample_bytes(table: &Table) -> Vec<u8> {
     cast_slice(&samples).to_vec()
 }
 
-/// A table's edges in single precision.
-pub fn edge_bytes(table: &Table) -> Vec<u8> {
+/// Edges of a table in single precision.
+pub fn edge_bytes(edges: &[Edge]) -> Vec<u8> {
     let single = |v: [f64; 3]| v.map(|x| x as f32);
-    let edges: Vec<_> = table
-        .edges
+    let edges: Vec<_> = edges
         .iter()
         .map(|e| {
             let [hessian_xx, hessian_xy, hessian_yy] = single(e.hessian);

@@ -2,7 +2,7 @@
 
 use hemisplat::gpu::{scene, shader::Shader};
 use hemisplat::host_struct;
-use hemisplat::passes::{add_records, find_misses::device_grid, hemisphere_tiles::raster, record, shadow_map};
+use hemisplat::passes::{add_records, find_misses::device_grid, hemisphere_tiles::raster, irradiance_sum::workgroup_tree, record, shadow_map};
 use hemisplat::recording::{HostField, HostLayout};
 use naga::TypeInner;
 
@@ -11,7 +11,8 @@ fn shared() -> Vec<(&'static str, Vec<HostLayout>)> {
     vec![
         ("hemisphere_tiles/shade", scene::LAYOUTS.iter().copied().filter(|l| l.name != "FrameCamera").collect()),
         ("gbuffer", scene::LAYOUTS.iter().copied().filter(|l| l.name == "FrameCamera").collect()),
-        ("irradiance_sum/workgroup_tree", record::LAYOUTS.to_vec()),
+        ("irradiance_sum/reduce", record::LAYOUTS.to_vec()),
+        ("irradiance_sum/workgroup_tree", vec![workgroup_tree::Cell::LAYOUT]),
         ("add_records", vec![add_records::Batch::LAYOUT]),
         ("find_misses/device_grid", vec![device_grid::Grid::LAYOUT]),
         ("hemisphere_tiles/raster", vec![raster::TileView::LAYOUT, raster::TileCamera::LAYOUT]),

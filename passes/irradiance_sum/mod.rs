@@ -8,7 +8,7 @@ mod cpu_readback;
 mod mipmap_chain;
 mod ping_pong;
 mod reduce;
-mod workgroup_tree;
+pub mod workgroup_tree;
 
 pub struct IrradianceSum;
 

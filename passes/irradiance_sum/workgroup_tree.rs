@@ -1,18 +1,78 @@
-//! One workgroup a tile.
+//! One workgroup sums four tiles.
 
 use super::Work;
 use crate::contract::Recorder;
+use crate::host_struct;
+use crate::math::hemisphere::{Edge, Table};
+use crate::passes::record::{TileEdge, edge_bytes};
 use crate::recording::*;
+
+/// Tiles of a workgroup.
+const TILES: u32 = 4;
+
+host_struct! {
+    /// What a sample stands for, and its walls to the samples on its left and above.
+    pub struct Cell {
+        cosine_weight: f32,
+        rotation_x: f32,
+        rotation_y: f32,
+        /// 0 for an unused sample.
+        inverse_depth_cosine: f32,
+        left_gradient: [f32; 3],
+        left_hessian_xx: f32,
+        above_gradient: [f32; 3],
+        above_hessian_xx: f32,
+        left_hessian_xy: f32,
+        left_hessian_yy: f32,
+        above_hessian_xy: f32,
+        above_hessian_yy: f32,
+    }
+}
 
 pub(super) fn record(r: &mut Recorder<'_>, work: &Work<'_>) {
     let tiles = &work.weighted.tiles;
+    let (cells, seams) = cells(&work.weighted.table);
+    let cells = r.constant_buffer("cells", bytemuck::cast_slice(&cells));
+    // A binding holds one element at least.
+    let mut seam_bytes = edge_bytes(&seams);
+    seam_bytes.resize(seam_bytes.len().max(size_of::<TileEdge>()), 0);
     let program = work
         .layout(Program::new("irradiance_sum/workgroup_tree"))
-        .constant("EDGES", work.weighted.table.edges.len() as u32)
+        .constant("SEAMS", seams.len() as u32)
         .bind("requests", tiles.requests.places)
-        .bind("weights", work.weighted.weights)
-        .bind("edges", work.weighted.edges)
+        .bind("cells", cells)
+        .bind("seams", r.constant_buffer("seams", &seam_bytes))
         .bind("radiance", tiles.samples)
         .bind("records", work.records);
-    r.compute(program, "sum", Groups::Counted { count: tiles.requests.count, divisor: 1, per: 1 });
+    r.compute(program, "sum", Groups::Counted { count: tiles.requests.count, divisor: TILES, per: 1 });
+}
+
+/// The samples with the walls to their neighbours in the picture, and all other walls.
+fn cells(table: &Table) -> (Vec<Cell>, Vec<Edge>) {
+    let mut cells: Vec<Cell> = table
+        .samples
+        .iter()
+        .map(|sample| Cell {
+            cosine_weight: sample.cosine_weight as f32,
+            rotation_x: sample.rotation[0] as f32,
+            rotation_y: sample.rotation[1] as f32,
+            inverse_depth_cosine: if sample.plain_weight > 0.0 { (1.0 / sample.depth_cosine) as f32 } else { 0.0 },
+            ..bytemuck::Zeroable::zeroed()
+        })
+        .collect();
+    let mut seams = Vec::new();
+    for edge in &table.edges {
+        let cell = &mut cells[edge.b as usize];
+        let (gradient, hessian) = (edge.gradient.map(|x| x as f32), edge.hessian.map(|x| x as f32));
+        if edge.b == edge.a + 1 && edge.b % table.width != 0 {
+            cell.left_gradient = gradient;
+            [cell.left_hessian_xx, cell.left_hessian_xy, cell.left_hessian_yy] = hessian;
+        } else if edge.b == edge.a + table.width {
+            cell.above_gradient = gradient;
+            [cell.above_hessian_xx, cell.above_hessian_xy, cell.above_hessian_yy] = hessian;
+        } else {
+            seams.push(*edge);
+        }
+    }
+    (cells, seams)
 }

@@ -66,7 +66,8 @@ fn contribution(tile: u32, sample: u32) -> Sums {
                 let edge = edges[i];
                 let other = radiance[tile * size + edge.b];
                 let inverse_other = inverse_distance(request, other.w) / weights[edge.b].depth_cosine;
-                add_edge(&sums, edge, seen.rgb, other.rgb, inverse / weight.depth_cosine, inverse_other);
+                let hessian = vec3f(edge.hessian_xx, edge.hessian_xy, edge.hessian_yy);
+                add_wall(&sums, edge.gradient, hessian, vec4f(seen.rgb, inverse / weight.depth_cosine), vec4f(other.rgb, inverse_other));
             }
         }
     }

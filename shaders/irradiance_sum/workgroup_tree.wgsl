@@ -1,50 +1,84 @@
 #import lib/sums
 
-// One workgroup a tile: each lane adds every 64th sample and edge, then a tree adds the lanes.
+// One workgroup sums four tiles: each lane walks down rows of all four, so that a weight is read once for four samples
+// and a sample serves as its right neighbour's left one; then a tree adds the lanes, tile by tile.
+
+// What a sample stands for, and its walls to the samples on its left and above.
+struct Cell {
+    cosine_weight: f32,
+    rotation_x: f32,
+    rotation_y: f32,
+    // 1 over the cosine to the raster's axis; 0 for an unused sample.
+    inverse_depth_cosine: f32,
+    left_gradient: vec3f,
+    left_hessian_xx: f32,
+    above_gradient: vec3f,
+    above_hessian_xx: f32,
+    left_hessian_xy: f32,
+    left_hessian_yy: f32,
+    above_hessian_xy: f32,
+    above_hessian_yy: f32,
+}
 
 @group(0) @binding(0) var<storage, read> requests: array<Request>;
-@group(0) @binding(1) var<storage, read> weights: array<TileSample>;
-@group(0) @binding(2) var<storage, read> edges: array<TileEdge>;
+@group(0) @binding(1) var<storage, read> cells: array<Cell>;
+// The walls between samples that are no such neighbours.
+@group(0) @binding(2) var<storage, read> seams: array<TileEdge>;
 @group(0) @binding(3) var<storage, read> radiance: array<vec4f>;
 @group(0) @binding(4) var<storage, read_write> records: array<Record>;
 
-override EDGES: u32 = 0u;
+override SEAMS: u32 = 0u;
 
 const LANES = 64u;
 
 // Each part's lanes, one part after the other.
 var<workgroup> lanes: array<vec4f, 384>;
 
-fn inverse_depth(request: Request, sample: u32, distance: f32) -> f32 {
-    return inverse_distance(request, distance) / weights[sample].depth_cosine;
+// Where a tile's samples are, and what bounds their distances.
+struct Place {
+    first: u32,
+    nearest: f32,
 }
 
-@compute @workgroup_size(64)
-fn sum(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) lane: u32) {
-    let tile = group.x + group.y * groups.x;
-    if tile >= TILE_CAPACITY {
-        return;
-    }
-    let request = requests[tile];
-    let size = TILE_WIDTH * TILE_HEIGHT;
-    var mine: Sums;
-    for (var i = lane; i < size; i += LANES) {
-        let weight = weights[i];
-        if weight.plain_weight > 0.0 {
-            let seen = radiance[tile * size + i];
-            add_sample(&mine, weight, seen, inverse_distance(request, seen.w));
-        }
-    }
+fn place_of(tile: u32) -> Place {
+    let placed = min(tile, TILE_CAPACITY - 1u);
+    return Place(placed * TILE_WIDTH * TILE_HEIGHT, max(surface_offset(requests[placed].position), 1e-30));
+}
+
+// Radiance and inverse depth; nothing infinitely far where the sample is unused.
+fn seen_at(place: Place, sample: u32, inverse_depth_cosine: f32) -> vec4f {
+    let seen = radiance[place.first + sample];
+    let used = vec4f(seen.rgb, inverse_depth_cosine / max(seen.w, place.nearest));
+    return select(vec4f(0.0), used, inverse_depth_cosine > 0.0);
+}
+
+// Adds a sample and its walls to the one before and the one above, whose inverse depth cosine is given; returns the sample.
+fn visit(sums: ptr<function, Sums>, place: Place, before: vec4f, cell: Cell, sample: u32, above: f32) -> vec4f {
+    let seen = seen_at(place, sample, cell.inverse_depth_cosine);
+    let inverse = seen.w / max(cell.inverse_depth_cosine, 1e-30);
+    let turn = vec2f(cell.rotation_x, cell.rotation_y);
+    let blue = (*sums).parts[2];
+    (*sums).parts[0] += vec4f(seen.rgb, inverse) * cell.cosine_weight;
+    (*sums).parts[1] += vec4f(turn * seen.r, turn * seen.g);
+    (*sums).parts[2] = vec4f(blue.xy + turn * seen.b, blue.z + cell.cosine_weight, max(blue.w, inverse));
     if GRADIENTS {
-        for (var i = lane; i < EDGES; i += LANES) {
-            let edge = edges[i];
-            let a = radiance[tile * size + edge.a];
-            let b = radiance[tile * size + edge.b];
-            add_edge(&mine, edge, a.rgb, b.rgb, inverse_depth(request, edge.a, a.w), inverse_depth(request, edge.b, b.w));
-        }
+        add_wall(sums, cell.left_gradient, vec3f(cell.left_hessian_xx, cell.left_hessian_xy, cell.left_hessian_yy), before, seen);
+        let over = seen_at(place, sample - min(sample, TILE_WIDTH), above);
+        add_wall(sums, cell.above_gradient, vec3f(cell.above_hessian_xx, cell.above_hessian_xy, cell.above_hessian_yy), over, seen);
     }
+    return seen;
+}
+
+fn visit_seam(sums: ptr<function, Sums>, place: Place, seam: TileEdge, depth_a: f32, depth_b: f32) {
+    let hessian = vec3f(seam.hessian_xx, seam.hessian_xy, seam.hessian_yy);
+    add_wall(sums, seam.gradient, hessian, seen_at(place, seam.a, depth_a), seen_at(place, seam.b, depth_b));
+}
+
+// Adds the lanes' parts of one tile.
+fn finish(sums: Sums, tile: u32, lane: u32) {
+    workgroupBarrier();
     for (var part = 0u; part < PARTS; part++) {
-        lanes[part * LANES + lane] = mine.parts[part];
+        lanes[part * LANES + lane] = sums.parts[part];
     }
     for (var half = LANES / 2u; half > 0u; half /= 2u) {
         workgroupBarrier();
@@ -55,12 +89,54 @@ fn sum(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec
             }
         }
     }
-    workgroupBarrier();
-    if lane == 0u {
+    if lane == 0u && tile < TILE_CAPACITY {
         var all: Sums;
         for (var part = 0u; part < PARTS; part++) {
             all.parts[part] = lanes[part * LANES];
         }
-        records[tile] = record_of(request, all);
+        records[tile] = record_of(requests[tile], all);
     }
+}
+
+@compute @workgroup_size(64)
+fn sum(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) lane: u32) {
+    let tile = 4u * (group.x + group.y * groups.x);
+    let place_a = place_of(tile + 0u);
+    let place_b = place_of(tile + 1u);
+    let place_c = place_of(tile + 2u);
+    let place_d = place_of(tile + 3u);
+    var a: Sums;
+    var b: Sums;
+    var c: Sums;
+    var d: Sums;
+    var before_a: vec4f;
+    var before_b: vec4f;
+    var before_c: vec4f;
+    var before_d: vec4f;
+    for (var row = lane; row < TILE_HEIGHT; row += LANES) {
+        for (var column = 0u; column < TILE_WIDTH; column++) {
+            let sample = row * TILE_WIDTH + column;
+            let cell = cells[sample];
+            let above = cells[sample - min(sample, TILE_WIDTH)].inverse_depth_cosine;
+            before_a = visit(&a, place_a, before_a, cell, sample, above);
+            before_b = visit(&b, place_b, before_b, cell, sample, above);
+            before_c = visit(&c, place_c, before_c, cell, sample, above);
+            before_d = visit(&d, place_d, before_d, cell, sample, above);
+        }
+    }
+    if GRADIENTS {
+        for (var i = lane; i < SEAMS; i += LANES) {
+            let seam = seams[i];
+            let depth_a = cells[seam.a].inverse_depth_cosine;
+            let depth_b = cells[seam.b].inverse_depth_cosine;
+            visit_seam(&a, place_a, seam, depth_a, depth_b);
+            visit_seam(&b, place_b, seam, depth_a, depth_b);
+            visit_seam(&c, place_c, seam, depth_a, depth_b);
+            visit_seam(&d, place_d, seam, depth_a, depth_b);
+        }
+    }
+    finish(a, tile + 0u, lane);
+    finish(b, tile + 1u, lane);
+    finish(c, tile + 2u, lane);
+    finish(d, tile + 3u, lane);
 }

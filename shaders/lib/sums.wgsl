@@ -41,14 +41,14 @@ fn add_sample(sums: ptr<function, Sums>, weight: TileSample, seen: vec4f, invers
     (*sums).parts[2] = vec4f(blue.xy + turn * seen.b, blue.z + weight.cosine_weight, max(blue.w, inverse));
 }
 
-// Adds the wall between two samples to the last three parts; their inverse depths are given.
-fn add_edge(sums: ptr<function, Sums>, edge: TileEdge, a: vec3f, b: vec3f, inverse_a: f32, inverse_b: f32) {
-    let inverse = max(inverse_a, inverse_b);
-    let step = (b - a) * inverse;
+// Adds the wall between two samples to the last three parts; `a` and `b` are radiance and inverse depth.
+fn add_wall(sums: ptr<function, Sums>, gradient: vec3f, hessian: vec3f, a: vec4f, b: vec4f) {
+    let inverse = max(a.w, b.w);
+    let step = (b.rgb - a.rgb) * inverse;
     let bend = luminance(step) * inverse;
-    (*sums).parts[3] += vec4f(edge.gradient * step.r, edge.hessian_xx * bend);
-    (*sums).parts[4] += vec4f(edge.gradient * step.g, edge.hessian_xy * bend);
-    (*sums).parts[5] += vec4f(edge.gradient * step.b, edge.hessian_yy * bend);
+    (*sums).parts[3] += vec4f(gradient * step.r, hessian.x * bend);
+    (*sums).parts[4] += vec4f(gradient * step.g, hessian.y * bend);
+    (*sums).parts[5] += vec4f(gradient * step.b, hessian.z * bend);
 }
 
 // Two sums of one part: the third part's last component is a maximum.

@@ -55,7 +55,7 @@ fn count(nodes: &[Node]) -> usize {
 }
 
 /// Variants of one pipeline share its errors: each is told once.
-fn unique(problems: Vec<Problem>) -> Vec<Problem> {
+pub(super) fn unique(problems: Vec<Problem>) -> Vec<Problem> {
     let mut kept: Vec<Problem> = Vec::new();
     for problem in problems {
         if !kept.iter().any(|other| other.same(&problem)) {

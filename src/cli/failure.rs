@@ -89,6 +89,18 @@ pub enum CommandError {
     #[error("several cameras are named: {names}")]
     #[diagnostic(code(cli::several_cameras), help("this command looks through one; `hemisplat render` makes a frame of each"))]
     SeveralCameras { names: String },
+    #[error("the reference {} looks through camera `{found}`, the comparison through `{expected}`", path.display())]
+    #[diagnostic(code(compare::other_camera), help("name the reference's camera with --camera, or trace one of this view"))]
+    OtherCamera { path: PathBuf, found: String, expected: String },
+    #[error("the reference {} cannot judge these pipelines: {error}", path.display())]
+    #[diagnostic(forward(error))]
+    BadReference { path: PathBuf, error: crate::measure::MetricsError },
+    #[error("there is no folder to keep references in")]
+    #[diagnostic(code(compare::no_cache), help("name one with --reference-cache, or give a reference"))]
+    NoReferenceCache,
+    #[error("`{variant}` names no pipeline")]
+    #[diagnostic(code(compare::no_pipeline), help("write PIPELINE or PIPELINE@NODE.PARAM=VALUE, such as irradiance@tiles.resolution=32"))]
+    NoPipeline { variant: String },
     #[error("nothing is called `{name}` in this plan")]
     #[diagnostic(code(render::unknown_dump), help("it has: {known}"))]
     UnknownDump { name: String, known: String },

@@ -2,6 +2,8 @@
 
 mod adapters;
 mod check;
+mod compare;
+mod comparison;
 mod completions;
 mod console;
 mod diff;
@@ -20,6 +22,7 @@ mod reference;
 mod render;
 mod scene;
 mod timeline;
+mod truth;
 
 use clap::{CommandFactory, Parser, Subcommand};
 use console::{Console, ConsoleOptions};
@@ -41,6 +44,7 @@ const STATUSES: &str = "Exit status: 0 done; 2 bad usage or bad input; 1 any oth
 #[derive(Subcommand)]
 enum Command {
     Render(render::Options),
+    Compare(compare::Options),
     Reference(reference::Options),
     Diff(diff::Options),
     Adapters(adapters::Options),
@@ -56,6 +60,7 @@ impl Command {
     fn run(&self, console: &Console) -> Result<(), Failure> {
         match self {
             Self::Render(options) => render::run(options, console),
+            Self::Compare(options) => compare::run(options, console),
             Self::Reference(options) => reference::run(options, console),
             Self::Diff(options) => diff::run(options, console),
             Self::Adapters(options) => adapters::run(options, console),

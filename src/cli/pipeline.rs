@@ -14,6 +14,9 @@ use std::path::Path;
 /// The longest pipeline file that is read.
 const MOST_PIPELINE_BYTES: u64 = 16 << 20;
 
+/// What pictures of pipelines hold: one bounce of indirect light, whatever the pipeline.
+pub const BOUNCES: u32 = 1;
+
 /// Reads and checks a pipeline: a path, or one that ships; `sets` are `NODE.PARAM=VALUE`.
 pub fn load_pipeline(name: &str, sets: &[String]) -> Result<Pipeline, Failure> {
     check_pipeline(name, sets).map_err(Failure::input)

@@ -83,7 +83,7 @@ fn attributes(options: &Options, view: &View, reference: &Reference) -> BTreeMap
 }
 
 /// The reference's layers under the names that pictures of pipelines have, so that each finds its counterpart.
-fn layers(reference: &Reference, attributes: BTreeMap<String, String>) -> Layers {
+pub(super) fn layers(reference: &Reference, attributes: BTreeMap<String, String>) -> Layers {
     let planes = |names: &[&str], data: &[glam::Vec3]| Layer::interleaved(names, bytemuck::cast_slice(data), 3);
     let colour = |data: &[glam::Vec3]| planes(&["R", "G", "B"], data);
     let picture = Layers::new(reference.width, reference.height)

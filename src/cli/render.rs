@@ -6,6 +6,7 @@ use super::failure::{CommandError, Failure};
 use super::input::read_file;
 use super::interrupt::{self, Shelter};
 use super::output::{PictureTarget, Target, expect_distinct, exposure};
+use super::pipeline::BOUNCES;
 use super::progress::Progress;
 use super::scene::{SceneOptions, View};
 use super::timeline::{Frame, Plans, Timeline, TimelineOptions, camera_of_frame};
@@ -285,7 +286,7 @@ fn attributes(options: &Options, view: &View, plan: &Plan, frame: &Frame) -> BTr
         ("pipeline", plan.pipeline.clone()),
         ("set", frame.sets.join(" ")),
         ("frame", frame.number.to_string()),
-        ("bounces", "1".to_owned()),
+        ("bounces", BOUNCES.to_string()),
         ("stride", "1".to_owned()),
     ];
     attributes.extend(own.map(|(name, value)| (name.to_owned(), value)));

@@ -1,7 +1,7 @@
 //! Runs a recording: allocates what it declares, builds every shader pipeline once, then executes frames.
 
 use super::device::{Gpu, GpuError};
-use super::programs::{Modules, Pipelines, Ready};
+use super::programs::{Modules, Pipelines, Ready, layer_views};
 use super::timing::Timing;
 use super::{readback, scene as scene_data};
 use crate::recording::*;
@@ -242,6 +242,24 @@ impl<'a> Session<'a> {
         }
         self.recording = recording;
         Ok(())
+    }
+
+    /// As before the first frame: histories are zero, frames count from 0 again. Returns once the device has done it.
+    pub fn forget(&mut self) -> Result<(), GpuError> {
+        let recording = self.recording;
+        let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
+        for (physical, description) in self.physical.iter().zip(&recording.resources) {
+            match physical {
+                _ if !matches!(description.lifetime, Lifetime::History) => {}
+                Physical::Buffer(buffer) => encoder.clear_buffer(buffer, 0, None),
+                Physical::Texture { texture, format } => layer_views(texture).iter().for_each(|layer| clear_texture(&mut encoder, layer, *format)),
+                Physical::Host | Physical::Unused => {}
+            }
+        }
+        self.gpu.queue.submit([encoder.finish()]);
+        self.variables.fill(0);
+        self.frames = 0;
+        self.gpu.wait("emptying histories")
     }
 
     /// Value of a variable after the last frame.

@@ -50,9 +50,7 @@ impl Session<'_> {
 
     fn prepare_clear(&self, resource: Resource) -> Ready {
         match self.recording.resource(resource).kind {
-            ResourceKind::Texture { layers, format, .. } => {
-                Ready::Clear { layers: (0..layers).map(|layer| layer_view(self.texture(resource).0, layer)).collect(), format }
-            }
+            ResourceKind::Texture { format, .. } => Ready::Clear { layers: layer_views(self.texture(resource).0), format },
             _ => Ready::Plain,
         }
     }
@@ -223,6 +221,10 @@ impl Session<'_> {
         };
         Some(self.texture(resource).0.create_view(&wgpu::TextureViewDescriptor { dimension: Some(dimension), ..Default::default() }))
     }
+}
+
+pub(super) fn layer_views(texture: &wgpu::Texture) -> Vec<wgpu::TextureView> {
+    (0..texture.depth_or_array_layers()).map(|layer| layer_view(texture, layer)).collect()
 }
 
 fn layer_view(texture: &wgpu::Texture, layer: u32) -> wgpu::TextureView {

@@ -143,8 +143,8 @@ fn wrong(reason: String) -> RunError {
     RunError::Cache { reason }
 }
 
-/// Of geometry, materials, textures and lights, as shaders read them: what records depend on.
-fn fingerprint(scene: &Scene, bvh: &Bvh) -> String {
+/// Of geometry, materials, textures and lights, as shaders read them: what records and references depend on. 16 hexadecimal digits.
+pub fn fingerprint(scene: &Scene, bvh: &Bvh) -> String {
     let mut checksum = Checksum::default();
     // The tree follows from the triangles.
     for data in SceneData::ALL.into_iter().filter(|data| *data != SceneData::Nodes) {
@@ -154,7 +154,7 @@ fn fingerprint(scene: &Scene, bvh: &Bvh) -> String {
 }
 
 /// FNV-1a of 64 bits (Fowler, Noll and Vo).
-struct Checksum(u64);
+pub struct Checksum(u64);
 
 impl Default for Checksum {
     fn default() -> Self {
@@ -163,17 +163,20 @@ impl Default for Checksum {
 }
 
 impl Checksum {
-    fn of(bytes: &[u8]) -> String {
+    /// 16 hexadecimal digits.
+    pub fn of(bytes: &[u8]) -> String {
         let mut checksum = Self::default();
         checksum.add(bytes);
         checksum.finish()
     }
 
-    fn add(&mut self, bytes: &[u8]) {
+    /// Goes on with these bytes.
+    pub fn add(&mut self, bytes: &[u8]) {
         self.0 = bytes.iter().fold(self.0, |hash, byte| (hash ^ u64::from(*byte)).wrapping_mul(0x0000_0100_0000_01b3));
     }
 
-    fn finish(&self) -> String {
+    /// 16 hexadecimal digits of all that was added.
+    pub fn finish(&self) -> String {
         format!("{:016x}", self.0)
     }
 }

@@ -2,6 +2,7 @@
 
 use super::flip::flip;
 use super::layers::{Layer, Layers, PICTURE, PictureError};
+use super::statistics::quantile;
 use super::tone::tone_map;
 use glam::DVec3;
 use miette::Diagnostic;
@@ -142,8 +143,8 @@ pub fn compare_layers(test: Selected, reference: Selected, variance: Option<&Lay
         rmse_over_mean: (mean_square_error(&samples) - variance.unwrap_or(0.0)).max(0.0).sqrt() / mean,
         bias_over_mean: samples.iter().map(|s| s.x - s.r).sum::<f64>() / samples.len() as f64 / mean,
         rms_of_relative: rms_of_relative(&samples, mean),
-        block_p50: percentile(&blocks, 0.5),
-        block_p99: percentile(&blocks, 0.99),
+        block_p50: quantile(&blocks, 0.5),
+        block_p99: quantile(&blocks, 0.99),
         relmse: samples.iter().map(|s| s.difference().powi(2) / (s.r * s.r + RELMSE_FLOOR * mean * mean)).sum::<f64>() / samples.len() as f64,
         flip: if stride == 1 { flip_of(test, reference)? } else { None },
         largest: largest(&samples, mean, reference.picture.width, stride).ok_or(MetricsError::NoSurface)?,
@@ -256,9 +257,14 @@ fn rms_of_relative(samples: &[Sample], mean_of_reference: f64) -> Option<f64> {
     mean(squares.into_iter()).map(f64::sqrt)
 }
 
+/// Side of a block in a reference of this size [pixels].
+pub fn block_side(size: [u32; 2]) -> u32 {
+    size[0].max(size[1]).div_ceil(BLOCKS).max(1)
+}
+
 /// The relative errors of the block means, from the smallest.
 fn block_errors(samples: &[Sample], size: [u32; 2]) -> Vec<f64> {
-    let side = size[0].max(size[1]).div_ceil(BLOCKS).max(1);
+    let side = block_side(size);
     let across = size[0].div_ceil(side) as usize;
     let mut blocks = vec![(0u32, 0.0, 0.0); across * size[1].div_ceil(side) as usize];
     for sample in samples {
@@ -270,13 +276,6 @@ fn block_errors(samples: &[Sample], size: [u32; 2]) -> Vec<f64> {
     let mut errors: Vec<f64> = whole.map(|(_, x, r)| ((x - r) / r).abs()).collect();
     errors.sort_by(f64::total_cmp);
     errors
-}
-
-/// A percentile of sorted values, linear between neighbours.
-fn percentile(sorted: &[f64], share: f64) -> Option<f64> {
-    let place = share * sorted.len().checked_sub(1)? as f64;
-    let (below, above) = (place.floor() as usize, place.ceil() as usize);
-    Some(sorted[below] + (sorted[above] - sorted[below]) * place.fract())
 }
 
 fn largest(samples: &[Sample], mean: f64, width: u32, stride: u32) -> Option<LargestError> {

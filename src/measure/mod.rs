@@ -1,10 +1,12 @@
 //! What came out, and how good it is: layered pictures, the curve that shows them, and the errors against a reference.
 
 pub mod cache;
+pub mod compare;
 pub mod flip;
 pub mod layers;
 pub mod metrics;
 pub mod run;
+pub mod statistics;
 pub mod tone;
 
 pub use layers::{Layer, Layers, MAX_SAMPLES, PICTURE, PictureError};

@@ -110,6 +110,11 @@ impl<'a> Run<'a> {
         self.session.set_camera(camera);
     }
 
+    /// As before the first frame: no records, no histories.
+    pub fn forget(&mut self) -> Result<(), RunError> {
+        Ok(self.session.forget()?)
+    }
+
     /// Renders one frame and reads its numbers.
     pub fn frame(&mut self, pace: AskPace) -> Result<FrameReport, RunError> {
         let frame = self.session.frame(pace)?;

@@ -32,6 +32,15 @@ use std::{
     time::Instant,
 };
 
+<<<<<<< HEAD
+=======
+/// Raised whenever the same settings give another picture, so that pictures kept from before are traced anew.
+pub const VERSION: u32 = 1;
+
+/// The longest side of a picture [pixels].
+pub const MAX_SIDE: u32 = 32768;
+
+>>>>>>> 350c3a9 (hemisplat compare: interleaved runs, exact signed ranks, errors against a reference that is kept)
 /// Pixels that one reference computes, at some 300 bytes each.
 pub const MAX_PIXELS: u64 = 1 << 24;
 
@@ -210,7 +219,11 @@ pub fn gather(scene: &Scene, bvh: &Bvh, position: Vec3, normal: Vec3, bounces: B
     Tracer::new(scene, bvh).gather(position, normal, bounces, samples, seed)
 }
 
-fn check(scene: &Scene, camera: &Camera, settings: &Settings) -> Result<(), ReferenceError> {
+/// Refuses what [`render`] would refuse, before any work.
+///
+/// # Errors
+/// Impossible settings or camera, glossy materials.
+pub fn check(scene: &Scene, camera: &Camera, settings: &Settings) -> Result<(), ReferenceError> {
     let [width, height] = settings.size;
     if width.min(height) == 0 || width.max(height) > MAX_SIDE {
         return Err(ReferenceError::Size { width, height });

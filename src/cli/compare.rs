@@ -1,0 +1,246 @@
+//! `hemisplat compare`
+
+use super::check::unique;
+use super::comparison;
+use super::console::Console;
+use super::failure::{CommandError, Failure};
+use super::output::Target;
+use super::pipeline::{check_pipeline, plan_view};
+use super::progress::Progress;
+use super::scene::{SceneOptions, View};
+use super::truth::{Truth, TruthOptions};
+use crate::gpu::{Gpu, GpuError, Pace};
+use crate::measure::compare::{self, About, Comparison, Contender, StartUp, VariantErrors};
+use crate::measure::run::{Run, RunError, peak_host_bytes};
+use crate::measure::statistics::least_runs;
+use crate::pipeline::{Pipeline, Plan, Problems};
+use clap::Args;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// Most runs of each variant: the test of significance is exact, and its work grows with their third power.
+const MAX_RUNS: i64 = 256;
+
+/// Runs of each variant where the user says nothing, unless so many variants are compared that more are needed.
+const DEFAULT_RUNS: usize = 10;
+
+/// Tell what pipelines cost and how far each is from the truth, and which differences are more than noise
+#[derive(Args)]
+#[command(after_help = "Example: hemisplat compare irradiance irradiance@tiles.resolution=32 irradiance-readback --scene cornell --json out/compare.json
+
+A run is a picture from empty caches. Every variant runs once to warm up, then once a round, in an order that changes from round to round. The
+same pipeline may be given again with other parameters.")]
+pub struct Options {
+    /// Pipelines: files, or names of those that ship; @ gives a parameter of this one another value
+    #[arg(value_name = "PIPELINE[@NODE.PARAM=VALUE]…", required = true)]
+    variants: Vec<String>,
+    #[command(flatten)]
+    scene: SceneOptions,
+    /// Change a parameter of a node in all of them; may be repeated
+    #[arg(long = "set", value_name = "NODE.PARAM=VALUE")]
+    sets: Vec<String>,
+    /// Runs of each; 10 if not given, or more where so many pairs need more
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=MAX_RUNS))]
+    runs: Option<u16>,
+    #[command(flatten)]
+    truth: TruthOptions,
+    /// Write everything that was found as JSON
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Write a row for each variant as CSV
+    #[arg(long, value_name = "FILE")]
+    csv: Option<PathBuf>,
+}
+
+pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
+    let targets = Targets::new(options)?;
+    // Anything wrong with a pipeline is told before a large scene is loaded.
+    let variants = options.variants.iter().map(|text| Variant::parse(text, &options.sets)).collect::<Result<Vec<_>, _>>()?;
+    let pipelines = all(variants.iter().map(|variant| check_pipeline(&variant.pipeline, &variant.sets)))?;
+    let (view, load_seconds) = timed(|| options.scene.load(console))?;
+    let plans = plan_all(&pipelines, &view)?;
+    let (given, given_seconds) = timed(|| options.truth.given(&view))?;
+    let keeper = options.truth.keeper(&view)?;
+    warn_of_few_runs(options, console);
+    let (gpu, device_seconds) = timed(|| Gpu::open().map_err(Failure::work))?;
+    let runs = plans.iter().map(|(plan, _)| timed(|| ready(&gpu, &view, plan))).collect::<Result<Vec<_>, _>>()?;
+    let (traced, traced_seconds) = timed(|| keeper.map(|keeper| keeper.obtain(&view, console)).transpose())?;
+    let truth = given.or(traced);
+    warn_of_unstated_bounces(truth.as_ref(), console);
+
+    let mut contest = Contest { truth: truth.as_ref(), entries: Vec::new(), rounds: runs_of(options) };
+    let about = variants.into_iter().zip(&plans).map(|(variant, (_, plan_seconds))| variant.about(*plan_seconds));
+    let result = contest.hold(runs.into_iter().zip(about).collect(), &Progress::new(console, "comparing"));
+    let is_interrupted = result.as_ref().is_err_and(|failure| failure.status == 130);
+    if !is_interrupted {
+        result?;
+    }
+    let start_up = StartUp { load_seconds, device_seconds, reference_seconds: given_seconds + traced_seconds };
+    let Some(comparison) = contest.comparison(&view, &gpu, start_up) else { return Err(Failure::interrupted(&[])) };
+    comparison::warnings(&comparison).iter().for_each(|warning| console.note(warning));
+    console.print(&comparison::text(&comparison))?;
+    targets.write(&comparison)?;
+    if is_interrupted { Err(Failure::interrupted(&targets.paths())) } else { Ok(()) }
+}
+
+/// The files that the results go to.
+struct Targets {
+    json: Option<Target>,
+    csv: Option<Target>,
+}
+
+impl Targets {
+    fn new(options: &Options) -> Result<Self, Failure> {
+        let target = |path: &Option<PathBuf>| path.as_deref().map(Target::new).transpose();
+        Ok(Self { json: target(&options.json)?, csv: target(&options.csv)? })
+    }
+
+    fn write(&self, comparison: &Comparison) -> Result<(), Failure> {
+        if let Some(json) = &self.json {
+            let mut text = serde_json::to_vec_pretty(comparison).map_err(|error| Failure::work(CommandError::Json { reason: error.to_string() }))?;
+            text.push(b'\n');
+            json.write(&text)?;
+        }
+        if let Some(csv) = &self.csv {
+            csv.write(comparison::csv(comparison).as_bytes())?;
+        }
+        Ok(())
+    }
+
+    fn paths(&self) -> Vec<&Path> {
+        self.json.iter().chain(&self.csv).map(Target::path).collect()
+    }
+}
+
+/// A pipeline and the parameters that this comparison changes.
+struct Variant {
+    name: String,
+    pipeline: String,
+    sets: Vec<String>,
+}
+
+impl Variant {
+    /// Reads `PIPELINE@NODE.PARAM=VALUE@…`; a file whose name holds the sign comes first.
+    fn parse(text: &str, common: &[String]) -> Result<Self, Failure> {
+        let mut parts = if Path::new(text).exists() { vec![text] } else { text.split('@').collect() };
+        let pipeline = parts.remove(0);
+        if pipeline.is_empty() {
+            return Err(Failure::input(CommandError::NoPipeline { variant: text.to_owned() }));
+        }
+        let sets = common.iter().cloned().chain(parts.into_iter().map(str::to_owned)).collect();
+        Ok(Self { name: text.to_owned(), pipeline: pipeline.to_owned(), sets })
+    }
+
+    fn about(self, plan_seconds: f64) -> About {
+        About { name: self.name, set: self.sets, plan_seconds, shaders_seconds: 0.0, errors: VariantErrors::default() }
+    }
+}
+
+/// All results, or the problems of all that failed, each told once.
+fn all<T>(results: impl Iterator<Item = Result<T, Problems>>) -> Result<Vec<T>, Failure> {
+    let (mut good, mut problems) = (Vec::new(), Vec::new());
+    for result in results {
+        match result {
+            Ok(value) => good.push(value),
+            Err(found) => problems.extend(found.0),
+        }
+    }
+    if problems.is_empty() { Ok(good) } else { Err(Failure::input(Problems(unique(problems)))) }
+}
+
+/// Every plan, and the seconds that it took.
+fn plan_all(pipelines: &[Pipeline], view: &View) -> Result<Vec<(Plan, f64)>, Failure> {
+    all(pipelines.iter().map(|pipeline| timed(|| plan_view(pipeline, view, &[]))))
+}
+
+fn ready<'a>(gpu: &'a Gpu, view: &'a View, plan: &'a Plan) -> Result<Run<'a>, Failure> {
+    Run::new(gpu, &view.scene, &view.bvh, plan, &view.camera, view.size).map_err(Failure::work)
+}
+
+/// What the work makes, and the seconds that it took.
+fn timed<T, E>(work: impl FnOnce() -> Result<T, E>) -> Result<(T, f64), E> {
+    let start = Instant::now();
+    Ok((work()?, start.elapsed().as_secs_f64()))
+}
+
+fn runs_of(options: &Options) -> usize {
+    let enough = DEFAULT_RUNS.max(least_runs(compare::comparisons(options.variants.len())));
+    options.runs.map_or(enough, usize::from)
+}
+
+fn warn_of_few_runs(options: &Options, console: &Console) {
+    let comparisons = compare::comparisons(options.variants.len());
+    let (runs, least) = (runs_of(options), least_runs(comparisons));
+    if comparisons > 0 && runs < least {
+        console.note(&format!("note: {runs} runs cannot tell any difference from noise among {} variants, {least} at least can", options.variants.len()));
+    }
+}
+
+fn warn_of_unstated_bounces(truth: Option<&Truth>, console: &Console) {
+    if let Some(truth) = truth.filter(|truth| !truth.states_bounces()) {
+        console.note(&format!("note: {} does not say of how many bounces its light is; the pipelines make one", truth.path().display()));
+    }
+}
+
+/// The variants as they run.
+struct Contest<'t, 'a> {
+    truth: Option<&'t Truth>,
+    entries: Vec<(Contender<'a>, About)>,
+    rounds: usize,
+}
+
+impl<'a> Contest<'_, 'a> {
+    /// Warms each variant up and judges its picture, then holds the rounds.
+    fn hold(&mut self, runs: Vec<((Run<'a>, f64), About)>, progress: &Progress) -> Result<(), Failure> {
+        let variants = runs.len();
+        let steps = (variants * (self.rounds + 1)) as f32;
+        let pace = |done: usize| move || if progress.report(done as f32 / steps) { Pace::GoOn } else { Pace::Stop };
+        for ((run, shaders_seconds), about) in runs {
+            let (contender, picture) = Contender::warm_up(run, &pace(self.entries.len())).map_err(failure)?;
+            let errors = self.truth.map_or(Ok(VariantErrors::default()), |truth| truth.judge(picture))?;
+            self.entries.push((contender, About { shaders_seconds, errors, ..about }));
+        }
+        for round in 0..self.rounds {
+            for (place, variant) in compare::order(round, variants).into_iter().enumerate() {
+                let pace = pace(variants * (round + 1) + place);
+                // A pipeline without a loop asks for no pace.
+                if pace() == Pace::Stop {
+                    return Err(Failure::interrupted(&[]));
+                }
+                self.entries[variant].0.measure(&pace).map_err(failure)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// What the whole rounds found; None without one.
+    fn comparison(self, view: &View, gpu: &Gpu, start_up: StartUp) -> Option<Comparison> {
+        let whole = self.entries.iter().map(|(contender, _)| contender.runs()).min()?;
+        let entries = self.entries.into_iter().enumerate();
+        let variants = entries.map(|(index, (contender, about))| contender.report(compare::letters(index), about, whole)).collect::<Option<Vec<_>>>()?;
+        let peak_host_bytes = std::fs::read_to_string("/proc/self/status").ok().and_then(|status| peak_host_bytes(&status));
+        Some(Comparison {
+            schema: 1,
+            scene: view.scene.name.clone(),
+            triangles: view.scene.triangles.len(),
+            camera: view.camera.name.clone(),
+            size: view.size,
+            adapter: (&gpu.adapter).into(),
+            runs_asked: self.rounds,
+            runs: whole,
+            complete: whole == self.rounds && variants.iter().all(|variant| variant.complete),
+            start_up,
+            peak_host_bytes,
+            reference: self.truth.map(Truth::report),
+            pairs: compare::pairs(&variants),
+            variants,
+        })
+    }
+}
+
+fn failure(error: RunError) -> Failure {
+    match error {
+        RunError::Gpu(GpuError::Interrupted) => Failure::interrupted(&[]),
+        other => Failure::work(other),
+    }
+}

@@ -1,0 +1,355 @@
+//! A comparison as text and as CSV.
+
+use crate::measure::compare::{Comparison, Pair, PassSpread, VariantReport, WORTH_FINDING};
+use crate::measure::metrics::{Errors, block_side};
+use crate::measure::statistics::{Spread, least_runs};
+use std::fmt::Write;
+
+/// Up to so many variants every pair is told; of more, those with the first.
+const FEW: usize = 4;
+
+/// Variants beside each other in a table of nodes.
+const COLUMNS: usize = 4;
+
+/// Noise of the reference's blocks that no error of interest hides behind.
+const BLOCK_NOISE: f64 = 0.003;
+
+/// The report for people.
+pub fn text(comparison: &Comparison) -> String {
+    [headline(comparison), costs(comparison), errors(comparison), nodes(comparison), differences(comparison)].concat()
+}
+
+/// What a reader must know before trusting the numbers.
+pub fn warnings(comparison: &Comparison) -> Vec<String> {
+    let mut warnings = Vec::new();
+    for variant in &comparison.variants {
+        if !variant.complete {
+            let gap = match variant.uncovered_pixels.unwrap_or(0) {
+                0 => format!("`{}` ended before it was done", variant.unfinished.join("`, `")),
+                pixels => format!("{pixels} pixels see a surface that no record covers"),
+            };
+            warnings.push(format!("warning: {} {}: {gap}; its times are those of unfinished pictures", variant.id, variant.name));
+        }
+        if !variant.pictures_repeat {
+            warnings.push(format!("warning: {} {}: its runs did not make the same picture to the bit", variant.id, variant.name));
+        }
+    }
+    warnings.extend(noisy_blocks(comparison));
+    warnings
+}
+
+/// Blocks are not corrected for the reference's noise: it must be small beside what they show.
+fn noisy_blocks(comparison: &Comparison) -> Option<String> {
+    let errors = comparison.variants.iter().find_map(|variant| variant.errors.irradiance.as_ref())?;
+    let noise = errors.reference_noise_over_mean? / f64::from(block_side(comparison.size.map(|side| side / errors.stride)));
+    let samples = comparison.reference.as_ref().and_then(|reference| reference.samples.as_ref()?.parse::<f64>().ok());
+    let cure =
+        samples.map_or(String::new(), |samples| format!("; {:.0} rays a pixel would leave {}", samples * (noise / BLOCK_NOISE).powi(2), percent(BLOCK_NOISE)));
+    (noise > BLOCK_NOISE).then(|| format!("note: block_p50 and block_p99 hold about {} of the reference's own noise{cure}", percent(noise)))
+}
+
+fn headline(comparison: &Comparison) -> String {
+    let [width, height] = comparison.size;
+    let runs = match comparison.runs {
+        1 => "1 run".to_owned(),
+        runs => format!("{runs} runs"),
+    };
+    let asked = if comparison.runs == comparison.runs_asked { String::new() } else { format!(" of {} asked for", comparison.runs_asked) };
+    format!("{}, camera {}, {width}×{height}, {}: {runs} of each{asked}\n", comparison.scene, comparison.camera, comparison.adapter.name)
+}
+
+/// The width of the longest name.
+fn name_width(comparison: &Comparison) -> usize {
+    comparison.variants.iter().map(|variant| variant.name.chars().count()).max().unwrap_or(0).max("pipeline".len())
+}
+
+fn costs(comparison: &Comparison) -> String {
+    let width = name_width(comparison);
+    let mut text = format!(
+        "\n{:<3} {:<width$} {:>9} {:>21} {:>8} {:>9} {:>10} {:>10}\n",
+        "", "pipeline", "seconds", "quartiles", "records", "uncovered", "device MiB", "start-up s"
+    );
+    for variant in &comparison.variants {
+        let start_up = &variant.start_up;
+        let _ = writeln!(
+            text,
+            "{:<3} {:<width$} {:>9} {:>21} {:>8} {:>9} {:>10.1} {:>10.2}",
+            variant.id,
+            variant.name,
+            significant(variant.seconds.median),
+            format!("{} … {}", significant(variant.seconds.lower_quartile), significant(variant.seconds.upper_quartile)),
+            count(variant.records.irradiance),
+            count(variant.uncovered_pixels),
+            variant.peak_gpu_bytes as f64 / f64::from(1 << 20),
+            start_up.plan_seconds + start_up.shaders_seconds + start_up.warm_up_seconds,
+        );
+    }
+    text
+}
+
+fn errors(comparison: &Comparison) -> String {
+    let Some(reference) = &comparison.reference else { return String::new() };
+    let mut text = format!("\nagainst {}", reference.file.as_deref().unwrap_or("the reference"));
+    if let Some(noise) = comparison.variants.iter().find_map(|variant| variant.errors.irradiance.as_ref()?.reference_noise_over_mean) {
+        let _ = write!(text, ", noise of its irradiance {:.2} % (taken off)", 100.0 * noise);
+    }
+    let _ = writeln!(
+        text,
+        "\n{:<3} {:>14} {:>14} {:>15} {:>9} {:>9} {:>10} {:>9}",
+        "", "rmse_over_mean", "bias_over_mean", "rms_of_relative", "block_p50", "block_p99", "picture", "flip"
+    );
+    for variant in &comparison.variants {
+        let irradiance = |name: &str| metric(variant.errors.irradiance.as_ref(), name);
+        let percent = |value: Option<f64>| value.map_or("-".to_owned(), |value| format!("{:.2} %", 100.0 * value));
+        let flip = flip(variant).map_or("-".to_owned(), |value| format!("{value:.4}"));
+        let _ = writeln!(
+            text,
+            "{:<3} {:>14} {:>14} {:>15} {:>9} {:>9} {:>10} {:>9}",
+            variant.id,
+            percent(irradiance("rmse_over_mean")),
+            percent(irradiance("bias_over_mean")),
+            percent(irradiance("rms_of_relative")),
+            percent(irradiance("block_p50")),
+            percent(irradiance("block_p99")),
+            percent(metric(variant.errors.picture.as_ref(), "rmse_over_mean")),
+            flip,
+        );
+    }
+    text
+}
+
+fn metric(errors: Option<&Errors>, name: &str) -> Option<f64> {
+    errors.and_then(|errors| errors.metric(name)).flatten()
+}
+
+/// Of the picture, or of the irradiance where that is all there is.
+fn flip(variant: &VariantReport) -> Option<f64> {
+    variant.errors.picture.as_ref().or(variant.errors.irradiance.as_ref()).and_then(|errors| errors.flip)
+}
+
+/// Names of nodes with their passes, each once, as the variants run them.
+fn node_names(variants: &[VariantReport]) -> Vec<(&str, &'static str)> {
+    let mut names: Vec<(&str, &'static str)> = Vec::new();
+    for pass in variants.iter().flat_map(|variant| &variant.passes) {
+        if !names.contains(&(pass.node.as_str(), pass.pass)) {
+            names.push((&pass.node, pass.pass));
+        }
+    }
+    names
+}
+
+fn pass_of<'v>(variant: &'v VariantReport, (node, pass): (&str, &str)) -> Option<&'v PassSpread> {
+    variant.passes.iter().find(|found| found.node == node && found.pass == pass)
+}
+
+fn nodes(comparison: &Comparison) -> String {
+    let names = node_names(&comparison.variants);
+    comparison.variants.chunks(COLUMNS).map(|variants| nodes_of(variants, &names)).collect()
+}
+
+fn nodes_of(variants: &[VariantReport], names: &[(&str, &str)]) -> String {
+    let mut text = format!("\n{:<14} {:<16}", "node", "pass");
+    variants.iter().for_each(|variant| text += &format!(" {:>21}", format!("{} device + host ms", variant.id)));
+    text.push('\n');
+    for name in names {
+        let passes: Vec<Option<&PassSpread>> = variants.iter().map(|variant| pass_of(variant, *name)).collect();
+        if passes.iter().all(Option::is_none) {
+            continue;
+        }
+        text += &format!("{:<14} {:<16}", name.0, name.1);
+        passes.iter().for_each(|pass| text += &format!(" {:>21}", pass.map_or(String::new(), times)));
+        text.push('\n');
+    }
+    text
+}
+
+fn times(pass: &PassSpread) -> String {
+    let milliseconds = |spread: Option<Spread>| spread.map_or("-".to_owned(), |spread| format!("{:.2}", spread.median));
+    format!("{} + {:>7}", milliseconds(pass.gpu_ms), milliseconds(pass.cpu_ms))
+}
+
+fn differences(comparison: &Comparison) -> String {
+    let first = comparison.variants.first().map_or("", |variant| &variant.id);
+    let told = |pair: &&Pair| comparison.variants.len() <= FEW || pair.first == first;
+    let mut text = String::new();
+    for pair in comparison.pairs.iter().filter(told) {
+        let _ = writeln!(text, "{}", sentence(pair, comparison.runs, comparison.pairs.len()));
+    }
+    if text.is_empty() {
+        return text;
+    }
+    if let Some(hint) = hint(comparison) {
+        let _ = writeln!(text, "{hint}");
+    }
+    format!("\n{text}")
+}
+
+/// One pair in words, the slower variant first.
+fn sentence(pair: &Pair, runs: usize, comparisons: usize) -> String {
+    let Pair { first, second, difference, .. } = pair;
+    let Some([low, high]) = difference.ratio_interval else {
+        let least = least_runs(comparisons);
+        return format!("{second} and {first}: too few runs to tell a difference from noise, {runs} in place of {least} or more");
+    };
+    if !difference.significant {
+        let noise = (high - 1.0).max(1.0 / low - 1.0).max(0.0);
+        return format!("{second} and {first}: no difference larger than the noise (±{})", percent(noise));
+    }
+    let is_slower = difference.ratio > 1.0;
+    let (slow, fast) = if is_slower { (second, first) } else { (first, second) };
+    let [ratio, low, high] = if is_slower { [difference.ratio, low, high] } else { [difference.ratio, high, low].map(f64::recip) };
+    let p = if difference.p_corrected < 1e-4 { "p < 0.0001".to_owned() } else { format!("p = {}", significant(difference.p_corrected)) };
+    let certainty = format!("{p}, {} % interval", significant(100.0 * difference.confidence).trim_end_matches(".0"));
+    if ratio < 2.0 {
+        format!("{slow} is {} slower than {fast} ({certainty} {} … {})", percent(ratio - 1.0), percent(low - 1.0), percent(high - 1.0))
+    } else {
+        format!("{slow} takes {} times as long as {fast} ({certainty} {} … {})", significant(ratio), significant(low), significant(high))
+    }
+}
+
+/// How many runs would settle what these leave open.
+fn hint(comparison: &Comparison) -> Option<String> {
+    let open = comparison.pairs.iter().filter(|pair| !pair.difference.significant);
+    let runs = open.filter_map(|pair| pair.runs_to_find_5_percent).max().filter(|runs| *runs > comparison.runs)?;
+    Some(format!("with noise like this, about {runs} runs find a difference of {} nine times of ten", percent(WORTH_FINDING)))
+}
+
+fn percent(share: f64) -> String {
+    format!("{} %", figures(100.0 * share, 2).trim_end_matches(".0"))
+}
+
+/// A number of three figures, or all before its point.
+fn significant(value: f64) -> String {
+    figures(value, 3)
+}
+
+fn figures(value: f64, figures: i32) -> String {
+    let digits = if value == 0.0 { 0 } else { (figures - 1 - value.abs().log10().floor() as i32).clamp(0, 6) };
+    format!("{value:.0$}", digits as usize)
+}
+
+fn count(number: Option<u32>) -> String {
+    number.map_or("-".to_owned(), |number| number.to_string())
+}
+
+/// A row a variant, headed by names with units; a cell is empty where there is no number. As RFC 4180 has it, with lines that end as in Unix.
+pub fn csv(comparison: &Comparison) -> String {
+    let names = node_names(&comparison.variants);
+    let rows: Vec<Vec<Cell>> = comparison.variants.iter().map(|variant| row(comparison, variant, &names)).collect();
+    let head = rows.first().map(|row| line(row.iter().map(|(name, _)| name)));
+    head.into_iter().chain(rows.iter().map(|row| line(row.iter().map(|(_, value)| value)))).collect()
+}
+
+fn line<'c>(cells: impl Iterator<Item = &'c String>) -> String {
+    cells.map(|cell| quoted(cell)).collect::<Vec<_>>().join(",") + "\n"
+}
+
+fn quoted(cell: &str) -> String {
+    if cell.contains([',', '"', '\n', '\r']) { format!("\"{}\"", cell.replace('"', "\"\"")) } else { cell.to_owned() }
+}
+
+type Cell = (String, String);
+
+fn row(comparison: &Comparison, variant: &VariantReport, names: &[(&str, &str)]) -> Vec<Cell> {
+    let mut cells = of_costs(comparison, variant);
+    cells.extend(of_errors(variant));
+    cells.extend(of_pair(comparison, variant));
+    cells.extend(names.iter().flat_map(|name| of_node(*name, pass_of(variant, *name))));
+    cells
+}
+
+fn cell(name: impl Into<String>, value: Option<impl ToString>) -> Cell {
+    (name.into(), value.map_or(String::new(), |value| value.to_string()))
+}
+
+fn of_costs(comparison: &Comparison, variant: &VariantReport) -> Vec<Cell> {
+    let VariantReport { seconds, start_up, .. } = variant;
+    vec![
+        cell("id", Some(&variant.id)),
+        cell("name", Some(&variant.name)),
+        cell("pipeline", Some(&variant.pipeline)),
+        cell("set", Some(variant.set.join(" "))),
+        cell("scene", Some(&comparison.scene)),
+        cell("camera", Some(&comparison.camera)),
+        cell("width", Some(comparison.size[0])),
+        cell("height", Some(comparison.size[1])),
+        cell("adapter", Some(&comparison.adapter.name)),
+        cell("runs", Some(comparison.runs)),
+        cell("seconds_median", Some(seconds.median)),
+        cell("seconds_lower_quartile", Some(seconds.lower_quartile)),
+        cell("seconds_upper_quartile", Some(seconds.upper_quartile)),
+        cell("seconds_least", Some(seconds.least)),
+        cell("seconds_most", Some(seconds.most)),
+        cell("plan_seconds", Some(start_up.plan_seconds)),
+        cell("shaders_seconds", Some(start_up.shaders_seconds)),
+        cell("warm_up_seconds", Some(start_up.warm_up_seconds)),
+        cell("records", variant.records.irradiance),
+        cell("fill_rounds", variant.fill_rounds),
+        cell("uncovered_pixels", variant.uncovered_pixels),
+        cell("complete", Some(variant.complete)),
+        cell("pictures_repeat", Some(variant.pictures_repeat)),
+        cell("peak_gpu_bytes", Some(variant.peak_gpu_bytes)),
+    ]
+}
+
+fn of_errors(variant: &VariantReport) -> Vec<Cell> {
+    let of = |layer: &'static str, errors: Option<&Errors>| {
+        let metrics = Errors::METRICS.into_iter().filter(|name| *name != "flip");
+        metrics.map(move |name| cell(format!("{layer}_{name}"), metric(errors, name))).collect::<Vec<_>>()
+    };
+    let mut cells = of("irradiance", variant.errors.irradiance.as_ref());
+    cells.extend(of("picture", variant.errors.picture.as_ref()));
+    cells.push(cell("flip", flip(variant)));
+    cells
+}
+
+/// The difference from the first variant.
+fn of_pair(comparison: &Comparison, variant: &VariantReport) -> Vec<Cell> {
+    let first = comparison.variants.first().map(|first| &first.id);
+    let pair = comparison.pairs.iter().find(|pair| Some(&pair.first) == first && pair.second == variant.id).map(|pair| &pair.difference);
+    let bound = |index: usize| pair.and_then(|pair| pair.ratio_interval).map(|interval| interval[index]);
+    vec![
+        cell("seconds_over_first", pair.map(|pair| pair.ratio)),
+        cell("seconds_over_first_low", bound(0)),
+        cell("seconds_over_first_high", bound(1)),
+        cell("p_corrected", pair.map(|pair| pair.p_corrected)),
+        cell("significant", pair.map(|pair| pair.significant)),
+    ]
+}
+
+fn of_node((node, _): (&str, &str), pass: Option<&PassSpread>) -> [Cell; 2] {
+    let median = |spread: Option<Spread>| spread.map(|spread| spread.median);
+    [cell(format!("{node}_gpu_ms"), pass.and_then(|pass| median(pass.gpu_ms))), cell(format!("{node}_cpu_ms"), pass.and_then(|pass| median(pass.cpu_ms)))]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cells_are_quoted_where_they_must_be() {
+        let cells = ["a", "Plane(fov: 90, x: 1)", "say \"so\"", "1.5", ""].map(str::to_owned);
+        assert_eq!(line(cells.iter()), "a,\"Plane(fov: 90, x: 1)\",\"say \"\"so\"\"\",1.5,\n");
+    }
+
+    #[test]
+    fn numbers_show_three_figures() {
+        assert_eq!([0.0123456, 0.5, 1.0, 12.345, 123.45, 12345.6, 0.0].map(significant), ["0.0123", "0.500", "1.00", "12.3", "123", "12346", "0"]);
+    }
+
+    fn pair(first: &[f64], second: &[f64]) -> String {
+        let difference = crate::measure::statistics::Difference::between(first, second, 1).unwrap();
+        let pair = Pair { first: "A".into(), second: "B".into(), test: "", difference, runs_to_find_5_percent: None };
+        sentence(&pair, first.len(), 1)
+    }
+
+    #[test]
+    fn differences_in_words() {
+        let one = [1.0; 8];
+        assert_eq!(pair(&one, &[1.5; 8]), "B is 50 % slower than A (p = 0.00781, 95 % interval 50 % … 50 %)");
+        assert_eq!(pair(&[1.5; 8], &one), "A is 50 % slower than B (p = 0.00781, 95 % interval 50 % … 50 %)");
+        assert_eq!(pair(&one, &[4.0; 8]), "B takes 4.00 times as long as A (p = 0.00781, 95 % interval 4.00 … 4.00)");
+        assert_eq!(pair(&one, &[1.1, 0.9, 1.1, 0.9, 1.1, 0.9, 1.1, 0.9]), "B and A: no difference larger than the noise (±11 %)");
+        assert_eq!(pair(&one[..5], &[2.0; 5]), "B and A: too few runs to tell a difference from noise, 5 in place of 6 or more");
+    }
+}

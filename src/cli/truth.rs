@@ -1,0 +1,221 @@
+//! The reference that pictures are judged by: a file that the user gives, or one traced here and kept for the next time.
+//!
+//! A kept reference is an EXR file as `hemisplat reference` writes it, with a line after its end that holds its checksum; other programs read it
+//! as they read any. Its name is made from everything that it depends on. Several processes may write the same one at once: it appears whole.
+
+use super::console::Console;
+use super::failure::{CommandError, Failure};
+use super::interrupt;
+use super::output::{Target, read_picture};
+use super::pipeline::BOUNCES;
+use super::progress::Progress;
+use super::scene::View;
+use crate::gpu::scene::camera;
+use crate::measure::cache::{Checksum, fingerprint};
+use crate::measure::compare::{ReferenceReport, VariantErrors};
+use crate::measure::{Errors, Layer, Layers, MetricsError, PICTURE, PictureError, compare};
+use crate::reference::{Bounces, Settings, Stop, VERSION, check, render};
+use clap::Args;
+use etcetera::BaseStrategy;
+use std::path::{Path, PathBuf};
+
+/// The layer of indirect irradiance.
+const IRRADIANCE: &str = "irradiance";
+
+/// Begins the line after the picture's end.
+const TRAILER: &[u8] = b"\nhemisplat checksum ";
+
+#[derive(Args)]
+pub struct TruthOptions {
+    /// What to judge the pictures by; if not given, it is traced and kept for the next time
+    #[arg(long, value_name = "FILE.exr")]
+    reference: Option<PathBuf>,
+    /// The variance of the reference's irradiance; the reference's own layer `variance` if not given
+    #[arg(long, value_name = "FILE", requires = "reference")]
+    reference_variance: Option<PathBuf>,
+    /// Measure times alone
+    #[arg(long, conflicts_with = "reference")]
+    no_reference: bool,
+    /// Rays per pixel of a reference that is traced
+    #[arg(long, value_name = "N", default_value_t = 256, conflicts_with_all = ["reference", "no_reference"])]
+    reference_spp: u32,
+    /// Trace only every K-th pixel of each row and column; without every pixel there is no `flip`
+    #[arg(long, value_name = "K", default_value_t = 1, conflicts_with_all = ["reference", "no_reference"])]
+    reference_stride: u32,
+    /// Where references that are traced are kept; the user's cache folder if not given
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["reference", "no_reference"])]
+    reference_cache: Option<PathBuf>,
+}
+
+/// A reference whose size and bounces fit the pictures that it is to judge.
+pub struct Truth {
+    path: PathBuf,
+    picture: Layers,
+    variance: Option<Layers>,
+    own: bool,
+}
+
+impl TruthOptions {
+    /// Reads what the user gives; None where it is to be traced, or none is wanted.
+    pub fn given(&self, view: &View) -> Result<Option<Truth>, Failure> {
+        let Some(path) = &self.reference else { return Ok(None) };
+        let truth =
+            Truth { picture: read_picture(path)?, variance: self.reference_variance.as_deref().map(read_picture).transpose()?, path: path.clone(), own: false };
+        truth.fits(view)?;
+        Ok(Some(truth))
+    }
+
+    /// Whether a reference has to be traced where none is given; then there is a place to keep it.
+    pub fn keeper(&self, view: &View) -> Result<Option<Keeper>, Failure> {
+        if self.reference.is_some() || self.no_reference {
+            return Ok(None);
+        }
+        let folder = self.reference_cache.clone().or_else(cache_folder).ok_or_else(|| Failure::input(CommandError::NoReferenceCache))?;
+        let settings =
+            Settings { size: view.size, stride: self.reference_stride, bounces: Bounces::Count(BOUNCES), stop: Stop::Samples(self.reference_spp), seed: 0 };
+        check(&view.scene, &view.camera, &settings).map_err(Failure::input)?;
+        let key = key(view, &settings, self.reference_spp);
+        let target = Target::new(&folder.join(format!("reference-{}.exr", Checksum::of(key.as_bytes()))))?;
+        Ok(Some(Keeper { target, settings, key }))
+    }
+}
+
+fn cache_folder() -> Option<PathBuf> {
+    etcetera::choose_base_strategy().ok().map(|folders| folders.cache_dir().join("hemisplat"))
+}
+
+/// Everything that a reference depends on.
+fn key(view: &View, settings: &Settings, spp: u32) -> String {
+    let Settings { size: [width, height], stride, bounces, seed, .. } = settings;
+    let camera = Checksum::of(bytemuck::bytes_of(&camera(&view.camera, view.size, view.scene.extent(), 0)));
+    let scene = fingerprint(&view.scene, &view.bvh);
+    format!("tracer {VERSION}, scene {scene}, camera {camera}, size {width}x{height}, stride {stride}, bounces {bounces}, spp {spp}, seed {seed}")
+}
+
+/// Where a reference is kept, and how it is made.
+pub struct Keeper {
+    target: Target,
+    settings: Settings,
+    key: String,
+}
+
+impl Keeper {
+    /// The reference that was kept, or else a new one.
+    pub fn obtain(&self, view: &View, console: &Console) -> Result<Truth, Failure> {
+        let picture = match self.kept(console) {
+            Some(picture) => picture,
+            None => self.trace(view, console)?,
+        };
+        let truth = Truth { path: self.target.path().to_owned(), picture, variance: None, own: true };
+        truth.fits(view)?;
+        Ok(truth)
+    }
+
+    /// None where there is none, or one that is damaged.
+    fn kept(&self, console: &Console) -> Option<Layers> {
+        let file = std::fs::read(self.target.path()).ok()?;
+        let picture = open(&file).filter(|picture| picture.attributes.get("key") == Some(&self.key));
+        if picture.is_none() {
+            console.note(&format!("the reference kept in {} is damaged: it is traced anew", self.target.path().display()));
+        }
+        picture
+    }
+
+    fn trace(&self, view: &View, console: &Console) -> Result<Layers, Failure> {
+        console.note(&format!("tracing the reference, which is kept in {}", self.target.path().display()));
+        let result = {
+            let progress = Progress::new(console, "tracing the reference");
+            render(&view.scene, &view.bvh, &view.camera, &self.settings, &|share| progress.report(share))
+        };
+        if interrupt::requested() {
+            return Err(Failure::interrupted(&[]));
+        }
+        let reference = result.map_err(Failure::input)?;
+        let attributes = [
+            ("program", format!("hemisplat {}", env!("CARGO_PKG_VERSION"))),
+            ("key", self.key.clone()),
+            ("scene", view.scene.name.clone()),
+            ("camera", view.camera.name.clone()),
+            ("bounces", reference.bounces.to_string()),
+            ("stride", reference.stride.to_string()),
+            ("samples", reference.samples.to_string()),
+            ("seed", self.settings.seed.to_string()),
+        ];
+        let picture = super::reference::layers(&reference, attributes.map(|(name, value)| (name.to_owned(), value)).into());
+        let exr = picture.to_exr().map_err(|error| Failure::work(CommandError::BadPicture { path: self.target.path().to_owned(), error }))?;
+        self.target.write(&seal(exr))?;
+        Ok(picture)
+    }
+}
+
+/// The file with its checksum after its end.
+fn seal(mut exr: Vec<u8>) -> Vec<u8> {
+    let checksum = Checksum::of(&exr);
+    exr.extend_from_slice(TRAILER);
+    exr.extend_from_slice(checksum.as_bytes());
+    exr
+}
+
+/// The picture of a sealed file; None where a bit of it is another one.
+fn open(file: &[u8]) -> Option<Layers> {
+    let (exr, checksum) = file.split_at_checked(file.len().checked_sub(TRAILER.len() + 16)?)?;
+    let checksum = checksum.strip_prefix(TRAILER)?;
+    (Checksum::of(exr).as_bytes() == checksum).then(|| Layers::from_exr(exr).ok())?
+}
+
+impl Truth {
+    /// Refuses what cannot judge pictures of this view, before work is done for them.
+    fn fits(&self, view: &View) -> Result<(), Failure> {
+        if let Some(found) = self.picture.attributes.get("camera").filter(|found| **found != view.camera.name) {
+            let (found, expected) = (found.clone(), view.camera.name.clone());
+            return Err(Failure::input(CommandError::OtherCamera { path: self.path.clone(), found, expected }));
+        }
+        let [width, height] = view.size;
+        let black = || Layer::value(vec![0.0; width as usize * height as usize]);
+        let names = [IRRADIANCE, PICTURE].into_iter().filter(|name| self.picture.layers.contains_key(*name));
+        let blank = names.fold(Layers::new(width, height), |blank, name| blank.with(name, black()));
+        if blank.layers.is_empty() {
+            return Err(self.refuse(MetricsError::Picture { which: "reference", error: self.lacks(IRRADIANCE) }));
+        }
+        self.judge(blank).map(|_| ())
+    }
+
+    /// The errors of a pipeline's picture.
+    pub fn judge(&self, picture: Layers) -> Result<VariantErrors, Failure> {
+        let picture = picture.with_attribute("bounces", BOUNCES);
+        Ok(VariantErrors { irradiance: self.errors(&picture, IRRADIANCE, self.variance.as_ref())?, picture: self.errors(&picture, PICTURE, None)? })
+    }
+
+    fn errors(&self, picture: &Layers, layer: &str, variance: Option<&Layers>) -> Result<Option<Errors>, Failure> {
+        let both = [picture, &self.picture].iter().all(|layers| layers.layers.contains_key(layer));
+        both.then(|| compare(picture, &self.picture, layer, variance)).transpose().map_err(|error| self.refuse(error))
+    }
+
+    fn lacks(&self, layer: &str) -> PictureError {
+        PictureError::UnknownLayer { name: layer.to_owned(), held: self.picture.layers.keys().cloned().collect::<Vec<_>>().join(", ") }
+    }
+
+    fn refuse(&self, error: MetricsError) -> Failure {
+        Failure::input(CommandError::BadReference { path: self.path.clone(), error })
+    }
+
+    pub fn report(&self) -> ReferenceReport {
+        let attribute = |name: &str| self.picture.attributes.get(name).cloned();
+        ReferenceReport {
+            file: Some(self.path.display().to_string()),
+            own: self.own,
+            bounces: attribute("bounces"),
+            samples: attribute("samples"),
+            stride: attribute("stride"),
+        }
+    }
+
+    /// Whether the file says how often its light was reflected.
+    pub fn states_bounces(&self) -> bool {
+        self.picture.attributes.contains_key("bounces")
+    }
+
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+}

@@ -1,0 +1,337 @@
+//! Several pipelines on one view of one scene: what each costs, how far it is from the truth, and which differences are more than noise.
+//!
+//! A run is a picture from empty caches. Runs are interleaved in rounds, one of each variant a round, so that two runs of a round are a pair.
+
+use super::cache::Checksum;
+use super::layers::Layers;
+use super::metrics::Errors;
+use super::run::{FrameReport, PassReport, Records, Run, RunError};
+use super::statistics::{Difference, Spread, runs_to_find};
+use crate::gpu::{Adapter, AskPace};
+use crate::pipeline::Plan;
+use serde::Serialize;
+
+/// The difference that a number of runs is recommended for: a variant that takes 5 % longer.
+pub const WORTH_FINDING: f64 = 0.05;
+
+/// The variants of a round, by index, in the order in which they run: reversed in every other round, and begun with another one in every other pair
+/// of rounds. A machine that slows steadily slows all alike, and none follows the same neighbour each time.
+pub fn order(round: usize, variants: usize) -> Vec<usize> {
+    let rotated = |place: usize| (place + round / 2) % variants;
+    if round.is_multiple_of(2) { (0..variants).map(rotated).collect() } else { (0..variants).rev().map(rotated).collect() }
+}
+
+/// A variant with its session, which all its runs share, and what they measured.
+pub struct Contender<'a> {
+    run: Run<'a>,
+    warm_up_seconds: f64,
+    frames: Vec<FrameReport>,
+    /// Checksum of the picture of the warm-up.
+    picture: String,
+    pictures_repeat: bool,
+}
+
+impl<'a> Contender<'a> {
+    /// Renders once, so that what drivers put off to the first use is done, and hands out the picture.
+    pub fn warm_up(mut run: Run<'a>, pace: AskPace) -> Result<(Self, Layers), RunError> {
+        let report = frame(&mut run, pace)?;
+        let picture = run.picture()?;
+        let contender = Self { run, warm_up_seconds: report.seconds, frames: Vec::new(), picture: checksum(&picture), pictures_repeat: true };
+        Ok((contender, picture))
+    }
+
+    /// One run from empty caches.
+    pub fn measure(&mut self, pace: AskPace) -> Result<(), RunError> {
+        self.run.forget()?;
+        self.frames.push(frame(&mut self.run, pace)?);
+        self.pictures_repeat &= checksum(&self.run.picture()?) == self.picture;
+        Ok(())
+    }
+
+    /// Runs measured so far.
+    pub fn runs(&self) -> usize {
+        self.frames.len()
+    }
+
+    /// What the first `runs` runs measured; None without a run.
+    pub fn report(&self, id: String, about: About, runs: usize) -> Option<VariantReport> {
+        let frames = &self.frames[..runs.min(self.frames.len())];
+        let last = frames.last()?;
+        let seconds: Vec<f64> = frames.iter().map(|frame| frame.seconds).collect();
+        let plan = self.run.plan();
+        Some(VariantReport {
+            id,
+            name: about.name,
+            pipeline: plan.pipeline.clone(),
+            set: about.set,
+            dropped: dropped(plan),
+            start_up: VariantStartUp { plan_seconds: about.plan_seconds, shaders_seconds: about.shaders_seconds, warm_up_seconds: self.warm_up_seconds },
+            seconds: Spread::of(&seconds)?,
+            seconds_of_runs: seconds,
+            records: last.records.clone(),
+            new_records: last.new_records,
+            surplus_records: last.surplus_records,
+            fill_rounds: last.fill_rounds,
+            uncovered_pixels: last.uncovered_pixels,
+            complete: frames.iter().all(|frame| frame.complete),
+            unfinished: last.unfinished.clone(),
+            pictures_repeat: self.pictures_repeat,
+            peak_gpu_bytes: self.run.gpu_bytes(),
+            passes: passes(frames),
+            errors: about.errors,
+        })
+    }
+}
+
+/// What is known of a variant before it runs.
+pub struct About {
+    /// As the user wrote it.
+    pub name: String,
+    /// `NODE.PARAM=VALUE`, those for all variants first.
+    pub set: Vec<String>,
+    pub plan_seconds: f64,
+    pub shaders_seconds: f64,
+    pub errors: VariantErrors,
+}
+
+/// Everything that a comparison found. Keys in JSON are the fields' names.
+#[derive(Debug, Clone, Serialize)]
+pub struct Comparison {
+    /// Version of this record: 1.
+    pub schema: u32,
+    pub scene: String,
+    pub triangles: usize,
+    pub camera: String,
+    /// Width and height [pixels].
+    pub size: [u32; 2],
+    pub adapter: AdapterReport,
+    /// Runs of each variant that were asked for.
+    pub runs_asked: usize,
+    /// Runs of each variant, one in each whole round.
+    pub runs: usize,
+    /// Whether all runs that were asked for are there, each with all its pixels covered.
+    pub complete: bool,
+    pub start_up: StartUp,
+    /// Of the whole program, with all variants in memory.
+    pub peak_host_bytes: Option<u64>,
+    pub reference: Option<ReferenceReport>,
+    pub variants: Vec<VariantReport>,
+    /// Every variant with every later one.
+    pub pairs: Vec<Pair>,
+}
+
+#[derive(Debug, Clone, Serialize)]
+pub struct AdapterReport {
+    pub name: String,
+    pub backend: String,
+    pub driver: String,
+}
+
+impl From<&Adapter> for AdapterReport {
+    fn from(adapter: &Adapter) -> Self {
+        Self { name: adapter.name.clone(), backend: adapter.backend.clone(), driver: adapter.driver.clone() }
+    }
+}
+
+/// What all variants share; no part of their times.
+#[derive(Debug, Clone, Serialize)]
+pub struct StartUp {
+    pub load_seconds: f64,
+    pub device_seconds: f64,
+    /// Reading or tracing the reference.
+    pub reference_seconds: f64,
+}
+
+/// What the errors are against.
+#[derive(Debug, Clone, Serialize)]
+pub struct ReferenceReport {
+    pub file: Option<String>,
+    /// Whether this program traced it, now or earlier.
+    pub own: bool,
+    /// As the file states them.
+    pub bounces: Option<String>,
+    pub samples: Option<String>,
+    pub stride: Option<String>,
+}
+
+#[derive(Debug, Clone, Serialize)]
+pub struct VariantReport {
+    /// A letter or several, short for the name.
+    pub id: String,
+    pub name: String,
+    pub pipeline: String,
+    pub set: Vec<String>,
+    pub dropped: Vec<DroppedNode>,
+    pub start_up: VariantStartUp,
+    /// Of a run: a picture from empty caches.
+    pub seconds: Spread,
+    /// Of each run, by round.
+    pub seconds_of_runs: Vec<f64>,
+    pub records: Records,
+    pub new_records: Option<u32>,
+    pub surplus_records: Option<u32>,
+    pub fill_rounds: Option<u32>,
+    pub uncovered_pixels: Option<u32>,
+    pub complete: bool,
+    /// Loops that ended before they were done.
+    pub unfinished: Vec<String>,
+    /// Whether every run made the picture of the warm-up to the bit.
+    pub pictures_repeat: bool,
+    /// All buffers and textures of the variant, its copy of the scene too.
+    pub peak_gpu_bytes: u64,
+    pub passes: Vec<PassSpread>,
+    pub errors: VariantErrors,
+}
+
+/// What a variant takes before its first run; no part of its times.
+#[derive(Debug, Clone, Serialize)]
+pub struct VariantStartUp {
+    pub plan_seconds: f64,
+    /// Memory, upload of the scene, shader pipelines.
+    pub shaders_seconds: f64,
+    /// The first picture, with what the driver puts off until then.
+    pub warm_up_seconds: f64,
+}
+
+#[derive(Debug, Clone, Serialize)]
+pub struct DroppedNode {
+    pub node: String,
+    pub because: String,
+}
+
+/// How a node's time spreads over the runs.
+#[derive(Debug, Clone, Serialize)]
+pub struct PassSpread {
+    pub node: String,
+    pub pass: &'static str,
+    /// How often the node ran in a run.
+    pub runs: u32,
+    /// None where the adapter has no timestamps.
+    pub gpu_ms: Option<Spread>,
+    pub cpu_ms: Option<Spread>,
+}
+
+/// How far a variant is from the reference; None where there is no reference, or one of the two lacks the layer.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct VariantErrors {
+    /// Of the indirect irradiance alone.
+    pub irradiance: Option<Errors>,
+    /// Of the whole picture.
+    pub picture: Option<Errors>,
+}
+
+/// How the times of two variants differ.
+#[derive(Debug, Clone, Serialize)]
+pub struct Pair {
+    pub first: String,
+    pub second: String,
+    /// The test that [`Difference::p`] is of.
+    pub test: &'static str,
+    #[serde(flatten)]
+    pub difference: Difference,
+    /// Runs that find a difference of [`WORTH_FINDING`] nine times of ten, as these runs spread; None after a single one.
+    pub runs_to_find_5_percent: Option<usize>,
+}
+
+/// Compares the times of every variant with those of every later one.
+pub fn pairs(variants: &[VariantReport]) -> Vec<Pair> {
+    let comparisons = comparisons(variants.len());
+    let later = |index: usize| variants[index + 1..].iter().map(move |second| (&variants[index], second));
+    (0..variants.len()).flat_map(later).filter_map(|(first, second)| pair(first, second, comparisons)).collect()
+}
+
+/// Pairs among so many variants.
+pub fn comparisons(variants: usize) -> usize {
+    variants * variants.saturating_sub(1) / 2
+}
+
+fn pair(first: &VariantReport, second: &VariantReport, comparisons: usize) -> Option<Pair> {
+    let difference = Difference::between(&first.seconds_of_runs, &second.seconds_of_runs, comparisons)?;
+    let runs = difference.deviation_of_log_ratio.map(|deviation| runs_to_find(WORTH_FINDING, deviation, comparisons));
+    Some(Pair { first: first.id.clone(), second: second.id.clone(), test: "wilcoxon_signed_rank_exact", difference, runs_to_find_5_percent: runs })
+}
+
+/// A, B, … Z, AA, AB, …
+pub fn letters(index: usize) -> String {
+    let letter = char::from(b'A' + (index % 26) as u8);
+    if index < 26 { letter.into() } else { letters(index / 26 - 1) + &String::from(letter) }
+}
+
+fn frame(run: &mut Run<'_>, pace: AskPace) -> Result<FrameReport, RunError> {
+    let report = run.frame(pace)?;
+    match report.non_finite_pixels {
+        Some(pixels) if pixels > 0 => Err(RunError::NonFinite { layer: "splats".into(), pixels }),
+        _ => Ok(report),
+    }
+}
+
+fn checksum(picture: &Layers) -> String {
+    let mut checksum = Checksum::default();
+    for (name, layer) in &picture.layers {
+        checksum.add(name.as_bytes());
+        for (channel, plane) in &layer.channels {
+            checksum.add(channel.as_bytes());
+            checksum.add(bytemuck::cast_slice(plane));
+        }
+    }
+    checksum.finish()
+}
+
+fn dropped(plan: &Plan) -> Vec<DroppedNode> {
+    plan.dropped.iter().map(|dropped| DroppedNode { node: dropped.node.clone(), because: dropped.because.clone() }).collect()
+}
+
+/// Nodes are the same in every run of a plan.
+fn passes(frames: &[FrameReport]) -> Vec<PassSpread> {
+    let spread = |values: Option<Vec<f64>>| values.and_then(|values| Spread::of(&values));
+    let of_node = |index: usize, last: &PassReport| {
+        let of_runs = || frames.iter().filter_map(move |frame| frame.passes.get(index));
+        PassSpread {
+            node: last.node.clone(),
+            pass: last.pass,
+            runs: last.runs,
+            gpu_ms: spread(of_runs().map(|pass| pass.gpu_ms).collect()),
+            cpu_ms: spread(of_runs().map(|pass| Some(pass.cpu_ms)).collect()),
+        }
+    };
+    frames.last().map_or(Vec::new(), |last| last.passes.iter().enumerate().map(|(index, pass)| of_node(index, pass)).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// With a time that grows from run to run, the sum of a variant's times is the sum of its places.
+    #[test]
+    fn a_steady_drift_hits_all_alike() {
+        for variants in 1..6 {
+            for rounds in [2, 4, 10] {
+                let place = |variant: usize, round: usize| order(round, variants).iter().position(|v| *v == variant).unwrap() + round * variants;
+                let sums: Vec<usize> = (0..variants).map(|variant| (0..rounds).map(|round| place(variant, round)).sum()).collect();
+                assert!(sums.iter().all(|sum| *sum == sums[0]), "{variants} variants, {rounds} rounds: {sums:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn each_round_holds_every_variant_once() {
+        for variants in 2..6 {
+            for round in 0..20 {
+                let mut sorted = order(round, variants);
+                sorted.sort();
+                assert_eq!(sorted, (0..variants).collect::<Vec<_>>());
+            }
+        }
+        assert_eq!([0, 1, 2, 3].map(|round| order(round, 3)), [[0, 1, 2], [2, 1, 0], [1, 2, 0], [0, 2, 1]].map(Vec::from));
+    }
+
+    #[test]
+    fn letters_go_on_after_z() {
+        assert_eq!([0, 1, 25, 26, 27, 51, 52, 701, 702].map(letters), ["A", "B", "Z", "AA", "AB", "AZ", "BA", "ZZ", "AAA"]);
+    }
+
+    #[test]
+    fn all_pairs_are_counted() {
+        assert_eq!([0, 1, 2, 3, 20].map(comparisons), [0, 0, 1, 3, 190]);
+    }
+}

@@ -1,0 +1,279 @@
+//! `hemisplat compare` from outside: what it finds, what it keeps, what it refuses.
+//!
+//! Needs a GPU adapter, a software one will do; without one each case is named as skipped, which
+//! `HEMISPLAT_REQUIRE=gpu` makes a failure.
+
+use hemisplat::measure::{Layer, Layers, PICTURE};
+use libtest_mimic::{Arguments, Failed, Trial};
+use serde_json::Value;
+use std::process::{Child, Command, Stdio};
+use std::time::Duration;
+use std::{env, fs};
+use tempfile::TempDir;
+
+type Outcome = Result<(), Failed>;
+type Case = fn() -> Outcome;
+
+const DRAWN: &[(&str, Case)] = &[
+    ("times_differ_where_samples_do_and_not_where_nothing_does", times),
+    ("errors_are_those_of_diff_and_pictures_repeat_under_interleaving", errors),
+    ("a_reference_is_kept_and_a_damaged_one_traced_anew", kept_reference),
+    ("several_at_once_keep_one_reference", concurrent),
+    ("a_pipeline_without_irradiance_is_judged_by_its_picture", without_irradiance),
+    ("an_unfinished_variant_is_named", unfinished),
+    ("an_interrupted_comparison_keeps_whole_rounds", interrupted),
+];
+
+const REFUSED: &[(&str, Case)] = &[("mistakes_are_told_before_work_starts", mistakes)];
+
+fn main() {
+    let required = env::var("HEMISPLAT_REQUIRE").is_ok_and(|list| list.split(',').any(|item| item.trim() == "gpu"));
+    let has_gpu = hemisplat::gpu::device::adapters().iter().any(|adapter| adapter.lacks.is_empty());
+    let skipped = !has_gpu && !required;
+    if skipped {
+        DRAWN.iter().for_each(|(name, _)| println!("SKIPPED: {name}: no GPU adapter"));
+    }
+    let drawn = DRAWN.iter().map(|(name, case)| Trial::test(*name, case).with_ignored_flag(skipped));
+    let refused = REFUSED.iter().map(|(name, case)| Trial::test(*name, case));
+    // Times are measured: one after the other.
+    let arguments = Arguments { test_threads: Some(1), ..Arguments::from_args() };
+    libtest_mimic::run(&arguments, drawn.chain(refused).collect()).exit();
+}
+
+fn check(holds: bool, what: impl FnOnce() -> String) -> Outcome {
+    if holds { Ok(()) } else { Err(what().into()) }
+}
+
+/// A folder of its own, with a cache of its own.
+struct Place(TempDir);
+
+impl Place {
+    fn new() -> Result<Self, Failed> {
+        Ok(Self(tempfile::tempdir()?))
+    }
+
+    fn with(self, name: &str, contents: impl AsRef<[u8]>) -> Result<Self, Failed> {
+        fs::write(self.0.path().join(name), contents)?;
+        Ok(self)
+    }
+
+    fn command(&self, arguments: &str) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_hemisplat"));
+        command.current_dir(self.0.path()).args(arguments.split(' ')).env_remove("NO_COLOR").env("XDG_CACHE_HOME", self.0.path().join("cache"));
+        command
+    }
+
+    /// Status, stdout and stderr.
+    fn run(&self, arguments: &str) -> Result<(i32, String, String), Failed> {
+        let output = self.command(arguments).output()?;
+        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+        Ok((output.status.code().unwrap_or(-1), text(&output.stdout), text(&output.stderr)))
+    }
+
+    fn succeed(&self, arguments: &str) -> Result<(String, String), Failed> {
+        let (status, stdout, stderr) = self.run(arguments)?;
+        check(status == 0, || format!("{arguments}: status {status}\n{stderr}"))?;
+        Ok((stdout, stderr))
+    }
+
+    fn json(&self, name: &str) -> Result<Value, Failed> {
+        Ok(serde_json::from_slice(&fs::read(self.0.path().join(name))?)?)
+    }
+
+    /// References kept in the cache.
+    fn kept(&self) -> Result<Vec<std::path::PathBuf>, Failed> {
+        Ok(fs::read_dir(self.0.path().join("cache/hemisplat"))?.map(|entry| entry.map(|entry| entry.path())).collect::<Result<_, _>>()?)
+    }
+}
+
+const SMALL: &str = "--scene cornell --size 32x24 --set tiles.resolution=8 --reference-spp 16";
+
+/// The variants' second and third pair of letters, and whether they differ.
+fn significant(json: &Value, first: &str, second: &str) -> Option<bool> {
+    json["pairs"].as_array()?.iter().find(|pair| pair["first"] == first && pair["second"] == second)?["significant"].as_bool()
+}
+
+fn times() -> Outcome {
+    let place = Place::new()?;
+    let arguments = "compare irradiance irradiance irradiance@tiles.resolution=64 --scene cornell --size 48x48 --set tiles.resolution=32 --no-reference --runs 8 \
+                     --json out.json --csv out.csv";
+    let mut found = Vec::new();
+    // The same two differ by chance once in 60 comparisons, twice running once in thousands.
+    for _ in 0..2 {
+        let (text, _) = place.succeed(arguments)?;
+        let json = place.json("out.json")?;
+        let differ = ["B", "C"].map(|second| significant(&json, "A", second));
+        if differ == [Some(false), Some(true)] {
+            check(text.contains("B and A: no difference larger than the noise"), || text.clone())?;
+            check(text.contains("slower than A") || text.contains("C takes"), || text.clone())?;
+            check(json["variants"][0]["errors"]["irradiance"].is_null() && json["reference"].is_null(), || json.to_string())?;
+            return whole_csv(&fs::read_to_string(place.0.path().join("out.csv"))?);
+        }
+        found.push(text);
+    }
+    Err(found.join("\n").into())
+}
+
+fn whole_csv(csv: &str) -> Outcome {
+    // The adapter's name may hold a comma; it stands in quotes then.
+    let cells = |line: &str| line.split('"').step_by(2).map(|part| part.matches(',').count()).sum::<usize>();
+    let lines: Vec<&str> = csv.lines().collect();
+    check(lines.len() == 4 && lines.iter().all(|line| cells(line) == cells(lines[0])), || csv.to_owned())
+}
+
+fn errors() -> Outcome {
+    let place = Place::new()?;
+    place.succeed(&format!("compare irradiance irradiance-readback irradiance@cache.accuracy=0.5 {SMALL} --runs 3 --json out.json --quiet"))?;
+    let json = place.json("out.json")?;
+    check(json["schema"] == 1 && json["complete"] == true && json["runs"] == 3, || json.to_string())?;
+    let truth = &place.kept()?[0];
+    for (index, (name, sets)) in [("irradiance", ""), ("irradiance-readback", ""), ("irradiance", " --set cache.accuracy=0.5")].into_iter().enumerate() {
+        let variant = &json["variants"][index];
+        check(variant["pictures_repeat"] == true, || format!("{name}{sets}: the pictures differ"))?;
+        check(variant["seconds_of_runs"].as_array().is_some_and(|seconds| seconds.len() == 3), || variant.to_string())?;
+        place.succeed(&format!("render {name} --scene cornell --size 32x24 --set tiles.resolution=8{sets} -o out.exr --stats stats.json"))?;
+        for layer in ["irradiance", PICTURE] {
+            place.succeed(&format!("diff out.exr:{layer} {}:{layer} --json diff.json", truth.display()))?;
+            let diff = place.json("diff.json")?;
+            let judged = variant["errors"][layer].as_object().ok_or("no errors")?;
+            check(judged.iter().all(|(metric, value)| diff[metric] == *value), || format!("{name}{sets}: {judged:?}\n{diff}"))?;
+        }
+        let frame = &place.json("stats.json")?["frames"][0];
+        check(frame["records"] == variant["records"] && frame["fill_rounds"] == variant["fill_rounds"], || format!("{frame}\n{variant}"))?;
+    }
+    Ok(())
+}
+
+fn kept_reference() -> Outcome {
+    let place = Place::new()?;
+    let compare = || -> Result<(bool, Value), Failed> {
+        let (_, stderr) = place.succeed(&format!("compare irradiance {SMALL} --runs 1 --json out.json"))?;
+        Ok((stderr.contains("tracing the reference"), place.json("out.json")?["variants"][0]["errors"].clone()))
+    };
+    let (traced, first) = compare()?;
+    check(traced && compare()? == (false, first.clone()), || "the reference is not kept".into())?;
+    let [kept] = &place.kept()?[..] else { return Err("one reference is expected".into()) };
+    let whole = fs::read(kept)?;
+    let flipped = |at: usize| whole.iter().enumerate().map(|(i, byte)| if i == at { byte ^ 1 } else { *byte }).collect::<Vec<u8>>();
+    for damaged in [flipped(whole.len() / 2), flipped(whole.len() - 1), whole[..whole.len() / 2].to_vec(), whole[..8].to_vec(), Vec::new()] {
+        fs::write(kept, &damaged)?;
+        check(compare()? == (true, first.clone()), || format!("a damaged reference of {} bytes is used", damaged.len()))?;
+        check(fs::read(kept)? == whole, || "a damaged reference is not replaced".into())?;
+    }
+    // What it depends on makes another one.
+    for other in ["--reference-spp 32", "--reference-spp 16 --reference-stride 2"] {
+        let arguments = SMALL.replace("--reference-spp 16", other);
+        place.succeed(&format!("compare irradiance {arguments} --runs 1"))?;
+    }
+    check(place.kept()?.len() == 3, || format!("{:?}", place.kept()))
+}
+
+fn concurrent() -> Outcome {
+    let place = Place::new()?;
+    let start = |name: &str| place.command(&format!("compare irradiance {SMALL} --runs 1 --json {name}")).stderr(Stdio::null()).stdout(Stdio::null()).spawn();
+    let children: Vec<Child> = ["a.json", "b.json", "c.json"].iter().map(|name| start(name)).collect::<Result<_, _>>()?;
+    for mut child in children {
+        let status = child.wait()?;
+        check(status.success(), || status.to_string())?;
+    }
+    check(place.kept()?.len() == 1, || format!("{:?}", place.kept()))?;
+    let errors = |name: &str| place.json(name).map(|json| json["variants"][0]["errors"].clone());
+    check(errors("a.json")? == errors("b.json")? && errors("b.json")? == errors("c.json")?, || "they differ".into())
+}
+
+/// A pipeline of direct light alone.
+const DIRECT: &str = r#"Pipeline(version: 1, about: "direct light", nodes: [(name: "gbuffer", pass: GBuffer()), (name: "direct", pass: DirectLight(gbuffer: "gbuffer"))],
+    outputs: { "picture": "direct" })"#;
+
+fn without_irradiance() -> Outcome {
+    let place = Place::new()?.with("direct@light.ron", DIRECT)?;
+    place.succeed("compare direct@light.ron --scene cornell --size 32x24 --reference-spp 16 --runs 2 --json out.json")?;
+    let json = place.json("out.json")?;
+    let errors = &json["variants"][0]["errors"];
+    check(errors["irradiance"].is_null() && errors["picture"]["rmse_over_mean"].is_f64(), || errors.to_string())?;
+    check(json["pairs"] == Value::Array(Vec::new()) && json["variants"][0]["records"]["irradiance"].is_null(), || json.to_string())
+}
+
+fn unfinished() -> Outcome {
+    let place = Place::new()?;
+    let (text, stderr) = place.succeed(
+        &format!("compare irradiance irradiance@misses.at_most=1 {SMALL} --no-reference --runs 2 --json out.json").replace("--reference-spp 16 ", ""),
+    )?;
+    let json = place.json("out.json")?;
+    check(json["complete"] == false && json["variants"][0]["complete"] == true && json["variants"][1]["complete"] == false, || json.to_string())?;
+    check(stderr.contains("warning: B") && !stderr.contains("warning: A"), || stderr.clone())?;
+    check(stderr.contains("2 runs cannot tell any difference") && text.contains("too few runs"), || format!("{stderr}{text}"))
+}
+
+#[cfg(unix)]
+fn interrupted() -> Outcome {
+    let place = Place::new()?;
+    let arguments = format!("compare irradiance irradiance {SMALL} --runs 256 --json out.json --csv out.csv");
+    let mut child = place.command(&arguments).stdout(Stdio::null()).stderr(Stdio::null()).spawn()?;
+    std::thread::sleep(Duration::from_secs(8));
+    let sent = Command::new("kill").args(["-INT", &child.id().to_string()]).status()?;
+    let status = child.wait()?;
+    check(sent.success() && status.code() == Some(130), || status.to_string())?;
+    let kept = ["out.json", "out.csv"].map(|name| place.0.path().join(name).exists());
+    if kept == [false, false] {
+        return Ok(());
+    }
+    let json = place.json("out.json")?;
+    let runs = json["runs"].as_u64().unwrap_or(0);
+    let of_variants = |index: usize| json["variants"][index]["seconds_of_runs"].as_array().map_or(0, Vec::len) as u64;
+    check(json["complete"] == false && (1..256).contains(&runs) && of_variants(0) == runs && of_variants(1) == runs, || json.to_string())
+}
+
+#[cfg(not(unix))]
+fn interrupted() -> Outcome {
+    Ok(())
+}
+
+fn mistakes() -> Outcome {
+    let exr = |picture: Layers| picture.to_exr().map_err(|error| Failed::from(error.to_string()));
+    let flat = |size: [u32; 2], value: f32| {
+        let plane = || Layer::value(vec![value; (size[0] * size[1]) as usize]);
+        Layers::new(size[0], size[1]).with("irradiance", plane()).with(PICTURE, plane())
+    };
+    let place = Place::new()?
+        .with("two.exr", exr(flat([32, 24], 1.0).with_attribute("bounces", 2))?)?
+        .with("side.exr", exr(flat([32, 24], 1.0).with_attribute("camera", "side"))?)?
+        .with("large.exr", exr(flat([33, 24], 1.0))?)?
+        .with("black.exr", exr(flat([32, 24], 0.0).with("depth", Layer::value(vec![1.0; 768])))?)?
+        .with("good.exr", exr(flat([32, 24], 1.0))?)?
+        .with("weight.exr", exr(Layers::new(32, 24).with("weight", Layer::value(vec![1.0; 768])))?)?;
+    let cases = [
+        ("irradiance --reference two.exr", "measure::bounces_differ", "`bounces` 1, the reference 2"),
+        ("irradiance --reference side.exr", "compare::other_camera", "camera `side`"),
+        ("irradiance --reference large.exr", "measure::sizes_differ", "33×24"),
+        ("irradiance --reference black.exr", "measure::black_reference", "black.exr"),
+        ("irradiance --reference weight.exr", "measure::unknown_layer", "the file holds: weight"),
+        ("irradiance --reference missing.exr", "cli::read", "missing.exr"),
+        ("irradiance --reference good.exr --reference-variance large.exr", "measure::variance_size", "33×24"),
+        ("irradiance --reference-variance good.exr", "", "--reference <FILE.exr>"),
+        ("irradiance --reference good.exr --no-reference", "", "cannot be used with"),
+        ("irradiance --reference good.exr --reference-spp 3", "", "cannot be used with"),
+        ("irradiance --reference-spp 0", "reference::samples", "no samples"),
+        ("irradiance --reference-stride 100", "reference::stride", "32×24"),
+        ("irradiance --runs 0", "", "1..=256"),
+        ("irradiance --runs 257", "", "1..=256"),
+        ("", "compare::no_pipeline", "names no pipeline"),
+        ("@tiles.resolution=8", "compare::no_pipeline", "irradiance@tiles.resolution=32"),
+        ("iradiance.ron irradiance", "pipeline::not_found", "did you mean"),
+        ("irradiance@tiles.resolutoin=8", "pipeline::unknown_parameter", "resolution"),
+        ("irradiance@tiles.resolution", "pipeline::syntax", "sets nothing"),
+        ("irradiance@", "pipeline::syntax", "sets nothing"),
+        ("irradiance@tiles.resolution=0 irradiance@tiles.resolution=x", "", "2 errors"),
+        ("irradiance@tiles.by=Raster", "plan::raster_shape", "tiles"),
+        ("irradiance --camera other", "cli::unknown_camera", "main"),
+        ("irradiance --camera main --camera main", "cli::several_cameras", "main"),
+    ];
+    for (arguments, code, words) in cases {
+        let (status, stdout, stderr) = place.run(&format!("compare {arguments} --scene cornell --size 32x24"))?;
+        check(status == 2 && stdout.is_empty(), || format!("{arguments}: status {status}\n{stdout}{stderr}"))?;
+        check(stderr.contains(code) && stderr.contains(words), || format!("{arguments}: {code}, {words}\n{stderr}"))?;
+    }
+    check(place.run("compare --scene cornell")?.0 == 2, || "no pipeline is accepted".into())?;
+    let (status, _, stderr) = place.run("compare irradiance --scene cornell --json good.exr/out.json")?;
+    check(status == 1 && stderr.contains("cli::write"), || stderr)
+}

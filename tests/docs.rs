@@ -142,6 +142,12 @@ fn check_sets(matches: &clap::ArgMatches, line: &str) {
     for name in all("pipeline").iter().chain(&all("pipelines")).filter(|name| embedded::find(name).is_some()) {
         expect(pipeline::load(name, &sets, REGISTRY, &mut |_| Err(io::ErrorKind::NotFound.into())), line);
     }
+    for variant in all("variants") {
+        let mut parts = variant.split('@').map(str::to_owned);
+        let name = parts.next().unwrap_or_default();
+        let sets: Vec<String> = sets.iter().cloned().chain(parts).collect();
+        expect(pipeline::load(&name, &sets, REGISTRY, &mut |_| Err(io::ErrorKind::NotFound.into())), line);
+    }
 }
 
 #[test]

@@ -273,6 +273,10 @@ fn mistakes() -> Outcome {
         check(status == 2 && stdout.is_empty(), || format!("{arguments}: status {status}\n{stdout}{stderr}"))?;
         check(stderr.contains(code) && stderr.contains(words), || format!("{arguments}: {code}, {words}\n{stderr}"))?;
     }
+    for same in ["--json a --csv a", "--reference good.exr --json good.exr"] {
+        let (status, _, stderr) = place.run(&format!("compare irradiance --scene cornell --size 32x24 {same}"))?;
+        check(status == 2 && stderr.contains("cli::same_file"), || stderr)?;
+    }
     check(place.run("compare --scene cornell")?.0 == 2, || "no pipeline is accepted".into())?;
     let (status, _, stderr) = place.run("compare irradiance --scene cornell --json good.exr/out.json")?;
     check(status == 1 && stderr.contains("cli::write"), || stderr)

@@ -8,7 +8,7 @@ use std::fs;
 use std::path::Path;
 
 /// Codes that no input brings about on every machine.
-const BEYOND_INPUT: [(&str, &str); 21] = [
+const BEYOND_INPUT: [(&str, &str); 22] = [
     ("cli::interrupted", "needs Ctrl-C at the right moment"),
     ("cli::json", "results hold nothing that JSON cannot"),
     ("cli::signal", "the system refuses a handler"),

@@ -4,7 +4,8 @@ use super::check::unique;
 use super::comparison;
 use super::console::Console;
 use super::failure::{CommandError, Failure};
-use super::output::Target;
+use super::interrupt::Shelter;
+use super::output::{Target, expect_distinct};
 use super::pipeline::{check_pipeline, plan_view};
 use super::progress::Progress;
 use super::scene::{SceneOptions, View};
@@ -68,13 +69,14 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     let truth = given.or(traced);
     warn_of_unstated_bounces(truth.as_ref(), console);
 
-    let mut contest = Contest { truth: truth.as_ref(), entries: Vec::new(), rounds: runs_of(options) };
+    let mut contest = Contest { truth: truth.as_ref(), entries: Vec::new(), rounds: runs_of(options), shelter: None };
     let about = variants.into_iter().zip(&plans).map(|(variant, (_, plan_seconds))| variant.about(*plan_seconds));
     let result = contest.hold(runs.into_iter().zip(about).collect(), &Progress::new(console, "comparing"));
     let is_interrupted = result.as_ref().is_err_and(|failure| failure.status == 130);
     if !is_interrupted {
         result?;
     }
+    let _shelter = contest.shelter.take();
     let start_up = StartUp { load_seconds, device_seconds, reference_seconds: given_seconds + traced_seconds };
     let Some(comparison) = contest.comparison(&view, &gpu, start_up) else { return Err(Failure::interrupted(&[])) };
     comparison::warnings(&comparison).iter().for_each(|warning| console.note(warning));
@@ -92,7 +94,9 @@ struct Targets {
 impl Targets {
     fn new(options: &Options) -> Result<Self, Failure> {
         let target = |path: &Option<PathBuf>| path.as_deref().map(Target::new).transpose();
-        Ok(Self { json: target(&options.json)?, csv: target(&options.csv)? })
+        let targets = Self { json: target(&options.json)?, csv: target(&options.csv)? };
+        expect_distinct(&targets.paths(), &options.truth.files())?;
+        Ok(targets)
     }
 
     fn write(&self, comparison: &Comparison) -> Result<(), Failure> {
@@ -187,6 +191,8 @@ struct Contest<'t, 'a> {
     truth: Option<&'t Truth>,
     entries: Vec<(Contender<'a>, About)>,
     rounds: usize,
+    /// From the end of the first round on there is something to keep.
+    shelter: Option<Shelter>,
 }
 
 impl<'a> Contest<'_, 'a> {
@@ -209,6 +215,7 @@ impl<'a> Contest<'_, 'a> {
                 }
                 self.entries[variant].0.measure(&pace).map_err(failure)?;
             }
+            self.shelter.get_or_insert_with(Shelter::new);
         }
         Ok(())
     }

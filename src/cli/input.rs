@@ -7,7 +7,7 @@ use std::io::{self, Read};
 use std::path::Path;
 
 /// The longest picture file that is read: as many floats as a picture may have, and a header.
-const MOST_PICTURE_BYTES: u64 = 4 * MAX_SAMPLES as u64 + (1 << 20);
+pub const MOST_PICTURE_BYTES: u64 = 4 * MAX_SAMPLES as u64 + (1 << 20);
 
 /// Reads a whole file of at most so many bytes.
 pub fn read_file(path: &Path, most: u64) -> io::Result<Vec<u8>> {

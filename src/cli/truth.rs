@@ -5,8 +5,8 @@
 
 use super::console::Console;
 use super::failure::{CommandError, Failure};
-use super::interrupt;
-use super::output::{Target, read_picture};
+use super::input::{MOST_PICTURE_BYTES, read_file, read_picture};
+use super::output::Target;
 use super::pipeline::BOUNCES;
 use super::progress::Progress;
 use super::scene::View;
@@ -56,6 +56,11 @@ pub struct Truth {
 }
 
 impl TruthOptions {
+    /// The files that are read.
+    pub fn files(&self) -> Vec<&Path> {
+        self.reference.iter().chain(&self.reference_variance).map(PathBuf::as_path).collect()
+    }
+
     /// Reads what the user gives; None where it is to be traced, or none is wanted.
     pub fn given(&self, view: &View) -> Result<Option<Truth>, Failure> {
         let Some(path) = &self.reference else { return Ok(None) };
@@ -113,7 +118,7 @@ impl Keeper {
 
     /// None where there is none, or one that is damaged.
     fn kept(&self, console: &Console) -> Option<Layers> {
-        let file = std::fs::read(self.target.path()).ok()?;
+        let file = read_file(self.target.path(), MOST_PICTURE_BYTES).ok()?;
         let picture = open(&file).filter(|picture| picture.attributes.get("key") == Some(&self.key));
         if picture.is_none() {
             console.note(&format!("the reference kept in {} is damaged: it is traced anew", self.target.path().display()));
@@ -127,9 +132,6 @@ impl Keeper {
             let progress = Progress::new(console, "tracing the reference");
             render(&view.scene, &view.bvh, &view.camera, &self.settings, &|share| progress.report(share))
         };
-        if interrupt::requested() {
-            return Err(Failure::interrupted(&[]));
-        }
         let reference = result.map_err(Failure::input)?;
         let attributes = [
             ("program", format!("hemisplat {}", env!("CARGO_PKG_VERSION"))),

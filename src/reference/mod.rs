@@ -32,15 +32,9 @@ use std::{
     time::Instant,
 };
 
-<<<<<<< HEAD
-=======
 /// Raised whenever the same settings give another picture, so that pictures kept from before are traced anew.
 pub const VERSION: u32 = 1;
 
-/// The longest side of a picture [pixels].
-pub const MAX_SIDE: u32 = 32768;
-
->>>>>>> 350c3a9 (hemisplat compare: interleaved runs, exact signed ranks, errors against a reference that is kept)
 /// Pixels that one reference computes, at some 300 bytes each.
 pub const MAX_PIXELS: u64 = 1 << 24;
 

@@ -2,7 +2,7 @@
 
 use glam::{DVec3, Vec2, Vec3};
 use hemisplat::{
-    reference::{Bounces, Reference, ReferenceError, Settings, Stop, Tracer, render},
+    reference::{Bounces, Reference, ReferenceError, Settings, Stop, Tracer, VERSION, render},
     scene::{bvh::Bvh, model::*},
 };
 use std::f64::consts::PI;
@@ -405,6 +405,19 @@ fn the_number_of_threads_does_not_matter() {
         Reference { seconds: 0.0, ..pool.install(|| picture(1.0, SETTINGS)) }
     };
     assert_eq!(with(1), with(2));
+}
+
+/// Pictures that are kept carry the version: whoever changes what a seed gives raises it, and puts the new sum here.
+#[test]
+fn the_version_belongs_to_what_a_seed_gives() {
+    let sum = |seed| {
+        let reference = picture(1.0, Settings { size: [16, 12], stop: Stop::Samples(8), seed, ..SETTINGS });
+        reference.irradiance.iter().sum::<Vec3>().element_sum() as f64
+    };
+    assert_eq!(VERSION, 1);
+    assert_close(sum(0), 316.282, 1e-3);
+    let others: Vec<f64> = (1..4).map(sum).collect();
+    assert!(others.iter().all(|other| (other / 316.282 - 1.0).abs() > 3e-3), "a change of the random numbers would not be seen: {others:?}");
 }
 
 #[test]

@@ -20,7 +20,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// Most runs of each variant: the test of significance is exact, and its work grows with their third power.
-const MAX_RUNS: i64 = 256;
+const MAX_RUNS: i64 = 500;
 
 /// Runs of each variant where the user says nothing, unless so many variants are compared that more are needed.
 const DEFAULT_RUNS: usize = 10;
@@ -176,7 +176,7 @@ fn warn_of_few_runs(options: &Options, console: &Console) {
     let comparisons = compare::comparisons(options.variants.len());
     let (runs, least) = (runs_of(options), least_runs(comparisons));
     if comparisons > 0 && runs < least {
-        console.note(&format!("note: {runs} runs cannot tell any difference from noise among {} variants, {least} at least can", options.variants.len()));
+        console.note(&format!("note: no difference can be told from noise: {} variants need at least --runs {least}", options.variants.len()));
     }
 }
 

@@ -1,6 +1,6 @@
-//! How far a record reaches: limits, caps and the agreement between neighbours.
+//! How far a record reaches, by the second derivatives of its light.
 
-use glam::{DVec2, DVec3, Vec2, Vec3};
+use glam::{DVec2, DVec3};
 
 /// Where a record reaches, up to the accuracy: an ellipse in its tangent plane.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -36,143 +36,36 @@ impl Ellipse {
     }
 }
 
-/// Width of a pixel at a depth along the camera's axis [scene units]: `half_extent` is the picture plane's half
-/// width and height at distance 1, `size` the picture in pixels. The larger of width and height.
-pub fn footprint(depth: f32, half_extent: Vec2, size: [u32; 2]) -> f32 {
-    let pixel = 2.0 * half_extent / Vec2::new(size[0] as f32, size[1] as f32);
-    depth * pixel.max_element()
-}
-
-/// Limits on the reach of a record, `accuracy · radius`, from what the scene and the picture are.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ReachLimits {
-    /// Least and most, as shares of the scene's extent.
-    pub extent: [f32; 2],
-    /// Least and most, in pixels at the record.
-    pub pixels: [f32; 2],
-}
-
-impl ReachLimits {
-    /// The interval of radii R [scene units]: at least the larger of the two lower limits, at most the smaller of the
-    /// two upper ones; where these cross the lower limit wins, so that records stay few. `footprint` is the size of a
-    /// pixel at the record, `accuracy` > 0.
-    pub fn radii(&self, extent: f32, footprint: f32, accuracy: f32) -> [f32; 2] {
-        let least = (self.extent[0] * extent).max(self.pixels[0] * footprint) / accuracy;
-        let most = (self.extent[1] * extent).min(self.pixels[1] * footprint) / accuracy;
-        [least, most.max(least)]
-    }
-}
-
-/// A radius in `limits`; infinite (only sky seen) becomes the upper, and what is not a number the lower limit.
-pub fn clamp(radius: f32, limits: [f32; 2]) -> f32 {
-    radius.max(limits[0]).min(limits[1])
-}
-
-/// A round record after the caps.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Capped {
-    pub radius: f32,
-    /// What the gradient must be multiplied by, 0..1.
-    pub gradient_scale: f32,
-}
-
-/// The caps of a round record, in the order of Radiance's ambient code (after Schwarzhaupt et al. 2012): `R·g ≤ 1`, as
-/// the gradient alone would then double or extinguish the irradiance; R within `limits`; the gradient scaled so that
-/// `R·g ≤ 1` again where the lower limit gave back what the first cap took.
-/// `relative_gradient` is g = `|∇E|/E` [1 / scene unit]; infinite or not a number where E is 0 counts as no gradient.
-pub fn cap(radius: f32, relative_gradient: f32, limits: [f32; 2]) -> Capped {
-    let gradient = finite_or_0(relative_gradient);
-    let radius = clamp(radius.min(1.0 / gradient), limits);
-    Capped { radius, gradient_scale: (1.0 / (radius * gradient)).min(1.0) }
-}
-
-/// An elliptic record after the caps.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct CappedEllipse {
-    pub radii: [f32; 2],
-    /// What the gradient must be multiplied by, 0..1.
-    pub gradient_scale: f32,
-}
-
-/// The caps of an elliptic record, in order: `R_i·g_i ≤ 1`, `R_i ≥ R_min`, the longer radius at most twice the shorter,
-/// `R_i ≤ R_max`, the gradient scaled so that `Σ(g_i R_i)² ≤ 1`. `relative_gradient` holds the moduli of `∂E/E` along
-/// the two axes [1 / scene unit], as for [`cap`].
-pub fn cap_ellipse(radii: [f32; 2], relative_gradient: [f32; 2], limits: [f32; 2]) -> CappedEllipse {
-    let gradient = relative_gradient.map(finite_or_0);
-    let capped = [0, 1].map(|i| radii[i].min(1.0 / gradient[i]).max(limits[0]));
-    let longest = 2.0 * capped[0].min(capped[1]);
-    let radii = capped.map(|r| r.min(longest).min(limits[1]));
-    let overshoot = (gradient[0] * radii[0]).hypot(gradient[1] * radii[1]);
-    CappedEllipse { radii, gradient_scale: (1.0 / overshoot).min(1.0) }
-}
-
-fn finite_or_0(gradient: f32) -> f32 {
-    if gradient.is_finite() { gradient } else { 0.0 }
-}
-
-/// Neighbour clamping (Křivánek et al. 2006): the radius of a record at `position`, at most what each neighbour
-/// (position, radius) allows, `R_j + |p − p_j|`. A feature that a neighbour has seen cannot be jumped over. One round
-/// over all records with the radii of the round before does not depend on their order.
-pub fn clamp_to_neighbours(position: Vec3, radius: f32, neighbours: impl IntoIterator<Item = (Vec3, f32)>) -> f32 {
-    neighbours.into_iter().fold(radius, |least, (at, radius)| least.min(radius + position.distance(at)))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    const LIMITS: [f32; 2] = [0.1, 10.0];
-
     #[test]
-    fn footprints_scale_with_depth() {
-        assert_eq!(footprint(3.0, Vec2::new(1.0, 0.5), [200, 100]), 0.03);
+    fn nothing_that_bends_reaches_without_end() {
+        assert_eq!(Ellipse::of_curvature(1.0, DVec3::ZERO), Ellipse::disc(f64::INFINITY));
+        assert_eq!(Ellipse::of_curvature(2.0, DVec3::new(-1.0, 0.0, -1.0)), Ellipse::disc(2.0));
     }
 
+    /// A trough along y: the axis of the longer radius, which is at most twice the shorter.
     #[test]
-    fn limits_hold_for_anything() {
-        assert_eq!(clamp(f32::INFINITY, LIMITS), 10.0);
-        assert_eq!(clamp(f32::NAN, LIMITS), 0.1);
-        assert_eq!(clamp(0.0, LIMITS), 0.1);
-        let reach = ReachLimits { extent: [0.001, 0.1], pixels: [3.0, 20.0] };
-        assert_eq!(reach.radii(100.0, 0.05, 0.5), [0.3, 2.0]);
-        let [least, most] = reach.radii(100.0, 10.0, 0.5);
-        assert!(least == 60.0 && most == 60.0, "far away the lower limit wins");
-    }
-
-    #[test]
-    fn strong_gradients_shorten_the_radius_and_then_yield() {
-        assert_eq!(cap(4.0, 0.5, LIMITS), Capped { radius: 2.0, gradient_scale: 1.0 });
-        assert_eq!(cap(4.0, 100.0, LIMITS), Capped { radius: 0.1, gradient_scale: 0.1 });
-        assert_eq!(cap(f32::INFINITY, 0.0, LIMITS), Capped { radius: 10.0, gradient_scale: 1.0 });
-        assert_eq!(cap(4.0, f32::NAN, LIMITS), Capped { radius: 4.0, gradient_scale: 1.0 });
-        assert_eq!(cap_ellipse([1.0, 9.0], [0.0, 0.0], LIMITS).radii, [1.0, 2.0]);
+    fn ellipses_lie_along_the_weaker_curvature() {
+        let ellipse = Ellipse::of_curvature(2.0, DVec3::new(4.0, 0.0, 0.0));
+        assert_eq!(ellipse.radius, 1.0);
+        assert!((ellipse.stretch.y.abs() - 0.75f64.sqrt()).abs() < 1e-12 && ellipse.stretch.x.abs() < 1e-12);
     }
 
     proptest! {
+        /// At the rim along either axis the second-order term is at most the irradiance.
         #[test]
-        fn caps_never_let_a_gradient_overshoot(r0 in 0.0..100.0f32, r1 in 0.0..100.0f32, g0 in 0.0..100.0f32, g1 in 0.0..100.0f32) {
-            let CappedEllipse { radii, gradient_scale } = cap_ellipse([r0, r1], [g0, g1], LIMITS);
-            let [a, b] = [g0 * radii[0], g1 * radii[1]].map(|x| x * gradient_scale);
-            prop_assert!(a * a + b * b <= 1.0 + 1e-5);
-            prop_assert!(radii.iter().all(|r| (LIMITS[0]..=LIMITS[1]).contains(r)));
-            prop_assert!(radii[0] <= 2.0 * radii[1] && radii[1] <= 2.0 * radii[0]);
-            let round = cap(r0, g0, LIMITS);
-            prop_assert!(round.radius * g0 * round.gradient_scale <= 1.0 + 1e-5);
-        }
-
-        /// Radii settle, and then differ by no more than the distance between any two records.
-        #[test]
-        fn neighbours_agree_after_a_few_rounds(records in prop::collection::vec((-1.0..1.0f32, -1.0..1.0f32, 0.01..5.0f32), 2..12)) {
-            let positions: Vec<Vec3> = records.iter().map(|r| Vec3::new(r.0, r.1, 0.0)).collect();
-            let mut radii: Vec<f32> = records.iter().map(|r| r.2).collect();
-            for _ in 0..2 {
-                radii = positions.iter().zip(&radii).map(|(&p, &r)| clamp_to_neighbours(p, r, positions.iter().copied().zip(radii.iter().copied()))).collect();
-            }
-            for (p, r) in positions.iter().zip(&radii) {
-                for (q, s) in positions.iter().zip(&radii) {
-                    prop_assert!(*r <= s + p.distance(*q) + 1e-5);
-                }
+        fn the_next_term_is_bounded_at_the_rim(xx in -9.0..9.0f64, xy in -9.0..9.0f64, yy in -9.0..9.0f64, irradiance in 0.01..9.0f64) {
+            let ellipse = Ellipse::of_curvature(irradiance, DVec3::new(xx, xy, yy));
+            let axis = ellipse.stretch.normalize_or(DVec2::X);
+            let longer = ellipse.radius / (1.0 - ellipse.stretch.length_squared()).sqrt();
+            prop_assert!(longer <= 2.0 * ellipse.radius * (1.0 + 1e-9));
+            for at in [axis * longer, axis.perp() * ellipse.radius] {
+                let term = 0.5 * (xx * at.x * at.x + 2.0 * xy * at.x * at.y + yy * at.y * at.y);
+                prop_assert!(term.abs() <= irradiance * (1.0 + 1e-9), "{term} of {irradiance}");
             }
         }
     }

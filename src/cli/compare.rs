@@ -25,7 +25,7 @@ const MAX_RUNS: i64 = 500;
 /// Runs of each variant where the user says nothing, unless so many variants are compared that more are needed.
 const DEFAULT_RUNS: usize = 10;
 
-/// Tell what pipelines cost and how far each is from the truth, and which differences are more than noise
+/// Tell what pipelines cost, how far each is from the truth, and what is noise
 #[derive(Args)]
 #[command(after_help = "Example: hemisplat compare irradiance irradiance@tiles.resolution=32 irradiance-readback --scene cornell --json out/compare.json
 

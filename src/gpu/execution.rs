@@ -143,7 +143,7 @@ impl<'a> Session<'a> {
         self.gpu_bytes += kind.bytes();
         let limits = &self.gpu.limits;
         let within = |wanted: u64, limit: u64, unit| if wanted <= limit { Ok(()) } else { Err(GpuError::Limit { what: label.into(), unit, wanted, limit }) };
-        match kind {
+        let physical = match kind {
             ResourceKind::Buffer { bytes } => {
                 within(*bytes, limits.max_storage_buffer_binding_size.min(limits.max_buffer_size), "bytes")?;
                 let usage = wgpu::BufferUsages::STORAGE
@@ -151,20 +151,17 @@ impl<'a> Session<'a> {
                     | wgpu::BufferUsages::VERTEX
                     | wgpu::BufferUsages::COPY_DST
                     | wgpu::BufferUsages::COPY_SRC;
-                Ok(Physical::Buffer(self.gpu.device.create_buffer(&wgpu::BufferDescriptor {
-                    label: Some(label),
-                    size: *bytes,
-                    usage,
-                    mapped_at_creation: false,
-                })))
+                Physical::Buffer(self.gpu.device.create_buffer(&wgpu::BufferDescriptor { label: Some(label), size: *bytes, usage, mapped_at_creation: false }))
             }
             ResourceKind::Texture { size, layers, format } => {
                 within(size[0].max(size[1]).into(), limits.max_texture_dimension_2d.into(), "texels along an edge")?;
                 within((*layers).into(), limits.max_texture_array_layers.into(), "layers")?;
-                Ok(Physical::Texture { texture: self.create_texture(label, *size, *layers, *format), format: *format })
+                Physical::Texture { texture: self.create_texture(label, *size, *layers, *format), format: *format }
             }
-            ResourceKind::Draws | ResourceKind::State => Ok(Physical::Host),
-        }
+            ResourceKind::Draws | ResourceKind::State => Physical::Host,
+        };
+        self.gpu.check(&format!("allocating `{label}`"))?;
+        Ok(physical)
     }
 
     fn create_texture(&self, label: &str, size: [u32; 2], layers: u32, format: Format) -> wgpu::Texture {

@@ -84,7 +84,7 @@ fn record_weight(record: Record, weighting: Weighting, position: vec3f, normal: 
     // sqrt(1 − n·n_k), without its cancellation.
     let turned = length(normal - record.normal) * 0.70710678;
     // In front of the point: what the record saw is behind the point's surroundings.
-    if dot(d, normal + record.normal) * 0.5 < -0.05 * radius {
+    if dot(d, normal + record.normal) * 0.5 < -0.05 * length(d) {
         return 0.0;
     }
     switch weighting.kind {

@@ -7,8 +7,8 @@ use glam::Vec3;
 /// any other record's, without an infinity to divide by infinity.
 pub const LEAST_ERROR: f32 = 1e-3;
 
-/// A record is in front of a point, and does not count, when it is farther above the mean tangent plane than this
-/// times its reach.
+/// A record is in front of a point, and does not count, when the way to the point leaves the mean tangent plane downwards by more
+/// than this times its length. A share of the reach would be no measure: records that see the sky alone reach any distance.
 pub const FRONT_TOLERANCE: f32 = 0.05;
 
 /// `sqrt(1 − cos 10°)`: the change of normal at which Tabellion and Lamorlette's weight reaches 0.
@@ -130,7 +130,7 @@ impl Rule {
         let along = offset.dot(record.stretch);
         let apart = (offset.length_squared() - along * along).max(0.0).sqrt() / reach;
         let behind = offset.dot(normal + record.normal) * 0.5;
-        if apart > 1.0 || behind < -FRONT_TOLERANCE * reach {
+        if apart > 1.0 || behind < -FRONT_TOLERANCE * offset.length() {
             return 0.0;
         }
         // sqrt(1 − n·n_k) as |n − n_k|/√2: exactly 0 for equal normals, where the difference of 1 and a rounded
@@ -211,7 +211,10 @@ mod tests {
         let (r, rule) = (record(), rule(Weighting::Ward));
         let weight = |offset: Vec3| rule.weight(&r, r.position + offset, r.normal);
         assert_eq!(weight(Vec3::new(0.1, 0.0, -0.1)), 0.0);
-        assert!(weight(Vec3::new(0.1, 0.0, 0.1)) > 0.0 && weight(Vec3::new(0.1, 0.0, -0.01)) > 0.0);
+        assert!(weight(Vec3::new(0.1, 0.0, 0.1)) > 0.0 && weight(Vec3::new(0.1, 0.0, -0.004)) > 0.0);
+        // What sees nothing but sky reaches far, but does not count for what lies behind it.
+        let (sky, far) = (Record { radius: 1e30, minimum_distance: 1e30, ..r }, Rule { spacing: [1.0, 1e6], ..rule });
+        assert_eq!(far.weight(&sky, r.position - Vec3::new(1.0, 0.0, 1.0), r.normal), 0.0);
         // On a sphere the chord is perpendicular to the mean normal: curvature alone rejects nothing.
         let normal = tilted(Vec3::Y, 5.0);
         assert!(rule.weight(&r, r.position + (normal - Vec3::Z), normal) > 0.0);
@@ -253,7 +256,7 @@ mod tests {
         fn ward_counts_where_the_formula_says(x in -0.5..0.5f32, y in -0.5..0.5f32, degrees in 0.0..30.0f32, accuracy in 0.01..2.0f32) {
             let (r, rule) = (record(), Rule { weighting: Weighting::Ward, accuracy, spacing: [0.0, 1e6], nearest: 1e6, change: 1e6, overlap: 0.0 });
             let (p, n) = (r.position + Vec3::new(x, y, 0.0), tilted(Vec3::X, degrees));
-            let behind = (p - r.position).dot(n + r.normal) * 0.5 + FRONT_TOLERANCE * rule.reach(&r);
+            let behind = (p - r.position).dot(n + r.normal) * 0.5 + FRONT_TOLERANCE * (p - r.position).length();
             let error = f64::from((p - r.position).length()) / 2.0 + (1.0 - f64::from(degrees).to_radians().cos()).sqrt();
             prop_assume!((error - f64::from(accuracy)).abs() > 1e-5 && behind > 0.0 && error > 2e-3);
             let weight = f64::from(rule.weight(&r, p, n));

@@ -1,6 +1,5 @@
 //! What stands for the directions that a shape leaves out.
 
-use super::record::{edge_bytes, sample_bytes};
 use crate::contract::{Choice, Description, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, port};
 use crate::math::hemisphere::{Method, Table};
 use std::sync::Arc;
@@ -42,9 +41,7 @@ impl Pass for Compensation {
         let table = Arc::new(
             Table::new(tiles.shape, tiles.resolution, method).map_err(|e| Refusal::new("plan::tile", e.to_string(), "choose another shape or resolution"))?,
         );
-        let weights = r.constant_buffer("weights", &sample_bytes(&table));
-        let edges = r.constant_buffer("edges", &edge_bytes(&table.edges));
-        r.output("tiles", Port::WeightedTiles(port::WeightedTiles { tiles, table, weights, edges }));
+        r.output("tiles", Port::WeightedTiles(port::WeightedTiles { tiles, table }));
         Ok(())
     }
 }

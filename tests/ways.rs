@@ -15,7 +15,7 @@ use hemisplat::{
     },
     passes::{
         REGISTRY,
-        record::{Radius, Record, Request, Weighting, edge_bytes, sample_bytes, summed_record},
+        record::{Radius, Record, Request, Weighting, summed_record},
     },
     recording::*,
     scene::{bvh::Bvh, load, model::*, needs::Needs},
@@ -290,8 +290,7 @@ fn summed(stage: &Stage, table: &Arc<Table>, shape: (Shape, u32), by: &str, radi
         tiles_per_row: 2,
         table: table.clone(),
     };
-    let (weights, edges) = (graph.buffer("weights", &sample_bytes(table)), graph.buffer("edges", &edge_bytes(&table.edges)));
-    graph.ports.insert("tiles".into(), Port::WeightedTiles(port::WeightedTiles { tiles, table: table.clone(), weights, edges }));
+    graph.ports.insert("tiles".into(), Port::WeightedTiles(port::WeightedTiles { tiles, table: table.clone() }));
     graph.node("records", "IrradianceSum", &[("by", by), ("radius", &format!("{radius:?}"))], &[("of", "tiles")])?;
     let Some(Port::Records(port::Records { records, .. })) = graph.ports.get("records") else { return Err("no records".into()) };
     let mut session = graph.session(&[*records])?;

@@ -2,6 +2,7 @@
 
 use super::Work;
 use crate::contract::{Arguments, Choice, Parameter, ParameterKind, Recorder};
+use crate::passes::record::{edge_bytes, sample_bytes};
 use crate::recording::*;
 
 /// Vectors that a tile adds up to: layers of the images.
@@ -66,14 +67,16 @@ impl Work<'_> {
 
     /// Every sample's six parts.
     pub(super) fn contribute(&self, r: &mut Recorder<'_>, storage: &Storage, into: Resource) {
-        let starts: Vec<u32> = (0..=self.weighted.table.samples.len()).map(|i| self.weighted.table.edges.partition_point(|e| e.a < i as u32) as u32).collect();
+        let table = &self.weighted.table;
+        let starts: Vec<u32> = (0..=table.samples.len()).map(|i| table.edges.partition_point(|e| e.a < i as u32) as u32).collect();
+        let [weights, edges] = [("weights", sample_bytes(table)), ("edges", edge_bytes(&table.edges))].map(|(name, bytes)| r.constant_buffer(name, &bytes));
         let starts = r.constant_buffer("edge_starts", bytemuck::cast_slice(&starts));
         let tiles = &self.weighted.tiles;
         let program = self
             .at_level("irradiance_sum/reduce", 0)
             .bind("requests", tiles.requests.places)
-            .bind("weights", self.weighted.weights)
-            .bind("edges", self.weighted.edges)
+            .bind("weights", weights)
+            .bind("edges", edges)
             .bind("edge_starts", starts)
             .bind("radiance", tiles.samples)
             .bind(storage.coarse, into);

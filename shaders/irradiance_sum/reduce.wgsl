@@ -59,13 +59,14 @@ fn contribution(tile: u32, sample: u32) -> Sums {
     var sums: Sums;
     if weight.plain_weight > 0.0 {
         let seen = radiance[tile * size + sample];
-        let inverse = inverse_distance(request, seen.w);
-        add_sample(&sums, weight, seen, inverse);
+        let nearest = least_distance(request);
+        let inverse = 1.0 / max(seen.w, nearest);
+        add_sample(&sums, weight.cosine_weight, vec2f(weight.rotation_x, weight.rotation_y), seen.rgb, inverse);
         if GRADIENTS {
             for (var i = edge_starts[sample]; i < edge_starts[sample + 1u]; i++) {
                 let edge = edges[i];
                 let other = radiance[tile * size + edge.b];
-                let inverse_other = inverse_distance(request, other.w) / weights[edge.b].depth_cosine;
+                let inverse_other = 1.0 / max(other.w, nearest) / weights[edge.b].depth_cosine;
                 let hessian = vec3f(edge.hessian_xx, edge.hessian_xy, edge.hessian_yy);
                 add_wall(&sums, edge.gradient, hessian, vec4f(seen.rgb, inverse / weight.depth_cosine), vec4f(other.rgb, inverse_other));
             }

@@ -42,7 +42,7 @@ struct Place {
 
 fn place_of(tile: u32) -> Place {
     let placed = min(tile, TILE_CAPACITY - 1u);
-    return Place(placed * TILE_WIDTH * TILE_HEIGHT, max(surface_offset(requests[placed].position), 1e-30));
+    return Place(placed * TILE_WIDTH * TILE_HEIGHT, least_distance(requests[placed]));
 }
 
 // Radiance and inverse depth; nothing infinitely far where the sample is unused.
@@ -56,11 +56,7 @@ fn seen_at(place: Place, sample: u32, inverse_depth_cosine: f32) -> vec4f {
 fn visit(sums: ptr<function, Sums>, place: Place, before: vec4f, cell: Cell, sample: u32, above: f32) -> vec4f {
     let seen = seen_at(place, sample, cell.inverse_depth_cosine);
     let inverse = seen.w / max(cell.inverse_depth_cosine, 1e-30);
-    let turn = vec2f(cell.rotation_x, cell.rotation_y);
-    let blue = (*sums).parts[2];
-    (*sums).parts[0] += vec4f(seen.rgb, inverse) * cell.cosine_weight;
-    (*sums).parts[1] += vec4f(turn * seen.r, turn * seen.g);
-    (*sums).parts[2] = vec4f(blue.xy + turn * seen.b, blue.z + cell.cosine_weight, max(blue.w, inverse));
+    add_sample(sums, cell.cosine_weight, vec2f(cell.rotation_x, cell.rotation_y), seen.rgb, inverse);
     if GRADIENTS {
         add_wall(sums, cell.left_gradient, vec3f(cell.left_hessian_xx, cell.left_hessian_xy, cell.left_hessian_yy), before, seen);
         let over = seen_at(place, sample - min(sample, TILE_WIDTH), above);

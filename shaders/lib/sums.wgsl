@@ -27,18 +27,17 @@ struct Sums {
     parts: array<vec4f, 6>,
 }
 
-// 1 over a distance, which contact does not make infinite.
-fn inverse_distance(request: Request, distance: f32) -> f32 {
-    return 1.0 / max(distance, max(surface_offset(request.position), 1e-30));
+// What distances count as at least, so that contact does not make their inverses infinite.
+fn least_distance(request: Request) -> f32 {
+    return max(surface_offset(request.position), 1e-30);
 }
 
-// Adds a sample to the first three parts.
-fn add_sample(sums: ptr<function, Sums>, weight: TileSample, seen: vec4f, inverse: f32) {
-    let turn = vec2f(weight.rotation_x, weight.rotation_y);
-    (*sums).parts[0] += vec4f(seen.rgb, inverse) * weight.cosine_weight;
+// Adds a sample to the first three parts: its cosine weight, its turn of the normal, radiance and inverse distance.
+fn add_sample(sums: ptr<function, Sums>, cosine_weight: f32, turn: vec2f, seen: vec3f, inverse: f32) {
+    (*sums).parts[0] += vec4f(seen, inverse) * cosine_weight;
     (*sums).parts[1] += vec4f(turn * seen.r, turn * seen.g);
     let blue = (*sums).parts[2];
-    (*sums).parts[2] = vec4f(blue.xy + turn * seen.b, blue.z + weight.cosine_weight, max(blue.w, inverse));
+    (*sums).parts[2] = vec4f(blue.xy + turn * seen.b, blue.z + cosine_weight, max(blue.w, inverse));
 }
 
 // Adds the wall between two samples to the last three parts; `a` and `b` are radiance and inverse depth.

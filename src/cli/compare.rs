@@ -4,6 +4,7 @@ use super::check::unique;
 use super::comparison;
 use super::console::Console;
 use super::failure::{CommandError, Failure};
+use super::input::peak_host_bytes;
 use super::interrupt::Shelter;
 use super::output::{Target, expect_distinct};
 use super::pipeline::{check_pipeline, plan_view};
@@ -12,7 +13,7 @@ use super::scene::{SceneOptions, View};
 use super::truth::{Truth, TruthOptions};
 use crate::gpu::{Gpu, GpuError, Pace};
 use crate::measure::compare::{self, About, Comparison, Contender, StartUp, VariantErrors};
-use crate::measure::run::{Run, RunError, peak_host_bytes};
+use crate::measure::run::{Run, RunError};
 use crate::measure::statistics::least_runs;
 use crate::pipeline::{Pipeline, Plan, Problems};
 use clap::Args;
@@ -225,7 +226,6 @@ impl<'a> Contest<'_, 'a> {
         let whole = self.entries.iter().map(|(contender, _)| contender.runs()).min()?;
         let entries = self.entries.into_iter().enumerate();
         let variants = entries.map(|(index, (contender, about))| contender.report(compare::letters(index), about, whole)).collect::<Option<Vec<_>>>()?;
-        let peak_host_bytes = std::fs::read_to_string("/proc/self/status").ok().and_then(|status| peak_host_bytes(&status));
         Some(Comparison {
             schema: 1,
             scene: view.scene.name.clone(),
@@ -237,7 +237,7 @@ impl<'a> Contest<'_, 'a> {
             runs: whole,
             complete: whole == self.rounds && variants.iter().all(|variant| variant.complete),
             start_up,
-            peak_host_bytes,
+            peak_host_bytes: peak_host_bytes(),
             reference: self.truth.map(Truth::report),
             pairs: compare::pairs(&variants),
             variants,

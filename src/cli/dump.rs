@@ -85,8 +85,8 @@ fn write_records(records: &[Record], rule: Option<port::Rule>, name: &str, besid
     ply.push_str("end_header\n");
     for record in records {
         let ([x, y, z], [a, b, c], [r, g, h]) = (record.position, record.normal, record.irradiance);
-        let (reach, limited_by) =
-            rule.map_or((record.radius, ""), |rule| (rule.reach(&weight::Record::from(record)), rule.limited_by(&weight::Record::from(record))));
+        let twin = weight::Record::from(record);
+        let (reach, limited_by) = rule.map_or((record.radius, ""), |rule| (rule.reach(&twin), rule.limited_by(&twin)));
         let (radius, footprint) = (record.radius, record.footprint);
         let _ = writeln!(csv, "{x},{y},{z},{a},{b},{c},{r},{g},{h},{radius},{},{footprint},{reach},{limited_by}", record.minimum_distance);
         let _ = writeln!(ply, "{x} {y} {z} {a} {b} {c} {r} {g} {h} {radius} {reach}");

@@ -3,7 +3,7 @@
 use super::console::Console;
 use super::dump;
 use super::failure::{CommandError, Failure};
-use super::input::read_file;
+use super::input::{peak_host_bytes, read_file};
 use super::interrupt::{self, Shelter};
 use super::output::{PictureTarget, Target, expect_distinct, exposure};
 use super::pipeline::BOUNCES;
@@ -11,7 +11,8 @@ use super::progress::Progress;
 use super::scene::{SceneOptions, View};
 use super::timeline::{Frame, Plans, Timeline, TimelineOptions, camera_of_frame};
 use crate::gpu::{Gpu, GpuError, Pace};
-use crate::measure::run::{FrameReport, Run, RunError, peak_host_bytes};
+use crate::measure::compare::{AdapterReport, dropped};
+use crate::measure::run::{FrameReport, Run, RunError};
 use crate::measure::{Layers, cache};
 use crate::pipeline::Plan;
 use clap::Args;
@@ -186,11 +187,7 @@ impl<'o> Film<'o> {
                 Pace::GoOn
             }
         };
-        let report = run.frame(&pace)?;
-        match report.non_finite_pixels {
-            Some(pixels) if pixels > 0 => Err(RunError::NonFinite { layer: "splats".into(), pixels }),
-            _ => Ok((report, run.picture()?)),
-        }
+        Ok((run.frame(&pace)?, run.picture()?))
     }
 
     fn note_gap(&mut self, frame: &Frame, report: &FrameReport) {
@@ -321,14 +318,12 @@ fn text(options: &Options, frame: u32, report: &FrameReport) -> String {
 
 fn statistics(film: &Film<'_>, run: &Run<'_>, gpu: &Gpu, start_up: &StartUp, complete: bool) -> Value {
     let (plan, view) = (run.plan(), film.view);
-    let dropped: Vec<Value> = plan.dropped.iter().map(|d| json!({ "node": d.node, "because": d.because })).collect();
-    let peak_host_bytes = std::fs::read_to_string("/proc/self/status").ok().and_then(|status| peak_host_bytes(&status));
     json!({
         "schema": 1,
         "pipeline": plan.pipeline,
         "scene": view.scene.name,
         "triangles": view.scene.triangles.len(),
-        "adapter": { "name": gpu.adapter.name, "backend": gpu.adapter.backend, "driver": gpu.adapter.driver },
+        "adapter": AdapterReport::from(&gpu.adapter),
         "size": view.size,
         "complete": complete,
         "frames": film.frames,
@@ -339,8 +334,8 @@ fn statistics(film: &Film<'_>, run: &Run<'_>, gpu: &Gpu, start_up: &StartUp, com
             "shaders_seconds": start_up.shaders,
         },
         "peak_gpu_bytes": run.gpu_bytes(),
-        "peak_host_bytes": peak_host_bytes,
-        "plan": { "dropped": dropped },
+        "peak_host_bytes": peak_host_bytes(),
+        "plan": { "dropped": dropped(plan) },
     })
 }
 

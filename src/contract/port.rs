@@ -83,7 +83,7 @@ impl Port {
             Self::Splats(p) => [p.sums, p.cache.records].into_iter().chain(p.counts).collect(),
             Self::Requests(p) => vec![p.places],
             Self::Tiles(p) => vec![p.samples, p.requests.places],
-            Self::WeightedTiles(p) => vec![p.tiles.samples, p.tiles.requests.places, p.weights, p.edges],
+            Self::WeightedTiles(p) => vec![p.tiles.samples, p.tiles.requests.places],
             Self::Records(p) => vec![p.records],
             Self::RecordCache(p) => vec![p.records],
             Self::Flag(_) => Vec::new(),
@@ -105,10 +105,7 @@ impl Port {
             }
             Self::Requests(p) => p.over(memory),
             Self::Tiles(p) => p.over(memory),
-            Self::WeightedTiles(p) => {
-                p.tiles.over(memory);
-                [&mut p.weights, &mut p.edges].into_iter().for_each(|r| replace(r, memory));
-            }
+            Self::WeightedTiles(p) => p.tiles.over(memory),
             Self::Records(p) => {
                 replace(&mut p.records, memory);
                 p.count = memory.variable(p.count);
@@ -226,10 +223,6 @@ pub struct WeightedTiles {
     pub tiles: Tiles,
     /// The weights after compensation.
     pub table: Arc<Table>,
-    /// The table's samples as a buffer.
-    pub weights: Resource,
-    /// The table's edges as a buffer.
-    pub edges: Resource,
 }
 
 /// New records, in the requests' order.

@@ -1,6 +1,7 @@
 //! The scene as shaders read it: `shaders/lib/scene.wgsl` and `lib/camera.wgsl` have the same structs.
 
 use crate::host_struct;
+use crate::math::colour::REC_709;
 use crate::recording::{HostLayout, SceneData};
 use crate::scene::{Camera, Environment, LightKind, Scene, Triangle, bvh::Bvh, shadow_layers};
 use bytemuck::{bytes_of, cast_slice};
@@ -227,7 +228,7 @@ fn lights(scene: &Scene) -> Vec<SceneLight> {
 /// Area lights in the triangles' order, weighted by area × luminance.
 fn emitters(scene: &Scene) -> Vec<SceneEmitter> {
     let mut cumulative = 0.0f64;
-    let luminance = |c: Vec3| c.dot(Vec3::new(0.2126, 0.7152, 0.0722)) as f64;
+    let luminance = |c: Vec3| c.dot(REC_709.as_vec3()) as f64;
     let mut emitters = Vec::new();
     for (index, triangle) in scene.triangles.iter().enumerate() {
         let material = &scene.materials[triangle.material as usize];

@@ -1,6 +1,7 @@
 //! The mathematics that shaders, passes and tests share: hemispheres and their sums, records and their weights,
-//! frames, bounds on the screen. No device, no files, no other module of the crate.
+//! colours, frames, bounds on the screen. No device, no files, no other module of the crate.
 
+pub mod colour;
 pub mod frame;
 pub mod hemisphere;
 #[cfg(test)]

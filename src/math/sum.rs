@@ -1,6 +1,7 @@
 //! The sum of one tile in double precision: what every summation on the GPU must agree with.
 
 use super::{
+    colour::luminance,
     frame::Frame,
     hemisphere::{Sample, Table},
     radius::Ellipse,
@@ -56,16 +57,13 @@ pub fn sum(table: &Table, radiance: &[[f32; 4]], nearest: f64) -> Result<Summed,
         let inverse = inverse_depth(edge.a).max(inverse_depth(edge.b));
         let step = (colour(radiance[edge.b as usize]) - colour(radiance[edge.a as usize])) * inverse;
         add_outer(&mut translation, step, DVec3::from(edge.gradient));
-        hessian += DVec3::from(edge.hessian) * (step.dot(LUMINANCE) * inverse);
+        hessian += DVec3::from(edge.hessian) * (luminance(step) * inverse);
     }
     Ok(total.finish(translation, hessian))
 }
 
 /// Radius of a record that sees nothing but sky [scene units].
 const FAR_AWAY: f64 = 1e30;
-
-/// Of linear Rec. 709.
-const LUMINANCE: DVec3 = DVec3::new(0.2126, 0.7152, 0.0722);
 
 fn colour(texel: [f32; 4]) -> DVec3 {
     DVec3::new(texel[0].into(), texel[1].into(), texel[2].into())
@@ -120,12 +118,12 @@ impl Total {
 impl Summed {
     /// Of the irradiance [W/m²].
     pub fn luminance(&self) -> f64 {
-        self.irradiance.dot(LUMINANCE)
+        luminance(self.irradiance)
     }
 
     /// `|∇E| / E` of the luminance along the surface [1 / scene unit].
     fn relative_gradient(&self) -> f64 {
-        let along = DVec3::from_array([0, 1, 2].map(|i| DVec3::from_array(self.translation.map(|t| t[i])).dot(LUMINANCE)));
+        let along = DVec3::from_array([0, 1, 2].map(|i| luminance(DVec3::from_array(self.translation.map(|t| t[i])))));
         along.truncate().length() / self.luminance().max(1e-30)
     }
 

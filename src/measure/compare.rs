@@ -34,7 +34,7 @@ pub struct Contender<'a> {
 impl<'a> Contender<'a> {
     /// Renders once, so that what drivers put off to the first use is done, and hands out the picture.
     pub fn warm_up(mut run: Run<'a>, pace: AskPace) -> Result<(Self, Layers), RunError> {
-        let report = frame(&mut run, pace)?;
+        let report = run.frame(pace)?;
         let picture = run.picture()?;
         let contender = Self { run, warm_up_seconds: report.seconds, frames: Vec::new(), picture: checksum(&picture), pictures_repeat: true };
         Ok((contender, picture))
@@ -43,7 +43,7 @@ impl<'a> Contender<'a> {
     /// One run from empty caches.
     pub fn measure(&mut self, pace: AskPace) -> Result<(), RunError> {
         self.run.forget()?;
-        self.frames.push(frame(&mut self.run, pace)?);
+        self.frames.push(self.run.frame(pace)?);
         self.pictures_repeat &= checksum(&self.run.picture()?) == self.picture;
         Ok(())
     }
@@ -257,14 +257,6 @@ pub fn letters(index: usize) -> String {
     if index < 26 { letter.into() } else { letters(index / 26 - 1) + &String::from(letter) }
 }
 
-fn frame(run: &mut Run<'_>, pace: AskPace) -> Result<FrameReport, RunError> {
-    let report = run.frame(pace)?;
-    match report.non_finite_pixels {
-        Some(pixels) if pixels > 0 => Err(RunError::NonFinite { layer: "splats".into(), pixels }),
-        _ => Ok(report),
-    }
-}
-
 fn checksum(picture: &Layers) -> String {
     let mut checksum = Checksum::default();
     for (name, layer) in &picture.layers {
@@ -277,7 +269,8 @@ fn checksum(picture: &Layers) -> String {
     checksum.finish()
 }
 
-fn dropped(plan: &Plan) -> Vec<DroppedNode> {
+/// What the plan left out of the pipeline.
+pub fn dropped(plan: &Plan) -> Vec<DroppedNode> {
     plan.dropped.iter().map(|dropped| DroppedNode { node: dropped.node.clone(), because: dropped.because.clone() }).collect()
 }
 

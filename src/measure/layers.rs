@@ -4,8 +4,9 @@
 //! layer [`PICTURE`] is stored as `R`, `G`, `B`; a layer of one nameless plane, such as `weight`, under the layer's name; any
 //! other as `layer.channel`, such as `irradiance.R` or `normal.X`.
 
-use super::metrics::luminance;
+use crate::math::colour::luminance;
 use exr::prelude::*;
+use glam::Vec3;
 use miette::Diagnostic;
 use std::collections::BTreeMap;
 use std::io::Cursor;
@@ -113,7 +114,7 @@ impl Layer {
         if self.channels.len() == 1 {
             return Some(r.iter().map(|&value| value.into()).collect());
         }
-        Some((0..r.len()).map(|i| luminance([r[i], g[i], b[i]].map(f64::from))).collect())
+        Some((0..r.len()).map(|i| luminance(Vec3::new(r[i], g[i], b[i]).as_dvec3())).collect())
     }
 
     fn channel_names(&self) -> String {

@@ -4,7 +4,8 @@ use super::flip::flip;
 use super::layers::{Layer, Layers, PICTURE, PictureError};
 use super::statistics::quantile;
 use super::tone::tone_map;
-use glam::DVec3;
+use crate::math::colour::luminance;
+use glam::{DVec3, Vec3};
 use miette::Diagnostic;
 use serde::Serialize;
 use thiserror::Error;
@@ -100,11 +101,6 @@ pub enum MetricsError {
     #[error("the reference's surfaces are black: no error relative to their mean can be told")]
     #[diagnostic(code(measure::black_reference))]
     Black,
-}
-
-/// Rec. 709 luminance of a linear colour.
-pub fn luminance(colour: [f64; 3]) -> f64 {
-    0.2126 * colour[0] + 0.7152 * colour[1] + 0.0722 * colour[2]
 }
 
 /// Compares one layer of `test` with the same layer of `reference`.
@@ -298,7 +294,7 @@ fn flip_of(test: Selected, reference: Selected) -> Result<Option<f64>, MetricsEr
         Ok((0..r.len()).map(|i| [r[i], g[i], b[i]]).collect())
     };
     let (test, truth) = (colours(test, "tested picture")?, colours(reference, "reference")?);
-    let Some(mean) = mean(truth.iter().map(|colour| luminance(colour.map(f64::from)))).filter(|&mean| mean > 0.0) else {
+    let Some(mean) = mean(truth.iter().map(|colour| luminance(Vec3::from(*colour).as_dvec3()))).filter(|&mean| mean > 0.0) else {
         return Ok(None);
     };
     // −ln(1 − g) is what the curve maps to g.

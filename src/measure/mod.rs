@@ -10,4 +10,4 @@ pub mod statistics;
 pub mod tone;
 
 pub use layers::{Layer, Layers, MAX_SAMPLES, PICTURE, PictureError};
-pub use metrics::{Errors, LargestError, MetricsError, Selected, compare, compare_layers, luminance};
+pub use metrics::{Errors, LargestError, MetricsError, Selected, compare, compare_layers};

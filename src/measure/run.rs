@@ -116,11 +116,18 @@ impl<'a> Run<'a> {
     }
 
     /// Renders one frame and reads its numbers.
+    ///
+    /// # Errors
+    /// What the device says, and pixels that are not finite.
     pub fn frame(&mut self, pace: AskPace) -> Result<FrameReport, RunError> {
         let frame = self.session.frame(pace)?;
         let read = |(node, name, place): &'a (String, &'static str, Reported)| Ok(Number { node, name, place: *place, value: self.number(*place)? });
         let numbers = self.plan.reports.iter().map(read).collect::<Result<Vec<_>, RunError>>()?;
-        Ok(report(frame, &numbers))
+        let report = report(frame, &numbers);
+        match report.non_finite_pixels {
+            Some(pixels) if pixels > 0 => Err(RunError::NonFinite { layer: "splats".into(), pixels }),
+            _ => Ok(report),
+        }
     }
 
     fn number(&self, place: Reported) -> Result<u32, RunError> {
@@ -238,12 +245,6 @@ fn report(frame: Frame, numbers: &[Number<'_>]) -> FrameReport {
         complete: frame.unfinished.is_empty() && uncovered_pixels.unwrap_or(0) == 0,
         unfinished: frame.unfinished,
     }
-}
-
-/// Most bytes that this process has held in memory; None where the system does not tell.
-pub fn peak_host_bytes(status: &str) -> Option<u64> {
-    let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
-    line.split_whitespace().nth(1)?.parse::<u64>().ok().map(|kib| kib * 1024)
 }
 
 #[cfg(test)]

@@ -19,6 +19,7 @@ mod random;
 
 pub use path::{Gather, Tracer};
 
+use crate::math::colour::{REC_709, luminance};
 use crate::scene::{Camera, MAX_SIDE, Rgb, Scene, bvh::Bvh};
 use glam::{DVec3, Vec3};
 use path::{Round, Surface};
@@ -400,13 +401,6 @@ impl Sums {
 fn variance_of_mean(sum: DVec3, squares: DVec3, n: f64) -> DVec3 {
     let mean = sum / n;
     (squares / n - mean * mean).max(DVec3::ZERO) / (n - 1.0)
-}
-
-const REC_709: DVec3 = DVec3::new(0.2126, 0.7152, 0.0722);
-
-/// Rec. 709 luminance.
-fn luminance(colour: DVec3) -> f64 {
-    colour.dot(REC_709)
 }
 
 /// Variance of the luminance of channels that vary together, as those of one path do: an upper bound otherwise.

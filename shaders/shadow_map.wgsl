@@ -5,29 +5,32 @@
 struct Fragment {
     @builtin(position) clip: vec4f,
     @location(0) @interpolate(flat, either) triangle: u32,
-    @location(1) @interpolate(flat, either) layer: u32,
+    @location(1) @interpolate(flat, either) instance: u32,
+}
+
+// The instance is light · 8 + side of its cube.
+fn view_of(instance: u32) -> ShadowView {
+    return shadow_view(scene_lights[instance / 8u], instance % 8u);
 }
 
 @vertex
-fn vertex(@location(0) position: vec3f, @builtin(vertex_index) index: u32, @builtin(instance_index) layer: u32) -> Fragment {
-    let view = shadow_views[layer];
+fn vertex(@location(0) position: vec3f, @builtin(vertex_index) index: u32, @builtin(instance_index) instance: u32) -> Fragment {
+    let view = view_of(instance);
     let d = position - view.origin;
-    let x = dot(d, view.right) / view.half_width;
-    let y = dot(d, view.up) / view.half_height;
+    let x = dot(d, view.right) / view.half;
+    let y = dot(d, view.up) / view.half;
     let z = dot(d, view.forward);
     let perspective = vec4f(x, y, view.near, z);
     let orthographic = vec4f(x, y, 1.0 - z / max(view.range, 1e-30), 1.0);
-    return Fragment(select(perspective, orthographic, view.range > 0.0), index / 3u, layer);
+    return Fragment(select(perspective, orthographic, view.range > 0.0), index / 3u, instance);
 }
-
-override RESOLUTION: f32 = 1024.0;
 
 // Only for scenes with alpha masks: leaves the holes open.
 @fragment
 fn fragment(in: Fragment) {
-    let view = shadow_views[in.layer];
-    let ndc = in.clip.xy / RESOLUTION * 2.0 - 1.0;
-    let lateral = view.right * (ndc.x * view.half_width) - view.up * (ndc.y * view.half_height);
+    let view = view_of(in.instance);
+    let ndc = in.clip.xy / SHADOW_RESOLUTION * 2.0 - 1.0;
+    let lateral = (view.right * ndc.x - view.up * ndc.y) * view.half;
     var origin = view.origin;
     var direction = view.forward + lateral;
     if view.range > 0.0 {

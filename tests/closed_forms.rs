@@ -11,7 +11,7 @@ use hemisplat::{
     gpu::{Gpu, Pace, scene::byte_size},
     measure::{Layers, run::Run},
     passes::{REGISTRY, record::Record},
-    pipeline::{load, plan},
+    pipeline::{Plan, load, plan},
     scene::{Scene, bvh::Bvh, load as scene_load, needs::Needs},
 };
 use libtest_mimic::{Arguments, Failed, Trial};
@@ -53,6 +53,7 @@ fn cases() -> Vec<(String, Case)> {
     for view in views().into_iter().filter(|view| view.shape != "Plane") {
         cases.push((format!("a_wall_before_the_sky {}", view.name()), Box::new(move |gpu| wall_before_the_sky(gpu, &view))));
     }
+    cases.push(("lights_and_the_shadow_of_a_screen".into(), Box::new(shadow_of_a_screen)));
     cases.push(("one_bounce_in_an_oven".into(), Box::new(one_bounce_in_an_oven)));
     cases.push(("the_formulas_hold".into(), Box::new(formulas_hold)));
     cases.push(("small_pictures_are_whole".into(), Box::new(small_pictures_are_whole)));
@@ -84,23 +85,30 @@ impl Room {
 /// Edge of the pictures [pixels].
 const EDGE: u32 = 8;
 
-/// The records that a pipeline makes of a room, one a pixel: each reaches a tenth of a pixel.
-fn lit(gpu: &Gpu, room: &Room, edge: u32, sets: &[String]) -> Result<Vec<Record>, Failed> {
+/// What a pipeline's first frame of a room leaves, once every pixel is covered.
+fn rendered<T>(gpu: &Gpu, room: &Room, size: [u32; 2], sets: &[String], look: impl Fn(&Run<'_>, &Plan) -> Result<T, Failed>) -> Result<T, Failed> {
     let Room { scene, bvh, needs } = room;
-    let size = [edge, edge];
-    let reach = ["cache.minimum_spacing=0.1", "cache.maximum_spacing=0.1"].map(String::from);
     let told = |e| format!("{:?}", miette::Report::new(e));
-    let pipeline = load("irradiance", &[&reach, sets].concat(), REGISTRY, &mut |path| fs::read_to_string(path)).map_err(told)?;
+    let pipeline = load("irradiance", sets, REGISTRY, &mut |path| fs::read_to_string(path)).map_err(told)?;
     let plan = plan(&pipeline, Setting { scene, needs, size }, &[], &|data| byte_size(scene, data)).map_err(told)?;
-    let Some(Port::RecordCache(cache)) = plan.ports.get("cache.cache") else { return Err("no cache".into()) };
     let mut run = Run::new(gpu, scene, bvh, &plan, &scene.cameras[0], size).map_err(|e| e.to_string())?;
     let report = run.frame(&|| Pace::GoOn).map_err(|e| e.to_string())?;
-    let count = run.variable(cache.count);
-    check(report.complete && report.uncovered_pixels == Some(0) && count == edge * edge, || format!("{count} records: {report:?}"))?;
-    let bytes = run.bytes(cache.records).map_err(|e| e.to_string())?;
-    let records: Vec<Record> = bytemuck::pod_collect_to_vec(&bytes[..count as usize * size_of::<Record>()]);
-    pixels_show(&run.picture().map_err(|e| e.to_string())?, &records)?;
-    Ok(records)
+    check(report.complete && report.uncovered_pixels == Some(0), || format!("{report:?}"))?;
+    look(&run, &plan)
+}
+
+/// The records that a pipeline makes of a room, one a pixel: each reaches a tenth of a pixel.
+fn lit(gpu: &Gpu, room: &Room, edge: u32, sets: &[String]) -> Result<Vec<Record>, Failed> {
+    let reach = ["cache.minimum_spacing=0.1", "cache.maximum_spacing=0.1"].map(String::from);
+    rendered(gpu, room, [edge, edge], &[&reach, sets].concat(), |run, plan| {
+        let Some(Port::RecordCache(cache)) = plan.ports.get("cache.cache") else { return Err("no cache".into()) };
+        let count = run.variable(cache.count);
+        check(count == edge * edge, || format!("{count} records"))?;
+        let bytes = run.bytes(cache.records).map_err(|e| e.to_string())?;
+        let records: Vec<Record> = bytemuck::pod_collect_to_vec(&bytes[..count as usize * size_of::<Record>()]);
+        pixels_show(&run.picture().map_err(|e| e.to_string())?, &records)?;
+        Ok(records)
+    })
 }
 
 /// A pixel shows its own record at the record's own place, so that both add to the same.
@@ -519,6 +527,87 @@ fn one_bounce_in_an_oven(gpu: &Gpu) -> Outcome {
     let truth = PI * 0.5 * 0.5;
     at_most("the standard error of one bounce", standard_error / truth, 0.02)?;
     at_most("one bounce", (mean - truth).abs(), 4.0 * standard_error)
+}
+
+// A floor below a screen
+
+/// The camera is between both, so that it sees the floor alone.
+const STAGE: &str = r#"Scene(version: 1, geometry: [
+    Quad(corners: ((-3, 0, -3), (-3, 0, 3), (3, 0, 3), (3, 0, -3))),
+    Quad(corners: ((0, 1, 0.1), (0, 1, 0.5), (0.4, 1, 0.5), (0.4, 1, 0.1)))],
+    materials: { "*": Diffuse(reflectance: (0.5, 0.5, 0.5)) }, normals: Face, lights: [LIGHTS],
+    cameras: { "main": (eye: (0, 0.9, 0), direction: (0, -1, 0), up: (0, 0, 1), fov: 90) })"#;
+
+/// A light in a scene file with what it is.
+enum Lamp {
+    Point(DVec3),
+    /// Place and the half-angle of its cone [degrees].
+    Spot(DVec3, f64),
+    Directional(DVec3),
+}
+
+impl Lamp {
+    fn written(&self) -> String {
+        let vector = |v: &DVec3| format!("({}, {}, {})", v.x, v.y, v.z);
+        match self {
+            Self::Point(at) => format!("Point(position: {}, intensity: (3, 3, 3)),", vector(at)),
+            Self::Spot(at, outer) => format!("Spot(position: {}, direction: (0, -1, 0), intensity: (3, 3, 3), outer: {outer}),", vector(at)),
+            Self::Directional(along) => format!("Directional(direction: {}, irradiance: (3, 3, 3)),", vector(along)),
+        }
+    }
+
+    /// Irradiance of a place on the floor, were there no screen; and the way from there to the light.
+    fn irradiance(&self, place: DVec3) -> (f64, DVec3) {
+        let way = match self {
+            Self::Point(at) | Self::Spot(at, _) => *at - place,
+            Self::Directional(along) => return (-3.0 * along.normalize().y, -along * 100.0),
+        };
+        let cosine = way.y / way.length();
+        let cone = match self {
+            Self::Spot(_, outer) => ((cosine - outer.to_radians().cos()) / (1.0 - outer.to_radians().cos())).clamp(0.0, 1.0).powi(2),
+            _ => 1.0,
+        };
+        (3.0 * cosine / way.length_squared() * cone, way)
+    }
+}
+
+/// Share of the light that passes the screen around a place; `None` near an edge of its shadow.
+fn passes_screen(place: DVec3, way: DVec3) -> Option<bool> {
+    let crossing = place + way / way.y;
+    let outside = |margin: f64| crossing.x < -margin || crossing.x > 0.4 + margin || crossing.z < 0.1 - margin || crossing.z > 0.5 + margin;
+    (outside(0.02) == outside(-0.02)).then(|| outside(0.0))
+}
+
+/// Each kind of light on the floor, through the shadow maps: spot lights with a map of their own, with a cube, and where one
+/// becomes the other; alone and all together.
+fn shadow_of_a_screen(gpu: &Gpu) -> Outcome {
+    let high = DVec3::new(0.1, 2.0, 0.2);
+    let lamps = [
+        Lamp::Point(high),
+        Lamp::Spot(high, 35.0),
+        Lamp::Spot(DVec3::new(-0.2, 1.8, 0.1), 60.0),
+        Lamp::Spot(DVec3::new(0.5, 2.0, 0.6), 75.0),
+        Lamp::Directional(DVec3::new(0.2, -1.0, 0.1)),
+        Lamp::Point(DVec3::new(-1.0, 3.0, 0.5)),
+    ];
+    lamps.chunks(1).chain([&lamps[..]]).try_for_each(|lamps| {
+        let lights: String = lamps.iter().map(Lamp::written).collect();
+        let room = Room::new(&STAGE.replace("LIGHTS", &lights))?;
+        let (size, sets) = ([64, 64], ["cache.accuracy=5".to_owned()]);
+        let picture = rendered(gpu, &room, size, &sets, |run, _| run.picture().map_err(|e| e.to_string().into()))?;
+        let red = &picture.rgb("direct").map_err(|e| e.to_string())?[0];
+        let mut shadowed = 0;
+        for (pixel, found) in red.iter().enumerate() {
+            let [x, y] = [pixel % 64, pixel / 64].map(|at| (at as f64 + 0.5) / 32.0 - 1.0);
+            let place = DVec3::new(-0.9 * x, 0.0, -0.9 * y);
+            let shares = lamps.iter().map(|lamp| lamp.irradiance(place)).map(|(light, way)| passes_screen(place, way).map(|passes| (light, passes)));
+            let Some(shares) = shares.collect::<Option<Vec<_>>>() else { continue };
+            shadowed += shares.iter().any(|(_, passes)| !passes) as u32;
+            let truth: f64 = shares.iter().filter(|(_, passes)| *passes).map(|(light, _)| light * 0.5 / PI).sum();
+            check((f64::from(*found) - truth).abs() <= 1e-3 * truth + 1e-6, || format!("{lights} light {place} with {found}, not {truth}"))?;
+        }
+        check(shadowed > 100, || format!("{lights} leave only {shadowed} pixels in the shadow"))
+    })
 }
 
 // What proves the rest

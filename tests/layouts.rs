@@ -2,7 +2,7 @@
 
 use hemisplat::gpu::{scene, shader::Shader};
 use hemisplat::host_struct;
-use hemisplat::passes::{add_records, find_misses::device_grid, hemisphere_tiles::raster, irradiance_sum::workgroup_tree, record, shadow_map};
+use hemisplat::passes::{add_records, find_misses::device_grid, hemisphere_tiles::raster, irradiance_sum::workgroup_tree, record};
 use hemisplat::recording::{HostField, HostLayout};
 use naga::TypeInner;
 
@@ -16,7 +16,6 @@ fn shared() -> Vec<(&'static str, Vec<HostLayout>)> {
         ("add_records", vec![add_records::Batch::LAYOUT]),
         ("find_misses/device_grid", vec![device_grid::Grid::LAYOUT]),
         ("hemisphere_tiles/raster", vec![raster::TileView::LAYOUT, raster::TileCamera::LAYOUT]),
-        ("shadow_map", vec![shadow_map::ShadowView::LAYOUT]),
     ]
 }
 

@@ -62,9 +62,9 @@ static DESCRIPTION: Description = Description {
         },
         Parameter {
             name: "taps",
-            about: "percentage-closer taps of a lookup into the shadow maps: 4, 9, 16 or 25; a sum over thousands of samples needs few",
+            about: "percentage-closer taps of a lookup into the shadow maps: 4, 9, 16 or 25, or 1 of 4 drawn by its weight, which a sum over thousands of samples evens out",
             unit: "",
-            kind: ParameterKind::Integer { default: 4, min: 4, max: 25 },
+            kind: ParameterKind::Integer { default: 1, min: 1, max: 25 },
         },
     ],
     inputs: &[

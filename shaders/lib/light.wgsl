@@ -10,29 +10,48 @@
 // Points sampled on the area lights, and rays to the sky; 0 where the scene has none.
 override AREA_SAMPLES: u32 = 1u;
 override SKY_SAMPLES: u32 = 1u;
+// Punctual lights.
+override LIGHTS: u32 = 0u;
 
-// Irradiance from punctual lights; `normal` faces the side that is lit.
-fn punctual_irradiance(position: vec3f, normal: vec3f, plane_normal: vec3f) -> vec3f {
+// Irradiance from a punctual light; the surface's normal faces the side that is lit.
+fn light_irradiance(light: SceneLight, surface: Surface, seed: u32) -> vec3f {
+    var to_light = -light.direction;
+    var distance = 4.0 * scene_parameters.extent;
+    var arriving = light.intensity;
+    if light.kind != 2u {
+        let d = light.position - surface.position;
+        distance = max(length(d), 1e-30);
+        to_light = d / distance;
+        arriving /= distance * distance;
+    }
+    if light.kind == 1u {
+        let ramp = saturate((dot(-to_light, light.direction) - light.cos_outer) / max(light.cos_inner - light.cos_outer, 1e-4));
+        arriving *= ramp * ramp;
+    }
+    let cosine = dot(surface.normal, to_light);
+    if cosine <= 0.0 || max(arriving.x, max(arriving.y, arriving.z)) <= 0.0 || dot(surface.face_normal, to_light) <= 0.0 {
+        return vec3f(0.0);
+    }
+    return arriving * (cosine * light_visibility(light, surface.position, surface.face_normal, to_light, distance, seed));
+}
+
+// Irradiance from all punctual lights.
+fn punctual_irradiance(surface: Surface, seed: u32) -> vec3f {
     var sum = vec3f(0.0);
-    for (var i = 0u; i < scene_parameters.lights; i++) {
-        let light = scene_lights[i];
-        var to_light = -light.direction;
-        var distance = 4.0 * scene_parameters.extent;
-        var arriving = light.intensity;
-        if light.kind != 2u {
-            let d = light.position - position;
-            distance = max(length(d), 1e-30);
-            to_light = d / distance;
-            arriving /= distance * distance;
-        }
-        if light.kind == 1u {
-            let ramp = saturate((dot(-to_light, light.direction) - light.cos_outer) / max(light.cos_inner - light.cos_outer, 1e-4));
-            arriving *= ramp * ramp;
-        }
-        let cosine = dot(normal, to_light);
-        if cosine > 0.0 && max(arriving.x, max(arriving.y, arriving.z)) > 0.0 && dot(plane_normal, to_light) > 0.0 {
-            sum += arriving * (cosine * light_visibility(i, position, plane_normal, to_light, distance));
-        }
+    if LIGHTS > 0u {
+        sum += light_irradiance(scene_first_lights[0], surface, seed + 5u);
+    }
+    if LIGHTS > 1u {
+        sum += light_irradiance(scene_first_lights[1], surface, seed + 7u);
+    }
+    if LIGHTS > 2u {
+        sum += light_irradiance(scene_first_lights[2], surface, seed + 9u);
+    }
+    if LIGHTS > 3u {
+        sum += light_irradiance(scene_first_lights[3], surface, seed + 11u);
+    }
+    for (var i = FIRST_LIGHTS; i < LIGHTS; i++) {
+        sum += light_irradiance(scene_lights[i], surface, seed + 5u + 2u * i);
     }
     return sum;
 }
@@ -110,7 +129,7 @@ fn sky_irradiance(position: vec3f, normal: vec3f, plane_normal: vec3f, seed: u32
 
 // Irradiance on the side that `normal` faces, from whatever emits, without touching another surface.
 fn direct_irradiance(surface: Surface, seed: u32) -> vec3f {
-    return punctual_irradiance(surface.position, surface.normal, surface.face_normal)
+    return punctual_irradiance(surface, seed)
         + area_irradiance(surface.position, surface.normal, surface.face_normal, seed)
         + sky_irradiance(surface.position, surface.normal, surface.face_normal, seed);
 }

@@ -10,6 +10,8 @@ struct SceneParameters {
     environment_size: vec2u,
     nodes: u32,
     padding: u32,
+    centre: vec3f,
+    padding_b: u32,
 }
 
 struct SceneMaterial {
@@ -31,9 +33,9 @@ struct SceneLight {
     intensity: vec3f,
     cos_inner: f32,
     cos_outer: f32,
-    padding_a: u32,
-    padding_b: u32,
-    padding_c: u32,
+    shadow_layers: u32,
+    shadow_half: f32,
+    padding: u32,
 }
 
 struct SceneEmitter {
@@ -49,9 +51,13 @@ struct SceneEmitter {
 @group(1) @binding(4) var<storage, read> scene_materials: array<SceneMaterial>;
 @group(1) @binding(5) var<storage, read> scene_texels: array<u32>;
 @group(1) @binding(6) var<storage, read> scene_lights: array<SceneLight>;
+// The first of them again, where drivers that run on the CPU read a constant place once for all lanes.
+@group(1) @binding(10) var<uniform> scene_first_lights: array<SceneLight, FIRST_LIGHTS>;
 @group(1) @binding(7) var<storage, read> scene_emitters: array<SceneEmitter>;
 @group(1) @binding(8) var<storage, read> scene_environment: array<vec4f>;
 
+const FIRST_LIGHTS = 4u;
+const NO_SHADOW = 0xffffffffu;
 const TWO_SIDED = 1u;
 const HOLES = 2u;
 const TEXTURED = 4u;
@@ -64,6 +70,8 @@ const FAR_AWAY = 1e30;
 override TEXTURES: bool = true;
 override ALPHA_MASKS: bool = true;
 override ONE_SIDED: bool = true;
+// Whether a triangle's normals differ from its plane's.
+override SMOOTH: bool = true;
 
 struct Surface {
     position: vec3f,
@@ -158,17 +166,20 @@ fn surface_seen(triangle: u32, origin: vec3f, direction: vec3f) -> Surface {
     let e2 = scene_corners[3u * triangle + 2u].xyz;
     let plane = cross(e1, e2);
     let side = select(-1.0, 1.0, dot(plane, direction) <= 0.0);
-    let n0 = scene_attributes[4u * triangle].xyz;
-    let n1 = scene_attributes[4u * triangle + 1u].xyz;
-    let n2 = scene_attributes[4u * triangle + 2u].xyz;
     let material_index = bitcast<u32>(a.w);
     let material = scene_materials[material_index];
     var surface: Surface;
     surface.position = a.xyz + e1 * b.x + e2 * b.y;
     surface.face_normal = plane * (side / max(length(plane), 1e-37));
-    let normal = n0 + (n1 - n0) * b.x + (n2 - n0) * b.y;
-    let normal_length = length(normal);
-    surface.normal = select(surface.face_normal, normal * (side / max(normal_length, 1e-37)), normal_length > 1e-6);
+    surface.normal = surface.face_normal;
+    if SMOOTH {
+        let n0 = scene_attributes[4u * triangle].xyz;
+        let n1 = scene_attributes[4u * triangle + 1u].xyz;
+        let n2 = scene_attributes[4u * triangle + 2u].xyz;
+        let normal = n0 + (n1 - n0) * b.x + (n2 - n0) * b.y;
+        let normal_length = length(normal);
+        surface.normal = select(surface.face_normal, normal * (side / max(normal_length, 1e-37)), normal_length > 1e-6);
+    }
     surface.reflectance = material.reflectance;
     if TEXTURES && (material.flags & TEXTURED) != 0u {
         surface.reflectance *= texture_at(material, uv_at(triangle, b)).rgb;

@@ -77,7 +77,7 @@ impl Port {
     pub fn resources(&self) -> Vec<Resource> {
         match self {
             Self::GBuffer(p) => vec![p.position, p.normal, p.reflectance, p.triangles],
-            Self::ShadowMaps(p) => vec![p.depth, p.views],
+            Self::ShadowMaps(p) => vec![p.depth],
             Self::DirectLight(p) => vec![p.radiance],
             Self::Image(p) => vec![p.texture],
             Self::Splats(p) => [p.sums, p.cache.records].into_iter().chain(p.counts).collect(),
@@ -95,7 +95,7 @@ impl Port {
         let mut port = self.clone();
         match &mut port {
             Self::GBuffer(p) => [&mut p.position, &mut p.normal, &mut p.reflectance, &mut p.triangles].into_iter().for_each(|r| replace(r, memory)),
-            Self::ShadowMaps(p) => [&mut p.depth, &mut p.views].into_iter().for_each(|r| replace(r, memory)),
+            Self::ShadowMaps(p) => replace(&mut p.depth, memory),
             Self::DirectLight(p) => replace(&mut p.radiance, memory),
             Self::Image(p) => replace(&mut p.texture, memory),
             Self::Splats(p) => {
@@ -154,8 +154,6 @@ pub struct DirectLight {
 pub struct ShadowMaps {
     /// R32F-depth array: six layers a point light, one a spot or directional light, reverse Z.
     pub depth: Resource,
-    /// Buffer of one view (matrix, light index) a layer.
-    pub views: Resource,
     /// Edge of a map [texels].
     pub resolution: u32,
     /// Percentage-closer taps a lookup.

@@ -242,21 +242,26 @@ typed_inputs!(g_buffer: GBuffer, shadow_maps: ShadowMaps, image_port: Image, spl
 
 /// Specialises a program to what the scene has: textures, alpha masks, one-sided surfaces.
 pub fn scene_constants(program: Program, needs: &Needs) -> Program {
-    program.constant("TEXTURES", needs.textures as u8).constant("ALPHA_MASKS", needs.alpha_masks as u8).constant("ONE_SIDED", needs.one_sided as u8)
+    program
+        .constant("TEXTURES", needs.textures as u8)
+        .constant("ALPHA_MASKS", needs.alpha_masks as u8)
+        .constant("ONE_SIDED", needs.one_sided as u8)
+        .constant("SMOOTH", needs.smooth as u8)
 }
 
 /// The same for a program that computes direct light, with `[area, sky]` samples where the scene has such light.
 pub fn light_constants(program: Program, needs: &Needs, samples: [u32; 2]) -> Program {
     scene_constants(program, needs)
         .constant("AREA_SAMPLES", if needs.emissive_triangles > 0 { samples[0] } else { 0 })
+        .constant("LIGHTS", needs.punctual_lights)
         .constant("SKY_SAMPLES", if needs.environment { samples[1] } else { 0 })
 }
 
 /// Percentage-closer taps of a lookup, as a node's parameter `taps` says: a square number.
 pub fn shadow_taps(arguments: &Arguments) -> Result<u32, Refusal> {
     match arguments.integer("taps") as u32 {
-        taps @ (4 | 9 | 16 | 25) => Ok(taps),
-        taps => Err(Refusal::of_parameter("taps", "plan::taps", format!("{taps} taps do not make a square"), "give 4, 9, 16 or 25 taps")),
+        taps @ (1 | 4 | 9 | 16 | 25) => Ok(taps),
+        taps => Err(Refusal::of_parameter("taps", "plan::taps", format!("{taps} taps do not make a square"), "give 4, 9, 16 or 25")),
     }
 }
 
@@ -266,8 +271,8 @@ pub fn bind_visibility(program: Program, maps: Option<&super::port::ShadowMaps>)
         Some(maps) => program
             .import("VISIBILITY", "lib/visibility/shadow_maps")
             .constant("SHADOW_TAPS", (maps.taps as f64).sqrt())
-            .bind("shadow_depth", maps.depth)
-            .bind("shadow_views", maps.views),
+            .constant("SHADOW_RESOLUTION", maps.resolution)
+            .bind("shadow_depth", maps.depth),
         None => program.import("VISIBILITY", "lib/visibility/rays"),
     }
 }

@@ -20,6 +20,8 @@ host_struct! {
         environment_size: [u32; 2],
         nodes: u32,
         padding: u32,
+        centre: [f32; 3],
+        padding_b: u32,
     }
 }
 
@@ -50,9 +52,11 @@ host_struct! {
         intensity: [f32; 3],
         cos_inner: f32,
         cos_outer: f32,
-        padding_a: u32,
-        padding_b: u32,
-        padding_c: u32,
+        /// Maps it takes: six for a cube.
+        shadow_layers: u32,
+        /// Half a map's width: at distance 1 where it is perspective, in scene units where it is not.
+        shadow_half: f32,
+        padding: u32,
     }
 }
 
@@ -85,6 +89,9 @@ host_struct! {
 
 pub const LAYOUTS: &[HostLayout] = &[SceneParameters::LAYOUT, SceneMaterial::LAYOUT, SceneLight::LAYOUT, SceneEmitter::LAYOUT, FrameCamera::LAYOUT];
 
+/// Lights in the uniform of the first of them.
+const FIRST_LIGHTS: usize = 4;
+
 pub const TWO_SIDED: u32 = 1;
 pub const HOLES: u32 = 2;
 pub const TEXTURED: u32 = 4;
@@ -104,6 +111,7 @@ pub fn byte_size(scene: &Scene, data: SceneData) -> u64 {
         SceneData::Materials => (scene.materials.len() * size_of::<SceneMaterial>()) as u64,
         SceneData::Texels => scene.textures.iter().map(|t| t.texels.len() as u64 * 4).sum(),
         SceneData::Lights => (scene.lights.len() * size_of::<SceneLight>()) as u64,
+        SceneData::FirstLights => (FIRST_LIGHTS * size_of::<SceneLight>()) as u64,
         SceneData::Emitters => emitters(scene).len() as u64 * size_of::<SceneEmitter>() as u64,
         SceneData::Environment => match &scene.environment {
             Environment::Constant(_) => 0,
@@ -124,6 +132,7 @@ pub fn bytes(scene: &Scene, bvh: &Bvh, data: SceneData) -> Vec<u8> {
         SceneData::Materials => cast_slice(&materials(scene)).to_vec(),
         SceneData::Texels => scene.textures.iter().flat_map(|t| cast_slice::<_, u8>(&t.texels).iter().copied()).collect(),
         SceneData::Lights => cast_slice(&lights(scene)).to_vec(),
+        SceneData::FirstLights => first_lights(scene),
         SceneData::Emitters => cast_slice(&emitters(scene)).to_vec(),
         SceneData::Environment => match &scene.environment {
             Environment::Constant(_) => Vec::new(),
@@ -150,6 +159,8 @@ fn parameters(scene: &Scene, bvh: &Bvh) -> SceneParameters {
         environment_size,
         nodes: bvh.nodes().len() as u32,
         padding: 0,
+        centre: scene.bounds().centre().into(),
+        padding_b: 0,
     }
 }
 
@@ -217,12 +228,23 @@ fn lights(scene: &Scene) -> Vec<SceneLight> {
                 intensity: intensity.into(),
                 cos_inner: angles[0],
                 cos_outer: angles[1],
-                padding_a: 0,
-                padding_b: 0,
-                padding_c: 0,
+                shadow_layers: layers,
+                shadow_half: match light.kind {
+                    LightKind::Directional { .. } => scene.extent() * 0.505,
+                    LightKind::Spot { outer, .. } if layers == 1 => outer.tan() * 1.01,
+                    _ => 1.0,
+                },
+                padding: 0,
             }
         })
         .collect()
+}
+
+/// As many as the shaders have places for, the rest of them empty.
+fn first_lights(scene: &Scene) -> Vec<u8> {
+    let mut bytes = cast_slice(&lights(scene)).to_vec();
+    bytes.resize(FIRST_LIGHTS * size_of::<SceneLight>(), 0);
+    bytes
 }
 
 /// Area lights in the triangles' order, weighted by area × luminance.

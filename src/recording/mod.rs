@@ -80,6 +80,8 @@ pub enum SceneData {
     Materials,
     Texels,
     Lights,
+    /// The first few of them again, as a uniform.
+    FirstLights,
     Emitters,
     Environment,
 }
@@ -291,7 +293,7 @@ impl Program {
 }
 
 impl SceneData {
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::Parameters,
         Self::Positions,
         Self::Corners,
@@ -300,6 +302,7 @@ impl SceneData {
         Self::Materials,
         Self::Texels,
         Self::Lights,
+        Self::FirstLights,
         Self::Emitters,
         Self::Environment,
     ];
@@ -315,6 +318,7 @@ impl SceneData {
             Self::Materials => "scene_materials",
             Self::Texels => "scene_texels",
             Self::Lights => "scene_lights",
+            Self::FirstLights => "scene_first_lights",
             Self::Emitters => "scene_emitters",
             Self::Environment => "scene_environment",
         }

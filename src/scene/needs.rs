@@ -1,6 +1,6 @@
 //! What a scene requires of a pipeline.
 
-use super::Scene;
+use super::{Scene, Triangle};
 
 /// The facts that decide which passes and which parts of shaders stay.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -15,6 +15,8 @@ pub struct Needs {
     pub textures: bool,
     pub alpha_masks: bool,
     pub one_sided: bool,
+    /// Whether any triangle's normals differ from its plane's.
+    pub smooth: bool,
     /// Names of the materials with a glossy lobe.
     pub glossy: Vec<String>,
     /// Diagonal of the bounds [scene units].
@@ -34,10 +36,16 @@ impl Needs {
             textures: materials().any(|m| m.texture.is_some()),
             alpha_masks: materials().any(|m| m.texture.is_some() && m.alpha_cutoff.is_some()),
             one_sided: materials().any(|m| !m.two_sided),
+            smooth: scene.triangles.iter().any(is_smooth),
             glossy: materials().filter(|m| m.glossy.is_some()).map(|m| m.name.clone()).collect(),
             extent: scene.extent(),
         }
     }
+}
+
+fn is_smooth(triangle: &Triangle) -> bool {
+    let flat = triangle.cross().normalize_or_zero();
+    triangle.normals.iter().any(|normal| !normal.abs_diff_eq(flat, 1e-5))
 }
 
 fn used_materials(scene: &Scene) -> Vec<bool> {

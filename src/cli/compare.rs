@@ -13,8 +13,10 @@ use super::scene::{SceneOptions, View};
 use super::truth::{Truth, TruthOptions};
 use crate::gpu::{Gpu, GpuError, Pace};
 use crate::measure::compare::{self, About, Comparison, Contender, StartUp, VariantErrors};
+use crate::measure::page::{Gallery, page};
 use crate::measure::run::{Run, RunError};
 use crate::measure::statistics::least_runs;
+use crate::measure::{Layers, PictureError};
 use crate::pipeline::{Pipeline, Plan, Problems};
 use clap::Args;
 use std::path::{Path, PathBuf};
@@ -52,6 +54,9 @@ pub struct Options {
     /// Write a row for each variant as CSV
     #[arg(long, value_name = "FILE")]
     csv: Option<PathBuf>,
+    /// Write a page with the pictures, maps of their errors, plots and tables as HTML
+    #[arg(long, value_name = "FILE")]
+    html: Option<PathBuf>,
 }
 
 pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
@@ -70,19 +75,21 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     let truth = given.or(traced);
     warn_of_unstated_bounces(truth.as_ref(), console);
 
-    let mut contest = Contest { truth: truth.as_ref(), entries: Vec::new(), rounds: runs_of(options), shelter: None };
+    let gallery = targets.html.is_some().then(|| Gallery::new(truth.as_ref().map(Truth::picture)));
+    let mut contest = Contest { truth: truth.as_ref(), gallery, entries: Vec::new(), rounds: runs_of(options), shelter: None };
     let about = variants.into_iter().zip(&plans).map(|(variant, (_, plan_seconds))| variant.about(*plan_seconds));
     let result = contest.hold(runs.into_iter().zip(about).collect(), &Progress::new(console, "comparing"));
     let is_interrupted = result.as_ref().is_err_and(|failure| failure.status == 130);
     if !is_interrupted {
         result?;
     }
-    let _shelter = contest.shelter.take();
+    let (_shelter, gallery) = (contest.shelter.take(), contest.gallery.take());
     let start_up = StartUp { load_seconds, device_seconds, reference_seconds: given_seconds + traced_seconds };
     let Some(comparison) = contest.comparison(&view, &gpu, start_up) else { return Err(Failure::interrupted(&[])) };
     comparison::warnings(&comparison).iter().for_each(|warning| console.note(warning));
     console.print(&comparison::text(&comparison))?;
     targets.write(&comparison)?;
+    targets.write_page(&comparison, &pipelines, gallery.as_ref())?;
     if is_interrupted { Err(Failure::interrupted(&targets.paths())) } else { Ok(()) }
 }
 
@@ -90,12 +97,13 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
 struct Targets {
     json: Option<Target>,
     csv: Option<Target>,
+    html: Option<Target>,
 }
 
 impl Targets {
     fn new(options: &Options) -> Result<Self, Failure> {
         let target = |path: &Option<PathBuf>| path.as_deref().map(Target::new).transpose();
-        let targets = Self { json: target(&options.json)?, csv: target(&options.csv)? };
+        let targets = Self { json: target(&options.json)?, csv: target(&options.csv)?, html: target(&options.html)? };
         expect_distinct(&targets.paths(), &options.truth.files())?;
         Ok(targets)
     }
@@ -112,8 +120,15 @@ impl Targets {
         Ok(())
     }
 
+    fn write_page(&self, comparison: &Comparison, pipelines: &[Pipeline], gallery: Option<&Gallery>) -> Result<(), Failure> {
+        let (Some(html), Some(gallery)) = (&self.html, gallery) else { return Ok(()) };
+        let words = comparison::words(comparison, pipelines.iter().map(Pipeline::to_ron).collect());
+        let failed = |error: PictureError| Failure::work(CommandError::BadPicture { path: html.path().to_owned(), error });
+        html.write(page(comparison, &words, gallery).map_err(failed)?.as_bytes())
+    }
+
     fn paths(&self) -> Vec<&Path> {
-        self.json.iter().chain(&self.csv).map(Target::path).collect()
+        self.json.iter().chain(&self.csv).chain(&self.html).map(Target::path).collect()
     }
 }
 
@@ -190,6 +205,8 @@ fn warn_of_unstated_bounces(truth: Option<&Truth>, console: &Console) {
 /// The variants as they run.
 struct Contest<'t, 'a> {
     truth: Option<&'t Truth>,
+    /// Where a page is wanted.
+    gallery: Option<Gallery<'t>>,
     entries: Vec<(Contender<'a>, About)>,
     rounds: usize,
     /// From the end of the first round on there is something to keep.
@@ -204,6 +221,7 @@ impl<'a> Contest<'_, 'a> {
         let pace = |done: usize| move || if progress.report(done as f32 / steps) { Pace::GoOn } else { Pace::Stop };
         for ((run, shaders_seconds), about) in runs {
             let (contender, picture) = Contender::warm_up(run, &pace(self.entries.len())).map_err(failure)?;
+            self.exhibit(&picture)?;
             let errors = self.truth.map_or(Ok(VariantErrors::default()), |truth| truth.judge(picture))?;
             self.entries.push((contender, About { shaders_seconds, errors, ..about }));
         }
@@ -219,6 +237,10 @@ impl<'a> Contest<'_, 'a> {
             self.shelter.get_or_insert_with(Shelter::new);
         }
         Ok(())
+    }
+
+    fn exhibit(&mut self, picture: &Layers) -> Result<(), Failure> {
+        self.gallery.as_mut().map_or(Ok(()), |gallery| gallery.add(picture)).map_err(Failure::work)
     }
 
     /// What the whole rounds found; None without one.

@@ -1,7 +1,8 @@
-//! A comparison as text and as CSV.
+//! A comparison as text, as CSV, and what its page says in words.
 
 use crate::measure::compare::{Comparison, Pair, PassSpread, VariantReport, WORTH_FINDING};
 use crate::measure::metrics::{Errors, block_side};
+use crate::measure::page::Words;
 use crate::measure::statistics::{Spread, least_runs};
 use std::fmt::Write;
 
@@ -36,6 +37,12 @@ pub fn warnings(comparison: &Comparison) -> Vec<String> {
     }
     warnings.extend(noisy_blocks(comparison));
     warnings
+}
+
+/// What a page tells beside the numbers; `pipelines` are the texts of the variants.
+pub fn words(comparison: &Comparison, pipelines: Vec<String>) -> Words {
+    let verdict = |pair: &Pair| sentence(pair, comparison.runs, comparison.pairs.len());
+    Words { warnings: warnings(comparison), verdicts: comparison.pairs.iter().map(verdict).collect(), hint: hint(comparison), pipelines }
 }
 
 /// Blocks are not corrected for the reference's noise: it must be small beside what they show.

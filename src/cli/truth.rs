@@ -220,4 +220,8 @@ impl Truth {
     pub fn path(&self) -> &Path {
         &self.path
     }
+
+    pub fn picture(&self) -> &Layers {
+        &self.picture
+    }
 }

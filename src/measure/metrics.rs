@@ -297,11 +297,47 @@ fn flip_of(test: Selected, reference: Selected) -> Result<Option<f64>, MetricsEr
     let Some(mean) = mean(truth.iter().map(|colour| luminance(Vec3::from(*colour).as_dvec3()))).filter(|&mean| mean > 0.0) else {
         return Ok(None);
     };
-    // −ln(1 − g) is what the curve maps to g.
-    let exposure = (-(-MIDDLE_GREY).ln_1p() / mean).log2() as f32;
+    let exposure = exposure_of(mean);
     let shown =
         |colours: Vec<[f32; 3]>| -> Vec<DVec3> { colours.into_iter().map(|colour| DVec3::from_array(tone_map(colour, exposure).map(f64::from))).collect() };
     Ok(Some(flip(&shown(test), &shown(truth), reference.picture.width as usize)))
+}
+
+/// The exposure that brings a mean luminance to middle grey [stops].
+fn exposure_of(mean: f64) -> f32 {
+    // −ln(1 − g) is what the curve maps to g.
+    (-(-MIDDLE_GREY).ln_1p() / mean).log2() as f32
+}
+
+/// The exposure that shows a layer well [stops]: its mean luminance on middle grey, as for `flip`; 0 for a black one.
+pub fn fair_exposure(picture: &Layers, layer: &str) -> Result<f32, PictureError> {
+    picture.validate()?;
+    let mean = mean(picture.luminance(layer)?.into_iter()).filter(|&mean| mean > 0.0);
+    Ok(mean.map_or(0.0, exposure_of))
+}
+
+/// Where a layer is too bright and where too dark.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ErrorMap {
+    /// Columns and rows of the reference [pixels].
+    pub size: [u32; 2],
+    /// (x − r) / mean of each pixel of the reference, signed, rows from the top; None where it sees no surface.
+    pub over_mean: Vec<Option<f32>>,
+}
+
+/// The error of each pixel that [`compare`] judges, by the same rules.
+pub fn error_map(test: &Layers, reference: &Layers, layer: &str) -> Result<ErrorMap, MetricsError> {
+    let stride = stride(test, reference)?;
+    let r = values(Selected { picture: reference, layer }, "reference")?;
+    let x = every(&values(Selected { picture: test, layer }, "tested picture")?, test, stride);
+    let surface = surface(reference, &r);
+    let seen: Vec<f64> = (0..r.len()).filter(|&at| surface[at]).map(|at| r[at]).collect();
+    let mean = mean(seen.into_iter()).ok_or(MetricsError::NoSurface)?;
+    if mean <= 0.0 {
+        return Err(MetricsError::Black);
+    }
+    let over_mean = (0..r.len()).map(|at| surface[at].then(|| ((x[at] - r[at]) / mean) as f32)).collect();
+    Ok(ErrorMap { size: [reference.width, reference.height], over_mean })
 }
 
 #[cfg(test)]

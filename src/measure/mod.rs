@@ -5,6 +5,7 @@ pub mod compare;
 pub mod flip;
 pub mod layers;
 pub mod metrics;
+pub mod page;
 pub mod run;
 pub mod statistics;
 pub mod tone;

@@ -27,10 +27,14 @@ pub fn srgb_decode(encoded: f32) -> f32 {
 impl Layers {
     /// A layer as PNG bytes: tone-mapped after a factor of 2^`exposure`, 8 bits a channel, sRGB.
     pub fn to_png(&self, layer: &str, exposure: f32) -> Result<Vec<u8>, PictureError> {
-        let byte = |linear: f32| (srgb_encode(linear) * 255.0 + 0.5) as u8;
-        let pixels: Vec<u8> = self.pixels(layer)?.flat_map(|colour| tone_map(colour, exposure).map(byte)).collect();
-        let image = image::RgbImage::from_raw(self.width, self.height, pixels).map(image::DynamicImage::from);
+        let image = image::RgbImage::from_raw(self.width, self.height, self.to_srgb(layer, exposure)?).map(image::DynamicImage::from);
         encode(image, image::ImageFormat::Png)
+    }
+
+    /// Red, green, blue of each pixel as the PNG file has them, rows from the top.
+    pub fn to_srgb(&self, layer: &str, exposure: f32) -> Result<Vec<u8>, PictureError> {
+        let byte = |linear: f32| (srgb_encode(linear) * 255.0 + 0.5) as u8;
+        Ok(self.pixels(layer)?.flat_map(|colour| tone_map(colour, exposure).map(byte)).collect())
     }
 
     /// A layer as Radiance HDR bytes: linear, a shared exponent for each pixel, not tone-mapped.

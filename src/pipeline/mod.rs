@@ -13,6 +13,7 @@ mod loops;
 pub mod per_frame;
 pub mod plan;
 pub mod syntax;
+mod written;
 
 pub use check::expected;
 pub use diagnostics::{Problem, Problems};

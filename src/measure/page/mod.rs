@@ -1,0 +1,92 @@
+//! A comparison as one HTML file that needs nothing else: no network, no other file.
+//!
+//! What was found goes into the page as JSON, pictures as PNG in it; a script draws the rest. Nothing in the data is ever read as HTML.
+
+mod gallery;
+
+pub use gallery::Gallery;
+
+use super::compare::Comparison;
+use super::layers::PictureError;
+use gallery::Exhibition;
+use serde::Serialize;
+
+const HTML: &str = include_str!("page.html");
+const CSS: &str = include_str!("page.css");
+const SCRIPT: &str = include_str!("page.js");
+
+/// What the page tells beside the comparison itself.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct Words {
+    /// What a reader must know before trusting the numbers.
+    pub warnings: Vec<String>,
+    /// A sentence for each of [`Comparison::pairs`].
+    pub verdicts: Vec<String>,
+    /// How many runs would settle what the verdicts leave open.
+    pub hint: Option<String>,
+    /// Each variant's whole pipeline as RON.
+    pub pipelines: Vec<String>,
+}
+
+#[derive(Serialize)]
+struct Data<'p> {
+    comparison: &'p Comparison,
+    words: &'p Words,
+    gallery: Exhibition,
+}
+
+/// The page of a comparison; the gallery holds a picture of each variant, in their order.
+pub fn page(comparison: &Comparison, words: &Words, gallery: &Gallery) -> Result<String, PictureError> {
+    let data = Data { comparison, words, gallery: gallery.show()? };
+    let json = serde_json::to_string(&data).map_err(|error| PictureError::Encoding { reason: error.to_string() })?;
+    let title = format!("{}: {} pipelines compared", comparison.scene, comparison.variants.len());
+    Ok(fill(HTML, &[("{title}", &escape(&title)), ("{css}", CSS), ("{data}", &inert(&json)), ("{script}", SCRIPT)]))
+}
+
+/// Replaces each mark, in their order; what was put in is not looked at again.
+fn fill(template: &str, parts: &[(&str, &str)]) -> String {
+    let mut rest = template;
+    let mut page = String::with_capacity(template.len() + parts.iter().map(|(_, part)| part.len()).sum::<usize>());
+    for (mark, part) in parts {
+        let (before, after) = rest.split_once(mark).unwrap_or((rest, ""));
+        page.push_str(before);
+        page.push_str(part);
+        rest = after;
+    }
+    page + rest
+}
+
+/// Text as HTML shows it.
+fn escape(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
+}
+
+/// JSON that can end no script: within its strings, where alone it may hold the sign, `<` is written as a number.
+fn inert(json: &str) -> String {
+    json.replace('<', "\\u003c")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_put_in_is_no_mark() {
+        assert_eq!(fill("a {x} b {y} c", &[("{x}", "{y}"), ("{y}", "2")]), "a {y} b 2 c");
+    }
+
+    #[test]
+    fn the_template_has_every_mark_once() {
+        for mark in ["{title}", "{css}", "{data}", "{script}"] {
+            assert_eq!(HTML.matches(mark).count(), 1, "{mark}");
+        }
+    }
+
+    #[test]
+    fn text_ends_no_element() {
+        assert_eq!(escape("<script> & </title>"), "&lt;script&gt; &amp; &lt;/title&gt;");
+        let json = serde_json::to_string("</script><!--<script>").unwrap();
+        assert!(!inert(&json).contains('<'));
+        assert_eq!(serde_json::from_str::<String>(&inert(&json)).unwrap(), "</script><!--<script>");
+    }
+}

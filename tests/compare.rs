@@ -20,6 +20,7 @@ const DRAWN: &[(&str, Case)] = &[
     ("a_reference_is_kept_and_a_damaged_one_traced_anew", kept_reference),
     ("several_at_once_keep_one_reference", concurrent),
     ("a_pipeline_without_irradiance_is_judged_by_its_picture", without_irradiance),
+    ("a_page_holds_what_was_found", html),
     ("an_unfinished_variant_is_named", unfinished),
     ("an_interrupted_comparison_keeps_whole_rounds", interrupted),
 ];
@@ -229,6 +230,20 @@ fn interrupted() -> Outcome {
     Ok(())
 }
 
+fn html() -> Outcome {
+    let place = Place::new()?;
+    place.succeed(&format!("compare irradiance irradiance@cache.accuracy=0.5 {SMALL} --runs 2 --json out.json --html out.html --quiet"))?;
+    let page = fs::read_to_string(place.0.path().join("out.html"))?;
+    let data = page.split_once("id=\"data\">").and_then(|(_, rest)| rest.split_once("</script>")).ok_or("no data")?.0;
+    let data: Value = serde_json::from_str(data)?;
+    check(data["comparison"] == place.json("out.json")?, || "the page holds other numbers".into())?;
+    let gallery = &data["gallery"];
+    let images = [&gallery["reference"], &gallery["pictures"][1], &gallery["maps"][0]["images"][1], &gallery["maps"][1]["images"][1]];
+    check(images.iter().all(|image| image["source"].as_str().is_some_and(|source| source.starts_with("data:image/png;base64,"))), || page.clone())?;
+    let text = data["words"]["pipelines"][1].as_str().unwrap_or_default();
+    check(text.contains("accuracy: 0.5,") && text.contains("resolution: 8,"), || text.to_owned())
+}
+
 fn mistakes() -> Outcome {
     let exr = |picture: Layers| picture.to_exr().map_err(|error| Failed::from(error.to_string()));
     let flat = |size: [u32; 2], value: f32| {
@@ -273,7 +288,7 @@ fn mistakes() -> Outcome {
         check(status == 2 && stdout.is_empty(), || format!("{arguments}: status {status}\n{stdout}{stderr}"))?;
         check(stderr.contains(code) && stderr.contains(words), || format!("{arguments}: {code}, {words}\n{stderr}"))?;
     }
-    for same in ["--json a --csv a", "--reference good.exr --json good.exr"] {
+    for same in ["--json a --csv a", "--csv a --html a", "--reference good.exr --json good.exr"] {
         let (status, _, stderr) = place.run(&format!("compare irradiance --scene cornell --size 32x24 {same}"))?;
         check(status == 2 && stderr.contains("cli::same_file"), || stderr)?;
     }

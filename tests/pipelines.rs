@@ -880,3 +880,16 @@ fn resources_that_are_alive_at_once_never_share_memory_and_histories_never_do() 
     }
     assert!(shared > 100, "sharing happens: {shared}");
 }
+
+#[test]
+fn a_written_pipeline_reads_back_as_the_same() {
+    for (name, _) in EMBEDDED {
+        let pipeline = load(name, &[], REGISTRY, &mut |_| Err(io::ErrorKind::NotFound.into())).unwrap();
+        let text = pipeline.to_ron();
+        let back =
+            load("back.ron", &[], REGISTRY, &mut |path| if path == Path::new("back.ron") { Ok(text.clone()) } else { Err(io::ErrorKind::NotFound.into()) });
+        let back = back.unwrap_or_else(|problems| panic!("{name}: {problems}\n{text}"));
+        assert_eq!(back.to_ron(), text);
+        assert_eq!(export(&back, Format::Mermaid), export(&pipeline, Format::Mermaid), "{name}");
+    }
+}

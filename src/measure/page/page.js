@@ -593,13 +593,13 @@ const startUp = ({ start_up: start }) => start.plan_seconds + start.shaders_seco
 const COLUMNS = [
   { name: "", tip: "Opens the picture", value: (_, index) => index },
   { name: "Pipeline", value: (variant) => variant.name, text: (value) => value, words: true },
-  { name: "Seconds", tip: "Median of the runs", value: (variant) => variant.seconds.median, text: figures, least: true },
+  { name: "Seconds", tip: "Median of the runs", value: (variant) => variant.seconds.median, text: (value) => figures(value), least: true },
   { name: "Quartiles", value: (variant) => variant.seconds.upper_quartile - variant.seconds.lower_quartile, text: (_, variant) => `${figures(variant.seconds.lower_quartile)} … ${figures(variant.seconds.upper_quartile)}` },
   { name: `× ${variants[0]?.id}`, tip: "Time over that of the first; in brackets where no more than noise", value: (variant, index) => (index ? pairWith(variants[0].id, variant.id)?.ratio ?? null : 1), text: ratioText },
   { name: "Records", value: (variant) => variant.records.irradiance, text: (value) => (value === null ? "–" : String(value)) },
   { name: "Uncovered", tip: "Pixels that see a surface that no record covers", value: (variant) => variant.uncovered_pixels, text: (value) => (value === null ? "–" : String(value)) },
-  { name: "Device MiB", value: (variant) => variant.peak_gpu_bytes / 2 ** 20, text: figures, least: true },
-  { name: "Start-up s", tip: "Plan, shaders, first picture", value: startUp, text: figures },
+  { name: "Device MiB", value: (variant) => variant.peak_gpu_bytes / 2 ** 20, text: (value) => figures(value), least: true },
+  { name: "Start-up s", tip: "Plan, shaders, first picture", value: startUp, text: (value) => figures(value) },
   ...measured.map((metric) => ({ name: metric[2], value: (variant) => errorValue(variant, metric), text: (value) => errorText(value, metric[1]), least: true, sized: true })),
 ];
 

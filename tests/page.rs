@@ -1,0 +1,432 @@
+//! The page of a comparison in a real browser: what its controls do, what it shows, how heavy it is.
+//!
+//! Needs Chromium; without one each case is named as skipped, which `HEMISPLAT_REQUIRE=browser` makes a failure. The pictures are made here, so
+//! that no GPU is needed. `HEMISPLAT_UPDATE_GOLDEN=1 cargo test --test page` draws the tracked picture of the page anew.
+
+mod browser;
+
+use browser::Browser;
+use hemisplat::measure::compare::{
+    AdapterReport, Comparison, PassSpread, ReferenceReport, StartUp, VariantErrors, VariantReport, VariantStartUp, letters, pairs,
+};
+use hemisplat::measure::page::{Gallery, Words, page};
+use hemisplat::measure::run::Records;
+use hemisplat::measure::statistics::Spread;
+use hemisplat::measure::{Layer, Layers, PICTURE, compare};
+use image::RgbImage;
+use libtest_mimic::{Arguments, Failed, Trial};
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+use std::{env, fs};
+use tempfile::TempDir;
+
+type Outcome = Result<(), Failed>;
+type Case = fn(&mut Browser) -> Outcome;
+
+const CASES: &[(&str, Case)] = &[
+    ("the_slider_parts_the_pictures", slider),
+    ("keys_flip_swap_and_step", keys),
+    ("zoom_keeps_both_sides_in_step", zoom),
+    ("maps_of_errors_have_a_scale", maps),
+    ("without_a_reference_the_page_says_so", no_reference),
+    ("a_point_opens_its_picture", plot),
+    ("columns_sort", table),
+    ("texts_show_their_difference", texts),
+    ("names_are_text", hostile_names),
+    ("it_fits_phones_light_and_dark_two_and_twenty", sizes),
+    ("ten_large_pictures_open_in_two_seconds", heavy),
+    ("it_looks_as_it_did", looks),
+];
+
+fn main() {
+    let required = env::var("HEMISPLAT_REQUIRE").is_ok_and(|list| list.split(',').any(|item| item.trim() == "browser"));
+    let skipped = browser::find().is_none() && !required;
+    if skipped {
+        CASES.iter().for_each(|(name, _)| println!("SKIPPED: {name}: no browser (chromium)"));
+    }
+    let trials = CASES.iter().map(|(name, case)| Trial::test(*name, move || run(*case)).with_ignored_flag(skipped));
+    // Opening is timed: one after the other.
+    let arguments = Arguments { test_threads: Some(1), ..Arguments::from_args() };
+    libtest_mimic::run(&arguments, trials.collect()).exit();
+}
+
+/// A case, after which nothing may have complained.
+fn run(case: Case) -> Outcome {
+    let mut browser = Browser::start()?;
+    browser.resize(WINDOW, false)?;
+    case(&mut browser)?;
+    let complaints = browser.complaints()?;
+    check(complaints.is_empty(), || complaints.join("\n"))
+}
+
+fn check(holds: bool, what: impl FnOnce() -> String) -> Outcome {
+    if holds { Ok(()) } else { Err(what().into()) }
+}
+
+const WINDOW: [u32; 2] = [1000, 900];
+const SIZE: [u32; 2] = [96, 72];
+const COLOURS: [[f32; 3]; 3] = [[0.8, 0.02, 0.02], [0.02, 0.8, 0.02], [0.02, 0.02, 0.8]];
+
+/// A comparison and what it is of.
+struct Made {
+    comparison: Comparison,
+    words: Words,
+    pictures: Vec<Layers>,
+    reference: Option<Layers>,
+}
+
+/// A picture whose pixels have a colour by their place, and an irradiance that is `light` everywhere.
+fn picture(size: [u32; 2], colour: impl Fn(u32, u32) -> [f32; 3], light: f32) -> Layers {
+    let [width, height] = size;
+    let pixels: Vec<f32> = (0..width * height).flat_map(|at| colour(at % width, at / width)).collect();
+    let irradiance = Layer::value(vec![light; (width * height) as usize]);
+    Layers::new(width, height).with(PICTURE, Layer::interleaved(&["R", "G", "B"], &pixels, 3)).with("irradiance", irradiance)
+}
+
+/// Red, green, blue and so on; each is 10 % brighter and half as slow again as the one before.
+fn made(variants: usize) -> Made {
+    let light = |index: usize| 1.0 + 0.1 * index as f32;
+    let pictures = (0..variants).map(|index| picture(SIZE, |_, _| COLOURS[index % 3], light(index))).collect();
+    with(pictures, Some(picture(SIZE, |_, _| [0.4; 3], 1.0)))
+}
+
+fn with(pictures: Vec<Layers>, reference: Option<Layers>) -> Made {
+    let size = [pictures[0].width, pictures[0].height];
+    let variants: Vec<_> = pictures.iter().enumerate().map(|(index, picture)| variant(index, picture, reference.as_ref())).collect();
+    let comparison = Comparison {
+        schema: 1,
+        scene: "cornell".into(),
+        triangles: 36,
+        camera: "main".into(),
+        size,
+        adapter: AdapterReport { name: "an adapter".into(), backend: "vulkan".into(), driver: "a driver".into() },
+        runs_asked: 8,
+        runs: 8,
+        complete: true,
+        start_up: StartUp { load_seconds: 0.1, device_seconds: 0.2, reference_seconds: 0.0 },
+        peak_host_bytes: Some(1 << 28),
+        reference: reference.as_ref().map(|_| ReferenceReport { file: None, own: true, bounces: Some("1".into()), samples: Some("256".into()), stride: None }),
+        pairs: pairs(&variants),
+        variants,
+    };
+    let verdicts = comparison.pairs.iter().map(|pair| format!("{} differs from {}", pair.second, pair.first)).collect();
+    let pipelines =
+        comparison.variants.iter().enumerate().map(|(index, _)| format!("Pipeline(\n    nodes: [\n        resolution: {},\n    ],\n)\n", 8 << index)).collect();
+    Made { comparison, words: Words { verdicts, pipelines, ..Words::default() }, pictures, reference }
+}
+
+fn variant(index: usize, picture: &Layers, reference: Option<&Layers>) -> VariantReport {
+    let seconds: Vec<f64> = (0..8).map(|run| 1.5f64.powi(index as i32 % 12) * (1.0 + 0.01 * f64::from(run))).collect();
+    let spread = |scale: f64| Spread::of(&seconds.iter().map(|seconds| seconds * scale).collect::<Vec<_>>());
+    let pass = |node: &str, pass, share: f64| PassSpread { node: node.into(), pass, runs: 3, gpu_ms: spread(900.0 * share), cpu_ms: spread(20.0 * share) };
+    let errors = |layer: &str| reference.and_then(|reference| compare(picture, reference, layer, None).ok());
+    VariantReport {
+        id: letters(index),
+        name: format!("irradiance@tiles.resolution={}", 8 << (index % 12)),
+        pipeline: "pipelines/irradiance.ron".into(),
+        set: vec![],
+        dropped: vec![],
+        start_up: VariantStartUp { plan_seconds: 0.01, shaders_seconds: 0.1, warm_up_seconds: 0.5 },
+        seconds: Spread::of(&seconds).unwrap(),
+        seconds_of_runs: seconds.clone(),
+        records: Records { irradiance: Some(1000 - 7 * index as u32), radiance: None },
+        new_records: None,
+        surplus_records: None,
+        fill_rounds: Some(3),
+        uncovered_pixels: Some(0),
+        complete: true,
+        unfinished: vec![],
+        pictures_repeat: true,
+        peak_gpu_bytes: 50 << 20,
+        passes: vec![pass("gbuffer", "GBuffer", 0.05), pass("tiles", "HemisphereTiles", 0.7), pass("splats", "Splat", 0.25)],
+        errors: VariantErrors { irradiance: errors("irradiance"), picture: errors(PICTURE) },
+    }
+}
+
+impl Made {
+    fn html(&self) -> Result<String, Failed> {
+        let mut gallery = Gallery::new(self.reference.as_ref());
+        self.pictures.iter().try_for_each(|picture| gallery.add(picture))?;
+        Ok(page(&self.comparison, &self.words, &gallery)?)
+    }
+
+    /// Writes the page and opens it. The folder keeps it.
+    fn open(&self, browser: &mut Browser) -> Result<TempDir, Failed> {
+        open(&self.html()?, browser)
+    }
+}
+
+fn open(html: &str, browser: &mut Browser) -> Result<TempDir, Failed> {
+    let folder = tempfile::tempdir()?;
+    let file = folder.path().join("page.html");
+    fs::write(&file, html)?;
+    browser.open(&file)?;
+    Ok(folder)
+}
+
+/// Whether both of the pictures that are shown first are drawn.
+const DRAWN: &str = "[0.25, 0.75].every((share) => { const canvas = document.querySelector('#canvas'); \
+                     return canvas.getContext('2d').getImageData(share * canvas.width, canvas.height / 2, 1, 1).data[3] > 0; })";
+
+/// The colour that the window shows at a share of the stage's width, in the middle of its height.
+fn colour_at(browser: &mut Browser, share: f64) -> Result<[u8; 3], Failed> {
+    let [x, y] = on_stage(browser, share)?;
+    // Away from the slider's grip.
+    Ok(browser.screenshot()?.get_pixel(x as u32, y as u32 + 40).0)
+}
+
+fn on_stage(browser: &mut Browser, share: f64) -> Result<[f64; 2], Failed> {
+    let [x, y] = browser.middle("#stage")?;
+    let width = browser.evaluate("document.querySelector('#stage').clientWidth")?.as_f64().unwrap_or(0.0);
+    Ok([x + (share - 0.5) * width, y])
+}
+
+/// Whether the stage shows one of [`COLOURS`] there; drawing is given some time.
+fn shows(browser: &mut Browser, share: f64, channel: usize) -> Outcome {
+    let mut colour = [0; 3];
+    for _ in 0..50 {
+        colour = colour_at(browser, share)?;
+        let others = (0..3).filter(|other| *other != channel).map(|other| colour[other]).max().unwrap_or(0);
+        if colour[channel] > others.saturating_add(60) {
+            return Ok(());
+        }
+    }
+    Err(format!("at {share} channel {channel} is to be seen, not {colour:?}").into())
+}
+
+fn equals(browser: &mut Browser, expression: &str, expected: impl Into<serde_json::Value>) -> Outcome {
+    let (found, expected) = (browser.evaluate(expression)?, expected.into());
+    check(found == expected, || format!("{expression} is {found}, not {expected}"))
+}
+
+fn slider(browser: &mut Browser) -> Outcome {
+    let _page = made(3).open(browser)?;
+    shows(browser, 0.25, 0)?;
+    shows(browser, 0.75, 1)?;
+    let (from, to) = (on_stage(browser, 0.5)?, on_stage(browser, 0.9)?);
+    browser.drag(from, to)?;
+    shows(browser, 0.75, 0)?;
+    equals(browser, "document.querySelector('#slider').ariaValueNow", "90")?;
+    browser.evaluate("document.querySelector('#slider').focus()")?;
+    browser.key("Home")?;
+    shows(browser, 0.25, 1)?;
+    browser.key("End")?;
+    browser.key("ArrowLeft")?;
+    shows(browser, 0.75, 0)?;
+    equals(browser, "document.querySelector('#slider').ariaValueNow", "99")
+}
+
+fn keys(browser: &mut Browser) -> Outcome {
+    let _page = made(3).open(browser)?;
+    browser.key("f")?;
+    shows(browser, 0.25, 1)?;
+    browser.key("f")?;
+    shows(browser, 0.75, 0)?;
+    browser.key("v")?;
+    browser.key("]")?;
+    shows(browser, 0.75, 2)?;
+    browser.key("x")?;
+    shows(browser, 0.25, 2)?;
+    browser.key("v")?;
+    equals(browser, "document.querySelector('#view input:checked').value", "side")?;
+    // Each of the panes shows its whole picture.
+    shows(browser, 0.1, 2)?;
+    shows(browser, 0.9, 0)?;
+    browser.key("?")?;
+    equals(browser, "document.querySelector('#keys').open", true)
+}
+
+fn zoom(browser: &mut Browser) -> Outcome {
+    // The left half is of another colour than the right.
+    let halves = |left: usize, right: usize| picture(SIZE, move |x, _| COLOURS[if x < SIZE[0] / 2 { left } else { right }], 1.0);
+    let _page = with(vec![halves(0, 1), halves(2, 0)], None).open(browser)?;
+    let scale = "document.querySelector('#zoom').value";
+    let whole = browser.evaluate(scale)?;
+    shows(browser, 0.25, 0)?;
+    shows(browser, 0.75, 0)?;
+    (0..4).try_for_each(|_| browser.key("+"))?;
+    check(browser.evaluate(scale)? != whole, || "nothing is zoomed".into())?;
+    // Moved to the left end, both sides show what is left.
+    (0..12).try_for_each(|_| browser.key("h"))?;
+    shows(browser, 0.25, 0)?;
+    shows(browser, 0.75, 2)?;
+    (0..24).try_for_each(|_| browser.key("l"))?;
+    shows(browser, 0.25, 1)?;
+    shows(browser, 0.75, 0)?;
+    browser.key("0")?;
+    equals(browser, scale, whole)?;
+    browser.key("1")?;
+    equals(browser, scale, "100 %")
+}
+
+fn maps(browser: &mut Browser) -> Outcome {
+    let mut made = made(2);
+    made.pictures[0] = picture(SIZE, |_, _| COLOURS[0], 0.9);
+    let _page = made.open(browser)?;
+    equals(browser, "document.querySelector('#scale').hidden", true)?;
+    browser.key("e")?;
+    equals(browser, "document.querySelector('#layer').value", "irradiance")?;
+    equals(browser, "document.querySelector('#scale-ticks').textContent", "−10.0 %−5.00 %0 %+5.00 %+10.0 %")?;
+    // The left is too dark, which is blue, the right too bright.
+    let cold = |[r, _, b]: [u8; 3]| i32::from(b) - i32::from(r);
+    browser.until("document.querySelector('#absent').hidden")?;
+    for _ in 0..50 {
+        if cold(colour_at(browser, 0.25)?) > 60 && cold(colour_at(browser, 0.75)?) < -60 {
+            let [x, y] = on_stage(browser, 0.75)?;
+            browser.drag([x, y + 60.0], [x, y + 60.0])?;
+            let text = browser.evaluate("document.querySelector('#readout').textContent")?;
+            return check(text.as_str().is_some_and(|text| text.contains("≤ −10.0 %") && text.contains("≥ +10.0 %")), || text.to_string());
+        }
+    }
+    Err(format!("{:?} {:?}", colour_at(browser, 0.25)?, colour_at(browser, 0.75)?).into())
+}
+
+fn no_reference(browser: &mut Browser) -> Outcome {
+    let pictures = made(2).pictures;
+    let _page = with(pictures, None).open(browser)?;
+    let says = |browser: &mut Browser, selector: &str| {
+        equals(browser, &format!("document.querySelector('{selector}').textContent.includes('o reference was given')"), true)
+    };
+    says(browser, "#plot")?;
+    says(browser, "#table-note")?;
+    says(browser, "#layer")?;
+    equals(browser, "[...document.querySelectorAll('#layer option')].filter((option) => option.disabled).length", 2)?;
+    browser.key("e")?;
+    equals(browser, "document.querySelector('#layer').value", "shown")?;
+    shows(browser, 0.25, 0)
+}
+
+fn plot(browser: &mut Browser) -> Outcome {
+    let _page = made(5).open(browser)?;
+    equals(browser, "document.querySelectorAll('#plot .point').length", 5)?;
+    // The first is right and the fastest: nothing else is on the front.
+    equals(browser, "document.querySelectorAll('#plot .point.best').length", 1)?;
+    browser.click("#plot .point[data-variant='2']")?;
+    equals(browser, "document.querySelector('#right').value", "2")?;
+    shows(browser, 0.75, 2)?;
+    equals(browser, "document.querySelector('#stage').getBoundingClientRect().top < innerHeight", true)?;
+    browser.evaluate("document.querySelector(\"#plot .point[data-variant='3']\").focus()")?;
+    browser.key("Enter")?;
+    equals(browser, "document.querySelector('#right').value", "3")?;
+    equals(browser, "document.activeElement.id", "stage")
+}
+
+fn table(browser: &mut Browser) -> Outcome {
+    let _page = made(4).open(browser)?;
+    let letters = "[...document.querySelectorAll('#table .open')].map((button) => button.textContent).join('')";
+    let order = "document.querySelector('#table th:nth-child(3)').ariaSort";
+    equals(browser, letters, "ABCD")?;
+    browser.click("#table th:nth-child(3) button")?;
+    equals(browser, order, "ascending")?;
+    browser.key("Enter")?;
+    equals(browser, order, "descending")?;
+    equals(browser, letters, "DCBA")?;
+    browser.click("#table th:nth-child(6) button")?;
+    equals(browser, letters, "DCBA")?;
+    equals(browser, order, "none")?;
+    equals(browser, "document.querySelector('#table tbody tr:last-child td:nth-child(3)').textContent", "1.04")?;
+    browser.click("#table tbody tr:first-child .open")?;
+    equals(browser, "document.querySelector('#right').value", "3")
+}
+
+fn texts(browser: &mut Browser) -> Outcome {
+    let _page = made(3).open(browser)?;
+    let lines = |class: &str| format!("[...document.querySelectorAll('#text .{class}')].map((line) => line.textContent.trim()).join('|')");
+    equals(browser, &lines("removed"), "-         resolution: 8,")?;
+    equals(browser, &lines("added"), "+         resolution: 16,")?;
+    browser.click("#text-as label:last-of-type span")?;
+    equals(browser, "document.querySelectorAll('#text .added').length", 0)?;
+    equals(browser, "document.querySelector('#text').textContent.includes('resolution: 16')", true)?;
+    equals(browser, "document.querySelectorAll('#pairs li').length", 3)?;
+    equals(browser, "document.querySelector('#pairs li.significant').textContent", "B differs from A")?;
+    equals(browser, "document.querySelectorAll('.part').length", 9)
+}
+
+fn hostile_names(browser: &mut Browser) -> Outcome {
+    const NAME: &str = "</script><script>window.hit = 1</script><img src=x onerror='window.hit = 1'>&amp;<!--";
+    let mut made = made(2);
+    made.comparison.scene = NAME.into();
+    made.comparison.camera = NAME.into();
+    made.comparison.variants[1].name = NAME.into();
+    made.comparison.variants[1].passes[0].node = NAME.into();
+    made.comparison.variants[1].set = vec![NAME.into()];
+    made.words = Words { warnings: vec![NAME.into()], verdicts: vec![NAME.into()], hint: Some(NAME.into()), pipelines: vec![NAME.into(); 2] };
+    let _page = made.open(browser)?;
+    shows(browser, 0.75, 1)?;
+    equals(browser, "window.hit === undefined && document.images.length === 0 && document.scripts.length === 2", true)?;
+    equals(browser, "document.title", format!("{NAME}: 2 pipelines compared"))?;
+    equals(browser, "document.querySelector('h1').textContent", format!("{NAME}: 2 pipelines compared"))?;
+    equals(browser, "document.querySelector('#warnings').textContent", NAME)?;
+    equals(browser, "document.querySelector('#right-label').textContent", format!("B  {NAME}"))
+}
+
+fn sizes(browser: &mut Browser) -> Outcome {
+    for variants in [2, 20] {
+        let _page = made(variants).open(browser)?;
+        equals(browser, "document.querySelectorAll('#table tbody tr').length", variants)?;
+        for (size, mobile) in [(WINDOW, false), ([390, 844], true)] {
+            browser.resize(size, mobile)?;
+            browser.evaluate("scrollTo(0, 0)")?;
+            equals(browser, "document.documentElement.scrollWidth", size[0])?;
+            shows(browser, 0.25, 0)?;
+            for (scheme, bright) in [("light", true), ("dark", false)] {
+                browser.prefer(scheme)?;
+                browser.evaluate("scrollTo(0, 0)")?;
+                let corner = browser.screenshot()?.get_pixel(3, 3).0;
+                check((corner[0] > 128) == bright, || format!("{scheme}: {corner:?}"))?;
+            }
+        }
+        browser.resize(WINDOW, false)?;
+    }
+    Ok(())
+}
+
+/// Noise of 16 bits from a place.
+fn noise(x: u32, y: u32, seed: u32) -> f32 {
+    let mut bits = (x.wrapping_mul(0x9e37_79b9) ^ y.wrapping_mul(0x85eb_ca6b) ^ seed.wrapping_mul(0xc2b2_ae35)).wrapping_mul(0x27d4_eb2f);
+    bits = (bits ^ (bits >> 15)).wrapping_mul(0x2c1b_3c6d);
+    ((bits ^ (bits >> 12)) & 0xffff) as f32 / 65536.0
+}
+
+/// Pictures with textures of noise, lit a little differently in each, and a reference with noise of its own: harder to pack than what is rendered.
+fn heavy(browser: &mut Browser) -> Outcome {
+    const LARGE: [u32; 2] = [1000, 1000];
+    let lit = |index: u32, x: u32, y: u32| 0.5 + 0.3 * (x as f32 / 83.0 + index as f32 * 0.02).sin() * (y as f32 / 61.0).cos();
+    let shown = |index: u32, x: u32, y: u32| [0.9, 0.8, 0.6].map(|channel: f32| channel * lit(index, x, y) * (0.7 + 0.3 * noise(x / 2, y / 2, 0)));
+    let pictures: Vec<_> = (0..10).map(|index| picture(LARGE, |x, y| shown(index, x, y), 1.0)).collect();
+    let truth = picture(LARGE, |x, y| shown(0, x, y).map(|channel| channel * (0.97 + 0.06 * noise(x, y, 1))), 1.0);
+    let made = with(pictures, Some(truth));
+    let html = made.html()?;
+    check(html.len() < 15 << 20, || format!("{} bytes", html.len()))?;
+    let start = Instant::now();
+    let _page = open(&html, browser)?;
+    browser.until(DRAWN)?;
+    let seconds = start.elapsed().as_secs_f64();
+    println!("ten pictures of 1000×1000: {:.1} MiB, drawn after {seconds:.2} s", html.len() as f64 / f64::from(1 << 20));
+    check(seconds < 2.0, || format!("drawn after {seconds:.2} s"))
+}
+
+fn tracked() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/snapshots/page.png")
+}
+
+/// The window in blocks so large that fonts hardly matter.
+fn looks(browser: &mut Browser) -> Outcome {
+    const BLOCKS: [u32; 2] = [50, 45];
+    let _page = made(4).open(browser)?;
+    shows(browser, 0.75, 1)?;
+    browser.evaluate("scrollTo(0, 0)")?;
+    let now = image::imageops::resize(&browser.screenshot()?, BLOCKS[0], BLOCKS[1], image::imageops::FilterType::Triangle);
+    if env::var_os("HEMISPLAT_UPDATE_GOLDEN").is_some() {
+        return Ok(now.save(tracked())?);
+    }
+    let then = image::open(tracked())?.into_rgb8();
+    let apart = apart(&now, &then);
+    check(then.dimensions() == now.dimensions() && apart < 6.0, || format!("the page is {apart:.1} of 255 from the tracked one"))
+}
+
+/// Mean difference of the channels, of 255.
+fn apart(a: &RgbImage, b: &RgbImage) -> f64 {
+    let sum: f64 = a.iter().zip(b.iter()).map(|(a, b)| f64::from(a.abs_diff(*b))).sum();
+    sum / a.len() as f64
+}

@@ -164,12 +164,12 @@ fn open(html: &str, browser: &mut Browser) -> Result<TempDir, Failed> {
     Ok(folder)
 }
 
-/// Whether both of the pictures that are shown first are drawn.
-const DRAWN: &str = "[0.25, 0.75].every((share) => { const canvas = document.querySelector('#canvas'); \
-                     return canvas.getContext('2d').getImageData(share * canvas.width, canvas.height / 2, 1, 1).data[3] > 0; })";
+/// Whether what is to be shown is drawn.
+const DRAWN: &str = "document.querySelector('#stage').ariaBusy === 'false'";
 
-/// The colour that the window shows at a share of the stage's width, in the middle of its height.
+/// The colour that the window shows at a share of the stage's width, in the middle of its height, once it is drawn.
 fn colour_at(browser: &mut Browser, share: f64) -> Result<[u8; 3], Failed> {
+    browser.until(DRAWN)?;
     let [x, y] = on_stage(browser, share)?;
     // Away from the slider's grip.
     Ok(browser.screenshot()?.get_pixel(x as u32, y as u32 + 40).0)
@@ -181,17 +181,11 @@ fn on_stage(browser: &mut Browser, share: f64) -> Result<[f64; 2], Failed> {
     Ok([x + (share - 0.5) * width, y])
 }
 
-/// Whether the stage shows one of [`COLOURS`] there; drawing is given some time.
+/// Whether the stage shows one of [`COLOURS`] there.
 fn shows(browser: &mut Browser, share: f64, channel: usize) -> Outcome {
-    let mut colour = [0; 3];
-    for _ in 0..50 {
-        colour = colour_at(browser, share)?;
-        let others = (0..3).filter(|other| *other != channel).map(|other| colour[other]).max().unwrap_or(0);
-        if colour[channel] > others.saturating_add(60) {
-            return Ok(());
-        }
-    }
-    Err(format!("at {share} channel {channel} is to be seen, not {colour:?}").into())
+    let colour = colour_at(browser, share)?;
+    let others = (0..3).filter(|other| *other != channel).map(|other| colour[other]).max().unwrap_or(0);
+    check(colour[channel] > others.saturating_add(60), || format!("at {share} channel {channel} is to be seen, not {colour:?}"))
 }
 
 fn equals(browser: &mut Browser, expression: &str, expected: impl Into<serde_json::Value>) -> Outcome {
@@ -269,16 +263,12 @@ fn maps(browser: &mut Browser) -> Outcome {
     equals(browser, "document.querySelector('#scale-ticks').textContent", "−10.0 %−5.00 %0 %+5.00 %+10.0 %")?;
     // The left is too dark, which is blue, the right too bright.
     let cold = |[r, _, b]: [u8; 3]| i32::from(b) - i32::from(r);
-    browser.until("document.querySelector('#absent').hidden")?;
-    for _ in 0..50 {
-        if cold(colour_at(browser, 0.25)?) > 60 && cold(colour_at(browser, 0.75)?) < -60 {
-            let [x, y] = on_stage(browser, 0.75)?;
-            browser.drag([x, y + 60.0], [x, y + 60.0])?;
-            let text = browser.evaluate("document.querySelector('#readout').textContent")?;
-            return check(text.as_str().is_some_and(|text| text.contains("≤ −10.0 %") && text.contains("≥ +10.0 %")), || text.to_string());
-        }
-    }
-    Err(format!("{:?} {:?}", colour_at(browser, 0.25)?, colour_at(browser, 0.75)?).into())
+    let found = [colour_at(browser, 0.25)?, colour_at(browser, 0.75)?];
+    check(cold(found[0]) > 60 && cold(found[1]) < -60, || format!("{found:?}"))?;
+    let [x, y] = on_stage(browser, 0.75)?;
+    browser.drag([x, y + 60.0], [x, y + 60.0])?;
+    let text = browser.evaluate("document.querySelector('#readout').textContent")?;
+    check(text.as_str().is_some_and(|text| text.contains("≤ −10.0 %") && text.contains("≥ +10.0 %")), || text.to_string())
 }
 
 fn no_reference(browser: &mut Browser) -> Outcome {

@@ -213,7 +213,9 @@ function showState(border) {
   slider.setAttribute("aria-valuetext", `${Math.round(100 * state.split)} % ${titleOf(state.left)}, the rest ${titleOf(state.right)}`);
   stage.classList.toggle("zoomed", state.scale !== null);
   byId("zoom").textContent = `${figures(100 * scaleNow() * (window.devicePixelRatio || 1))} %`;
-  showAbsent(alone ? [shown] : [state.left, state.right]);
+  const visible = alone ? [shown] : [state.left, state.right];
+  stage.setAttribute("aria-busy", visible.some((index) => bitmap(state.layer, index) === undefined));
+  showAbsent(visible);
   showReadout();
 }
 
@@ -659,7 +661,7 @@ function rowOf(index, leasts) {
 function drawPairs() {
   const of = byId("of").value;
   const shown = comparison.pairs.map((pair, index) => [pair, words.verdicts[index]]).filter(([pair]) => of === "all" || pair.first === of || pair.second === of);
-  const items = shown.map(([pair, verdict]) => make("li", { class: pair.significant ? "significant" : null }, verdict));
+  const items = shown.map(([pair, verdict]) => make("li", { class: pair.significant ? "significant" : pair.ratio_interval ? null : "open" }, verdict));
   byId("pairs").replaceChildren(...(items.length ? items : [make("li", {}, "One pipeline alone has nothing to differ from.")]));
 }
 

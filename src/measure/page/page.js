@@ -163,8 +163,13 @@ function panes() {
 
 const scaleNow = () => state.scale ?? panes().fit;
 
-function draw() {
+/** Gives the stage its height, then draws. */
+function layOut() {
   stage.style.height = `${Math.round(Math.min(((stage.clientWidth / paneCount()) * HEIGHT) / WIDTH, 0.8 * window.innerHeight))}px`;
+  moveTo(state.x, state.y);
+}
+
+function draw() {
   const ratio = window.devicePixelRatio || 1;
   const [width, height] = [stage.clientWidth, stage.clientHeight].map((side) => Math.max(Math.round(side * ratio), 1));
   if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
@@ -251,6 +256,12 @@ function valueAt(index, x, y) {
   return `${Math.abs(error) === 1 ? (error > 0 ? "≥ " : "≤ ") : ""}${error > 0 ? "+" : ""}${percent(error * set.scale)}`;
 }
 
+/** The mean of a block holds less noise than each of its pixels. */
+function noiseOf(set) {
+  const noise = variants.map((variant) => variant.errors[set.layer]?.reference_noise_over_mean).find((found) => found);
+  return noise ? ` The reference's noise, ${percent(noise / set.block)}, is in it.` : " The reference's noise is in it.";
+}
+
 function drawScale() {
   const set = mapSet(state.layer);
   byId("scale").hidden = !set;
@@ -263,7 +274,7 @@ function drawScale() {
   const tick = (share) => `${share > 0 ? "+" : ""}${percent(share * set.scale)}`;
   byId("scale-ticks").replaceChildren(...[-1, -0.5, 0, 0.5, 1].map((share) => make("span", {}, tick(share))));
   const blocks = set.block > 1 ? `, means of ${set.block}×${set.block} pixels` : "";
-  byId("scale-text").textContent = `Too dark (blue) and too bright (red), as a share of the reference's mean ${set.layer}${blocks}. Grey: no surface. The reference's noise is in it.`;
+  byId("scale-text").textContent = `Too dark (blue) and too bright (red), as a share of the reference's mean ${set.layer}${blocks}. Grey: no surface.${noiseOf(set)}`;
 }
 
 // What moves the stage
@@ -275,7 +286,7 @@ function change(changes) {
   byId("layer").value = state.layer;
   checkIn(byId("view"), state.view);
   drawScale();
-  draw();
+  layOut();
   markShown();
 }
 
@@ -410,7 +421,7 @@ const KEYS = {
 const SLIDES = { ArrowLeft: -1, ArrowRight: 1 };
 
 function key(event) {
-  if (event.ctrlKey || event.metaKey || event.altKey || event.target.closest("select, input")) return;
+  if (event.ctrlKey || event.metaKey || event.altKey || event.target.closest("select")) return;
   const onStage = event.target === document.body || stage.contains(event.target);
   if (onStage && state.view === "slider" && event.key in SLIDES) moveSlider(state.split + SLIDES[event.key] * (event.shiftKey ? 0.1 : 0.01));
   else if (event.target === slider && event.key === "Home") moveSlider(0);
@@ -802,5 +813,5 @@ setUpNodes();
 setUpTexts();
 change({});
 drawPlot();
-new ResizeObserver(() => { moveTo(state.x, state.y); drawPlot(); }).observe(document.querySelector("main"));
+window.addEventListener("resize", () => { layOut(); drawPlot(); });
 })();

@@ -47,6 +47,8 @@ const GAP: u32 = 16;
 const CLUSTER: u32 = 32;
 /// Finest subdivision of a triangle for the hemispherical projection: 4^5 parts.
 const FINEST: u32 = 5;
+/// The level of a triangle that even so would bend too much: it is drawn over the whole tile, which its samples' rays test.
+const WHOLE: u32 = 15;
 /// Angle that an edge of a part spans at most, where the subdivision allows [radians].
 const PART_ANGLE: f32 = 0.15;
 
@@ -69,9 +71,9 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work) {
         program,
         vertex: if hemispherical { "vertex_hemispherical" } else { "vertex" },
         fragment: Some(match (hemispherical, tested) {
-            (_, false) => "fragment",
+            (true, _) => "fragment_hemispherical",
             (false, true) => "fragment_tested",
-            (true, true) => "fragment_hemispherical_tested",
+            (false, false) => "fragment",
         }),
         colours: vec![Target { texture: work.seen, clear: Some([0.0; 4]), blend: Blend::Replace }],
         depth: Some(DepthTarget { texture: depth, layer: 0 }),
@@ -219,11 +221,12 @@ fn part(node: &Node, origin: Vec3, planes: &[Vec3]) -> Part {
     part
 }
 
-/// Halvings of an edge after which its parts span a small angle seen from the record.
+/// Halvings of an edge after which its parts span a small angle seen from the record, or [`WHOLE`] where none suffice.
 fn level(node: &Node, longest: f32, origin: Vec3) -> u32 {
     let nearest = origin.clamp(Vec3::from(node.min), Vec3::from(node.max)).distance(origin);
     let spans = longest / (nearest.max(1e-6 * longest) * PART_ANGLE);
-    (spans.max(1.0).log2().ceil() as u32).min(FINEST)
+    let halvings = spans.max(1.0).log2().ceil() as u32;
+    if halvings > FINEST { WHOLE } else { halvings }
 }
 
 /// The draws of one view.
@@ -241,7 +244,7 @@ struct Ranges<'l> {
 impl Ranges<'_> {
     /// Adds a range of triangles, joined with the one before it where only a small gap lies between.
     fn add(&mut self, [a, b]: [u32; 2], level: u32, clipped: bool) {
-        let per_triangle = 3 << (2 * level);
+        let per_triangle = if level == WHOLE { 6 } else { 3 << (2 * level) };
         let tagged = self.instance | level << 24;
         let same = self.clipped.replace(clipped) == Some(clipped);
         match self.list[self.first..].last_mut() {

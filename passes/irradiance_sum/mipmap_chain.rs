@@ -19,7 +19,7 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work<'_>, arguments: &Argument
             "give the tiles a resolution that is a power of two, or sum them another way",
         ));
     }
-    let storage = Storage::of(r, arguments);
+    let storage = Storage::of(r, work, arguments);
     let mut image = work.level_image(r, "level0", 0, storage.format);
     work.contribute(r, &storage, image);
     for level in 1..=levels {
@@ -28,7 +28,10 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work<'_>, arguments: &Argument
         image = coarse;
     }
     let requests = work.weighted.tiles.requests;
-    let program = work.at_level("irradiance_sum/mipmap_chain", levels).bind("requests", requests.places).bind("last", image).bind("records", work.records);
-    r.compute(program, "finish", Groups::Counted { count: requests.count, divisor: 64, per: 1 });
+    let mut program = work.at_level("irradiance_sum/mipmap_chain", levels).bind("requests", requests.places).bind("last", image).bind("records", work.records);
+    if let Some(exposures) = storage.exposures {
+        program = program.bind("exposures", exposures);
+    }
+    r.compute(program, storage.finish, Groups::Counted { count: requests.count, divisor: 64, per: 1 });
     Ok(())
 }

@@ -13,7 +13,7 @@ const ENOUGH: u32 = 16;
 
 pub(super) fn record(r: &mut Recorder<'_>, work: &Work<'_>, arguments: &Arguments) {
     let levels = work.levels(ENOUGH);
-    let storage = Storage::of(r, arguments);
+    let storage = Storage::of(r, work, arguments);
     let mut from = work.level_image(r, "ping", 0, storage.format);
     work.contribute(r, &storage, from);
     let mut into = if levels > 0 { work.level_image(r, "pong", 1, storage.format) } else { from };
@@ -28,12 +28,16 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work<'_>, arguments: &Argument
     let program = work.at_level("irradiance_sum/ping_pong", levels).bind("last", from).bind("rest", rest);
     r.compute(program, "pack", work.groups(levels));
     let (records, gradients, radius) = (work.records, work.gradients, work.radius);
-    let reads = [Read::counted(rest, tile_bytes, requests.count), Read::counted(requests.places, REQUEST_BYTES, requests.count)];
+    let exposures = storage.exposures;
+    let mut reads = vec![Read::counted(rest, tile_bytes, requests.count), Read::counted(requests.places, REQUEST_BYTES, requests.count)];
+    reads.extend(exposures.map(|exposures| Read::counted(exposures, 4, requests.count)));
     r.host("add", &reads, &[records], move |host| {
         let extent = host.scene().extent() as f64;
         let places: Vec<Request> = bytemuck::pod_collect_to_vec(host.read(requests.places));
         let tiles = host.read(rest).chunks_exact(tile_bytes as usize);
-        let new: Vec<_> = places.iter().zip(tiles).map(|(place, tile)| summed_record(place, &add(tile, extent), gradients, radius)).collect();
+        let exposures = exposures.map_or(vec![1.0; places.len()], |exposures| bytemuck::pod_collect_to_vec::<u8, f32>(host.read(exposures)));
+        let summed = tiles.zip(exposures).map(|(tile, exposure)| add(tile, extent, f64::from(exposure)));
+        let new: Vec<_> = places.iter().zip(summed).map(|(place, summed)| summed_record(place, &summed, gradients, radius)).collect();
         debug_assert_eq!(size_of_val(new.as_slice()) as u64, places.len() as u64 * RECORD_BYTES);
         host.write(records, 0, bytemuck::cast_slice(&new));
         Ok(())
@@ -41,18 +45,19 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work<'_>, arguments: &Argument
 }
 
 /// The sum of a tile from the averages of its parts, as `shaders/irradiance_sum/reduce.wgsl` scales them.
-fn add(tile: &[u8], extent: f64) -> Summed {
+fn add(tile: &[u8], extent: f64, exposure: f64) -> Summed {
     let values: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(tile);
     let texels = values.len() / PARTS as usize;
     let parts: Vec<DVec4> =
         values.chunks_exact(texels).map(|part| part.iter().map(|v| glam::Vec4::from(*v).as_dvec4()).sum::<DVec4>() / texels as f64).collect();
     let nearest = values[2 * texels..3 * texels].iter().fold(0.0f32, |most, v| most.max(v[3]));
     let (weight, inverse) = (parts[2].z, parts[0].w / extent);
+    let light: Vec<DVec4> = parts.iter().map(|part| *part / exposure).collect();
     Summed {
-        irradiance: parts[0].truncate(),
-        rotation: [DVec3::new(parts[1].x, parts[1].y, 0.0), DVec3::new(parts[1].z, parts[1].w, 0.0), DVec3::new(parts[2].x, parts[2].y, 0.0)],
-        translation: [3, 4, 5].map(|part| parts[part].truncate() / extent),
-        hessian: DVec3::new(parts[3].w, parts[4].w, parts[5].w) / (extent * extent),
+        irradiance: light[0].truncate(),
+        rotation: [DVec3::new(light[1].x, light[1].y, 0.0), DVec3::new(light[1].z, light[1].w, 0.0), DVec3::new(light[2].x, light[2].y, 0.0)],
+        translation: [3, 4, 5].map(|part| light[part].truncate() / extent),
+        hessian: DVec3::new(light[3].w, light[4].w, light[5].w) / (extent * extent),
         harmonic_mean_cosine: weight / inverse,
         // Not among the parts, and of no use to a record of irradiance.
         harmonic_mean_plain: weight / inverse,

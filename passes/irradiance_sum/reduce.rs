@@ -15,7 +15,11 @@ pub(super) const STORAGE: Parameter = Parameter {
     kind: ParameterKind::Choice {
         choices: &[
             Choice { name: "F32", about: "single precision, six times the tiles' memory and a third more", parameters: &[] },
-            Choice { name: "F16", about: "half precision, half of it; what is above 65,504 times the mean sample's share is cut", parameters: &[] },
+            Choice {
+                name: "F16",
+                about: "half precision, half of it; each tile exposed by its brightest sample, gradients of what is very near cut",
+                parameters: &[],
+            },
         ],
     },
 };
@@ -25,16 +29,22 @@ pub(super) struct Storage {
     contribute: &'static str,
     average: &'static str,
     coarse: &'static str,
+    pub(super) finish: &'static str,
     pub(super) format: Format,
+    /// Of half floats: what each tile's light is multiplied by, a float a tile.
+    pub(super) exposures: Option<Resource>,
 }
 
 impl Storage {
-    pub(super) fn of(r: &mut Recorder<'_>, arguments: &Arguments) -> Self {
+    pub(super) fn of(r: &mut Recorder<'_>, work: &Work<'_>, arguments: &Arguments) -> Self {
         if arguments.choice("storage").0 == "F16" {
-            r.remark("half floats hold three digits and no contribution above 65,504 W/m²: the sums are as accurate as that");
-            return Self { contribute: "contribute_f16", average: "average_f16", coarse: "coarse_f16", format: Format::Rgba16Float };
+            r.remark("half floats hold three digits beside the brightest sample of a tile: the sums are as accurate as that");
+            let exposures = Some(r.buffer("exposures", u64::from(work.weighted.tiles.requests.capacity) * 4));
+            let [contribute, average, coarse, finish] = ["contribute_f16", "average_f16", "coarse_f16", "finish_f16"];
+            return Self { contribute, average, coarse, finish, format: Format::Rgba16Float, exposures };
         }
-        Self { contribute: "contribute_f32", average: "average_f32", coarse: "coarse_f32", format: Format::Rgba32Float }
+        let [contribute, average, coarse, finish] = ["contribute_f32", "average_f32", "coarse_f32", "finish_f32"];
+        Self { contribute, average, coarse, finish, format: Format::Rgba32Float, exposures: None }
     }
 }
 
@@ -65,6 +75,13 @@ impl Work<'_> {
         self.layout(Program::new(shader)).constant("LEVEL_WIDTH", width).constant("LEVEL_HEIGHT", height)
     }
 
+    /// What each tile's light is multiplied by, where it is.
+    fn expose(&self, r: &mut Recorder<'_>, exposures: Resource, weights: Resource) {
+        let tiles = &self.weighted.tiles;
+        let program = self.at_level("irradiance_sum/reduce", 0).bind("weights", weights).bind("radiance", tiles.samples).bind("exposures", exposures);
+        r.compute(program, "expose", Groups::Counted { count: tiles.requests.count, divisor: 1, per: 1 });
+    }
+
     /// Every sample's six parts.
     pub(super) fn contribute(&self, r: &mut Recorder<'_>, storage: &Storage, into: Resource) {
         let table = &self.weighted.table;
@@ -72,7 +89,8 @@ impl Work<'_> {
         let [weights, edges] = [("weights", sample_bytes(table)), ("edges", edge_bytes(&table.edges))].map(|(name, bytes)| r.constant_buffer(name, &bytes));
         let starts = r.constant_buffer("edge_starts", bytemuck::cast_slice(&starts));
         let tiles = &self.weighted.tiles;
-        let program = self
+        storage.exposures.into_iter().for_each(|exposures| self.expose(r, exposures, weights));
+        let mut program = self
             .at_level("irradiance_sum/reduce", 0)
             .bind("requests", tiles.requests.places)
             .bind("weights", weights)
@@ -80,6 +98,9 @@ impl Work<'_> {
             .bind("edge_starts", starts)
             .bind("radiance", tiles.samples)
             .bind(storage.coarse, into);
+        if let Some(exposures) = storage.exposures {
+            program = program.bind("exposures", exposures);
+        }
         r.compute(program, storage.contribute, self.groups(0));
     }
 

@@ -55,7 +55,8 @@ fn aim(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec
     camera.right = frame * (view.right - view.forward * centre.x) / half.x;
     camera.up = frame * (view.up - view.forward * centre.y) / half.y;
     camera.forward = frame * view.forward;
-    camera.near = 0.5 * offset;
+    // Nearer than any wall beside a visible point; depths are floats, which keep their precision all the same.
+    camera.near = 1e-4 * offset;
     camera.origin = request.position + request.normal * offset;
     cameras[index] = camera;
 }
@@ -114,11 +115,30 @@ fn part_position(triangle: u32, part: u32, corner: u32, level: u32) -> vec3f {
 // How far outside the disc the horizon's underside begins: parts up to 96° wide reach all around it.
 const BEYOND = 1.5;
 
+// The level of a triangle so near and so large that its parts would still bend too much: it is drawn over the whole tile, and
+// each sample's ray tells whether it meets it.
+const WHOLE = 15u;
+
+fn whole_tile(index: u32, instance: u32) -> Fragment {
+    let corner = index % 6u;
+    let right = corner == 1u || corner >= 4u;
+    let up = corner == 2u || corner == 3u || corner == 5u;
+    return Fragment(vec4f(select(-1.0, 1.0, right), select(-1.0, 1.0, up), 0.5, 1.0), index / 6u, instance);
+}
+
+fn hemispherical_depth(request: Request, distance: f32) -> f32 {
+    let near = 0.5 * surface_offset(request.position);
+    return near / (near + distance);
+}
+
 // The hemispherical projection: x and y of the unit direction. The instance is tile + level << 24: each triangle is
 // drawn as 4^level parts, so that its edges may curve.
 @vertex
 fn vertex_hemispherical(@builtin(vertex_index) index: u32, @builtin(instance_index) instance: u32) -> Fragment {
     let level = instance >> 24u;
+    if level == WHOLE {
+        return whole_tile(index, instance);
+    }
     let request = requests[instance & 0xffffffu];
     let parts = 1u << (2u * level);
     let triangle = index / (3u * parts);
@@ -137,8 +157,7 @@ fn vertex_hemispherical(@builtin(vertex_index) index: u32, @builtin(instance_ind
     // Below the horizon the disc is continued outwards, so that triangles that cross it keep their shape, and so far that
     // the straight edge of a part lies outside the round horizon: corners on it would leave a gap.
     let at = direction.xy * select(1.0, BEYOND * (2.0 - radius) / radius, direction.z < 0.0);
-    let near = 0.5 * surface_offset(request.position);
-    return Fragment(vec4f(at.x, -at.y, near / (near + distance), 1.0), triangle, instance);
+    return Fragment(vec4f(at.x, -at.y, hemispherical_depth(request, distance), 1.0), triangle, instance);
 }
 
 @fragment
@@ -148,29 +167,55 @@ fn fragment(in: Fragment) -> @location(0) u32 {
 
 @group(0) @binding(2) var<storage, read> samples: array<TileSample>;
 
-// For scenes with one-sided surfaces or alpha masks: looks at the triangle as the sample's ray meets it.
-fn is_seen(in: Fragment, tile: u32) -> bool {
+// Where a sample's ray meets the plane of the triangle.
+fn plane_hit(in: Fragment, tile: u32) -> PlaneHit {
     let at = vec2u(in.clip.xy) - tile_corner(tile);
     let request = requests[tile];
     let direction = frame_around(request.normal, request.turn) * samples[at.y * TILE_WIDTH + at.x].direction;
     let origin = request.position + request.normal * surface_offset(request.position);
-    let hit = intersect_plane(in.triangle, origin, direction);
-    let from_behind = ONE_SIDED && hit.determinant < 0.0 && (scene_materials[material_of(in.triangle)].flags & TWO_SIDED) == 0u;
-    return !from_behind && !(ALPHA_MASKS && is_hole(in.triangle, hit.barycentric));
+    return intersect_plane(in.triangle, origin, direction);
+}
+
+// For scenes with one-sided surfaces or alpha masks.
+fn is_seen(triangle: u32, hit: PlaneHit) -> bool {
+    let from_behind = ONE_SIDED && hit.determinant < 0.0 && (scene_materials[material_of(triangle)].flags & TWO_SIDED) == 0u;
+    return !from_behind && !(ALPHA_MASKS && is_hole(triangle, hit.barycentric));
 }
 
 @fragment
 fn fragment_tested(in: Fragment) -> @location(0) u32 {
-    if !is_seen(in, in.instance / VIEWS) {
+    if !is_seen(in.triangle, plane_hit(in, in.instance / VIEWS)) {
         discard;
     }
     return in.triangle + 1u;
 }
 
+struct Seen {
+    @location(0) triangle: u32,
+    @builtin(frag_depth) depth: f32,
+}
+
+// Widens triangles that rays are tested against, so that rounding opens no gaps between them.
+const RIM = 1e-5;
+
 @fragment
-fn fragment_hemispherical_tested(in: Fragment) -> @location(0) u32 {
-    if !is_seen(in, in.instance & 0xffffffu) {
-        discard;
+fn fragment_hemispherical(in: Fragment) -> Seen {
+    let tile = in.instance & 0xffffffu;
+    var seen = Seen(in.triangle + 1u, in.clip.z);
+    let is_whole = in.instance >> 24u == WHOLE;
+    if is_whole || ONE_SIDED || ALPHA_MASKS {
+        let hit = plane_hit(in, tile);
+        if is_whole {
+            let b = hit.barycentric;
+            let meets = hit.determinant != 0.0 && hit.distance > 0.0 && min(b.x, b.y) >= -RIM && b.x + b.y <= 1.0 + RIM;
+            if !meets {
+                discard;
+            }
+            seen.depth = hemispherical_depth(requests[tile], hit.distance);
+        }
+        if !is_seen(in.triangle, hit) {
+            discard;
+        }
     }
-    return in.triangle + 1u;
+    return seen;
 }

@@ -7,12 +7,11 @@
 @group(0) @binding(1) var last: texture_2d_array<f32>;
 @group(0) @binding(2) var<storage, read_write> records: array<Record>;
 
-@compute @workgroup_size(64)
-fn finish(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) lane: u32) {
-    let tile = (group.x + group.y * groups.x) * 64u + lane;
-    if tile >= TILE_CAPACITY {
-        return;
-    }
+// What half floats were multiplied by.
+@group(0) @binding(3) var<storage, read> exposures: array<f32>;
+
+// The sums of a tile whose light was stored times an exposure.
+fn finished(tile: u32, exposure: f32) -> Sums {
     let texels = LEVEL_WIDTH * LEVEL_HEIGHT;
     let corner = level_corner(tile);
     var sums: Sums;
@@ -23,12 +22,29 @@ fn finish(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: 
         }
     }
     let share = 1.0 / f32(texels);
-    let scale = share / scene_parameters.extent;
-    sums.parts[0] *= vec4f(vec3f(share), scale);
-    sums.parts[1] *= share;
-    sums.parts[2] *= vec4f(vec3f(share), 1.0 / scene_parameters.extent);
+    let light = share / exposure;
+    let extent = scene_parameters.extent;
+    sums.parts[0] *= vec4f(vec3f(light), share / extent);
+    sums.parts[1] *= light;
+    sums.parts[2] *= vec4f(vec2f(light), share, 1.0 / extent);
     for (var part = 3u; part < PARTS; part++) {
-        sums.parts[part] *= scale * vec4f(1.0, 1.0, 1.0, 1.0 / scene_parameters.extent);
+        sums.parts[part] *= light / extent * vec4f(1.0, 1.0, 1.0, 1.0 / extent);
     }
-    records[tile] = record_of(requests[tile], sums);
+    return sums;
+}
+
+@compute @workgroup_size(64)
+fn finish_f32(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) lane: u32) {
+    let tile = (group.x + group.y * groups.x) * 64u + lane;
+    if tile < TILE_CAPACITY {
+        records[tile] = record_of(requests[tile], finished(tile, 1.0));
+    }
+}
+
+@compute @workgroup_size(64)
+fn finish_f16(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) lane: u32) {
+    let tile = (group.x + group.y * groups.x) * 64u + lane;
+    if tile < TILE_CAPACITY {
+        records[tile] = record_of(requests[tile], finished(tile, exposures[tile]));
+    }
 }

@@ -15,8 +15,43 @@
 @group(0) @binding(6) var coarse_f32: texture_storage_2d_array<rgba32float, write>;
 @group(0) @binding(7) var coarse_f16: texture_storage_2d_array<rgba16float, write>;
 
-// The largest half float: what is brighter is cut, not infinite.
+// What each tile's radiance is multiplied by before it is stored as half floats: a power of two, so that no digit changes.
+@group(0) @binding(8) var<storage, read_write> exposures: array<f32>;
+
+// The largest half float: what is beyond is cut, not infinite.
 const LARGEST_F16 = 65504.0;
+// The exponent of the largest finite float, and as far as the exposure's inverse is one too.
+const LARGEST_EXPONENT = 126.0;
+
+var<workgroup> brightest: array<f32, 64>;
+
+// One workgroup a tile: the exposure under which its brightest sample is between 1 and 2.
+@compute @workgroup_size(64)
+fn expose(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) lane: u32) {
+    let tile = group.x + group.y * groups.x;
+    let size = TILE_WIDTH * TILE_HEIGHT;
+    var most = 0.0;
+    if tile < TILE_CAPACITY {
+        for (var sample = lane; sample < size; sample += 64u) {
+            if weights[sample].plain_weight > 0.0 {
+                let seen = radiance[tile * size + sample];
+                most = max(most, max(seen.r, max(seen.g, seen.b)));
+            }
+        }
+    }
+    brightest[lane] = most;
+    for (var half = 32u; half > 0u; half /= 2u) {
+        workgroupBarrier();
+        if lane < half {
+            brightest[lane] = max(brightest[lane], brightest[lane + half]);
+        }
+    }
+    if lane == 0u && tile < TILE_CAPACITY {
+        // What is next to black needs no exposure.
+        let exponent = clamp(floor(log2(max(brightest[0], 1e-30))), -LARGEST_EXPONENT, LARGEST_EXPONENT);
+        exposures[tile] = ldexp(1.0, -i32(exponent));
+    }
+}
 
 struct Place {
     tile: u32,
@@ -52,20 +87,22 @@ fn scaled(part: u32, value: vec4f) -> vec4f {
     }
 }
 
-fn contribution(tile: u32, sample: u32) -> Sums {
+// Of a tile's radiance times an exposure.
+fn contribution(tile: u32, sample: u32, exposure: f32) -> Sums {
+    let exposed = vec4f(vec3f(exposure), 1.0);
     let request = requests[tile];
     let size = TILE_WIDTH * TILE_HEIGHT;
     let weight = weights[sample];
     var sums: Sums;
     if weight.plain_weight > 0.0 {
-        let seen = radiance[tile * size + sample];
+        let seen = radiance[tile * size + sample] * exposed;
         let nearest = least_distance(request);
         let inverse = 1.0 / max(seen.w, nearest);
         add_sample(&sums, weight.cosine_weight, vec2f(weight.rotation_x, weight.rotation_y), seen.rgb, inverse);
         if GRADIENTS {
             for (var i = edge_starts[sample]; i < edge_starts[sample + 1u]; i++) {
                 let edge = edges[i];
-                let other = radiance[tile * size + edge.b];
+                let other = radiance[tile * size + edge.b] * exposed;
                 let inverse_other = 1.0 / max(other.w, nearest) / weights[edge.b].depth_cosine;
                 let hessian = vec3f(edge.hessian_xx, edge.hessian_xy, edge.hessian_yy);
                 add_wall(&sums, edge.gradient, hessian, vec4f(seen.rgb, inverse / weight.depth_cosine), vec4f(other.rgb, inverse_other));
@@ -79,7 +116,7 @@ fn contribution(tile: u32, sample: u32) -> Sums {
 fn contribute_f32(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) lane: u32) {
     let place = place_of(group, groups, lane);
     if place.inside {
-        let sums = contribution(place.tile, place.texel.y * TILE_WIDTH + place.texel.x);
+        let sums = contribution(place.tile, place.texel.y * TILE_WIDTH + place.texel.x, 1.0);
         for (var part = 0u; part < PARTS; part++) {
             textureStore(coarse_f32, place.at, part, scaled(part, sums.parts[part]));
         }
@@ -90,7 +127,7 @@ fn contribute_f32(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) 
 fn contribute_f16(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) lane: u32) {
     let place = place_of(group, groups, lane);
     if place.inside {
-        let sums = contribution(place.tile, place.texel.y * TILE_WIDTH + place.texel.x);
+        let sums = contribution(place.tile, place.texel.y * TILE_WIDTH + place.texel.x, exposures[place.tile]);
         for (var part = 0u; part < PARTS; part++) {
             textureStore(coarse_f16, place.at, part, clamp(scaled(part, sums.parts[part]), vec4f(-LARGEST_F16), vec4f(LARGEST_F16)));
         }

@@ -65,6 +65,9 @@ pub enum CommandError {
     #[error("{}", failed.join("; "))]
     #[diagnostic(code(cli::over_threshold))]
     OverThreshold { failed: Vec<String> },
+    #[error("a case fails: {}", failed.join("; "))]
+    #[diagnostic(code(cli::unstable))]
+    Unstable { failed: Vec<String> },
     #[error("the scene has no camera `{name}`")]
     #[diagnostic(code(cli::unknown_camera), help("its cameras: {known}"))]
     UnknownCamera { name: String, known: String },

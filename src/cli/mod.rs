@@ -21,6 +21,7 @@ mod progress;
 mod reference;
 mod render;
 mod scene;
+mod stability;
 mod timeline;
 mod truth;
 
@@ -47,6 +48,7 @@ enum Command {
     Compare(compare::Options),
     Reference(reference::Options),
     Diff(diff::Options),
+    Stability(stability::Options),
     Adapters(adapters::Options),
     #[command(mut_arg("scene", |scene| scene.required(false)))]
     Check(check::Options),
@@ -63,6 +65,7 @@ impl Command {
             Self::Compare(options) => compare::run(options, console),
             Self::Reference(options) => reference::run(options, console),
             Self::Diff(options) => diff::run(options, console),
+            Self::Stability(options) => stability::run(options, console),
             Self::Adapters(options) => adapters::run(options, console),
             Self::Check(options) => check::run(options, console),
             Self::Explain(options) => explain::run(options, console),

@@ -7,6 +7,7 @@ pub mod layers;
 pub mod metrics;
 pub mod page;
 pub mod run;
+pub mod stability;
 pub mod statistics;
 pub mod tone;
 

@@ -83,6 +83,15 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene, SceneError> {
     }
 }
 
+/// Loads a scene document that is not in a file; `name` is what errors and reports call it. Files that it names are looked up in the
+/// working folder.
+///
+/// # Errors
+/// As those of [`load`].
+pub fn load_text(name: &str, text: &str) -> Result<Scene, SceneError> {
+    load_document(Path::new(name), text, None, &LoadOptions::default())
+}
+
 fn load_file(path: &Path, options: &LoadOptions) -> Result<Scene, SceneError> {
     if extension(path) == "ron" {
         return load_document(path, &read_text(path)?, path.parent(), options);

@@ -1,0 +1,209 @@
+//! One pipeline, ready to be run on scenes of the extremes.
+
+use super::Trouble;
+use super::rooms::{Room, Stage};
+use crate::contract::Value;
+use crate::contract::recorder::Setting;
+use crate::gpu::{Gpu, Pace, scene::byte_size};
+use crate::measure::layers::Layers;
+use crate::measure::run::Run;
+use crate::pipeline::plan::Saved;
+use crate::pipeline::{Node, Pipeline, Plan, Problems, plan};
+use std::cell::OnceCell;
+use std::f64::consts::PI;
+
+/// Loads the pipeline with these parameters changed, each `NODE.PARAM=VALUE`.
+pub type LoadPipeline<'a> = dyn Fn(&[String]) -> Result<Pipeline, Problems> + 'a;
+
+/// Width and height of the pictures [pixels].
+pub(super) const SIZE: [u32; 2] = [16, 12];
+
+/// What keeps a run short: few samples a record, small shadow maps.
+const SMALL: [Change; 2] = [("HemisphereTiles", "resolution", "16"), ("ShadowMap", "resolution", "256")];
+
+/// A pass, one of its parameters, and a value for all nodes that use the pass.
+pub(super) type Change<'c> = (&'c str, &'c str, &'c str);
+
+/// Every pixel asks for a record of its own, whose reach is a tenth of the pixel: what a pixel shows is one sum.
+pub(super) const RECORD_A_PIXEL: [Change; 2] = [("RecordCache", "minimum_spacing", "0.1"), ("RecordCache", "maximum_spacing", "0.1")];
+
+/// Records see the emitters and the sky, so that closed forms of their light are those of the irradiance.
+pub(super) const RECORDS_SEE_LIGHT: [Change; 1] = [("DirectLight", "emitters", "Records")];
+
+/// A pipeline and the device that it runs on.
+pub struct Bench<'a> {
+    gpu: &'a Gpu,
+    load: &'a LoadPipeline<'a>,
+    pipeline: Pipeline,
+    /// The corner as it stands, which several cases compare with.
+    corner: OnceCell<Shot>,
+}
+
+/// What a picture shows, checked to be finite, not negative, covered, and the same twice.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Shot {
+    /// Irradiance of red, green and blue [W/m²].
+    pub irradiance: [Vec<f32>; 3],
+    /// The whole picture, red, green and blue in turn.
+    pub picture: Vec<f32>,
+    /// Pixels that see a surface.
+    pub surfaces: Vec<bool>,
+    pub records: u32,
+}
+
+impl<'a> Bench<'a> {
+    /// # Errors
+    /// What is wrong with the pipeline as it stands.
+    pub fn new(gpu: &'a Gpu, load: &'a LoadPipeline<'a>) -> Result<Self, Problems> {
+        Ok(Self { gpu, load, pipeline: load(&[])?, corner: OnceCell::new() })
+    }
+
+    /// The pipeline's nodes, those of loops included.
+    fn nodes(&self) -> Vec<&Node> {
+        let mut nodes: Vec<&Node> = self.pipeline.nodes.iter().collect();
+        let mut next = 0;
+        while next < nodes.len() {
+            nodes.extend(nodes[next].inner());
+            next += 1;
+        }
+        nodes
+    }
+
+    fn nodes_of(&self, pass: &str) -> Vec<&Node> {
+        self.nodes().into_iter().filter(|node| node.description().name == pass).collect()
+    }
+
+    /// The changes as `NODE.PARAM=VALUE`; those of passes that the pipeline does not use fall away.
+    fn sets(&self, changes: &[Change]) -> Vec<String> {
+        let of =
+            |(pass, parameter, value): &Change| self.nodes_of(pass).into_iter().map(|node| format!("{}.{parameter}={value}", node.name)).collect::<Vec<_>>();
+        changes.iter().flat_map(of).collect()
+    }
+
+    /// Refuses to go on with a case that is about a pass which the pipeline does not use.
+    pub(super) fn expect_pass(&self, pass: &str) -> Result<(), Trouble> {
+        if self.nodes_of(pass).is_empty() { Err(Trouble::Absent(format!("the pipeline has no {pass}"))) } else { Ok(()) }
+    }
+
+    /// The name of the way that a pass's nodes take, of those that have it as a choice.
+    pub(super) fn way(&self, pass: &str, parameter: &str) -> Option<&'static str> {
+        let value = |node: &&Node| node.arguments.iter().find(|(name, _)| *name == parameter).map(|(_, value)| value.clone());
+        self.nodes_of(pass).first().and_then(value).and_then(|value| if let Value::Choice(name, _) = value { Some(name) } else { None })
+    }
+
+    /// The irradiance that records find in a furnace of radiance 1: π, or less where tiles leave out a part of the hemisphere.
+    pub(super) fn furnace(&self) -> f64 {
+        let open = self.way("Compensation", "method") == Some("None");
+        let share = self.nodes_of("HemisphereTiles").first().and_then(|tiles| match tiles.arguments.choice("shape") {
+            ("Plane", arguments) if open => Some((arguments.float("fov").to_radians() / 2.0).sin()),
+            _ => None,
+        });
+        // The share of the cosine-weighted hemisphere in a square window whose mid-edges are at this sine.
+        share.map_or(PI, |sine| 4.0 * sine * sine.atan())
+    }
+
+    /// The corner as it stands.
+    pub(super) fn corner(&self) -> Result<&Shot, Trouble> {
+        if let Some(corner) = self.corner.get() {
+            return Ok(corner);
+        }
+        let corner = self.shot(&Room::corner(), &[])?;
+        Ok(self.corner.get_or_init(|| corner))
+    }
+
+    /// Whether the loader and the plan accept a scene and parameters; needs no device.
+    pub(super) fn accepts(&self, room: &Room, changes: &[Change]) -> Result<(), Trouble> {
+        self.plan(&room.stage()?, changes).map(drop)
+    }
+
+    fn plan(&self, stage: &Stage, changes: &[Change]) -> Result<Plan, Trouble> {
+        let pipeline = (self.load)(&self.sets(&[&SMALL, changes].concat()))?;
+        let setting = Setting { scene: &stage.scene, needs: &stage.needs, size: SIZE };
+        Ok(plan(&pipeline, setting, &[], &|data| byte_size(&stage.scene, data))?)
+    }
+
+    /// Renders a room, twice from empty caches, and checks all that must hold of any picture.
+    pub(super) fn shot(&self, room: &Room, changes: &[Change]) -> Result<Shot, Trouble> {
+        let stage = room.stage()?;
+        let plan = self.plan(&stage, changes)?;
+        let mut run = self.run(&stage, &plan)?;
+        let first = whole(&mut run)?;
+        run.forget()?;
+        if whole(&mut run)? == first { Ok(first) } else { Err(Trouble::Failed("two runs draw different pictures".into())) }
+    }
+
+    fn run<'r>(&'r self, stage: &'r Stage, plan: &'r Plan) -> Result<Run<'r>, Trouble> {
+        Ok(Run::new(self.gpu, &stage.scene, &stage.bvh, plan, &stage.scene.cameras[0], SIZE)?)
+    }
+
+    /// Renders a room, fills the cache with copies of the records that it made, `count` in all, and renders again.
+    pub(super) fn shots_with_copies(&self, room: &Room, count: u32) -> Result<[Shot; 2], Trouble> {
+        let stage = room.stage()?;
+        let plan = self.plan(&stage, &[("RecordCache", "capacity", &count.to_string())])?;
+        let mut run = self.run(&stage, &plan)?;
+        let alone = whole(&mut run)?;
+        let [Saved { history, .. }] = plan.persistent.as_slice() else {
+            return Err(Trouble::Absent("the pipeline keeps no records, or several caches".into()));
+        };
+        let mut records = run.bytes(history.items)?;
+        records.truncate(run.variable(history.count) as usize * history.item_bytes as usize);
+        let copies: Vec<u8> = records.iter().copied().cycle().take(count as usize * history.item_bytes as usize).collect();
+        run.restore(history, &copies, count);
+        Ok([alone, whole(&mut run)?])
+    }
+}
+
+/// One frame; refuses what no frame may leave.
+fn whole(run: &mut Run<'_>) -> Result<Shot, Trouble> {
+    let report = run.frame(&|| Pace::GoOn)?;
+    let picture = run.picture()?;
+    if !report.complete {
+        return Err(Trouble::Failed(format!("{} pixels are not covered", report.uncovered_pixels.unwrap_or(0))));
+    }
+    expect_no_negative_light(&picture)?;
+    let planes =
+        |name: &str| picture.rgb(name).map(|planes| planes.map(<[f32]>::to_vec)).map_err(|_| Trouble::Absent(format!("the pipeline outputs no {name}")));
+    let depth = planes("depth")?;
+    Ok(Shot {
+        irradiance: planes("irradiance")?,
+        picture: planes("picture")?.concat(),
+        surfaces: depth[0].iter().map(|depth| *depth > 0.0).collect(),
+        records: report.records.irradiance.unwrap_or(0),
+    })
+}
+
+/// Of all layers but normals, whose components may point anywhere.
+fn expect_no_negative_light(picture: &Layers) -> Result<(), Trouble> {
+    let layers = picture.layers.iter().filter(|(name, _)| *name != "normal");
+    let least = |(name, layer): (&String, &crate::measure::Layer)| Some((name.clone(), layer.channels.values().flatten().copied().reduce(f32::min)?));
+    match layers.filter_map(least).find(|(_, least)| *least < 0.0) {
+        Some((name, least)) => Err(Trouble::Failed(format!("{name} holds {least}"))),
+        None => Ok(()),
+    }
+}
+
+impl Shot {
+    pub fn covered(&self) -> usize {
+        self.surfaces.iter().filter(|seen| **seen).count()
+    }
+
+    /// Values of all channels where a surface is seen.
+    pub fn values(&self) -> impl Iterator<Item = f64> {
+        let of_plane = |plane| self.surfaces.iter().zip(plane).filter(|(seen, _)| **seen).map(|(_, value): (_, &f32)| f64::from(*value));
+        self.irradiance.iter().flat_map(of_plane)
+    }
+
+    /// Root mean square of the differences from `factor` times another's irradiance, over that one's mean, where both see a surface.
+    pub fn distance(&self, other: &Self, factor: f64) -> f64 {
+        let both = || self.surfaces.iter().zip(&other.surfaces).map(|(ours, theirs)| *ours && *theirs);
+        let pairs = self.irradiance.iter().zip(&other.irradiance).flat_map(|(ours, theirs)| ours.iter().zip(theirs).zip(both()));
+        let pairs: Vec<[f64; 2]> = pairs.filter(|(_, both)| *both).map(|((ours, theirs), _)| [f64::from(*ours), factor * f64::from(*theirs)]).collect();
+        let mean = |value: fn(&[f64; 2]) -> f64| pairs.iter().map(value).sum::<f64>() / pairs.len() as f64;
+        mean(|[ours, theirs]| (ours - theirs).powi(2)).sqrt() / mean(|[_, theirs]| *theirs)
+    }
+
+    /// The largest relative distance of any value from `truth`.
+    pub fn farthest(&self, truth: f64) -> f64 {
+        self.values().map(|value| (value / truth - 1.0).abs()).fold(0.0, f64::max)
+    }
+}

@@ -1,0 +1,79 @@
+//! Every shipped pipeline at the extremes of `hemisplat stability`, and mistakes on purpose that its cases must see.
+//!
+//! Needs a GPU adapter, a software one will do; without one each trial is named as skipped, which `HEMISPLAT_REQUIRE=gpu`
+//! makes a failure. The long cases run with `--ignored` or `--include-ignored`.
+
+use hemisplat::{
+    gpu::Gpu,
+    measure::stability::{Bench, CASES, Case, Verdict},
+    passes::REGISTRY,
+    pipeline::{Pipeline, Problems, embedded::EMBEDDED, load},
+};
+use libtest_mimic::{Arguments, Failed, Trial};
+use std::{env, io, sync::Arc};
+
+type Outcome = Result<(), Failed>;
+
+fn main() {
+    let gpu = Gpu::open().map(Arc::new).map_err(|e| e.to_string());
+    let required = env::var("HEMISPLAT_REQUIRE").is_ok_and(|list| list.split(',').any(|item| item.trim() == "gpu"));
+    let skipped = gpu.as_ref().err().filter(|_| !required).cloned();
+    let drawn = |name: String, is_long: bool, test: Box<dyn FnOnce(&Gpu) -> Outcome + Send>| {
+        if let Some(reason) = &skipped {
+            println!("SKIPPED: {name}: {reason}");
+        }
+        let gpu = gpu.clone();
+        Trial::test(name, move || test(&*gpu?)).with_ignored_flag(is_long || skipped.is_some())
+    };
+    let mut trials = vec![drawn("mistakes_are_seen".into(), false, Box::new(mistakes_are_seen))];
+    for (file, _) in EMBEDDED {
+        let name = file.trim_end_matches(".ron");
+        trials.push(drawn(name.into(), false, Box::new(move |gpu| all_hold(gpu, name, false))));
+        trials.push(drawn(format!("{name} at length"), true, Box::new(move |gpu| all_hold(gpu, name, true))));
+    }
+    libtest_mimic::run(&Arguments::from_args(), trials).exit();
+}
+
+fn loaded(name: &str, sets: &[String]) -> Result<Pipeline, Problems> {
+    load(name, sets, REGISTRY, &mut |_| Err(io::ErrorKind::NotFound.into()))
+}
+
+fn told(problems: Problems) -> Failed {
+    format!("{:?}", miette::Report::new(problems)).into()
+}
+
+/// No case may fail.
+fn all_hold(gpu: &Gpu, name: &str, at_length: bool) -> Outcome {
+    let load = |sets: &[String]| loaded(name, sets);
+    let bench = Bench::new(gpu, &load).map_err(told)?;
+    let outcomes = CASES.iter().filter(|case| case.is_long == at_length).map(|case| case.run(&bench));
+    let failed: Vec<String> =
+        outcomes.filter(|outcome| outcome.verdict == Verdict::Fail).map(|o| format!("{}: must hold: {}; seen: {}", o.case, o.must_hold, o.seen)).collect();
+    if failed.is_empty() { Ok(()) } else { Err(failed.join("\n").into()) }
+}
+
+fn case(name: &str) -> Result<&'static Case, Failed> {
+    CASES.iter().find(|case| case.name == name).ok_or_else(|| format!("no case is called {name}").into())
+}
+
+/// Pipelines that are wrong, each with a case that must fail: one that let them pass would prove nothing.
+fn mistakes_are_seen(gpu: &Gpu) -> Outcome {
+    let mistakes = [
+        // A loop that ends before every pixel is covered.
+        ("furnace", "fill.max_rounds=2"),
+        // Too few records fit.
+        ("no-lights", "cache.capacity=3"),
+    ];
+    for (name, mistake) in mistakes {
+        let load = |sets: &[String]| loaded("irradiance", &[sets, &[mistake.to_owned()]].concat());
+        let bench = Bench::new(gpu, &load).map_err(told)?;
+        let outcome = case(name)?.run(&bench);
+        if outcome.verdict != Verdict::Fail {
+            return Err(format!("{mistake} passes {name}: {}", outcome.seen).into());
+        }
+    }
+    // What the plane leaves out counts as black: the brightness that is due to a whole hemisphere is not there.
+    let load = |sets: &[String]| loaded(if sets.is_empty() { "irradiance" } else { "irradiance-plane-open" }, sets);
+    let outcome = case("furnace")?.run(&Bench::new(gpu, &load).map_err(told)?);
+    if outcome.verdict == Verdict::Fail { Ok(()) } else { Err(format!("a sixth of the light is not missed: {}", outcome.seen).into()) }
+}

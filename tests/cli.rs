@@ -293,3 +293,11 @@ fn an_interrupted_reference_ends_with_130_and_keeps_what_is_whole() {
         assert!(Layers::read(&fs::read(place.0.path().join("f.exr")).unwrap()).is_ok());
     }
 }
+
+#[test]
+fn stability_refuses_pipelines_and_cases_that_do_not_exist() {
+    let place = Place::new();
+    let refusal = place.refusal(&["stability", "irradiance", "--only", "nothing"]);
+    assert!(refusal.contains("furnace") && refusal.contains("most-records"), "{refusal}");
+    assert!(place.refusal(&["stability", "irradiance", "irradianse"]).contains("pipeline::not_found"));
+}

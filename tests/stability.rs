@@ -25,7 +25,10 @@ fn main() {
         let gpu = gpu.clone();
         Trial::test(name, move || test(&*gpu?)).with_ignored_flag(is_long || skipped.is_some())
     };
-    let mut trials = vec![drawn("mistakes_are_seen".into(), false, Box::new(mistakes_are_seen))];
+    let mut trials = vec![
+        drawn("mistakes_are_seen".into(), false, Box::new(mistakes_are_seen)),
+        drawn("the_program_tells_what_fails".into(), false, Box::new(|_| program_tells())),
+    ];
     for (file, _) in EMBEDDED {
         let name = file.trim_end_matches(".ron");
         trials.push(drawn(name.into(), false, Box::new(move |gpu| all_hold(gpu, name, false))));
@@ -76,4 +79,23 @@ fn mistakes_are_seen(gpu: &Gpu) -> Outcome {
     let load = |sets: &[String]| loaded(if sets.is_empty() { "irradiance" } else { "irradiance-plane-open" }, sets);
     let outcome = case("furnace")?.run(&Bench::new(gpu, &load).map_err(told)?);
     if outcome.verdict == Verdict::Fail { Ok(()) } else { Err(format!("a sixth of the light is not missed: {}", outcome.seen).into()) }
+}
+
+/// The program's status, table and file, of a pipeline that holds a case and of one that does not.
+fn program_tells() -> Outcome {
+    let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
+    for (set, status, verdict, word) in [("fill.max_rounds=0", 0, "pass", "pass"), ("fill.max_rounds=2", 1, "fail", "FAIL")] {
+        let mut command = assert_cmd::Command::new(env!("CARGO_BIN_EXE_hemisplat"));
+        let arguments = ["stability", "irradiance", "--set", set, "--only", "furnace", "--json", "out/stability.json"];
+        let output = command.current_dir(folder.path()).args(arguments).output().map_err(|e| e.to_string())?;
+        let stdout = String::from_utf8_lossy(&output.stdout);
+        let json = std::fs::read(folder.path().join("out/stability.json")).map_err(|e| e.to_string())?;
+        let json: serde_json::Value = serde_json::from_slice(&json).map_err(|e| e.to_string())?;
+        let told = &json["pipelines"][0]["cases"][0];
+        let is_told = json["schema"] == 1 && told["case"] == "furnace" && told["verdict"] == verdict && stdout.contains(&format!("{word} furnace"));
+        if output.status.code() != Some(status) || !is_told {
+            return Err(format!("{set}: {:?}\n{stdout}\n{json}", output.status).into());
+        }
+    }
+    Ok(())
 }

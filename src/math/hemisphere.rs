@@ -706,6 +706,26 @@ mod tests {
             }
         }
 
+        /// Every sample has a wall to each of its neighbours, also where two faces of a hemicube meet; only the horizon has none.
+        #[test]
+        fn a_hemicube_has_no_open_seam(half_resolution in 2..32u32) {
+            let resolution = 2 * half_resolution;
+            let table = table(Shape::Hemicube, resolution, Method::None);
+            prop_assert_eq!(table.edges.len() as u32, 6 * resolution * resolution - 2 * resolution);
+        }
+
+        /// Samples that a wall parts lie beside each other: at most two pixels apart.
+        #[test]
+        fn samples_beside_a_wall_adjoin(half_resolution in 2..32u32) {
+            let resolution = 2 * half_resolution;
+            for (shape, width) in [(Shape::Hemicube, 2.0), (PLANE, 4.0)] {
+                let table = table(shape, resolution, Method::BorderExtension);
+                let direction = |sample: u32| DVec3::from(table.samples[sample as usize].direction);
+                let widest = table.edges.iter().map(|edge| direction(edge.a).angle_between(direction(edge.b))).fold(0.0, f64::max);
+                prop_assert!(widest <= 2.0 * width / f64::from(resolution), "{shape:?} {resolution}: {widest}");
+            }
+        }
+
         #[test]
         fn complete_shapes_of_any_size_add_to_the_hemisphere(half_resolution in 2..40u32) {
             for (shape, resolution) in [(Shape::Hemicube, 2 * half_resolution), (Shape::Hemispherical, 2 * half_resolution + 1), (Shape::Cosine, 2 * half_resolution + 1)] {

@@ -147,6 +147,21 @@ mod tests {
         }
 
         #[test]
+        fn parts_add_up_to_the_whole(u0 in -3.0..3.0f64, v0 in -3.0..3.0f64, du in 0.01..2.0f64, dv in 0.01..2.0f64, at in 0.01..0.99f64) {
+            let (u, v, cut) = ([u0, u0 + du], [v0, v0 + dv], u0 + at * du);
+            let parts = [[u[0], cut], [cut, u[1]]];
+            let halves: DVec3 = parts.iter().map(|part| rectangle_moment(*part, v)).sum();
+            prop_assert!(near(rectangle_solid_angle(u, v), parts.iter().map(|part| rectangle_solid_angle(*part, v)).sum(), 1e-14));
+            prop_assert!(rectangle_moment(u, v).abs_diff_eq(halves, 1e-14));
+            // Along the diagonal.
+            let corners = gnomonic_corners(u, v);
+            let triangles = [[0, 1, 2], [0, 2, 3]].map(|triangle| triangle.map(|corner| corners[corner]));
+            let halves: DVec3 = triangles.iter().map(|triangle| polygon_moment(triangle)).sum();
+            prop_assert!(near(polygon_solid_angle(&corners), triangles.iter().map(|triangle| polygon_solid_angle(triangle)).sum(), 1e-13));
+            prop_assert!(polygon_moment(&corners).abs_diff_eq(halves, 1e-13));
+        }
+
+        #[test]
         fn lines_are_the_derivative_of_rectangles(u in -3.0..3.0f64, v0 in -3.0..3.0f64, dv in 0.01..2.0f64) {
             let (v, h) = ([v0, v0 + dv], 1e-5);
             let difference = rectangle_moment([u - h, u + h], v) / (2.0 * h);

@@ -251,7 +251,47 @@ mod tests {
         assert!(near(wide.reach(&steep), 0.1) && near(wide.estimate(&steep, r.position + Vec3::X * 0.05, r.normal).x, 1.005));
     }
 
+    const KINDS: [Weighting; 3] = [Weighting::Ward, Weighting::TabellionLamorlette, Weighting::Compact];
+
+    /// The same record in another unit of length.
+    fn in_unit(record: &Record, unit: f32) -> Record {
+        Record {
+            position: record.position * unit,
+            radius: record.radius * unit,
+            minimum_distance: record.minimum_distance * unit,
+            footprint: record.footprint * unit,
+            translation: record.translation.map(|gradient| gradient / unit),
+            relative_gradient: record.relative_gradient / unit,
+            ..*record
+        }
+    }
+
     proptest! {
+        #[test]
+        fn weights_fall_with_distance_and_with_turn(azimuth in 0.0..6.3f32, near in 0.0..1.0f32, far in 0.0..1.0f32, less in 0.0..20.0f32, more in 0.0..20.0f32) {
+            let r = record();
+            let along = Vec3::new(azimuth.cos(), azimuth.sin(), 0.0);
+            for kind in KINDS {
+                let rule = Rule { spacing: [0.0, 1e6], ..rule(kind) };
+                let moved = |share: f32| rule.weight(&r, r.position + along * share * rule.reach(&r) * 1.1, r.normal);
+                prop_assert!(moved(near.min(far)) >= moved(near.max(far)), "{kind:?}");
+                // About the way to the point, so that the record comes no nearer to being in front of it.
+                let turned = |degrees: f32| rule.weight(&r, r.position + along * near * rule.reach(&r), tilted(along, degrees));
+                prop_assert!(turned(less.min(more)) >= turned(less.max(more)), "{kind:?}");
+            }
+        }
+
+        #[test]
+        fn weights_and_estimates_know_no_unit_of_length(x in -0.5..0.5f32, y in -0.5..0.5f32, degrees in 0.0..15.0f32, exponent in -30..30i32) {
+            let unit = 2f32.powi(exponent);
+            let (r, p, n) = (record(), record().position + Vec3::new(x, y, 0.0), tilted(Vec3::X, degrees));
+            for kind in KINDS {
+                let rule = rule(kind);
+                prop_assert_eq!(rule.weight(&r, p, n), rule.weight(&in_unit(&r, unit), p * unit, n));
+                prop_assert_eq!(rule.estimate(&r, p, n), rule.estimate(&in_unit(&r, unit), p * unit, n));
+            }
+        }
+
         #[test]
         fn ward_counts_where_the_formula_says(x in -0.5..0.5f32, y in -0.5..0.5f32, degrees in 0.0..30.0f32, accuracy in 0.01..2.0f32) {
             let (r, rule) = (record(), Rule { weighting: Weighting::Ward, accuracy, spacing: [0.0, 1e6], nearest: 1e6, change: 1e6, overlap: 0.0 });

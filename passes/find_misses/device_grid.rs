@@ -15,8 +15,8 @@ host_struct! {
     }
 }
 
-/// Cells up to this edge take one lane each.
-const SMALL: u32 = 2;
+/// Cells up to this edge take one lane each: a workgroup that waits for its lanes costs more than their longer walk.
+const SMALL: u32 = 16;
 
 pub(super) fn record(r: &mut Recorder<'_>, work: &Work, coarsest: u32) -> Result<(), Refusal> {
     if !coarsest.is_power_of_two() {

@@ -71,7 +71,7 @@ fn search(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: 
     }
 }
 
-// Cells of at most four pixels: one lane a cell.
+// Small cells: one lane a cell, without waiting for others.
 @compute @workgroup_size(64)
 fn search_small(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) lane: u32) {
     let count = blocks();

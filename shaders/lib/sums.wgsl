@@ -6,7 +6,7 @@
 
 // What a tile adds up to, as six vectors in the record's frame: irradiance with Σ w/d; rotation gradients of red and
 // green; of blue with Σ w and 1/nearest; translation gradients of red, green and blue with xx, xy and yy of the
-// luminance's second derivatives. math::sum is the twin.
+// luminance's second derivatives, 0 where the reach does not follow the curvature. math::sum is the twin.
 
 const PARTS = 6u;
 
@@ -44,10 +44,13 @@ fn add_sample(sums: ptr<function, Sums>, cosine_weight: f32, turn: vec2f, seen: 
 fn add_wall(sums: ptr<function, Sums>, gradient: vec3f, hessian: vec3f, a: vec4f, b: vec4f) {
     let inverse = max(a.w, b.w);
     let step = (b.rgb - a.rgb) * inverse;
-    let bend = luminance(step) * inverse;
-    (*sums).parts[3] += vec4f(gradient * step.r, hessian.x * bend);
-    (*sums).parts[4] += vec4f(gradient * step.g, hessian.y * bend);
-    (*sums).parts[5] += vec4f(gradient * step.b, hessian.z * bend);
+    var bend = vec3f(0.0);
+    if RADIUS == 1u {
+        bend = hessian * (luminance(step) * inverse);
+    }
+    (*sums).parts[3] += vec4f(gradient * step.r, bend.x);
+    (*sums).parts[4] += vec4f(gradient * step.g, bend.y);
+    (*sums).parts[5] += vec4f(gradient * step.b, bend.z);
 }
 
 // Two sums of one part: the third part's last component is a maximum.

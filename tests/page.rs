@@ -34,7 +34,8 @@ const CASES: &[(&str, Case)] = &[
     ("columns_sort", table),
     ("texts_show_their_difference", texts),
     ("names_are_text", hostile_names),
-    ("it_fits_phones_light_and_dark_two_and_twenty", sizes),
+    ("fingers_move_the_slider_and_zoom", fingers),
+    ("it_fits_phones_light_and_dark_one_two_and_twenty", sizes),
     ("ten_large_pictures_open_in_two_seconds", heavy),
     ("it_looks_as_it_did", looks),
 ];
@@ -351,11 +352,32 @@ fn hostile_names(browser: &mut Browser) -> Outcome {
     equals(browser, "document.querySelector('#right-label').textContent", format!("B  {NAME}"))
 }
 
+const PHONE: [u32; 2] = [390, 844];
+
+fn fingers(browser: &mut Browser) -> Outcome {
+    browser.resize(PHONE, true)?;
+    let _page = made(2).open(browser)?;
+    let [from, to] = [on_stage(browser, 0.4)?, on_stage(browser, 0.85)?];
+    browser.touch(&[[from, to]])?;
+    equals(browser, "document.querySelector('#slider').ariaValueNow", "85")?;
+    shows(browser, 0.75, 0)?;
+    let scale =
+        |browser: &mut Browser| -> Result<f64, Failed> { Ok(browser.evaluate("parseFloat(document.querySelector('#zoom').value)")?.as_f64().unwrap_or(0.0)) };
+    let before = scale(browser)?;
+    let [x, y] = on_stage(browser, 0.5)?;
+    browser.touch(&[[[x - 20.0, y], [x - 80.0, y]], [[x + 20.0, y], [x + 80.0, y]]])?;
+    let after = scale(browser)?;
+    check((after / before - 4.0).abs() < 0.1, || format!("{before} % before, {after} % after"))?;
+    // Zoomed, a finger moves the picture and leaves the slider.
+    browser.touch(&[[[x - 60.0, y], [x - 20.0, y]]])?;
+    equals(browser, "document.querySelector('#slider').ariaValueNow", "85")
+}
+
 fn sizes(browser: &mut Browser) -> Outcome {
-    for variants in [2, 20] {
+    for variants in [1, 2, 20] {
         let _page = made(variants).open(browser)?;
         equals(browser, "document.querySelectorAll('#table tbody tr').length", variants)?;
-        for (size, mobile) in [(WINDOW, false), ([390, 844], true)] {
+        for (size, mobile) in [(WINDOW, false), (PHONE, true)] {
             browser.resize(size, mobile)?;
             browser.evaluate("scrollTo(0, 0)")?;
             equals(browser, "document.documentElement.scrollWidth", size[0])?;

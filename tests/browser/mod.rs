@@ -114,7 +114,8 @@ impl Browser {
 
     /// Width and height of the window [CSS pixels], and whether it is a phone's.
     pub fn resize(&mut self, [width, height]: [u32; 2], mobile: bool) -> Outcome {
-        self.call("Emulation.setDeviceMetricsOverride", json!({"width": width, "height": height, "deviceScaleFactor": 1, "mobile": mobile})).map(|_| ())
+        self.call("Emulation.setDeviceMetricsOverride", json!({"width": width, "height": height, "deviceScaleFactor": 1, "mobile": mobile}))?;
+        self.call("Emulation.setTouchEmulationEnabled", json!({"enabled": mobile})).map(|_| ())
     }
 
     /// `light` or `dark`.
@@ -156,8 +157,14 @@ impl Browser {
         self.call("Input.dispatchKeyEvent", json!({"type": "keyUp", "key": key})).map(|_| ())
     }
 
+    /// Waits until the window has drawn what was asked of it, a change of its size too.
+    fn settle(&mut self) -> Outcome {
+        self.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done(true))))").map(|_| ())
+    }
+
     /// The middle of an element, once it is in view.
     pub fn middle(&mut self, selector: &str) -> Result<[f64; 2], Failed> {
+        self.settle()?;
         let script = format!(
             "(() => {{ const element = document.querySelector({}); element.scrollIntoView({{ block: 'center', inline: 'center' }}); \
              const box = element.getBoundingClientRect(); return [box.left + box.width / 2, box.top + box.height / 2]; }})()",
@@ -181,9 +188,22 @@ impl Browser {
         Ok(())
     }
 
+    /// Puts fingers on the screen at the first places, moves each to its last, lifts them.
+    pub fn touch(&mut self, fingers: &[[[f64; 2]; 2]]) -> Outcome {
+        let points = |share: f64| -> Vec<Value> {
+            let place = |[from, to]: [[f64; 2]; 2], axis: usize| from[axis] + share * (to[axis] - from[axis]);
+            fingers.iter().enumerate().map(|(id, finger)| json!({"id": id, "x": place(*finger, 0), "y": place(*finger, 1)})).collect()
+        };
+        self.call("Input.dispatchTouchEvent", json!({"type": "touchStart", "touchPoints": points(0.0)}))?;
+        for share in [0.25, 0.5, 0.75, 1.0] {
+            self.call("Input.dispatchTouchEvent", json!({"type": "touchMove", "touchPoints": points(share)}))?;
+        }
+        self.call("Input.dispatchTouchEvent", json!({"type": "touchEnd", "touchPoints": []})).map(|_| ())
+    }
+
     /// What the window shows, once it has drawn.
     pub fn screenshot(&mut self) -> Result<image::RgbImage, Failed> {
-        self.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done(true))))")?;
+        self.settle()?;
         let answer = self.call("Page.captureScreenshot", json!({"format": "png"}))?;
         let bytes = STANDARD.decode(answer["data"].as_str().unwrap_or_default())?;
         Ok(image::load_from_memory(&bytes)?.into_rgb8())

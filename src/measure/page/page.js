@@ -336,11 +336,19 @@ function under(event) {
 
 const pointers = new Map();
 let drag = null;
+let splitBefore = state.split;
 
 function pressed(event) {
   if (event.button !== 0) return;
   pointers.set(event.pointerId, event);
   stage.setPointerCapture(event.pointerId);
+  if (pointers.size > 1) {
+    // The first finger of two was not for the slider.
+    drag = "picture";
+    moveSlider(splitBefore);
+    return;
+  }
+  splitBefore = state.split;
   const onSlider = event.target.closest("#slider") !== null;
   drag = state.view === "slider" && (onSlider || state.scale === null) ? "slider" : "picture";
   if (onSlider) slider.focus({ preventScroll: true });
@@ -365,7 +373,6 @@ function moved(event) {
 
 function pinch(before, now, other) {
   const distance = (event) => Math.max(Math.hypot(event.clientX - other.clientX, event.clientY - other.clientY), 1);
-  drag = "picture";
   zoomTo((scaleNow() * distance(now)) / distance(before), under({ clientX: (now.clientX + other.clientX) / 2, clientY: (now.clientY + other.clientY) / 2 }));
 }
 
@@ -800,6 +807,7 @@ function drawText() {
 function setUpTexts() {
   fillSelect(byId("text-of"), variants.map((_, index) => [index, titleOf(index)]), Math.min(1, variants.length - 1), drawText);
   choice(byId("text-as"), [["difference", `Difference from ${variants[0].id}`], ["whole", "Whole text"]], textAs, (value) => { textAs = value; drawText(); });
+  byId("text-as").hidden = variants.length === 1;
   drawText();
 }
 

@@ -7,7 +7,7 @@ use hemisplat::{
     gpu::scene::byte_size,
     measure::{Layer, Layers, PICTURE},
     passes::REGISTRY,
-    pipeline::{self, PerFrame, embedded},
+    pipeline::{self, PerFrame, Values, embedded},
     scene::{load, needs::Needs},
 };
 use std::{
@@ -142,10 +142,13 @@ fn check_sets(matches: &clap::ArgMatches, line: &str) {
     for name in all("pipeline").iter().chain(&all("pipelines")).filter(|name| embedded::find(name).is_some()) {
         expect(pipeline::load(name, &sets, REGISTRY, &mut |_| Err(io::ErrorKind::NotFound.into())), line);
     }
-    for variant in all("variants") {
+    let over: Vec<Values> = all("over").iter().map(|text| expect(Values::parse("--over", text), line)).collect();
+    let most = over.iter().map(|values| values.values.len()).max().unwrap_or(1);
+    let swept = (0..most).map(|index| over.iter().map(move |values| values.set(index)).collect::<Vec<_>>());
+    for (variant, swept) in all("variants").into_iter().flat_map(|variant| swept.clone().map(move |swept| (variant.clone(), swept))) {
         let mut parts = variant.split('@').map(str::to_owned);
         let name = parts.next().unwrap_or_default();
-        let sets: Vec<String> = sets.iter().cloned().chain(parts).collect();
+        let sets: Vec<String> = sets.iter().cloned().chain(parts).chain(swept).collect();
         expect(pipeline::load(&name, &sets, REGISTRY, &mut |_| Err(io::ErrorKind::NotFound.into())), line);
     }
 }

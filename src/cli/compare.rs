@@ -133,15 +133,15 @@ impl Targets {
 }
 
 /// A pipeline and the parameters that this comparison changes.
-struct Variant {
-    name: String,
-    pipeline: String,
-    sets: Vec<String>,
+pub(super) struct Variant {
+    pub(super) name: String,
+    pub(super) pipeline: String,
+    pub(super) sets: Vec<String>,
 }
 
 impl Variant {
     /// Reads `PIPELINE@NODE.PARAM=VALUE@…`; a file whose name holds the sign comes first.
-    fn parse(text: &str, common: &[String]) -> Result<Self, Failure> {
+    pub(super) fn parse(text: &str, common: &[String]) -> Result<Self, Failure> {
         let mut parts = if Path::new(text).exists() { vec![text] } else { text.split('@').collect() };
         let pipeline = parts.remove(0);
         if pipeline.is_empty() {
@@ -157,7 +157,7 @@ impl Variant {
 }
 
 /// All results, or the problems of all that failed, each told once.
-fn all<T>(results: impl Iterator<Item = Result<T, Problems>>) -> Result<Vec<T>, Failure> {
+pub(super) fn all<T>(results: impl Iterator<Item = Result<T, Problems>>) -> Result<Vec<T>, Failure> {
     let (mut good, mut problems) = (Vec::new(), Vec::new());
     for result in results {
         match result {
@@ -196,7 +196,7 @@ fn warn_of_few_runs(options: &Options, console: &Console) {
     }
 }
 
-fn warn_of_unstated_bounces(truth: Option<&Truth>, console: &Console) {
+pub(super) fn warn_of_unstated_bounces(truth: Option<&Truth>, console: &Console) {
     if let Some(truth) = truth.filter(|truth| !truth.states_bounces()) {
         console.note(&format!("note: {} does not say of how many bounces its light is; the pipelines make one", truth.path().display()));
     }
@@ -267,7 +267,7 @@ impl<'a> Contest<'_, 'a> {
     }
 }
 
-fn failure(error: RunError) -> Failure {
+pub(super) fn failure(error: RunError) -> Failure {
     match error {
         RunError::Gpu(GpuError::Interrupted) => Failure::interrupted(&[]),
         other => Failure::work(other),

@@ -1,6 +1,6 @@
 //! A comparison as text, as CSV, and what its page says in words.
 
-use crate::measure::compare::{Comparison, Pair, PassSpread, VariantReport, WORTH_FINDING};
+use crate::measure::compare::{Comparison, Pair, PassSpread, VariantErrors, VariantReport, WORTH_FINDING};
 use crate::measure::metrics::{Errors, block_side};
 use crate::measure::page::Words;
 use crate::measure::statistics::{Spread, least_runs};
@@ -108,7 +108,7 @@ fn errors(comparison: &Comparison) -> String {
     for variant in &comparison.variants {
         let irradiance = |name: &str| metric(variant.errors.irradiance.as_ref(), name);
         let percent = |value: Option<f64>| value.map_or("-".to_owned(), |value| format!("{:.2} %", 100.0 * value));
-        let flip = flip(variant).map_or("-".to_owned(), |value| format!("{value:.4}"));
+        let flip = flip(&variant.errors).map_or("-".to_owned(), |value| format!("{value:.4}"));
         let _ = writeln!(
             text,
             "{:<3} {:>14} {:>14} {:>15} {:>9} {:>9} {:>10} {:>9}",
@@ -130,8 +130,8 @@ fn metric(errors: Option<&Errors>, name: &str) -> Option<f64> {
 }
 
 /// Of the picture, or of the irradiance where that is all there is.
-fn flip(variant: &VariantReport) -> Option<f64> {
-    variant.errors.picture.as_ref().or(variant.errors.irradiance.as_ref()).and_then(|errors| errors.flip)
+fn flip(errors: &VariantErrors) -> Option<f64> {
+    errors.picture.as_ref().or(errors.irradiance.as_ref()).and_then(|errors| errors.flip)
 }
 
 /// Names of nodes with their passes, each once, as the variants run them.
@@ -221,12 +221,12 @@ fn hint(comparison: &Comparison) -> Option<String> {
     Some(format!("with noise like this, about {runs} runs find a difference of {} nine times of ten", percent(WORTH_FINDING)))
 }
 
-fn percent(share: f64) -> String {
+pub(super) fn percent(share: f64) -> String {
     format!("{} %", figures(100.0 * share, 2).trim_end_matches(".0"))
 }
 
 /// A number of three figures, or all before its point.
-fn significant(value: f64) -> String {
+pub(super) fn significant(value: f64) -> String {
     figures(value, 3)
 }
 
@@ -235,7 +235,7 @@ fn figures(value: f64, figures: i32) -> String {
     format!("{value:.0$}", digits as usize)
 }
 
-fn count(number: Option<u32>) -> String {
+pub(super) fn count(number: Option<u32>) -> String {
     number.map_or("-".to_owned(), |number| number.to_string())
 }
 
@@ -247,7 +247,7 @@ pub fn csv(comparison: &Comparison) -> String {
     head.into_iter().chain(rows.iter().map(|row| line(row.iter().map(|(_, value)| value)))).collect()
 }
 
-fn line<'c>(cells: impl Iterator<Item = &'c String>) -> String {
+pub(super) fn line<'c>(cells: impl Iterator<Item = &'c String>) -> String {
     cells.map(|cell| quoted(cell)).collect::<Vec<_>>().join(",") + "\n"
 }
 
@@ -255,17 +255,17 @@ fn quoted(cell: &str) -> String {
     if cell.contains([',', '"', '\n', '\r']) { format!("\"{}\"", cell.replace('"', "\"\"")) } else { cell.to_owned() }
 }
 
-type Cell = (String, String);
+pub(super) type Cell = (String, String);
 
 fn row(comparison: &Comparison, variant: &VariantReport, names: &[(&str, &str)]) -> Vec<Cell> {
     let mut cells = of_costs(comparison, variant);
-    cells.extend(of_errors(variant));
+    cells.extend(of_errors(&variant.errors));
     cells.extend(of_pair(comparison, variant));
     cells.extend(names.iter().flat_map(|name| of_node(*name, pass_of(variant, *name))));
     cells
 }
 
-fn cell(name: impl Into<String>, value: Option<impl ToString>) -> Cell {
+pub(super) fn cell(name: impl Into<String>, value: Option<impl ToString>) -> Cell {
     (name.into(), value.map_or(String::new(), |value| value.to_string()))
 }
 
@@ -299,14 +299,14 @@ fn of_costs(comparison: &Comparison, variant: &VariantReport) -> Vec<Cell> {
     ]
 }
 
-fn of_errors(variant: &VariantReport) -> Vec<Cell> {
+pub(super) fn of_errors(judged: &VariantErrors) -> Vec<Cell> {
     let of = |layer: &'static str, errors: Option<&Errors>| {
         let metrics = Errors::METRICS.into_iter().filter(|name| *name != "flip");
         metrics.map(move |name| cell(format!("{layer}_{name}"), metric(errors, name))).collect::<Vec<_>>()
     };
-    let mut cells = of("irradiance", variant.errors.irradiance.as_ref());
-    cells.extend(of("picture", variant.errors.picture.as_ref()));
-    cells.push(cell("flip", flip(variant)));
+    let mut cells = of("irradiance", judged.irradiance.as_ref());
+    cells.extend(of("picture", judged.picture.as_ref()));
+    cells.push(cell("flip", flip(judged)));
     cells
 }
 

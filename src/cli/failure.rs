@@ -104,6 +104,18 @@ pub enum CommandError {
     #[error("`{variant}` names no pipeline")]
     #[diagnostic(code(compare::no_pipeline), help("write PIPELINE or PIPELINE@NODE.PARAM=VALUE, such as irradiance@tiles.resolution=32"))]
     NoPipeline { variant: String },
+    #[error("`{parameter}` is swept twice")]
+    #[diagnostic(code(sweep::same_parameter), help("give all its values to one --over"))]
+    SweptTwice { parameter: String },
+    #[error("`{first}` and `{second}` are the same pipeline")]
+    #[diagnostic(code(sweep::same_pipeline), help("each point of a sweep is measured once: leave one away"))]
+    SamePoint { first: String, second: String },
+    #[error("the sweep has {points} points; {most} is the limit")]
+    #[diagnostic(code(sweep::too_many), help("sweep fewer parameters at once, or give them fewer values"))]
+    TooManyPoints { points: usize, most: usize },
+    #[error("{refused} of {points} points are refused")]
+    #[diagnostic(code(sweep::refused), help("what refuses them stands in the table; the others stand as they are"))]
+    RefusedPoints { refused: usize, points: usize },
     #[error("nothing is called `{name}` in this plan")]
     #[diagnostic(code(render::unknown_dump), help("it has: {known}"))]
     UnknownDump { name: String, known: String },

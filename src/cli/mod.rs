@@ -22,6 +22,8 @@ mod reference;
 mod render;
 mod scene;
 mod stability;
+mod sweep;
+mod swept;
 mod timeline;
 mod truth;
 
@@ -46,6 +48,7 @@ const STATUSES: &str = "Exit status: 0 done; 2 bad usage or bad input; 1 any oth
 enum Command {
     Render(render::Options),
     Compare(compare::Options),
+    Sweep(sweep::Options),
     Reference(reference::Options),
     Diff(diff::Options),
     Stability(stability::Options),
@@ -63,6 +66,7 @@ impl Command {
         match self {
             Self::Render(options) => render::run(options, console),
             Self::Compare(options) => compare::run(options, console),
+            Self::Sweep(options) => sweep::run(options, console),
             Self::Reference(options) => reference::run(options, console),
             Self::Diff(options) => diff::run(options, console),
             Self::Stability(options) => stability::run(options, console),

@@ -12,7 +12,7 @@ use super::progress::Progress;
 use super::scene::View;
 use crate::gpu::scene::camera;
 use crate::measure::cache::{Checksum, fingerprint};
-use crate::measure::compare::{ReferenceReport, VariantErrors};
+use crate::measure::compare::{ReferenceReport, VariantErrors, checksum};
 use crate::measure::{Errors, Layer, Layers, MetricsError, PICTURE, PictureError, compare};
 use crate::reference::{Bounces, Settings, Stop, VERSION, check, render};
 use clap::Args;
@@ -91,10 +91,16 @@ fn cache_folder() -> Option<PathBuf> {
 
 /// Everything that a reference depends on.
 fn key(view: &View, settings: &Settings, spp: u32) -> String {
-    let Settings { size: [width, height], stride, bounces, seed, .. } = settings;
+    let Settings { stride, bounces, seed, .. } = settings;
+    format!("tracer {VERSION}, {}, stride {stride}, bounces {bounces}, spp {spp}, seed {seed}", content(view))
+}
+
+/// What a view shows, whatever its files are called: scene, camera and size.
+pub fn content(view: &View) -> String {
+    let [width, height] = view.size;
     let camera = Checksum::of(bytemuck::bytes_of(&camera(&view.camera, view.size, view.scene.extent(), 0)));
     let scene = fingerprint(&view.scene, &view.bvh);
-    format!("tracer {VERSION}, scene {scene}, camera {camera}, size {width}x{height}, stride {stride}, bounces {bounces}, spp {spp}, seed {seed}")
+    format!("scene {scene}, camera {camera}, size {width}x{height}")
 }
 
 /// Where a reference is kept, and how it is made.
@@ -199,6 +205,11 @@ impl Truth {
 
     fn refuse(&self, error: MetricsError) -> Failure {
         Failure::input(CommandError::BadReference { path: self.path.clone(), error })
+    }
+
+    /// What it judges by, whatever its files are called.
+    pub fn content(&self) -> String {
+        [Some(&self.picture), self.variance.as_ref()].into_iter().flatten().map(checksum).collect::<Vec<_>>().join(" with variance ")
     }
 
     pub fn report(&self) -> ReferenceReport {

@@ -9,7 +9,7 @@ use super::run::{FrameReport, PassReport, Records, Run, RunError};
 use super::statistics::{Difference, Spread, runs_to_find};
 use crate::gpu::{Adapter, AskPace};
 use crate::pipeline::Plan;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// The difference that a number of runs is recommended for: a variant that takes 5 % longer.
 pub const WORTH_FINDING: f64 = 0.05;
@@ -212,7 +212,7 @@ pub struct PassSpread {
 }
 
 /// How far a variant is from the reference; None where there is no reference, or one of the two lacks the layer.
-#[derive(Debug, Clone, Default, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct VariantErrors {
     /// Of the indirect irradiance alone.
     pub irradiance: Option<Errors>,
@@ -257,7 +257,8 @@ pub fn letters(index: usize) -> String {
     if index < 26 { letter.into() } else { letters(index / 26 - 1) + &String::from(letter) }
 }
 
-fn checksum(picture: &Layers) -> String {
+/// Of every channel of every layer. 16 hexadecimal digits.
+pub fn checksum(picture: &Layers) -> String {
     let mut checksum = Checksum::default();
     for (name, layer) in &picture.layers {
         checksum.add(name.as_bytes());

@@ -7,7 +7,7 @@ use super::tone::tone_map;
 use crate::math::colour::luminance;
 use glam::{DVec3, Vec3};
 use miette::Diagnostic;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 /// The layer of a reference that holds the variance of its `irradiance`.
@@ -24,7 +24,7 @@ const MIDDLE_GREY: f64 = 0.18;
 /// What a comparison found. Keys in JSON are the fields' names; a metric that cannot be measured is null.
 ///
 /// x is the tested luminance, r the reference's, over the reference's pixels that hit a surface; "mean" is the mean of r over them.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Errors {
     /// Version of this record: 1.
     pub schema: u32,
@@ -59,7 +59,7 @@ pub struct Errors {
 }
 
 /// Where x and r are farthest apart; the first such pixel in reading order.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct LargestError {
     /// Column in the tested picture.
     pub x: u32,

@@ -6,9 +6,11 @@ pub mod flip;
 pub mod layers;
 pub mod metrics;
 pub mod page;
+pub mod plot;
 pub mod run;
 pub mod stability;
 pub mod statistics;
+pub mod sweep;
 pub mod tone;
 
 pub use layers::{Layer, Layers, MAX_SAMPLES, PICTURE, PictureError};

@@ -11,7 +11,7 @@ use crate::pipeline::Plan;
 use crate::recording::Resource;
 use crate::scene::{Camera, Scene, bvh::Bvh};
 use miette::Diagnostic;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use thiserror::Error;
 
@@ -41,7 +41,7 @@ pub struct FrameReport {
     pub unfinished: Vec<String>,
 }
 
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Records {
     pub irradiance: Option<u32>,
     pub radiance: Option<u32>,

@@ -4,7 +4,7 @@
 //! ratios, whose distribution is symmetric about 0 where nothing but noise differs, go into Wilcoxon's signed rank test, exact for any number of
 //! pairs; the shift that belongs to it is that of Hodges and Lehmann. Both ask for no shape of the noise, and single outliers cannot carry them.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// How certain the intervals of a comparison are, all of them together.
 pub const CONFIDENCE: f64 = 0.95;
@@ -13,7 +13,7 @@ pub const CONFIDENCE: f64 = 0.95;
 pub const POWER: f64 = 0.9;
 
 /// The middle of several measurements and how they spread about it, in the unit of the measurements.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Spread {
     pub median: f64,
     /// A quarter of the measurements lies below.

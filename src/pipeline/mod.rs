@@ -13,6 +13,7 @@ mod loops;
 pub mod per_frame;
 pub mod plan;
 pub mod syntax;
+pub mod values;
 mod written;
 
 pub use check::expected;
@@ -22,6 +23,7 @@ pub use export::{Format, export};
 pub use loops::Loop;
 pub use per_frame::PerFrame;
 pub use plan::{Plan, plan};
+pub use values::Values;
 
 use crate::contract::{Arguments, Description, Pass, Registry};
 use std::collections::BTreeMap;

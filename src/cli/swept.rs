@@ -1,0 +1,129 @@
+//! A sweep as text and as CSV.
+
+use super::comparison::{Cell, cell, count, line, of_errors, significant};
+use crate::measure::compare::VariantErrors;
+use crate::measure::sweep::{Measured, Metric, Outcome, Point, Sweep};
+use std::fmt::Write;
+
+/// The table for people.
+pub fn text(sweep: &Sweep, metric: &Metric) -> String {
+    let [width, height] = sweep.size;
+    let head = format!("{}, camera {}, {width}×{height}, {}: {} runs of each point\n", sweep.scene, sweep.camera, sweep.adapter.name, sweep.runs);
+    let names: Vec<String> = sweep.points.iter().map(|point| point.name(&sweep.over)).collect();
+    let widest = names.iter().map(|name| name.chars().count()).max().unwrap_or(0).max("point".len());
+    let against = sweep.reference.as_ref().map(|reference| format!("\nagainst {}\n", reference.file.as_deref().unwrap_or("the reference")));
+    let columns = format!(
+        "\n{:<4} {:<widest$} {:>9} {:>21} {:>8} {:>10} {:>26} {:>6}\n",
+        "",
+        "point",
+        "seconds",
+        "quartiles",
+        "records",
+        "device MiB",
+        metric.to_string(),
+        "front"
+    );
+    let rows: String = sweep.points.iter().zip(&names).map(|(point, name)| row(point, name, widest, metric)).collect();
+    [head, against.unwrap_or_default(), columns, rows].concat()
+}
+
+fn row(point: &Point, name: &str, widest: usize, metric: &Metric) -> String {
+    let mut text = format!("{:<4} {name:<widest$} ", point.id);
+    let _ = match &point.outcome {
+        Outcome::Measured(measured) => writeln!(text, "{}{:>7}", numbers(measured, metric), if point.pareto { "*" } else { "" }),
+        Outcome::Refused { because } => writeln!(text, "refused: {because}"),
+        Outcome::Open => writeln!(text, "not measured yet"),
+    };
+    text
+}
+
+fn numbers(measured: &Measured, metric: &Metric) -> String {
+    let seconds = &measured.seconds;
+    let error = |error: f64| if metric.is_share() { format!("{:.2} %", 100.0 * error) } else { format!("{error:.5}") };
+    format!(
+        "{:>9} {:>21} {:>8} {:>10.1} {:>26}",
+        significant(seconds.median),
+        format!("{} … {}", significant(seconds.lower_quartile), significant(seconds.upper_quartile)),
+        count(measured.records.irradiance),
+        measured.peak_gpu_bytes as f64 / f64::from(1 << 20),
+        metric.of(&measured.errors).map_or("-".to_owned(), error),
+    )
+}
+
+/// What a reader must know before trusting the numbers.
+pub fn warnings(sweep: &Sweep, metric: &Metric) -> Vec<String> {
+    let measured = || sweep.points.iter().filter_map(|point| Some((point, point.measured()?)));
+    let unfinished = measured()
+        .filter(|(_, measured)| !measured.complete)
+        .map(|(point, _)| format!("warning: {} {}: its pictures are unfinished; it is left out of the front", point.id, point.name(&sweep.over)));
+    let other = measured().filter(|(_, measured)| !measured.pictures_repeat);
+    let other = other.map(|(point, _)| format!("warning: {} {}: its runs did not make the same picture to the bit", point.id, point.name(&sweep.over)));
+    let unjudged = measured().filter(|(_, measured)| metric.of(&measured.errors).is_none()).count();
+    let unjudged =
+        (sweep.reference.is_some() && unjudged > 0).then(|| format!("note: {unjudged} points have no {metric}; they are left out of front and plot"));
+    unfinished.chain(other).chain(unjudged).collect()
+}
+
+/// A row a point, headed by names with units; a cell is empty where there is no number.
+pub fn csv(sweep: &Sweep) -> String {
+    let nodes = nodes(&sweep.points);
+    let rows: Vec<Vec<Cell>> = sweep.points.iter().map(|point| cells(sweep, point, &nodes)).collect();
+    let head = rows.first().map(|row| line(row.iter().map(|(name, _)| name)));
+    head.into_iter().chain(rows.iter().map(|row| line(row.iter().map(|(_, value)| value)))).collect()
+}
+
+/// All nodes that ran, each once.
+fn nodes(points: &[Point]) -> Vec<&str> {
+    let mut nodes: Vec<&str> = Vec::new();
+    for pass in points.iter().filter_map(Point::measured).flat_map(|measured| &measured.passes) {
+        if !nodes.contains(&pass.node.as_str()) {
+            nodes.push(&pass.node);
+        }
+    }
+    nodes
+}
+
+fn cells(sweep: &Sweep, point: &Point, nodes: &[&str]) -> Vec<Cell> {
+    let (state, because) = match &point.outcome {
+        Outcome::Measured(_) => ("measured", None),
+        Outcome::Refused { because } => ("refused", Some(because)),
+        Outcome::Open => ("open", None),
+    };
+    let mut cells = vec![cell("id", Some(&point.id)), cell("pipeline", Some(&point.pipeline)), cell("set", Some(point.set.join(" ")))];
+    cells.extend(sweep.over.iter().map(|axis| cell(&axis.parameter, point.values.get(&axis.parameter))));
+    cells.extend([cell("state", Some(state)), cell("because", because), cell("pareto", Some(point.pareto))]);
+    cells.extend([
+        cell("scene", Some(&sweep.scene)),
+        cell("camera", Some(&sweep.camera)),
+        cell("width", Some(sweep.size[0])),
+        cell("height", Some(sweep.size[1])),
+        cell("adapter", Some(&sweep.adapter.name)),
+        cell("runs", Some(sweep.runs)),
+    ]);
+    cells.extend(of_costs(point.measured()));
+    cells.extend(of_errors(point.measured().map_or(&VariantErrors::default(), |measured| &measured.errors)));
+    cells.extend(nodes.iter().flat_map(|node| of_node(node, point.measured())));
+    cells
+}
+
+fn of_costs(measured: Option<&Measured>) -> Vec<Cell> {
+    let seconds = measured.map(|measured| measured.seconds);
+    vec![
+        cell("seconds_median", seconds.map(|seconds| seconds.median)),
+        cell("seconds_lower_quartile", seconds.map(|seconds| seconds.lower_quartile)),
+        cell("seconds_upper_quartile", seconds.map(|seconds| seconds.upper_quartile)),
+        cell("seconds_least", seconds.map(|seconds| seconds.least)),
+        cell("seconds_most", seconds.map(|seconds| seconds.most)),
+        cell("records", measured.and_then(|measured| measured.records.irradiance)),
+        cell("fill_rounds", measured.and_then(|measured| measured.fill_rounds)),
+        cell("uncovered_pixels", measured.and_then(|measured| measured.uncovered_pixels)),
+        cell("complete", measured.map(|measured| measured.complete)),
+        cell("pictures_repeat", measured.map(|measured| measured.pictures_repeat)),
+        cell("peak_gpu_bytes", measured.map(|measured| measured.peak_gpu_bytes)),
+    ]
+}
+
+fn of_node(node: &str, measured: Option<&Measured>) -> [Cell; 2] {
+    let pass = measured.and_then(|measured| measured.passes.iter().find(|pass| pass.node == node));
+    [cell(format!("{node}_gpu_ms"), pass.and_then(|pass| pass.gpu_ms)), cell(format!("{node}_cpu_ms"), pass.and_then(|pass| pass.cpu_ms))]
+}

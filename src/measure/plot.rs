@@ -1,0 +1,315 @@
+//! One figure: a value over another, both on logarithmic axes, as SVG that needs nothing beside itself.
+
+use std::fmt::Write;
+
+/// What is drawn.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Plot {
+    pub title: String,
+    /// With its unit.
+    pub x_label: String,
+    /// With its unit.
+    pub y_label: String,
+    /// What the words beside marks of the front are.
+    pub label_of_marks: String,
+    pub lines: Vec<Line>,
+}
+
+/// Marks that belong together, joined in their order.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Line {
+    pub name: String,
+    pub marks: Vec<Mark>,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+pub struct Mark {
+    /// `data-id` of its group, for pages that answer to a click.
+    pub id: String,
+    /// Stands beside it if it is on the front.
+    pub label: String,
+    /// Shown where a pointer rests on it.
+    pub about: String,
+    /// Positive.
+    pub x: f64,
+    /// Positive.
+    pub x_spread: [f64; 2],
+    /// Positive; 0 is drawn at the lower end of the axis.
+    pub y: f64,
+    /// Whether no other mark is as low in both directions and lower in one.
+    pub is_on_front: bool,
+}
+
+const WIDTH: f64 = 800.0;
+/// Where the axes are: left, right, top, bottom.
+const FRAME: [f64; 4] = [76.0, 776.0, 48.0, 440.0];
+/// Below the axis: its ticks, its name.
+const BELOW: f64 = 64.0;
+const ROW: f64 = 22.0;
+/// The narrowest range of an axis: its ends differ by this factor.
+const NARROWEST: f64 = 1.5;
+/// Left free at each end of an axis.
+const MARGIN: f64 = 0.07;
+/// Fewer ticks tell no scale.
+const FEWEST_TICKS: usize = 3;
+
+/// Legible on white and on black.
+const COLOURS: [&str; 6] = ["#0072b2", "#c44e00", "#00805c", "#b0568a", "#8a6d00", "#6b6fd0"];
+
+/// Of all, so that lines of one colour differ.
+const SHAPES: [&str; 4] = ["M-5,0a5,5 0 1,0 10,0a5,5 0 1,0 -10,0z", "M-4.5,-4.5h9v9h-9z", "M0,-6l5.5,10h-11z", "M0,-6.5l5.5,6.5l-5.5,6.5l-5.5,-6.5z"];
+
+const STYLE: &str = ".hemisplat-plot{background:#fff}\
+.hemisplat-plot text{font:13px system-ui,sans-serif;fill:#1b1f24}\
+.hemisplat-plot .title{font-size:15px;font-weight:600}\
+.hemisplat-plot .grid{stroke:#d8dde3;stroke-width:1}\
+.hemisplat-plot .frame{fill:none;stroke:#6a737d}\
+.hemisplat-plot .front{fill:none;stroke:#1b1f24;stroke-width:1.5;stroke-dasharray:5 4}\
+.hemisplat-plot .ring{fill:none;stroke:#1b1f24;stroke-width:1.5}\
+.hemisplat-plot .line{fill:none;stroke-width:1.8}\
+.hemisplat-plot .spread{stroke-width:1.2}\
+@media (prefers-color-scheme:dark){\
+.hemisplat-plot{background:#14171a}\
+.hemisplat-plot text{fill:#e6e9ec}\
+.hemisplat-plot .grid{stroke:#30363d}\
+.hemisplat-plot .front,.hemisplat-plot .ring{stroke:#e6e9ec}}";
+
+/// An axis: values from `low` to `high` lie between two places on the paper.
+struct Scale {
+    low: f64,
+    high: f64,
+    from: f64,
+    to: f64,
+}
+
+impl Scale {
+    /// Holds all values that are positive.
+    fn of(values: impl Iterator<Item = f64>, from: f64, to: f64) -> Self {
+        let positive = values.filter(|value| *value > 0.0 && value.is_finite());
+        let ends = positive.fold(None, |ends: Option<[f64; 2]>, value| Some(ends.map_or([value; 2], |[low, high]| [low.min(value), high.max(value)])));
+        let [low, high] = ends.unwrap_or([1.0; 2]).map(f64::ln);
+        let span = (high - low).max(NARROWEST.ln());
+        let middle = (low + high) / 2.0;
+        let half = span * (0.5 + MARGIN);
+        Self { low: (middle - half).exp(), high: (middle + half).exp(), from, to }
+    }
+
+    fn place(&self, value: f64) -> f64 {
+        let share = (value / self.low).ln() / (self.high / self.low).ln();
+        self.from + share.clamp(0.0, 1.0) * (self.to - self.from)
+    }
+
+    /// Round values within the range, of the coarsest kind that gives enough of them.
+    fn ticks(&self) -> Vec<f64> {
+        let every = |step| (10..100).step_by(step).collect::<Vec<u32>>();
+        let kinds = [vec![10], vec![10, 20, 50], every(10), every(5), every(2), every(1)];
+        let mut found = kinds.iter().map(|tenths| self.ticks_of(tenths));
+        found.find(|ticks| ticks.len() >= FEWEST_TICKS).unwrap_or_default()
+    }
+
+    /// Tenths times powers of ten.
+    fn ticks_of(&self, tenths: &[u32]) -> Vec<f64> {
+        let decade = |value: f64| value.log10().floor() as i32;
+        let decades = decade(self.low)..=decade(self.high);
+        // Read from text, a tick is the number that it is written as.
+        let all = decades.flat_map(|decade| tenths.iter().filter_map(move |tenths| format!("{tenths}e{}", decade - 1).parse::<f64>().ok()));
+        all.filter(|tick| (self.low..=self.high).contains(tick)).collect()
+    }
+}
+
+/// The figure as a document of its own, which can also stand inside a page. Each mark is a group of the class `mark`; those of the front have a ring.
+pub fn svg(plot: &Plot) -> String {
+    let [left, right, top, bottom] = FRAME;
+    let marks = || plot.lines.iter().flat_map(|line| &line.marks);
+    let x = Scale::of(marks().flat_map(|mark| [mark.x, mark.x_spread[0], mark.x_spread[1]]), left, right);
+    let y = Scale::of(marks().map(|mark| mark.y), bottom, top);
+    let height = bottom + BELOW + ROW * (plot.lines.len() + 2) as f64;
+    let mut text = format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"hemisplat-plot\" viewBox=\"0 0 {WIDTH} {height}\" role=\"img\" aria-label=\"{0}\">\n<style>{STYLE}</style>\n\
+         <text class=\"title\" x=\"{left}\" y=\"28\">{0}</text>\n",
+        escaped(&plot.title)
+    );
+    text += &axes(plot, &x, &y);
+    text += &front(plot, &x, &y);
+    plot.lines.iter().enumerate().for_each(|(index, line)| text += &drawn(line, index, &x, &y));
+    text += &legend(plot);
+    text + "</svg>\n"
+}
+
+fn axes(plot: &Plot, x: &Scale, y: &Scale) -> String {
+    let [left, right, top, bottom] = FRAME;
+    let mut text = String::new();
+    for tick in x.ticks() {
+        let at = x.place(tick);
+        let _ = writeln!(
+            text,
+            "<path class=\"grid\" d=\"M{at:.1},{top}V{bottom}\"/><text x=\"{at:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{tick}</text>",
+            bottom + 19.0
+        );
+    }
+    for tick in y.ticks() {
+        let at = y.place(tick);
+        let _ = writeln!(
+            text,
+            "<path class=\"grid\" d=\"M{left},{at:.1}H{right}\"/><text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{tick}</text>",
+            left - 8.0,
+            at + 4.5
+        );
+    }
+    let (middle_x, middle_y) = ((left + right) / 2.0, (top + bottom) / 2.0);
+    let _ = writeln!(
+        text,
+        "<rect class=\"frame\" x=\"{left}\" y=\"{top}\" width=\"{}\" height=\"{}\"/>\n<text x=\"{middle_x}\" y=\"{}\" text-anchor=\"middle\">{}</text>\n\
+         <text transform=\"translate(20,{middle_y}) rotate(-90)\" text-anchor=\"middle\">{}</text>",
+        right - left,
+        bottom - top,
+        bottom + 42.0,
+        escaped(&plot.x_label),
+        escaped(&plot.y_label)
+    );
+    text
+}
+
+/// Stairs: what is behind them is beaten.
+fn front(plot: &Plot, x: &Scale, y: &Scale) -> String {
+    let on_front = plot.lines.iter().flat_map(|line| &line.marks).filter(|mark| mark.is_on_front);
+    let mut places: Vec<[f64; 2]> = on_front.map(|mark| [x.place(mark.x), y.place(mark.y)]).collect();
+    places.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    let Some(([first_x, first_y], rest)) = places.split_first().map(|(first, rest)| (*first, rest)) else { return String::new() };
+    let stairs: String = rest.iter().map(|[x, y]| format!("H{x:.1}V{y:.1}")).collect();
+    format!("<path class=\"front\" d=\"M{first_x:.1},{first_y:.1}{stairs}\"/>\n")
+}
+
+fn drawn(line: &Line, index: usize, x: &Scale, y: &Scale) -> String {
+    let colour = colour(index);
+    let places: Vec<String> = line.marks.iter().map(|mark| format!("{:.1},{:.1}", x.place(mark.x), y.place(mark.y))).collect();
+    let mut text = format!("<polyline class=\"line\" stroke=\"{colour}\" points=\"{}\"/>\n", places.join(" "));
+    for mark in &line.marks {
+        let [at_x, at_y] = [x.place(mark.x), y.place(mark.y)];
+        let [low, high] = mark.x_spread.map(|value| x.place(value) - at_x);
+        let _ = writeln!(
+            text,
+            "<g class=\"mark\" data-id=\"{}\" transform=\"translate({at_x:.1},{at_y:.1})\"><title>{}</title>\
+             <path class=\"spread\" stroke=\"{colour}\" d=\"M{low:.1},0H{high:.1}M{low:.1},-3v6M{high:.1},-3v6\"/><path fill=\"{colour}\" d=\"{}\"/>{}</g>",
+            escaped(&mark.id),
+            escaped(&mark.about),
+            shape(index),
+            if mark.is_on_front { ring(mark) } else { String::new() },
+        );
+    }
+    text
+}
+
+fn ring(mark: &Mark) -> String {
+    format!("<circle class=\"ring\" r=\"9\"/><text x=\"-11\" y=\"20\" text-anchor=\"end\">{}</text>", escaped(&mark.label))
+}
+
+/// The names of the lines, and what a ring says.
+fn legend(plot: &Plot) -> String {
+    let row = |index: usize| FRAME[3] + BELOW + ROW * (index as f64 + 0.5);
+    let mut text = String::new();
+    for (index, line) in plot.lines.iter().enumerate() {
+        let _ = writeln!(
+            text,
+            "<g transform=\"translate({},{})\"><path class=\"line\" stroke=\"{2}\" d=\"M-14,0h28\"/><path fill=\"{2}\" d=\"{3}\"/><text x=\"24\" y=\"4.5\">{4}</text></g>",
+            FRAME[0] + 14.0,
+            row(index),
+            colour(index),
+            shape(index),
+            escaped(&line.name)
+        );
+    }
+    let _ = writeln!(
+        text,
+        "<g transform=\"translate({},{})\"><path class=\"front\" d=\"M-14,0h28\"/><circle class=\"ring\" r=\"9\"/><text x=\"24\" y=\"4.5\">Pareto front, with {}</text></g>",
+        FRAME[0] + 14.0,
+        row(plot.lines.len()),
+        escaped(&plot.label_of_marks)
+    );
+    text
+}
+
+fn colour(line: usize) -> &'static str {
+    COLOURS[line % COLOURS.len()]
+}
+
+/// Shifted after each turn of the colours, so that 24 lines differ.
+fn shape(line: usize) -> &'static str {
+    SHAPES[(line + line / COLOURS.len()) % SHAPES.len()]
+}
+
+/// As XML has text and attributes; what it has no place for, such as control characters, becomes a mark of replacement.
+pub fn escaped(text: &str) -> String {
+    let mut escaped = String::new();
+    for letter in text.chars() {
+        match letter {
+            '&' => escaped += "&amp;",
+            '<' => escaped += "&lt;",
+            '>' => escaped += "&gt;",
+            '"' => escaped += "&quot;",
+            '\t' | '\n' | '\r' => escaped.push(' '),
+            letter if letter.is_control() || matches!(letter, '\u{fffe}' | '\u{ffff}') => escaped.push('\u{fffd}'),
+            letter => escaped.push(letter),
+        }
+    }
+    escaped
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn mark(x: f64, y: f64, is_on_front: bool) -> Mark {
+        Mark { id: "A".into(), label: "a<b & \"c\"\u{1}".into(), about: "]]> '".into(), x, x_spread: [x * 0.9, x * 1.1], y, is_on_front }
+    }
+
+    fn plot(marks: &[(f64, f64, bool)]) -> Plot {
+        let text = |text: &str| text.to_owned();
+        let lines = marks.iter().map(|(x, y, is_on_front)| Line { name: text("<&>"), marks: vec![mark(*x, *y, *is_on_front)] });
+        Plot { title: text("t"), x_label: text("seconds"), y_label: text("error [%]"), label_of_marks: text("n.p"), lines: lines.collect() }
+    }
+
+    #[test]
+    fn ticks_are_round_and_enough() {
+        let ticks = |low, high| Scale { low, high, from: 0.0, to: 1.0 }.ticks();
+        assert_eq!(ticks(0.01, 1000.0), [0.01, 0.1, 1.0, 10.0, 100.0, 1000.0]);
+        assert_eq!(ticks(0.9, 6.0), [1.0, 2.0, 5.0]);
+        assert_eq!(ticks(2.1, 5.9), [3.0, 4.0, 5.0]);
+        assert_eq!(ticks(0.21, 0.32), [0.22, 0.24, 0.26, 0.28, 0.3, 0.32]);
+    }
+
+    #[test]
+    fn nothing_at_all_is_still_a_figure() {
+        let text = svg(&plot(&[]));
+        let document = roxmltree::Document::parse(&text).unwrap();
+        assert_eq!(document.root_element().tag_name().name(), "svg");
+    }
+
+    proptest! {
+        #[test]
+        fn every_figure_is_xml_with_a_mark_a_point_inside_its_frame(
+            marks in prop::collection::vec((1e-6..1e6f64, prop_oneof![Just(0.0), 1e-9..1e3f64], any::<bool>()), 0..30)
+        ) {
+            let text = svg(&plot(&marks));
+            let document = roxmltree::Document::parse(&text).unwrap();
+            let groups: Vec<_> = document.descendants().filter(|node| node.attribute("class") == Some("mark")).collect();
+            prop_assert_eq!(groups.len(), marks.len());
+            let rings = groups.iter().filter(|group| group.descendants().any(|node| node.attribute("class") == Some("ring"))).count();
+            prop_assert_eq!(rings, marks.iter().filter(|mark| mark.2).count());
+            for group in groups {
+                let place = group.attribute("transform").and_then(|text| text.strip_prefix("translate(")?.strip_suffix(')')?.split_once(',')).unwrap();
+                let [x, y]: [f64; 2] = [place.0, place.1].map(|text| text.parse().unwrap());
+                prop_assert!((FRAME[0]..=FRAME[1]).contains(&x) && (FRAME[2]..=FRAME[3]).contains(&y), "{x} {y}");
+            }
+        }
+
+        #[test]
+        fn axes_have_ticks_in_order(low in 1e-9..1e9f64, factor in 1.0..1e9f64) {
+            let scale = Scale::of([low, low * factor].into_iter(), 0.0, 1.0);
+            let ticks = scale.ticks();
+            prop_assert!((FEWEST_TICKS..20).contains(&ticks.len()), "{ticks:?}");
+            prop_assert!(ticks.windows(2).all(|pair| pair[0] < pair[1] && scale.place(pair[0]) < scale.place(pair[1])));
+        }
+    }
+}

@@ -1,0 +1,328 @@
+//! A pipeline over a grid of parameters: error over time, and which points nothing else beats.
+
+use super::compare::{AdapterReport, ReferenceReport, VariantErrors, VariantReport};
+use super::metrics::Errors;
+use super::plot::{Line, Mark, Plot};
+use super::run::Records;
+use super::statistics::Spread;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::fmt;
+use std::str::FromStr;
+
+/// Every combination of places on axes of these lengths; the last axis is the fastest.
+pub fn grid(lengths: &[usize]) -> Vec<Vec<usize>> {
+    let longer = |places: Vec<Vec<usize>>, length: usize| places.iter().flat_map(|place| (0..length).map(|next| [&place[..], &[next]].concat())).collect();
+    lengths.iter().fold(vec![Vec::new()], |places, length| longer(places, *length))
+}
+
+/// Which of these costs are on the Pareto front: no other is as low in both and lower in one. Costs are finite; equal ones stand or fall together.
+pub fn front(costs: &[[f64; 2]]) -> Vec<bool> {
+    let mut order: Vec<usize> = (0..costs.len()).collect();
+    order.sort_by(|a, b| costs[*a][0].total_cmp(&costs[*b][0]).then(costs[*a][1].total_cmp(&costs[*b][1])));
+    let mut is_on_front = vec![false; costs.len()];
+    let mut best: Option<[f64; 2]> = None;
+    for index in order {
+        if best.is_none_or(|best| costs[index][1] < best[1] || costs[index] == best) {
+            is_on_front[index] = true;
+            best = Some(costs[index]);
+        }
+    }
+    is_on_front
+}
+
+/// The error that a sweep is judged by.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Metric {
+    layer: Judged,
+    /// One of [`Errors::METRICS`].
+    name: &'static str,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Judged {
+    Irradiance,
+    Picture,
+}
+
+impl FromStr for Metric {
+    type Err = String;
+
+    /// Reads `NAME` or `LAYER.NAME`; the layer is `irradiance` or `picture`, the former where none is said.
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (layer, name) = text.split_once('.').unwrap_or(("irradiance", text));
+        let layer = match layer {
+            "irradiance" => Some(Judged::Irradiance),
+            "picture" => Some(Judged::Picture),
+            _ => None,
+        };
+        let name = Errors::METRICS.into_iter().find(|known| *known == name);
+        let expected = || format!("expected a metric, of the irradiance or as picture.METRIC: {}", Errors::METRICS.join(", "));
+        layer.zip(name).map(|(layer, name)| Self { layer, name }).ok_or_else(expected)
+    }
+}
+
+impl fmt::Display for Metric {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let layer = if self.layer == Judged::Irradiance { "irradiance" } else { "picture" };
+        write!(f, "{layer}.{}", self.name)
+    }
+}
+
+impl Metric {
+    /// Its size: a signed error counts as it is far from 0. None where it could not be measured.
+    pub fn of(&self, errors: &VariantErrors) -> Option<f64> {
+        let errors = if self.layer == Judged::Irradiance { &errors.irradiance } else { &errors.picture };
+        errors.as_ref()?.metric(self.name).flatten().map(f64::abs)
+    }
+
+    /// Whether it is a share, told in percent.
+    pub fn is_share(&self) -> bool {
+        !matches!(self.name, "relmse" | "flip")
+    }
+}
+
+/// Everything that a sweep found. Keys in JSON are the fields' names.
+#[derive(Debug, Clone, Serialize)]
+pub struct Sweep {
+    /// Version of this record: 1.
+    pub schema: u32,
+    pub scene: String,
+    pub triangles: usize,
+    pub camera: String,
+    /// Width and height [pixels].
+    pub size: [u32; 2],
+    pub adapter: AdapterReport,
+    /// Runs of each point.
+    pub runs: usize,
+    /// Whether every point is measured, with all its pixels covered.
+    pub complete: bool,
+    pub reference: Option<ReferenceReport>,
+    /// The error of the front and the plot.
+    pub metric: String,
+    pub over: Vec<Axis>,
+    /// By pipeline, then by values, those of the last parameter the fastest.
+    pub points: Vec<Point>,
+}
+
+/// A parameter that is swept.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Axis {
+    /// `node.parameter`
+    pub parameter: String,
+    /// As written.
+    pub values: Vec<String>,
+}
+
+/// A pipeline with one value of each parameter that is swept.
+#[derive(Debug, Clone, Serialize)]
+pub struct Point {
+    /// A letter or several.
+    pub id: String,
+    /// As the user wrote it.
+    pub pipeline: String,
+    /// By parameter.
+    pub values: BTreeMap<String, String>,
+    /// Everything that is set, `NODE.PARAM=VALUE`.
+    pub set: Vec<String>,
+    #[serde(flatten)]
+    pub outcome: Outcome,
+    /// Whether no other point of the sweep is as fast and as near to the truth, and better in one of the two.
+    pub pareto: bool,
+}
+
+/// What became of a point; `state` in JSON.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(tag = "state", rename_all = "snake_case")]
+pub enum Outcome {
+    Measured(Box<Measured>),
+    /// The scene or the adapter does not take the pipeline.
+    Refused {
+        because: String,
+    },
+    /// Not reached.
+    Open,
+}
+
+/// What the runs of a point measured.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Measured {
+    /// Of a run: a picture from empty caches.
+    pub seconds: Spread,
+    /// Of each run, by round.
+    pub seconds_of_runs: Vec<f64>,
+    pub records: Records,
+    pub fill_rounds: Option<u32>,
+    pub uncovered_pixels: Option<u32>,
+    pub complete: bool,
+    /// Whether every run made the same picture to the bit.
+    pub pictures_repeat: bool,
+    /// All buffers and textures, the copy of the scene too.
+    pub peak_gpu_bytes: u64,
+    pub passes: Vec<PassMedian>,
+    pub errors: VariantErrors,
+}
+
+/// The median time of a node.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PassMedian {
+    pub node: String,
+    pub pass: String,
+    /// How often the node ran in a run.
+    pub runs: u32,
+    /// None where the adapter has no timestamps.
+    pub gpu_ms: Option<f64>,
+    pub cpu_ms: Option<f64>,
+}
+
+impl From<VariantReport> for Measured {
+    fn from(report: VariantReport) -> Self {
+        let median = |spread: Option<Spread>| spread.map(|spread| spread.median);
+        let passes = report.passes.into_iter().map(|pass| PassMedian {
+            node: pass.node,
+            pass: pass.pass.to_owned(),
+            runs: pass.runs,
+            gpu_ms: median(pass.gpu_ms),
+            cpu_ms: median(pass.cpu_ms),
+        });
+        Self {
+            seconds: report.seconds,
+            seconds_of_runs: report.seconds_of_runs,
+            records: report.records,
+            fill_rounds: report.fill_rounds,
+            uncovered_pixels: report.uncovered_pixels,
+            complete: report.complete,
+            pictures_repeat: report.pictures_repeat,
+            peak_gpu_bytes: report.peak_gpu_bytes,
+            passes: passes.collect(),
+            errors: report.errors,
+        }
+    }
+}
+
+impl Point {
+    pub fn measured(&self) -> Option<&Measured> {
+        match &self.outcome {
+            Outcome::Measured(measured) => Some(measured),
+            _ => None,
+        }
+    }
+
+    /// Seconds and error; None where one of them is not known, or pixels are left without light.
+    fn costs(&self, metric: &Metric) -> Option<[f64; 2]> {
+        let measured = self.measured().filter(|measured| measured.complete)?;
+        Some([measured.seconds.median, metric.of(&measured.errors)?])
+    }
+
+    /// `NODE.PARAM=VALUE` of the parameters that are swept, in their order, from the given one on.
+    fn swept<'p>(&'p self, over: &'p [Axis]) -> impl Iterator<Item = String> + 'p {
+        over.iter().filter_map(|axis| Some(format!("{}={}", axis.parameter, self.values.get(&axis.parameter)?)))
+    }
+
+    /// The pipeline and its swept values.
+    pub fn name(&self, over: &[Axis]) -> String {
+        std::iter::once(self.pipeline.clone()).chain(self.swept(over)).collect::<Vec<_>>().join(" ")
+    }
+}
+
+/// Marks the points of the front.
+pub fn mark_front(points: &mut [Point], metric: &Metric) {
+    let (indices, costs): (Vec<usize>, Vec<[f64; 2]>) = points.iter().enumerate().filter_map(|(index, point)| Some((index, point.costs(metric)?))).unzip();
+    points.iter_mut().for_each(|point| point.pareto = false);
+    for (index, is_on_front) in indices.into_iter().zip(front(&costs)) {
+        points[index].pareto = is_on_front;
+    }
+}
+
+/// Error over time: a line for each pipeline and the values of all parameters but the first, along which that one changes.
+pub fn plot(sweep: &Sweep, metric: &Metric) -> Plot {
+    let along = sweep.over.first().map_or("", |axis| &axis.parameter);
+    let unit = if metric.is_share() { " [%]" } else { "" };
+    let [width, height] = sweep.size;
+    Plot {
+        title: format!("{}, {width}×{height}, {}", sweep.scene, sweep.adapter.name),
+        x_label: format!("seconds, median of {} runs with its quartiles", sweep.runs),
+        y_label: format!("{metric}{unit}"),
+        label_of_marks: along.to_owned(),
+        lines: lines(sweep, metric),
+    }
+}
+
+fn lines(sweep: &Sweep, metric: &Metric) -> Vec<Line> {
+    let mut lines: Vec<Line> = Vec::new();
+    for point in &sweep.points {
+        let Some(mark) = mark(sweep, point, metric) else { continue };
+        let name = point.name(sweep.over.get(1..).unwrap_or(&[]));
+        match lines.iter_mut().find(|line| line.name == name) {
+            Some(line) => line.marks.push(mark),
+            None => lines.push(Line { name, marks: vec![mark] }),
+        }
+    }
+    lines
+}
+
+fn mark(sweep: &Sweep, point: &Point, metric: &Metric) -> Option<Mark> {
+    let measured = point.measured()?;
+    let error = metric.of(&measured.errors)? * if metric.is_share() { 100.0 } else { 1.0 };
+    let Spread { median, lower_quartile, upper_quartile, .. } = measured.seconds;
+    let label = sweep.over.first().and_then(|axis| point.values.get(&axis.parameter));
+    Some(Mark {
+        id: point.id.clone(),
+        label: label.cloned().unwrap_or_default(),
+        about: format!("{}: {}, {median:.3} s, {error:.4}", point.id, point.name(&sweep.over)),
+        x: median,
+        x_spread: [lower_quartile, upper_quartile],
+        y: error,
+        is_on_front: point.pareto,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn the_last_axis_is_the_fastest() {
+        assert_eq!(grid(&[2, 3]), [[0, 0], [0, 1], [0, 2], [1, 0], [1, 1], [1, 2]].map(Vec::from));
+        assert_eq!(grid(&[]), [Vec::<usize>::new()]);
+        assert_eq!(grid(&[3, 0]), Vec::<Vec<usize>>::new());
+    }
+
+    #[test]
+    fn a_front_by_hand() {
+        let costs = [[1.0, 9.0], [2.0, 9.0], [2.0, 4.0], [3.0, 4.0], [4.0, 1.0], [4.0, 1.0], [4.0, 2.0], [0.5, 9.5]];
+        assert_eq!(front(&costs), [true, false, true, false, true, true, false, true]);
+        assert_eq!(front(&[]), Vec::<bool>::new());
+    }
+
+    #[test]
+    fn metrics_have_names() {
+        for (text, name) in [("flip", "irradiance.flip"), ("picture.relmse", "picture.relmse"), ("irradiance.block_p99", "irradiance.block_p99")] {
+            assert_eq!(text.parse::<Metric>().unwrap().to_string(), name);
+        }
+        for text in ["", "rsme", "depth.relmse", "picture.", "picture"] {
+            assert!(text.parse::<Metric>().unwrap_err().contains("rmse_over_mean"), "{text}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn a_grid_holds_every_combination_once_in_the_order_of_counting(lengths in prop::collection::vec(1usize..5, 0..5)) {
+            let places = grid(&lengths);
+            prop_assert_eq!(places.len(), lengths.iter().product::<usize>());
+            prop_assert!(places.iter().all(|place| place.len() == lengths.len() && place.iter().zip(&lengths).all(|(at, length)| at < length)));
+            prop_assert!(places.windows(2).all(|pair| pair[0] < pair[1]));
+        }
+
+        /// Few different costs, so that many are equal.
+        #[test]
+        fn no_point_of_the_front_is_dominated_and_each_other_point_is(costs in prop::collection::vec([0u8..8, 0u8..8], 0..40)) {
+            let costs: Vec<[f64; 2]> = costs.iter().map(|cost| cost.map(f64::from)).collect();
+            let dominates = |a: &[f64; 2], b: &[f64; 2]| a[0] <= b[0] && a[1] <= b[1] && a != b;
+            for (cost, is_on_front) in costs.iter().zip(front(&costs)) {
+                prop_assert_eq!(is_on_front, !costs.iter().any(|other| dominates(other, cost)));
+            }
+        }
+    }
+}

@@ -214,12 +214,12 @@ impl Point {
         Some([measured.seconds.median, metric.of(&measured.errors)?])
     }
 
-    /// `NODE.PARAM=VALUE` of the parameters that are swept, in their order, from the given one on.
+    /// `NODE.PARAM=VALUE` of these parameters, in their order.
     fn swept<'p>(&'p self, over: &'p [Axis]) -> impl Iterator<Item = String> + 'p {
         over.iter().filter_map(|axis| Some(format!("{}={}", axis.parameter, self.values.get(&axis.parameter)?)))
     }
 
-    /// The pipeline and its swept values.
+    /// The pipeline and its values of these parameters.
     pub fn name(&self, over: &[Axis]) -> String {
         std::iter::once(self.pipeline.clone()).chain(self.swept(over)).collect::<Vec<_>>().join(" ")
     }

@@ -96,6 +96,9 @@ fn program_tells() -> Outcome {
         if output.status.code() != Some(status) || !is_told {
             return Err(format!("{set}: {:?}\n{stdout}\n{json}", output.status).into());
         }
+        if status == 1 {
+            insta::assert_snapshot!("unstable", String::from_utf8_lossy(&output.stderr));
+        }
     }
     Ok(())
 }

@@ -66,7 +66,7 @@ pub enum CommandError {
     #[diagnostic(code(cli::over_threshold))]
     OverThreshold { failed: Vec<String> },
     #[error("a case fails: {}", failed.join("; "))]
-    #[diagnostic(code(cli::unstable))]
+    #[diagnostic(code(cli::unstable), help("the table says what was seen and what had to hold; --only CASE --json FILE looks closer"))]
     Unstable { failed: Vec<String> },
     #[error("the scene has no camera `{name}`")]
     #[diagnostic(code(cli::unknown_camera), help("its cameras: {known}"))]

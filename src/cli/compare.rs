@@ -109,15 +109,8 @@ impl Targets {
     }
 
     fn write(&self, comparison: &Comparison) -> Result<(), Failure> {
-        if let Some(json) = &self.json {
-            let mut text = serde_json::to_vec_pretty(comparison).map_err(|error| Failure::work(CommandError::Json { reason: error.to_string() }))?;
-            text.push(b'\n');
-            json.write(&text)?;
-        }
-        if let Some(csv) = &self.csv {
-            csv.write(comparison::csv(comparison).as_bytes())?;
-        }
-        Ok(())
+        self.json.iter().try_for_each(|json| json.write_json(comparison))?;
+        self.csv.iter().try_for_each(|csv| csv.write(comparison::csv(comparison).as_bytes()))
     }
 
     fn write_page(&self, comparison: &Comparison, pipelines: &[Pipeline], gallery: Option<&Gallery>) -> Result<(), Failure> {

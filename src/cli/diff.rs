@@ -63,7 +63,7 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     .map_err(Failure::input)?;
     console.print(&table(&test.path, &reference.path, &errors))?;
     if let Some(json) = json {
-        json.write(&as_json(&test.path, &reference.path, &errors)?)?;
+        json.write_json(&Comparison { test: test.path.display().to_string(), reference: reference.path.display().to_string(), errors: &errors })?;
     }
     judge(&errors, &options.fail_above)
 }
@@ -140,13 +140,6 @@ struct Comparison<'a> {
     reference: String,
     #[serde(flatten)]
     errors: &'a Errors,
-}
-
-fn as_json(test: &Path, reference: &Path, errors: &Errors) -> Result<Vec<u8>, Failure> {
-    let comparison = Comparison { test: test.display().to_string(), reference: reference.display().to_string(), errors };
-    let mut json = serde_json::to_vec_pretty(&comparison).map_err(|error| Failure::work(CommandError::Json { reason: error.to_string() }))?;
-    json.push(b'\n');
-    Ok(json)
 }
 
 fn judge(errors: &Errors, thresholds: &[Threshold]) -> Result<(), Failure> {

@@ -3,6 +3,7 @@
 use super::failure::{CommandError, Failure};
 use super::interrupt::Shelter;
 use crate::measure::{Layers, PICTURE};
+use serde::Serialize;
 use std::fs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -44,6 +45,13 @@ impl Target {
     /// Writes all bytes to a temporary file in the same folder, then gives it its name. Devices and pipes are written to directly.
     pub fn write(&self, bytes: &[u8]) -> Result<(), Failure> {
         self.try_write(bytes).map_err(|error| Failure::write(&self.path, error))
+    }
+
+    /// Writes a record as JSON, as [`Target::write`] does.
+    pub fn write_json(&self, record: &impl Serialize) -> Result<(), Failure> {
+        let mut text = serde_json::to_vec_pretty(record).map_err(|error| Failure::work(CommandError::Json { reason: error.to_string() }))?;
+        text.push(b'\n');
+        self.write(&text)
     }
 
     fn try_write(&self, bytes: &[u8]) -> io::Result<()> {

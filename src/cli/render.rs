@@ -233,8 +233,7 @@ impl<'o> Film<'o> {
         if let Some(stats) = stats {
             let complete = self.gaps.is_empty() && is_whole;
             let value = statistics(self, run, gpu, start_up, complete);
-            let bytes = serde_json::to_vec_pretty(&value).map_err(|error| Failure::work(CommandError::Json { reason: error.to_string() }))?;
-            stats.write(&bytes)?;
+            stats.write_json(&value)?;
             self.kept.push(stats.path());
         }
         Ok(())

@@ -72,9 +72,7 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     let failed = failed(&pipelines);
     if let Some(json) = json {
         let report = Report { schema: 1, adapter: &gpu.adapter, pipelines };
-        let mut text = serde_json::to_vec_pretty(&report).map_err(|error| Failure::work(CommandError::Json { reason: error.to_string() }))?;
-        text.push(b'\n');
-        json.write(&text)?;
+        json.write_json(&report)?;
     }
     if failed.is_empty() { Ok(()) } else { Err(Failure::work(CommandError::Unstable { failed })) }
 }

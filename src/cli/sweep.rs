@@ -142,7 +142,7 @@ impl Targets {
     }
 
     fn write(&self, sweep: &Sweep, metric: &Metric) -> Result<(), Failure> {
-        self.json.iter().try_for_each(|json| json.write(&to_json(sweep)?))?;
+        self.json.iter().try_for_each(|json| json.write_json(sweep))?;
         self.csv.iter().try_for_each(|csv| csv.write(swept::csv(sweep).as_bytes()))?;
         self.svg.iter().try_for_each(|figure| figure.write(svg(&plot(sweep, metric)).as_bytes()))
     }
@@ -150,12 +150,6 @@ impl Targets {
     fn paths(&self) -> Vec<&Path> {
         self.json.iter().chain(&self.csv).chain(&self.svg).map(Target::path).collect()
     }
-}
-
-fn to_json(value: &impl Serialize) -> Result<Vec<u8>, Failure> {
-    let mut text = serde_json::to_vec_pretty(value).map_err(|error| Failure::work(CommandError::Json { reason: error.to_string() }))?;
-    text.push(b'\n');
-    Ok(text)
 }
 
 /// The parameters that are swept, each once.
@@ -311,7 +305,7 @@ impl Folder {
 
     fn keep(&self, key: &str, point: &Point, measured: &Measured) -> Result<(), Failure> {
         let kept = Kept { schema: 1, key: key.to_owned(), set: point.set.clone(), measured: measured.clone() };
-        Target::new(&self.file(key))?.write(&to_json(&kept)?)
+        Target::new(&self.file(key))?.write_json(&kept)
     }
 }
 

@@ -3,16 +3,15 @@
 //! Needs a GPU adapter, a software one will do; without one each case is named as skipped, which
 //! `HEMISPLAT_REQUIRE=gpu` makes a failure.
 
-use hemisplat::measure::{Layer, Layers, PICTURE};
-use libtest_mimic::{Arguments, Failed, Trial};
-use serde_json::Value;
-use std::process::{Child, Command, Stdio};
-use std::time::Duration;
-use std::{env, fs};
-use tempfile::TempDir;
+mod place;
 
-type Outcome = Result<(), Failed>;
-type Case = fn() -> Outcome;
+use hemisplat::measure::{Layer, Layers, PICTURE};
+use libtest_mimic::{Arguments, Failed};
+use place::{Case, Outcome, Place, check};
+use serde_json::Value;
+use std::fs;
+use std::process::{Child, Command};
+use std::time::Duration;
 
 const DRAWN: &[(&str, Case)] = &[
     ("times_differ_where_samples_do_and_not_where_nothing_does", times),
@@ -28,57 +27,14 @@ const DRAWN: &[(&str, Case)] = &[
 const REFUSED: &[(&str, Case)] = &[("mistakes_are_told_before_work_starts", mistakes)];
 
 fn main() {
-    let required = env::var("HEMISPLAT_REQUIRE").is_ok_and(|list| list.split(',').any(|item| item.trim() == "gpu"));
-    let has_gpu = hemisplat::gpu::device::adapters().iter().any(|adapter| adapter.lacks.is_empty());
-    let skipped = !has_gpu && !required;
-    if skipped {
-        DRAWN.iter().for_each(|(name, _)| println!("SKIPPED: {name}: no GPU adapter"));
-    }
-    let drawn = DRAWN.iter().map(|(name, case)| Trial::test(*name, case).with_ignored_flag(skipped));
-    let refused = REFUSED.iter().map(|(name, case)| Trial::test(*name, case));
     // Times are measured: one after the other.
-    let arguments = Arguments { test_threads: Some(1), ..Arguments::from_args() };
-    libtest_mimic::run(&arguments, drawn.chain(refused).collect()).exit();
+    place::run(&Arguments { test_threads: Some(1), ..Arguments::from_args() }, DRAWN, REFUSED);
 }
-
-fn check(holds: bool, what: impl FnOnce() -> String) -> Outcome {
-    if holds { Ok(()) } else { Err(what().into()) }
-}
-
-/// A folder of its own, with a cache of its own.
-struct Place(TempDir);
 
 impl Place {
-    fn new() -> Result<Self, Failed> {
-        Ok(Self(tempfile::tempdir()?))
-    }
-
     fn with(self, name: &str, contents: impl AsRef<[u8]>) -> Result<Self, Failed> {
         fs::write(self.0.path().join(name), contents)?;
         Ok(self)
-    }
-
-    fn command(&self, arguments: &str) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_hemisplat"));
-        command.current_dir(self.0.path()).args(arguments.split(' ')).env_remove("NO_COLOR").env("XDG_CACHE_HOME", self.0.path().join("cache"));
-        command
-    }
-
-    /// Status, stdout and stderr.
-    fn run(&self, arguments: &str) -> Result<(i32, String, String), Failed> {
-        let output = self.command(arguments).output()?;
-        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
-        Ok((output.status.code().unwrap_or(-1), text(&output.stdout), text(&output.stderr)))
-    }
-
-    fn succeed(&self, arguments: &str) -> Result<(String, String), Failed> {
-        let (status, stdout, stderr) = self.run(arguments)?;
-        check(status == 0, || format!("{arguments}: status {status}\n{stderr}"))?;
-        Ok((stdout, stderr))
-    }
-
-    fn json(&self, name: &str) -> Result<Value, Failed> {
-        Ok(serde_json::from_slice(&fs::read(self.0.path().join(name))?)?)
     }
 
     /// References kept in the cache.
@@ -171,7 +127,7 @@ fn kept_reference() -> Outcome {
 
 fn concurrent() -> Outcome {
     let place = Place::new()?;
-    let start = |name: &str| place.command(&format!("compare irradiance {SMALL} --runs 1 --json {name}")).stderr(Stdio::null()).stdout(Stdio::null()).spawn();
+    let start = |name: &str| place.start(&format!("compare irradiance {SMALL} --runs 1 --json {name}"));
     let children: Vec<Child> = ["a.json", "b.json", "c.json"].iter().map(|name| start(name)).collect::<Result<_, _>>()?;
     for mut child in children {
         let status = child.wait()?;
@@ -210,7 +166,7 @@ fn unfinished() -> Outcome {
 fn interrupted() -> Outcome {
     let place = Place::new()?;
     let arguments = format!("compare irradiance irradiance {SMALL} --runs 256 --json out.json --csv out.csv");
-    let mut child = place.command(&arguments).stdout(Stdio::null()).stderr(Stdio::null()).spawn()?;
+    let mut child = place.start(&arguments)?;
     std::thread::sleep(Duration::from_secs(8));
     let sent = Command::new("kill").args(["-INT", &child.id().to_string()]).status()?;
     let status = child.wait()?;

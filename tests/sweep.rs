@@ -3,16 +3,15 @@
 //! Needs a GPU adapter, a software one will do; without one each case is named as skipped, which
 //! `HEMISPLAT_REQUIRE=gpu` makes a failure.
 
-use libtest_mimic::{Arguments, Failed, Trial};
+mod place;
+
+use libtest_mimic::{Arguments, Failed};
+use place::{Case, Outcome, Place, check};
 use serde_json::Value;
 use std::path::PathBuf;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command};
 use std::time::{Duration, Instant};
-use std::{env, fs, thread};
-use tempfile::TempDir;
-
-type Outcome = Result<(), Failed>;
-type Case = fn() -> Outcome;
+use std::{fs, thread};
 
 const DRAWN: &[(&str, Case)] = &[
     ("a_grid_is_measured_and_told_as_json_csv_and_svg", grid),
@@ -27,58 +26,12 @@ const DRAWN: &[(&str, Case)] = &[
 const REFUSED: &[(&str, Case)] = &[("mistakes_are_told_before_work_starts", mistakes), ("a_dry_run_lists_the_points", dry_run)];
 
 fn main() {
-    let required = env::var("HEMISPLAT_REQUIRE").is_ok_and(|list| list.split(',').any(|item| item.trim() == "gpu"));
-    let has_gpu = hemisplat::gpu::device::adapters().iter().any(|adapter| adapter.lacks.is_empty());
-    let skipped = !has_gpu && !required;
-    if skipped {
-        DRAWN.iter().for_each(|(name, _)| println!("SKIPPED: {name}: no GPU adapter"));
-    }
-    let drawn = DRAWN.iter().map(|(name, case)| Trial::test(*name, case).with_ignored_flag(skipped));
-    let refused = REFUSED.iter().map(|(name, case)| Trial::test(*name, case));
-    libtest_mimic::run(&Arguments::from_args(), drawn.chain(refused).collect()).exit();
+    place::run(&Arguments::from_args(), DRAWN, REFUSED);
 }
-
-fn check(holds: bool, what: impl FnOnce() -> String) -> Outcome {
-    if holds { Ok(()) } else { Err(what().into()) }
-}
-
-/// A folder of its own, with a cache of its own.
-struct Place(TempDir);
 
 impl Place {
-    fn new() -> Result<Self, Failed> {
-        Ok(Self(tempfile::tempdir()?))
-    }
-
-    fn command(&self, arguments: &str) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_hemisplat"));
-        command.current_dir(self.0.path()).args(arguments.split(' ')).env_remove("NO_COLOR").env("XDG_CACHE_HOME", self.0.path().join("cache"));
-        command
-    }
-
-    /// Status, stdout and stderr.
-    fn run(&self, arguments: &str) -> Result<(i32, String, String), Failed> {
-        let output = self.command(arguments).output()?;
-        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
-        Ok((output.status.code().unwrap_or(-1), text(&output.stdout), text(&output.stderr)))
-    }
-
-    fn succeed(&self, arguments: &str) -> Result<(String, String), Failed> {
-        let (status, stdout, stderr) = self.run(arguments)?;
-        check(status == 0, || format!("{arguments}: status {status}\n{stderr}"))?;
-        Ok((stdout, stderr))
-    }
-
-    fn start(&self, arguments: &str) -> Result<Child, Failed> {
-        Ok(self.command(arguments).stdout(Stdio::null()).stderr(Stdio::null()).spawn()?)
-    }
-
     fn text(&self, name: &str) -> Result<String, Failed> {
         Ok(fs::read_to_string(self.0.path().join(name))?)
-    }
-
-    fn json(&self, name: &str) -> Result<Value, Failed> {
-        Ok(serde_json::from_str(&self.text(name)?)?)
     }
 
     /// Files of points in `out`, each of them whole.

@@ -14,7 +14,7 @@ use super::progress::Progress;
 use super::scene::{SceneOptions, View};
 use super::swept;
 use super::truth::{Truth, TruthOptions, content};
-use crate::gpu::{AskPace, Gpu, GpuError, Pace};
+use crate::gpu::{AskPace, Gpu, Pace};
 use crate::measure::Layers;
 use crate::measure::cache::Checksum;
 use crate::measure::compare::{self, About, Contender, VariantErrors};
@@ -398,7 +398,7 @@ impl<'a> Work<'a> {
 
 /// Whether it is this pipeline that cannot run, on this adapter or in this scene.
 fn refuses(error: &RunError) -> bool {
-    matches!(error, RunError::Gpu(GpuError::Limit { .. } | GpuError::MissingFeature { .. }) | RunError::NonFinite { .. })
+    error.is_refusal() || matches!(error, RunError::NonFinite { .. })
 }
 
 fn with_code(error: &RunError) -> String {

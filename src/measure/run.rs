@@ -81,6 +81,13 @@ pub enum RunError {
     Cache { reason: String },
 }
 
+impl RunError {
+    /// Whether it is the adapter that does not take the pipeline.
+    pub fn is_refusal(&self) -> bool {
+        matches!(self, Self::Gpu(GpuError::Limit { .. } | GpuError::MissingFeature { .. }))
+    }
+}
+
 impl<'a> Run<'a> {
     pub fn new(gpu: &'a Gpu, scene: &'a Scene, bvh: &'a Bvh, plan: &'a Plan, camera: &Camera, size: [u32; 2]) -> Result<Self, RunError> {
         let session = Session::new(gpu, scene, bvh, &plan.recording, &plan.placement, camera, size)?;

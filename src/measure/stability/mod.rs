@@ -8,7 +8,6 @@ pub use bench::{Bench, LoadPipeline};
 pub use cases::CASES;
 
 use super::run::RunError;
-use crate::gpu::GpuError;
 use crate::pipeline::Problems;
 use crate::scene::load::SceneError;
 use serde::Serialize;
@@ -93,7 +92,7 @@ impl From<Problems> for Trouble {
 impl From<RunError> for Trouble {
     fn from(error: RunError) -> Self {
         match error {
-            RunError::Gpu(GpuError::Limit { .. } | GpuError::MissingFeature { .. }) => Self::Refused(error.to_string()),
+            _ if error.is_refusal() => Self::Refused(error.to_string()),
             RunError::NonFinite { .. } => Self::NotFinite(error.to_string()),
             _ => Self::Failed(error.to_string()),
         }

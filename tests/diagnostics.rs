@@ -67,6 +67,13 @@ fn stating(mut exr: Vec<u8>, width: i32, height: i32) -> Vec<u8> {
 const DIRECT: &str = r#"Pipeline(version: 1, about: "direct light", nodes: [(name: "gbuffer", pass: GBuffer()), (name: "direct", pass: DirectLight(gbuffer: "gbuffer"))],
     outputs: { "picture": "direct" })"#;
 
+/// A study, with these words instead of others.
+fn study(from: &str, to: &str) -> Vec<u8> {
+    let text = "Study(version: 1, about: \"a study\", scene: \"white.ron\", reference: Traced(spp: 4), runs: 1,\n    metric: \"relmse\",\n    cost: PerRecord([\"tiles\"]),\n    rows: [\n        (name: \"rays\", pipeline: \"irradiance\"),\n    ],\n    over: { \"tiles.resolution\": [4, 8] },\n)";
+    assert!(text.contains(from), "{from}");
+    text.replace(from, to).into_bytes()
+}
+
 /// What the cases work on.
 fn files() -> BTreeMap<&'static str, Vec<u8>> {
     let exr = |picture: Layers| picture.to_exr().unwrap();
@@ -86,12 +93,19 @@ fn files() -> BTreeMap<&'static str, Vec<u8>> {
         ("side.exr", exr(picture(Layer::value(vec![1.0, 2.0])).with_attribute("camera", "side"))),
         ("records", b"no header".to_vec()),
         ("direct.ron", DIRECT.as_bytes().to_vec()),
+        ("runs.ron", study("runs: 1", "runs: 501")),
+        ("row.ron", study("Traced(spp: 4)", "Row(\"ray\")")),
+        ("twice.ron", study("    ],", "        (name: \"rays\", pipeline: \"irradiance-plane\"),\n    ],")),
+        ("empty.ron", study("[4, 8]", "[]")),
+        ("metric.ron", study("relmse", "rmse")),
+        ("cost.ron", study("PerRecord([\"tiles\"])", "Second")),
+        ("node.ron", study("[\"tiles\"]", "[\"tile\", \"records\"]")),
     ])
 }
 
 /// Code and arguments, one case each, and whether a GPU is needed.
 #[rustfmt::skip]
-const CASES: [(&str, &str, bool); 38] = [
+const CASES: [(&str, &str, bool); 47] = [
     ("plan::batch", "check irradiance --scene white.ron --set tiles.resolution=512", false),
     ("plan::coarsest", "check irradiance --scene white.ron --set misses.by=DeviceGrid(coarsest:3)", false),
     ("plan::curvature", "check irradiance-curvature --scene white.ron --set records.gradients=false", false),
@@ -125,6 +139,15 @@ const CASES: [(&str, &str, bool); 38] = [
     ("sweep::same_pipeline", "sweep irradiance --scene white.ron --over cache.accuracy=0.1,0.10 --dry-run", false),
     ("sweep::too_many", "sweep irradiance --scene white.ron --over a.a=1,2,3,4,5,6,7,8,9,10,11 --over b.b=1,2,3,4,5,6,7,8,9,10 --over c.c=1,2,3,4,5,6,7,8,9,10 --dry-run", false),
     ("sweep::refused", "sweep irradiance --scene white.ron --over tiles.resolution=8,512 --dry-run", false),
+    ("study::not_found", "study weihgts --dry-run", false),
+    ("study::not_a_study", "study white.ron --dry-run", false),
+    ("study::out_of_range", "study runs.ron --dry-run", false),
+    ("study::unknown_row", "study row.ron --dry-run", false),
+    ("study::duplicate_row", "study twice.ron --dry-run", false),
+    ("study::empty", "study empty.ron --dry-run", false),
+    ("study::unknown_metric", "study metric.ron --dry-run", false),
+    ("study::cost", "study cost.ron --dry-run", false),
+    ("study::unknown_node", "study node.ron --dry-run", false),
     ("gpu::no_adapter", "render irradiance --scene white.ron --quiet -o out.exr", false),
     ("render::cache", "render irradiance --scene white.ron --quiet -o out.exr --cache records", true),
     ("render::no_records", "render direct.ron --scene white.ron --quiet -o out.exr --cache new", true),

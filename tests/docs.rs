@@ -5,7 +5,7 @@ use hemisplat::{
     cli,
     contract::recorder::Setting,
     gpu::scene::byte_size,
-    measure::{Layer, Layers, PICTURE},
+    measure::{Layer, Layers, PICTURE, criteria::Cost, study},
     passes::REGISTRY,
     pipeline::{self, PerFrame, Values, embedded},
     scene::{load, needs::Needs},
@@ -117,6 +117,14 @@ fn check_scene(page: &Page, text: &str) {
     assert!(scene.notes.is_empty(), "{:?}", scene.notes);
 }
 
+/// Reads a study and every pipeline that it names.
+fn check_study(text: &str) {
+    let study = expect(study::read("docs/example.ron", text), text);
+    for (row, sets, _) in study.survey.points() {
+        expect(pipeline::load_with(&row.pipeline, &sets, REGISTRY, &mut |_| Err(io::ErrorKind::NotFound.into())), text);
+    }
+}
+
 #[test]
 fn documents_are_read_checked_and_planned() {
     let mut kinds = BTreeSet::new();
@@ -126,12 +134,13 @@ fn documents_are_read_checked_and_planned() {
             match kind.as_str() {
                 "Scene" => check_scene(&page, &text),
                 "Pipeline" | "Variant" => check_pipeline(&text),
-                _ => panic!("{}: neither a scene nor a pipeline:\n{text}", page.path.display()),
+                "Study" => check_study(&text),
+                _ => panic!("{}: neither a scene, a pipeline nor a study:\n{text}", page.path.display()),
             }
             kinds.insert(kind);
         }
     }
-    assert_eq!(kinds.len(), 3, "{kinds:?}");
+    assert_eq!(kinds.len(), 4, "{kinds:?}");
 }
 
 /// The parameters that a command sets, of a pipeline that ships.
@@ -142,6 +151,8 @@ fn check_sets(matches: &clap::ArgMatches, line: &str) {
     for name in all("pipeline").iter().chain(&all("pipelines")).filter(|name| embedded::find(name).is_some()) {
         expect(pipeline::load(name, &sets, REGISTRY, &mut |_| Err(io::ErrorKind::NotFound.into())), line);
     }
+    all("study").iter().for_each(|name| check_study(study::embedded::find(name).expect(line).1));
+    all("cost").iter().for_each(|cost| drop(expect(Cost::parse("--cost", cost), line)));
     let over: Vec<Values> = all("over").iter().map(|text| expect(Values::parse("--over", text), line)).collect();
     let most = over.iter().map(|values| values.values.len()).max().unwrap_or(1);
     let swept = (0..most).map(|index| over.iter().map(move |values| values.set(index)).collect::<Vec<_>>());

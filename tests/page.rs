@@ -107,7 +107,14 @@ fn with(pictures: Vec<Layers>, reference: Option<Layers>) -> Made {
         complete: true,
         start_up: StartUp { load_seconds: 0.1, device_seconds: 0.2, reference_seconds: 0.0 },
         peak_host_bytes: Some(1 << 28),
-        reference: reference.as_ref().map(|_| ReferenceReport { file: None, own: true, bounces: Some("1".into()), samples: Some("256".into()), stride: None }),
+        reference: reference.as_ref().map(|_| ReferenceReport {
+            file: None,
+            row: None,
+            own: true,
+            bounces: Some("1".into()),
+            samples: Some("256".into()),
+            stride: None,
+        }),
         pairs: pairs(&variants),
         variants,
     };

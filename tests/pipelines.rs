@@ -196,10 +196,10 @@ const BAD: &[(&str, &str, &str, &[&str])] = &[
             (name: "s", pass: Seek(in: "a")),
             (name: "g", pass: Gather(at: "s", shape: Hemicub)),
         ])),"#, "g", &["pipeline::unknown_choice"]),
-    ("unknown_key", r#"        (name: "a", pass: Surfaces(), comment: "no"),"#, "a", &["pipeline::unknown_key"]),
+    ("unknown_key", r#"        (name: "a", pass: Surfaces(), comment: "no"),"#, "a", &["document::unknown_key"]),
     ("unknown_loop", r#"        (name: "a", repeat: Fil(nodes: [])),"#, "a", &["pipeline::unknown_loop"]),
-    ("missing_key", r#"        (pass: Surfaces()),"#, "a", &["pipeline::missing_key"]),
-    ("duplicate_key", r#"        (name: "a", name: "b", pass: Shadows(taps: 4, taps: 9)),"#, "a", &["pipeline::duplicate_key", "pipeline::duplicate_key", "pipeline::kind_mismatch"]),
+    ("missing_key", r#"        (pass: Surfaces()),"#, "a", &["document::missing_key"]),
+    ("duplicate_key", r#"        (name: "a", name: "b", pass: Shadows(taps: 4, taps: 9)),"#, "a", &["document::duplicate_key", "document::duplicate_key", "pipeline::kind_mismatch"]),
     ("missing_input", r#"        (name: "a", pass: Surfaces()),
         (name: "b", pass: Sum(b: "a")),"#, "b", &["pipeline::missing_input"]),
     ("duplicate_name", r#"        (name: "a", pass: Surfaces()),
@@ -213,7 +213,7 @@ const BAD: &[(&str, &str, &str, &[&str])] = &[
     ("kind_mismatch_of_an_output", r#"        (name: "s", pass: Shadows()),"#, "s", &["pipeline::kind_mismatch"]),
     ("wrong_type", r#"        (name: "a", pass: Shadows(taps: 4.5)),
         (name: "v", pass: ShadowView(of: "a")),
-        (name: "w", pass: ShadowView(of: 4)),"#, "v", &["pipeline::wrong_type", "pipeline::wrong_type"]),
+        (name: "w", pass: ShadowView(of: 4)),"#, "v", &["document::wrong_type", "document::wrong_type"]),
     ("out_of_range", r#"        (name: "a", pass: Surfaces()),
         (name: "f", repeat: Fill(order: Batched(at_most: 0), until: "s.none", nodes: [
             (name: "s", pass: Seek(in: "a")),
@@ -234,7 +234,7 @@ const BAD: &[(&str, &str, &str, &[&str])] = &[
     ("previous_of_an_output", r#"        (name: "a", pass: Surfaces()),"#, "a\", \"last\": PreviousFrame(\"a\"), \"b\": \"a", &["pipeline::other_round"]),
     ("iterate", r#"        (name: "a", pass: Surfaces()),
         (name: "i", repeat: Iterate(rounds: 0, until: "b", nodes: [(name: "b", pass: Sum(a: "a"))])),
-        (name: "j", repeat: Iterate(rounds: 2)),"#, "a", &["pipeline::missing_key", "pipeline::out_of_range", "pipeline::unknown_parameter"]),
+        (name: "j", repeat: Iterate(rounds: 2)),"#, "a", &["document::missing_key", "pipeline::out_of_range", "pipeline::unknown_parameter"]),
     ("until_outside", r#"        (name: "a", pass: Surfaces()),
         (name: "s", pass: Seek(in: "a")),
         (name: "f", repeat: Fill(until: "s.none", nodes: [
@@ -268,10 +268,10 @@ type Files = &'static [(&'static str, &'static str)];
 /// Whole files that are wrong.
 #[rustfmt::skip]
 const BAD_FILES: &[(&str, Files, &str)] = &[
-    ("syntax", &[("test.ron", "Pipeline(\n    version: 1,\n    nodes: [1 2],\n)")], "pipeline::syntax"),
-    ("syntax_of_another_kind", &[("test.ron", "Pipeline(version: 'a')")], "pipeline::syntax"),
+    ("syntax", &[("test.ron", "Pipeline(\n    version: 1,\n    nodes: [1 2],\n)")], "document::syntax"),
+    ("syntax_of_another_kind", &[("test.ron", "Pipeline(version: 'a')")], "document::syntax"),
     ("not_a_pipeline", &[("test.ron", "Scene(version: 1)")], "pipeline::not_a_pipeline"),
-    ("version", &[("test.ron", "Pipeline(version: 2, tables: [])")], "pipeline::version"),
+    ("version", &[("test.ron", "Pipeline(version: 2, tables: [])")], "document::version"),
     ("no_outputs", &[("test.ron", "Pipeline(version: 1, about: \"\", nodes: [], outputs: {})")], "pipeline::no_outputs"),
     ("duplicate_output", &[("test.ron", "Pipeline(version: 1, about: \"\", nodes: [(name: \"a\", pass: Surfaces)], outputs: {\"x\": \"a\", \"x\": \"a.normal\"})")], "pipeline::duplicate_output"),
     ("not_found", &[], "pipeline::not_found"),

@@ -244,9 +244,9 @@ fn mistakes() -> Outcome {
     fs::write(place.0.path().join("large.exr"), picture().to_exr().map_err(|error| error.to_string())?)?;
     let cases = [
         ("irradiance", "", "--over"),
-        ("irradiance --over tiles.resolution", "pipeline::syntax", "sets nothing"),
-        ("irradiance --over tiles.resolution=", "pipeline::syntax", "sets nothing"),
-        ("irradiance --over tiles.resolution=4,,8", "pipeline::syntax", "--over"),
+        ("irradiance --over tiles.resolution", "document::syntax", "sets nothing"),
+        ("irradiance --over tiles.resolution=", "document::syntax", "sets nothing"),
+        ("irradiance --over tiles.resolution=4,,8", "document::syntax", "--over"),
         ("irradiance --over tiles.resolutoin=4,8", "pipeline::unknown_parameter", "resolution"),
         ("irradiance --over tilse.resolution=4,8", "pipeline::unknown_node", "did you mean `tiles`"),
         ("irradiance --over tiles.resolution=4,0", "pipeline::out_of_range", "tiles.resolution"),

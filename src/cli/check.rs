@@ -3,10 +3,11 @@
 use super::console::Console;
 use super::failure::Failure;
 use super::pipeline::{check_pipeline, plan_view};
-use super::scene::{SceneOptions, View};
+use super::scene::{SceneOptions, View, ViewOptions};
 use crate::pipeline::embedded::EMBEDDED;
 use crate::pipeline::{Node, Pipeline, Problem, Problems};
 use clap::Args;
+use std::path::PathBuf;
 
 /// Check pipelines; with a scene, also whether they can be planned for it
 #[derive(Args)]
@@ -20,12 +21,16 @@ pub struct Options {
     /// Change a parameter of a node in all of them; may be repeated
     #[arg(long = "set", value_name = "NODE.PARAM=VALUE")]
     sets: Vec<String>,
+    /// A scene to plan them for: a file .gltf, .glb, .obj or .ron, or the name of one that ships
+    #[arg(long, value_name = "FILE")]
+    scene: Option<PathBuf>,
     #[command(flatten)]
-    scene: Option<SceneOptions>,
+    view: ViewOptions,
 }
 
 pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
-    let view = options.scene.as_ref().map(|scene| scene.load(console)).transpose()?;
+    let scene = options.scene.as_ref().map(|scene| SceneOptions::new(scene.clone(), options.view.clone()));
+    let view = scene.map(|scene| scene.load(console)).transpose()?;
     let shipped = || EMBEDDED.iter().map(|(file, _)| format!("pipelines/{file}")).collect();
     let names: Vec<String> = if options.pipelines.is_empty() { shipped() } else { options.pipelines.clone() };
     let mut problems = Vec::new();

@@ -13,6 +13,7 @@ mod failure;
 mod graph;
 mod input;
 mod interrupt;
+mod kept;
 mod legible;
 mod output;
 mod passes;
@@ -22,12 +23,15 @@ mod reference;
 mod render;
 mod scene;
 mod stability;
+mod study;
+mod survey;
 mod sweep;
 mod swept;
+mod tables;
 mod timeline;
 mod truth;
 
-use clap::{CommandFactory, Parser, Subcommand};
+use clap::{Arg, CommandFactory, Parser, Subcommand};
 use console::{Console, ConsoleOptions};
 use failure::Failure;
 use std::process::ExitCode;
@@ -49,11 +53,12 @@ enum Command {
     Render(render::Options),
     Compare(compare::Options),
     Sweep(sweep::Options),
+    Study(study::Options),
     Reference(reference::Options),
     Diff(diff::Options),
     Stability(stability::Options),
     Adapters(adapters::Options),
-    #[command(mut_arg("scene", |scene| scene.required(false)))]
+    #[command(mut_args(of_scene))]
     Check(check::Options),
     Explain(explain::Options),
     Graph(graph::Options),
@@ -61,21 +66,27 @@ enum Command {
     Completions(completions::Options),
 }
 
+/// What is to be seen of a scene says nothing where no scene is given.
+fn of_scene(argument: Arg) -> Arg {
+    if ["cameras", "size", "search", "set"].contains(&argument.get_id().as_str()) { argument.requires("scene") } else { argument }
+}
+
 impl Command {
-    fn run(&self, console: &Console) -> Result<(), Failure> {
+    fn run(self, console: &Console) -> Result<(), Failure> {
         match self {
-            Self::Render(options) => render::run(options, console),
-            Self::Compare(options) => compare::run(options, console),
+            Self::Render(options) => render::run(&options, console),
+            Self::Compare(options) => compare::run(&options, console),
             Self::Sweep(options) => sweep::run(options, console),
-            Self::Reference(options) => reference::run(options, console),
-            Self::Diff(options) => diff::run(options, console),
-            Self::Stability(options) => stability::run(options, console),
-            Self::Adapters(options) => adapters::run(options, console),
-            Self::Check(options) => check::run(options, console),
-            Self::Explain(options) => explain::run(options, console),
-            Self::Graph(options) => graph::run(options, console),
-            Self::Passes(options) => passes::run(options, console),
-            Self::Completions(options) => completions::run::<Program>(options, console),
+            Self::Study(options) => study::run(options, console),
+            Self::Reference(options) => reference::run(&options, console),
+            Self::Diff(options) => diff::run(&options, console),
+            Self::Stability(options) => stability::run(&options, console),
+            Self::Adapters(options) => adapters::run(&options, console),
+            Self::Check(options) => check::run(&options, console),
+            Self::Explain(options) => explain::run(&options, console),
+            Self::Graph(options) => graph::run(&options, console),
+            Self::Passes(options) => passes::run(&options, console),
+            Self::Completions(options) => completions::run::<Program>(&options, console),
         }
     }
 }

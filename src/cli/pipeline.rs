@@ -6,7 +6,8 @@ use super::scene::View;
 use crate::contract::recorder::Setting;
 use crate::gpu::scene::byte_size;
 use crate::passes::REGISTRY;
-use crate::pipeline::{Pipeline, Plan, Problems, load, plan};
+use crate::pipeline::syntax::Place;
+use crate::pipeline::{Pipeline, Plan, Problem, Problems, Set, load, load_with, plan};
 use crate::scene::needs::Needs;
 use std::io;
 use std::path::Path;
@@ -25,6 +26,12 @@ pub fn load_pipeline(name: &str, sets: &[String]) -> Result<Pipeline, Failure> {
 /// The same, for those who collect problems.
 pub fn check_pipeline(name: &str, sets: &[String]) -> Result<Pipeline, Problems> {
     load(name, sets, REGISTRY, &mut read_pipeline)
+}
+
+/// The same with what is set already read; `place` is where the pipeline is named.
+pub fn check_with(name: &str, place: Option<&Place>, sets: &[Set]) -> Result<Pipeline, Problems> {
+    let placed = |problem: Problem| place.map_or(problem.clone(), |place| problem.or_at(place, "named here"));
+    load_with(name, sets, REGISTRY, &mut read_pipeline).map_err(|problems| Problems(problems.0.into_iter().map(placed).collect()))
 }
 
 fn read_pipeline(path: &Path) -> io::Result<String> {

@@ -17,6 +17,13 @@ pub struct SceneOptions {
     /// The scene: a file .gltf, .glb, .obj or .ron, or the name of one that ships
     #[arg(long, value_name = "FILE")]
     scene: PathBuf,
+    #[command(flatten)]
+    view: ViewOptions,
+}
+
+/// What is to be seen of a scene.
+#[derive(Args, Clone)]
+pub struct ViewOptions {
     /// One of the scene's cameras; its first if not given. Frames take several: may be repeated there
     #[arg(long = "camera", value_name = "NAME")]
     cameras: Vec<String>,
@@ -42,11 +49,23 @@ pub struct View {
     pub size: [u32; 2],
 }
 
+impl ViewOptions {
+    /// With this camera and size where the user says none.
+    pub fn or(&self, camera: Option<&String>, size: Option<[u32; 2]>) -> Self {
+        let cameras = if self.cameras.is_empty() { camera.into_iter().cloned().collect() } else { self.cameras.clone() };
+        Self { cameras, size: self.size.or(size), ..self.clone() }
+    }
+}
+
 impl SceneOptions {
+    pub fn new(scene: PathBuf, view: ViewOptions) -> Self {
+        Self { scene, view }
+    }
+
     /// Loads the scene, says what loading had to mend, and picks the view.
     pub fn load(&self, console: &Console) -> Result<View, Failure> {
-        if self.cameras.len() > 1 {
-            return Err(Failure::input(CommandError::SeveralCameras { names: self.cameras.join(", ") }));
+        if self.view.cameras.len() > 1 {
+            return Err(Failure::input(CommandError::SeveralCameras { names: self.view.cameras.join(", ") }));
         }
         self.load_timeline(console)
     }
@@ -58,24 +77,24 @@ impl SceneOptions {
 
     /// How many cameras were named.
     pub fn named_cameras(&self) -> usize {
-        self.cameras.len()
+        self.view.cameras.len()
     }
 
     /// The same where several cameras may be named.
     pub fn load_timeline(&self, console: &Console) -> Result<View, Failure> {
-        let options = LoadOptions { search: self.search.clone(), overrides: self.set.clone() }.with_environment();
+        let options = LoadOptions { search: self.view.search.clone(), overrides: self.view.set.clone() }.with_environment();
         let mut scene = load(&self.scene, &options).map_err(Failure::input)?;
         scene.notes.iter().for_each(|note| console.note(&format!("note: {note}")));
         let cameras = self.pick_cameras(&scene)?;
         let camera = cameras[0].clone();
-        let size = self.size.or(camera.size).unwrap_or(DEFAULT_SIZE);
+        let size = self.view.size.or(camera.size).unwrap_or(DEFAULT_SIZE);
         let bvh = Bvh::build(&mut scene);
         Ok(View { scene, bvh, camera, cameras, size })
     }
 
     /// What is needed to make the view again, for a picture's attributes.
     pub fn attributes(&self, view: &View, camera: &Camera) -> BTreeMap<String, String> {
-        let set: Vec<String> = self.set.iter().map(|(key, value)| format!("{key}={value}")).collect();
+        let set: Vec<String> = self.view.set.iter().map(|(key, value)| format!("{key}={value}")).collect();
         let [width, height] = view.size;
         let attributes = [
             ("program", format!("hemisplat {}", env!("CARGO_PKG_VERSION"))),
@@ -93,11 +112,11 @@ impl SceneOptions {
             let known = scene.cameras.iter().map(|camera| camera.name.as_str()).collect::<Vec<_>>().join(", ");
             Failure::input(CommandError::UnknownCamera { name: name.to_owned(), known })
         };
-        if self.cameras.is_empty() {
+        if self.view.cameras.is_empty() {
             let first = scene.camera(None).ok_or_else(|| unknown(""))?;
             return Ok(if scene.cameras.is_empty() { vec![first.clone()] } else { scene.cameras.clone() });
         }
-        self.cameras.iter().map(|name| scene.camera(Some(name)).cloned().ok_or_else(|| unknown(name))).collect()
+        self.view.cameras.iter().map(|name| scene.camera(Some(name)).cloned().ok_or_else(|| unknown(name))).collect()
     }
 }
 

@@ -2,11 +2,14 @@
 
 use super::comparison::{Cell, cell, count, line, of_errors, significant};
 use crate::measure::compare::VariantErrors;
-use crate::measure::sweep::{Measured, Metric, Outcome, Point, Sweep};
+use crate::measure::criteria::{Cost, Metric};
+use crate::measure::survey::Survey;
+use crate::measure::sweep::{Measured, Outcome, Point, Sweep};
 use std::fmt::Write;
 
 /// The table for people.
-pub fn text(sweep: &Sweep, metric: &Metric) -> String {
+pub fn text(sweep: &Sweep, survey: &Survey) -> String {
+    let metric = &survey.metric;
     let [width, height] = sweep.size;
     let head = format!("{}, camera {}, {width}×{height}, {}: {} runs of each point\n", sweep.scene, sweep.camera, sweep.adapter.name, sweep.runs);
     let names: Vec<String> = sweep.points.iter().map(|point| point.name(&sweep.over)).collect();
@@ -51,7 +54,8 @@ fn numbers(measured: &Measured, metric: &Metric) -> String {
 }
 
 /// What a reader must know before trusting the numbers.
-pub fn warnings(sweep: &Sweep, metric: &Metric) -> Vec<String> {
+pub fn warnings(sweep: &Sweep, survey: &Survey) -> Vec<String> {
+    let (metric, cost) = (&survey.metric, &survey.cost);
     let measured = || sweep.points.iter().filter_map(|point| Some((point, point.measured()?)));
     let unfinished = measured()
         .filter(|(_, measured)| !measured.complete)
@@ -61,13 +65,16 @@ pub fn warnings(sweep: &Sweep, metric: &Metric) -> Vec<String> {
     let unjudged = measured().filter(|(_, measured)| metric.of(&measured.errors).is_none()).count();
     let unjudged =
         (sweep.reference.is_some() && unjudged > 0).then(|| format!("note: {unjudged} points have no {metric}; they are left out of front and plot"));
-    unfinished.chain(other).chain(unjudged).collect()
+    let untimed = measured().filter(|(_, measured)| cost.of(measured).is_none()).count();
+    let untimed =
+        (untimed > 0).then(|| format!("note: {untimed} points have no {cost}: the adapter tells no time of nodes; they are left out of front and plot"));
+    unfinished.chain(other).chain(unjudged).chain(untimed).collect()
 }
 
 /// A row a point, headed by names with units; a cell is empty where there is no number.
-pub fn csv(sweep: &Sweep) -> String {
+pub fn csv(sweep: &Sweep, survey: &Survey) -> String {
     let nodes = nodes(&sweep.points);
-    let rows: Vec<Vec<Cell>> = sweep.points.iter().map(|point| cells(sweep, point, &nodes)).collect();
+    let rows: Vec<Vec<Cell>> = sweep.points.iter().map(|point| cells(sweep, point, &nodes, &survey.cost)).collect();
     let head = rows.first().map(|row| line(row.iter().map(|(name, _)| name)));
     head.into_iter().chain(rows.iter().map(|row| line(row.iter().map(|(_, value)| value)))).collect()
 }
@@ -83,13 +90,14 @@ fn nodes(points: &[Point]) -> Vec<&str> {
     nodes
 }
 
-fn cells(sweep: &Sweep, point: &Point, nodes: &[&str]) -> Vec<Cell> {
+fn cells(sweep: &Sweep, point: &Point, nodes: &[&str], cost: &Cost) -> Vec<Cell> {
     let (state, because) = match &point.outcome {
         Outcome::Measured(_) => ("measured", None),
         Outcome::Refused { because } => ("refused", Some(because)),
         Outcome::Open => ("open", None),
     };
-    let mut cells = vec![cell("id", Some(&point.id)), cell("pipeline", Some(&point.pipeline)), cell("set", Some(point.set.join(" ")))];
+    let mut cells =
+        vec![cell("id", Some(&point.id)), cell("row", Some(&point.row)), cell("pipeline", Some(&point.pipeline)), cell("set", Some(point.set.join(" ")))];
     cells.extend(sweep.over.iter().map(|axis| cell(&axis.parameter, point.values.get(&axis.parameter))));
     cells.extend([cell("state", Some(state)), cell("because", because), cell("pareto", Some(point.pareto))]);
     cells.extend([
@@ -101,6 +109,9 @@ fn cells(sweep: &Sweep, point: &Point, nodes: &[&str]) -> Vec<Cell> {
         cell("runs", Some(sweep.runs)),
     ]);
     cells.extend(of_costs(point.measured()));
+    if matches!(cost, Cost::PerRecord(_)) {
+        cells.push(cell("ms_per_record", point.measured().and_then(|measured| cost.of(measured))));
+    }
     cells.extend(of_errors(point.measured().map_or(&VariantErrors::default(), |measured| &measured.errors)));
     cells.extend(nodes.iter().flat_map(|node| of_node(node, point.measured())));
     cells

@@ -56,6 +56,16 @@ pub struct Truth {
 }
 
 impl TruthOptions {
+    /// A reference that is traced; `cache` is where it is kept, the user's cache folder if not given.
+    pub fn traced(spp: u32, stride: u32, cache: Option<PathBuf>) -> Self {
+        Self { reference_spp: spp, reference_stride: stride, reference_cache: cache, no_reference: false, ..Self::none() }
+    }
+
+    /// No reference from outside.
+    pub fn none() -> Self {
+        Self { reference: None, reference_variance: None, no_reference: true, reference_spp: 0, reference_stride: 1, reference_cache: None }
+    }
+
     /// The files that are read.
     pub fn files(&self) -> Vec<&Path> {
         self.reference.iter().chain(&self.reference_variance).map(PathBuf::as_path).collect()
@@ -172,6 +182,11 @@ fn open(file: &[u8]) -> Option<Layers> {
 }
 
 impl Truth {
+    /// The picture of a row of a study, which others are judged by.
+    pub fn of_row(name: &str, picture: Layers) -> Self {
+        Self { path: PathBuf::from(name), picture: picture.with_attribute("bounces", BOUNCES), variance: None, own: true }
+    }
+
     /// Refuses what cannot judge pictures of this view, before work is done for them.
     fn fits(&self, view: &View) -> Result<(), Failure> {
         if let Some(found) = self.picture.attributes.get("camera").filter(|found| **found != view.camera.name) {
@@ -216,6 +231,7 @@ impl Truth {
         let attribute = |name: &str| self.picture.attributes.get(name).cloned();
         ReferenceReport {
             file: Some(self.path.display().to_string()),
+            row: None,
             own: self.own,
             bounces: attribute("bounces"),
             samples: attribute("samples"),

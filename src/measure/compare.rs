@@ -146,6 +146,9 @@ pub struct StartUp {
 #[derive(Debug, Clone, Serialize)]
 pub struct ReferenceReport {
     pub file: Option<String>,
+    /// The row of a study whose pictures judge the others.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub row: Option<String>,
     /// Whether this program traced it, now or earlier.
     pub own: bool,
     /// As the file states them.

@@ -2,6 +2,7 @@
 
 pub mod cache;
 pub mod compare;
+pub mod criteria;
 pub mod flip;
 pub mod layers;
 pub mod metrics;
@@ -10,6 +11,8 @@ pub mod plot;
 pub mod run;
 pub mod stability;
 pub mod statistics;
+pub mod study;
+pub mod survey;
 pub mod sweep;
 pub mod tone;
 

@@ -1,14 +1,12 @@
 //! A pipeline over a grid of parameters: error over time, and which points nothing else beats.
 
 use super::compare::{AdapterReport, ReferenceReport, VariantErrors, VariantReport};
-use super::metrics::Errors;
+use super::criteria::{Cost, Metric};
 use super::plot::{Line, Mark, Plot};
 use super::run::Records;
 use super::statistics::Spread;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use std::fmt;
-use std::str::FromStr;
 
 /// Every combination of places on axes of these lengths; the last axis is the fastest.
 pub fn grid(lengths: &[usize]) -> Vec<Vec<usize>> {
@@ -31,57 +29,6 @@ pub fn front(costs: &[[f64; 2]]) -> Vec<bool> {
     is_on_front
 }
 
-/// The error that a sweep is judged by.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Metric {
-    layer: Judged,
-    /// One of [`Errors::METRICS`].
-    name: &'static str,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Judged {
-    Irradiance,
-    Picture,
-}
-
-impl FromStr for Metric {
-    type Err = String;
-
-    /// Reads `NAME` or `LAYER.NAME`; the layer is `irradiance` or `picture`, the former where none is said.
-    fn from_str(text: &str) -> Result<Self, String> {
-        let (layer, name) = text.split_once('.').unwrap_or(("irradiance", text));
-        let layer = match layer {
-            "irradiance" => Some(Judged::Irradiance),
-            "picture" => Some(Judged::Picture),
-            _ => None,
-        };
-        let name = Errors::METRICS.into_iter().find(|known| *known == name);
-        let expected = || format!("expected a metric, of the irradiance or as picture.METRIC: {}", Errors::METRICS.join(", "));
-        layer.zip(name).map(|(layer, name)| Self { layer, name }).ok_or_else(expected)
-    }
-}
-
-impl fmt::Display for Metric {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let layer = if self.layer == Judged::Irradiance { "irradiance" } else { "picture" };
-        write!(f, "{layer}.{}", self.name)
-    }
-}
-
-impl Metric {
-    /// Its size: a signed error counts as it is far from 0. None where it could not be measured.
-    pub fn of(&self, errors: &VariantErrors) -> Option<f64> {
-        let errors = if self.layer == Judged::Irradiance { &errors.irradiance } else { &errors.picture };
-        errors.as_ref()?.metric(self.name).flatten().map(f64::abs)
-    }
-
-    /// Whether it is a share, told in percent.
-    pub fn is_share(&self) -> bool {
-        !matches!(self.name, "relmse" | "flip")
-    }
-}
-
 /// Everything that a sweep found. Keys in JSON are the fields' names.
 #[derive(Debug, Clone, Serialize)]
 pub struct Sweep {
@@ -100,6 +47,8 @@ pub struct Sweep {
     pub reference: Option<ReferenceReport>,
     /// The error of the front and the plot.
     pub metric: String,
+    /// What the front and the plot hold that error against.
+    pub cost: String,
     pub over: Vec<Axis>,
     /// By pipeline, then by values, those of the last parameter the fastest.
     pub points: Vec<Point>,
@@ -119,7 +68,8 @@ pub struct Axis {
 pub struct Point {
     /// A letter or several.
     pub id: String,
-    /// As the user wrote it.
+    /// What the pipeline is called here: as the user wrote it, or a study's name for it.
+    pub row: String,
     pub pipeline: String,
     /// By parameter.
     pub values: BTreeMap<String, String>,
@@ -127,7 +77,7 @@ pub struct Point {
     pub set: Vec<String>,
     #[serde(flatten)]
     pub outcome: Outcome,
-    /// Whether no other point of the sweep is as fast and as near to the truth, and better in one of the two.
+    /// Whether no other point of the sweep costs as little and is as near to the truth, and is better in one of the two.
     pub pareto: bool,
 }
 
@@ -208,10 +158,10 @@ impl Point {
         }
     }
 
-    /// Seconds and error; None where one of them is not known, or pixels are left without light.
-    fn costs(&self, metric: &Metric) -> Option<[f64; 2]> {
+    /// Cost and error; None where one of them is not known, or pixels are left without light.
+    pub fn costs(&self, metric: &Metric, cost: &Cost) -> Option<[f64; 2]> {
         let measured = self.measured().filter(|measured| measured.complete)?;
-        Some([measured.seconds.median, metric.of(&measured.errors)?])
+        Some([cost.of(measured)?, metric.of(&measured.errors)?])
     }
 
     /// `NODE.PARAM=VALUE` of these parameters, in their order.
@@ -219,59 +169,69 @@ impl Point {
         over.iter().filter_map(|axis| Some(format!("{}={}", axis.parameter, self.values.get(&axis.parameter)?)))
     }
 
-    /// The pipeline and its values of these parameters.
+    /// The row and its values of these parameters.
     pub fn name(&self, over: &[Axis]) -> String {
-        std::iter::once(self.pipeline.clone()).chain(self.swept(over)).collect::<Vec<_>>().join(" ")
+        std::iter::once(self.row.clone()).chain(self.swept(over)).collect::<Vec<_>>().join(" ")
     }
 }
 
 /// Marks the points of the front.
-pub fn mark_front(points: &mut [Point], metric: &Metric) {
-    let (indices, costs): (Vec<usize>, Vec<[f64; 2]>) = points.iter().enumerate().filter_map(|(index, point)| Some((index, point.costs(metric)?))).unzip();
+pub fn mark_front(points: &mut [Point], metric: &Metric, cost: &Cost) {
+    let known = |(index, point): (usize, &Point)| Some((index, point.costs(metric, cost)?));
+    let (indices, costs): (Vec<usize>, Vec<[f64; 2]>) = points.iter().enumerate().filter_map(known).unzip();
     points.iter_mut().for_each(|point| point.pareto = false);
     for (index, is_on_front) in indices.into_iter().zip(front(&costs)) {
         points[index].pareto = is_on_front;
     }
 }
 
-/// Error over time: a line for each pipeline and the values of all parameters but the first, along which that one changes.
-pub fn plot(sweep: &Sweep, metric: &Metric) -> Plot {
+/// The points of the front, the cheapest first, each with its cost and error.
+pub fn best<'p>(points: &'p [Point], metric: &Metric, cost: &Cost) -> Vec<(&'p Point, [f64; 2])> {
+    let mut best: Vec<_> = points.iter().filter(|point| point.pareto).filter_map(|point| Some((point, point.costs(metric, cost)?))).collect();
+    best.sort_by(|a, b| a.1[0].total_cmp(&b.1[0]));
+    best
+}
+
+/// Error over cost: a line for each row and the values of all parameters but the first, along which that one changes.
+pub fn plot(sweep: &Sweep, metric: &Metric, cost: &Cost) -> Plot {
     let along = sweep.over.first().map_or("", |axis| &axis.parameter);
     let unit = if metric.is_share() { " [%]" } else { "" };
     let [width, height] = sweep.size;
+    let lines =
+        lines(sweep).into_iter().map(|(name, points)| Line { name, marks: points.iter().filter_map(|point| mark(sweep, point, metric, cost)).collect() });
     Plot {
         title: format!("{}, {width}×{height}, {}", sweep.scene, sweep.adapter.name),
-        x_label: format!("seconds, median of {} runs with its quartiles", sweep.runs),
+        x_label: cost.label(sweep.runs),
         y_label: format!("{metric}{unit}"),
         label_of_marks: along.to_owned(),
-        lines: lines(sweep, metric),
+        lines: lines.filter(|line| !line.marks.is_empty()).collect(),
     }
 }
 
-fn lines(sweep: &Sweep, metric: &Metric) -> Vec<Line> {
-    let mut lines: Vec<Line> = Vec::new();
+/// The points of each row and of the values of all parameters but the first, along which that one changes.
+pub fn lines(sweep: &Sweep) -> Vec<(String, Vec<&Point>)> {
+    let mut lines: Vec<(String, Vec<&Point>)> = Vec::new();
     for point in &sweep.points {
-        let Some(mark) = mark(sweep, point, metric) else { continue };
         let name = point.name(sweep.over.get(1..).unwrap_or(&[]));
-        match lines.iter_mut().find(|line| line.name == name) {
-            Some(line) => line.marks.push(mark),
-            None => lines.push(Line { name, marks: vec![mark] }),
+        match lines.iter_mut().find(|line| line.0 == name) {
+            Some(line) => line.1.push(point),
+            None => lines.push((name, vec![point])),
         }
     }
     lines
 }
 
-fn mark(sweep: &Sweep, point: &Point, metric: &Metric) -> Option<Mark> {
+fn mark(sweep: &Sweep, point: &Point, metric: &Metric, cost: &Cost) -> Option<Mark> {
     let measured = point.measured()?;
+    let x = cost.of(measured).filter(|x| *x > 0.0)?;
     let error = metric.of(&measured.errors)? * if metric.is_share() { 100.0 } else { 1.0 };
-    let Spread { median, lower_quartile, upper_quartile, .. } = measured.seconds;
     let label = sweep.over.first().and_then(|axis| point.values.get(&axis.parameter));
     Some(Mark {
         id: point.id.clone(),
         label: label.cloned().unwrap_or_default(),
-        about: format!("{}: {}, {median:.3} s, {error:.4}", point.id, point.name(&sweep.over)),
-        x: median,
-        x_spread: [lower_quartile, upper_quartile],
+        about: format!("{}: {}, {}, {error:.4}", point.id, point.name(&sweep.over), cost.told(x)),
+        x,
+        x_spread: cost.spread(measured).unwrap_or([x; 2]),
         y: error,
         is_on_front: point.pareto,
     })
@@ -294,16 +254,6 @@ mod tests {
         let costs = [[1.0, 9.0], [2.0, 9.0], [2.0, 4.0], [3.0, 4.0], [4.0, 1.0], [4.0, 1.0], [4.0, 2.0], [0.5, 9.5]];
         assert_eq!(front(&costs), [true, false, true, false, true, true, false, true]);
         assert_eq!(front(&[]), Vec::<bool>::new());
-    }
-
-    #[test]
-    fn metrics_have_names() {
-        for (text, name) in [("flip", "irradiance.flip"), ("picture.relmse", "picture.relmse"), ("irradiance.block_p99", "irradiance.block_p99")] {
-            assert_eq!(text.parse::<Metric>().unwrap().to_string(), name);
-        }
-        for text in ["", "rsme", "depth.relmse", "picture.", "picture"] {
-            assert!(text.parse::<Metric>().unwrap_err().contains("rmse_over_mean"), "{text}");
-        }
     }
 
     proptest! {

@@ -212,7 +212,7 @@ impl<'d> Checker<'d, '_> {
         let mut seen: BTreeMap<&str, &Place> = BTreeMap::new();
         for field in fields {
             if let Some(first) = seen.insert(&field.name.text, &field.name.place) {
-                let problem = Problem::new("pipeline::duplicate_key", format!("`{}` is given twice in {}", field.name.text, choice.name));
+                let problem = Problem::new("document::duplicate_key", format!("`{}` is given twice in {}", field.name.text, choice.name));
                 self.report(problem.at(&field.name.place, "again here").at(first, "first here"));
             }
             let set = Override { key: field.name.place.clone(), path: vec![field.name.text.clone()], value: field.value.clone() };
@@ -222,7 +222,7 @@ impl<'d> Checker<'d, '_> {
     }
 
     fn wrong_type<T>(&mut self, path: &str, parameter: &'static Parameter, written: &Written) -> Option<T> {
-        let problem = Problem::new("pipeline::wrong_type", format!("`{path}` expects {}, got {}", expected(parameter), written.phrase()));
+        let problem = Problem::new("document::wrong_type", format!("`{path}` expects {}, got {}", expected(parameter), written.phrase()));
         self.report(problem.at(&written.place, format!("expected {}", expected(parameter))).help(meaning(path, parameter)));
         None
     }
@@ -283,7 +283,7 @@ impl<'d> Checker<'d, '_> {
             _ => (When::Now, written),
         };
         let Some(word) = inner.word() else {
-            let problem = Problem::new("pipeline::wrong_type", format!("{edge} expects the name of a node, got {}", written.phrase()));
+            let problem = Problem::new("document::wrong_type", format!("{edge} expects the name of a node, got {}", written.phrase()));
             let help = "write \"node\", \"node.output\", PreviousRound(\"node\") or PreviousFrame(\"node\")";
             self.report(problem.at(&written.place, "not a node").help(help));
             return None;

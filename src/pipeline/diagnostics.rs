@@ -34,6 +34,11 @@ impl Problem {
         self
     }
 
+    /// Underlines this place where no other is known.
+    pub fn or_at(self, place: &Place, label: &str) -> Self {
+        if self.source.is_none() { self.at(place, label) } else { self }
+    }
+
     pub fn help(mut self, help: impl Into<String>) -> Self {
         self.help = Some(help.into());
         self

@@ -10,14 +10,12 @@
 
 use super::diagnostics::{Problem, known};
 use super::embedded;
+use super::grammar::{Grammar, Keys, named_fields};
 use super::loops::Loop;
-use super::syntax::{self, Body, Field, Place, Source, Value, ValueKind, Word};
-use std::collections::BTreeMap;
+use super::set::Set;
+use super::syntax::{self, Body, Field, Place, Value, ValueKind, Word};
 use std::io;
 use std::path::{Component, Path, PathBuf};
-
-/// The version of the grammar.
-pub const VERSION: &str = "1";
 
 /// Variants of variants end here.
 const MAX_VARIANTS: usize = 32;
@@ -67,24 +65,22 @@ pub struct Override {
     pub value: Value,
 }
 
-/// Reads a pipeline by its path or the name of one that ships, follows its variants, applies `sets` (`NODE.PARAM=VALUE`).
+/// Reads a pipeline by its path or the name of one that ships, follows its variants, applies `sets`.
 /// Where some parts cannot be read, the others come with the problems.
-pub fn read(name: &str, sets: &[String], read_file: &mut ReadFile<'_>) -> (Option<Document>, Vec<Problem>) {
-    let mut reader = Reader { read_file, problems: Vec::new(), chain: Vec::new(), complete: true };
+pub fn read(name: &str, sets: &[Set], read_file: &mut ReadFile<'_>) -> (Option<Document>, Vec<Problem>) {
+    let mut reader = Reader { read_file, grammar: Grammar::default(), chain: Vec::new(), complete: true };
     let mut document = match reader.find(name, None) {
         Ok(found) => reader.document(found),
         Err(problem) => {
-            reader.problems.push(problem);
+            reader.grammar.problems.push(problem);
             None
         }
     };
-    for set in sets {
-        reader.command_line_set(document.as_mut(), set);
-    }
     if let Some(document) = &mut document {
+        sets.iter().for_each(|set| reader.set(document, &set.key, set.value.clone()));
         document.complete = reader.complete;
     }
-    (document, reader.problems)
+    (document, reader.grammar.problems)
 }
 
 /// Where a text came from: a file, or the program itself.
@@ -102,18 +98,11 @@ struct Found {
 
 struct Reader<'r, 'f> {
     read_file: &'r mut ReadFile<'f>,
-    problems: Vec<Problem>,
+    grammar: Grammar,
     /// The documents that led here, each of which is a variant of the next.
     chain: Vec<Location>,
     /// See [`Document::complete`].
     complete: bool,
-}
-
-/// The keys of a group, each once.
-struct Keys<'v> {
-    owner: String,
-    place: Place,
-    found: BTreeMap<&'v str, &'v Value>,
 }
 
 impl Reader<'_, '_> {
@@ -148,7 +137,7 @@ impl Reader<'_, '_> {
         let value = match syntax::parse(&source, 0..source.inner().len()) {
             Ok(value) => value,
             Err(problem) => {
-                self.problems.push(problem);
+                self.grammar.problems.push(problem);
                 return None;
             }
         };
@@ -160,38 +149,37 @@ impl Reader<'_, '_> {
                 _ => {}
             }
         }
-        let start = Place { span: value.place.span.start..value.place.span.end.min(value.place.span.start + 1), ..value.place.clone() };
         let problem = Problem::new("pipeline::not_a_pipeline", format!("expected a pipeline, got {}", value.phrase()));
-        self.problems.push(problem.at(&start, "here").help("a file holds `Pipeline(version: 1, …)` or `Variant(version: 1, …)`"));
+        self.grammar.problems.push(problem.at(&value.start(), "here").help("a file holds `Pipeline(version: 1, …)` or `Variant(version: 1, …)`"));
         None
     }
 
     fn pipeline(&mut self, name: String, head: &Word, fields: &[Field]) -> Option<Document> {
-        if !self.version(head, fields) {
+        if !self.grammar.version(head, fields) {
             return None;
         }
-        let keys = self.keys("Pipeline", &head.place, fields, &["version", "about", "source", "nodes", "outputs"]);
-        let about = self.text(&keys, "about", true);
-        let reference = self.text(&keys, "source", false);
-        let nodes = self.required(&keys, "nodes").map(|value| self.nodes(value));
+        let keys = self.grammar.keys("Pipeline", &head.place, fields, &["version", "about", "source", "nodes", "outputs"]);
+        let about = self.grammar.text(&keys, "about", true);
+        let reference = self.grammar.text(&keys, "source", false);
+        let nodes = self.grammar.required(&keys, "nodes").map(|value| self.nodes(value));
         self.complete &= nodes.is_some();
-        let outputs = self.required(&keys, "outputs").map_or(Vec::new(), |value| self.outputs(value));
+        let outputs = self.grammar.required(&keys, "outputs").map_or(Vec::new(), |value| self.outputs(value));
         Some(Document { name, about, reference, nodes: nodes.unwrap_or_default(), outputs, place: head.place.clone(), complete: self.complete })
     }
 
     fn variant(&mut self, name: String, head: &Word, fields: &[Field]) -> Option<Document> {
-        if !self.version(head, fields) {
+        if !self.grammar.version(head, fields) {
             return None;
         }
-        let keys = self.keys("Variant", &head.place, fields, &["version", "about", "source", "of", "set", "replace", "remove", "add", "outputs"]);
-        let about = self.text(&keys, "about", true);
-        let of = self.required(&keys, "of").and_then(|value| self.word(value, "the name of a pipeline file"))?;
+        let keys = self.grammar.keys("Variant", &head.place, fields, &["version", "about", "source", "of", "set", "replace", "remove", "add", "outputs"]);
+        let about = self.grammar.text(&keys, "about", true);
+        let of = self.grammar.required(&keys, "of").and_then(|value| self.grammar.word(value, "the name of a pipeline file"))?;
         let mut document = self.base(&of)?;
         document.name = name;
         document.about = about;
         document.place = head.place.clone();
         if keys.found.contains_key("source") {
-            document.reference = self.text(&keys, "source", false);
+            document.reference = self.grammar.text(&keys, "source", false);
         }
         self.apply(&keys, &mut document);
         Some(document)
@@ -202,18 +190,18 @@ impl Reader<'_, '_> {
         let found = match self.find(&of.text, from.as_ref()) {
             Ok(found) => found,
             Err(problem) => {
-                self.problems.push(problem.at(&of.place, "named here"));
+                self.grammar.problems.push(problem.at(&of.place, "named here"));
                 return None;
             }
         };
         if self.chain.len() >= MAX_VARIANTS {
             let problem = Problem::new("pipeline::too_many_variants", format!("more than {MAX_VARIANTS} variants extend each other"));
-            self.problems.push(problem.at(&of.place, "one too many").help("let a variant extend a `Pipeline(…)` with fewer steps between"));
+            self.grammar.problems.push(problem.at(&of.place, "one too many").help("let a variant extend a `Pipeline(…)` with fewer steps between"));
             return None;
         }
         if self.chain.contains(&found.location) {
             let problem = Problem::new("pipeline::extends_itself", format!("`{}` extends itself", found.name));
-            self.problems.push(problem.at(&of.place, "leads back here").help("a chain of variants ends at a `Pipeline(…)`"));
+            self.grammar.problems.push(problem.at(&of.place, "leads back here").help("a chain of variants ends at a `Pipeline(…)`"));
             return None;
         }
         self.document(found)
@@ -223,22 +211,22 @@ impl Reader<'_, '_> {
         if let Some(value) = keys.found.get("remove") {
             self.remove(value, document);
         }
-        for (key, value) in self.map(keys, "replace") {
-            let Some(word) = self.word(&key, "the name of a node") else { continue };
+        for (key, value) in self.grammar.map(keys, "replace") {
+            let Some(word) = self.grammar.word(&key, "the name of a node") else { continue };
             let replacement = self.work(&value);
             if let (Some(node), Some((call, nodes))) = (self.node_of(document, &word), replacement) {
                 *node = Node { name: node.name.clone(), call, overrides: Vec::new(), nodes };
             }
         }
-        for (key, value) in self.map(keys, "add") {
-            let Some(word) = self.word(&key, "the name of a node") else { continue };
+        for (key, value) in self.grammar.map(keys, "add") {
+            let Some(word) = self.grammar.word(&key, "the name of a node") else { continue };
             let nodes = self.nodes(&value);
             if self.node_of(document, &word).is_some() {
                 insert_after(&mut document.nodes, &word.text, nodes);
             }
         }
-        for (key, value) in self.map(keys, "set") {
-            if let Some(word) = self.word(&key, "a node and a parameter such as \"node.parameter\"") {
+        for (key, value) in self.grammar.map(keys, "set") {
+            if let Some(word) = self.grammar.word(&key, "a node and a parameter such as \"node.parameter\"") {
                 self.set(document, &word, value);
             }
         }
@@ -248,9 +236,9 @@ impl Reader<'_, '_> {
     }
 
     fn remove(&mut self, value: &Value, document: &mut Document) {
-        let ValueKind::List(items) = &value.kind else { return self.wrong_type(value, "a list of names of nodes") };
+        let ValueKind::List(items) = &value.kind else { return self.grammar.wrong_type(value, "a list of names of nodes") };
         for item in items {
-            let Some(word) = self.word(item, "the name of a node") else { continue };
+            let Some(word) = self.grammar.word(item, "the name of a node") else { continue };
             if self.node_of(document, &word).is_some() {
                 remove_node(&mut document.nodes, &word.text);
             }
@@ -263,27 +251,12 @@ impl Reader<'_, '_> {
         let node = parts.next().unwrap_or_default();
         let path: Vec<String> = parts.collect();
         if path.is_empty() {
-            let problem = Problem::new("pipeline::missing_key", format!("`{}` names no parameter", key.text));
-            return self.problems.push(problem.at(&key.place, "a node alone").help("write \"node.parameter\""));
+            let problem = Problem::new("document::missing_key", format!("`{}` names no parameter", key.text));
+            return self.grammar.problems.push(problem.at(&key.place, "a node alone").help("write \"node.parameter\""));
         }
         let word = Word { text: node, place: key.place.clone() };
         if let Some(node) = self.node_of(document, &word) {
             node.overrides.push(Override { key: key.place.clone(), path, value });
-        }
-    }
-
-    fn command_line_set(&mut self, document: Option<&mut Document>, set: &str) {
-        let source: Source = syntax::source("--set", set);
-        let place = |span| Place { source: source.clone(), span };
-        let Some(equals) = set.find('=') else {
-            let problem = Problem::new("pipeline::syntax", format!("`--set {set}` sets nothing"));
-            return self.problems.push(problem.at(&place(0..set.len()), "no `=`").help("write --set NODE.PARAMETER=VALUE"));
-        };
-        let key = Word { text: set[..equals].trim().into(), place: place(0..equals) };
-        match (syntax::parse(&source, equals + 1..set.len()), document) {
-            (Ok(value), Some(document)) => self.set(document, &key, value),
-            (Ok(_), None) => {}
-            (Err(problem), _) => self.problems.push(problem),
         }
     }
 
@@ -293,7 +266,7 @@ impl Reader<'_, '_> {
             let problem = Problem::new("pipeline::unknown_node", format!("there is no node `{}`", name.text));
             let help = known(&name.text, names.iter().map(String::as_str), "the nodes of the pipeline");
             if self.complete {
-                self.problems.push(problem.at(&name.place, "not a node").help(help));
+                self.grammar.problems.push(problem.at(&name.place, "not a node").help(help));
             }
         }
         find_node_mut(&mut document.nodes, &name.text)
@@ -301,19 +274,19 @@ impl Reader<'_, '_> {
 
     fn outputs(&mut self, value: &Value) -> Vec<(Word, Value)> {
         let ValueKind::Map(entries) = &value.kind else {
-            self.wrong_type(value, "a map from names of layers to nodes");
+            self.grammar.wrong_type(value, "a map from names of layers to nodes");
             return Vec::new();
         };
         if entries.is_empty() {
-            self.problems.push(Problem::new("pipeline::no_outputs", "the pipeline has no outputs").at(&value.place, "name at least one layer"));
+            self.grammar.problems.push(Problem::new("pipeline::no_outputs", "the pipeline has no outputs").at(&value.place, "name at least one layer"));
         }
         let mut outputs: Vec<(Word, Value)> = Vec::new();
         for (key, value) in entries {
-            let Some(layer) = self.word(key, "the name of a layer") else { continue };
+            let Some(layer) = self.grammar.word(key, "the name of a layer") else { continue };
             self.check_name(&layer, "a layer");
             if let Some((first, _)) = outputs.iter().find(|(other, _)| other.text == layer.text) {
                 let problem = Problem::new("pipeline::duplicate_output", format!("two outputs are called `{}`", layer.text));
-                self.problems.push(problem.at(&layer.place, "again here").at(&first.place, "first here"));
+                self.grammar.problems.push(problem.at(&layer.place, "again here").at(&first.place, "first here"));
                 continue;
             }
             outputs.push((layer, value.clone()));
@@ -325,7 +298,7 @@ impl Reader<'_, '_> {
     fn nodes(&mut self, value: &Value) -> Vec<Node> {
         let ValueKind::List(items) = &value.kind else {
             self.complete = false;
-            self.wrong_type(value, "a list of nodes");
+            self.grammar.wrong_type(value, "a list of nodes");
             return Vec::new();
         };
         let nodes: Vec<Node> = items.iter().filter_map(|item| self.node(item)).collect();
@@ -335,22 +308,22 @@ impl Reader<'_, '_> {
 
     fn node(&mut self, value: &Value) -> Option<Node> {
         let ValueKind::Compound { name: None, body: Body::Named(fields) } = &value.kind else {
-            self.wrong_type(value, "a node such as `(name: \"…\", pass: …)`");
+            self.grammar.wrong_type(value, "a node such as `(name: \"…\", pass: …)`");
             return None;
         };
-        let keys = self.keys("a node", &value.place, fields, &["name", "pass", "repeat"]);
-        let name = self.required(&keys, "name").and_then(|value| self.word(value, "a name"));
+        let keys = self.grammar.keys("a node", &value.place, fields, &["name", "pass", "repeat"]);
+        let name = self.grammar.required(&keys, "name").and_then(|value| self.grammar.word(value, "a name"));
         if let Some(name) = &name {
             self.check_name(name, "a node");
         }
         let work = match (keys.found.get("pass"), keys.found.get("repeat")) {
             (Some(_), Some(repeat)) => {
-                let problem = Problem::new("pipeline::duplicate_key", "a node is a pass or a loop, not both");
-                self.problems.push(problem.at(&repeat.place, "besides `pass`"));
+                let problem = Problem::new("document::duplicate_key", "a node is a pass or a loop, not both");
+                self.grammar.problems.push(problem.at(&repeat.place, "besides `pass`"));
                 None
             }
             (None, Some(repeat)) => self.repeat(repeat),
-            _ => self.required(&keys, "pass").and_then(|pass| self.work(pass)),
+            _ => self.grammar.required(&keys, "pass").and_then(|pass| self.work(pass)),
         };
         let (call, nodes) = work?;
         Some(Node { name: name?, call, overrides: Vec::new(), nodes })
@@ -361,7 +334,9 @@ impl Reader<'_, '_> {
             ValueKind::Compound { name: Some(name), .. } if Loop::find(&name.text).is_some() => self.work(value),
             _ => {
                 let problem = Problem::new("pipeline::unknown_loop", format!("{} is not a loop", value.phrase()));
-                self.problems.push(problem.at(&value.place, "not a loop").help("write `Fill(until: \"…\", nodes: […])` or `Iterate(rounds: …, nodes: […])`"));
+                self.grammar
+                    .problems
+                    .push(problem.at(&value.place, "not a loop").help("write `Fill(until: \"…\", nodes: […])` or `Iterate(rounds: …, nodes: […])`"));
                 None
             }
         }
@@ -370,119 +345,30 @@ impl Reader<'_, '_> {
     /// `Pass(…)`, or a loop such as `Fill(…, nodes: […])` with its nodes.
     fn work(&mut self, value: &Value) -> Option<(Call, Option<Vec<Node>>)> {
         let ValueKind::Compound { name: Some(name), body } = &value.kind else {
-            self.wrong_type(value, "a pass such as `GBuffer()`");
+            self.grammar.wrong_type(value, "a pass such as `GBuffer()`");
             return None;
         };
         let Some(fields) = named_fields(body) else {
-            self.wrong_type(value, &format!("`{}` with names before its values", name.text));
+            self.grammar.wrong_type(value, &format!("`{}` with names before its values", name.text));
             return None;
         };
         let mut fields = fields.to_vec();
-        self.refuse_repeated(&name.text, &mut fields);
+        self.grammar.refuse_repeated(&name.text, &mut fields);
         if Loop::find(&name.text).is_none() {
             return Some((Call { name: name.clone(), fields }, None));
         }
         let keys = Keys { owner: name.text.clone(), place: name.place.clone(), found: fields.iter().map(|f| (f.name.text.as_str(), &f.value)).collect() };
-        let nodes = self.required(&keys, "nodes").map(|value| self.nodes(value))?;
+        let nodes = self.grammar.required(&keys, "nodes").map(|value| self.nodes(value))?;
         fields.retain(|field| field.name.text != "nodes");
         Some((Call { name: name.clone(), fields }, Some(nodes)))
-    }
-
-    fn refuse_repeated(&mut self, owner: &str, fields: &mut Vec<Field>) {
-        let mut seen: BTreeMap<String, Place> = BTreeMap::new();
-        fields.retain(|field| {
-            let first = seen.get(&field.name.text);
-            if let Some(first) = first {
-                let problem = Problem::new("pipeline::duplicate_key", format!("`{}` is given twice in {owner}", field.name.text));
-                self.problems.push(problem.at(&field.name.place, "again here").at(first, "first here"));
-                return false;
-            }
-            seen.insert(field.name.text.clone(), field.name.place.clone());
-            true
-        });
-    }
-
-    fn keys<'v>(&mut self, owner: &str, place: &Place, fields: &'v [Field], accepted: &[&str]) -> Keys<'v> {
-        self.refuse_repeated(owner, &mut fields.to_vec());
-        let mut found = BTreeMap::new();
-        for field in fields {
-            if accepted.contains(&field.name.text.as_str()) {
-                found.entry(field.name.text.as_str()).or_insert(&field.value);
-            } else {
-                let problem = Problem::new("pipeline::unknown_key", format!("{owner} has no `{}`", field.name.text));
-                let help = known(&field.name.text, accepted.iter().copied(), "what can stand here");
-                self.problems.push(problem.at(&field.name.place, "unknown").help(help));
-            }
-        }
-        Keys { owner: owner.into(), place: place.clone(), found }
-    }
-
-    fn required<'v>(&mut self, keys: &Keys<'v>, key: &str) -> Option<&'v Value> {
-        let found = keys.found.get(key).copied();
-        if found.is_none() {
-            let problem = Problem::new("pipeline::missing_key", format!("{} needs `{key}`", keys.owner));
-            self.problems.push(problem.at(&keys.place, format!("`{key}` is missing")));
-        }
-        found
-    }
-
-    fn map(&mut self, keys: &Keys<'_>, key: &str) -> Vec<(Value, Value)> {
-        match keys.found.get(key) {
-            None => Vec::new(),
-            Some(Value { kind: ValueKind::Map(entries), .. }) => entries.clone(),
-            Some(value) => {
-                self.wrong_type(value, "a map such as {\"name\": value}");
-                Vec::new()
-            }
-        }
-    }
-
-    /// The version decides what everything else means: nothing is read of one that is not known.
-    fn version(&mut self, head: &Word, fields: &[Field]) -> bool {
-        let version = fields.iter().find(|field| field.name.text == "version").map(|field| &field.value);
-        let problem = match version {
-            Some(Value { kind: ValueKind::Number(number), .. }) if number == VERSION => return true,
-            Some(value) => Problem::new("pipeline::version", format!("version {VERSION} is known, this is {}", value.phrase()))
-                .at(&value.place, "unknown version")
-                .help("a newer hemisplat may read it"),
-            None => Problem::new("pipeline::missing_key", format!("{} needs `version`", head.text)).at(&head.place, "`version` is missing"),
-        };
-        self.problems.push(problem);
-        false
-    }
-
-    fn text(&mut self, keys: &Keys<'_>, key: &str, required: bool) -> String {
-        let value = if required { self.required(keys, key) } else { keys.found.get(key).copied() };
-        value.and_then(|value| self.word(value, "a string")).map(|word| word.text).unwrap_or_default()
-    }
-
-    fn word(&mut self, value: &Value, expected: &str) -> Option<Word> {
-        let word = value.word();
-        if word.is_none() {
-            self.wrong_type(value, expected);
-        }
-        word
-    }
-
-    fn wrong_type(&mut self, value: &Value, expected: &str) {
-        let problem = Problem::new("pipeline::wrong_type", format!("expected {expected}, got {}", value.phrase()));
-        self.problems.push(problem.at(&value.place, format!("expected {expected}")));
     }
 
     fn check_name(&mut self, name: &Word, what: &str) {
         let is_valid = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
         if name.text.is_empty() || !name.text.chars().all(is_valid) {
             let problem = Problem::new("pipeline::invalid_name", format!("`{}` cannot be the name of {what}", name.text));
-            self.problems.push(problem.at(&name.place, "this name").help("names are made of letters, digits, `_` and `-`"));
+            self.grammar.problems.push(problem.at(&name.place, "this name").help("names are made of letters, digits, `_` and `-`"));
         }
-    }
-}
-
-fn named_fields(body: &Body) -> Option<&[Field]> {
-    match body {
-        Body::Empty => Some(&[]),
-        Body::Named(fields) => Some(fields),
-        Body::Positional(_) => None,
     }
 }
 

@@ -7,11 +7,13 @@ pub mod diagnostics;
 pub mod document;
 pub mod embedded;
 pub mod export;
+pub mod grammar;
 mod graph;
 mod history;
 mod loops;
 pub mod per_frame;
 pub mod plan;
+pub mod set;
 pub mod syntax;
 pub mod values;
 mod written;
@@ -23,6 +25,7 @@ pub use export::{Format, export};
 pub use loops::Loop;
 pub use per_frame::PerFrame;
 pub use plan::{Plan, plan};
+pub use set::Set;
 pub use values::Values;
 
 use crate::contract::{Arguments, Description, Pass, Registry};
@@ -101,12 +104,40 @@ pub enum When {
 /// # Errors
 /// All root causes at once.
 pub fn load(name: &str, sets: &[String], registry: &Registry, read_file: &mut ReadFile<'_>) -> Result<Pipeline, Problems> {
+    let (mut read, mut unreadable) = (Vec::new(), Vec::new());
+    for set in sets {
+        Set::parse("--set", set).map_or_else(|problem| unreadable.push(problem), |set| read.push(set));
+    }
+    load_all(name, &read, unreadable, registry, read_file)
+}
+
+/// The same with what is set already read.
+///
+/// # Errors
+/// All root causes at once.
+pub fn load_with(name: &str, sets: &[Set], registry: &Registry, read_file: &mut ReadFile<'_>) -> Result<Pipeline, Problems> {
+    load_all(name, sets, Vec::new(), registry, read_file)
+}
+
+fn load_all(name: &str, sets: &[Set], unreadable: Vec<Problem>, registry: &Registry, read_file: &mut ReadFile<'_>) -> Result<Pipeline, Problems> {
     let (document, mut problems) = document::read(name, sets, read_file);
+    problems.extend(unreadable);
     let pipeline = document.and_then(|document| check::check(&document, registry, &mut problems));
     match pipeline {
         Some(pipeline) if problems.is_empty() => Ok(pipeline),
         _ => Err(Problems(problems)),
     }
+}
+
+impl Pipeline {
+    /// Names of all nodes, those inside loops too.
+    pub fn names(&self) -> Vec<&str> {
+        names(&self.nodes)
+    }
+}
+
+fn names(nodes: &[Node]) -> Vec<&str> {
+    nodes.iter().flat_map(|node| std::iter::once(node.name.as_str()).chain(names(node.inner()))).collect()
 }
 
 impl Node {

@@ -76,6 +76,17 @@ impl Value {
         }
     }
 
+    /// Its first letter: what is wrong with a whole document is shown there.
+    pub fn start(&self) -> Place {
+        let Range { start, end } = self.place.span;
+        Place { span: start..end.min(start + 1), ..self.place.clone() }
+    }
+
+    /// As it stands in its source.
+    pub fn written(&self) -> &str {
+        &self.place.source.inner()[self.place.span.clone()]
+    }
+
     /// The word of a string.
     pub fn word(&self) -> Option<Word> {
         match &self.kind {
@@ -101,7 +112,7 @@ pub fn parse(source: &Source, span: Range<usize>) -> Result<Value, Problem> {
             ron::Error::ExceededRecursionLimit => "this is nested too deeply".into(),
             code => format!("this is not RON: {code}"),
         };
-        return Err(Problem::new("pipeline::syntax", message).at(&place, "here"));
+        return Err(Problem::new("document::syntax", message).at(&place, "here"));
     }
     let mut parser = Parser { source, at: span.start, end: span.end };
     let value = parser.value()?;
@@ -136,7 +147,7 @@ impl<'s> Parser<'s> {
     fn refuse<T>(&self) -> Result<T, Problem> {
         let length = self.rest().chars().next().map_or(0, char::len_utf8);
         let place = Place { source: self.source.clone(), span: self.at..self.at + length };
-        Err(Problem::new("pipeline::syntax", "pipelines have no such value").at(&place, "here").help("values are names, numbers, strings, lists and maps"))
+        Err(Problem::new("document::syntax", "pipelines have no such value").at(&place, "here").help("values are names, numbers, strings, lists and maps"))
     }
 
     fn skip_space(&mut self) {
@@ -348,14 +359,14 @@ mod tests {
     #[test]
     fn what_is_not_ron_is_refused() {
         for text in ["", "(", "Pipeline(a: )", "[1 2]", "\"open", "a b", "(a: 1))"] {
-            assert_eq!(read(text).unwrap_err().code, "pipeline::syntax", "{text}");
+            assert_eq!(read(text).unwrap_err().code, "document::syntax", "{text}");
         }
     }
 
     #[test]
     fn what_pipelines_do_not_use_is_refused() {
         for text in ["'c'", "b\"bytes\"", "#![enable(implicit_some)] 1"] {
-            assert_eq!(read(text).unwrap_err().code, "pipeline::syntax", "{text}");
+            assert_eq!(read(text).unwrap_err().code, "document::syntax", "{text}");
         }
     }
 }

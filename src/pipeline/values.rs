@@ -19,7 +19,7 @@ impl Values {
     /// Where no `=` or no value stands, or what follows is not RON.
     pub fn parse(option: &str, text: &str) -> Result<Self, Problems> {
         let nothing = || {
-            let problem = Problem::new("pipeline::syntax", format!("`{option} {text}` sets nothing"));
+            let problem = Problem::new("document::syntax", format!("`{option} {text}` sets nothing"));
             Problems(vec![problem.help(format!("write {option} NODE.PARAMETER=VALUE,VALUE,…"))])
         };
         let (parameter, values) = text.split_once('=').ok_or_else(nothing)?;
@@ -54,7 +54,7 @@ mod tests {
     #[test]
     fn what_sets_nothing_is_refused() {
         for text in ["cache.accuracy", "cache.accuracy=", "cache.accuracy=,", "cache.accuracy=1,,2", "cache.accuracy=0.3 0.2", "cache.accuracy=1],[2"] {
-            assert_eq!(Values::parse("--over", text).unwrap_err().0[0].code, "pipeline::syntax", "{text}");
+            assert_eq!(Values::parse("--over", text).unwrap_err().0[0].code, "document::syntax", "{text}");
         }
     }
 

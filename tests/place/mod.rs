@@ -54,6 +54,7 @@ impl Place {
     }
 
     /// Starts the program without waiting for it.
+    #[allow(dead_code, reason = "not all tests stop the program")]
     pub fn start(&self, arguments: &str) -> Result<Child, Failed> {
         Ok(self.command(arguments).stdout(Stdio::null()).stderr(Stdio::null()).spawn()?)
     }

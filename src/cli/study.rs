@@ -1,0 +1,103 @@
+//! `hemisplat study`
+
+use super::console::Console;
+use super::failure::Failure;
+use super::input::read_file;
+use super::scene::{SceneOptions, ViewOptions};
+use super::survey::{self, Reference, SurveyOptions};
+use super::truth::TruthOptions;
+use crate::measure::criteria::{Cost, Metric};
+use crate::measure::study::{self, Study, embedded};
+use crate::pipeline::diagnostics::known;
+use crate::pipeline::{Problem, Problems};
+use clap::Args;
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// The longest study that is read.
+const MOST_STUDY_BYTES: u64 = 1 << 20;
+
+/// Take a measurement that is written down in a file: errors and costs of rows of pipelines
+#[derive(Args)]
+#[command(after_help = "Example: hemisplat study compensation -o out/compensation --svg out/compensation.svg --markdown out/compensation.md
+
+The file says scene, reference, rows and what is swept; options change it. Every point is kept in DIR when it is measured: the same command goes on
+where an earlier one was stopped. Status 1 if a point is refused; the others are measured all the same.")]
+pub struct Options {
+    /// A file, or the name of a study that ships
+    #[arg(value_name = "STUDY")]
+    study: String,
+    /// Another scene than the study's, with its own camera
+    #[arg(long, value_name = "FILE")]
+    scene: Option<PathBuf>,
+    #[command(flatten)]
+    view: ViewOptions,
+    /// Runs of each point instead of the study's
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=500))]
+    runs: Option<u16>,
+    /// The error of tables, front and plot instead of the study's; picture.METRIC is that of the whole picture
+    #[arg(long, value_name = "METRIC")]
+    metric: Option<Metric>,
+    /// What that error is held against instead of the study's: Seconds, Records or PerRecord(["NODE", …])
+    #[arg(long, value_name = "COST")]
+    cost: Option<String>,
+    /// Rays per pixel of a reference that is traced, instead of the study's
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=1 << 24))]
+    reference_spp: Option<u32>,
+    /// Where references that are traced are kept; the user's cache folder if not given
+    #[arg(long, value_name = "DIR")]
+    reference_cache: Option<PathBuf>,
+    #[command(flatten)]
+    work: SurveyOptions,
+}
+
+pub fn run(options: Options, console: &Console) -> Result<(), Failure> {
+    let (mut study, folder) = find(&options.study)?;
+    for row in &mut study.survey.rows {
+        row.pipeline = beside(folder.as_deref(), &row.pipeline).display().to_string();
+    }
+    study.survey.runs = options.runs.unwrap_or(study.survey.runs);
+    study.survey.metric = options.metric.unwrap_or(study.survey.metric);
+    if let Some(cost) = &options.cost {
+        study.survey.cost = Cost::parse("--cost", cost).map_err(|problem| Failure::input(Problems(vec![problem])))?;
+    }
+    let reference = match study.reference {
+        study::Reference::Row(row) => Reference::Row(row),
+        study::Reference::Traced { spp, stride } => {
+            Reference::Outside(TruthOptions::traced(options.reference_spp.unwrap_or(spp), stride, options.reference_cache))
+        }
+    };
+    // Another scene has other cameras.
+    let camera = study.camera.as_ref().filter(|_| options.scene.is_none());
+    let view = options.view.or(camera, study.size);
+    let scene = options.scene.unwrap_or_else(|| beside(folder.as_deref(), &study.scene));
+    survey::run(&study.survey, &SceneOptions::new(scene, view), &reference, &options.work, console)
+}
+
+/// A study, and the folder that it stands in; one that ships stands in none.
+fn find(name: &str) -> Result<(Study, Option<PathBuf>), Failure> {
+    let path = Path::new(name);
+    let file = read_file(path, MOST_STUDY_BYTES);
+    let (name, text, folder) = match file {
+        Ok(bytes) => {
+            let text = String::from_utf8(bytes).map_err(|_| io::Error::new(io::ErrorKind::InvalidData, "it is no text in UTF-8"));
+            (name.to_owned(), text.map_err(|error| Failure::read(path, error))?, path.parent().map(Path::to_owned))
+        }
+        Err(error) if matches!(error.kind(), io::ErrorKind::NotFound | io::ErrorKind::IsADirectory) => {
+            let (file, text) = embedded::find(name).ok_or_else(|| not_found(name))?;
+            (format!("studies/{file}"), text.to_owned(), None)
+        }
+        Err(error) => return Err(Failure::read(path, error)),
+    };
+    Ok((study::read(&name, &text).map_err(Failure::input)?, folder))
+}
+
+fn not_found(name: &str) -> Failure {
+    let help = known(name, embedded::EMBEDDED.iter().map(|(file, _)| *file), "besides files, these ship");
+    Failure::input(Problem::new("study::not_found", format!("there is no study `{name}`")).help(help))
+}
+
+/// The file of this name in the folder, if it is there; else the name stands for itself.
+fn beside(folder: Option<&Path>, name: &str) -> PathBuf {
+    folder.map(|folder| folder.join(name)).filter(|path| path.is_file()).unwrap_or_else(|| name.into())
+}

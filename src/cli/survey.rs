@@ -1,0 +1,423 @@
+//! What `hemisplat sweep` and `hemisplat study` share: a survey is checked, planned, measured point by point, told and written.
+
+use super::check::unique;
+use super::compare::{all, failure, warn_of_unstated_bounces};
+use super::console::Console;
+use super::failure::{CommandError, Failure};
+use super::input::read_file;
+use super::interrupt::Shelter;
+use super::kept::Folder;
+use super::output::{Target, expect_distinct};
+use super::pipeline::{check_with, plan_view};
+use super::progress::Progress;
+use super::scene::{SceneOptions, View};
+use super::truth::{Truth, TruthOptions, content};
+use super::{swept, tables};
+use crate::gpu::{AskPace, Gpu, Pace};
+use crate::measure::Layers;
+use crate::measure::cache::Checksum;
+use crate::measure::compare::{self, About, Contender, ReferenceReport, VariantErrors};
+use crate::measure::criteria::Cost;
+use crate::measure::plot::svg;
+use crate::measure::run::{Run, RunError};
+use crate::measure::survey::Survey;
+use crate::measure::sweep::{Axis, Measured, Outcome, Point, Sweep, mark_front, plot};
+use crate::pipeline::diagnostics::known;
+use crate::pipeline::{Pipeline, Plan, Problem, Problems};
+use clap::Args;
+use miette::Diagnostic;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// More points make no figure that anybody can read, and take their time to be planned.
+const MAX_POINTS: usize = 1000;
+
+/// The longest program file that is read.
+const MOST_PROGRAM_BYTES: u64 = 4 << 30;
+
+/// How a survey is done, and where its results go.
+#[derive(Args)]
+pub struct SurveyOptions {
+    /// Where each point is kept, for the same command to go on from
+    #[arg(long, short, value_name = "DIR", required_unless_present = "dry_run")]
+    out: Option<PathBuf>,
+    /// Points that are in memory together and run in turn; an interruption loses no more than these
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u16).range(1..=64))]
+    together: u16,
+    /// Write all points as JSON
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Write a row for each point as CSV
+    #[arg(long, value_name = "FILE")]
+    csv: Option<PathBuf>,
+    /// Draw error over cost, with the Pareto front
+    #[arg(long, value_name = "FILE")]
+    svg: Option<PathBuf>,
+    /// Write tables of errors and costs, a column for each value, and what nothing beats
+    #[arg(long, value_name = "FILE")]
+    markdown: Option<PathBuf>,
+    /// List the points and what refuses them, and measure nothing
+    #[arg(long)]
+    dry_run: bool,
+}
+
+/// What errors are against.
+pub(super) enum Reference {
+    /// A file, a picture that is traced, or nothing.
+    Outside(TruthOptions),
+    /// The pictures of this row at the same values.
+    Row(usize),
+}
+
+/// Checks, plans, measures what was not measured before, prints and writes.
+pub(super) fn run(survey: &Survey, scene: &SceneOptions, reference: &Reference, options: &SurveyOptions, console: &Console) -> Result<(), Failure> {
+    let outside = match reference {
+        Reference::Outside(outside) => outside,
+        Reference::Row(_) => &TruthOptions::none(),
+    };
+    let targets = Targets::new(options, &outside.files())?;
+    // Anything wrong with a pipeline is told before a large scene is loaded.
+    let (mut points, pipelines) = check(survey)?;
+    let view = scene.load(console)?;
+    let plans: Vec<Option<Plan>> = pipelines.iter().zip(&mut points).map(|(pipeline, point)| planned(pipeline, &view, point)).collect();
+    let axes = survey.axes();
+    if options.dry_run {
+        console.print(&listed(&points, &plans, &axes))?;
+        return expect_none_refused(&points);
+    }
+    let folder = Folder::new(options.out.as_deref().unwrap_or(Path::new("")))?;
+    let given = outside.given(&view)?;
+    let keeper = outside.keeper(&view)?;
+    let gpu = Gpu::open().map_err(Failure::work)?;
+    let truth = given.map_or_else(|| keeper.map(|keeper| keeper.obtain(&view, console)).transpose(), |given| Ok(Some(given)))?;
+    warn_of_unstated_bounces(truth.as_ref(), console);
+
+    let judge = Judge::new(reference, survey, truth);
+    let keys = keys(&pipelines, &judge, &conditions(&view, &gpu), survey.runs);
+    let found = folder.find(&mut points, &keys, console);
+    tell_what_is_there(&points, found, &folder, console);
+    let mut work = Work { gpu: &gpu, view: &view, plans: &plans, keys: &keys, judge, folder: &folder, survey, points, shelter: None };
+    let result = work.measure(usize::from(options.together), console);
+    let is_interrupted = result.as_ref().is_err_and(|failure| failure.status == 130);
+    if !is_interrupted {
+        result?;
+    }
+    let (points, judge, _shelter) = (work.points, work.judge, work.shelter);
+    let sweep = sweep(survey, &view, &gpu, judge.report(), points);
+    swept::warnings(&sweep, survey).iter().for_each(|warning| console.note(warning));
+    console.print(&[swept::text(&sweep, survey), tables::markdown(&sweep, survey)].join("\n"))?;
+    targets.write(&sweep, survey)?;
+    if is_interrupted {
+        return Err(Failure::interrupted(&[&[folder.path.as_path()], &targets.paths()[..]].concat()));
+    }
+    expect_none_refused(&sweep.points)
+}
+
+/// The files that the results go to, beside those of the points.
+struct Targets {
+    json: Option<Target>,
+    csv: Option<Target>,
+    svg: Option<Target>,
+    markdown: Option<Target>,
+}
+
+impl Targets {
+    fn new(options: &SurveyOptions, read: &[&Path]) -> Result<Self, Failure> {
+        let target = |path: &Option<PathBuf>| path.as_deref().map(Target::new).transpose();
+        let targets = Self { json: target(&options.json)?, csv: target(&options.csv)?, svg: target(&options.svg)?, markdown: target(&options.markdown)? };
+        expect_distinct(&targets.paths(), read)?;
+        Ok(targets)
+    }
+
+    fn write(&self, sweep: &Sweep, survey: &Survey) -> Result<(), Failure> {
+        self.json.iter().try_for_each(|json| json.write_json(sweep))?;
+        self.csv.iter().try_for_each(|csv| csv.write(swept::csv(sweep, survey).as_bytes()))?;
+        self.svg.iter().try_for_each(|figure| figure.write(svg(&plot(sweep, &survey.metric, &survey.cost)).as_bytes()))?;
+        self.markdown.iter().try_for_each(|tables| tables.write(tables::markdown(sweep, survey).as_bytes()))
+    }
+
+    fn paths(&self) -> Vec<&Path> {
+        [&self.json, &self.csv, &self.svg, &self.markdown].into_iter().flatten().map(Target::path).collect()
+    }
+}
+
+/// Every point with its pipeline, or all that is wrong with any of them.
+fn check(survey: &Survey) -> Result<(Vec<Point>, Vec<Pipeline>), Failure> {
+    let count = survey.rows.len().saturating_mul(survey.columns());
+    if count > MAX_POINTS {
+        return Err(Failure::input(CommandError::TooManyPoints { points: count, most: MAX_POINTS }));
+    }
+    let points = survey.points();
+    let pipelines = all(points.iter().map(|(row, sets, _)| check_with(&row.pipeline, row.place.as_ref(), sets)))?;
+    let points: Vec<Point> = points.into_iter().map(|(_, _, point)| point).collect();
+    expect_different(&points, &pipelines, &survey.axes())?;
+    expect_nodes(&survey.cost, &pipelines)?;
+    Ok((points, pipelines))
+}
+
+/// The same pipeline at two points would be measured twice for one answer.
+fn expect_different(points: &[Point], pipelines: &[Pipeline], over: &[Axis]) -> Result<(), Failure> {
+    let mut seen: BTreeMap<String, &Point> = BTreeMap::new();
+    for (point, pipeline) in points.iter().zip(pipelines) {
+        if let Some(first) = seen.insert(pipeline.to_ron(), point) {
+            return Err(Failure::input(CommandError::SamePoint { first: first.name(over), second: point.name(over) }));
+        }
+    }
+    Ok(())
+}
+
+/// A node whose time counts must be there in one of the pipelines.
+fn expect_nodes(cost: &Cost, pipelines: &[Pipeline]) -> Result<(), Failure> {
+    let Cost::PerRecord(nodes) = cost else { return Ok(()) };
+    let mut names: Vec<&str> = pipelines.iter().flat_map(Pipeline::names).collect();
+    names.sort_unstable();
+    names.dedup();
+    let unknown = nodes.iter().filter(|node| !names.contains(&node.text.as_str()));
+    let problem = |node: &crate::pipeline::syntax::Word| {
+        let problem = Problem::new("study::unknown_node", format!("no pipeline has a node `{}`", node.text));
+        problem.at(&node.place, "not a node").help(known(&node.text, names.iter().copied(), "the nodes"))
+    };
+    let problems: Vec<Problem> = unknown.map(problem).collect();
+    if problems.is_empty() { Ok(()) } else { Err(Failure::input(Problems(unique(problems)))) }
+}
+
+/// The plan of a point; a point without one is refused.
+fn planned(pipeline: &Pipeline, view: &View, point: &mut Point) -> Option<Plan> {
+    plan_view(pipeline, view, &[]).map_err(|problems| point.outcome = Outcome::Refused { because: told(&problems) }).ok()
+}
+
+/// Several problems on one line, each with its code.
+fn told(problems: &Problems) -> String {
+    problems.0.iter().map(|problem| format!("{}: {problem}", problem.code)).collect::<Vec<_>>().join("; ")
+}
+
+fn listed(points: &[Point], plans: &[Option<Plan>], over: &[Axis]) -> String {
+    let line = |(point, plan): (&Point, &Option<Plan>)| {
+        let what = match (&point.outcome, plan) {
+            (Outcome::Refused { because }, _) => format!(", refused: {because}"),
+            (_, Some(plan)) => format!(", {:.1} MiB on the device", plan.memory().total() as f64 / f64::from(1 << 20)),
+            _ => String::new(),
+        };
+        format!("{} {}{what}\n", point.id, point.name(over))
+    };
+    points.iter().zip(plans).map(line).collect()
+}
+
+fn expect_none_refused(points: &[Point]) -> Result<(), Failure> {
+    let refused = points.iter().filter(|point| matches!(point.outcome, Outcome::Refused { .. })).count();
+    if refused == 0 { Ok(()) } else { Err(Failure::work(CommandError::RefusedPoints { refused, points: points.len() })) }
+}
+
+/// What the numbers depend on beside pipelines, reference and runs.
+fn conditions(view: &View, gpu: &Gpu) -> String {
+    let adapter = &gpu.adapter;
+    let processors = std::thread::available_parallelism().map_or(1, usize::from);
+    format!("program {}\nadapter {}, {}, {}, {processors} processors\n{}\n", program(), adapter.name, adapter.backend, adapter.driver, content(view))
+}
+
+/// Everything that the numbers of each point depend on.
+fn keys(pipelines: &[Pipeline], judge: &Judge, conditions: &str, runs: u16) -> Vec<String> {
+    let key = |(index, pipeline): (usize, &Pipeline)| {
+        let reference = match judge {
+            Judge::Nothing => "none".to_owned(),
+            Judge::Truth(truth) => truth.content(),
+            Judge::Row(row) => format!("pipeline {}", Checksum::of(pipelines[row.point_of(index)].to_ron().as_bytes())),
+        };
+        format!("{conditions}reference {reference}\nruns {runs}\n{}", pipeline.to_ron())
+    };
+    pipelines.iter().enumerate().map(key).collect()
+}
+
+/// The version, and the checksum of the program's file: shaders and passes stand in it.
+fn program() -> String {
+    let file = std::env::current_exe().and_then(|path| read_file(&path, MOST_PROGRAM_BYTES)).map(|bytes| Checksum::of(&bytes));
+    format!("hemisplat {} {}", env!("CARGO_PKG_VERSION"), file.unwrap_or_default())
+}
+
+fn tell_what_is_there(points: &[Point], found: usize, folder: &Folder, console: &Console) {
+    let open = points.iter().filter(|point| point.outcome == Outcome::Open).count();
+    let refused = points.len() - open - found;
+    console.note(&format!("{} points: {found} found in {}, {refused} refused, {open} to measure", points.len(), folder.path.display()));
+}
+
+/// What pictures are judged by.
+enum Judge {
+    Nothing,
+    Truth(Box<Truth>),
+    Row(JudgingRow),
+}
+
+/// A row whose pictures judge those of the other rows.
+struct JudgingRow {
+    name: String,
+    /// Its place among the rows.
+    index: usize,
+    /// Points of a row.
+    columns: usize,
+    /// Its pictures so far, by point.
+    pictures: BTreeMap<usize, Truth>,
+}
+
+impl JudgingRow {
+    /// The point of this row with the same values.
+    fn point_of(&self, point: usize) -> usize {
+        self.index * self.columns + point % self.columns
+    }
+}
+
+impl Judge {
+    fn new(reference: &Reference, survey: &Survey, truth: Option<Truth>) -> Self {
+        match (reference, truth) {
+            (Reference::Row(index), _) => {
+                Self::Row(JudgingRow { name: survey.rows[*index].name.clone(), index: *index, columns: survey.columns(), pictures: BTreeMap::new() })
+            }
+            (_, Some(truth)) => Self::Truth(Box::new(truth)),
+            (_, None) => Self::Nothing,
+        }
+    }
+
+    fn report(&self) -> Option<ReferenceReport> {
+        match self {
+            Self::Nothing => None,
+            Self::Truth(truth) => Some(truth.report()),
+            Self::Row(row) => Some(ReferenceReport { file: None, row: Some(row.name.clone()), own: true, bounces: None, samples: None, stride: None }),
+        }
+    }
+}
+
+/// A survey as it is measured.
+struct Work<'a> {
+    gpu: &'a Gpu,
+    view: &'a View,
+    plans: &'a [Option<Plan>],
+    keys: &'a [String],
+    judge: Judge,
+    folder: &'a Folder,
+    survey: &'a Survey,
+    points: Vec<Point>,
+    /// From the end of the first group on there is something to tell.
+    shelter: Option<Shelter>,
+}
+
+/// A point of the group that is in memory.
+type Entry<'a> = (usize, Contender<'a>, VariantErrors);
+
+impl<'a> Work<'a> {
+    /// Measures what is open, group by group; the points of a group are kept when it is done.
+    fn measure(&mut self, together: usize, console: &Console) -> Result<(), Failure> {
+        let planned = self.points.iter().zip(self.plans).enumerate().filter_map(|(index, (point, plan))| Some((index, point, plan.as_ref()?)));
+        let open: Vec<(usize, &Plan)> = planned.filter(|(_, point, _)| point.outcome == Outcome::Open).map(|(index, _, plan)| (index, plan)).collect();
+        let progress = Progress::new(console, "sweeping");
+        let mut done = 0;
+        for group in open.chunks(together) {
+            progress.tell(|| format!("point {} of {}", done + 1, open.len()));
+            let share = |of_group: f32| (done as f32 + of_group * group.len() as f32) / open.len() as f32;
+            self.measure_group(group, &|of_group| progress.report(share(of_group)))?;
+            self.shelter.get_or_insert_with(Shelter::new);
+            done += group.len();
+        }
+        Ok(())
+    }
+
+    /// `report` takes the share of the group that is done, and is false once the user asked to stop.
+    fn measure_group(&mut self, group: &[(usize, &'a Plan)], report: &dyn Fn(f32) -> bool) -> Result<(), Failure> {
+        let runs = usize::from(self.survey.runs);
+        let steps = (group.len() * (runs + 1)) as f32;
+        let pace = |done: usize| move || if report(done as f32 / steps) { Pace::GoOn } else { Pace::Stop };
+        let mut entries: Vec<Entry<'a>> = Vec::new();
+        for (place, (index, plan)) in group.iter().enumerate() {
+            match self.warm_up(plan, &pace(place)) {
+                Ok((contender, picture)) => {
+                    let errors = self.judge(*index, picture, &pace(place))?;
+                    entries.push((*index, contender, errors));
+                }
+                Err(error) if refuses(&error) => self.points[*index].outcome = Outcome::Refused { because: with_code(&error) },
+                Err(error) => return Err(failure(error)),
+            }
+        }
+        for round in 0..runs {
+            for (place, entry) in compare::order(round, entries.len()).into_iter().enumerate() {
+                let pace = pace(group.len() + round * entries.len() + place);
+                // A pipeline without a loop asks for no pace.
+                if pace() == Pace::Stop {
+                    return Err(Failure::interrupted(&[]));
+                }
+                entries[entry].1.measure(&pace).map_err(failure)?;
+            }
+        }
+        entries.into_iter().try_for_each(|entry| self.keep(entry))
+    }
+
+    fn warm_up(&self, plan: &'a Plan, pace: AskPace) -> Result<(Contender<'a>, Layers), RunError> {
+        let run = Run::new(self.gpu, &self.view.scene, &self.view.bvh, plan, &self.view.camera, self.view.size)?;
+        Contender::warm_up(run, pace)
+    }
+
+    fn judge(&mut self, index: usize, picture: Layers, pace: AskPace) -> Result<VariantErrors, Failure> {
+        let judging = match &self.judge {
+            Judge::Nothing => return Ok(VariantErrors::default()),
+            Judge::Truth(truth) => return truth.judge(picture),
+            Judge::Row(row) => row.point_of(index),
+        };
+        self.look_at(judging, (judging == index).then_some(&picture), pace)?;
+        let Judge::Row(row) = &self.judge else { return Ok(VariantErrors::default()) };
+        row.pictures.get(&judging).map_or(Ok(VariantErrors::default()), |truth| truth.judge(picture))
+    }
+
+    /// Makes sure that the picture of a judging point is there, unless it is refused.
+    fn look_at(&mut self, point: usize, picture: Option<&Layers>, pace: AskPace) -> Result<(), Failure> {
+        let Judge::Row(row) = &self.judge else { return Ok(()) };
+        let Some(plan) = self.plans[point].as_ref().filter(|_| !row.pictures.contains_key(&point)) else { return Ok(()) };
+        let picture = match picture {
+            Some(picture) => picture.clone(),
+            None => match self.warm_up(plan, pace) {
+                Ok((_, picture)) => picture,
+                Err(error) if refuses(&error) => return Ok(()),
+                Err(error) => return Err(failure(error)),
+            },
+        };
+        if let Judge::Row(row) = &mut self.judge {
+            row.pictures.insert(point, Truth::of_row(&row.name, picture));
+        }
+        Ok(())
+    }
+
+    fn keep(&mut self, (index, contender, errors): Entry<'a>) -> Result<(), Failure> {
+        let point = &mut self.points[index];
+        let about = About { name: point.name(&[]), set: point.set.clone(), plan_seconds: 0.0, shaders_seconds: 0.0, errors };
+        if let Some(report) = contender.report(point.id.clone(), about, usize::from(self.survey.runs)) {
+            let measured = Measured::from(report);
+            self.folder.keep(&self.keys[index], point, &measured)?;
+            point.outcome = Outcome::Measured(Box::new(measured));
+        }
+        Ok(())
+    }
+}
+
+/// Whether it is this pipeline that cannot run, on this adapter or in this scene.
+fn refuses(error: &RunError) -> bool {
+    error.is_refusal() || matches!(error, RunError::NonFinite { .. })
+}
+
+fn with_code(error: &RunError) -> String {
+    error.code().map_or(error.to_string(), |code| format!("{code}: {error}"))
+}
+
+fn sweep(survey: &Survey, view: &View, gpu: &Gpu, reference: Option<ReferenceReport>, mut points: Vec<Point>) -> Sweep {
+    mark_front(&mut points, &survey.metric, &survey.cost);
+    Sweep {
+        schema: 1,
+        scene: view.scene.name.clone(),
+        triangles: view.scene.triangles.len(),
+        camera: view.camera.name.clone(),
+        size: view.size,
+        adapter: (&gpu.adapter).into(),
+        runs: usize::from(survey.runs),
+        complete: points.iter().all(|point| point.measured().is_some_and(|measured| measured.complete)),
+        reference,
+        metric: survey.metric.to_string(),
+        cost: survey.cost.to_string(),
+        over: survey.axes(),
+        points,
+    }
+}

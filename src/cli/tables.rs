@@ -1,0 +1,87 @@
+//! A survey as tables in Markdown: errors, costs, and what nothing beats.
+
+use super::comparison::significant;
+use crate::measure::criteria::{Cost, Metric};
+use crate::measure::survey::Survey;
+use crate::measure::sweep::{Outcome, Point, Sweep, best, lines};
+
+/// A table of errors and one of costs, each a row for each row of the survey and a column for each value, and the points that nothing beats.
+pub fn markdown(sweep: &Sweep, survey: &Survey) -> String {
+    let (metric, cost) = (&survey.metric, &survey.cost);
+    let error = |point: &Point| metric.of(&point.measured()?.errors).map(|error| told(error, metric));
+    let costs = |point: &Point| cost.of(point.measured()?).map(significant);
+    let unit = if metric.is_share() { " [%]" } else { "" };
+    let mut parts = vec![headline(sweep)];
+    if sweep.reference.is_some() {
+        parts.push(by_value(sweep, &format!("{metric}{unit}"), &error));
+    }
+    parts.push(by_value(sweep, &cost.to_string(), &costs));
+    if sweep.points.iter().any(|point| point.pareto) {
+        parts.push(front(sweep, metric, cost));
+    }
+    parts.join("\n")
+}
+
+fn headline(sweep: &Sweep) -> String {
+    let [width, height] = sweep.size;
+    let against = sweep.reference.as_ref().map(|reference| match (&reference.row, &reference.samples) {
+        (Some(row), _) => format!(", against `{row}`"),
+        (_, Some(samples)) => format!(", against {samples} rays a pixel{}", noise(sweep)),
+        _ => format!(", against {}", reference.file.as_deref().unwrap_or("the reference")),
+    });
+    let runs = if sweep.runs == 1 { "1 run".to_owned() } else { format!("{} runs", sweep.runs) };
+    format!("{}, {width}×{height}, {}, {runs} of each point{}:\n", sweep.scene, sweep.adapter.name, against.unwrap_or_default())
+}
+
+/// That of the reference, as far as it is known.
+fn noise(sweep: &Sweep) -> String {
+    let measured = sweep.points.iter().filter_map(Point::measured);
+    let noise = measured.filter_map(|measured| measured.errors.irradiance.as_ref()?.reference_noise_over_mean).next();
+    noise.map_or(String::new(), |noise| format!(", whose noise is {:.2} %", 100.0 * noise))
+}
+
+/// As people read it; percent without the sign, which stands above.
+fn told(error: f64, metric: &Metric) -> String {
+    let value = if metric.is_share() { 100.0 * error } else { error };
+    significant(value)
+}
+
+fn by_value(sweep: &Sweep, what: &str, cell: &dyn Fn(&Point) -> Option<String>) -> String {
+    let Some(axis) = sweep.over.first() else { return String::new() };
+    let head = std::iter::once(format!("{what} \\ {}", axis.parameter)).chain(axis.values.iter().cloned()).collect();
+    let row = |(name, points): (String, Vec<&Point>)| {
+        let at = |value: &String| points.iter().find(|point| point.values.get(&axis.parameter) == Some(value));
+        std::iter::once(name).chain(axis.values.iter().map(|value| at(value).map_or("-".to_owned(), |point| shown(point, cell)))).collect()
+    };
+    table(std::iter::once(head).chain(lines(sweep).into_iter().map(row)).collect())
+}
+
+fn shown(point: &Point, cell: &dyn Fn(&Point) -> Option<String>) -> String {
+    match &point.outcome {
+        Outcome::Refused { .. } => "refused".to_owned(),
+        _ => cell(point).unwrap_or_else(|| "-".to_owned()),
+    }
+}
+
+fn front(sweep: &Sweep, metric: &Metric, cost: &Cost) -> String {
+    let unit = if metric.is_share() { " [%]" } else { "" };
+    let head = vec!["nothing beats".to_owned(), cost.unit().to_owned(), format!("{metric}{unit}")];
+    let row = |(point, [cost, error]): (&Point, [f64; 2])| vec![point.name(&sweep.over), significant(cost), told(error, metric)];
+    table(std::iter::once(head).chain(best(&sweep.points, metric, cost).into_iter().map(row)).collect())
+}
+
+/// Cells padded, so that the text can be read as it stands; all columns but the first are numbers.
+fn table(rows: Vec<Vec<String>>) -> String {
+    let cells: Vec<Vec<String>> = rows.into_iter().map(|row| row.into_iter().map(|cell| cell.replace('|', "\\|")).collect()).collect();
+    let columns = cells.iter().map(Vec::len).max().unwrap_or(0);
+    let widths: Vec<usize> =
+        (0..columns).map(|column| cells.iter().filter_map(|row| Some(row.get(column)?.chars().count())).max().unwrap_or(0).max(3)).collect();
+    let line = |row: &Vec<String>| {
+        let cells = row.iter().zip(&widths).enumerate();
+        let cells = cells.map(|(column, (cell, width))| if column == 0 { format!("{cell:<width$}") } else { format!("{cell:>width$}") });
+        format!("| {} |\n", cells.collect::<Vec<_>>().join(" | "))
+    };
+    let rule = widths.iter().enumerate().map(|(column, width)| if column == 0 { "-".repeat(*width) } else { "-".repeat(width - 1) + ":" });
+    let rule = format!("| {} |\n", rule.collect::<Vec<_>>().join(" | "));
+    cells.iter().take(1).map(line).chain([rule]).chain(cells.iter().skip(1).map(line)).collect()
+}

@@ -1,0 +1,201 @@
+//! The two things that points of a sweep are judged by: an error, and what it costs.
+
+use super::compare::VariantErrors;
+use super::metrics::Errors;
+use super::sweep::Measured;
+use crate::pipeline::Problem;
+use crate::pipeline::diagnostics::known;
+use crate::pipeline::syntax::{self, Body, Value, ValueKind, Word};
+use std::fmt;
+use std::str::FromStr;
+
+/// The error that a sweep is judged by.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Metric {
+    layer: Judged,
+    /// One of [`Errors::METRICS`].
+    name: &'static str,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Judged {
+    Irradiance,
+    Picture,
+}
+
+impl FromStr for Metric {
+    type Err = String;
+
+    /// Reads `NAME` or `LAYER.NAME`; the layer is `irradiance` or `picture`, the former where none is said.
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (layer, name) = text.split_once('.').unwrap_or(("irradiance", text));
+        let layer = match layer {
+            "irradiance" => Some(Judged::Irradiance),
+            "picture" => Some(Judged::Picture),
+            _ => None,
+        };
+        let name = Errors::METRICS.into_iter().find(|known| *known == name);
+        let expected = || format!("expected a metric, of the irradiance or as picture.METRIC: {}", Errors::METRICS.join(", "));
+        layer.zip(name).map(|(layer, name)| Self { layer, name }).ok_or_else(expected)
+    }
+}
+
+impl fmt::Display for Metric {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let layer = if self.layer == Judged::Irradiance { "irradiance" } else { "picture" };
+        write!(f, "{layer}.{}", self.name)
+    }
+}
+
+impl Metric {
+    /// Its size: a signed error counts as it is far from 0. None where it could not be measured.
+    pub fn of(&self, errors: &VariantErrors) -> Option<f64> {
+        let errors = if self.layer == Judged::Irradiance { &errors.irradiance } else { &errors.picture };
+        errors.as_ref()?.metric(self.name).flatten().map(f64::abs)
+    }
+
+    /// Whether it is a share, told in percent.
+    pub fn is_share(&self) -> bool {
+        !matches!(self.name, "relmse" | "flip")
+    }
+}
+
+impl Default for Metric {
+    fn default() -> Self {
+        Self { layer: Judged::Irradiance, name: "rmse_over_mean" }
+    }
+}
+
+/// What an error is held against.
+#[derive(Debug, Clone)]
+pub enum Cost {
+    /// Of a run.
+    Seconds,
+    /// How many there are in the end.
+    Records,
+    /// Time of these nodes for each record.
+    PerRecord(Vec<Word>),
+}
+
+const COSTS: [&str; 3] = ["Seconds", "Records", "PerRecord"];
+
+impl Cost {
+    /// Reads what stands behind `option`.
+    ///
+    /// # Errors
+    /// As [`Cost::read`].
+    pub fn parse(option: &str, text: &str) -> Result<Self, Problem> {
+        let source = syntax::source(option, text);
+        Self::read(&syntax::parse(&source, 0..text.len())?)
+    }
+
+    /// Reads `Seconds`, `Records` or `PerRecord(["node", …])`; whether pipelines have these nodes is for others to tell.
+    ///
+    /// # Errors
+    /// Anything else.
+    pub fn read(value: &Value) -> Result<Self, Problem> {
+        let wrong = |message: String| Problem::new("study::cost", message).at(&value.place, "expected a cost");
+        let ValueKind::Compound { name: Some(name), body } = &value.kind else {
+            return Err(wrong(format!("expected a cost, got {}", value.phrase())).help(format!("the costs: {}", COSTS.join(", "))));
+        };
+        match (name.text.as_str(), body) {
+            ("Seconds", Body::Empty) => Ok(Self::Seconds),
+            ("Records", Body::Empty) => Ok(Self::Records),
+            ("PerRecord", Body::Positional(values)) => match nodes(values) {
+                Some(nodes) => Ok(Self::PerRecord(nodes)),
+                None => Err(wrong("`PerRecord` lists the names of nodes".into()).help("write `PerRecord([\"node\", …])`")),
+            },
+            ("PerRecord", _) => Err(wrong("`PerRecord` lists the names of nodes".into()).help("write `PerRecord([\"node\", …])`")),
+            (other, _) => Err(wrong(format!("`{other}` is not a cost")).help(known(other, COSTS, "the costs"))),
+        }
+    }
+
+    /// In its unit; None where the adapter tells no time of nodes, or nothing was made.
+    pub fn of(&self, measured: &Measured) -> Option<f64> {
+        match self {
+            Self::Seconds => Some(measured.seconds.median),
+            Self::Records => measured.records.irradiance.map(f64::from),
+            Self::PerRecord(nodes) => {
+                let records = measured.records.irradiance.filter(|records| *records > 0)?;
+                let times = measured.passes.iter().filter(|pass| nodes.iter().any(|node| node.text == pass.node));
+                let sum = times.map(|pass| Some(pass.gpu_ms? + pass.cpu_ms?)).sum::<Option<f64>>()?;
+                Some(sum / f64::from(records))
+            }
+        }
+    }
+
+    /// Its quartiles, where they are known.
+    pub fn spread(&self, measured: &Measured) -> Option<[f64; 2]> {
+        matches!(self, Self::Seconds).then_some([measured.seconds.lower_quartile, measured.seconds.upper_quartile])
+    }
+
+    /// The head of a column.
+    pub fn unit(&self) -> &'static str {
+        match self {
+            Self::Seconds => "seconds",
+            Self::Records => "records",
+            Self::PerRecord(_) => "ms a record",
+        }
+    }
+
+    /// A value of it with its unit.
+    pub fn told(&self, value: f64) -> String {
+        match self {
+            Self::Seconds => format!("{value:.3} s"),
+            Self::Records => format!("{value} records"),
+            Self::PerRecord(_) => format!("{value:.4} ms a record"),
+        }
+    }
+
+    /// The name of an axis.
+    pub fn label(&self, runs: usize) -> String {
+        match self {
+            Self::Seconds => format!("seconds, median of {runs} runs with its quartiles"),
+            Self::Records => "records".to_owned(),
+            Self::PerRecord(_) => format!("{self}, median of {runs} runs"),
+        }
+    }
+}
+
+fn nodes(values: &[Value]) -> Option<Vec<Word>> {
+    match values {
+        [Value { kind: ValueKind::List(items), .. }] if !items.is_empty() => items.iter().map(Value::word).collect(),
+        _ => None,
+    }
+}
+
+impl fmt::Display for Cost {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::PerRecord(nodes) => {
+                let nodes: Vec<&str> = nodes.iter().map(|node| node.text.as_str()).collect();
+                write!(f, "ms a record in {}", nodes.join(", "))
+            }
+            other => f.write_str(other.unit()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn metrics_have_names() {
+        for (text, name) in [("flip", "irradiance.flip"), ("picture.relmse", "picture.relmse"), ("irradiance.block_p99", "irradiance.block_p99")] {
+            assert_eq!(text.parse::<Metric>().unwrap().to_string(), name);
+        }
+        for text in ["", "rsme", "depth.relmse", "picture.", "picture"] {
+            assert!(text.parse::<Metric>().unwrap_err().contains("rmse_over_mean"), "{text}");
+        }
+    }
+
+    #[test]
+    fn costs_are_read_and_told() {
+        let told = |text: &str| Cost::parse("--cost", text).map(|cost| cost.to_string());
+        assert_eq!(["Seconds", "Records", "PerRecord([\"a\", \"b\"])"].map(|text| told(text).unwrap()), ["seconds", "records", "ms a record in a, b"]);
+        for text in ["Second", "3", "PerRecord", "PerRecord([])", "PerRecord([1])", "PerRecord(\"a\")", "Seconds(1)"] {
+            assert_eq!(told(text).unwrap_err().code, "study::cost", "{text}");
+        }
+    }
+}

@@ -1,0 +1,11 @@
+//! The studies that ship, inside the program.
+
+/// File name and text.
+pub static EMBEDDED: &[(&str, &str)] = &[("compensation.ron", include_str!("../../../studies/compensation.ron"))];
+
+/// Finds a study by "studies/compensation.ron", "compensation.ron" or "compensation".
+pub fn find(name: &str) -> Option<(&'static str, &'static str)> {
+    let name = name.strip_prefix("studies/").unwrap_or(name);
+    let name = name.strip_suffix(".ron").unwrap_or(name);
+    EMBEDDED.iter().copied().find(|(file, _)| file.strip_suffix(".ron") == Some(name))
+}

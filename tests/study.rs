@@ -1,0 +1,252 @@
+//! `hemisplat study` from outside: what a study's file says is measured, told and kept; options change it; mistakes are told at their place.
+//!
+//! Needs a GPU adapter, a software one will do; without one each case is named as skipped, which
+//! `HEMISPLAT_REQUIRE=gpu` makes a failure.
+
+mod place;
+
+use hemisplat::measure::study::embedded::EMBEDDED;
+use libtest_mimic::{Arguments, Failed};
+use place::{Case, Outcome, Place, check};
+use serde_json::Value;
+use std::fs;
+use std::path::Path;
+
+const DRAWN: &[(&str, Case)] = &[
+    ("a_study_is_measured_and_told_as_its_file_says", told),
+    ("options_change_a_study_and_costs_need_no_new_runs", changed),
+    ("a_row_judges_the_others_also_after_a_stop", judged),
+    ("pipelines_and_scenes_stand_beside_a_study", beside),
+];
+
+const REFUSED: &[(&str, Case)] = &[("studies_that_ship_can_be_planned", shipped), ("mistakes_are_told_before_work_starts", mistakes)];
+
+fn main() {
+    place::run(&Arguments::from_args(), DRAWN, REFUSED);
+}
+
+/// A study of two rows and two values.
+const SMALL: &str = r#"Study(
+    version: 1,
+    about: "Raster against rays",
+    scene: "cornell",
+    size: (24, 18),
+    reference: Traced(spp: 16),
+    runs: 2,
+    metric: "rms_of_relative",
+    cost: PerRecord(["tiles", "records"]),
+    set: { "cache.accuracy": 0.4 },
+    rows: [
+        (name: "a plane | raster", pipeline: "irradiance-plane"),
+        (name: "rays", pipeline: "irradiance", set: { "cache.accuracy": 0.5 }),
+    ],
+    over: { "tiles.resolution": [4, 8] },
+)"#;
+
+impl Place {
+    fn with(files: &[(&str, &str)]) -> Result<Self, Failed> {
+        let place = Self::new()?;
+        files.iter().try_for_each(|(name, text)| fs::write(place.0.path().join(name), text))?;
+        Ok(place)
+    }
+
+    fn text(&self, name: &str) -> Result<String, Failed> {
+        Ok(fs::read_to_string(self.0.path().join(name))?)
+    }
+}
+
+fn points(json: &Value) -> Result<&Vec<Value>, Failed> {
+    Ok(json["points"].as_array().ok_or("no points")?)
+}
+
+fn error(point: &Value) -> f64 {
+    point["errors"]["irradiance"]["rms_of_relative"].as_f64().unwrap_or(f64::NAN)
+}
+
+/// Milliseconds a record in `tiles` and `records`.
+fn cost(point: &Value) -> f64 {
+    let passes = point["passes"].as_array().into_iter().flatten();
+    let counted = passes.filter(|pass| pass["node"] == "tiles" || pass["node"] == "records");
+    let ms: f64 = counted.map(|pass| pass["gpu_ms"].as_f64().unwrap_or(f64::NAN) + pass["cpu_ms"].as_f64().unwrap_or(f64::NAN)).sum();
+    ms / point["records"]["irradiance"].as_f64().unwrap_or(f64::NAN)
+}
+
+/// The cells of the row with this name, of each table that has one.
+fn cells(markdown: &str, name: &str) -> Vec<Vec<f64>> {
+    let rows = markdown.lines().map(|line| line.replace("\\|", "/").split('|').map(|cell| cell.trim().to_owned()).collect::<Vec<_>>());
+    let named = rows.filter(|cells| cells.get(1).is_some_and(|first| first == name));
+    named.map(|cells| cells[2..cells.len() - 1].iter().map(|cell| cell.parse().unwrap_or(f64::NAN)).collect()).collect()
+}
+
+/// Without the adapter, what was measured and the widths of columns. What is best depends on the machine: one row stands for all of the front.
+fn masked(markdown: &str, adapter: &str) -> String {
+    let number = |cell: &str| cell.parse::<f64>().is_ok();
+    let cells =
+        |line: &str| line.split(" | ").map(str::trim).map(|cell| if number(cell.trim_matches([' ', '|'])) { "#" } else { cell }.to_owned()).collect::<Vec<_>>();
+    let line = |line: &str| match line {
+        rule if rule.starts_with("| -") => "|-|".to_owned(),
+        head if head.contains(" \\ ") => head.split_whitespace().collect::<Vec<_>>().join(" "),
+        _ => cells(line).join(" | "),
+    };
+    let mut lines: Vec<String> = markdown.lines().map(|text| line(&text.replace(adapter, "ADAPTER"))).collect();
+    let front = lines.iter().position(|line| line.starts_with("| nothing beats")).map_or(lines.len(), |at| at + 2);
+    lines.truncate(front);
+    lines.join("\n")
+}
+
+fn near(told: &[f64], values: &[f64]) -> bool {
+    told.len() == values.len() && told.iter().zip(values).all(|(told, value)| (told - value).abs() <= 0.006 * value.abs())
+}
+
+fn told() -> Outcome {
+    let place = Place::with(&[("small.ron", SMALL)])?;
+    let (text, stderr) = place.succeed("study small.ron -o out --json a.json --csv a.csv --svg a.svg --markdown a.md")?;
+    check(stderr.contains("4 points: 0 found in out, 0 refused, 4 to measure"), || stderr.clone())?;
+    let (json, markdown) = (place.json("a.json")?, place.text("a.md")?);
+    let points = points(&json)?;
+    check(json["size"] == serde_json::json!([24, 18]) && json["runs"] == 2 && json["complete"] == true && points.len() == 4, || json.to_string())?;
+    check(points[2]["row"] == "rays" && points[2]["set"] == serde_json::json!(["cache.accuracy=0.4", "cache.accuracy=0.5", "tiles.resolution=4"]), || {
+        points[2].to_string()
+    })?;
+    for (name, pair) in ["a plane / raster", "rays"].into_iter().zip(points.chunks(2)) {
+        let tables = cells(&markdown, name);
+        let [errors, costs] = &tables[..] else { return Err(format!("{name} stands in {} tables\n{markdown}", tables.len()).into()) };
+        let expected = |of: fn(&Value) -> f64, factor: f64| pair.iter().map(|point| factor * of(point)).collect::<Vec<_>>();
+        check(near(errors, &expected(error, 100.0)) && near(costs, &expected(cost, 1.0)), || format!("{errors:?} {costs:?}\n{markdown}"))?;
+    }
+    fronts(points, &markdown)?;
+    insta::assert_snapshot!("markdown", masked(&markdown, json["adapter"]["name"].as_str().ok_or("no adapter")?));
+    check(text.ends_with(&markdown) && text.contains("rays tiles.resolution=8"), || text.clone())?;
+    let csv = place.text("a.csv")?;
+    let mut reader = csv::Reader::from_reader(csv.as_bytes());
+    let at = reader.headers()?.iter().position(|name| name == "ms_per_record").ok_or("no ms_per_record")?;
+    let told: Vec<f64> = reader.records().map(|row| Ok(row?[at].parse()?)).collect::<Result<_, Failed>>()?;
+    check(near(&told, &points.iter().map(cost).collect::<Vec<_>>()), || csv.clone())?;
+    check(place.text("a.svg")?.contains("ms a record in tiles, records"), || "the plot's axis is another cost".into())
+}
+
+/// What the last table lists is what no other point beats in cost and error.
+fn fronts(points: &[Value], markdown: &str) -> Outcome {
+    let beaten = |point: &Value| points.iter().any(|other| cost(other) <= cost(point) && error(other) <= error(point) && other != point);
+    for point in points {
+        let name = format!(
+            "{} tiles.resolution={}",
+            point["row"].as_str().unwrap_or("?").replace('|', "/"),
+            point["values"]["tiles.resolution"].as_str().unwrap_or("?")
+        );
+        let listed = cells(markdown, &name);
+        check(listed.is_empty() == beaten(point) && point["pareto"] == !beaten(point), || format!("{point}\n{markdown}"))?;
+        check(listed.iter().all(|cells| near(cells, &[cost(point), 100.0 * error(point)])), || markdown.to_owned())?;
+    }
+    Ok(())
+}
+
+fn changed() -> Outcome {
+    let place = Place::with(&[("small.ron", SMALL)])?;
+    let changes = "--size 12x12 --runs 1 --reference-spp 4";
+    place.succeed(&format!("study small.ron {changes} -o out --json a.json"))?;
+    let json = place.json("a.json")?;
+    check(json["size"] == serde_json::json!([12, 12]) && json["runs"] == 1 && json["reference"]["samples"] == "4", || json.to_string())?;
+    let (_, stderr) = place.succeed(&format!("study small.ron {changes} --cost Records --metric rmse_over_mean -o out --svg b.svg --markdown b.md"))?;
+    check(stderr.contains("4 found"), || stderr)?;
+    let records: Vec<f64> = points(&json)?[..2].iter().map(|point| point["records"]["irradiance"].as_f64().unwrap_or(f64::NAN)).collect();
+    let (markdown, svg) = (place.text("b.md")?, place.text("b.svg")?);
+    check(near(&cells(&markdown, "a plane / raster")[1], &records) && svg.contains(">records<") && svg.contains("rmse_over_mean"), || markdown)?;
+    let (_, stderr) = place.succeed(&format!("study small.ron --scene corner {changes} -o out --json c.json"))?;
+    check(stderr.contains("0 found") && place.json("c.json")?["scene"] == "corner", || stderr)
+}
+
+fn judged() -> Outcome {
+    let by_row = SMALL.replace("Traced(spp: 16)", "Row(\"rays\")");
+    let place = Place::with(&[("judged.ron", &by_row)])?;
+    let study = |json: &str| place.succeed(&format!("study judged.ron -o out --json {json}"));
+    study("a.json")?;
+    let first = place.json("a.json")?;
+    let errors: Vec<f64> = points(&first)?.iter().map(error).collect();
+    check(errors[..2].iter().all(|error| *error > 0.0) && errors[2..] == [0.0; 2] && first["reference"]["row"] == "rays", || first.to_string())?;
+    for (resolution, expected) in [(4, errors[0]), (8, errors[1])] {
+        let render = |pipeline: &str, accuracy: f64| {
+            place.succeed(&format!(
+                "render {pipeline} --scene cornell --size 24x18 --set cache.accuracy={accuracy} --set tiles.resolution={resolution} -o {pipeline}.exr"
+            ))
+        };
+        render("irradiance-plane", 0.4)?;
+        render("irradiance", 0.5)?;
+        place.succeed("diff irradiance-plane.exr:irradiance irradiance.exr:irradiance --json diff.json")?;
+        let found = place.json("diff.json")?["rms_of_relative"].as_f64();
+        check(found == Some(expected), || format!("{resolution}: {found:?} by diff, {expected} by the study"))?;
+    }
+    // One point is lost: its row is measured against pictures that have to be made again.
+    let lost = fs::read_dir(place.0.path().join("out"))?.map(|entry| Ok(entry?.path())).collect::<Result<Vec<_>, Failed>>()?;
+    let lost = lost.iter().find(|path| fs::read_to_string(path).is_ok_and(|text| text.contains("cache.accuracy=0.4\",\n    \"tiles.resolution=4\"")));
+    fs::remove_file(lost.ok_or("no file of the first point")?)?;
+    let (_, stderr) = study("b.json")?;
+    check(stderr.contains("3 found"), || stderr)?;
+    let again = place.json("b.json")?;
+    check(points(&again)?.iter().map(error).collect::<Vec<_>>() == errors, || again.to_string())
+}
+
+fn beside() -> Outcome {
+    let place = Place::with(&[])?;
+    let folder = place.0.path().join("lab");
+    fs::create_dir(&folder)?;
+    let study = SMALL.replace("\"irradiance-plane\"", "\"mine.ron\"").replace("\"cornell\"", "\"box.ron\"");
+    let variant = r#"Variant(version: 1, about: "mine", of: "irradiance.ron", set: { "records.gradients": false })"#;
+    let scene = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/cornell.ron"))?;
+    for (name, text) in [("study.ron", study.as_str()), ("mine.ron", variant), ("box.ron", scene.as_str())] {
+        fs::write(folder.join(name), text)?;
+    }
+    place.succeed("study lab/study.ron --runs 1 -o out --json a.json")?;
+    let json = place.json("a.json")?;
+    check(json["scene"] == "box" && json["points"][0]["pipeline"] == "lab/mine.ron" && json["points"][2]["pipeline"] == "irradiance", || json.to_string())
+}
+
+/// Without geometry that does not ship, and small.
+fn shipped() -> Outcome {
+    let files = fs::read_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("studies"))?;
+    let mut files = files.map(|entry| Ok(entry?.file_name().to_string_lossy().into_owned())).collect::<Result<Vec<_>, Failed>>()?;
+    files.sort();
+    check(files == EMBEDDED.iter().map(|(file, _)| *file).collect::<Vec<_>>(), || format!("{files:?}"))?;
+    let place = Place::new()?;
+    for file in files {
+        let (text, stderr) = place.succeed(&format!("study {file} --scene corner --size 101x101 --dry-run"))?;
+        check(text.lines().count() > 5 && !text.contains("refused"), || format!("{file}\n{text}{stderr}"))?;
+    }
+    Ok(())
+}
+
+fn mistakes() -> Outcome {
+    let cases = [
+        ("rows: [", "rwos: [", "document::unknown_key", "did you mean `rows`"),
+        ("version: 1", "version: 2", "document::version", "version 1 is known"),
+        ("Study(", "Pipeline(", "study::not_a_study", "expected a study"),
+        ("runs: 2", "runs: 0", "study::out_of_range", "from 1 to 500"),
+        ("size: (24, 18)", "size: 24", "document::wrong_type", "(640, 480)"),
+        ("spp: 16", "stride: 2", "document::missing_key", "`spp` is missing"),
+        ("rms_of_relative", "rms_of_relativ", "study::unknown_metric", "rms_of_relative"),
+        ("PerRecord", "PerRecrod", "study::cost", "did you mean `PerRecord`"),
+        ("\"tiles\", \"records\"", "\"tilse\"", "study::unknown_node", "did you mean `tiles`"),
+        ("\"rays\"", "\"a plane | raster\"", "study::duplicate_row", "first here"),
+        ("Traced(spp: 16)", "Row(\"ray\")", "study::unknown_row", "did you mean `rays`"),
+        ("[4, 8]", "[]", "study::empty", "nothing is here"),
+        ("{ \"tiles.resolution\": [4, 8] }", "{}", "study::empty", "nothing is here"),
+        ("[4, 8]", "[4, 4]", "sweep::same_pipeline", "tiles.resolution=4"),
+        ("[4, 8]", "[4], \"tiles.resolution\": [8]", "sweep::same_parameter", "again here"),
+        ("[4, 8]", "[4, 1000]", "pipeline::out_of_range", "[4, 1000]"),
+        ("\"tiles.resolution\":", "\"tiles.resolutoin\":", "pipeline::unknown_parameter", "did you mean `resolution`"),
+        ("\"irradiance-plane\"", "\"irradiance-plain\"", "pipeline::not_found", "named here"),
+        ("\"cache.accuracy\": 0.5", "\"cahce.accuracy\": 0.5", "pipeline::unknown_node", "did you mean `cache`"),
+    ];
+    let place = Place::new()?;
+    for (from, to, code, words) in cases {
+        check(SMALL.contains(from), || from.to_owned())?;
+        fs::write(place.0.path().join("wrong.ron"), SMALL.replacen(from, to, 1))?;
+        let (status, stdout, stderr) = place.run("study wrong.ron -o out")?;
+        check(status == 2 && stdout.is_empty(), || format!("{to}: status {status}\n{stdout}{stderr}"))?;
+        check(stderr.contains(code) && stderr.contains(words), || format!("{to}: {code}, {words}\n{stderr}"))?;
+        check(code == "sweep::same_pipeline" || stderr.contains("wrong.ron:"), || format!("{to}: no place\n{stderr}"))?;
+    }
+    let (status, _, stderr) = place.run("study compensatoin -o out")?;
+    check(status == 2 && stderr.contains("study::not_found") && stderr.contains("did you mean `compensation.ron`"), || stderr)?;
+    check(!place.0.path().join("out").exists(), || "a mistake leaves a folder".into())
+}

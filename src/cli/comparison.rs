@@ -102,16 +102,16 @@ fn errors(comparison: &Comparison) -> String {
     }
     let _ = writeln!(
         text,
-        "\n{:<3} {:>14} {:>14} {:>15} {:>9} {:>9} {:>10} {:>9}",
-        "", "rmse_over_mean", "bias_over_mean", "rms_of_relative", "block_p50", "block_p99", "picture", "flip"
+        "\n{:<3} {:>14} {:>14} {:>15} {:>9} {:>9} {:>10} {:>9} {:>9}",
+        "", "rmse_over_mean", "bias_over_mean", "rms_of_relative", "block_p50", "block_p99", "picture", "flip", "hdr_flip"
     );
     for variant in &comparison.variants {
         let irradiance = |name: &str| metric(variant.errors.irradiance.as_ref(), name);
         let percent = |value: Option<f64>| value.map_or("-".to_owned(), |value| format!("{:.2} %", 100.0 * value));
-        let flip = flip(&variant.errors).map_or("-".to_owned(), |value| format!("{value:.4}"));
+        let seen = |name: &str| seen(&variant.errors, name).map_or("-".to_owned(), |value| format!("{value:.4}"));
         let _ = writeln!(
             text,
-            "{:<3} {:>14} {:>14} {:>15} {:>9} {:>9} {:>10} {:>9}",
+            "{:<3} {:>14} {:>14} {:>15} {:>9} {:>9} {:>10} {:>9} {:>9}",
             variant.id,
             percent(irradiance("rmse_over_mean")),
             percent(irradiance("bias_over_mean")),
@@ -119,7 +119,8 @@ fn errors(comparison: &Comparison) -> String {
             percent(irradiance("block_p50")),
             percent(irradiance("block_p99")),
             percent(metric(variant.errors.picture.as_ref(), "rmse_over_mean")),
-            flip,
+            seen("flip"),
+            seen("hdr_flip"),
         );
     }
     text
@@ -129,9 +130,12 @@ fn metric(errors: Option<&Errors>, name: &str) -> Option<f64> {
     errors.and_then(|errors| errors.metric(name)).flatten()
 }
 
-/// Of the picture, or of the irradiance where that is all there is.
-fn flip(errors: &VariantErrors) -> Option<f64> {
-    errors.picture.as_ref().or(errors.irradiance.as_ref()).and_then(|errors| errors.flip)
+/// What a viewer sees.
+const SEEN: [&str; 2] = ["flip", "hdr_flip"];
+
+/// One of them: of the picture, or of the irradiance where that is all there is.
+fn seen(errors: &VariantErrors, name: &str) -> Option<f64> {
+    metric(errors.picture.as_ref().or(errors.irradiance.as_ref()), name)
 }
 
 /// Names of nodes with their passes, each once, as the variants run them.
@@ -301,12 +305,12 @@ fn of_costs(comparison: &Comparison, variant: &VariantReport) -> Vec<Cell> {
 
 pub(super) fn of_errors(judged: &VariantErrors) -> Vec<Cell> {
     let of = |layer: &'static str, errors: Option<&Errors>| {
-        let metrics = Errors::METRICS.into_iter().filter(|name| *name != "flip");
+        let metrics = Errors::METRICS.into_iter().filter(|name| !SEEN.contains(name));
         metrics.map(move |name| cell(format!("{layer}_{name}"), metric(errors, name))).collect::<Vec<_>>()
     };
     let mut cells = of("irradiance", judged.irradiance.as_ref());
     cells.extend(of("picture", judged.picture.as_ref()));
-    cells.push(cell("flip", flip(judged)));
+    cells.extend(SEEN.map(|name| cell(name, seen(judged, name))));
     cells
 }
 

@@ -126,7 +126,7 @@ fn table(test: &Path, reference: &Path, errors: &Errors) -> String {
     let number = |value: Option<f64>| value.map_or_else(|| "not measurable".to_owned(), |value| format!("{value:>10.5}"));
     for metric in Errors::METRICS {
         let value = errors.metric(metric).flatten();
-        let value = if matches!(metric, "relmse" | "flip") { number(value) } else { percent(value) };
+        let value = if Errors::is_share(metric) { percent(value) } else { number(value) };
         let _ = writeln!(table, "  {metric:<16}{value}");
     }
     let worst = &errors.largest;

@@ -56,7 +56,7 @@ impl Metric {
 
     /// Whether it is a share, told in percent.
     pub fn is_share(&self) -> bool {
-        !matches!(self.name, "relmse" | "flip")
+        Errors::is_share(self.name)
     }
 }
 

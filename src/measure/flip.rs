@@ -4,6 +4,7 @@
 //! Section and equation numbers below are that paper's. Both pictures are filtered as the eye filters colours at a distance (4.1), their
 //! colour difference is taken in a perceptually even space (4.1.2), and is raised where edges and points differ (4.2, 4.3).
 
+use crate::math::colour::luminance;
 use glam::{DMat3, DVec3};
 use std::f64::consts::PI;
 
@@ -29,6 +30,50 @@ pub fn flip_map(test: &[DVec3], reference: &[DVec3], width: usize) -> Vec<f64> {
     let colour = colour_difference(&test, &reference, width);
     let feature = feature_difference(&test, &reference, width);
     colour.iter().zip(feature).map(|(colour, feature)| colour.powf(1.0 - feature)).collect()
+}
+
+/// Mean HDR-ꟻLIP error of two pictures of linear Rec. 709 light, 0 (equal) .. 1: at each pixel the largest ꟻLIP error that a viewer meets on the
+/// way through all exposures of the reference. None where the reference is black and nothing tells how to expose it.
+///
+/// As [`flip`] otherwise; neither depends on the light's unit. (Andersson, Nilsson, Shirley, Akenine-Möller: "Visualizing Errors in Rendered High
+/// Dynamic Range Images", Eurographics 2021.)
+pub fn hdr_flip(test: &[DVec3], reference: &[DVec3], width: usize) -> Option<f64> {
+    let mut largest = vec![0.0f64; reference.len()];
+    for stops in exposures(reference)? {
+        let [test, reference] = [test, reference].map(|picture| picture.iter().map(|&colour| filmic(colour * stops.exp2())).collect::<Vec<_>>());
+        largest.iter_mut().zip(flip_map(&test, &reference, width)).for_each(|(largest, error)| *largest = largest.max(error));
+    }
+    Some(largest.iter().sum::<f64>() / largest.len() as f64)
+}
+
+/// The curve `(k₀x² + k₁x + k₂) / (k₃x² + k₄x + k₅)` that stands for the film of the Academy Color Encoding System (Narkowicz 2015), with its
+/// built-in exposure of 0.6.
+const FILM: [f64; 6] = [0.6 * 0.6 * 2.51, 0.6 * 0.03, 0.0, 0.6 * 0.6 * 2.43, 0.6 * 0.59, 0.14];
+
+fn filmic(colour: DVec3) -> DVec3 {
+    let [a, b, c, d, e, f] = FILM.map(DVec3::splat);
+    let x = colour.max(DVec3::ZERO);
+    (a * x * x + b * x + c) / (d * x * x + e * x + f)
+}
+
+/// Exposures from that which brings the brightest pixel of the reference just below white to that which brings the median pixel there, a stop or
+/// less apart [stops]; of an even number, the median is the upper one. A median below what single precision tells from the brightest pixel counts as that.
+fn exposures(reference: &[DVec3]) -> Option<Vec<f64>> {
+    let mut luminances: Vec<f64> = reference.iter().map(|colour| luminance(*colour)).collect();
+    luminances.sort_by(f64::total_cmp);
+    let brightest = luminances.last().copied().filter(|brightest| *brightest > 0.0)?;
+    let median = luminances[luminances.len() / 2].max(brightest * f64::from(f32::EPSILON));
+    let [start, stop] = [brightest, median].map(|luminance| (nearly_white() / luminance).log2());
+    let count = (stop - start).ceil().max(2.0);
+    Some((0..count as u32).map(|index| start + f64::from(index) * (stop - start) / (count - 1.0)).collect())
+}
+
+/// What the curve brings to 0.85: the larger root of a quadratic equation.
+fn nearly_white() -> f64 {
+    const SHOWN: f64 = 0.85;
+    let [a, b, c] = [0, 1, 2].map(|power| FILM[power] - SHOWN * FILM[power + 3]);
+    let roots = [-1.0, 1.0].map(|sign| (-b + sign * (b * b - 4.0 * a * c).sqrt()) / (2.0 * a));
+    roots[0].max(roots[1])
 }
 
 /// Linear Rec. 709 to CIE XYZ (D65).
@@ -153,25 +198,26 @@ fn signs_to_one(kernel: Vec<f64>) -> Vec<f64> {
 
 /// The plane filtered along its rows and then its columns; beyond the border stands the border's value.
 fn convolve(plane: &[f64], width: usize, along_rows: &[f64], along_columns: &[f64]) -> Vec<f64> {
-    let height = plane.len() / width;
+    let radius = along_rows.len() / 2;
     let mut rows = vec![0.0; plane.len()];
-    for y in 0..height {
-        for x in 0..width {
-            rows[y * width + x] = weighted(along_rows, x, width, |x| plane[y * width + x]);
-        }
+    for (filtered, row) in rows.chunks_mut(width).zip(plane.chunks(width)) {
+        let border = |value: f64| std::iter::repeat_n(value, radius);
+        let padded: Vec<f64> = border(row[0]).chain(row.iter().copied()).chain(border(row[width - 1])).collect();
+        along_rows.iter().enumerate().for_each(|(tap, weight)| add(filtered, *weight, &padded[tap..]));
     }
+    let (radius, last) = (along_columns.len() / 2, plane.len() / width - 1);
     let mut both = vec![0.0; plane.len()];
-    for y in 0..height {
-        for x in 0..width {
-            both[y * width + x] = weighted(along_columns, y, height, |y| rows[y * width + x]);
+    for (y, filtered) in both.chunks_mut(width).enumerate() {
+        for (tap, weight) in along_columns.iter().enumerate() {
+            let row = (y + tap).saturating_sub(radius).min(last);
+            add(filtered, *weight, &rows[row * width..]);
         }
     }
     both
 }
 
-fn weighted(kernel: &[f64], centre: usize, length: usize, value: impl Fn(usize) -> f64) -> f64 {
-    let radius = kernel.len() / 2;
-    kernel.iter().enumerate().map(|(tap, weight)| weight * value((centre + tap).saturating_sub(radius).min(length - 1))).sum()
+fn add(sum: &mut [f64], weight: f64, values: &[f64]) {
+    sum.iter_mut().zip(values).for_each(|(sum, value)| *sum += weight * value);
 }
 
 #[cfg(test)]
@@ -218,6 +264,59 @@ mod tests {
         check(ramp(), mirrored, 0.7063806, 0.967677, 0.138311);
         check(ramp(), darker, 0.3008843, 0.131734, 0.315766);
         check(noise(1), ramp(), 0.8128495, 0.963330, 0.842510);
+    }
+
+    /// Of the reference: `50 · value⁴` of noise, `2^(x/2 − 4)` to the right, a spot of 100 on 0.05, one bright pixel in the dark.
+    fn bright_noise(seed: u64) -> Vec<DVec3> {
+        noise(seed).iter().map(|colour| 50.0 * colour.powf(4.0)).collect()
+    }
+
+    fn stops(column: impl Fn(u64) -> u64) -> Vec<DVec3> {
+        picture(|x, _| (column(x) as f64 / 2.0 - 4.0).exp2() * DVec3::new(1.0, 0.5, 0.25))
+    }
+
+    fn spot(column: f64) -> Vec<DVec3> {
+        let square = |x: u64, y: u64| (x as f64 - column).powi(2) + (y as f64 - 8.0).powi(2);
+        picture(|x, y| DVec3::splat(0.05) + 100.0 * (-square(x, y) / 6.0).exp() * DVec3::new(1.0, 0.8, 0.6))
+    }
+
+    fn lamp(column: u64, radiance: f64) -> Vec<DVec3> {
+        picture(|x, y| if (x, y) == (column, 3) { DVec3::splat(radiance) } else { DVec3::ZERO })
+    }
+
+    /// The expected values are those of the authors' own program for the same pictures, as (row, column, channel) arrays in single precision:
+    /// `pip install flip-evaluator==1.7`, then `flip_evaluator.evaluate(reference, test, "HDR", applyMagma=False)` gives a map, its mean,
+    /// and the exposures (`startExposure`, `stopExposure`, `numExposures`).
+    #[track_caller]
+    fn check_hdr(test: &[DVec3], reference: &[DVec3], mean: f64, exposed: (f64, f64, usize)) {
+        let stops = exposures(reference).unwrap();
+        let (start, stop, count) = exposed;
+        assert!(stops.len() == count && (stops[0] - start).abs() < 1e-3 && (stops[count - 1] - stop).abs() < 1e-3, "{stops:?}");
+        let found = hdr_flip(test, reference, SIZE.0).unwrap();
+        assert!((found - mean).abs() < 2e-4, "{found}");
+    }
+
+    #[test]
+    fn hdr_equals_the_authors_values() {
+        let mirrored = stops(|x| 23 - x);
+        let [brighter, black] = [1.2, 0.0].map(|scale| stops(|x| x).iter().map(|colour| scale * colour).collect::<Vec<_>>());
+        check_hdr(&bright_noise(2), &bright_noise(1), 0.559232, (-4.20994, -1.54899, 3));
+        check_hdr(&mirrored, &stops(|x| x), 0.918980, (-5.65120, -0.15120, 6));
+        check_hdr(&brighter, &stops(|x| x), 0.239866, (-5.65120, -0.15120, 6));
+        check_hdr(&black, &stops(|x| x), 0.937020, (-5.65120, -0.15120, 6));
+        check_hdr(&spot(12.0), &spot(11.0), 0.272720, (-5.28927, 5.35884, 11));
+        check_hdr(&lamp(5, 0.5), &lamp(3, 1.0), 0.039777, (1.08330, 24.08330, 23));
+    }
+
+    #[test]
+    fn hdr_needs_light_and_not_its_unit() {
+        let scaled = |picture: Vec<DVec3>, power: i32| picture.iter().map(|colour| colour * f64::from(power).exp2()).collect::<Vec<_>>();
+        let error = |power: i32| hdr_flip(&scaled(spot(12.0), power), &scaled(spot(11.0), power), SIZE.0).unwrap();
+        assert!((error(0) - error(40)).abs() < 1e-9 && (error(0) - error(-40)).abs() < 1e-9);
+        assert_eq!(hdr_flip(&spot(11.0), &lamp(3, 0.0), SIZE.0), None);
+        assert_eq!(hdr_flip(&[], &[], 0), None);
+        let flat = picture(|_, _| DVec3::splat(0.3));
+        assert_eq!(hdr_flip(&flat, &flat, SIZE.0), Some(0.0));
     }
 
     #[test]

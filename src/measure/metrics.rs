@@ -1,6 +1,6 @@
 //! How far a picture is from the truth: each metric has one meaning, the same in every table and file of the project.
 
-use super::flip::flip;
+use super::flip::{flip, hdr_flip};
 use super::layers::{Layer, Layers, PICTURE, PictureError};
 use super::statistics::quantile;
 use super::tone::tone_map;
@@ -54,6 +54,8 @@ pub struct Errors {
     /// Mean ꟻLIP of the tone-mapped pictures, exposed so that the reference's mean luminance lies on middle grey: of the layer
     /// [`PICTURE`] where both files have one beside the compared layer, else of the compared layer. Null if the reference does not hold every pixel.
     pub flip: Option<f64>,
+    /// Mean HDR-ꟻLIP of the same layer, as [`hdr_flip`] tells: what a viewer sees at whatever exposure shows it most. Null where `flip` is.
+    pub hdr_flip: Option<f64>,
     /// The largest |x − r|.
     pub largest: LargestError,
 }
@@ -128,6 +130,7 @@ pub fn compare_layers(test: Selected, reference: Selected, variance: Option<&Lay
         return Err(MetricsError::Black);
     }
     let variance = variance.map(|variance| samples.iter().map(|s| variance[s.at]).sum::<f64>() / samples.len() as f64);
+    let [flip, hdr_flip] = if stride == 1 { flips(test, reference)? } else { [None; 2] };
     let blocks = block_errors(&samples, [reference.picture.width, reference.picture.height]);
     Ok(Errors {
         schema: 1,
@@ -142,7 +145,8 @@ pub fn compare_layers(test: Selected, reference: Selected, variance: Option<&Lay
         block_p50: quantile(&blocks, 0.5),
         block_p99: quantile(&blocks, 0.99),
         relmse: samples.iter().map(|s| s.difference().powi(2) / (s.r * s.r + RELMSE_FLOOR * mean * mean)).sum::<f64>() / samples.len() as f64,
-        flip: if stride == 1 { flip_of(test, reference)? } else { None },
+        flip,
+        hdr_flip,
         largest: largest(&samples, mean, reference.picture.width, stride).ok_or(MetricsError::NoSurface)?,
     })
 }
@@ -150,7 +154,12 @@ pub fn compare_layers(test: Selected, reference: Selected, variance: Option<&Lay
 /// The value of a metric by its name in JSON, for thresholds; a signed one by its size.
 impl Errors {
     /// The metrics that have a threshold, in the order of tables.
-    pub const METRICS: [&str; 8] = ["rmse_over_mean", "bias_over_mean", "rms_of_relative", "block_p50", "block_p99", "relmse", "flip", "largest"];
+    pub const METRICS: [&str; 9] = ["rmse_over_mean", "bias_over_mean", "rms_of_relative", "block_p50", "block_p99", "relmse", "flip", "hdr_flip", "largest"];
+
+    /// Whether a metric is a share, told in percent.
+    pub fn is_share(metric: &str) -> bool {
+        !matches!(metric, "relmse" | "flip" | "hdr_flip")
+    }
 
     /// The metric of that name, `largest` as a share of the mean. `None` for other names, `Some(None)` where it could not be measured.
     pub fn metric(&self, name: &str) -> Option<Option<f64>> {
@@ -162,6 +171,7 @@ impl Errors {
             "block_p99" => self.block_p99,
             "relmse" => Some(self.relmse),
             "flip" => self.flip,
+            "hdr_flip" => self.hdr_flip,
             "largest" => Some(self.largest.over_mean),
             _ => return None,
         })
@@ -281,10 +291,11 @@ fn largest(samples: &[Sample], mean: f64, width: u32, stride: u32) -> Option<Lar
     Some(LargestError { x, y, test: worst.x, reference: worst.r, over_mean: worst.difference() / mean })
 }
 
-fn flip_of(test: Selected, reference: Selected) -> Result<Option<f64>, MetricsError> {
+/// ꟻLIP and HDR-ꟻLIP.
+fn flips(test: Selected, reference: Selected) -> Result<[Option<f64>; 2], MetricsError> {
     // A strided reference of a strided picture has no neighbours to look at.
     if reference.picture.attributes.get("stride").is_some_and(|stride| stride != "1") {
-        return Ok(None);
+        return Ok([None; 2]);
     }
     let pictures = [test, reference].map(|selected| selected.picture);
     let whole = test.layer == reference.layer && pictures.iter().all(|picture| picture.layers.contains_key(PICTURE));
@@ -295,12 +306,14 @@ fn flip_of(test: Selected, reference: Selected) -> Result<Option<f64>, MetricsEr
     };
     let (test, truth) = (colours(test, "tested picture")?, colours(reference, "reference")?);
     let Some(mean) = mean(truth.iter().map(|colour| luminance(Vec3::from(*colour).as_dvec3()))).filter(|&mean| mean > 0.0) else {
-        return Ok(None);
+        return Ok([None; 2]);
     };
     let exposure = exposure_of(mean);
-    let shown =
-        |colours: Vec<[f32; 3]>| -> Vec<DVec3> { colours.into_iter().map(|colour| DVec3::from_array(tone_map(colour, exposure).map(f64::from))).collect() };
-    Ok(Some(flip(&shown(test), &shown(truth), reference.picture.width as usize)))
+    let linear = |colour: [f32; 3]| DVec3::from_array(colour.map(f64::from));
+    let shown = |colours: &[[f32; 3]]| -> Vec<DVec3> { colours.iter().map(|&colour| linear(tone_map(colour, exposure))).collect() };
+    let light = |colours: &[[f32; 3]]| -> Vec<DVec3> { colours.iter().copied().map(linear).collect() };
+    let width = reference.picture.width as usize;
+    Ok([Some(flip(&shown(&test), &shown(&truth), width)), hdr_flip(&light(&test), &light(&truth), width)])
 }
 
 /// The exposure that brings a mean luminance to middle grey [stops].

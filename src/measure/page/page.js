@@ -479,6 +479,7 @@ const METRICS = [
   ["picture", "rmse_over_mean", "Picture, rmse over mean"],
   ["picture", "block_p99", "Picture, blocks, 99th percentile"],
   ["picture", "flip", "Picture, ꟻLIP"],
+  ["picture", "hdr_flip", "Picture, HDR-ꟻLIP"],
 ];
 const SHARES = ["rmse_over_mean", "bias_over_mean", "rms_of_relative", "block_p50", "block_p99"];
 const errorValue = (variant, [layer, name]) => variant.errors[layer]?.[name] ?? null;

@@ -325,6 +325,40 @@ mod tests {
         assert!((29..=69).contains(&alarms), "{alarms}");
     }
 
+    /// Four variants that do the same make six pairs; the correction keeps any alarm among them as rare as one of a single pair.
+    #[test]
+    fn several_pairs_at_once_raise_no_more_false_alarms() {
+        let has_alarm = |seed: u64| {
+            let mut noise = Noise(seed << 32);
+            let times: Vec<Vec<f64>> = (0..4).map(|_| (0..10).map(|_| (0.1 * noise.normal()).exp()).collect()).collect();
+            let differ = |a: usize, b: usize| Difference::between(&times[a], &times[b], 6).unwrap().significant;
+            (0..4).any(|a| (a + 1..4).any(|b| differ(a, b)))
+        };
+        let alarms = (0..1000).filter(|seed| has_alarm(*seed)).count();
+        assert!((5..=69).contains(&alarms), "{alarms}");
+    }
+
+    /// What slows the machine for a while slows both of a pair, and now and then a single run takes three times as long.
+    #[test]
+    fn a_busy_machine_raises_no_false_alarms_and_hides_no_tenth() {
+        let count = |factor: f64| {
+            let is_found = |seed: u64| {
+                let mut noise = Noise(seed << 32);
+                let mut pairs = Vec::new();
+                for _ in 0..30 {
+                    let slowdown = 1.0 + noise.uniform();
+                    let mut time = |factor: f64| factor * slowdown * (0.05 * noise.normal()).exp() * if noise.uniform() < 0.05 { 3.0 } else { 1.0 };
+                    pairs.push([time(1.0), time(factor)]);
+                }
+                let [first, second] = [0, 1].map(|side| pairs.iter().map(|pair| pair[side]).collect::<Vec<f64>>());
+                Difference::between(&first, &second, 1).unwrap().significant
+            };
+            (0..1000).filter(|seed| is_found(*seed)).count()
+        };
+        let (alarms, found) = (count(1.0), count(1.1));
+        assert!((29..=69).contains(&alarms) && found >= 950, "{alarms} {found}");
+    }
+
     #[test]
     fn a_tenth_slower_under_a_tenth_of_noise_is_found_with_the_runs_that_are_recommended() {
         let runs = runs_to_find(0.1, 0.1 * 2f64.sqrt(), 1);

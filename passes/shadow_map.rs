@@ -42,7 +42,11 @@ impl Pass for ShadowMap {
         let lights = &r.setting.scene.lights;
         // Lights with the sides of their cubes, in the order of the layers.
         let views: Vec<[u32; 2]> = (0..).zip(lights).flat_map(|(light, about)| (0..shadow_layers(about)).map(move |face| [light, face])).collect();
-        let depth = r.texture("depth", [resolution, resolution], views.len() as u32, Format::Depth32Float);
+        let depth = r.texture("depth", [resolution, resolution], views.len().max(1) as u32, Format::Depth32Float);
+        if views.is_empty() {
+            // Kept for a scene without shadows: a map that no light looks up.
+            r.clear(depth);
+        }
         let vertices = r.scene_data(SceneData::Positions);
         for (layer, [light, face]) in (0..).zip(views) {
             let instance = light * FACES + face;

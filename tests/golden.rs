@@ -2,7 +2,7 @@
 //! weight, sign or bias does not, which small mistakes made on purpose prove. `HEMISPLAT_UPDATE_GOLDEN=1 cargo test --test golden` draws the pictures anew and prints how far
 //! old and new are from the truth; a picture that is farther from it than the old one also needs `HEMISPLAT_ACCEPT_WORSE=1`.
 
-use hemisplat::measure::{Errors, Layer, Layers, compare};
+use hemisplat::measure::{Errors, Layer, Layers, PICTURE, compare};
 use libtest_mimic::{Arguments, Failed, Trial};
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -113,6 +113,26 @@ fn pictures_repeat_to_the_bit() -> Outcome {
     Ok(())
 }
 
+/// A lamp, then a light with shadow maps: what a scene does not need takes no part in its picture.
+fn specialisation_changes_no_picture() -> Outcome {
+    let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
+    for scene in ["cornell", "corner"] {
+        let drawn = |pipeline: &str| -> Result<Layers, Failed> {
+            let made = folder.path().join("made.exr");
+            hemisplat(&["render", pipeline, "--scene", scene, "--size", "24x18", "--set", "tiles.resolution=8", "--quiet", "-o", &made.to_string_lossy()])?;
+            picture(&made)
+        };
+        let (special, general) = (drawn("irradiance")?, drawn("irradiance-general")?);
+        for layer in ["irradiance", PICTURE] {
+            let largest = compare(&general, &special, layer, None).map_err(|e| e.to_string())?.largest;
+            if largest.over_mean.abs() > 1e-3 {
+                return Err(format!("{scene}, {layer}: {largest:?}").into());
+            }
+        }
+    }
+    Ok(())
+}
+
 // Mistakes on purpose
 
 fn golden(name: &str) -> Result<Layers, Failed> {
@@ -197,6 +217,7 @@ fn main() {
         Trial::test("small_mistakes_are_refused", small_mistakes_are_refused),
         Trial::test("a_border_in_the_wrong_measure_is_refused", a_border_in_the_wrong_measure_is_refused),
         drawn("pictures_repeat_to_the_bit", Box::new(pictures_repeat_to_the_bit)),
+        drawn("specialisation_changes_no_picture", Box::new(specialisation_changes_no_picture)),
         drawn("wrong_parameters_are_refused", Box::new(wrong_parameters_are_refused)),
     ];
     trials.extend(pipelines().into_iter().map(|pipeline| {

@@ -10,8 +10,9 @@
 // Points sampled on the area lights, and rays to the sky; 0 where the scene has none.
 override AREA_SAMPLES: u32 = 1u;
 override SKY_SAMPLES: u32 = 1u;
-// Punctual lights.
-override LIGHTS: u32 = 0u;
+// Punctual lights; `ANY_NUMBER` where the scene's parameters tell.
+override LIGHTS: u32 = ANY_NUMBER;
+const ANY_NUMBER = 0xffffffffu;
 
 // Irradiance from a punctual light; the surface's normal faces the side that is lit.
 fn light_irradiance(light: SceneLight, surface: Surface, seed: u32) -> vec3f {
@@ -37,20 +38,21 @@ fn light_irradiance(light: SceneLight, surface: Surface, seed: u32) -> vec3f {
 
 // Irradiance from all punctual lights.
 fn punctual_irradiance(surface: Surface, seed: u32) -> vec3f {
+    let lights = select(LIGHTS, scene_parameters.lights, LIGHTS == ANY_NUMBER);
     var sum = vec3f(0.0);
-    if LIGHTS > 0u {
+    if lights > 0u {
         sum += light_irradiance(scene_first_lights[0], surface, seed + 5u);
     }
-    if LIGHTS > 1u {
+    if lights > 1u {
         sum += light_irradiance(scene_first_lights[1], surface, seed + 7u);
     }
-    if LIGHTS > 2u {
+    if lights > 2u {
         sum += light_irradiance(scene_first_lights[2], surface, seed + 9u);
     }
-    if LIGHTS > 3u {
+    if lights > 3u {
         sum += light_irradiance(scene_first_lights[3], surface, seed + 11u);
     }
-    for (var i = FIRST_LIGHTS; i < LIGHTS; i++) {
+    for (var i = FIRST_LIGHTS; i < lights; i++) {
         sum += light_irradiance(scene_lights[i], surface, seed + 5u + 2u * i);
     }
     return sum;
@@ -106,9 +108,13 @@ fn area_irradiance(position: vec3f, normal: vec3f, plane_normal: vec3f, seed: u3
     return sum * (scene_parameters.emitter_weight / f32(max(AREA_SAMPLES, 1u)));
 }
 
+fn is_sky_black() -> bool {
+    return scene_parameters.environment_size.x == 0u && all(scene_parameters.environment == vec3f(0.0));
+}
+
 // Irradiance from the sky: cosine-distributed rays in strata of the azimuth.
 fn sky_irradiance(position: vec3f, normal: vec3f, plane_normal: vec3f, seed: u32) -> vec3f {
-    if SKY_SAMPLES == 0u {
+    if SKY_SAMPLES == 0u || is_sky_black() {
         return vec3f(0.0);
     }
     let origin = position + plane_normal * surface_offset(position);

@@ -4,9 +4,10 @@ use super::console::Console;
 use super::failure::Failure;
 use super::pipeline::{load_pipeline, plan_view};
 use super::scene::SceneOptions;
+use crate::gpu::spirv;
 use clap::Args;
 
-/// Print the plan of a pipeline for a scene: what is dropped, resources, commands
+/// Print the plan of a pipeline for a scene: what is dropped, sizes of shaders, resources, commands
 #[derive(Args)]
 #[command(after_help = "Example: hemisplat explain irradiance --scene cornell --set tiles.resolution=32
 
@@ -25,5 +26,6 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     let pipeline = load_pipeline(&options.pipeline, &options.sets)?;
     let view = options.scene.load(console)?;
     let plan = plan_view(&pipeline, &view, &[]).map_err(Failure::input)?;
-    console.print(&plan.explain())
+    let sizes = spirv::sizes(&plan.recording).map_err(Failure::work)?;
+    console.print(&(plan.explain() + &spirv::to_text(&sizes)))
 }

@@ -249,11 +249,14 @@ pub fn scene_constants(program: Program, needs: &Needs) -> Program {
         .constant("SMOOTH", needs.smooth as u8)
 }
 
+/// The shaders' `LIGHTS` where the scene's parameters tell the number.
+const ANY_NUMBER: u32 = u32::MAX;
+
 /// The same for a program that computes direct light, with `[area, sky]` samples where the scene has such light.
 pub fn light_constants(program: Program, needs: &Needs, samples: [u32; 2]) -> Program {
     scene_constants(program, needs)
         .constant("AREA_SAMPLES", if needs.emissive_triangles > 0 { samples[0] } else { 0 })
-        .constant("LIGHTS", needs.punctual_lights)
+        .constant("LIGHTS", needs.punctual_lights.unwrap_or(ANY_NUMBER))
         .constant("SKY_SAMPLES", if needs.environment { samples[1] } else { 0 })
 }
 

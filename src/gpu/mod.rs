@@ -6,6 +6,7 @@ mod programs;
 mod readback;
 pub mod scene;
 pub mod shader;
+pub mod spirv;
 mod timing;
 
 pub use device::{Adapter, Gpu, GpuError};

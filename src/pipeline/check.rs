@@ -28,7 +28,7 @@ pub fn check(document: &Document, registry: &Registry, problems: &mut Vec<Proble
         }
     };
     let (name, about, reference) = (document.name.clone(), document.about.clone(), document.reference.clone());
-    problems.is_empty().then(|| Pipeline { name, about, reference, nodes, outputs, place: document.place.clone() })
+    problems.is_empty().then(|| Pipeline { name, about, reference, nodes, outputs, specialise: document.specialise, place: document.place.clone() })
 }
 
 /// A node of the document, wherever it stands.

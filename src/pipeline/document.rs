@@ -1,9 +1,9 @@
 //! The pipeline file as written, before its names and types are checked; variants are resolved here.
 //!
 //! ```ron
-//! Pipeline(version: 1, about: "…", source: "…", nodes: [(name: "a", pass: Pass(parameter: 1, input: "node.output")), …], outputs: {"layer": "a"})
+//! Pipeline(version: 1, about: "…", source: "…", specialise: true, nodes: [(name: "a", pass: Pass(parameter: 1, input: "node.output")), …], outputs: {"layer": "a"})
 //! Variant(version: 1, about: "…", of: "other.ron", set: {"node.parameter": value}, replace: {"node": Pass(…)},
-//!     remove: ["node"], add: {"node": [(name: …, pass: …)]}, outputs: {…})
+//!     remove: ["node"], add: {"node": [(name: …, pass: …)]}, outputs: {…}, specialise: false)
 //! ```
 //!
 //! A variant removes, replaces, adds (after the node named) and sets, in this order; its outputs, if given, replace all others.
@@ -34,6 +34,8 @@ pub struct Document {
     pub nodes: Vec<Node>,
     /// Layer and reference.
     pub outputs: Vec<(Word, Value)>,
+    /// See [`super::Pipeline::specialise`].
+    pub specialise: bool,
     /// The name before the parentheses.
     pub place: Place,
     /// Whether every node could be read: if not, a name that is not found may be that of a node that is wrong otherwise.
@@ -158,20 +160,27 @@ impl Reader<'_, '_> {
         if !self.grammar.version(head, fields) {
             return None;
         }
-        let keys = self.grammar.keys("Pipeline", &head.place, fields, &["version", "about", "source", "nodes", "outputs"]);
+        let keys = self.grammar.keys("Pipeline", &head.place, fields, &["version", "about", "source", "specialise", "nodes", "outputs"]);
         let about = self.grammar.text(&keys, "about", true);
         let reference = self.grammar.text(&keys, "source", false);
+        let specialise = self.grammar.flag(&keys, "specialise").unwrap_or(true);
         let nodes = self.grammar.required(&keys, "nodes").map(|value| self.nodes(value));
         self.complete &= nodes.is_some();
         let outputs = self.grammar.required(&keys, "outputs").map_or(Vec::new(), |value| self.outputs(value));
-        Some(Document { name, about, reference, nodes: nodes.unwrap_or_default(), outputs, place: head.place.clone(), complete: self.complete })
+        let nodes = nodes.unwrap_or_default();
+        Some(Document { name, about, reference, nodes, outputs, specialise, place: head.place.clone(), complete: self.complete })
     }
 
     fn variant(&mut self, name: String, head: &Word, fields: &[Field]) -> Option<Document> {
         if !self.grammar.version(head, fields) {
             return None;
         }
-        let keys = self.grammar.keys("Variant", &head.place, fields, &["version", "about", "source", "of", "set", "replace", "remove", "add", "outputs"]);
+        let keys = self.grammar.keys(
+            "Variant",
+            &head.place,
+            fields,
+            &["version", "about", "source", "of", "specialise", "set", "replace", "remove", "add", "outputs"],
+        );
         let about = self.grammar.text(&keys, "about", true);
         let of = self.grammar.required(&keys, "of").and_then(|value| self.grammar.word(value, "the name of a pipeline file"))?;
         let mut document = self.base(&of)?;
@@ -181,6 +190,7 @@ impl Reader<'_, '_> {
         if keys.found.contains_key("source") {
             document.reference = self.grammar.text(&keys, "source", false);
         }
+        document.specialise = self.grammar.flag(&keys, "specialise").unwrap_or(document.specialise);
         self.apply(&keys, &mut document);
         Some(document)
     }

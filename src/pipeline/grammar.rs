@@ -89,6 +89,16 @@ impl Grammar {
         value.and_then(|value| self.word(value, "a string")).map(|word| word.text).unwrap_or_default()
     }
 
+    /// None where it is not given.
+    pub fn flag(&mut self, keys: &Keys<'_>, key: &str) -> Option<bool> {
+        let value = keys.found.get(key).copied()?;
+        if let ValueKind::Bool(flag) = value.kind {
+            return Some(flag);
+        }
+        self.wrong_type(value, "true or false");
+        None
+    }
+
     pub fn word(&mut self, value: &Value, expected: &str) -> Option<Word> {
         let word = value.word();
         if word.is_none() {

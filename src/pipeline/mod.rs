@@ -41,6 +41,8 @@ pub struct Pipeline {
     pub reference: String,
     pub nodes: Vec<Node>,
     pub outputs: Vec<Layer>,
+    /// Whether plans leave out what a scene does not need; if not, they take it as if it needed everything.
+    pub specialise: bool,
     /// Where the document begins.
     pub place: Place,
 }

@@ -21,6 +21,8 @@ pub const CAMERA_BYTES: u64 = 256;
 pub struct Plan {
     pub pipeline: String,
     pub about: String,
+    /// See [`Pipeline::specialise`].
+    pub specialised: bool,
     pub recording: Recording,
     pub lifetimes: Lifetimes,
     pub placement: Placement,
@@ -64,12 +66,14 @@ pub struct Absent {
     pub because: String,
 }
 
-/// Plans a pipeline for a scene. `dumps` are nodes ("node" or "node.output") whose memory must be whole after the frame;
+/// Plans a pipeline for a scene, of which it takes no notice where the pipeline is not specialised. `dumps` are nodes ("node" or "node.output") whose memory must be whole after the frame;
 /// `scene_bytes` tells the size of a part of the scene.
 ///
 /// # Errors
 /// What passes refuse, each underlined in the document.
 pub fn plan(pipeline: &Pipeline, setting: Setting<'_>, dumps: &[String], scene_bytes: &dyn Fn(SceneData) -> u64) -> Result<Plan, Problems> {
+    let unspecialised = setting.needs.unspecialised();
+    let setting = if pipeline.specialise { setting } else { Setting { needs: &unspecialised, ..setting } };
     let members = members(pipeline);
     let mut problems = Vec::new();
     let dump_nodes: Vec<&str> = dumps.iter().filter_map(|dump| find_dump(&members, dump, &mut problems)).collect();
@@ -427,6 +431,7 @@ impl<'a> Planner<'a> {
         Ok(Plan {
             pipeline: pipeline.name.clone(),
             about: pipeline.about.clone(),
+            specialised: pipeline.specialise,
             dropped: members.iter().filter_map(|member| because(member.node)).collect(),
             recording: self.recording,
             lifetimes,
@@ -500,6 +505,9 @@ impl Plan {
     /// What was kept, dropped and why, where memory goes, and every resource and command.
     pub fn explain(&self) -> String {
         let mut text = format!("pipeline {}: {}\n", self.pipeline, self.about);
+        if !self.specialised {
+            text.push_str("not specialised: planned as if the scene needed everything\n");
+        }
         for (layer, _) in &self.outputs {
             let _ = writeln!(text, "output {} from {}", layer.name, layer.from);
         }

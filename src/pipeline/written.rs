@@ -7,7 +7,8 @@ impl Pipeline {
     /// The pipeline as RON that reads back as the same one, an input or a parameter a line, so that two of them can be compared by lines.
     pub fn to_ron(&self) -> String {
         let mut text = String::from("Pipeline(\n    version: 1,\n");
-        let _ = write!(text, "    about: {},\n    source: {},\n    nodes: [\n", quoted(&self.about), quoted(&self.reference));
+        let _ =
+            write!(text, "    about: {},\n    source: {},\n    specialise: {},\n    nodes: [\n", quoted(&self.about), quoted(&self.reference), self.specialise);
         self.nodes.iter().for_each(|node| write_node(&mut text, node, 2));
         text += "    ],\n    outputs: {\n";
         for output in &self.outputs {

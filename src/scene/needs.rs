@@ -6,7 +6,8 @@ use super::{Scene, Triangle};
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Needs {
     pub triangles: u32,
-    pub punctual_lights: u32,
+    /// None where shaders are to look it up.
+    pub punctual_lights: Option<u32>,
     /// Punctual lights that cast shadows.
     pub shadowed_lights: u32,
     pub emissive_triangles: u32,
@@ -29,7 +30,7 @@ impl Needs {
         let materials = || scene.materials.iter().zip(&used).filter(|(_, used)| **used).map(|(m, _)| m);
         Self {
             triangles: scene.triangles.len() as u32,
-            punctual_lights: scene.lights.len() as u32,
+            punctual_lights: Some(scene.lights.len() as u32),
             shadowed_lights: scene.lights.iter().filter(|l| l.shadows).count() as u32,
             emissive_triangles: scene.triangles.iter().filter(|t| scene.materials[t.material as usize].emits()).count() as u32,
             environment: !scene.environment.is_black(),
@@ -39,6 +40,21 @@ impl Needs {
             smooth: scene.triangles.iter().any(is_smooth),
             glossy: materials().filter(|m| m.glossy.is_some()).map(|m| m.name.clone()).collect(),
             extent: scene.extent(),
+        }
+    }
+
+    /// Of the same scene, taken as if it had all that a scene can have: nothing is left out for its sake.
+    pub fn unspecialised(&self) -> Self {
+        Self {
+            punctual_lights: None,
+            shadowed_lights: self.shadowed_lights.max(1),
+            emissive_triangles: self.emissive_triangles.max(1),
+            environment: true,
+            textures: true,
+            alpha_masks: true,
+            one_sided: true,
+            smooth: true,
+            ..self.clone()
         }
     }
 }

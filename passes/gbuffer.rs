@@ -40,8 +40,9 @@ impl Pass for GBuffer {
             depth: Some(DepthTarget { texture: depth, layer: 0 }),
             vertices: Some(vertices),
             instances: None,
+            indices: None,
             topology: Topology::Triangles,
-            draws: Draws::Fixed(vec![Draw { rectangle: None, vertices: [0, 3 * r.setting.needs.triangles], instances: [0, 1] }]),
+            draws: Draws::Fixed(vec![Draw { rectangle: None, vertices: [0, 3 * r.setting.needs.triangles], is_indexed: false, instances: [0, 1] }]),
         }));
         let resolve = scene_constants(Program::new("gbuffer"), r.setting.needs)
             .bind("triangles", triangles)

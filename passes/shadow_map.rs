@@ -58,8 +58,14 @@ impl Pass for ShadowMap {
                 depth: Some(DepthTarget { texture: depth, layer }),
                 vertices: Some(vertices),
                 instances: None,
+                indices: None,
                 topology: Topology::Triangles,
-                draws: Draws::Fixed(vec![Draw { rectangle: None, vertices: [0, 3 * r.setting.needs.triangles], instances: [instance, instance + 1] }]),
+                draws: Draws::Fixed(vec![Draw {
+                    rectangle: None,
+                    vertices: [0, 3 * r.setting.needs.triangles],
+                    is_indexed: false,
+                    instances: [instance, instance + 1],
+                }]),
             }));
         }
         r.output("maps", Port::ShadowMaps(port::ShadowMaps { depth, resolution, taps }));

@@ -2,7 +2,13 @@
 
 use hemisplat::gpu::{scene, shader::Shader};
 use hemisplat::host_struct;
-use hemisplat::passes::{add_records, find_misses::device_grid, hemisphere_tiles::raster, irradiance_sum::workgroup_tree, record};
+use hemisplat::passes::{
+    add_records,
+    find_misses::device_grid,
+    hemisphere_tiles::{raster, sift},
+    irradiance_sum::workgroup_tree,
+    record,
+};
 use hemisplat::recording::{HostField, HostLayout};
 use naga::TypeInner;
 
@@ -15,7 +21,7 @@ fn shared() -> Vec<(&'static str, Vec<HostLayout>)> {
         ("irradiance_sum/workgroup_tree", vec![workgroup_tree::Cell::LAYOUT]),
         ("add_records", vec![add_records::Batch::LAYOUT]),
         ("find_misses/device_grid", vec![device_grid::Grid::LAYOUT]),
-        ("hemisphere_tiles/raster", vec![raster::TileView::LAYOUT, raster::TileCamera::LAYOUT]),
+        ("hemisphere_tiles/raster", vec![raster::TileView::LAYOUT, raster::TileCamera::LAYOUT, sift::SiftView::LAYOUT]),
     ]
 }
 

@@ -7,8 +7,10 @@ use crate::math::hemisphere::{Shape, Table};
 use crate::recording::*;
 use std::sync::Arc;
 
+mod cull;
 pub mod raster;
 mod ray_cast;
+pub mod sift;
 
 pub struct HemisphereTiles;
 
@@ -49,7 +51,12 @@ static DESCRIPTION: Description = Description {
                     Choice {
                         name: "Raster",
                         about: "the scene is rasterised from each record; parts outside of a view are culled on the host",
-                        parameters: &[],
+                        parameters: &[Parameter {
+                            name: "sift",
+                            about: "drop triangles that fall between the samples on the device, where a scene has more triangles than a view has samples",
+                            unit: "",
+                            kind: ParameterKind::Bool { default: true },
+                        }],
                     },
                 ],
             },
@@ -124,7 +131,7 @@ impl Pass for HemisphereTiles {
         let Some(requests) = r.requests("at").copied() else { return Ok(()) };
         let shape = shape(r);
         let resolution = r.arguments.integer("resolution") as u32;
-        let by = r.arguments.choice("by").0;
+        let (by, way) = r.arguments.choice("by");
         let taps = shadow_taps(r.arguments)?;
         let table = Table::new(shape, resolution, crate::math::hemisphere::Method::None)
             .map_err(|e| Refusal::of_parameter("resolution", "plan::tile", e.to_string(), "choose another shape or resolution"))?;
@@ -146,7 +153,7 @@ impl Pass for HemisphereTiles {
         }
         let work = layout(r, requests, shape, table)?;
         if by == "Raster" {
-            raster::record(r, &work)
+            raster::record(r, &work, way.bool("sift"))
         } else {
             ray_cast::record(r, &work)
         }

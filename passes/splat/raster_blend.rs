@@ -18,6 +18,7 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work) {
         depth: None,
         vertices: None,
         instances: None,
+        indices: None,
         topology: Topology::TriangleStrip,
         draws: Draws::Instances { vertices: 4, first: Some(work.first), count: work.cache.count },
     }));

@@ -13,9 +13,10 @@ struct TileView {
     forward: vec3f,
     maximum_x: f32,
     maximum_y: f32,
-    padding_a: f32,
-    padding_b: f32,
-    padding_c: f32,
+    // Samples along the edges.
+    width: f32,
+    height: f32,
+    padding: f32,
 }
 
 // A camera where a request stands, as vertices read it.
@@ -59,6 +60,149 @@ fn aim(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec
     camera.near = 1e-4 * offset;
     camera.origin = request.position + request.normal * offset;
     cameras[index] = camera;
+}
+
+// A view's part of what the sift reads and writes.
+struct SiftView {
+    // Words of what may be seen: the first, and the one after the last.
+    first: u32,
+    end: u32,
+    // Room for what is seen, in triangles.
+    base: u32,
+    room: u32,
+}
+
+// Up to 32 triangles each: the number of the first × 64, and how many.
+@group(0) @binding(4) var<storage, read> words: array<u32>;
+// For each word the triangles that lie wholly in the view, and those that cross its bounds: a bit each.
+@group(0) @binding(5) var<storage, read_write> masks: array<vec2u>;
+@group(0) @binding(6) var<storage, read> sifted: array<SiftView>;
+// How many triangles each view keeps: inside, crossing.
+@group(0) @binding(7) var<storage, read_write> kept: array<vec2u>;
+// Three of each triangle: those inside from the start of a view's room on, those that cross from its end back.
+@group(0) @binding(8) var<storage, read_write> indices: array<u32>;
+
+const OUT_OF_SIGHT = 0u;
+const INSIDE = 1u;
+const CROSSING = 2u;
+
+// How far rounding and the fixed grid of rasterisers move an edge, in widths of a sample.
+const MOVED = 0.02;
+
+// x, y and w in the clip space.
+fn projected(camera: TileCamera, vector: vec3f) -> vec3f {
+    return vec3f(dot(vector, camera.right), dot(vector, camera.up), dot(vector, camera.forward));
+}
+
+// Whether a triangle may hold the centre of a sample.
+fn sight(camera: TileCamera, size: vec2f, triangle: u32) -> u32 {
+    let a = projected(camera, scene_corners[3u * triangle].xyz - camera.origin);
+    let b = a + projected(camera, scene_corners[3u * triangle + 1u].xyz);
+    let c = a + projected(camera, scene_corners[3u * triangle + 2u].xyz);
+    let nearest = min(a.z, min(b.z, c.z));
+    let margin = surface_offset(camera.origin);
+    if nearest <= margin {
+        // In front of the record and behind it.
+        let w = vec3f(a.z, b.z, c.z) + margin;
+        let x = vec3f(a.x, b.x, c.x);
+        let y = vec3f(a.y, b.y, c.y);
+        let is_beside = all(x > w) || all(-x > w) || all(y > w) || all(-y > w);
+        return select(CROSSING, OUT_OF_SIGHT, is_beside || max(w.x, max(w.y, w.z)) < 0.0);
+    }
+    // In widths of a sample.
+    let p = (a.xy / a.z * 0.5 + 0.5) * size;
+    let q = (b.xy / b.z * 0.5 + 0.5) * size;
+    let r = (c.xy / c.z * 0.5 + 0.5) * size;
+    let moved = MOVED + max(size.x, size.y) * margin / nearest;
+    let low = min(p, min(q, r)) - moved;
+    let high = max(p, max(q, r)) + moved;
+    let first = ceil(low - 0.5) + 0.5;
+    let last = floor(high - 0.5) + 0.5;
+    let is_beside = any((first > last) | (last < vec2f(0.0)) | (first > size));
+    let few = all(last - first < vec2f(1.5));
+    if is_beside || (few && !holds(p, q, r, first, moved) && !holds(p, q, r, vec2f(last.x, first.y), moved)
+            && !holds(p, q, r, vec2f(first.x, last.y), moved) && !holds(p, q, r, last, moved)) {
+        return OUT_OF_SIGHT;
+    }
+    return select(INSIDE, CROSSING, any((low < vec2f(0.0)) | (high > size)));
+}
+
+// Whether a triangle holds a point, or nearly.
+fn holds(p: vec2f, q: vec2f, r: vec2f, point: vec2f, moved: f32) -> bool {
+    let sides = vec3f(side(p, q, point), side(q, r, point), side(r, p, point));
+    let slack = moved * vec3f(length_1(q - p), length_1(r - q), length_1(p - r));
+    return all(sides >= -slack) || all(sides <= slack);
+}
+
+fn side(p: vec2f, q: vec2f, point: vec2f) -> f32 {
+    return (q.x - p.x) * (point.y - p.y) - (q.y - p.y) * (point.x - p.x);
+}
+
+fn length_1(vector: vec2f) -> f32 {
+    return abs(vector.x) + abs(vector.y);
+}
+
+var<workgroup> counts: array<vec2u, 64>;
+
+// Keeps the triangles that a view's samples may see, in the order in which they come: a workgroup a view.
+@compute @workgroup_size(64)
+fn sift(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) lane: u32) {
+    let index = group.x + group.y * groups.x;
+    if index >= TILE_CAPACITY * VIEWS {
+        return;
+    }
+    let view = sifted[index];
+    let camera = cameras[index];
+    let size = vec2f(views[index % VIEWS].width, views[index % VIEWS].height);
+    let share = (view.end - view.first + 63u) / 64u;
+    let first = min(view.first + lane * share, view.end);
+    let end = min(first + share, view.end);
+    var mine = vec2u(0u);
+    for (var at = first; at < end; at++) {
+        let word = words[at];
+        let triangle = word >> 6u;
+        var mask = vec2u(0u);
+        for (var bit = 0u; bit < (word & 63u); bit++) {
+            let seen = sight(camera, size, triangle + bit);
+            mask |= vec2u(select(0u, 1u, seen == INSIDE), select(0u, 1u, seen == CROSSING)) << vec2u(bit);
+        }
+        masks[at] = mask;
+        mine += countOneBits(mask);
+    }
+    counts[lane] = mine;
+    workgroupBarrier();
+    var before = vec2u(0u);
+    var total = vec2u(0u);
+    for (var other = 0u; other < 64u; other++) {
+        before += select(vec2u(0u), counts[other], other < lane);
+        total += counts[other];
+    }
+    if lane == 0u {
+        kept[index] = total;
+    }
+    if total.x + total.y > view.room {
+        return;
+    }
+    var inside = view.base + before.x;
+    var crossing = view.base + view.room - before.y;
+    for (var at = first; at < end; at++) {
+        let triangle = words[at] >> 6u;
+        let mask = masks[at];
+        for (var left = mask.x; left != 0u; left &= left - 1u) {
+            write_triangle(inside, triangle + firstTrailingBit(left));
+            inside++;
+        }
+        for (var left = mask.y; left != 0u; left &= left - 1u) {
+            crossing--;
+            write_triangle(crossing, triangle + firstTrailingBit(left));
+        }
+    }
+}
+
+fn write_triangle(at: u32, triangle: u32) {
+    for (var corner = 0u; corner < 3u; corner++) {
+        indices[3u * at + corner] = 3u * triangle + corner;
+    }
 }
 
 struct Fragment {

@@ -149,6 +149,7 @@ impl<'a> Session<'a> {
                 let usage = wgpu::BufferUsages::STORAGE
                     | wgpu::BufferUsages::UNIFORM
                     | wgpu::BufferUsages::VERTEX
+                    | wgpu::BufferUsages::INDEX
                     | wgpu::BufferUsages::COPY_DST
                     | wgpu::BufferUsages::COPY_SRC;
                 Physical::Buffer(self.gpu.device.create_buffer(&wgpu::BufferDescriptor { label: Some(label), size: *bytes, usage, mapped_at_creation: false }))
@@ -527,6 +528,9 @@ impl<'a> Session<'a> {
         if let Some(instances) = raster.instances {
             pass.set_vertex_buffer(1, self.buffer(instances).slice(..));
         }
+        if let Some(indices) = raster.indices {
+            pass.set_index_buffer(self.buffer(indices).slice(..), wgpu::IndexFormat::Uint32);
+        }
         match &raster.draws {
             Draws::Fixed(draws) => encode_draws(&mut pass, draws),
             Draws::Listed(list) => encode_draws(&mut pass, self.lists.get(list).map_or(&[], Vec::as_slice)),
@@ -611,7 +615,12 @@ fn encode_draws(pass: &mut wgpu::RenderPass<'_>, draws: &[Draw]) {
             pass.set_scissor_rect(x, y, w, h);
             current = draw.rectangle;
         }
-        pass.draw(draw.vertices[0]..draw.vertices[1], draw.instances[0]..draw.instances[1]);
+        let ([first, end], [first_instance, end_instance]) = (draw.vertices, draw.instances);
+        if draw.is_indexed {
+            pass.draw_indexed(first..end, 0, first_instance..end_instance);
+        } else {
+            pass.draw(first..end, first_instance..end_instance);
+        }
     }
 }
 

@@ -178,6 +178,8 @@ pub struct Raster {
     pub vertices: Option<Resource>,
     /// The buffer of four four-float vectors an instance at vertex slot 1, locations 1 to 4, if the vertex shader reads one.
     pub instances: Option<Resource>,
+    /// The buffer of u32 that indexed draws find their vertices by.
+    pub indices: Option<Resource>,
     pub topology: Topology,
     pub draws: Draws,
 }
@@ -227,7 +229,9 @@ pub enum Draws {
 pub struct Draw {
     /// Rectangle that clip space maps to and that fragments are kept in: x, y, width, height [pixels]; None for the whole target.
     pub rectangle: Option<[u32; 4]>,
+    /// Numbers of the vertices, or places among the raster command's indices.
     pub vertices: [u32; 2],
+    pub is_indexed: bool,
     pub instances: [u32; 2],
 }
 
@@ -379,6 +383,7 @@ impl Command {
                 all.extend(raster.depth.iter().map(|t| t.texture));
                 all.extend(raster.vertices);
                 all.extend(raster.instances);
+                all.extend(raster.indices);
                 if let Draws::Listed(list) = &raster.draws {
                     all.push(*list);
                 }

@@ -1,0 +1,170 @@
+//! What of the scene lies outside of the records' views, found on the host.
+
+use crate::math::frame::Frame;
+use crate::math::hemisphere::View;
+use crate::passes::record::Request;
+use crate::recording::{Draw, HostContext, Resource};
+use crate::scene::{Triangle, bvh::Node};
+use glam::{DVec3, Vec3};
+use std::ops::Range;
+
+/// Ranges with gaps up to this many triangles are drawn as one: a draw costs about as much.
+pub(super) const GAP: u32 = 16;
+/// A subtree of at most this many triangles is drawn whole.
+const CLUSTER: u32 = 32;
+/// Finest subdivision of a triangle for the hemispherical projection: 4^5 parts.
+const FINEST: u32 = 5;
+/// The level of a triangle that even so would bend too much: it is drawn over the whole tile, which its samples' rays test.
+const WHOLE: u32 = 15;
+/// Angle that an edge of a part spans at most, where the subdivision allows [radians].
+const PART_ANGLE: f32 = 0.15;
+
+/// What the views of a batch may see.
+pub(super) struct Culled {
+    tree: Tree,
+    pub draws: Vec<Draw>,
+    /// Of each view of each request, its part of the draws.
+    pub views: Vec<Range<usize>>,
+}
+
+impl Culled {
+    /// As the last batch left it in a host step's memory.
+    pub fn take(host: &mut dyn HostContext, state: Resource) -> Box<Self> {
+        let left = host.state(state).take().and_then(|left| left.downcast::<Self>().ok());
+        left.unwrap_or_else(|| Box::new(Self { tree: Tree::new(host), draws: Vec::new(), views: Vec::new() }))
+    }
+
+    /// Starts anew with these requests.
+    pub fn refill(&mut self, places: &[Request], views: &[View], corner: impl Fn(u32) -> [u32; 2]) {
+        self.draws.clear();
+        self.views.clear();
+        for (tile, place) in places.iter().enumerate() {
+            for view in views {
+                let first = self.draws.len();
+                let instance = self.views.len() as u32;
+                let [x, y, w, h] = view.rectangle;
+                let [left, top] = corner(tile as u32);
+                self.tree.draw(place, view, instance, [left + x, top + y, w, h], &mut self.draws);
+                self.views.push(first..self.draws.len());
+            }
+        }
+    }
+}
+
+/// The scene's hierarchy with the range of triangles below each node.
+struct Tree {
+    nodes: Vec<Node>,
+    ranges: Vec<[u32; 2]>,
+    /// Longest edge of a triangle below each node.
+    longest: Vec<f32>,
+}
+
+impl Tree {
+    fn new(host: &dyn HostContext) -> Self {
+        let (nodes, ranges) = (host.bvh().nodes(), host.bvh().ranges());
+        let edge = |t: &Triangle| (0..3).map(|i| t.positions[i].distance(t.positions[(i + 1) % 3])).fold(0.0f32, f32::max);
+        let longest =
+            ranges.iter().map(|[a, b]| host.scene().triangles[*a as usize..*b as usize].iter().take(CLUSTER as usize).map(edge).fold(0.0, f32::max)).collect();
+        Self { nodes, ranges, longest }
+    }
+
+    fn draw(&self, place: &Request, view: &View, instance: u32, rectangle: [u32; 4], list: &mut Vec<Draw>) {
+        let frame = Frame::new(Vec3::from(place.normal)).turned(place.turn);
+        let planes = planes(&frame, view);
+        let origin = Vec3::from(place.position);
+        let mut ranges = Ranges { first: list.len(), list, instance, rectangle, clipped: None };
+        let mut stack = if self.nodes.is_empty() { Vec::new() } else { vec![0usize] };
+        while let Some(index) = stack.pop() {
+            let node = &self.nodes[index];
+            let part = part(node, origin, &planes);
+            let [a, b] = self.ranges[index];
+            match part {
+                Part::Outside => {}
+                Part::Inside if view.linear => ranges.add([a, b], 0, false),
+                _ if node.count > 0 || b - a <= CLUSTER => {
+                    let level = if view.linear { 0 } else { level(node, self.longest[index], origin) };
+                    ranges.add([a, b], level, view.linear);
+                }
+                _ => stack.extend([node.first as usize + 1, node.first as usize]),
+            }
+        }
+    }
+}
+
+/// Where a box lies to the planes that bound a view.
+enum Part {
+    Outside,
+    Crossing,
+    Inside,
+}
+
+/// Normals of the planes through the record that bound a view, pointing inwards: the tangent plane and the four sides.
+fn planes(frame: &Frame, view: &View) -> Vec<Vec3> {
+    let world = |v: DVec3| frame.to_world(v.as_vec3());
+    let mut planes = vec![frame.normal];
+    if view.linear {
+        let (right, up, forward) = (world(view.right), world(view.up), world(view.forward));
+        planes.extend([
+            right - forward * view.minimum.x as f32,
+            forward * view.maximum.x as f32 - right,
+            up - forward * view.minimum.y as f32,
+            forward * view.maximum.y as f32 - up,
+        ]);
+    }
+    planes
+}
+
+fn part(node: &Node, origin: Vec3, planes: &[Vec3]) -> Part {
+    let (low, high) = (Vec3::from(node.min) - origin, Vec3::from(node.max) - origin);
+    let mut part = Part::Inside;
+    for plane in planes {
+        let forward = plane.cmpge(Vec3::ZERO);
+        if plane.dot(Vec3::select(forward, high, low)) < 0.0 {
+            return Part::Outside;
+        }
+        if plane.dot(Vec3::select(forward, low, high)) <= 0.0 {
+            part = Part::Crossing;
+        }
+    }
+    part
+}
+
+/// Halvings of an edge after which its parts span a small angle seen from the record, or [`WHOLE`] where none suffice.
+fn level(node: &Node, longest: f32, origin: Vec3) -> u32 {
+    let nearest = origin.clamp(Vec3::from(node.min), Vec3::from(node.max)).distance(origin);
+    let spans = longest / (nearest.max(1e-6 * longest) * PART_ANGLE);
+    let halvings = spans.max(1.0).log2().ceil() as u32;
+    if halvings > FINEST { WHOLE } else { halvings }
+}
+
+/// The draws of one view.
+struct Ranges<'l> {
+    list: &'l mut Vec<Draw>,
+    /// The view's first draw.
+    first: usize,
+    instance: u32,
+    rectangle: [u32; 4],
+    /// Whether triangles of the last range may cross the view's bounds. Drivers that clip on the CPU take a slower path
+    /// for all of a draw where any of it needs clipping.
+    clipped: Option<bool>,
+}
+
+impl Ranges<'_> {
+    /// Adds a range of triangles, joined with the one before it where only a small gap lies between.
+    fn add(&mut self, [a, b]: [u32; 2], level: u32, clipped: bool) {
+        let per_triangle = if level == WHOLE { 6 } else { 3 << (2 * level) };
+        let tagged = self.instance | level << 24;
+        let same = self.clipped.replace(clipped) == Some(clipped);
+        match self.list[self.first..].last_mut() {
+            Some(last) if same && last.instances[0] == tagged && a * per_triangle <= last.vertices[1] + GAP * per_triangle => {
+                last.vertices[1] = b * per_triangle;
+            }
+            _ => self.list.push(Draw {
+                rectangle: Some(self.rectangle),
+                vertices: [a * per_triangle, b * per_triangle],
+                is_indexed: false,
+                instances: [tagged, tagged + 1],
+            }),
+        }
+    }
+}

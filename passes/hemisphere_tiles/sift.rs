@@ -1,0 +1,152 @@
+//! Drops triangles that fall between the samples of a view, on the device: where a scene has more triangles than a view has
+//! samples, most of them do, and each would cost the driver as much as one that is seen.
+
+use super::Work;
+use super::cull::{Culled, GAP};
+use crate::contract::Recorder;
+use crate::host_struct;
+use crate::recording::*;
+
+host_struct! {
+    /// A view's part of what the sift reads and writes.
+    pub struct SiftView {
+        /// Words of what may be seen: the first, and the one after the last.
+        first: u32,
+        end: u32,
+        /// Room for what is seen [triangles].
+        base: u32,
+        room: u32,
+    }
+}
+
+/// Triangles that a word stands for: the first one's number × 64 and how many.
+const WORD: u32 = 32;
+/// Room for a view's triangles, in samples of the view. A view that keeps more is drawn without the sift.
+const ROOM: u64 = 4;
+/// Most bytes of each of the buffers; a view that finds no room is drawn without the sift.
+const MOST_BYTES: u64 = 64 << 20;
+
+/// With fewer triangles than samples, most are seen.
+pub(super) fn pays(work: &Work, triangles: u32) -> bool {
+    triangles > work.samples_per_tile()
+}
+
+/// Where each view's triangles go.
+#[derive(Clone)]
+struct Room {
+    /// Of each view of a tile: first triangle from the tile's, triangles.
+    views: Vec<[u32; 2]>,
+    per_tile: u32,
+}
+
+impl Room {
+    fn new(work: &Work, triangles: u32) -> Self {
+        let most = MOST_BYTES / (12 * work.requests.capacity as u64 * work.table.views.len() as u64);
+        let mut per_tile = 0;
+        let mut views = Vec::new();
+        for view in &work.table.views {
+            let samples = view.rectangle[2] as u64 * view.rectangle[3] as u64;
+            let room = (ROOM * samples).min(most).min(triangles as u64) as u32;
+            views.push([per_tile, room]);
+            per_tile += room;
+        }
+        Self { views, per_tile }
+    }
+
+    /// First triangle and number of triangles of a view of the batch.
+    fn of(&self, view: usize) -> [u32; 2] {
+        let [first, room] = self.views[view % self.views.len()];
+        [(view / self.views.len()) as u32 * self.per_tile + first, room]
+    }
+}
+
+/// The draws of the triangles that samples may see, and the indices that they go by.
+pub(super) fn record(r: &mut Recorder<'_>, work: &Work, program: &Program, culled: Resource) -> (Resource, Option<Resource>) {
+    let views = work.requests.capacity as u64 * work.table.views.len() as u64;
+    let triangles = r.setting.needs.triangles;
+    let room = Room::new(work, triangles);
+    // Ranges are more than a gap apart, and each has one word that is not full.
+    let words = (views * (triangles / WORD + triangles / (GAP + 1) + 2) as u64).min(MOST_BYTES / 8);
+    let resources = Sift {
+        culled,
+        words: r.buffer("words", 4 * words),
+        masks: r.buffer("masks", 8 * words),
+        sifted: r.buffer("sifted", views * size_of::<SiftView>() as u64),
+        kept: r.buffer("kept", 8 * views),
+        indices: r.buffer("indices", 12 * work.requests.capacity as u64 * room.per_tile as u64),
+        draws: r.draws("draws"),
+    };
+    let Sift { words: to, sifted, kept, indices, draws, .. } = resources;
+    let layout = room.clone();
+    r.host("ask", &[], &[to, sifted], move |host| resources.ask(host, &layout, words as usize));
+    let program = program.clone().bind("words", to).bind("masks", resources.masks).bind("sifted", sifted).bind("kept", kept).bind("indices", indices);
+    let per = work.table.views.len() as u32;
+    r.compute(program, "sift", Groups::Counted { count: work.requests.count, divisor: 1, per });
+    r.host("list", &[Read::counted(kept, 8 * per as u64, work.requests.count)], &[], move |host| resources.list(host, &room));
+    (draws, Some(indices))
+}
+
+#[derive(Clone, Copy)]
+struct Sift {
+    culled: Resource,
+    words: Resource,
+    masks: Resource,
+    sifted: Resource,
+    /// Triangles that each view keeps: wholly inside, crossing its bounds.
+    kept: Resource,
+    indices: Resource,
+    draws: Resource,
+}
+
+impl Sift {
+    /// Writes what each view may see, for the device.
+    fn ask(&self, host: &mut dyn HostContext, room: &Room, capacity: usize) -> Result<(), String> {
+        let found = Culled::take(host, self.culled);
+        let mut words: Vec<u32> = Vec::new();
+        let mut views = Vec::new();
+        for (index, part) in found.views.iter().enumerate() {
+            let first = words.len();
+            found.draws[part.clone()].iter().for_each(|draw| words.extend(split(draw.vertices.map(|vertex| vertex / 3))));
+            if words.len() > capacity {
+                words.truncate(first);
+            }
+            let [base, room] = room.of(index);
+            views.push(SiftView { first: first as u32, end: words.len() as u32, base, room });
+        }
+        host.write(self.words, 0, bytemuck::cast_slice(&words));
+        host.write(self.sifted, 0, bytemuck::cast_slice(&views));
+        *host.state(self.culled) = Some(found);
+        Ok(())
+    }
+
+    /// Lists the draws of what each view keeps; of all that it may see where that found no room.
+    fn list(&self, host: &mut dyn HostContext, room: &Room) -> Result<(), String> {
+        let kept: Vec<[u32; 2]> = bytemuck::pod_collect_to_vec(host.read(self.kept));
+        let found = Culled::take(host, self.culled);
+        let list = host.draws(self.draws);
+        list.clear();
+        for (index, (part, [inside, crossing])) in found.views.iter().zip(kept).enumerate() {
+            let all = &found.draws[part.clone()];
+            let [base, room] = room.of(index);
+            let Some(draw) = all.first() else { continue };
+            if inside + crossing > room {
+                list.extend(all);
+                continue;
+            }
+            let mut add = |first: u32, end: u32| list.push(Draw { vertices: [3 * first, 3 * end], is_indexed: true, ..*draw });
+            if inside > 0 {
+                add(base, base + inside);
+            }
+            if crossing > 0 {
+                add(base + room - crossing, base + room);
+            }
+        }
+        *host.state(self.culled) = Some(found);
+        Ok(())
+    }
+}
+
+/// The words of a range of triangles.
+fn split([first, end]: [u32; 2]) -> impl Iterator<Item = u32> {
+    (first..end).step_by(WORD as usize).map(move |at| at << 6 | (end - at).min(WORD))
+}

@@ -405,12 +405,16 @@ fn odd_tiles_are_refused(stage: &Stage) -> Outcome {
     let table = table(shape)?;
     let refused = summed(stage, &table, shape, "MipmapChain:F32", Radius::HarmonicMean).err().and_then(|e| e.message().map(String::from)).unwrap_or_default();
     check(refused.contains("22×22"), || format!("a mipmap chain of 22×22 samples was not refused: {refused}"))?;
-    let errors: Vec<f32> = summed(stage, &table, shape, "PingPong:F32", Radius::HarmonicMean)?
-        .iter()
-        .zip(expected(&table, stage.scene.extent(), Radius::HarmonicMean)?)
-        .map(|(f, (e, s))| error(f, &e, s))
-        .collect();
-    check(errors.iter().all(|e| *e < 1e-5), || format!("PingPong of 22×22 samples: errors {errors:?}"))
+    for shape in [(Shape::Cosine, 22), (Shape::Cosine, 21), (Shape::Hemispherical, 5), (Shape::Plane { fov_degrees: 90.0 }, 33)] {
+        let table = self::table(shape)?;
+        let expected = expected(&table, stage.scene.extent(), Radius::HarmonicMean)?;
+        for by in ["PingPong:F32", "WorkgroupTree", "CpuReadback"] {
+            let found = summed(stage, &table, shape, by, Radius::HarmonicMean)?;
+            let errors: Vec<f32> = found.iter().zip(&expected).map(|(f, (e, scales))| error(f, e, *scales)).collect();
+            check(errors.iter().all(|e| *e < 1e-5), || format!("{by} over {shape:?}: errors {errors:?}"))?;
+        }
+    }
+    Ok(())
 }
 
 // Splats

@@ -1,7 +1,7 @@
 #import lib/sums
 
-// One workgroup sums four tiles: each lane walks down rows of all four, so that a weight is read once for four samples
-// and a sample serves as its right neighbour's left one; then a tree adds the lanes, tile by tile.
+// One workgroup sums four tiles: each lane walks along pairs of rows of all four, so that a weight is read once for four
+// samples, and a sample serves as its neighbours' left one and upper one; then a tree adds the lanes, tile by tile.
 
 // What a sample stands for, and its walls to the samples on its left and above.
 struct Cell {
@@ -45,29 +45,65 @@ fn place_of(tile: u32) -> Place {
     return Place(placed * TILE_WIDTH * TILE_HEIGHT, least_distance(requests[placed]));
 }
 
-// Radiance and inverse depth; nothing infinitely far where the sample is unused.
+// Radiance and inverse distance; nothing infinitely far where the sample is unused, whatever stands in its memory.
 fn seen_at(place: Place, sample: u32, inverse_depth_cosine: f32) -> vec4f {
     let seen = radiance[place.first + sample];
-    let used = vec4f(seen.rgb, inverse_depth_cosine / max(seen.w, place.nearest));
-    return select(vec4f(0.0), used, inverse_depth_cosine > 0.0);
+    return select(vec4f(0.0), vec4f(seen.rgb, 1.0 / max(seen.w, place.nearest)), inverse_depth_cosine > 0.0);
 }
 
-// Adds a sample and its walls to the one before and the one above, whose inverse depth cosine is given; returns the sample.
-fn visit(sums: ptr<function, Sums>, place: Place, before: vec4f, cell: Cell, sample: u32, above: f32) -> vec4f {
-    let seen = seen_at(place, sample, cell.inverse_depth_cosine);
-    let inverse = seen.w / max(cell.inverse_depth_cosine, 1e-30);
-    add_sample(sums, cell.cosine_weight, vec2f(cell.rotation_x, cell.rotation_y), seen.rgb, inverse);
+// The same with the inverse of the depth along the raster's axis.
+fn in_depth(seen: vec4f, inverse_depth_cosine: f32) -> vec4f {
+    return vec4f(seen.rgb, seen.w * inverse_depth_cosine);
+}
+
+// Adds the wall between two samples that are neighbours in the picture.
+fn visit_wall(sums: ptr<function, Sums>, gradient: vec3f, hessian: vec3f, a: vec4f, b: vec4f) {
     if GRADIENTS {
-        add_wall(sums, cell.left_gradient, vec3f(cell.left_hessian_xx, cell.left_hessian_xy, cell.left_hessian_yy), before, seen);
-        let over = seen_at(place, sample - min(sample, TILE_WIDTH), above);
-        add_wall(sums, cell.above_gradient, vec3f(cell.above_hessian_xx, cell.above_hessian_xy, cell.above_hessian_yy), over, seen);
+        add_wall(sums, gradient, hessian, a, b);
     }
-    return seen;
+}
+
+// Adds a sample and its walls to the one before it and the one above, which are as `in_depth`; returns it so.
+fn visit(sums: ptr<function, Sums>, place: Place, cell: Cell, sample: u32, before: vec4f, above: vec4f) -> vec4f {
+    let seen = seen_at(place, sample, cell.inverse_depth_cosine);
+    add_sample(sums, cell.cosine_weight, vec2f(cell.rotation_x, cell.rotation_y), seen.rgb, seen.w);
+    let placed = in_depth(seen, cell.inverse_depth_cosine);
+    visit_wall(sums, cell.left_gradient, vec3f(cell.left_hessian_xx, cell.left_hessian_xy, cell.left_hessian_yy), before, placed);
+    visit_wall(sums, cell.above_gradient, vec3f(cell.above_hessian_xx, cell.above_hessian_xy, cell.above_hessian_yy), above, placed);
+    return placed;
+}
+
+// What two samples, one above the other, stand for.
+struct CellPair {
+    sample: u32,
+    // The sample above the pair.
+    above: u32,
+    above_cosine: f32,
+    upper: Cell,
+    lower: Cell,
+}
+
+// Two samples, one above the other, of the rows that a lane walks along.
+struct Pair {
+    upper: vec4f,
+    lower: vec4f,
+}
+
+fn visit_pair(sums: ptr<function, Sums>, place: Place, cells: CellPair, before: Pair) -> Pair {
+    var above: vec4f;
+    if GRADIENTS {
+        above = in_depth(seen_at(place, cells.above, cells.above_cosine), cells.above_cosine);
+    }
+    let upper = visit(sums, place, cells.upper, cells.sample, before.upper, above);
+    let lower = visit(sums, place, cells.lower, cells.sample + TILE_WIDTH, before.lower, upper);
+    return Pair(upper, lower);
 }
 
 fn visit_seam(sums: ptr<function, Sums>, place: Place, seam: TileEdge, depth_a: f32, depth_b: f32) {
     let hessian = vec3f(seam.hessian_xx, seam.hessian_xy, seam.hessian_yy);
-    add_wall(sums, seam.gradient, hessian, seen_at(place, seam.a, depth_a), seen_at(place, seam.b, depth_b));
+    let a = in_depth(seen_at(place, seam.a, depth_a), depth_a);
+    let b = in_depth(seen_at(place, seam.b, depth_b), depth_b);
+    add_wall(sums, seam.gradient, hessian, a, b);
 }
 
 // Adds the lanes' parts of one tile.
@@ -105,19 +141,19 @@ fn sum(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec
     var b: Sums;
     var c: Sums;
     var d: Sums;
-    var before_a: vec4f;
-    var before_b: vec4f;
-    var before_c: vec4f;
-    var before_d: vec4f;
-    for (var row = lane; row < TILE_HEIGHT; row += LANES) {
+    var before_a: Pair;
+    var before_b: Pair;
+    var before_c: Pair;
+    var before_d: Pair;
+    for (var row = 2u * lane; row < TILE_HEIGHT; row += 2u * LANES) {
         for (var column = 0u; column < TILE_WIDTH; column++) {
             let sample = row * TILE_WIDTH + column;
-            let cell = cells[sample];
-            let above = cells[sample - min(sample, TILE_WIDTH)].inverse_depth_cosine;
-            before_a = visit(&a, place_a, before_a, cell, sample, above);
-            before_b = visit(&b, place_b, before_b, cell, sample, above);
-            before_c = visit(&c, place_c, before_c, cell, sample, above);
-            before_d = visit(&d, place_d, before_d, cell, sample, above);
+            let above = sample - min(sample, TILE_WIDTH);
+            let pair = CellPair(sample, above, cells[above].inverse_depth_cosine, cells[sample], cells[sample + TILE_WIDTH]);
+            before_a = visit_pair(&a, place_a, pair, before_a);
+            before_b = visit_pair(&b, place_b, pair, before_b);
+            before_c = visit_pair(&c, place_c, pair, before_c);
+            before_d = visit_pair(&d, place_d, pair, before_d);
         }
     }
     if GRADIENTS {

@@ -20,7 +20,7 @@ static DESCRIPTION: Description = Description {
             name: "minimum_spacing",
             about: "least reach of a record",
             unit: "pixels",
-            kind: ParameterKind::Float { default: 4.0, min: 0.1, max: 1000.0 },
+            kind: ParameterKind::Float { default: 6.0, min: 0.1, max: 1000.0 },
         },
         Parameter {
             name: "maximum_spacing",

@@ -188,7 +188,8 @@ fn earlier_memory() -> Outcome {
 struct Place(TempDir);
 
 /// Small and quick: few rays a record, few records.
-const SMALL: [&str; 8] = ["--size", "40x30", "--set", "tiles.resolution=8", "--set", "cache.accuracy=0.4", "--stats", "stats.json"];
+const SMALL: [&str; 10] =
+    ["--size", "40x30", "--set", "tiles.resolution=8", "--set", "cache.accuracy=0.4", "--set", "cache.minimum_spacing=4", "--stats", "stats.json"];
 
 /// Exit status and stderr.
 type Ended = (i32, String);

@@ -5,12 +5,18 @@
 
 mod place;
 
+use hemisplat::contract::recorder::Setting;
+use hemisplat::gpu::scene::byte_size;
 use hemisplat::measure::study::embedded::EMBEDDED;
+use hemisplat::measure::traffic::{Traffic, traffic};
+use hemisplat::passes::REGISTRY;
+use hemisplat::pipeline;
+use hemisplat::scene::{load, needs::Needs};
 use libtest_mimic::{Arguments, Failed};
 use place::{Case, Outcome, Place, check};
 use serde_json::Value;
-use std::fs;
 use std::path::Path;
+use std::{fs, io};
 
 const DRAWN: &[(&str, Case)] = &[
     ("a_study_is_measured_and_told_as_its_file_says", told),
@@ -19,7 +25,8 @@ const DRAWN: &[(&str, Case)] = &[
     ("pipelines_and_scenes_stand_beside_a_study", beside),
 ];
 
-const REFUSED: &[(&str, Case)] = &[("studies_that_ship_can_be_planned", shipped), ("mistakes_are_told_before_work_starts", mistakes)];
+const REFUSED: &[(&str, Case)] =
+    &[("studies_that_ship_can_be_planned", shipped), ("sums_move_the_bytes_that_their_ways_say", moved), ("mistakes_are_told_before_work_starts", mistakes)];
 
 fn main() {
     place::run(&Arguments::from_args(), DRAWN, REFUSED);
@@ -211,6 +218,46 @@ fn shipped() -> Outcome {
     for file in files {
         let (text, stderr) = place.succeed(&format!("study {file} --scene corner --size 101x101 --dry-run"))?;
         check(text.lines().count() > 5 && !text.contains("refused"), || format!("{file}\n{text}{stderr}"))?;
+    }
+    Ok(())
+}
+
+/// What the node `records` moves for each tile of this many samples along an edge.
+fn traffic_of(pipeline: &str, resolution: u32, set: &str) -> Result<Traffic, Failed> {
+    let sets: Vec<String> = [format!("tiles.resolution={resolution}"), "fill.order=Batched(at_most: 32)".into()]
+        .into_iter()
+        .chain((!set.is_empty()).then(|| set.to_owned()))
+        .collect();
+    let told = |problems: pipeline::Problems| format!("{:?}", problems.0);
+    let pipeline = pipeline::load(pipeline, &sets, REGISTRY, &mut |_| Err(io::ErrorKind::NotFound.into())).map_err(told)?;
+    let scene = load::load(Path::new("corner"), &load::LoadOptions::default()).map_err(|error| error.to_string())?;
+    let needs = Needs::of(&scene);
+    let setting = Setting { scene: &scene, needs: &needs, size: [32, 24] };
+    let plan = pipeline::plan(&pipeline, setting, &[], &|data| byte_size(&scene, data)).map_err(told)?;
+    Ok(traffic(&plan.recording, &["records"]).map_err(|error| error.to_string())?.ok_or("no tiles")?)
+}
+
+/// A sample is 16 bytes, six parts of it 96 or as halves 48, a request 32 and a record 144.
+fn moved() -> Outcome {
+    let [request, record] = [32.0, 144.0];
+    let pyramid = |of: f64| (0..4).map(|level| of * 64.0 / f64::from(1 << (2 * level))).collect::<Vec<_>>();
+    let sum = |levels: &[f64]| levels.iter().sum::<f64>();
+    let [single, half] = [96.0, 48.0].map(pyramid);
+    let cases = [
+        ("irradiance", 8, "", [1024.0 + request, record, 0.0]),
+        ("irradiance-readback", 8, "", [0.0, record, 1024.0 + request]),
+        ("irradiance-mipmap", 8, "", [1024.0 + request + sum(&single) + request, sum(&single) + record, 0.0]),
+        // Each tile's exposure is found in a look at all samples, and read by the first step and the last.
+        ("irradiance-mipmap", 8, "records.by.storage=F16", [2048.0 + request + sum(&half) + request + 8.0, 4.0 + sum(&half) + record, 0.0]),
+        ("irradiance-ping-pong", 8, "", [1024.0 + request + single[0], 2.0 * single[0] + record, single[0] + request]),
+        // Halved once, what is left is 16×16: the larger image is written to in full, the smaller one is read twice.
+        ("irradiance-ping-pong", 32, "", [16384.0 + request + 98304.0 + 24576.0, 98304.0 + 2.0 * 24576.0 + record, 24576.0 + request]),
+        ("irradiance-ping-pong", 64, "", [65536.0 + request + 393216.0 + 98304.0 + 24576.0, 393216.0 + 98304.0 + 2.0 * 24576.0 + record, 24576.0 + request]),
+    ];
+    for (pipeline, resolution, set, expected) in cases {
+        let Traffic { read_bytes, written_bytes, read_back_bytes } = traffic_of(pipeline, resolution, set)?;
+        let found = [read_bytes, written_bytes, read_back_bytes];
+        check(found == expected, || format!("{pipeline} {resolution} {set}: {found:?}, expected {expected:?}"))?;
     }
     Ok(())
 }

@@ -28,7 +28,11 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work<'_>, arguments: &Argument
         image = coarse;
     }
     let requests = work.weighted.tiles.requests;
-    let mut program = work.at_level("irradiance_sum/mipmap_chain", levels).bind("requests", requests.places).bind("last", image).bind("records", work.records);
+    let mut program = work
+        .at_level("irradiance_sum/mipmap_chain", levels)
+        .bind("requests", requests.places)
+        .bind_part("last", image, work.level_bytes(levels, storage.format))
+        .bind("records", work.records);
     if let Some(exposures) = storage.exposures {
         program = program.bind("exposures", exposures);
     }

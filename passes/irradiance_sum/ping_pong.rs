@@ -25,7 +25,7 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work<'_>, arguments: &Argument
     let [width, height] = work.level_size(levels);
     let tile_bytes = (width * height * PARTS) as u64 * 16;
     let rest = r.buffer("rest", requests.capacity as u64 * tile_bytes);
-    let program = work.at_level("irradiance_sum/ping_pong", levels).bind("last", from).bind("rest", rest);
+    let program = work.at_level("irradiance_sum/ping_pong", levels).bind_part("last", from, work.level_bytes(levels, storage.format)).bind("rest", rest);
     r.compute(program, "pack", work.groups(levels));
     let (records, gradients, radius) = (work.records, work.gradients, work.radius);
     let exposures = storage.exposures;

@@ -63,6 +63,12 @@ impl Work<'_> {
         r.texture(name, [tiles.tiles_per_row * width, rows * height], PARTS, format)
     }
 
+    /// Bytes of the tiles of a full batch at a level.
+    pub(super) fn level_bytes(&self, level: u32, format: Format) -> u64 {
+        let [width, height] = self.level_size(level).map(u64::from);
+        u64::from(self.weighted.tiles.requests.capacity) * width * height * u64::from(PARTS) * format.bytes()
+    }
+
     /// One workgroup of 64 lanes for every 64 texels of a level, for each tile.
     pub(super) fn groups(&self, level: u32) -> Groups {
         let [width, height] = self.level_size(level);
@@ -97,7 +103,7 @@ impl Work<'_> {
             .bind("edges", edges)
             .bind("edge_starts", starts)
             .bind("radiance", tiles.samples)
-            .bind(storage.coarse, into);
+            .bind_part(storage.coarse, into, self.level_bytes(0, storage.format));
         if let Some(exposures) = storage.exposures {
             program = program.bind("exposures", exposures);
         }
@@ -106,7 +112,11 @@ impl Work<'_> {
 
     /// Averages of 2×2 texels, the maximum where a maximum is wanted.
     pub(super) fn average(&self, r: &mut Recorder<'_>, storage: &Storage, level: u32, from: Resource, into: Resource) {
-        let program = self.at_level("irradiance_sum/reduce", level).bind("fine", from).bind(storage.coarse, into);
+        let program = self.at_level("irradiance_sum/reduce", level).bind_part("fine", from, self.level_bytes(level - 1, storage.format)).bind_part(
+            storage.coarse,
+            into,
+            self.level_bytes(level, storage.format),
+        );
         r.compute(program, storage.average, self.groups(level));
     }
 

@@ -18,6 +18,7 @@ mod legible;
 mod output;
 mod passes;
 mod pipeline;
+mod points;
 mod progress;
 mod reference;
 mod render;

@@ -1,14 +1,13 @@
 //! What `hemisplat sweep` and `hemisplat study` share: a survey is checked, planned, measured point by point, told and written.
 
-use super::check::unique;
-use super::compare::{all, failure, warn_of_unstated_bounces};
+use super::compare::{failure, warn_of_unstated_bounces};
 use super::console::Console;
-use super::failure::{CommandError, Failure};
+use super::failure::Failure;
 use super::input::read_file;
 use super::interrupt::Shelter;
 use super::kept::Folder;
 use super::output::{Target, expect_distinct};
-use super::pipeline::{check_with, plan_view};
+use super::points::{check, expect_none_refused, listed, planned, weigh};
 use super::progress::Progress;
 use super::scene::{SceneOptions, View};
 use super::truth::{Truth, TruthOptions, content};
@@ -17,20 +16,15 @@ use crate::gpu::{AskPace, Gpu, Pace};
 use crate::measure::Layers;
 use crate::measure::cache::Checksum;
 use crate::measure::compare::{self, About, Contender, ReferenceReport, VariantErrors};
-use crate::measure::criteria::Cost;
 use crate::measure::plot::svg;
 use crate::measure::run::{Run, RunError};
 use crate::measure::survey::Survey;
-use crate::measure::sweep::{Axis, Measured, Outcome, Point, Sweep, mark_front, plot};
-use crate::pipeline::diagnostics::known;
-use crate::pipeline::{Pipeline, Plan, Problem, Problems};
+use crate::measure::sweep::{Measured, Outcome, Point, Sweep, mark_front, plot};
+use crate::pipeline::{Pipeline, Plan};
 use clap::Args;
 use miette::Diagnostic;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-
-/// More points make no figure that anybody can read, and take their time to be planned.
-const MAX_POINTS: usize = 1000;
 
 /// The longest program file that is read.
 const MOST_PROGRAM_BYTES: u64 = 4 << 30;
@@ -80,6 +74,7 @@ pub(super) fn run(survey: &Survey, scene: &SceneOptions, reference: &Reference, 
     let (mut points, pipelines) = check(survey)?;
     let view = scene.load(console)?;
     let plans: Vec<Option<Plan>> = pipelines.iter().zip(&mut points).map(|(pipeline, point)| planned(pipeline, &view, point)).collect();
+    weigh(&survey.moved, &plans, &mut points)?;
     let axes = survey.axes();
     if options.dry_run {
         console.print(&listed(&points, &plans, &axes))?;
@@ -139,73 +134,6 @@ impl Targets {
     fn paths(&self) -> Vec<&Path> {
         [&self.json, &self.csv, &self.svg, &self.markdown].into_iter().flatten().map(Target::path).collect()
     }
-}
-
-/// Every point with its pipeline, or all that is wrong with any of them.
-fn check(survey: &Survey) -> Result<(Vec<Point>, Vec<Pipeline>), Failure> {
-    let count = survey.rows.len().saturating_mul(survey.columns());
-    if count > MAX_POINTS {
-        return Err(Failure::input(CommandError::TooManyPoints { points: count, most: MAX_POINTS }));
-    }
-    let points = survey.points();
-    let pipelines = all(points.iter().map(|(row, sets, _)| check_with(&row.pipeline, row.place.as_ref(), sets)))?;
-    let points: Vec<Point> = points.into_iter().map(|(_, _, point)| point).collect();
-    expect_different(&points, &pipelines, &survey.axes())?;
-    expect_nodes(&survey.cost, &pipelines)?;
-    Ok((points, pipelines))
-}
-
-/// The same pipeline at two points would be measured twice for one answer.
-fn expect_different(points: &[Point], pipelines: &[Pipeline], over: &[Axis]) -> Result<(), Failure> {
-    let mut seen: BTreeMap<String, &Point> = BTreeMap::new();
-    for (point, pipeline) in points.iter().zip(pipelines) {
-        if let Some(first) = seen.insert(pipeline.to_ron(), point) {
-            return Err(Failure::input(CommandError::SamePoint { first: first.name(over), second: point.name(over) }));
-        }
-    }
-    Ok(())
-}
-
-/// A node whose time counts must be there in one of the pipelines.
-fn expect_nodes(cost: &Cost, pipelines: &[Pipeline]) -> Result<(), Failure> {
-    let Cost::PerRecord(nodes) = cost else { return Ok(()) };
-    let mut names: Vec<&str> = pipelines.iter().flat_map(Pipeline::names).collect();
-    names.sort_unstable();
-    names.dedup();
-    let unknown = nodes.iter().filter(|node| !names.contains(&node.text.as_str()));
-    let problem = |node: &crate::pipeline::syntax::Word| {
-        let problem = Problem::new("study::unknown_node", format!("no pipeline has a node `{}`", node.text));
-        problem.at(&node.place, "not a node").help(known(&node.text, names.iter().copied(), "the nodes"))
-    };
-    let problems: Vec<Problem> = unknown.map(problem).collect();
-    if problems.is_empty() { Ok(()) } else { Err(Failure::input(Problems(unique(problems)))) }
-}
-
-/// The plan of a point; a point without one is refused.
-fn planned(pipeline: &Pipeline, view: &View, point: &mut Point) -> Option<Plan> {
-    plan_view(pipeline, view, &[]).map_err(|problems| point.outcome = Outcome::Refused { because: told(&problems) }).ok()
-}
-
-/// Several problems on one line, each with its code.
-fn told(problems: &Problems) -> String {
-    problems.0.iter().map(|problem| format!("{}: {problem}", problem.code)).collect::<Vec<_>>().join("; ")
-}
-
-fn listed(points: &[Point], plans: &[Option<Plan>], over: &[Axis]) -> String {
-    let line = |(point, plan): (&Point, &Option<Plan>)| {
-        let what = match (&point.outcome, plan) {
-            (Outcome::Refused { because }, _) => format!(", refused: {because}"),
-            (_, Some(plan)) => format!(", {:.1} MiB on the device", plan.memory().total() as f64 / f64::from(1 << 20)),
-            _ => String::new(),
-        };
-        format!("{} {}{what}\n", point.id, point.name(over))
-    };
-    points.iter().zip(plans).map(line).collect()
-}
-
-fn expect_none_refused(points: &[Point]) -> Result<(), Failure> {
-    let refused = points.iter().filter(|point| matches!(point.outcome, Outcome::Refused { .. })).count();
-    if refused == 0 { Ok(()) } else { Err(Failure::work(CommandError::RefusedPoints { refused, points: points.len() })) }
 }
 
 /// What the numbers depend on beside pipelines, reference and runs.

@@ -55,6 +55,7 @@ pub fn run(options: Options, console: &Console) -> Result<(), Failure> {
         runs: options.runs,
         metric: options.metric,
         cost: Cost::parse("--cost", &options.cost).map_err(bad)?,
+        moved: Vec::new(),
     };
     survey::run(&survey, &options.scene, &Reference::Outside(options.truth), &options.work, console)
 }

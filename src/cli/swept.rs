@@ -5,6 +5,7 @@ use crate::measure::compare::VariantErrors;
 use crate::measure::criteria::{Cost, Metric};
 use crate::measure::survey::Survey;
 use crate::measure::sweep::{Measured, Outcome, Point, Sweep};
+use crate::measure::traffic::Traffic;
 use std::fmt::Write;
 
 /// The table for people.
@@ -74,7 +75,7 @@ pub fn warnings(sweep: &Sweep, survey: &Survey) -> Vec<String> {
 /// A row a point, headed by names with units; a cell is empty where there is no number.
 pub fn csv(sweep: &Sweep, survey: &Survey) -> String {
     let nodes = nodes(&sweep.points);
-    let rows: Vec<Vec<Cell>> = sweep.points.iter().map(|point| cells(sweep, point, &nodes, &survey.cost)).collect();
+    let rows: Vec<Vec<Cell>> = sweep.points.iter().map(|point| cells(sweep, point, &nodes, survey)).collect();
     let head = rows.first().map(|row| line(row.iter().map(|(name, _)| name)));
     head.into_iter().chain(rows.iter().map(|row| line(row.iter().map(|(_, value)| value)))).collect()
 }
@@ -90,7 +91,7 @@ fn nodes(points: &[Point]) -> Vec<&str> {
     nodes
 }
 
-fn cells(sweep: &Sweep, point: &Point, nodes: &[&str], cost: &Cost) -> Vec<Cell> {
+fn cells(sweep: &Sweep, point: &Point, nodes: &[&str], survey: &Survey) -> Vec<Cell> {
     let (state, because) = match &point.outcome {
         Outcome::Measured(_) => ("measured", None),
         Outcome::Refused { because } => ("refused", Some(because)),
@@ -109,8 +110,11 @@ fn cells(sweep: &Sweep, point: &Point, nodes: &[&str], cost: &Cost) -> Vec<Cell>
         cell("runs", Some(sweep.runs)),
     ]);
     cells.extend(of_costs(point.measured()));
-    if matches!(cost, Cost::PerRecord(_)) {
-        cells.push(cell("ms_per_record", point.measured().and_then(|measured| cost.of(measured))));
+    if matches!(survey.cost, Cost::PerRecord(_)) {
+        cells.push(cell("ms_per_record", point.measured().and_then(|measured| survey.cost.of(measured))));
+    }
+    if !survey.moved.is_empty() {
+        cells.extend(of_traffic(point.traffic));
     }
     cells.extend(of_errors(point.measured().map_or(&VariantErrors::default(), |measured| &measured.errors)));
     cells.extend(nodes.iter().flat_map(|node| of_node(node, point.measured())));
@@ -131,6 +135,15 @@ fn of_costs(measured: Option<&Measured>) -> Vec<Cell> {
         cell("complete", measured.map(|measured| measured.complete)),
         cell("pictures_repeat", measured.map(|measured| measured.pictures_repeat)),
         cell("peak_gpu_bytes", measured.map(|measured| measured.peak_gpu_bytes)),
+    ]
+}
+
+/// For each tile.
+fn of_traffic(traffic: Option<Traffic>) -> [Cell; 3] {
+    [
+        cell("read_bytes_per_tile", traffic.map(|traffic| traffic.read_bytes)),
+        cell("written_bytes_per_tile", traffic.map(|traffic| traffic.written_bytes)),
+        cell("read_back_bytes_per_tile", traffic.map(|traffic| traffic.read_back_bytes)),
     ]
 }
 

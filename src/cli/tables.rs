@@ -4,6 +4,7 @@ use super::comparison::significant;
 use crate::measure::criteria::{Cost, Metric};
 use crate::measure::survey::Survey;
 use crate::measure::sweep::{Outcome, Point, Sweep, best, lines};
+use crate::measure::traffic::Traffic;
 
 /// A table of errors and one of costs, each a row for each row of the survey and a column for each value, and the points that nothing beats.
 pub fn markdown(sweep: &Sweep, survey: &Survey) -> String {
@@ -16,6 +17,11 @@ pub fn markdown(sweep: &Sweep, survey: &Survey) -> String {
         parts.push(by_value(sweep, &format!("{metric}{unit}"), &error));
     }
     parts.push(by_value(sweep, &cost.to_string(), &costs));
+    if !survey.moved.is_empty() {
+        let nodes: Vec<&str> = survey.moved.iter().map(|node| node.text.as_str()).collect();
+        let what = format!("KiB a tile in {}: read + written, read back", nodes.join(", "));
+        parts.push(by_value(sweep, &what, &|point| point.traffic.map(moved)));
+    }
     if sweep.points.iter().any(|point| point.pareto) {
         parts.push(front(sweep, metric, cost));
     }
@@ -44,6 +50,12 @@ fn noise(sweep: &Sweep) -> String {
 fn told(error: f64, metric: &Metric) -> String {
     let value = if metric.is_share() { 100.0 * error } else { error };
     significant(value)
+}
+
+fn moved(traffic: Traffic) -> String {
+    let Traffic { read_bytes, written_bytes, read_back_bytes } = traffic;
+    let [read, written, back] = [read_bytes, written_bytes, read_back_bytes].map(|bytes| significant(bytes / 1024.0));
+    format!("{read} + {written}, {back}")
 }
 
 fn by_value(sweep: &Sweep, what: &str, cell: &dyn Fn(&Point) -> Option<String>) -> String {

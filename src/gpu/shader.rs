@@ -64,6 +64,14 @@ pub struct Slot {
     pub kind: SlotKind,
 }
 
+/// What an entry point does with a global variable.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Use {
+    pub name: String,
+    pub reads: bool,
+    pub writes: bool,
+}
+
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum SlotKind {
     Uniform,
@@ -127,6 +135,18 @@ impl Shader {
             }
         }
         Ok(slots.into_values().collect())
+    }
+
+    /// Which global variables an entry point reads, and which it writes; none where there is no such entry point.
+    pub fn uses(&self, entry: &str) -> Vec<Use> {
+        let Some(index) = self.module.entry_points.iter().position(|found| found.name == entry) else { return Vec::new() };
+        let uses = self.info.get_entry_point(index);
+        let of = |(handle, global): (naga::Handle<naga::GlobalVariable>, &naga::GlobalVariable)| Use {
+            name: global.name.clone().unwrap_or_default(),
+            reads: uses[handle].contains(naga::valid::GlobalUse::READ),
+            writes: uses[handle].contains(naga::valid::GlobalUse::WRITE),
+        };
+        self.module.global_variables.iter().map(of).collect()
     }
 
     fn kind(&self, global: &naga::GlobalVariable) -> Result<SlotKind, String> {

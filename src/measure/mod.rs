@@ -15,6 +15,7 @@ pub mod study;
 pub mod survey;
 pub mod sweep;
 pub mod tone;
+pub mod traffic;
 
 pub use layers::{Layer, Layers, MAX_SAMPLES, PICTURE, PictureError};
 pub use metrics::{Errors, LargestError, MetricsError, Selected, compare, compare_layers};

@@ -5,7 +5,7 @@ use super::compare::letters;
 use super::criteria::{Cost, Metric};
 use super::sweep::{Axis, Outcome, Point, grid};
 use crate::pipeline::Set;
-use crate::pipeline::syntax::Place;
+use crate::pipeline::syntax::{Place, Word};
 
 pub struct Survey {
     pub rows: Vec<Row>,
@@ -16,6 +16,8 @@ pub struct Survey {
     pub metric: Metric,
     /// What that error is held against.
     pub cost: Cost,
+    /// Nodes whose traffic is told.
+    pub moved: Vec<Word>,
 }
 
 /// A pipeline, as it is before parameters are swept.
@@ -66,7 +68,7 @@ impl Survey {
         let values = swept.iter().map(|set| (set.key.text.clone(), set.value.written().to_owned())).collect();
         let sets: Vec<Set> = row.sets.iter().chain(swept).cloned().collect();
         let set = sets.iter().map(Set::to_string).collect();
-        let point = Point { id, row: row.name.clone(), pipeline: row.pipeline.clone(), set, values, outcome: Outcome::Open, pareto: false };
+        let point = Point { id, row: row.name.clone(), pipeline: row.pipeline.clone(), set, values, outcome: Outcome::Open, traffic: None, pareto: false };
         (row, sets, point)
     }
 }

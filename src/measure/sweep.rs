@@ -5,6 +5,7 @@ use super::criteria::{Cost, Metric};
 use super::plot::{Line, Mark, Plot};
 use super::run::Records;
 use super::statistics::Spread;
+use super::traffic::Traffic;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -77,6 +78,9 @@ pub struct Point {
     pub set: Vec<String>,
     #[serde(flatten)]
     pub outcome: Outcome,
+    /// Of the nodes that a study names, for each tile.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub traffic: Option<Traffic>,
     /// Whether no other point of the sweep costs as little and is as near to the truth, and is better in one of the two.
     pub pareto: bool,
 }

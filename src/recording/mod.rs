@@ -144,6 +144,8 @@ pub struct Program {
     pub constants: Vec<(&'static str, f64)>,
     /// Variable in the shader, resource. What begins with `scene_` or is called `camera` is bound without being listed.
     pub bindings: Vec<(&'static str, Resource)>,
+    /// How many bytes are touched of a binding, where it is not all of them.
+    pub parts: Vec<(&'static str, u64)>,
 }
 
 #[derive(PartialEq)]
@@ -277,7 +279,7 @@ pub trait HostContext {
 
 impl Program {
     pub fn new(shader: &'static str) -> Self {
-        Self { shader, imports: Vec::new(), constants: Vec::new(), bindings: Vec::new() }
+        Self { shader, imports: Vec::new(), constants: Vec::new(), bindings: Vec::new(), parts: Vec::new() }
     }
 
     pub fn import(mut self, alias: &'static str, path: &'static str) -> Self {
@@ -293,6 +295,12 @@ impl Program {
     pub fn bind(mut self, name: &'static str, resource: Resource) -> Self {
         self.bindings.push((name, resource));
         self
+    }
+
+    /// Binds a resource of which only so many bytes are touched.
+    pub fn bind_part(mut self, name: &'static str, resource: Resource, bytes: u64) -> Self {
+        self.parts.push((name, bytes));
+        self.bind(name, resource)
     }
 }
 

@@ -1,7 +1,11 @@
 //! The studies that ship, inside the program.
 
 /// File name and text.
-pub static EMBEDDED: &[(&str, &str)] = &[("compensation.ron", include_str!("../../../studies/compensation.ron"))];
+pub static EMBEDDED: &[(&str, &str)] = &[
+    ("compensation.ron", include_str!("../../../studies/compensation.ron")),
+    ("summation.ron", include_str!("../../../studies/summation.ron")),
+    ("weights.ron", include_str!("../../../studies/weights.ron")),
+];
 
 /// Finds a study by "studies/compensation.ron", "compensation.ron" or "compensation".
 pub fn find(name: &str) -> Option<(&'static str, &'static str)> {

@@ -2,7 +2,7 @@
 //!
 //! ```ron
 //! Study(version: 1, about: "…", source: "…", scene: "…", camera: "…", size: (64, 64), reference: Traced(spp: 1024), runs: 5,
-//!     metric: "rms_of_relative", cost: PerRecord(["node"]), set: {"node.parameter": value},
+//!     metric: "rms_of_relative", cost: PerRecord(["node"]), moved: ["node"], set: {"node.parameter": value},
 //!     rows: [(name: "…", pipeline: "…", set: {"node.parameter": value})], over: {"node.parameter": [value, value]})
 //! ```
 
@@ -16,7 +16,7 @@ use crate::pipeline::syntax::{self, Body, Field, Value, ValueKind, Word};
 use crate::pipeline::{Problem, Problems, Set};
 use std::ops::RangeInclusive;
 
-const KEYS: [&str; 13] = ["version", "about", "source", "scene", "camera", "size", "reference", "runs", "metric", "cost", "set", "rows", "over"];
+const KEYS: [&str; 14] = ["version", "about", "source", "scene", "camera", "size", "reference", "runs", "metric", "cost", "moved", "set", "rows", "over"];
 
 /// Runs of each point where nothing is said, of sweeps too.
 pub const DEFAULT_RUNS: u16 = 5;
@@ -84,12 +84,19 @@ impl Reader {
         let runs = self.optional(&keys, "runs", |reader, value| reader.number(value, "the runs", 1..=500));
         let metric = self.optional(&keys, "metric", Self::metric);
         let cost = self.optional(&keys, "cost", Self::cost);
+        let moved = self.optional(&keys, "moved", Self::moved).unwrap_or_default();
         let common = self.sets(&keys);
         let rows = self.rows(&keys, &common);
         let over = self.over(&keys);
         let reference = self.grammar.required(&keys, "reference").and_then(|value| self.reference(value, &rows));
-        let survey =
-            Survey { rows, over, runs: runs.map_or(DEFAULT_RUNS, |runs| runs as u16), metric: metric.unwrap_or_default(), cost: cost.unwrap_or(Cost::Seconds) };
+        let survey = Survey {
+            rows,
+            over,
+            runs: runs.map_or(DEFAULT_RUNS, |runs| runs as u16),
+            metric: metric.unwrap_or_default(),
+            cost: cost.unwrap_or(Cost::Seconds),
+            moved,
+        };
         Some(Study { about, source, scene, camera, size, reference: reference?, survey })
     }
 
@@ -135,6 +142,10 @@ impl Reader {
 
     fn cost(&mut self, value: &Value) -> Option<Cost> {
         Cost::read(value).map_err(|problem| self.grammar.problems.push(problem)).ok()
+    }
+
+    fn moved(&mut self, value: &Value) -> Option<Vec<Word>> {
+        self.items(value, "a list of names of nodes").iter().map(|item| self.grammar.word(item, "the name of a node")).collect()
     }
 
     /// `Traced(spp: …, stride: …)` or `Row("…")`.
@@ -220,7 +231,7 @@ impl Reader {
         over
     }
 
-    /// The items of a list that must hold some.
+    /// The items of a list that must hold something.
     fn items<'v>(&mut self, value: &'v Value, what: &str) -> &'v [Value] {
         let ValueKind::List(items) = &value.kind else {
             self.grammar.wrong_type(value, what);
@@ -233,7 +244,7 @@ impl Reader {
     }
 
     fn empty(&mut self, value: &Value) {
-        self.grammar.problems.push(Problem::new("study::empty", "a study has rows and values, one of each at least").at(&value.place, "nothing is here"));
+        self.grammar.problems.push(Problem::new("study::empty", "this must hold something").at(&value.place, "nothing is here"));
     }
 }
 

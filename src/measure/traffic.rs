@@ -1,0 +1,87 @@
+//! How many bytes nodes move for each tile, as the recording has it: no caches, every byte that a command touches once.
+
+use crate::gpu::{GpuError, shader::Shader};
+use crate::recording::{Command, Compute, Host, Lifetime, Recording, Resource};
+use serde::Serialize;
+use std::ops::Add;
+
+/// Bytes of one tile; what all tiles share, such as tables of weights and the scene, is not counted.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+pub struct Traffic {
+    /// By the device.
+    pub read_bytes: f64,
+    /// By the device, and by the host into its memory.
+    pub written_bytes: f64,
+    /// By the host, from the device's memory.
+    pub read_back_bytes: f64,
+}
+
+impl Add for Traffic {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        Self {
+            read_bytes: self.read_bytes + other.read_bytes,
+            written_bytes: self.written_bytes + other.written_bytes,
+            read_back_bytes: self.read_back_bytes + other.read_back_bytes,
+        }
+    }
+}
+
+/// What these nodes move; None where that is not known beforehand, as for rasters, or there are no tiles.
+///
+/// # Errors
+/// A shader that cannot be read.
+pub fn traffic(recording: &Recording, nodes: &[&str]) -> Result<Option<Traffic>, GpuError> {
+    let Some(tiles) = tiles(recording) else { return Ok(None) };
+    let commands = recording.nodes().into_iter().filter(|node| nodes.contains(&node.name.as_str())).flat_map(|node| &node.commands);
+    let all = commands.map(|command| of_command(recording, command, tiles)).collect::<Result<Option<Vec<_>>, _>>();
+    // None of one is None of all.
+    Ok(all?.map(|all| all.into_iter().fold(Traffic::default(), Add::add)))
+}
+
+/// Tiles of a batch.
+fn tiles(recording: &Recording) -> Option<f64> {
+    let programs = recording.nodes().into_iter().flat_map(|node| &node.commands).filter_map(|command| match command {
+        Command::Compute(compute) => Some(&compute.program),
+        _ => None,
+    });
+    programs.flat_map(|program| &program.constants).find(|(name, _)| *name == "TILE_CAPACITY").map(|(_, tiles)| *tiles)
+}
+
+fn of_command(recording: &Recording, command: &Command, tiles: f64) -> Result<Option<Traffic>, GpuError> {
+    let bytes = |resource: Resource| recording.resource(resource).kind.bytes() as f64 / tiles;
+    Ok(match command {
+        Command::Clear(resource) => Some(Traffic { written_bytes: bytes(*resource), ..Traffic::default() }),
+        Command::Copy { from, to } => Some(Traffic { read_bytes: bytes(*from), written_bytes: bytes(*to), ..Traffic::default() }),
+        Command::Compute(compute) => Some(of_dispatch(recording, compute, tiles)?),
+        Command::Host(host) => Some(of_host(host, &bytes)),
+        Command::Raster(_) => None,
+    })
+}
+
+fn of_dispatch(recording: &Recording, compute: &Compute, tiles: f64) -> Result<Traffic, GpuError> {
+    let program = &compute.program;
+    let uses = Shader::load(program.shader, &program.imports)?.uses(compute.entry);
+    let mut traffic = Traffic::default();
+    for (name, resource) in &program.bindings {
+        if recording.resource(*resource).lifetime != Lifetime::Transient {
+            continue;
+        }
+        let part = program.parts.iter().find(|(bound, _)| bound == name).map(|(_, bytes)| *bytes);
+        let bytes = part.unwrap_or_else(|| recording.resource(*resource).kind.bytes()) as f64 / tiles;
+        let used = uses.iter().find(|used| used.name == *name);
+        traffic.read_bytes += if used.is_some_and(|used| used.reads) { bytes } else { 0.0 };
+        traffic.written_bytes += if used.is_some_and(|used| used.writes) { bytes } else { 0.0 };
+    }
+    Ok(traffic)
+}
+
+fn of_host(host: &Host, bytes: &dyn Fn(Resource) -> f64) -> Traffic {
+    let read_back = |read: &crate::recording::Read| read.counted.map_or(bytes(read.resource), |(bytes, _)| bytes as f64);
+    Traffic {
+        read_bytes: 0.0,
+        written_bytes: host.writes.iter().map(|resource| bytes(*resource)).sum(),
+        read_back_bytes: host.reads.iter().map(read_back).sum(),
+    }
+}

@@ -288,8 +288,11 @@ impl<'a> Work<'a> {
             Judge::Row(row) => row.point_of(index),
         };
         self.look_at(judging, (judging == index).then_some(&picture), pace)?;
-        let Judge::Row(row) = &self.judge else { return Ok(VariantErrors::default()) };
-        row.pictures.get(&judging).map_or(Ok(VariantErrors::default()), |truth| truth.judge(picture))
+        match &self.judge {
+            // What judges is not judged: against itself it would be without error.
+            Judge::Row(row) if judging != index => row.pictures.get(&judging).map_or(Ok(VariantErrors::default()), |truth| truth.judge(picture)),
+            _ => Ok(VariantErrors::default()),
+        }
     }
 
     /// Makes sure that the picture of a judging point is there, unless it is refused.

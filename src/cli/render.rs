@@ -19,7 +19,9 @@ use clap::Args;
 use serde_json::{Value, json};
 use std::cell::Cell;
 use std::collections::BTreeMap;
+use std::panic::resume_unwind;
 use std::path::{Path, PathBuf};
+use std::thread;
 use std::time::{Duration, Instant};
 
 /// Render a scene with a pipeline
@@ -57,7 +59,7 @@ pub struct Options {
     dump: Vec<String>,
 }
 
-/// Seconds from the command to the first frame, and of what they are made.
+/// Seconds from the command to the first frame, and of what they are made; the device is opened while the scene loads.
 struct StartUp {
     load: f64,
     plan: f64,
@@ -73,21 +75,22 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     let stats = options.stats.as_deref().map(Target::new).transpose()?;
     let records = options.cache.as_deref().map(RecordsFile::open).transpose()?;
 
-    let mut clock = Instant::now();
-    let mut lap = || std::mem::replace(&mut clock, Instant::now()).elapsed().as_secs_f64();
     // Anything wrong with the pipeline is told before a large scene is loaded.
     super::pipeline::load_pipeline(&options.pipeline, &timeline.frames[0].sets)?;
-    let view = options.scene.load_timeline(console)?;
-    let load = lap();
-    let plans = Plans::of(&options.pipeline, &timeline, &view, &options.dump)?;
-    let planned = lap();
-    let gpu = Gpu::open().map_err(Failure::work)?;
-    let device = lap();
+    let ((gpu, device), (view, load)) = thread::scope(|scope| {
+        let gpu = scope.spawn(|| timed(Gpu::open));
+        let view = timed(|| options.scene.load_timeline(console));
+        (gpu.join().unwrap_or_else(|panic| resume_unwind(panic)), view)
+    });
+    let view = view?;
+    let (plans, planned) = timed(|| Plans::of(&options.pipeline, &timeline, &view, &options.dump));
+    let (plans, gpu) = (plans?, gpu.map_err(Failure::work)?);
+    let start = Instant::now();
     let mut run = Run::new(&gpu, &view.scene, &view.bvh, plans.first(), &view.camera, view.size).map_err(Failure::work)?;
     if let Some(records) = &records {
         records.load(&mut run, &view)?;
     }
-    let start_up = StartUp { load, plan: planned, device, shaders: lap() };
+    let start_up = StartUp { load, plan: planned, device, shaders: start.elapsed().as_secs_f64() };
 
     let _shelter = Shelter::new();
     let mut film = Film { options, console, view: &view, frames: Vec::new(), gaps: Vec::new(), is_faulty: false, kept: Vec::new() };
@@ -100,6 +103,13 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     // What went wrong first is the cause.
     result.and(finished)?;
     film.refuse_gaps()
+}
+
+/// What a step makes, and how long it takes [seconds].
+fn timed<T>(step: impl FnOnce() -> T) -> (T, f64) {
+    let start = Instant::now();
+    let made = step();
+    (made, start.elapsed().as_secs_f64())
 }
 
 fn failure(error: RunError) -> Failure {

@@ -34,9 +34,14 @@ pub fn padded_row(width: u32, format: Format) -> u64 {
 }
 
 /// Rows without their padding.
-pub fn unpad(padded: Vec<u8>, width: u32, format: Format) -> Vec<u8> {
+pub fn unpad(mut rows: Vec<u8>, width: u32, format: Format) -> Vec<u8> {
     let (row, stride) = ((width as u64 * format.bytes()) as usize, padded_row(width, format) as usize);
-    if row == stride { padded } else { padded.chunks(stride).flat_map(|r| &r[..row.min(r.len())]).copied().collect() }
+    if row < stride {
+        let count = rows.len() / stride;
+        (1..count).for_each(|y| rows.copy_within(y * stride..y * stride + row, y * row));
+        rows.truncate(count * row);
+    }
+    rows
 }
 
 /// Encodes the copy of a texture, all layers, into a staging buffer of `padded_row · height · layers` bytes.
@@ -54,4 +59,17 @@ pub fn copy_texture(encoder: &mut wgpu::CommandEncoder, texture: &wgpu::Texture,
         },
         texture.size(),
     );
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_lose_their_padding() {
+        let (width, format) = (5, Format::R32Float);
+        let padded: Vec<u8> = (0..3 * 256).map(|at| if at % 256 < 20 { (at / 256 * 20 + at % 256) as u8 } else { 255 }).collect();
+        assert_eq!(unpad(padded, width, format), (0..60).collect::<Vec<u8>>());
+        assert_eq!(unpad(vec![7; 512], 64, format), [7; 512]);
+    }
 }

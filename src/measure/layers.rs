@@ -89,8 +89,11 @@ impl Layer {
 
     /// The first `names.len()` of every `stride` values of `data` as planes of these names: `&["R", "G", "B"]` with a stride
     /// of 4 takes apart what a GPU's four-channel image reads back as. An incomplete last pixel is left out.
+    ///
+    /// # Panics
+    /// Where there are more names than values in a stride.
     pub fn interleaved(names: &[&str], data: &[f32], stride: usize) -> Self {
-        let plane = |channel: usize| data.chunks_exact(stride.max(1)).filter_map(|pixel| pixel.get(channel).copied()).collect();
+        let plane = |channel: usize| data.chunks_exact(stride).map(|pixel| pixel[channel]).collect();
         Self { channels: names.iter().enumerate().map(|(channel, name)| (name.to_string(), plane(channel))).collect(), half: false }
     }
 

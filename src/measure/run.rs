@@ -8,10 +8,11 @@ use crate::contract::{
 };
 use crate::gpu::{AskPace, Frame, Gpu, GpuError, Session};
 use crate::pipeline::Plan;
-use crate::recording::Resource;
+use crate::recording::{Format, Resource, ResourceKind};
 use crate::scene::{Camera, Scene, bvh::Bvh};
 use miette::Diagnostic;
 use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use thiserror::Error;
 
@@ -160,7 +161,9 @@ impl<'a> Run<'a> {
 
     /// One image as a layer.
     pub fn layer(&self, name: &str, image: Image) -> Result<Layer, RunError> {
-        let values = self.floats(image.texture)?;
+        let bytes = self.bytes(image.texture)?;
+        let is_half = matches!(self.plan.recording.resource(image.texture).kind, ResourceKind::Texture { format: Format::Rgba16Float, .. });
+        let values = floats(&bytes, is_half);
         let layer = match image.channels {
             Channels::Colour => Layer::interleaved(&["R", "G", "B"], &values, 4),
             Channels::Vector => Layer::interleaved(&["X", "Y", "Z"], &values, 4),
@@ -179,18 +182,6 @@ impl<'a> Run<'a> {
         Ok(self.session.read(resource)?)
     }
 
-    /// Texels as floats, four a pixel.
-    fn floats(&self, texture: Resource) -> Result<Vec<f32>, RunError> {
-        use crate::recording::{Format, ResourceKind};
-        let bytes = self.bytes(texture)?;
-        Ok(match self.plan.recording.resource(texture).kind {
-            ResourceKind::Texture { format: Format::Rgba16Float, .. } => {
-                bytemuck::pod_collect_to_vec::<u8, half::f16>(&bytes).into_iter().map(half::f16::to_f32).collect()
-            }
-            _ => bytemuck::pod_collect_to_vec(&bytes),
-        })
-    }
-
     pub fn variable(&self, variable: crate::recording::Variable) -> u32 {
         self.session.variable(variable)
     }
@@ -205,6 +196,14 @@ impl<'a> Run<'a> {
         self.session.write(history.items, items);
         self.session.set_variable(history.count, count);
     }
+}
+
+/// Texels as they lie in memory, four numbers a pixel, as floats.
+fn floats(bytes: &[u8], are_half: bool) -> Cow<'_, [f32]> {
+    if are_half {
+        return bytemuck::pod_collect_to_vec::<u8, half::f16>(bytes).into_iter().map(half::f16::to_f32).collect();
+    }
+    bytemuck::try_cast_slice(bytes).map_or_else(|_| Cow::Owned(bytemuck::pod_collect_to_vec(bytes)), Cow::Borrowed)
 }
 
 /// The image that an output shows.

@@ -130,25 +130,43 @@ fn check(holds: bool, what: impl FnOnce() -> String) -> Outcome {
 /// Records are the same to the bit, whether triangles between their samples are dropped before they are drawn or not: where a few of
 /// them are seen, and where so many that a view draws them all the same.
 fn sift_loses_nothing(gpu: &Gpu) -> Outcome {
-    // Nothing coincides, so that no order decides what is seen.
-    let balls = r#"Scene(version: 1, geometry: [Box(min: (-3, -3, -3), max: (3, 3, 3), material: "walls"), Sphere(centre: (0, 0, 0), radius: 0.6, subdivisions: 4),
-        Sphere(centre: (1.7, -0.4, 0.9), radius: 1.1, subdivisions: 4), Sphere(centre: (-1, 0.8, -2), radius: 0.3, subdivisions: 5)],
-    materials: { "walls": Diffuse(reflectance: (0.8, 0.5, 0.4)), "*": Diffuse(reflectance: (0.3, 0.5, 0.8)) },
-    normals: Face, lights: [Point(position: (-2, 2, 0.4), intensity: (60, 56, 50))],
-    cameras: { "main": (eye: (-2.8, 0.2, 1.6), target: (0, 0, 0), fov: 80) })"#;
-    let room = Room::new(balls)?;
-    for shape in ["Plane(fov: 126.87)", "Hemicube"] {
-        for resolution in [4, 16, 40] {
-            let records = |by: &str| {
-                let sets = [format!("tiles.shape={shape}"), format!("tiles.by={by}"), format!("tiles.resolution={resolution}")];
-                lit(gpu, &room, 16, &sets)
-            };
-            let (sifted, all) = (records("Raster")?, records("Raster(sift: false)")?);
-            let differ = sifted.iter().zip(&all).filter(|(a, b)| a != b).count();
-            check(differ == 0, || format!("{differ} of {} records by a {shape} of {resolution}² samples", all.len()))?;
+    for (scale, offset, resolutions) in [(1.0, 0.0, &[4, 16, 40][..]), (1e-3, 0.0, &[16]), (1e4, 0.0, &[16]), (1.0, 3e4, &[16])] {
+        let room = Room::new(&balls(scale, offset))?;
+        for shape in ["Plane(fov: 126.87)", "Hemicube"] {
+            for resolution in resolutions {
+                let records = |by: &str| {
+                    let sets = [format!("tiles.shape={shape}"), format!("tiles.by={by}"), format!("tiles.resolution={resolution}")];
+                    lit(gpu, &room, 12, &sets)
+                };
+                let (sifted, all) = (records("Raster")?, records("Raster(sift: false)")?);
+                let differ = sifted.iter().zip(&all).filter(|(a, b)| a != b).count();
+                check(differ == 0, || format!("{differ} of {} records by a {shape} of {resolution}² samples, {scale} times the size at {offset}", all.len()))?;
+            }
         }
     }
     Ok(())
+}
+
+/// Spheres of many triangles in a box, where nothing coincides, so that no order decides what is seen.
+fn balls(scale: f64, offset: f64) -> String {
+    let at = |[x, y, z]: [f64; 3]| format!("({}, {}, {})", x * scale + offset, y * scale + offset, z * scale + offset);
+    let ball = |centre, radius: f64, subdivisions| format!("Sphere(centre: {}, radius: {}, subdivisions: {subdivisions})", at(centre), radius * scale);
+    let geometry = [
+        format!("Box(min: {}, max: {}, material: \"walls\")", at([-3.0; 3]), at([3.0; 3])),
+        ball([0.0, 0.0, 0.0], 0.6, 4),
+        ball([1.7, -0.4, 0.9], 1.1, 4),
+        ball([-1.0, 0.8, -2.0], 0.3, 5),
+    ];
+    format!(
+        r#"Scene(version: 1, geometry: [{}], normals: Face,
+        materials: {{ "walls": Diffuse(reflectance: (0.8, 0.5, 0.4)), "*": Diffuse(reflectance: (0.3, 0.5, 0.8)) }},
+        lights: [Point(position: {}, intensity: (60, 56, 50))],
+        cameras: {{ "main": (eye: {}, target: {}, fov: 80) }})"#,
+        geometry.join(", "),
+        at([-2.0, 2.0, 0.4]),
+        at([-2.8, 0.2, 1.6]),
+        at([0.0; 3])
+    )
 }
 
 /// A way to see a hemisphere.

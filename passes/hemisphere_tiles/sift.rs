@@ -65,6 +65,8 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, program: &Program, culle
     let views = work.requests.capacity as u64 * work.table.views.len() as u64;
     let triangles = r.setting.needs.triangles;
     let room = Room::new(work, triangles);
+    let samples = work.samples_per_tile();
+    r.remark(format!("the scene has {triangles} triangles, a tile {samples} samples: triangles between samples are dropped before they are drawn"));
     // Ranges are more than a gap apart, and each has one word that is not full.
     let words = (views * (triangles / WORD + triangles / (GAP + 1) + 2) as u64).min(MOST_BYTES / 8);
     let resources = Sift {

@@ -28,10 +28,12 @@ pub(super) struct Culled {
 }
 
 impl Culled {
-    /// As the last batch left it in a host step's memory.
-    pub fn take(host: &mut dyn HostContext, state: Resource) -> Box<Self> {
+    /// Does a host step's work on what the last batch left in `state`.
+    pub fn with(host: &mut dyn HostContext, state: Resource, step: impl FnOnce(&mut Self, &mut dyn HostContext)) {
         let left = host.state(state).take().and_then(|left| left.downcast::<Self>().ok());
-        left.unwrap_or_else(|| Box::new(Self { tree: Tree::new(host), draws: Vec::new(), views: Vec::new() }))
+        let mut culled = left.unwrap_or_else(|| Box::new(Self { tree: Tree::new(host), draws: Vec::new(), views: Vec::new() }));
+        step(&mut culled, host);
+        *host.state(state) = Some(culled);
     }
 
     /// Starts anew with these requests.

@@ -54,10 +54,9 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, sift: bool) {
     let vertices = (!hemispherical).then(|| r.scene_data(SceneData::Positions));
     let program = program(r, work, buffer);
     let cameras = (!hemispherical).then(|| aim(r, work, &program));
-    let culled = cull(r, work);
     let (draws, indices) = match cameras {
-        Some(cameras) if sift && sift::pays(work, needs.triangles) => sift::record(r, work, &program.clone().bind("cameras", cameras), culled),
-        _ => (list(r, culled), None),
+        Some(cameras) if sift && sift::pays(work, needs.triangles) => sift::record(r, work, &program.clone().bind("cameras", cameras)),
+        _ => (draw_all(r, work), None),
     };
     r.command(Command::Raster(Raster {
         program,
@@ -109,30 +108,31 @@ fn tile_view(view: &View) -> TileView {
     }
 }
 
-/// A host step that finds, for every request and view, what the view may see: a [`Culled`].
-fn cull(r: &mut Recorder<'_>, work: &Work) -> Resource {
+/// A host step that finds what each view of each request may see, for `then` to write; the [`Culled`] is what it returns.
+pub(super) fn cull(
+    r: &mut Recorder<'_>,
+    work: &Work,
+    writes: &[Resource],
+    then: impl Fn(&Culled, &mut dyn HostContext) + Send + Sync + 'static,
+) -> Resource {
     let requests = work.requests;
     let views = work.table.views.clone();
     let corners: Vec<_> = (0..requests.capacity).map(|tile| work.corner(tile)).collect();
     let culled = r.state("culled");
-    r.host("cull", &[Read::counted(requests.places, REQUEST_BYTES, requests.count)], &[], move |host| {
+    r.host("cull", &[Read::counted(requests.places, REQUEST_BYTES, requests.count)], writes, move |host| {
         let places: Vec<Request> = bytemuck::pod_collect_to_vec(host.read(requests.places));
-        let mut found = Culled::take(host, culled);
-        found.refill(&places, &views, |tile| corners[tile as usize]);
-        *host.state(culled) = Some(found);
+        Culled::with(host, culled, |found, host| {
+            found.refill(&places, &views, |tile| corners[tile as usize]);
+            then(found, host);
+        });
         Ok(())
     });
     culled
 }
 
-/// Draws all of what was found.
-fn list(r: &mut Recorder<'_>, culled: Resource) -> Resource {
+/// Draws all that a view may see.
+fn draw_all(r: &mut Recorder<'_>, work: &Work) -> Resource {
     let draws = r.draws("draws");
-    r.host("list", &[], &[], move |host| {
-        let found = Culled::take(host, culled);
-        host.draws(draws).clone_from(&found.draws);
-        *host.state(culled) = Some(found);
-        Ok(())
-    });
+    cull(r, work, &[], move |found, host| host.draws(draws).clone_from(&found.draws));
     draws
 }

@@ -1,8 +1,8 @@
 //! Drops triangles that fall between the samples of a view, on the device: where a scene has more triangles than a view has
 //! samples, most of them do, and each would cost the driver as much as one that is seen.
 
-use super::Work;
 use super::cull::{Culled, GAP};
+use super::{Work, raster};
 use crate::contract::Recorder;
 use crate::host_struct;
 use crate::recording::*;
@@ -21,8 +21,9 @@ host_struct! {
 
 /// Triangles that a word stands for: the first one's number × 64 and how many.
 const WORD: u32 = 32;
-/// Room for a view's triangles, in samples of the view. A view that keeps more is drawn without the sift.
+/// Room for a view's triangles, in samples of the view, and at least. A view that keeps more is drawn without the sift.
 const ROOM: u64 = 4;
+const LEAST_ROOM: u64 = 4096;
 /// Most bytes of each of the buffers; a view that finds no room is drawn without the sift.
 const MOST_BYTES: u64 = 64 << 20;
 
@@ -46,7 +47,7 @@ impl Room {
         let mut views = Vec::new();
         for view in &work.table.views {
             let samples = view.rectangle[2] as u64 * view.rectangle[3] as u64;
-            let room = (ROOM * samples).min(most).min(triangles as u64) as u32;
+            let room = (ROOM * samples).max(LEAST_ROOM).min(most).min(triangles as u64) as u32;
             views.push([per_tile, room]);
             per_tile += room;
         }
@@ -61,7 +62,7 @@ impl Room {
 }
 
 /// The draws of the triangles that samples may see, and the indices that they go by.
-pub(super) fn record(r: &mut Recorder<'_>, work: &Work, program: &Program, culled: Resource) -> (Resource, Option<Resource>) {
+pub(super) fn record(r: &mut Recorder<'_>, work: &Work, program: &Program) -> (Resource, Option<Resource>) {
     let views = work.requests.capacity as u64 * work.table.views.len() as u64;
     let triangles = r.setting.needs.triangles;
     let room = Room::new(work, triangles);
@@ -69,82 +70,57 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, program: &Program, culle
     r.remark(format!("the scene has {triangles} triangles, a tile {samples} samples: triangles between samples are dropped before they are drawn"));
     // Ranges are more than a gap apart, and each has one word that is not full.
     let words = (views * (triangles / WORD + triangles / (GAP + 1) + 2) as u64).min(MOST_BYTES / 8);
-    let resources = Sift {
-        culled,
-        words: r.buffer("words", 4 * words),
-        masks: r.buffer("masks", 8 * words),
-        sifted: r.buffer("sifted", views * size_of::<SiftView>() as u64),
-        kept: r.buffer("kept", 8 * views),
-        indices: r.buffer("indices", 12 * work.requests.capacity as u64 * room.per_tile as u64),
-        draws: r.draws("draws"),
-    };
-    let Sift { words: to, sifted, kept, indices, draws, .. } = resources;
+    let [to, masks, sifted, kept] = [("words", 4 * words), ("masks", 8 * words), ("sifted", views * size_of::<SiftView>() as u64), ("kept", 8 * views)]
+        .map(|(name, bytes)| r.buffer(name, bytes));
+    let indices = r.buffer("indices", 12 * work.requests.capacity as u64 * room.per_tile as u64);
+    let draws = r.draws("draws");
     let layout = room.clone();
-    r.host("ask", &[], &[to, sifted], move |host| resources.ask(host, &layout, words as usize));
-    let program = program.clone().bind("words", to).bind("masks", resources.masks).bind("sifted", sifted).bind("kept", kept).bind("indices", indices);
+    let culled = raster::cull(r, work, &[to, sifted], move |found, host| {
+        let (words, views) = ask(found, &layout, words as usize);
+        host.write(to, 0, bytemuck::cast_slice(&words));
+        host.write(sifted, 0, bytemuck::cast_slice(&views));
+    });
+    let program = program.clone().bind("words", to).bind("masks", masks).bind("sifted", sifted).bind("kept", kept).bind("indices", indices);
     let per = work.table.views.len() as u32;
     r.compute(program, "sift", Groups::Counted { count: work.requests.count, divisor: 1, per });
-    r.host("list", &[Read::counted(kept, 8 * per as u64, work.requests.count)], &[], move |host| resources.list(host, &room));
+    r.host("list", &[Read::counted(kept, 8 * per as u64, work.requests.count)], &[], move |host| {
+        let kept: Vec<[u32; 2]> = bytemuck::pod_collect_to_vec(host.read(kept));
+        Culled::with(host, culled, |found, host| list(found, &kept, &room, host.draws(draws)));
+        Ok(())
+    });
     (draws, Some(indices))
 }
 
-#[derive(Clone, Copy)]
-struct Sift {
-    culled: Resource,
-    words: Resource,
-    masks: Resource,
-    sifted: Resource,
-    /// Triangles that each view keeps: wholly inside, crossing its bounds.
-    kept: Resource,
-    indices: Resource,
-    draws: Resource,
+/// What each view may see, in words; the words of a view that finds no room for them are left away.
+fn ask(found: &Culled, room: &Room, capacity: usize) -> (Vec<u32>, Vec<SiftView>) {
+    let mut words: Vec<u32> = Vec::new();
+    let mut views = Vec::new();
+    for (index, part) in found.views.iter().enumerate() {
+        let first = words.len();
+        found.draws[part.clone()].iter().for_each(|draw| words.extend(split(draw.vertices.map(|vertex| vertex / 3))));
+        if words.len() > capacity {
+            words.truncate(first);
+        }
+        let [base, room] = room.of(index);
+        views.push(SiftView { first: first as u32, end: words.len() as u32, base, room });
+    }
+    (words, views)
 }
 
-impl Sift {
-    /// Writes what each view may see, for the device.
-    fn ask(&self, host: &mut dyn HostContext, room: &Room, capacity: usize) -> Result<(), String> {
-        let found = Culled::take(host, self.culled);
-        let mut words: Vec<u32> = Vec::new();
-        let mut views = Vec::new();
-        for (index, part) in found.views.iter().enumerate() {
-            let first = words.len();
-            found.draws[part.clone()].iter().for_each(|draw| words.extend(split(draw.vertices.map(|vertex| vertex / 3))));
-            if words.len() > capacity {
-                words.truncate(first);
-            }
-            let [base, room] = room.of(index);
-            views.push(SiftView { first: first as u32, end: words.len() as u32, base, room });
+/// Lists the draws of the triangles that each view keeps, those wholly inside and those that cross its bounds; of all that
+/// it may see where they found no room.
+fn list(found: &Culled, kept: &[[u32; 2]], room: &Room, draws: &mut Vec<Draw>) {
+    draws.clear();
+    for (index, (part, &[inside, crossing])) in found.views.iter().zip(kept).enumerate() {
+        let all = &found.draws[part.clone()];
+        let [base, room] = room.of(index);
+        let Some(draw) = all.first() else { continue };
+        if inside + crossing > room {
+            draws.extend(all);
+            continue;
         }
-        host.write(self.words, 0, bytemuck::cast_slice(&words));
-        host.write(self.sifted, 0, bytemuck::cast_slice(&views));
-        *host.state(self.culled) = Some(found);
-        Ok(())
-    }
-
-    /// Lists the draws of what each view keeps; of all that it may see where that found no room.
-    fn list(&self, host: &mut dyn HostContext, room: &Room) -> Result<(), String> {
-        let kept: Vec<[u32; 2]> = bytemuck::pod_collect_to_vec(host.read(self.kept));
-        let found = Culled::take(host, self.culled);
-        let list = host.draws(self.draws);
-        list.clear();
-        for (index, (part, [inside, crossing])) in found.views.iter().zip(kept).enumerate() {
-            let all = &found.draws[part.clone()];
-            let [base, room] = room.of(index);
-            let Some(draw) = all.first() else { continue };
-            if inside + crossing > room {
-                list.extend(all);
-                continue;
-            }
-            let mut add = |first: u32, end: u32| list.push(Draw { vertices: [3 * first, 3 * end], is_indexed: true, ..*draw });
-            if inside > 0 {
-                add(base, base + inside);
-            }
-            if crossing > 0 {
-                add(base + room - crossing, base + room);
-            }
-        }
-        *host.state(self.culled) = Some(found);
-        Ok(())
+        let kept = [[base, base + inside], [base + room - crossing, base + room]].into_iter().filter(|[first, end]| first < end);
+        draws.extend(kept.map(|triangles| Draw { vertices: triangles.map(|triangle| 3 * triangle), is_indexed: true, ..*draw }));
     }
 }
 

@@ -177,6 +177,10 @@ fn sift(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: ve
         before += select(vec2u(0u), counts[other], other < lane);
         total += counts[other];
     }
+    if view.first == view.end {
+        // What it may see found no room in the words.
+        total.x = view.room + 1u;
+    }
     if lane == 0u {
         kept[index] = total;
     }

@@ -11,10 +11,10 @@ use super::pipeline::{check_pipeline, plan_view};
 use super::progress::Progress;
 use super::scene::{SceneOptions, View};
 use super::truth::{Truth, TruthOptions};
-use crate::gpu::{Gpu, GpuError, Pace};
+use crate::gpu::{Gpu, Pace};
 use crate::measure::compare::{self, About, Comparison, Contender, StartUp, VariantErrors};
 use crate::measure::page::{Gallery, page};
-use crate::measure::run::{Run, RunError};
+use crate::measure::run::Run;
 use crate::measure::statistics::least_runs;
 use crate::measure::{Layers, PictureError};
 use crate::pipeline::{Pipeline, Plan, Problems};
@@ -213,7 +213,7 @@ impl<'a> Contest<'_, 'a> {
         let steps = (variants * (self.rounds + 1)) as f32;
         let pace = |done: usize| move || if progress.report(done as f32 / steps) { Pace::GoOn } else { Pace::Stop };
         for ((run, shaders_seconds), about) in runs {
-            let (contender, picture) = Contender::warm_up(run, &pace(self.entries.len())).map_err(failure)?;
+            let (contender, picture) = Contender::warm_up(run, &pace(self.entries.len())).map_err(Failure::of_run)?;
             self.exhibit(&picture)?;
             let errors = self.truth.map_or(Ok(VariantErrors::default()), |truth| truth.judge(picture))?;
             self.entries.push((contender, About { shaders_seconds, errors, ..about }));
@@ -225,7 +225,7 @@ impl<'a> Contest<'_, 'a> {
                 if pace() == Pace::Stop {
                     return Err(Failure::interrupted(&[]));
                 }
-                self.entries[variant].0.measure(&pace).map_err(failure)?;
+                self.entries[variant].0.measure(&pace).map_err(Failure::of_run)?;
             }
             self.shelter.get_or_insert_with(Shelter::new);
         }
@@ -257,12 +257,5 @@ impl<'a> Contest<'_, 'a> {
             pairs: compare::pairs(&variants),
             variants,
         })
-    }
-}
-
-pub(super) fn failure(error: RunError) -> Failure {
-    match error {
-        RunError::Gpu(GpuError::Interrupted) => Failure::interrupted(&[]),
-        other => Failure::work(other),
     }
 }

@@ -1,5 +1,7 @@
 //! How a command ends when it does not succeed.
 
+use crate::gpu::GpuError;
+use crate::measure::run::RunError;
 use miette::Diagnostic;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -21,6 +23,14 @@ impl Failure {
     /// The input is good, the work failed: status 1.
     pub fn work(error: impl Diagnostic + Send + Sync + 'static) -> Self {
         Self { status: 1, report: Box::new(error) }
+    }
+
+    /// A run ended early: by Ctrl-C before anything was written, or because the work failed.
+    pub fn of_run(error: RunError) -> Self {
+        match error {
+            RunError::Gpu(GpuError::Interrupted) => Self::interrupted(&[]),
+            other => Self::work(other),
+        }
     }
 
     /// Ctrl-C: status 130. `kept` says what was written nevertheless.

@@ -112,13 +112,6 @@ fn timed<T>(step: impl FnOnce() -> T) -> (T, f64) {
     (made, start.elapsed().as_secs_f64())
 }
 
-fn failure(error: RunError) -> Failure {
-    match error {
-        RunError::Gpu(GpuError::Interrupted) => Failure::interrupted(&[]),
-        other => Failure::work(other),
-    }
-}
-
 /// The file that keeps records between runs.
 struct RecordsFile {
     target: Target,
@@ -166,12 +159,12 @@ impl<'o> Film<'o> {
             return Err(Failure::interrupted(&[]));
         }
         let camera = camera_of_frame(self.view, frame);
-        run.follow(plans.of_frame(frame)).map_err(failure)?;
+        run.follow(plans.of_frame(frame)).map_err(Failure::of_run)?;
         run.set_camera(camera);
         let drawn = self.draw(frame, run);
         // Records that a faulty frame leaves are not for other runs; those of one that was given up are whole.
         self.is_faulty = matches!(&drawn, Err(error) if !matches!(error, RunError::Gpu(GpuError::Interrupted)));
-        let (report, picture) = drawn.map_err(failure)?;
+        let (report, picture) = drawn.map_err(Failure::of_run)?;
         targets.write(self.options, self.view, run, frame, picture)?;
         self.kept.extend(targets.0.iter().map(PictureTarget::path));
         self.console.print(&text(self.options, frame.number, &report))?;

@@ -1,6 +1,6 @@
 //! What `hemisplat sweep` and `hemisplat study` share: a survey is checked, planned, measured point by point, told and written.
 
-use super::compare::{failure, warn_of_unstated_bounces};
+use super::compare::warn_of_unstated_bounces;
 use super::console::Console;
 use super::failure::Failure;
 use super::input::read_file;
@@ -260,7 +260,7 @@ impl<'a> Work<'a> {
                     entries.push((*index, contender, errors));
                 }
                 Err(error) if refuses(&error) => self.points[*index].outcome = Outcome::Refused { because: with_code(&error) },
-                Err(error) => return Err(failure(error)),
+                Err(error) => return Err(Failure::of_run(error)),
             }
         }
         for round in 0..runs {
@@ -270,7 +270,7 @@ impl<'a> Work<'a> {
                 if pace() == Pace::Stop {
                     return Err(Failure::interrupted(&[]));
                 }
-                entries[entry].1.measure(&pace).map_err(failure)?;
+                entries[entry].1.measure(&pace).map_err(Failure::of_run)?;
             }
         }
         entries.into_iter().try_for_each(|entry| self.keep(entry))
@@ -304,7 +304,7 @@ impl<'a> Work<'a> {
             None => match self.warm_up(plan, pace) {
                 Ok((_, picture)) => picture,
                 Err(error) if refuses(&error) => return Ok(()),
-                Err(error) => return Err(failure(error)),
+                Err(error) => return Err(Failure::of_run(error)),
             },
         };
         if let Judge::Row(row) = &mut self.judge {

@@ -58,7 +58,7 @@ impl Session<'_> {
     fn prepare_compute(&self, compute: &Compute, modules: &mut Modules, pipelines: &mut Pipelines) -> Result<Ready, GpuError> {
         let (module, slots) = self.module(&compute.program, &[compute.entry], modules)?;
         let layouts = self.layouts(&slots, wgpu::ShaderStages::COMPUTE);
-        let key = format!("{:?}{}{:?}{:?}", compute.program.shader, compute.entry, compute.program.constants, compute.program.imports);
+        let key = compute.program.specialisation(compute.entry);
         let pipeline = pipelines.compute.entry(key).or_insert_with(|| {
             self.gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
                 label: Some(compute.program.shader),
@@ -81,12 +81,10 @@ impl Session<'_> {
         let layouts = self.layouts(&slots, wgpu::ShaderStages::VERTEX_FRAGMENT);
         let formats: Vec<_> = raster.colours.iter().map(|t| (self.texture(t.texture).1, t.blend)).collect();
         let key = format!(
-            "{}{}{:?}{:?}{:?}{formats:?}{:?}{:?}{:?}",
-            raster.program.shader,
-            raster.vertex,
+            "{} {:?} {formats:?} {:?} {:?} {:?} {:?}",
+            raster.program.specialisation(raster.vertex),
             raster.fragment,
-            raster.program.constants,
-            raster.program.imports,
+            raster.vertices.is_some(),
             raster.depth.is_some(),
             raster.topology,
             raster.instances.is_some()

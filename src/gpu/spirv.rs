@@ -29,7 +29,7 @@ pub fn sizes(recording: &Recording) -> Result<Vec<Size>, GpuError> {
     let mut sizes = Vec::new();
     for node in recording.nodes() {
         for (program, stage, entry) in node.commands.iter().flat_map(entries) {
-            if seen.insert(format!("{}{entry}{:?}{:?}", program.shader, program.constants, program.imports)) {
+            if seen.insert(program.specialisation(entry)) {
                 sizes.push(Size { node: node.name.clone(), shader: program.shader, entry, bytes: bytes(program, stage, entry)? });
             }
         }

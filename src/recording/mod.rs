@@ -282,6 +282,11 @@ impl Program {
         Self { shader, imports: Vec::new(), constants: Vec::new(), bindings: Vec::new(), parts: Vec::new() }
     }
 
+    /// Tells this entry point with these constants and imports from any other.
+    pub fn specialisation(&self, entry: &str) -> String {
+        format!("{}:{entry} {:?} {:?}", self.shader, self.constants, self.imports)
+    }
+
     pub fn import(mut self, alias: &'static str, path: &'static str) -> Self {
         self.imports.push((alias, path));
         self

@@ -109,12 +109,7 @@ fn tile_view(view: &View) -> TileView {
 }
 
 /// A host step that finds what each view of each request may see, for `then` to write; the [`Culled`] is what it returns.
-pub(super) fn cull(
-    r: &mut Recorder<'_>,
-    work: &Work,
-    writes: &[Resource],
-    then: impl Fn(&Culled, &mut dyn HostContext) + Send + Sync + 'static,
-) -> Resource {
+pub(super) fn cull(r: &mut Recorder<'_>, work: &Work, writes: &[Resource], then: impl Fn(&Culled, &mut dyn HostContext) + Send + Sync + 'static) -> Resource {
     let requests = work.requests;
     let views = work.table.views.clone();
     let corners: Vec<_> = (0..requests.capacity).map(|tile| work.corner(tile)).collect();

@@ -1,7 +1,7 @@
 //! Runs a recording: allocates what it declares, builds every shader pipeline once, then executes frames.
 
 use super::device::{Gpu, GpuError};
-use super::programs::{Modules, Pipelines, Ready, layer_views};
+use super::programs::{Ready, layer_views};
 use super::timing::Timing;
 use super::{readback, scene as scene_data};
 use crate::recording::*;
@@ -109,13 +109,8 @@ impl<'a> Session<'a> {
             gpu_bytes: 0,
         };
         session.allocate(placement)?;
-        let (mut modules, mut pipelines) = (Modules::default(), Pipelines::default());
-        for node in recording.nodes() {
-            let ready = node.commands.iter().map(|c| session.prepare(c, &mut modules, &mut pipelines)).collect::<Result<_, _>>()?;
-            session.programs.push(ready);
-            session.nodes.push(NodeTimes { node: node.name.clone(), pass: node.pass, ..Default::default() });
-        }
-        gpu.check("building pipelines")?;
+        session.programs = session.prepare_all()?;
+        session.nodes = recording.nodes().into_iter().map(|node| NodeTimes { node: node.name.clone(), pass: node.pass, ..Default::default() }).collect();
         Ok(session)
     }
 

@@ -277,6 +277,17 @@ pub trait HostContext {
     fn camera(&self) -> (&crate::scene::Camera, [u32; 2]);
 }
 
+impl Command {
+    /// The shader that it runs, if it runs one.
+    pub fn program(&self) -> Option<&Program> {
+        match self {
+            Self::Compute(compute) => Some(&compute.program),
+            Self::Raster(raster) => Some(&raster.program),
+            Self::Clear(_) | Self::Copy { .. } | Self::Host(_) => None,
+        }
+    }
+}
+
 impl Program {
     pub fn new(shader: &'static str) -> Self {
         Self { shader, imports: Vec::new(), constants: Vec::new(), bindings: Vec::new(), parts: Vec::new() }

@@ -3,7 +3,8 @@
 use crate::contract::recorder::shadow_taps;
 use crate::contract::{Arguments, Description, Need, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, port};
 use crate::recording::*;
-use crate::scene::{needs::Needs, shadow_layers};
+use crate::scene::{Bounds, Light, LightKind, Triangle, needs::Needs, shadow_layers, surface_offset};
+use glam::Vec3;
 
 pub struct ShadowMap;
 
@@ -48,8 +49,11 @@ impl Pass for ShadowMap {
             r.clear(depth);
         }
         let vertices = r.scene_data(SceneData::Positions);
+        let chunks = Chunks::new(&r.setting.scene.triangles);
         for (layer, [light, face]) in (0..).zip(views) {
             let instance = light * FACES + face;
+            let draw = |vertices| Draw { rectangle: None, vertices, is_indexed: false, instances: [instance, instance + 1] };
+            let seen = chunks.seen(&lights[light as usize], face);
             r.command(Command::Raster(Raster {
                 program: Program::new("shadow_map").import("VISIBILITY", "lib/visibility/shadow_maps").constant("SHADOW_RESOLUTION", resolution),
                 vertex: "vertex",
@@ -60,15 +64,93 @@ impl Pass for ShadowMap {
                 instances: None,
                 indices: None,
                 topology: Topology::Triangles,
-                draws: Draws::Fixed(vec![Draw {
-                    rectangle: None,
-                    vertices: [0, 3 * r.setting.needs.triangles],
-                    is_indexed: false,
-                    instances: [instance, instance + 1],
-                }]),
+                draws: Draws::Fixed(seen.into_iter().map(|triangles| draw(triangles.map(|triangle| 3 * triangle))).collect()),
             }));
         }
         r.output("maps", Port::ShadowMaps(port::ShadowMaps { depth, resolution, taps }));
         Ok(())
+    }
+}
+
+/// Triangles that a map sees or leaves out together.
+const CHUNK: u32 = 64;
+
+/// What maps leave out triangles by.
+struct Chunks {
+    triangles: u32,
+    extent: f32,
+    /// Around each chunk.
+    bounds: Vec<Bounds>,
+}
+
+impl Chunks {
+    fn new(triangles: &[Triangle]) -> Self {
+        Self { triangles: triangles.len() as u32, extent: Bounds::of(triangles).diagonal(), bounds: triangles.chunks(CHUNK as usize).map(Bounds::of).collect() }
+    }
+
+    /// Ranges of triangles that a light's map may see: what reaches into the quarter turn of a cube's side, or all.
+    fn seen(&self, light: &Light, face: u32) -> Vec<[u32; 2]> {
+        let (LightKind::Point { position, .. } | LightKind::Spot { position, .. }, 6) = (light.kind, shadow_layers(light)) else {
+            return vec![[0, self.triangles]];
+        };
+        let axis = (face / 2) as usize;
+        // Rounding loses nothing at the edges.
+        let slack = surface_offset(self.extent, position);
+        let is_seen = |bounds: &Bounds| {
+            let (low, high) = (bounds.min - position, bounds.max - position);
+            let depth = if face.is_multiple_of(2) { high[axis] } else { -low[axis] };
+            Vec3::ZERO.clamp(low, high).abs().max_element() <= depth * 1.001 + slack
+        };
+        let mut ranges: Vec<[u32; 2]> = Vec::new();
+        for (index, _) in (0..).zip(&self.bounds).filter(|(_, bounds)| is_seen(bounds)) {
+            let [first, end] = [index * CHUNK, self.triangles.min((index + 1) * CHUNK)];
+            match ranges.last_mut() {
+                Some(last) if last[1] == first => last[1] = end,
+                _ => ranges.push([first, end]),
+            }
+        }
+        ranges
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Vec2;
+    use proptest::prelude::*;
+
+    /// The side of a light's cube that a direction falls on, as shadows are looked up.
+    fn side(d: Vec3) -> u32 {
+        let axis = d.abs().max_position() as u32;
+        2 * axis + u32::from(d[axis as usize] < 0.0)
+    }
+
+    proptest! {
+        #[test]
+        fn a_map_sees_all_that_is_on_its_side(
+            corners in prop::collection::vec(prop::array::uniform3(prop::array::uniform3(-1f32..1.0)), 300),
+            place in prop::array::uniform3(-1.5f32..1.5),
+            offset in prop_oneof![Just(0f32), Just(1000.0)],
+        ) {
+            let mut triangles: Vec<_> = corners.iter().map(|[centre, a, b]| {
+                let centre = Vec3::from(*centre) + offset;
+                let positions = [centre, centre + 0.1 * Vec3::from(*a), centre + 0.1 * Vec3::from(*b)];
+                Triangle { positions, normals: [Vec3::Z; 3], uvs: [Vec2::ZERO; 3], material: 0 }
+            }).collect();
+            triangles.sort_by(|a, b| a.positions[0].x.total_cmp(&b.positions[0].x));
+            let position = Vec3::from(place) + offset;
+            let light = Light { name: "light".into(), kind: LightKind::Point { position, intensity: Vec3::ONE.into() }, shadows: true };
+            let chunks = Chunks::new(&triangles);
+            let sides: Vec<_> = (0..6).map(|face| chunks.seen(&light, face)).collect();
+            for (index, triangle) in (0..).zip(&triangles) {
+                let [a, b, c] = triangle.positions;
+                for point in [a, b, c, (a + b) / 2.0, (b + c) / 2.0, (a + b + c) / 3.0] {
+                    let face = side(point - position);
+                    prop_assert!(sides[face as usize].iter().any(|[first, end]| (*first..*end).contains(&index)), "{point} is not on side {face} of {position}");
+                }
+            }
+            let drawn: u32 = sides.iter().flatten().map(|[first, end]| end - first).sum();
+            prop_assert!(drawn < 6 * chunks.triangles, "all is drawn on all sides");
+        }
     }
 }

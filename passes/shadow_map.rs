@@ -139,7 +139,7 @@ mod tests {
             }).collect();
             triangles.sort_by(|a, b| a.positions[0].x.total_cmp(&b.positions[0].x));
             let position = Vec3::from(place) + offset;
-            let light = Light { name: "light".into(), kind: LightKind::Point { position, intensity: Vec3::ONE.into() }, shadows: true };
+            let light = Light { name: "light".into(), kind: LightKind::Point { position, intensity: Vec3::ONE }, shadows: true };
             let chunks = Chunks::new(&triangles);
             let sides: Vec<_> = (0..6).map(|face| chunks.seen(&light, face)).collect();
             for (index, triangle) in (0..).zip(&triangles) {

@@ -195,11 +195,18 @@ fn html() -> Outcome {
     let page = fs::read_to_string(place.0.path().join("out.html"))?;
     let data = page.split_once("id=\"data\">").and_then(|(_, rest)| rest.split_once("</script>")).ok_or("no data")?.0;
     let data: Value = serde_json::from_str(data)?;
-    check(data["comparison"] == place.json("out.json")?, || "the page holds other numbers".into())?;
+    let (json, report) = (place.json("out.json")?, &data["report"]);
+    let same = ["scene", "triangles", "camera", "size", "adapter", "runs", "complete", "reference"].iter().all(|key| report["sweep"][key] == json[key]);
+    check(same, || "the page tells of another comparison".into())?;
+    for (point, variant) in [0, 1].map(|index| (&report["sweep"]["points"][index], &json["variants"][index])) {
+        let keys = ["id", "pipeline", "set", "seconds", "seconds_of_runs", "records", "uncovered_pixels", "peak_gpu_bytes", "errors"];
+        check(point["row"] == variant["name"] && keys.iter().all(|key| point[key] == variant[key]), || format!("{point}\n{variant}"))?;
+    }
+    check(report["differences"]["pairs"][0]["ratio"] == json["pairs"][0]["ratio"], || report["differences"].to_string())?;
     let gallery = &data["gallery"];
     let images = [&gallery["reference"], &gallery["pictures"][1], &gallery["maps"][0]["images"][1], &gallery["maps"][1]["images"][1]];
     check(images.iter().all(|image| image["source"].as_str().is_some_and(|source| source.starts_with("data:image/png;base64,"))), || page.clone())?;
-    let text = data["words"]["pipelines"][1].as_str().unwrap_or_default();
+    let text = report["beside"][1]["text"].as_str().unwrap_or_default();
     check(text.contains("accuracy: 0.5,") && text.contains("resolution: 8,"), || text.to_owned())
 }
 

@@ -1,4 +1,4 @@
-//! The page of a comparison in a real browser: what its controls do, what it shows, how heavy it is.
+//! The page of a comparison and that of a sweep in a real browser: what its controls do, what it shows, how heavy it is.
 //!
 //! Needs Chromium; without one each case is named as skipped, which `HEMISPLAT_REQUIRE=browser` makes a failure. The pictures are made here, so
 //! that no GPU is needed. `HEMISPLAT_UPDATE_GOLDEN=1 cargo test --test page` draws the tracked picture of the page anew.
@@ -9,10 +9,12 @@ use browser::Browser;
 use hemisplat::measure::compare::{
     AdapterReport, Comparison, PassSpread, ReferenceReport, StartUp, VariantErrors, VariantReport, VariantStartUp, letters, pairs,
 };
+use hemisplat::measure::criteria::{Cost, Metric};
 use hemisplat::measure::metrics::fair_exposure;
-use hemisplat::measure::page::{Gallery, Words, page};
+use hemisplat::measure::page::{Beside, Differences, Gallery, Report, Told, page};
 use hemisplat::measure::run::Records;
 use hemisplat::measure::statistics::Spread;
+use hemisplat::measure::sweep::{Axis, Outcome as State, Sweep};
 use hemisplat::measure::{Layer, Layers, PICTURE, compare};
 use image::RgbImage;
 use libtest_mimic::{Arguments, Failed, Trial};
@@ -31,11 +33,16 @@ const CASES: &[(&str, Case)] = &[
     ("maps_of_errors_have_a_scale", maps),
     ("without_a_reference_the_page_says_so", no_reference),
     ("a_point_opens_its_picture", plot),
+    ("marks_that_cover_each_other_open_by_their_letters", covered),
     ("columns_sort", table),
     ("texts_show_their_difference", texts),
     ("names_are_text", hostile_names),
+    ("a_sweep_has_lines_a_front_and_points_that_open", sweep),
+    ("a_point_without_a_picture_says_why", refused),
+    ("pictures_as_means_of_blocks_stay_in_step", blocks),
     ("fingers_move_the_slider_and_zoom", fingers),
     ("it_fits_phones_light_and_dark_one_two_and_twenty", sizes),
+    ("a_sweep_fits_phones", narrow),
     ("ten_large_pictures_open_in_two_seconds", heavy),
     ("it_looks_as_it_did", looks),
 ];
@@ -72,7 +79,8 @@ const COLOURS: [[f32; 3]; 3] = [[0.8, 0.02, 0.02], [0.02, 0.8, 0.02], [0.02, 0.0
 /// A comparison and what it is of.
 struct Made {
     comparison: Comparison,
-    words: Words,
+    /// As text.
+    pipelines: Vec<String>,
     pictures: Vec<Layers>,
     reference: Option<Layers>,
 }
@@ -118,10 +126,9 @@ fn with(pictures: Vec<Layers>, reference: Option<Layers>) -> Made {
         pairs: pairs(&variants),
         variants,
     };
-    let verdicts = comparison.pairs.iter().map(|pair| format!("{} differs from {}", pair.second, pair.first)).collect();
     let pipelines =
         comparison.variants.iter().enumerate().map(|(index, _)| format!("Pipeline(\n    nodes: [\n        resolution: {},\n    ],\n)\n", 8 << index)).collect();
-    Made { comparison, words: Words { verdicts, pipelines, ..Words::default() }, pictures, reference }
+    Made { comparison, pipelines, pictures, reference }
 }
 
 fn variant(index: usize, picture: &Layers, reference: Option<&Layers>) -> VariantReport {
@@ -153,10 +160,28 @@ fn variant(index: usize, picture: &Layers, reference: Option<&Layers>) -> Varian
 }
 
 impl Made {
+    fn beside(&self) -> Vec<Beside> {
+        self.pipelines.iter().map(|text| Beside { text: text.clone(), ..Beside::default() }).collect()
+    }
+
+    fn report(&self) -> Report {
+        let title = format!("{}: {} pipelines compared", self.comparison.scene, self.pictures.len());
+        let told = self.comparison.pairs.iter().map(|pair| Told { words: format!("{} differs from {}", pair.second, pair.first), pair: pair.clone() });
+        let differences = Differences { pairs: told.collect(), hint: None };
+        let mut report = Report::new(title, (&self.comparison).into(), &Metric::default(), &Cost::Seconds, self.beside());
+        report.runs_asked = self.comparison.runs_asked;
+        report.differences = Some(differences);
+        report
+    }
+
+    fn gallery(&self) -> Result<Gallery<'_>, Failed> {
+        let mut gallery = Gallery::new(self.comparison.size, self.pictures.len(), self.reference.as_ref());
+        self.pictures.iter().try_for_each(|picture| gallery.add(picture, self.reference.as_ref()))?;
+        Ok(gallery)
+    }
+
     fn html(&self) -> Result<String, Failed> {
-        let mut gallery = Gallery::new(self.reference.as_ref());
-        self.pictures.iter().try_for_each(|picture| gallery.add(picture))?;
-        Ok(page(&self.comparison, &self.words, &gallery)?)
+        Ok(page(&self.report(), &self.gallery()?)?)
     }
 
     /// Writes the page and opens it. The folder keeps it.
@@ -297,17 +322,99 @@ fn no_reference(browser: &mut Browser) -> Outcome {
 
 fn plot(browser: &mut Browser) -> Outcome {
     let _page = made(5).open(browser)?;
-    equals(browser, "document.querySelectorAll('#plot .point').length", 5)?;
+    equals(browser, "document.querySelectorAll('#plot .mark').length", 5)?;
     // The first is right and the fastest: nothing else is on the front.
-    equals(browser, "document.querySelectorAll('#plot .point.best').length", 1)?;
-    browser.click("#plot .point[data-variant='2']")?;
+    equals(browser, "[...document.querySelectorAll('#plot .ring')].map((ring) => ring.closest('.mark')?.dataset.id).join(' ').trim()", "A")?;
+    browser.click("#plot .mark[data-variant='2'] .target")?;
     equals(browser, "document.querySelector('#right').value", "2")?;
     shows(browser, 0.75, 2)?;
     equals(browser, "document.querySelector('#stage').getBoundingClientRect().top < innerHeight", true)?;
-    browser.evaluate("document.querySelector(\"#plot .point[data-variant='3']\").focus()")?;
+    browser.evaluate("document.querySelector(\"#plot .mark[data-variant='3']\").focus()")?;
     browser.key("Enter")?;
     equals(browser, "document.querySelector('#right').value", "3")?;
     equals(browser, "document.activeElement.id", "stage")
+}
+
+/// The same pipeline again: its mark lies below that of the first.
+fn covered(browser: &mut Browser) -> Outcome {
+    let mut made = made(3);
+    made.comparison.variants[2] = VariantReport { id: "C".into(), ..made.comparison.variants[0].clone() };
+    let _page = made.open(browser)?;
+    browser.click("#plot .mark[data-variant='0'] text")?;
+    equals(browser, "document.querySelector('#right').value", "0")?;
+    browser.click("#plot .mark[data-variant='2'] text")?;
+    equals(browser, "document.querySelector('#right').value", "2")
+}
+
+/// Of six points: two values of one parameter for each of three of another.
+fn swept(made: &Made) -> Sweep {
+    let axis = |parameter: &str, values: &[&str]| Axis { parameter: parameter.into(), values: values.iter().map(|value| value.to_string()).collect() };
+    let mut sweep = Sweep::from(&made.comparison);
+    sweep.over = vec![axis("cache.accuracy", &["0.1", "0.2"]), axis("tiles.resolution", &["8", "16", "128"])];
+    for (index, point) in sweep.points.iter_mut().enumerate() {
+        let places = [index / 3, index % 3];
+        point.row = "irradiance".into();
+        point.values = sweep.over.iter().zip(places).map(|(axis, at)| (axis.parameter.clone(), axis.values[at].clone())).collect();
+    }
+    sweep
+}
+
+fn swept_report(made: &Made, sweep: Sweep) -> Report {
+    Report::new("cornell: 6 points swept".into(), sweep, &"picture.flip".parse().unwrap_or_default(), &Cost::Seconds, made.beside())
+}
+
+fn sweep(browser: &mut Browser) -> Outcome {
+    let made = made(6);
+    let _page = open(&page(&swept_report(&made, swept(&made)), &made.gallery()?)?, browser)?;
+    equals(browser, "document.querySelectorAll('#plot .mark').length", 6)?;
+    equals(browser, "[...document.querySelectorAll('#plot polyline')].map((line) => line.getAttribute('points').split(' ').length).join()", "2,2,2")?;
+    equals(browser, "document.querySelector('#metric').selectedOptions[0].textContent", "Picture, ꟻLIP")?;
+    // The irradiance of the first is right, and it is the fastest; its picture is not.
+    let ringed = "document.querySelectorAll('#plot .mark .ring').length";
+    check(browser.evaluate(ringed)?.as_u64().is_some_and(|marks| (1..6).contains(&marks)), || "no front".into())?;
+    browser.evaluate("const metric = document.querySelector('#metric'); metric.value = '1'; metric.dispatchEvent(new Event('change'))")?;
+    equals(browser, ringed, 1)?;
+    equals(browser, "document.querySelector('#plot .mark .ring').closest('.mark').dataset.id", "A")?;
+    browser.click("#plot .mark[data-id='F'] .target")?;
+    equals(browser, "document.querySelector('#right').value", "5")?;
+    equals(browser, "document.querySelector('#right-label').textContent", "F  irradiance cache.accuracy=0.2 tiles.resolution=128")?;
+    shows(browser, 0.75, 2)?;
+    // Values are sorted as numbers.
+    browser.click("#table th:nth-child(4) button")?;
+    equals(browser, "[...document.querySelectorAll('#table .open')].map((button) => button.textContent).join('')", "ADBECF")?;
+    equals(browser, "document.querySelector('#pairs').checkVisibility()", false)
+}
+
+fn refused(browser: &mut Browser) -> Outcome {
+    let made = made(6);
+    let mut sweep = swept(&made);
+    sweep.points[1].outcome = State::Refused { because: "plan::batch: too large".into() };
+    let mut gallery = Gallery::new(made.comparison.size, 6, made.reference.as_ref());
+    for (index, picture) in made.pictures.iter().enumerate() {
+        if index == 1 { gallery.skip() } else { gallery.add(picture, made.reference.as_ref())? }
+    }
+    let _page = open(&page(&swept_report(&made, sweep), &gallery)?, browser)?;
+    equals(browser, "document.querySelectorAll('#plot .mark').length", 5)?;
+    equals(browser, "document.querySelector('#plot-note').textContent.endsWith('not known: B.')", true)?;
+    equals(browser, "document.querySelector('#table').textContent.includes('refused: plan::batch: too large')", true)?;
+    equals(browser, "document.querySelector('#absent').textContent", "B  irradiance cache.accuracy=0.1 tiles.resolution=16 was refused")?;
+    shows(browser, 0.25, 0)
+}
+
+/// So many pictures that each is half as wide and high: the same is to be seen at the same place, also where blocks reach beyond the border.
+fn blocks(browser: &mut Browser) -> Outcome {
+    const ODD: [u32; 2] = [97, 73];
+    let halves = picture(ODD, |x, _| COLOURS[if x < 49 { 0 } else { 1 }], 1.0);
+    let mut gallery = Gallery::new(ODD, (1 << 24) / 2000, None);
+    (0..2).try_for_each(|_| gallery.add(&halves, None))?;
+    let made = with(vec![halves.clone(), halves], None);
+    let html = page(&made.report(), &gallery)?;
+    check(html.contains("\"width\":49,\"height\":37,\"block\":2"), || "the pictures are whole".into())?;
+    let _page = open(&html, browser)?;
+    for (share, channel) in [(0.05, 0), (0.48, 0), (0.53, 1), (0.97, 1)] {
+        shows(browser, share, channel)?;
+    }
+    equals(browser, "document.querySelector('#lossless').textContent.includes('as means of 2×2 pixels')", true)
 }
 
 fn table(browser: &mut Browser) -> Outcome {
@@ -349,8 +456,14 @@ fn hostile_names(browser: &mut Browser) -> Outcome {
     made.comparison.variants[1].name = NAME.into();
     made.comparison.variants[1].passes[0].node = NAME.into();
     made.comparison.variants[1].set = vec![NAME.into()];
-    made.words = Words { warnings: vec![NAME.into()], verdicts: vec![NAME.into()], hint: Some(NAME.into()), pipelines: vec![NAME.into(); 2] };
-    let _page = made.open(browser)?;
+    made.pipelines = vec![NAME.into(); 2];
+    let mut report = made.report();
+    report.warnings = vec![NAME.into()];
+    if let Some(differences) = &mut report.differences {
+        differences.hint = Some(NAME.into());
+        differences.pairs[0].words = NAME.into();
+    }
+    let _page = open(&page(&report, &made.gallery()?)?, browser)?;
     shows(browser, 0.75, 1)?;
     equals(browser, "window.hit === undefined && document.images.length === 0 && document.scripts.length === 2", true)?;
     equals(browser, "document.title", format!("{NAME}: 2 pipelines compared"))?;
@@ -399,6 +512,17 @@ fn sizes(browser: &mut Browser) -> Outcome {
         browser.resize(WINDOW, false)?;
     }
     Ok(())
+}
+
+fn narrow(browser: &mut Browser) -> Outcome {
+    browser.resize(PHONE, true)?;
+    let made = made(6);
+    let _page = open(&page(&swept_report(&made, swept(&made)), &made.gallery()?)?, browser)?;
+    equals(browser, "document.documentElement.scrollWidth", PHONE[0])?;
+    // Letters as large as those around the plot.
+    equals(browser, "document.querySelector('#plot text:not(.title)').getBoundingClientRect().height > 11", true)?;
+    let texts = "[...document.querySelectorAll('#plot text')].map((text) => text.getBoundingClientRect())";
+    equals(browser, &format!("{texts}.every((box) => box.left >= 0 && box.right <= innerWidth)"), true)
 }
 
 /// Noise of 16 bits from a place.

@@ -21,6 +21,7 @@ const DRAWN: &[(&str, Case)] = &[
     ("an_interrupted_sweep_tells_what_it_has", interrupted),
     ("a_refused_point_does_not_stop_the_others", refused),
     ("a_damaged_point_is_measured_anew", damaged),
+    ("a_page_holds_every_point_and_is_the_same_when_made_again", page),
 ];
 
 const REFUSED: &[(&str, Case)] = &[("mistakes_are_told_before_work_starts", mistakes), ("a_dry_run_lists_the_points", dry_run)];
@@ -34,16 +35,26 @@ impl Place {
         Ok(fs::read_to_string(self.0.path().join(name))?)
     }
 
-    /// Files of points in `out`, each of them whole.
+    /// What the page of this name holds.
+    fn page(&self, name: &str) -> Result<Value, Failed> {
+        let page = self.text(name)?;
+        let data = page.split_once("id=\"data\">").and_then(|(_, rest)| rest.split_once("</script>")).ok_or("no data")?.0;
+        Ok(serde_json::from_str(data)?)
+    }
+
+    /// Files of points in `out`, each of them whole, its picture beside it.
     fn kept(&self) -> Result<Vec<PathBuf>, Failed> {
         let Ok(entries) = fs::read_dir(self.0.path().join("out")) else { return Ok(Vec::new()) };
         let paths = entries.map(|entry| entry.map(|entry| entry.path())).collect::<Result<Vec<_>, _>>()?;
-        let mut points: Vec<PathBuf> =
-            paths.into_iter().filter(|path| path.file_name().is_some_and(|name| name.to_string_lossy().starts_with("point-"))).collect();
+        let is_point = |path: &PathBuf| {
+            path.file_name().is_some_and(|name| name.to_string_lossy().starts_with("point-")) && path.extension().is_some_and(|ending| ending == "json")
+        };
+        let mut points: Vec<PathBuf> = paths.into_iter().filter(is_point).collect();
         points.sort();
         for point in &points {
             let json: Value = serde_json::from_slice(&fs::read(point)?)?;
             check(json["measured"]["seconds_of_runs"].is_array() && json["key"].is_string(), || format!("{}: {json}", point.display()))?;
+            check(point.with_extension("exr").exists(), || format!("{} has no picture", point.display()))?;
         }
         Ok(points)
     }
@@ -208,13 +219,16 @@ fn interrupted() -> Outcome {
 fn refused() -> Outcome {
     let place = Place::new()?;
     let (status, text, stderr) =
-        place.run(&format!("sweep irradiance --over tiles.resolution=512,8 {SMALL} --runs 1 --json a.json --csv a.csv --svg a.svg"))?;
+        place.run(&format!("sweep irradiance --over tiles.resolution=512,8 {SMALL} --runs 1 --json a.json --csv a.csv --svg a.svg --html a.html"))?;
     check(status == 1 && stderr.contains("sweep::refused") && stderr.contains("1 of 2 points"), || format!("{status}\n{stderr}"))?;
     check(text.contains("refused: plan::batch"), || text)?;
     let json = place.json("a.json")?;
     let [first, second] = [&json["points"][0], &json["points"][1]];
     check(first["state"] == "refused" && first["because"].as_str().is_some_and(|why| why.contains("plan::batch")), || first.to_string())?;
     check(first["pareto"] == false && second["pareto"] == true && second["state"] == "measured" && json["complete"] == false, || json.to_string())?;
+    let page = place.page("a.html")?;
+    let pictures = &page["gallery"]["pictures"];
+    check(page["report"]["sweep"] == json && pictures[0].is_null() && pictures[1].is_object(), || pictures.to_string())?;
     let csv = place.text("a.csv")?;
     let rows = csv::Reader::from_reader(csv.as_bytes()).records().collect::<Result<Vec<_>, _>>()?;
     check(rows.len() == 2 && place.text("a.svg")?.matches("class=\"mark\"").count() == 1, || csv)
@@ -233,7 +247,42 @@ fn damaged() -> Outcome {
         check(stderr.contains("is damaged") && stderr.contains("0 found"), || stderr)?;
         check(place.kept()?.len() == 1 && fs::read(kept)? != damaged, || "a damaged point is kept".into())?;
     }
-    Ok(())
+    let picture = kept.with_extension("exr");
+    let whole = fs::read(&picture)?;
+    fs::write(&picture, &whole[..whole.len() - 1])?;
+    let (_, stderr) = sweep()?;
+    check(stderr.contains(".exr is damaged: its point is measured anew") && fs::read(&picture)? == whole, || stderr)?;
+    fs::remove_file(&picture)?;
+    let (_, stderr) = sweep()?;
+    check(stderr.contains(".exr is missing: its point is measured anew") && fs::read(&picture)? == whole, || stderr)
+}
+
+fn page() -> Outcome {
+    let place = Place::new()?;
+    let over = "--over tiles.resolution=4,8 --over cache.accuracy=0.2,0.5";
+    place.succeed(&format!("sweep irradiance {over} {SMALL} --runs 2 --metric picture.relmse --json a.json --html a.html"))?;
+    let (json, page) = (place.json("a.json")?, place.page("a.html")?);
+    let (report, gallery) = (&page["report"], &page["gallery"]);
+    check(report["sweep"] == json && report["title"] == "cornell: 4 points measured", || "the page holds other numbers".into())?;
+    let sets = [&gallery["pictures"], &gallery["maps"][0]["images"], &gallery["maps"][1]["images"]].map(|set| set.as_array());
+    let source = |image: &Value| image["source"].as_str().unwrap_or_default().to_owned();
+    for images in sets {
+        let mut sources: Vec<String> = images.ok_or("no images")?.iter().map(source).collect();
+        sources.sort();
+        sources.dedup();
+        check(sources.len() == 4 && sources.iter().all(|source| source.starts_with("data:image/png;base64,")), || format!("{sources:?}"))?;
+    }
+    check(source(&gallery["reference"]).starts_with("data:image/png"), || "no reference".into())?;
+    // The first plot is that of the metric asked for, with the front of the JSON.
+    let chart = &report["charts"][0];
+    check(chart["label"] == "picture.relmse" && chart["errors"][3] == json["points"][3]["errors"]["picture"]["relmse"], || chart["label"].to_string())?;
+    let svg = chart["wide"].as_str().ok_or("no plot")?;
+    let ringed = json["points"].as_array().map_or(0, |points| points.iter().filter(|point| point["pareto"] == true).count());
+    check(svg.matches("class=\"mark\"").count() == 4 && svg.matches("<circle class=\"ring\" r=\"9\"/><text x=\"24").count() == 1, || svg.to_owned())?;
+    check(svg.matches("class=\"ring\"").count() == ringed + 1 && svg.matches("<polyline").count() == 2, || svg.to_owned())?;
+    check(report["beside"][3]["text"].as_str().is_some_and(|text| text.contains("accuracy: 0.5,")), || report["beside"][3].to_string())?;
+    place.succeed(&format!("sweep irradiance {over} {SMALL} --runs 2 --metric picture.relmse --html b.html"))?;
+    check(place.text("a.html")? == place.text("b.html")?, || "what is found is shown differently".into())
 }
 
 fn mistakes() -> Outcome {
@@ -272,7 +321,10 @@ fn mistakes() -> Outcome {
     let (status, _, stderr) = place.run("sweep irradiance --over cache.accuracy=0.1 --scene cornell")?;
     check(status == 2 && stderr.contains("--out"), || stderr)?;
     let (status, _, stderr) = place.run("sweep irradiance --over cache.accuracy=0.1 --scene cornell -o large.exr")?;
-    check(status == 1 && stderr.contains("cli::write"), || stderr)
+    check(status == 1 && stderr.contains("cli::write"), || stderr)?;
+    let (status, _, stderr) = place.run("sweep irradiance --over cache.accuracy=0.1 --scene cornell --size 32x24 -o out --html large.exr/a.html")?;
+    check(status == 1 && stderr.contains("cli::write") && stderr.contains("large.exr/a.html"), || stderr)?;
+    check(place.kept()?.is_empty(), || "points are measured for a page that cannot be written".into())
 }
 
 fn dry_run() -> Outcome {

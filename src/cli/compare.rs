@@ -12,11 +12,11 @@ use super::progress::Progress;
 use super::scene::{SceneOptions, View};
 use super::truth::{Truth, TruthOptions};
 use crate::gpu::{Gpu, Pace};
+use crate::measure::Layers;
 use crate::measure::compare::{self, About, Comparison, Contender, StartUp, VariantErrors};
-use crate::measure::page::{Gallery, page};
+use crate::measure::page::Gallery;
 use crate::measure::run::Run;
 use crate::measure::statistics::least_runs;
-use crate::measure::{Layers, PictureError};
 use crate::pipeline::{Pipeline, Plan, Problems};
 use clap::Args;
 use std::path::{Path, PathBuf};
@@ -75,7 +75,7 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     let truth = given.or(traced);
     warn_of_unstated_bounces(truth.as_ref(), console);
 
-    let gallery = targets.html.is_some().then(|| Gallery::new(truth.as_ref().map(Truth::picture)));
+    let gallery = targets.html.is_some().then(|| Gallery::new(view.size, plans.len(), truth.as_ref().map(Truth::picture)));
     let mut contest = Contest { truth: truth.as_ref(), gallery, entries: Vec::new(), rounds: runs_of(options), shelter: None };
     let about = variants.into_iter().zip(&plans).map(|(variant, (_, plan_seconds))| variant.about(*plan_seconds));
     let result = contest.hold(runs.into_iter().zip(about).collect(), &Progress::new(console, "comparing"));
@@ -115,9 +115,7 @@ impl Targets {
 
     fn write_page(&self, comparison: &Comparison, pipelines: &[Pipeline], gallery: Option<&Gallery>) -> Result<(), Failure> {
         let (Some(html), Some(gallery)) = (&self.html, gallery) else { return Ok(()) };
-        let words = comparison::words(comparison, pipelines.iter().map(Pipeline::to_ron).collect());
-        let failed = |error: PictureError| Failure::work(CommandError::BadPicture { path: html.path().to_owned(), error });
-        html.write(page(comparison, &words, gallery).map_err(failed)?.as_bytes())
+        html.write_page(&comparison::report(comparison, pipelines.iter().map(Pipeline::to_ron).collect()), gallery)
     }
 
     fn paths(&self) -> Vec<&Path> {
@@ -233,7 +231,8 @@ impl<'a> Contest<'_, 'a> {
     }
 
     fn exhibit(&mut self, picture: &Layers) -> Result<(), Failure> {
-        self.gallery.as_mut().map_or(Ok(()), |gallery| gallery.add(picture)).map_err(Failure::work)
+        let judge = self.truth.map(Truth::picture);
+        self.gallery.as_mut().map_or(Ok(()), |gallery| gallery.add(picture, judge)).map_err(Failure::work)
     }
 
     /// What the whole rounds found; None without one.

@@ -1,8 +1,9 @@
-//! A comparison as text, as CSV, and what its page says in words.
+//! A comparison as text, as CSV, and as a report for its page.
 
 use crate::measure::compare::{Comparison, Pair, PassSpread, VariantErrors, VariantReport, WORTH_FINDING};
+use crate::measure::criteria::{Cost, Metric};
 use crate::measure::metrics::{Errors, block_side};
-use crate::measure::page::Words;
+use crate::measure::page::{Beside, Differences, Report, Told};
 use crate::measure::statistics::{Spread, least_runs};
 use std::fmt::Write;
 
@@ -39,10 +40,25 @@ pub fn warnings(comparison: &Comparison) -> Vec<String> {
     warnings
 }
 
-/// What a page tells beside the numbers; `pipelines` are the texts of the variants.
-pub fn words(comparison: &Comparison, pipelines: Vec<String>) -> Words {
-    let verdict = |pair: &Pair| sentence(pair, comparison.runs, comparison.pairs.len());
-    Words { warnings: warnings(comparison), verdicts: comparison.pairs.iter().map(verdict).collect(), hint: hint(comparison), pipelines }
+/// What the page shows; `pipelines` are the texts of the variants.
+pub fn report(comparison: &Comparison, pipelines: Vec<String>) -> Report {
+    let beside = |(variant, text): (&VariantReport, String)| {
+        let start_up = &variant.start_up;
+        let seconds = start_up.plan_seconds + start_up.shaders_seconds + start_up.warm_up_seconds;
+        Beside { text, dropped: variant.dropped.clone(), start_up_seconds: Some(seconds) }
+    };
+    let beside = comparison.variants.iter().zip(pipelines).map(beside).collect();
+    let told = |pair: &Pair| Told { words: sentence(pair, comparison.runs, comparison.pairs.len()), pair: pair.clone() };
+    let differences = Differences { pairs: comparison.pairs.iter().map(told).collect(), hint: hint(comparison) };
+    let title = match comparison.variants.len() {
+        1 => format!("{}: one pipeline measured", comparison.scene),
+        variants => format!("{}: {variants} pipelines compared", comparison.scene),
+    };
+    let mut report = Report::new(title, comparison.into(), &Metric::default(), &Cost::Seconds, beside);
+    report.runs_asked = comparison.runs_asked;
+    report.warnings = warnings(comparison);
+    report.differences = Some(differences);
+    report
 }
 
 /// Blocks are not corrected for the reference's noise: it must be small beside what they show.

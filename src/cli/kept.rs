@@ -1,13 +1,17 @@
-//! What was measured of a point is kept in a file of its own, named by the checksum of everything that the numbers depend on. It appears whole or
-//! not at all, and who finds it does not measure the point again.
+//! What was measured of a point is kept in a file of its own, and its picture beside it, both named by the checksum of everything that they depend
+//! on. The picture comes first, each appears whole or not at all, and who finds both does not measure the point again.
 
 use super::console::Console;
 use super::failure::Failure;
 use super::input::read_file;
 use super::output::Target;
+use super::sealed::{self, Unusable};
+use super::truth::IRRADIANCE;
 use crate::measure::cache::Checksum;
 use crate::measure::sweep::{Measured, Outcome, Point};
+use crate::measure::{Layer, Layers, PICTURE};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// The longest file of a point that is read.
@@ -34,12 +38,12 @@ impl Folder {
     /// Creates the folder, and tries whether it takes files.
     pub(super) fn new(path: &Path) -> Result<Self, Failure> {
         let folder = Self { path: path.to_owned() };
-        Target::new(&folder.file("new"))?;
+        Target::new(&folder.file("new", "json"))?;
         Ok(folder)
     }
 
-    fn file(&self, key: &str) -> PathBuf {
-        self.path.join(format!("point-{}.json", Checksum::of(key.as_bytes())))
+    fn file(&self, key: &str, ending: &str) -> PathBuf {
+        self.path.join(format!("point-{}.{ending}", Checksum::of(key.as_bytes())))
     }
 
     /// Takes over the points that are there; how many those are.
@@ -54,19 +58,39 @@ impl Folder {
         found
     }
 
-    /// None where there is no such file, or one that is damaged.
+    /// None where a point is not whole: a picture alone is what an interruption left, numbers without one need it.
     fn kept(&self, key: &str, console: &Console) -> Option<Measured> {
-        let path = self.file(key);
-        let file = read_file(&path, MOST_POINT_BYTES).ok()?;
-        let kept = serde_json::from_slice::<Kept>(&file).ok().filter(|kept| kept.schema == 1 && kept.key == key);
-        if kept.is_none() {
-            console.note(&format!("{} is damaged: its point is measured anew", path.display()));
+        let measured = self.numbers(key);
+        let picture = measured.as_ref().map_err(|unusable| *unusable).and_then(|_| self.picture(key));
+        let path = self.file(key, if measured.is_ok() { "exr" } else { "json" });
+        match (&measured, picture.as_ref().err()) {
+            (_, Some(Unusable::Damaged)) => console.note(&format!("{} is damaged: its point is measured anew", path.display())),
+            (Ok(_), Some(Unusable::Absent)) => console.note(&format!("{} is missing: its point is measured anew", path.display())),
+            _ => {}
         }
-        kept.map(|kept| kept.measured)
+        measured.ok().filter(|_| picture.is_ok())
     }
 
-    pub(super) fn keep(&self, key: &str, point: &Point, measured: &Measured) -> Result<(), Failure> {
-        let kept = Kept { schema: 1, key: key.to_owned(), set: point.set.clone(), measured: measured.clone() };
-        Target::new(&self.file(key))?.write_json(&kept)
+    fn numbers(&self, key: &str) -> Result<Measured, Unusable> {
+        let file = read_file(&self.file(key, "json"), MOST_POINT_BYTES).map_err(|_| Unusable::Absent)?;
+        let kept = serde_json::from_slice::<Kept>(&file).ok().filter(|kept| kept.schema == 1 && kept.key == key);
+        kept.map(|kept| kept.measured).ok_or(Unusable::Damaged)
     }
+
+    pub(super) fn picture(&self, key: &str) -> Result<Layers, Unusable> {
+        sealed::read(&self.file(key, "exr"), key)
+    }
+
+    pub(super) fn keep(&self, key: &str, point: &Point, measured: &Measured, picture: Layers) -> Result<(), Failure> {
+        sealed::write(&Target::new(&self.file(key, "exr"))?, picture, key)?;
+        let kept = Kept { schema: 1, key: key.to_owned(), set: point.set.clone(), measured: measured.clone() };
+        Target::new(&self.file(key, "json"))?.write_json(&kept)
+    }
+}
+
+/// What a page shows of a picture, in half floats; all of it where it holds nothing of that.
+pub(super) fn shown(picture: &Layers) -> Layers {
+    let named = |name: &&str| Some((name.to_string(), picture.layers.get(*name)?.clone().as_half()));
+    let layers: BTreeMap<String, Layer> = [PICTURE, IRRADIANCE].iter().filter_map(named).collect();
+    if layers.is_empty() { picture.clone() } else { Layers { layers, ..picture.clone() } }
 }

@@ -2,6 +2,7 @@
 
 use super::failure::{CommandError, Failure};
 use super::interrupt::Shelter;
+use crate::measure::page::{Gallery, Report, page};
 use crate::measure::{Layers, PICTURE};
 use serde::Serialize;
 use std::fs;
@@ -52,6 +53,12 @@ impl Target {
         let mut text = serde_json::to_vec_pretty(record).map_err(|error| Failure::work(CommandError::Json { reason: error.to_string() }))?;
         text.push(b'\n');
         self.write(&text)
+    }
+
+    /// Writes a report and its pictures as a page.
+    pub fn write_page(&self, report: &Report, gallery: &Gallery) -> Result<(), Failure> {
+        let page = page(report, gallery).map_err(|error| Failure::work(CommandError::BadPicture { path: self.path.clone(), error }))?;
+        self.write(page.as_bytes())
     }
 
     fn try_write(&self, bytes: &[u8]) -> io::Result<()> {

@@ -5,25 +5,25 @@ use super::console::Console;
 use super::failure::Failure;
 use super::input::read_file;
 use super::interrupt::Shelter;
-use super::kept::Folder;
+use super::judge::Judge;
+use super::kept::{self, Folder};
 use super::output::{Target, expect_distinct};
 use super::points::{check, expect_none_refused, listed, planned, weigh};
 use super::progress::Progress;
 use super::scene::{SceneOptions, View};
 use super::truth::{Truth, TruthOptions, content};
-use super::{swept, tables};
+use super::{exhibited, swept, tables};
 use crate::gpu::{AskPace, Gpu, Pace};
 use crate::measure::Layers;
 use crate::measure::cache::Checksum;
 use crate::measure::compare::{self, About, Contender, ReferenceReport, VariantErrors};
-use crate::measure::plot::svg;
+use crate::measure::plot::{Paper, svg};
 use crate::measure::run::{Run, RunError};
 use crate::measure::survey::Survey;
 use crate::measure::sweep::{Measured, Outcome, Point, Sweep, mark_front, plot};
 use crate::pipeline::{Pipeline, Plan};
 use clap::Args;
 use miette::Diagnostic;
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// The longest program file that is read.
@@ -50,6 +50,9 @@ pub struct SurveyOptions {
     /// Write tables of errors and costs, a column for each value, and what nothing beats
     #[arg(long, value_name = "FILE")]
     markdown: Option<PathBuf>,
+    /// Write a page with the pictures, maps of their errors, plots and tables as HTML
+    #[arg(long, value_name = "FILE")]
+    html: Option<PathBuf>,
     /// List the points and what refuses them, and measure nothing
     #[arg(long)]
     dry_run: bool,
@@ -65,9 +68,9 @@ pub(super) enum Reference {
 
 /// Checks, plans, measures what was not measured before, prints and writes.
 pub(super) fn run(survey: &Survey, scene: &SceneOptions, reference: &Reference, options: &SurveyOptions, console: &Console) -> Result<(), Failure> {
-    let outside = match reference {
-        Reference::Outside(outside) => outside,
-        Reference::Row(_) => &TruthOptions::none(),
+    let (row, outside) = match reference {
+        Reference::Outside(outside) => (None, outside),
+        Reference::Row(row) => (Some(*row), &TruthOptions::none()),
     };
     let targets = Targets::new(options, &outside.files())?;
     // Anything wrong with a pipeline is told before a large scene is loaded.
@@ -87,7 +90,7 @@ pub(super) fn run(survey: &Survey, scene: &SceneOptions, reference: &Reference, 
     let truth = given.map_or_else(|| keeper.map(|keeper| keeper.obtain(&view, console)).transpose(), |given| Ok(Some(given)))?;
     warn_of_unstated_bounces(truth.as_ref(), console);
 
-    let judge = Judge::new(reference, survey, truth);
+    let judge = Judge::new(row, survey, truth);
     let keys = keys(&pipelines, &judge, &conditions(&view, &gpu), survey.runs);
     let found = folder.find(&mut points, &keys, console);
     tell_what_is_there(&points, found, &folder, console);
@@ -102,6 +105,10 @@ pub(super) fn run(survey: &Survey, scene: &SceneOptions, reference: &Reference, 
     swept::warnings(&sweep, survey).iter().for_each(|warning| console.note(warning));
     console.print(&[swept::text(&sweep, survey), tables::markdown(&sweep, survey)].join("\n"))?;
     targets.write(&sweep, survey)?;
+    if let Some(html) = &targets.html {
+        let gallery = exhibited::gallery(&sweep.points, &keys, &folder, &judge, view.size)?;
+        html.write_page(&swept::report(&sweep, survey, &pipelines, &plans), &gallery)?;
+    }
     if is_interrupted {
         return Err(Failure::interrupted(&[&[folder.path.as_path()], &targets.paths()[..]].concat()));
     }
@@ -114,12 +121,19 @@ struct Targets {
     csv: Option<Target>,
     svg: Option<Target>,
     markdown: Option<Target>,
+    html: Option<Target>,
 }
 
 impl Targets {
     fn new(options: &SurveyOptions, read: &[&Path]) -> Result<Self, Failure> {
         let target = |path: &Option<PathBuf>| path.as_deref().map(Target::new).transpose();
-        let targets = Self { json: target(&options.json)?, csv: target(&options.csv)?, svg: target(&options.svg)?, markdown: target(&options.markdown)? };
+        let targets = Self {
+            json: target(&options.json)?,
+            csv: target(&options.csv)?,
+            svg: target(&options.svg)?,
+            markdown: target(&options.markdown)?,
+            html: target(&options.html)?,
+        };
         expect_distinct(&targets.paths(), read)?;
         Ok(targets)
     }
@@ -127,12 +141,12 @@ impl Targets {
     fn write(&self, sweep: &Sweep, survey: &Survey) -> Result<(), Failure> {
         self.json.iter().try_for_each(|json| json.write_json(sweep))?;
         self.csv.iter().try_for_each(|csv| csv.write(swept::csv(sweep, survey).as_bytes()))?;
-        self.svg.iter().try_for_each(|figure| figure.write(svg(&plot(sweep, &survey.metric, &survey.cost)).as_bytes()))?;
+        self.svg.iter().try_for_each(|figure| figure.write(svg(&plot(sweep, &survey.metric, &survey.cost), Paper::Wide).as_bytes()))?;
         self.markdown.iter().try_for_each(|tables| tables.write(tables::markdown(sweep, survey).as_bytes()))
     }
 
     fn paths(&self) -> Vec<&Path> {
-        [&self.json, &self.csv, &self.svg, &self.markdown].into_iter().flatten().map(Target::path).collect()
+        [&self.json, &self.csv, &self.svg, &self.markdown, &self.html].into_iter().flatten().map(Target::path).collect()
     }
 }
 
@@ -168,51 +182,6 @@ fn tell_what_is_there(points: &[Point], found: usize, folder: &Folder, console: 
     console.note(&format!("{} points: {found} found in {}, {refused} refused, {open} to measure", points.len(), folder.path.display()));
 }
 
-/// What pictures are judged by.
-enum Judge {
-    Nothing,
-    Truth(Box<Truth>),
-    Row(JudgingRow),
-}
-
-/// A row whose pictures judge those of the other rows.
-struct JudgingRow {
-    name: String,
-    /// Its place among the rows.
-    index: usize,
-    /// Points of a row.
-    columns: usize,
-    /// Its pictures so far, by point.
-    pictures: BTreeMap<usize, Truth>,
-}
-
-impl JudgingRow {
-    /// The point of this row with the same values.
-    fn point_of(&self, point: usize) -> usize {
-        self.index * self.columns + point % self.columns
-    }
-}
-
-impl Judge {
-    fn new(reference: &Reference, survey: &Survey, truth: Option<Truth>) -> Self {
-        match (reference, truth) {
-            (Reference::Row(index), _) => {
-                Self::Row(JudgingRow { name: survey.rows[*index].name.clone(), index: *index, columns: survey.columns(), pictures: BTreeMap::new() })
-            }
-            (_, Some(truth)) => Self::Truth(Box::new(truth)),
-            (_, None) => Self::Nothing,
-        }
-    }
-
-    fn report(&self) -> Option<ReferenceReport> {
-        match self {
-            Self::Nothing => None,
-            Self::Truth(truth) => Some(truth.report()),
-            Self::Row(row) => Some(ReferenceReport { file: None, row: Some(row.name.clone()), own: true, bounces: None, samples: None, stride: None }),
-        }
-    }
-}
-
 /// A survey as it is measured.
 struct Work<'a> {
     gpu: &'a Gpu,
@@ -228,7 +197,13 @@ struct Work<'a> {
 }
 
 /// A point of the group that is in memory.
-type Entry<'a> = (usize, Contender<'a>, VariantErrors);
+struct Entry<'a> {
+    index: usize,
+    contender: Contender<'a>,
+    /// Of the warm-up, as it is kept.
+    picture: Layers,
+    errors: VariantErrors,
+}
 
 impl<'a> Work<'a> {
     /// Measures what is open, group by group; the points of a group are kept when it is done.
@@ -256,8 +231,9 @@ impl<'a> Work<'a> {
         for (place, (index, plan)) in group.iter().enumerate() {
             match self.warm_up(plan, &pace(place)) {
                 Ok((contender, picture)) => {
+                    let kept = kept::shown(&picture);
                     let errors = self.judge(*index, picture, &pace(place))?;
-                    entries.push((*index, contender, errors));
+                    entries.push(Entry { index: *index, contender, picture: kept, errors });
                 }
                 Err(error) if refuses(&error) => self.points[*index].outcome = Outcome::Refused { because: with_code(&error) },
                 Err(error) => return Err(Failure::of_run(error)),
@@ -270,7 +246,7 @@ impl<'a> Work<'a> {
                 if pace() == Pace::Stop {
                     return Err(Failure::interrupted(&[]));
                 }
-                entries[entry].1.measure(&pace).map_err(Failure::of_run)?;
+                entries[entry].contender.measure(&pace).map_err(Failure::of_run)?;
             }
         }
         entries.into_iter().try_for_each(|entry| self.keep(entry))
@@ -313,12 +289,12 @@ impl<'a> Work<'a> {
         Ok(())
     }
 
-    fn keep(&mut self, (index, contender, errors): Entry<'a>) -> Result<(), Failure> {
+    fn keep(&mut self, Entry { index, contender, picture, errors }: Entry<'a>) -> Result<(), Failure> {
         let point = &mut self.points[index];
         let about = About { name: point.name(&[]), set: point.set.clone(), plan_seconds: 0.0, shaders_seconds: 0.0, errors };
         if let Some(report) = contender.report(point.id.clone(), about, usize::from(self.survey.runs)) {
             let measured = Measured::from(report);
-            self.folder.keep(&self.keys[index], point, &measured)?;
+            self.folder.keep(&self.keys[index], point, &measured, picture)?;
             point.outcome = Outcome::Measured(Box::new(measured));
         }
         Ok(())

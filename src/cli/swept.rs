@@ -1,11 +1,13 @@
-//! A sweep as text and as CSV.
+//! A sweep as text, as CSV, and as a report for its page.
 
 use super::comparison::{Cell, cell, count, line, of_errors, significant};
-use crate::measure::compare::VariantErrors;
+use crate::measure::compare::{VariantErrors, dropped};
 use crate::measure::criteria::{Cost, Metric};
+use crate::measure::page::{Beside, Report};
 use crate::measure::survey::Survey;
 use crate::measure::sweep::{Measured, Outcome, Point, Sweep};
 use crate::measure::traffic::Traffic;
+use crate::pipeline::{Pipeline, Plan};
 use std::fmt::Write;
 
 /// The table for people.
@@ -70,6 +72,23 @@ pub fn warnings(sweep: &Sweep, survey: &Survey) -> Vec<String> {
     let untimed =
         (untimed > 0).then(|| format!("note: {untimed} points have no {cost}: the adapter tells no time of nodes; they are left out of front and plot"));
     unfinished.chain(other).chain(unjudged).chain(untimed).collect()
+}
+
+/// What the page shows; pipelines and plans are those of the points.
+pub fn report(sweep: &Sweep, survey: &Survey, pipelines: &[Pipeline], plans: &[Option<Plan>]) -> Report {
+    let beside = |(pipeline, plan): (&Pipeline, &Option<Plan>)| Beside {
+        text: pipeline.to_ron(),
+        dropped: plan.as_ref().map_or(Vec::new(), dropped),
+        start_up_seconds: None,
+    };
+    let beside = pipelines.iter().zip(plans).map(beside).collect();
+    let points = match sweep.points.len() {
+        1 => "one point".to_owned(),
+        points => format!("{points} points"),
+    };
+    let mut report = Report::new(format!("{}: {points} measured", sweep.scene), sweep.clone(), &survey.metric, &survey.cost, beside);
+    report.warnings = warnings(sweep, survey);
+    report
 }
 
 /// A row a point, headed by names with units; a cell is empty where there is no number.

@@ -1,15 +1,15 @@
 //! The reference that pictures are judged by: a file that the user gives, or one traced here and kept for the next time.
 //!
-//! A kept reference is an EXR file as `hemisplat reference` writes it, with a line after its end that holds its checksum; other programs read it
-//! as they read any. Its name is made from everything that it depends on. Several processes may write the same one at once: it appears whole.
+//! A kept reference is an EXR file as `hemisplat reference` writes it, sealed by its checksum. Its name is made from everything that it depends on. Several processes may write the same one at once: it appears whole.
 
 use super::console::Console;
 use super::failure::{CommandError, Failure};
-use super::input::{MOST_PICTURE_BYTES, read_file, read_picture};
+use super::input::read_picture;
 use super::output::Target;
 use super::pipeline::BOUNCES;
 use super::progress::Progress;
 use super::scene::View;
+use super::sealed::{self, Unusable};
 use crate::gpu::scene::camera;
 use crate::measure::cache::{Checksum, fingerprint};
 use crate::measure::compare::{ReferenceReport, VariantErrors, checksum};
@@ -20,10 +20,7 @@ use etcetera::BaseStrategy;
 use std::path::{Path, PathBuf};
 
 /// The layer of indirect irradiance.
-const IRRADIANCE: &str = "irradiance";
-
-/// Begins the line after the picture's end.
-const TRAILER: &[u8] = b"\nhemisplat checksum ";
+pub const IRRADIANCE: &str = "irradiance";
 
 #[derive(Args)]
 pub struct TruthOptions {
@@ -134,12 +131,11 @@ impl Keeper {
 
     /// None where there is none, or one that is damaged.
     fn kept(&self, console: &Console) -> Option<Layers> {
-        let file = read_file(self.target.path(), MOST_PICTURE_BYTES).ok()?;
-        let picture = open(&file).filter(|picture| picture.attributes.get("key") == Some(&self.key));
-        if picture.is_none() {
+        let picture = sealed::read(self.target.path(), &self.key);
+        if picture == Err(Unusable::Damaged) {
             console.note(&format!("the reference kept in {} is damaged: it is traced anew", self.target.path().display()));
         }
-        picture
+        picture.ok()
     }
 
     fn trace(&self, view: &View, console: &Console) -> Result<Layers, Failure> {
@@ -151,7 +147,6 @@ impl Keeper {
         let reference = result.map_err(Failure::input)?;
         let attributes = [
             ("program", format!("hemisplat {}", env!("CARGO_PKG_VERSION"))),
-            ("key", self.key.clone()),
             ("scene", view.scene.name.clone()),
             ("camera", view.camera.name.clone()),
             ("bounces", reference.bounces.to_string()),
@@ -160,25 +155,9 @@ impl Keeper {
             ("seed", self.settings.seed.to_string()),
         ];
         let picture = super::reference::layers(&reference, attributes.map(|(name, value)| (name.to_owned(), value)).into());
-        let exr = picture.to_exr().map_err(|error| Failure::work(CommandError::BadPicture { path: self.target.path().to_owned(), error }))?;
-        self.target.write(&seal(exr))?;
+        sealed::write(&self.target, picture.clone(), &self.key)?;
         Ok(picture)
     }
-}
-
-/// The file with its checksum after its end.
-fn seal(mut exr: Vec<u8>) -> Vec<u8> {
-    let checksum = Checksum::of(&exr);
-    exr.extend_from_slice(TRAILER);
-    exr.extend_from_slice(checksum.as_bytes());
-    exr
-}
-
-/// The picture of a sealed file; None where a bit of it is another one.
-fn open(file: &[u8]) -> Option<Layers> {
-    let (exr, checksum) = file.split_at_checked(file.len().checked_sub(TRAILER.len() + 16)?)?;
-    let checksum = checksum.strip_prefix(TRAILER)?;
-    (Checksum::of(exr).as_bytes() == checksum).then(|| Layers::from_exr(exr).ok())?
 }
 
 impl Truth {

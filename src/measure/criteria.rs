@@ -48,10 +48,37 @@ impl fmt::Display for Metric {
 }
 
 impl Metric {
+    /// Those that a page tells, in words.
+    pub const TOLD: [(Self, &str); 10] = [
+        (Self::irradiance("rmse_over_mean"), "Irradiance, rmse over mean"),
+        (Self::irradiance("bias_over_mean"), "Irradiance, bias over mean"),
+        (Self::irradiance("rms_of_relative"), "Irradiance, rms of relative"),
+        (Self::irradiance("block_p50"), "Irradiance, blocks, median"),
+        (Self::irradiance("block_p99"), "Irradiance, blocks, 99th percentile"),
+        (Self::irradiance("relmse"), "Irradiance, relative MSE"),
+        (Self::picture("rmse_over_mean"), "Picture, rmse over mean"),
+        (Self::picture("block_p99"), "Picture, blocks, 99th percentile"),
+        (Self::picture("flip"), "Picture, ꟻLIP"),
+        (Self::picture("hdr_flip"), "Picture, HDR-ꟻLIP"),
+    ];
+
+    const fn irradiance(name: &'static str) -> Self {
+        Self { layer: Judged::Irradiance, name }
+    }
+
+    const fn picture(name: &'static str) -> Self {
+        Self { layer: Judged::Picture, name }
+    }
+
+    /// The error itself, with its sign. None where it could not be measured.
+    pub fn signed(&self, errors: &VariantErrors) -> Option<f64> {
+        let errors = if self.layer == Judged::Irradiance { &errors.irradiance } else { &errors.picture };
+        errors.as_ref()?.metric(self.name).flatten()
+    }
+
     /// Its size: a signed error counts as it is far from 0. None where it could not be measured.
     pub fn of(&self, errors: &VariantErrors) -> Option<f64> {
-        let errors = if self.layer == Judged::Irradiance { &errors.irradiance } else { &errors.picture };
-        errors.as_ref()?.metric(self.name).flatten().map(f64::abs)
+        self.signed(errors).map(f64::abs)
     }
 
     /// Whether it is a share, told in percent.
@@ -62,7 +89,7 @@ impl Metric {
 
 impl Default for Metric {
     fn default() -> Self {
-        Self { layer: Judged::Irradiance, name: "rmse_over_mean" }
+        Self::irradiance("rmse_over_mean")
     }
 }
 
@@ -187,6 +214,13 @@ mod tests {
         }
         for text in ["", "rsme", "depth.relmse", "picture.", "picture"] {
             assert!(text.parse::<Metric>().unwrap_err().contains("rmse_over_mean"), "{text}");
+        }
+    }
+
+    #[test]
+    fn what_a_page_tells_is_a_metric_each() {
+        for (metric, _) in Metric::TOLD {
+            assert_eq!(metric.to_string().parse(), Ok(metric));
         }
     }
 

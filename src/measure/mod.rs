@@ -4,6 +4,7 @@ pub mod cache;
 pub mod compare;
 pub mod criteria;
 pub mod flip;
+mod labels;
 pub mod layers;
 pub mod metrics;
 pub mod page;

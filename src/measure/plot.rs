@@ -1,5 +1,6 @@
 //! One figure: a value over another, both on logarithmic axes, as SVG that needs nothing beside itself.
 
+use super::labels::{self, Label};
 use std::fmt::Write;
 
 /// What is drawn.
@@ -10,7 +11,7 @@ pub struct Plot {
     pub x_label: String,
     /// With its unit.
     pub y_label: String,
-    /// What the words beside marks of the front are.
+    /// What the words beside marks of the front are; empty where all marks have them.
     pub label_of_marks: String,
     pub lines: Vec<Line>,
 }
@@ -26,8 +27,8 @@ pub struct Line {
 pub struct Mark {
     /// `data-id` of its group, for pages that answer to a click.
     pub id: String,
-    /// Stands beside it if it is on the front.
-    pub label: String,
+    /// Stands beside it.
+    pub label: Option<String>,
     /// Shown where a pointer rests on it.
     pub about: String,
     /// Positive.
@@ -40,12 +41,35 @@ pub struct Mark {
     pub is_on_front: bool,
 }
 
-const WIDTH: f64 = 800.0;
-/// Where the axes are: left, right, top, bottom.
-const FRAME: [f64; 4] = [76.0, 776.0, 48.0, 440.0];
+/// How wide the figure is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Paper {
+    Wide,
+    /// For a phone: letters are as large as those of the wide one, beside a picture half as wide.
+    Narrow,
+}
+
+impl Paper {
+    fn width(self) -> f64 {
+        match self {
+            Self::Wide => 800.0,
+            Self::Narrow => 400.0,
+        }
+    }
+
+    /// Where the axes are: left, right, top, bottom.
+    fn frame(self) -> [f64; 4] {
+        [76.0, self.width() - 24.0, 48.0, 440.0]
+    }
+}
+
 /// Below the axis: its ticks, its name.
 const BELOW: f64 = 64.0;
 const ROW: f64 = 22.0;
+/// The mean width of a letter of 1 pixel.
+const LETTER: f64 = 0.54;
+/// Between the middles of two ticks' words.
+const TICK: f64 = 40.0;
 /// The narrowest range of an axis: its ends differ by this factor.
 const NARROWEST: f64 = 1.5;
 /// Left free at each end of an axis.
@@ -68,6 +92,7 @@ const STYLE: &str = ".hemisplat-plot{background:#fff}\
 .hemisplat-plot .ring{fill:none;stroke:#1b1f24;stroke-width:1.5}\
 .hemisplat-plot .line{fill:none;stroke-width:1.8}\
 .hemisplat-plot .spread{stroke-width:1.2}\
+.hemisplat-plot .leader{stroke:#6a737d;stroke-width:1}\
 @media (prefers-color-scheme:dark){\
 .hemisplat-plot{background:#14171a}\
 .hemisplat-plot text{fill:#e6e9ec}\
@@ -117,38 +142,67 @@ impl Scale {
     }
 }
 
+/// The paper with its axes.
+struct Canvas {
+    paper: Paper,
+    frame: [f64; 4],
+    x: Scale,
+    y: Scale,
+}
+
+impl Canvas {
+    fn of(plot: &Plot, paper: Paper) -> Self {
+        let frame = paper.frame();
+        let [left, right, top, bottom] = frame;
+        let marks = || plot.lines.iter().flat_map(|line| &line.marks);
+        let x = Scale::of(marks().flat_map(|mark| [mark.x, mark.x_spread[0], mark.x_spread[1]]), left, right);
+        Self { paper, frame, x, y: Scale::of(marks().map(|mark| mark.y), bottom, top) }
+    }
+
+    fn place(&self, mark: &Mark) -> [f64; 2] {
+        [self.x.place(mark.x), self.y.place(mark.y)]
+    }
+}
+
 /// The figure as a document of its own, which can also stand inside a page. Each mark is a group of the class `mark`; those of the front have a ring.
-pub fn svg(plot: &Plot) -> String {
-    let [left, right, top, bottom] = FRAME;
-    let marks = || plot.lines.iter().flat_map(|line| &line.marks);
-    let x = Scale::of(marks().flat_map(|mark| [mark.x, mark.x_spread[0], mark.x_spread[1]]), left, right);
-    let y = Scale::of(marks().map(|mark| mark.y), bottom, top);
+pub fn svg(plot: &Plot, paper: Paper) -> String {
+    let canvas = Canvas::of(plot, paper);
+    let [left, _, _, bottom] = canvas.frame;
     let height = bottom + BELOW + ROW * (plot.lines.len() + 2) as f64;
     let mut text = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"hemisplat-plot\" viewBox=\"0 0 {WIDTH} {height}\" role=\"img\" aria-label=\"{0}\">\n<style>{STYLE}</style>\n\
-         <text class=\"title\" x=\"{left}\" y=\"28\">{0}</text>\n",
-        escaped(&plot.title)
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"hemisplat-plot\" viewBox=\"0 0 {2} {height}\" role=\"img\" aria-label=\"{0}\">\n<style>{STYLE}</style>\n\
+         <text class=\"title\" x=\"{left}\" y=\"28\"{1}>{0}</text>\n",
+        escaped(&plot.title),
+        squeezed(&plot.title, 15.0, paper.width() - left),
+        paper.width(),
     );
-    text += &axes(plot, &x, &y);
-    text += &front(plot, &x, &y);
-    plot.lines.iter().enumerate().for_each(|(index, line)| text += &drawn(line, index, &x, &y));
-    text += &legend(plot);
+    text += &axes(plot, &canvas);
+    text += &front(plot, &canvas);
+    text += &drawn(plot, &canvas);
+    text += &legend(plot, &canvas);
     text + "</svg>\n"
 }
 
-fn axes(plot: &Plot, x: &Scale, y: &Scale) -> String {
-    let [left, right, top, bottom] = FRAME;
+/// Attributes that keep a text of letters of this size within its room.
+fn squeezed(text: &str, size: f64, room: f64) -> String {
+    let is_long = text.chars().count() as f64 * size * LETTER > room;
+    if is_long { format!(" textLength=\"{room}\" lengthAdjust=\"spacingAndGlyphs\"") } else { String::new() }
+}
+
+fn axes(plot: &Plot, canvas: &Canvas) -> String {
+    let [left, right, top, bottom] = canvas.frame;
     let mut text = String::new();
-    for tick in x.ticks() {
-        let at = x.place(tick);
-        let _ = writeln!(
-            text,
-            "<path class=\"grid\" d=\"M{at:.1},{top}V{bottom}\"/><text x=\"{at:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{tick}</text>",
-            bottom + 19.0
-        );
+    let mut last = f64::NEG_INFINITY;
+    for tick in canvas.x.ticks() {
+        let at = canvas.x.place(tick);
+        let _ = write!(text, "<path class=\"grid\" d=\"M{at:.1},{top}V{bottom}\"/>");
+        if at - last >= TICK {
+            let _ = writeln!(text, "<text x=\"{at:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{tick}</text>", bottom + 19.0);
+            last = at;
+        }
     }
-    for tick in y.ticks() {
-        let at = y.place(tick);
+    for tick in canvas.y.ticks() {
+        let at = canvas.y.place(tick);
         let _ = writeln!(
             text,
             "<path class=\"grid\" d=\"M{left},{at:.1}H{right}\"/><text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{tick}</text>",
@@ -159,11 +213,12 @@ fn axes(plot: &Plot, x: &Scale, y: &Scale) -> String {
     let (middle_x, middle_y) = ((left + right) / 2.0, (top + bottom) / 2.0);
     let _ = writeln!(
         text,
-        "<rect class=\"frame\" x=\"{left}\" y=\"{top}\" width=\"{}\" height=\"{}\"/>\n<text x=\"{middle_x}\" y=\"{}\" text-anchor=\"middle\">{}</text>\n\
+        "<rect class=\"frame\" x=\"{left}\" y=\"{top}\" width=\"{}\" height=\"{}\"/>\n<text x=\"{middle_x}\" y=\"{}\" text-anchor=\"middle\"{}>{}</text>\n\
          <text transform=\"translate(20,{middle_y}) rotate(-90)\" text-anchor=\"middle\">{}</text>",
         right - left,
         bottom - top,
         bottom + 42.0,
+        squeezed(&plot.x_label, 13.0, right - left),
         escaped(&plot.x_label),
         escaped(&plot.y_label)
     );
@@ -171,60 +226,79 @@ fn axes(plot: &Plot, x: &Scale, y: &Scale) -> String {
 }
 
 /// Stairs: what is behind them is beaten.
-fn front(plot: &Plot, x: &Scale, y: &Scale) -> String {
+fn front(plot: &Plot, canvas: &Canvas) -> String {
     let on_front = plot.lines.iter().flat_map(|line| &line.marks).filter(|mark| mark.is_on_front);
-    let mut places: Vec<[f64; 2]> = on_front.map(|mark| [x.place(mark.x), y.place(mark.y)]).collect();
+    let mut places: Vec<[f64; 2]> = on_front.map(|mark| canvas.place(mark)).collect();
     places.sort_by(|a, b| a[0].total_cmp(&b[0]));
     let Some(([first_x, first_y], rest)) = places.split_first().map(|(first, rest)| (*first, rest)) else { return String::new() };
     let stairs: String = rest.iter().map(|[x, y]| format!("H{x:.1}V{y:.1}")).collect();
     format!("<path class=\"front\" d=\"M{first_x:.1},{first_y:.1}{stairs}\"/>\n")
 }
 
-fn drawn(line: &Line, index: usize, x: &Scale, y: &Scale) -> String {
-    let colour = colour(index);
-    let places: Vec<String> = line.marks.iter().map(|mark| format!("{:.1},{:.1}", x.place(mark.x), y.place(mark.y))).collect();
-    let mut text = format!("<polyline class=\"line\" stroke=\"{colour}\" points=\"{}\"/>\n", places.join(" "));
-    for mark in &line.marks {
-        let [at_x, at_y] = [x.place(mark.x), y.place(mark.y)];
-        let [low, high] = mark.x_spread.map(|value| x.place(value) - at_x);
-        let _ = writeln!(
-            text,
-            "<g class=\"mark\" data-id=\"{}\" transform=\"translate({at_x:.1},{at_y:.1})\"><title>{}</title>\
-             <path class=\"spread\" stroke=\"{colour}\" d=\"M{low:.1},0H{high:.1}M{low:.1},-3v6M{high:.1},-3v6\"/><path fill=\"{colour}\" d=\"{}\"/>{}</g>",
-            escaped(&mark.id),
-            escaped(&mark.about),
-            shape(index),
-            if mark.is_on_front { ring(mark) } else { String::new() },
-        );
+/// The lines, below all marks.
+fn drawn(plot: &Plot, canvas: &Canvas) -> String {
+    let mut text = String::new();
+    for (index, line) in plot.lines.iter().enumerate() {
+        let places: Vec<String> = line.marks.iter().map(|mark| canvas.place(mark)).map(|[x, y]| format!("{x:.1},{y:.1}")).collect();
+        let _ = writeln!(text, "<polyline class=\"line\" stroke=\"{}\" points=\"{}\"/>", colour(index), places.join(" "));
     }
+    let marks: Vec<(usize, &Mark)> = plot.lines.iter().enumerate().flat_map(|(index, line)| line.marks.iter().map(move |mark| (index, mark))).collect();
+    let places: Vec<[f64; 2]> = marks.iter().map(|(_, mark)| canvas.place(mark)).collect();
+    let width = |mark: &Mark| mark.label.as_ref().map(|label| label.chars().count() as f64 * 13.0 * LETTER);
+    let widths: Vec<Option<f64>> = marks.iter().map(|(_, mark)| width(mark)).collect();
+    let labels = labels::place(&places, &widths, canvas.frame);
+    marks.into_iter().zip(labels).for_each(|((line, mark), label)| text += &group(mark, line, label, canvas));
     text
 }
 
-fn ring(mark: &Mark) -> String {
-    format!("<circle class=\"ring\" r=\"9\"/><text x=\"-11\" y=\"20\" text-anchor=\"end\">{}</text>", escaped(&mark.label))
+fn group(mark: &Mark, line: usize, label: Option<Label>, canvas: &Canvas) -> String {
+    let [at_x, at_y] = canvas.place(mark);
+    let [low, high] = mark.x_spread.map(|value| canvas.x.place(value) - at_x);
+    format!(
+        "<g class=\"mark\" data-id=\"{}\" transform=\"translate({at_x:.1},{at_y:.1})\"><title>{}</title>\
+         <path class=\"spread\" stroke=\"{colour}\" d=\"M{low:.1},0H{high:.1}M{low:.1},-3v6M{high:.1},-3v6\"/><path class=\"shape\" fill=\"{colour}\" d=\"{}\"/>{}{}</g>\n",
+        escaped(&mark.id),
+        escaped(&mark.about),
+        shape(line),
+        if mark.is_on_front { "<circle class=\"ring\" r=\"9\"/>" } else { "" },
+        label.zip(mark.label.as_ref()).map_or(String::new(), |(label, words)| beside(&label, words)),
+        colour = colour(line),
+    )
+}
+
+/// The words of a mark, seen from it; a line leads to those that stand far off.
+fn beside(label: &Label, words: &str) -> String {
+    let [x, y] = label.middle;
+    let leader = if label.is_far { format!("<path class=\"leader\" d=\"M0,0L{x:.1},{y:.1}\"/>") } else { String::new() };
+    format!("{leader}<text x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{}</text>", y + 4.5, escaped(words))
 }
 
 /// The names of the lines, and what a ring says.
-fn legend(plot: &Plot) -> String {
-    let row = |index: usize| FRAME[3] + BELOW + ROW * (index as f64 + 0.5);
+fn legend(plot: &Plot, canvas: &Canvas) -> String {
+    let [left, _, _, bottom] = canvas.frame;
+    let row = |index: usize| bottom + BELOW + ROW * (index as f64 + 0.5);
+    // Names are long: on narrow paper they begin at its edge.
+    let at = if canvas.paper == Paper::Wide { left } else { 8.0 } + 14.0;
+    let room = canvas.paper.width() - at - 24.0 - 8.0;
     let mut text = String::new();
     for (index, line) in plot.lines.iter().enumerate() {
         let _ = writeln!(
             text,
-            "<g transform=\"translate({},{})\"><path class=\"line\" stroke=\"{2}\" d=\"M-14,0h28\"/><path fill=\"{2}\" d=\"{3}\"/><text x=\"24\" y=\"4.5\">{4}</text></g>",
-            FRAME[0] + 14.0,
+            "<g transform=\"translate({at},{})\"><path class=\"line\" stroke=\"{2}\" d=\"M-14,0h28\"/><path fill=\"{2}\" d=\"{3}\"/><text x=\"24\" y=\"4.5\"{1}>{4}</text></g>",
             row(index),
+            squeezed(&line.name, 13.0, room),
             colour(index),
             shape(index),
             escaped(&line.name)
         );
     }
+    let front = if plot.label_of_marks.is_empty() { "Pareto front".to_owned() } else { format!("Pareto front, with {}", plot.label_of_marks) };
     let _ = writeln!(
         text,
-        "<g transform=\"translate({},{})\"><path class=\"front\" d=\"M-14,0h28\"/><circle class=\"ring\" r=\"9\"/><text x=\"24\" y=\"4.5\">Pareto front, with {}</text></g>",
-        FRAME[0] + 14.0,
+        "<g transform=\"translate({at},{})\"><path class=\"front\" d=\"M-14,0h28\"/><circle class=\"ring\" r=\"9\"/><text x=\"24\" y=\"4.5\"{}>{}</text></g>",
         row(plot.lines.len()),
-        escaped(&plot.label_of_marks)
+        squeezed(&front, 13.0, room),
+        escaped(&front)
     );
     text
 }
@@ -261,7 +335,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn mark(x: f64, y: f64, is_on_front: bool) -> Mark {
-        Mark { id: "A".into(), label: "a<b & \"c\"\u{1}".into(), about: "]]> '".into(), x, x_spread: [x * 0.9, x * 1.1], y, is_on_front }
+        Mark { id: "A".into(), label: Some("a<b & \"c\"\u{1}".into()), about: "]]> '".into(), x, x_spread: [x * 0.9, x * 1.1], y, is_on_front }
     }
 
     fn plot(marks: &[(f64, f64, bool)]) -> Plot {
@@ -281,7 +355,7 @@ mod tests {
 
     #[test]
     fn nothing_at_all_is_still_a_figure() {
-        let text = svg(&plot(&[]));
+        let text = svg(&plot(&[]), Paper::Wide);
         let document = roxmltree::Document::parse(&text).unwrap();
         assert_eq!(document.root_element().tag_name().name(), "svg");
     }
@@ -289,9 +363,11 @@ mod tests {
     proptest! {
         #[test]
         fn every_figure_is_xml_with_a_mark_a_point_inside_its_frame(
-            marks in prop::collection::vec((1e-6..1e6f64, prop_oneof![Just(0.0), 1e-9..1e3f64], any::<bool>()), 0..30)
+            marks in prop::collection::vec((1e-6..1e6f64, prop_oneof![Just(0.0), 1e-9..1e3f64], any::<bool>()), 0..30),
+            is_narrow in any::<bool>()
         ) {
-            let text = svg(&plot(&marks));
+            let paper = if is_narrow { Paper::Narrow } else { Paper::Wide };
+            let text = svg(&plot(&marks), paper);
             let document = roxmltree::Document::parse(&text).unwrap();
             let groups: Vec<_> = document.descendants().filter(|node| node.attribute("class") == Some("mark")).collect();
             prop_assert_eq!(groups.len(), marks.len());
@@ -300,7 +376,8 @@ mod tests {
             for group in groups {
                 let place = group.attribute("transform").and_then(|text| text.strip_prefix("translate(")?.strip_suffix(')')?.split_once(',')).unwrap();
                 let [x, y]: [f64; 2] = [place.0, place.1].map(|text| text.parse().unwrap());
-                prop_assert!((FRAME[0]..=FRAME[1]).contains(&x) && (FRAME[2]..=FRAME[3]).contains(&y), "{x} {y}");
+                let [left, right, top, bottom] = paper.frame();
+                prop_assert!((left..=right).contains(&x) && (top..=bottom).contains(&y), "{x} {y}");
             }
         }
 

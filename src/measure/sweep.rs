@@ -1,6 +1,6 @@
 //! A pipeline over a grid of parameters: error over time, and which points nothing else beats.
 
-use super::compare::{AdapterReport, ReferenceReport, VariantErrors, VariantReport};
+use super::compare::{AdapterReport, Comparison, ReferenceReport, VariantErrors, VariantReport};
 use super::criteria::{Cost, Metric};
 use super::plot::{Line, Mark, Plot};
 use super::run::Records;
@@ -154,6 +154,40 @@ impl From<VariantReport> for Measured {
     }
 }
 
+/// A comparison is a sweep of its variants over no parameters.
+impl From<&Comparison> for Sweep {
+    fn from(comparison: &Comparison) -> Self {
+        let point = |variant: &VariantReport| Point {
+            id: variant.id.clone(),
+            row: variant.name.clone(),
+            pipeline: variant.pipeline.clone(),
+            values: BTreeMap::new(),
+            set: variant.set.clone(),
+            outcome: Outcome::Measured(Box::new(variant.clone().into())),
+            traffic: None,
+            pareto: false,
+        };
+        let (metric, cost) = (Metric::default(), Cost::Seconds);
+        let mut points: Vec<Point> = comparison.variants.iter().map(point).collect();
+        mark_front(&mut points, &metric, &cost);
+        Self {
+            schema: 1,
+            scene: comparison.scene.clone(),
+            triangles: comparison.triangles,
+            camera: comparison.camera.clone(),
+            size: comparison.size,
+            adapter: comparison.adapter.clone(),
+            runs: comparison.runs,
+            complete: comparison.complete,
+            reference: comparison.reference.clone(),
+            metric: metric.to_string(),
+            cost: cost.to_string(),
+            over: Vec::new(),
+            points,
+        }
+    }
+}
+
 impl Point {
     pub fn measured(&self) -> Option<&Measured> {
         match &self.outcome {
@@ -196,7 +230,8 @@ pub fn best<'p>(points: &'p [Point], metric: &Metric, cost: &Cost) -> Vec<(&'p P
     best
 }
 
-/// Error over cost: a line for each row and the values of all parameters but the first, along which that one changes.
+/// Error over cost: a line for each row and the values of all parameters but the first, along which that one changes. Marks of the front have that
+/// one's value beside them, or without parameters each mark its letter.
 pub fn plot(sweep: &Sweep, metric: &Metric, cost: &Cost) -> Plot {
     let along = sweep.over.first().map_or("", |axis| &axis.parameter);
     let unit = if metric.is_share() { " [%]" } else { "" };
@@ -229,10 +264,13 @@ fn mark(sweep: &Sweep, point: &Point, metric: &Metric, cost: &Cost) -> Option<Ma
     let measured = point.measured()?;
     let x = cost.of(measured).filter(|x| *x > 0.0)?;
     let error = metric.of(&measured.errors)? * if metric.is_share() { 100.0 } else { 1.0 };
-    let label = sweep.over.first().and_then(|axis| point.values.get(&axis.parameter));
+    let label = match sweep.over.first() {
+        None => Some(&point.id),
+        Some(axis) => point.values.get(&axis.parameter).filter(|_| point.pareto),
+    };
     Some(Mark {
         id: point.id.clone(),
-        label: label.cloned().unwrap_or_default(),
+        label: label.cloned(),
         about: format!("{}: {}, {}, {error:.4}", point.id, point.name(&sweep.over), cost.told(x)),
         x,
         x_spread: cost.spread(measured).unwrap_or([x; 2]),

@@ -1,6 +1,6 @@
-//! The pictures of a comparison as a page shows them: all with one exposure, and where each is too bright or too dark.
+//! The pictures of a page: all with one exposure, and where each is too bright or too dark. However many there are, their pixels are bounded.
 
-use crate::measure::layers::{Layers, PICTURE, PictureError};
+use crate::measure::layers::{Layer, Layers, PICTURE, PictureError};
 use crate::measure::metrics::{ErrorMap, MetricsError, error_map, fair_exposure};
 use crate::measure::statistics::quantile;
 use base64::{Engine, engine::general_purpose::STANDARD};
@@ -15,6 +15,12 @@ const MAPPED: [&str; 2] = ["irradiance", PICTURE];
 /// Longest side of a map of errors [pixels]: finer ones show little but the reference's noise, and would be most of a page's weight.
 const MAP_SIDE: u32 = 256;
 
+/// Most pixels of all pictures together: what many large ones have beyond it is shown as means of blocks.
+const MOST_PIXELS: u64 = 1 << 24;
+
+/// The same of all maps of a layer.
+const MOST_MAP_PIXELS: u64 = 1 << 21;
+
 /// Levels of a map on either side of 0.
 const LEVELS: u8 = 50;
 
@@ -26,6 +32,10 @@ const LEAST_SCALE: f64 = 1e-4;
 
 /// Pictures as they are shown, and maps of their errors.
 pub struct Gallery<'r> {
+    /// Of the pictures [pixels].
+    size: [u32; 2],
+    /// How many pictures share a page, the reference with them.
+    pictures: u64,
     reference: Option<&'r Layers>,
     /// That of the first picture, or of the reference where it has one [stops].
     exposure: Option<f32>,
@@ -35,13 +45,26 @@ pub struct Gallery<'r> {
 /// Red, green, blue, 8 bits each, rows from the top.
 struct Bitmap {
     size: [u32; 2],
+    /// Pixels of the whole picture along a side of one of these.
+    block: u32,
     pixels: Vec<u8>,
 }
 
+#[derive(Default)]
 struct Shot {
     /// None where the variant has no picture.
     picture: Option<Bitmap>,
-    maps: BTreeMap<&'static str, ErrorMap>,
+    maps: BTreeMap<&'static str, CoarseMap>,
+}
+
+/// A map of errors as means of blocks.
+struct CoarseMap {
+    size: [u32; 2],
+    /// Pixels of the reference along a side of a block.
+    block: u32,
+    /// Every how many pixels of the picture the reference holds one.
+    stride: u32,
+    over_mean: Vec<Option<f32>>,
 }
 
 /// The gallery as the page's script reads it.
@@ -60,6 +83,8 @@ pub(super) struct Exhibition {
 struct Image {
     width: u32,
     height: u32,
+    /// Pixels of the whole picture along a side of one of these, which is their mean.
+    block: u32,
     /// Whether each byte is a difference, modulo 256, from that of the first variant's picture.
     from_first: bool,
     source: String,
@@ -80,19 +105,24 @@ struct MapSet {
 }
 
 impl<'r> Gallery<'r> {
-    /// An empty gallery, whose pictures are judged by `reference`.
-    pub fn new(reference: Option<&'r Layers>) -> Self {
-        Self { reference, exposure: None, shots: Vec::new() }
+    /// An empty gallery, to take in so many pictures of this size; `reference` is shown beside them.
+    pub fn new(size: [u32; 2], pictures: usize, reference: Option<&'r Layers>) -> Self {
+        Self { size, pictures: pictures as u64 + u64::from(reference.is_some()), reference, exposure: None, shots: Vec::new() }
     }
 
-    /// Takes the next variant's picture in.
-    pub fn add(&mut self, picture: &Layers) -> Result<(), MetricsError> {
+    /// Takes the next variant's picture in, and maps where it differs from `judge`.
+    pub fn add(&mut self, picture: &Layers, judge: Option<&Layers>) -> Result<(), MetricsError> {
         let shown = |error| MetricsError::Picture { which: "picture", error };
         let exposure = self.exposure_for(picture).map_err(shown)?;
-        let maps = MAPPED.into_iter().filter_map(|layer| Some((layer, self.map(picture, layer)?)));
+        let maps = MAPPED.into_iter().filter_map(|layer| Some((layer, self.map(picture, judge?, layer)?)));
         let maps = maps.map(|(layer, map)| map.map(|map| (layer, map))).collect::<Result<_, _>>()?;
-        self.shots.push(Shot { picture: bitmap(picture, exposure).map_err(shown)?, maps });
+        self.shots.push(Shot { picture: self.bitmap(picture, exposure).map_err(shown)?, maps });
         Ok(())
+    }
+
+    /// Tells that the next variant has no picture.
+    pub fn skip(&mut self) {
+        self.shots.push(Shot::default());
     }
 
     fn exposure_for(&mut self, picture: &Layers) -> Result<f32, PictureError> {
@@ -105,10 +135,34 @@ impl<'r> Gallery<'r> {
         Ok(exposure)
     }
 
-    fn map(&self, picture: &Layers, layer: &str) -> Option<Result<ErrorMap, MetricsError>> {
-        let reference = self.reference?;
-        let both = [picture, reference].iter().all(|layers| layers.layers.contains_key(layer));
-        both.then(|| error_map(picture, reference, layer).map(ErrorMap::coarse))
+    fn map(&self, picture: &Layers, judge: &Layers, layer: &str) -> Option<Result<CoarseMap, MetricsError>> {
+        let both = [picture, judge].iter().all(|layers| layers.layers.contains_key(layer));
+        both.then(|| error_map(picture, judge, layer).map(|map| self.coarse(map)))
+    }
+
+    fn coarse(&self, map: ErrorMap) -> CoarseMap {
+        let block = block(map.size, MAP_SIDE, MOST_MAP_PIXELS / self.pictures.max(1));
+        let over_mean = means(map.size, block, |at| map.over_mean[at]);
+        CoarseMap { size: map.size.map(|side| side.div_ceil(block)), block, stride: self.size[0].div_ceil(map.size[0].max(1)), over_mean }
+    }
+
+    fn bitmap(&self, picture: &Layers, exposure: f32) -> Result<Option<Bitmap>, PictureError> {
+        if !picture.layers.contains_key(PICTURE) {
+            return Ok(None);
+        }
+        let whole = [picture.width, picture.height];
+        let block = block(whole, u32::MAX, MOST_PIXELS / self.pictures.max(1));
+        let [width, height] = whole.map(|side| side.div_ceil(block));
+        let pixels = match block {
+            1 => picture.to_srgb(PICTURE, exposure)?,
+            _ => {
+                let plane = |plane: &[f32]| means(whole, block, |at| Some(plane[at])).into_iter().map(Option::unwrap_or_default).collect();
+                let planes = picture.rgb(PICTURE)?.map(plane);
+                let channels = ["R", "G", "B"].map(str::to_owned).into_iter().zip(planes).collect();
+                Layers::new(width, height).with(PICTURE, Layer { channels, half: false }).to_srgb(PICTURE, exposure)?
+            }
+        };
+        Ok(Some(Bitmap { size: [width, height], block: block * self.size[0].div_ceil(whole[0].max(1)), pixels }))
     }
 
     /// Encodes all that was taken in.
@@ -116,7 +170,7 @@ impl<'r> Gallery<'r> {
         let exposure = self.exposure.unwrap_or(0.0);
         let first = self.shots.first().and_then(|shot| shot.picture.as_ref());
         let picture = |(index, shot): (usize, &Shot)| shot.picture.as_ref().map(|picture| picture.encode(first.filter(|_| index > 0))).transpose();
-        let reference = self.reference.map_or(Ok(None), |reference| bitmap(reference, exposure))?;
+        let reference = self.reference.map_or(Ok(None), |reference| self.bitmap(reference, exposure))?;
         Ok(Exhibition {
             exposure,
             pictures: self.shots.iter().enumerate().map(picture).collect::<Result<_, _>>()?,
@@ -126,20 +180,32 @@ impl<'r> Gallery<'r> {
     }
 
     fn map_set(&self, layer: &'static str) -> Option<Result<MapSet, PictureError>> {
-        let maps: Vec<Option<&ErrorMap>> = self.shots.iter().map(|shot| shot.maps.get(layer)).collect();
-        let any = maps.iter().flatten().next()?;
-        let reference = self.reference?;
-        let block = reference.width.div_ceil(any.size[0]).max(1);
+        let maps: Vec<Option<&CoarseMap>> = self.shots.iter().map(|shot| shot.maps.get(layer)).collect();
+        let block = maps.iter().flatten().next()?.block;
         let scale = scale(maps.iter().flatten().flat_map(|map| map.over_mean.iter().flatten()));
         let images = maps.iter().map(|map| map.map(|map| encode_map(map, scale)).transpose()).collect::<Result<_, _>>();
         Some(images.map(|images| MapSet { layer, scale, levels: LEVELS, block, images }))
     }
 }
 
-fn bitmap(picture: &Layers, exposure: f32) -> Result<Option<Bitmap>, PictureError> {
-    let held = picture.layers.contains_key(PICTURE);
-    let bitmap = || Ok(Bitmap { size: [picture.width, picture.height], pixels: picture.to_srgb(PICTURE, exposure)? });
-    held.then(bitmap).transpose()
+/// The least side of square blocks of which a picture has no more than so many, nor more along a side.
+fn block(size: [u32; 2], most_side: u32, most: u64) -> u32 {
+    let blocks = |block: u32| size.map(|side| u64::from(side.div_ceil(block)));
+    let fits = |[width, height]: [u64; 2]| width.max(height) <= u64::from(most_side) && width * height <= most.max(1);
+    (1..size[0].max(size[1])).find(|block| fits(blocks(*block))).unwrap_or(size[0].max(size[1]).max(1))
+}
+
+/// The means of square blocks, each of the values that are known.
+fn means([width, height]: [u32; 2], block: u32, value: impl Fn(usize) -> Option<f32>) -> Vec<Option<f32>> {
+    let columns = width.div_ceil(block);
+    let mean = |at: u32| {
+        let (x, y) = (at % columns * block, at / columns * block);
+        let rows = y..(y + block).min(height);
+        let places = rows.flat_map(|row| (x..(x + block).min(width)).map(move |column| row as usize * width as usize + column as usize));
+        let (count, sum) = places.filter_map(&value).fold((0u32, 0.0f32), |(count, sum), value| (count + 1, sum + value));
+        (count > 0).then(|| sum / count as f32)
+    };
+    (0..columns * height.div_ceil(block)).map(mean).collect()
 }
 
 impl Bitmap {
@@ -152,30 +218,13 @@ impl Bitmap {
         });
         let difference = difference.transpose()?.filter(|difference| difference.len() < whole.len());
         let from_first = difference.is_some();
-        Ok(Image::new(self.size, from_first, &difference.unwrap_or(whole)))
+        Ok(Image::new(self.size, self.block, from_first, &difference.unwrap_or(whole)))
     }
 }
 
 impl Image {
-    fn new([width, height]: [u32; 2], from_first: bool, png: &[u8]) -> Self {
-        Self { width, height, from_first, source: format!("data:image/png;base64,{}", STANDARD.encode(png)) }
-    }
-}
-
-impl ErrorMap {
-    /// The means of square blocks, so large that the map fits a page.
-    fn coarse(self) -> Self {
-        let [width, height] = self.size;
-        let block = width.max(height).div_ceil(MAP_SIDE).max(1);
-        let size = self.size.map(|side| side.div_ceil(block));
-        let mean = |at: u32| {
-            let (x, y) = (at % size[0] * block, at / size[0] * block);
-            let rows = (y..(y + block).min(height)).map(|row| (row * width) as usize);
-            let seen = rows.flat_map(|row| &self.over_mean[row + x as usize..row + (x + block).min(width) as usize]).flatten();
-            let (count, sum) = seen.fold((0u32, 0.0f32), |(count, sum), error| (count + 1, sum + error));
-            (count > 0).then(|| sum / count as f32)
-        };
-        Self { size, over_mean: (0..size[0] * size[1]).map(mean).collect() }
+    fn new([width, height]: [u32; 2], block: u32, from_first: bool, png: &[u8]) -> Self {
+        Self { width, height, block, from_first, source: format!("data:image/png;base64,{}", STANDARD.encode(png)) }
     }
 }
 
@@ -189,11 +238,11 @@ fn scale<'e>(errors: impl Iterator<Item = &'e f32>) -> f64 {
     [1.0, 2.0, 5.0].into_iter().map(|step| step * power).find(|round| size <= round * 1.001).unwrap_or(10.0 * power)
 }
 
-fn encode_map(map: &ErrorMap, scale: f64) -> Result<Image, PictureError> {
+fn encode_map(map: &CoarseMap, scale: f64) -> Result<Image, PictureError> {
     let level = |error: f32| ((f64::from(error) / scale).clamp(-1.0, 1.0) * f64::from(LEVELS)).round() as i16;
     let byte = |error: Option<f32>| error.map_or(0, |error| (level(error) + i16::from(LEVELS) + 1) as u8);
     let bytes: Vec<u8> = map.over_mean.iter().map(|error| byte(*error)).collect();
-    Ok(Image::new(map.size, false, &png(map.size, &bytes, ExtendedColorType::L8)?))
+    Ok(Image::new(map.size, map.block * map.stride, false, &png(map.size, &bytes, ExtendedColorType::L8)?))
 }
 
 fn png([width, height]: [u32; 2], pixels: &[u8], colour: ExtendedColorType) -> Result<Vec<u8>, PictureError> {
@@ -223,8 +272,8 @@ mod tests {
         // Noise, so that the difference of the like ones is the smaller file.
         let noise = |at: u32| (at.wrapping_mul(0x9e37_79b9) >> 8) as f32 / (1 << 24) as f32;
         let pictures = [grey(64, noise), grey(64, |at| noise(at) * 1.02), grey(64, |_| 0.5)];
-        let mut gallery = Gallery::new(None);
-        pictures.iter().for_each(|picture| gallery.add(picture).unwrap());
+        let mut gallery = Gallery::new([64; 2], 3, None);
+        pictures.iter().for_each(|picture| gallery.add(picture, None).unwrap());
         let shown = gallery.show().unwrap();
         let images: Vec<&Image> = shown.pictures.iter().flatten().collect();
         assert_eq!(images.iter().map(|image| image.from_first).collect::<Vec<_>>(), [false, true, false]);
@@ -242,8 +291,8 @@ mod tests {
     #[test]
     fn one_exposure_brings_the_reference_to_middle_grey() {
         let (reference, dark) = (grey(4, |_| 8.0), grey(4, |_| 2.0));
-        let mut gallery = Gallery::new(Some(&reference));
-        gallery.add(&dark).unwrap();
+        let mut gallery = Gallery::new([4; 2], 1, Some(&reference));
+        gallery.add(&dark, None).unwrap();
         let shown = gallery.show().unwrap();
         assert_eq!(decode(shown.reference.as_ref().unwrap()).into_rgb8().get_pixel(0, 0).0, [118; 3]);
         assert!(decode(shown.pictures[0].as_ref().unwrap()).into_rgb8().get_pixel(0, 0).0[0] < 70);
@@ -253,24 +302,40 @@ mod tests {
     fn maps_hold_signed_errors_on_one_round_scale() {
         // A quarter without a surface; errors of -10, +10 and +5 percent elsewhere.
         let reference = grey(4, |at| if at < 4 { 0.0 } else { 2.0 });
-        let mut gallery = Gallery::new(Some(&reference));
-        gallery.add(&grey(4, |at| if at < 8 { 1.8 } else { 2.2 })).unwrap();
-        gallery.add(&grey(4, |_| 2.1)).unwrap();
+        let mut gallery = Gallery::new([4; 2], 3, Some(&reference));
+        gallery.add(&grey(4, |at| if at < 8 { 1.8 } else { 2.2 }), Some(&reference)).unwrap();
+        gallery.skip();
+        gallery.add(&grey(4, |_| 2.1), Some(&reference)).unwrap();
         let shown = gallery.show().unwrap();
         let set = &shown.maps[0];
         assert!(set.layer == "irradiance" && (set.scale - 0.1).abs() < 1e-12 && set.block == 1, "{}", set.scale);
         let bytes = |index: usize| decode(set.images[index].as_ref().unwrap()).into_luma8().into_raw();
         assert_eq!(bytes(0), [[0; 4], [1; 4], [101; 4], [101; 4]].concat());
-        assert_eq!(bytes(1), [[0; 4], [76; 4], [76; 4], [76; 4]].concat());
+        assert!(set.images[1].is_none() && shown.pictures[1].is_none());
+        assert_eq!(bytes(2), [[0; 4], [76; 4], [76; 4], [76; 4]].concat());
     }
 
     #[test]
     fn large_maps_show_means_of_blocks() {
         // Columns 0, 1, 2 of each block; a last block of one column that sees no surface.
         let map = ErrorMap { size: [766, 2], over_mean: (0..1532).map(|at| (at % 766 < 765).then_some((at % 766 % 3) as f32)).collect() };
-        let coarse = map.coarse();
-        assert_eq!(coarse.size, [256, 1]);
+        let coarse = Gallery::new([1532, 4], 1, None).coarse(map);
+        assert_eq!((coarse.size, coarse.block, coarse.stride), ([256, 1], 3, 2));
         assert!(coarse.over_mean[..255].iter().all(|mean| *mean == Some(1.0)) && coarse.over_mean[255].is_none());
+    }
+
+    #[test]
+    fn so_many_large_pictures_become_means_of_blocks() {
+        assert_eq!([[1000, 1000], [1920, 1080], [3, 70]].map(|size| block(size, u32::MAX, MOST_PIXELS / 11)), [1, 2, 1]);
+        assert_eq!(block([u32::MAX, 1], u32::MAX, 0), u32::MAX);
+        // Of 16384 pictures each may have 1024 pixels: 36 by 36 are 18 by 18 blocks, whose columns are 0 and 1, 2 and 3 and so on.
+        let mut gallery = Gallery::new([36; 2], 1 << 14, None);
+        gallery.add(&grey(36, |at| (at % 36) as f32), None).unwrap();
+        let image = &gallery.show().unwrap().pictures[0];
+        let image = image.as_ref().unwrap();
+        assert_eq!((image.width, image.height, image.block), (18, 18, 2));
+        let means = grey(18, |at| (at % 18 * 2) as f32 + 0.5);
+        assert_eq!(decode(image).into_rgb8().into_raw(), means.to_srgb(PICTURE, gallery.exposure.unwrap()).unwrap());
     }
 
     #[test]

@@ -1,12 +1,14 @@
-//! A comparison as one HTML file that needs nothing else: no network, no other file.
+//! A sweep or a comparison as one HTML file that needs nothing else: no network, no other file.
 //!
-//! What was found goes into the page as JSON, pictures as PNG in it; a script draws the rest. Nothing in the data is ever read as HTML.
+//! What was found goes into the page as JSON, pictures as PNG in it, plots as SVG; a script draws the rest. Nothing in the data is ever read as HTML.
 
+mod charts;
 mod gallery;
+mod report;
 
 pub use gallery::Gallery;
+pub use report::{Beside, Differences, Report, Told};
 
-use super::compare::Comparison;
 use super::layers::PictureError;
 use gallery::Exhibition;
 use serde::Serialize;
@@ -15,32 +17,16 @@ const HTML: &str = include_str!("page.html");
 const CSS: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");
 
-/// What the page tells beside the comparison itself.
-#[derive(Debug, Clone, Default, Serialize)]
-pub struct Words {
-    /// What a reader must know before trusting the numbers.
-    pub warnings: Vec<String>,
-    /// A sentence for each of [`Comparison::pairs`].
-    pub verdicts: Vec<String>,
-    /// How many runs would settle what the verdicts leave open.
-    pub hint: Option<String>,
-    /// Each variant's whole pipeline as RON.
-    pub pipelines: Vec<String>,
-}
-
 #[derive(Serialize)]
 struct Data<'p> {
-    comparison: &'p Comparison,
-    words: &'p Words,
+    report: &'p Report,
     gallery: Exhibition,
 }
 
-/// The page of a comparison; the gallery holds a picture of each variant, in their order.
-pub fn page(comparison: &Comparison, words: &Words, gallery: &Gallery) -> Result<String, PictureError> {
-    let data = Data { comparison, words, gallery: gallery.show()? };
-    let json = serde_json::to_string(&data).map_err(|error| PictureError::Encoding { reason: error.to_string() })?;
-    let title = format!("{}: {} pipelines compared", comparison.scene, comparison.variants.len());
-    Ok(fill(HTML, &[("{title}", &escape(&title)), ("{css}", CSS), ("{data}", &inert(&json)), ("{script}", SCRIPT)]))
+/// The page of a report; the gallery holds a picture of each of its points, in their order.
+pub fn page(report: &Report, gallery: &Gallery) -> Result<String, PictureError> {
+    let json = serde_json::to_string(&Data { report, gallery: gallery.show()? }).map_err(|error| PictureError::Encoding { reason: error.to_string() })?;
+    Ok(fill(HTML, &[("{title}", &escape(&report.title)), ("{css}", CSS), ("{data}", &inert(&json)), ("{script}", SCRIPT)]))
 }
 
 /// Replaces each mark, in their order; what was put in is not looked at again.

@@ -1,9 +1,10 @@
 "use strict";
 (() => {
 // What was found, as the program wrote it. Nothing of it is ever read as HTML: it reaches the page as text alone.
-const { comparison, words, gallery } = JSON.parse(document.getElementById("data").textContent);
-const variants = comparison.variants;
-const [WIDTH, HEIGHT] = comparison.size;
+const { report, gallery } = JSON.parse(document.getElementById("data").textContent);
+const { sweep, beside, charts, differences } = report;
+const variants = sweep.points;
+const [WIDTH, HEIGHT] = sweep.size;
 const REFERENCE = variants.length;
 const MOST_SCALE = 64;
 
@@ -36,7 +37,9 @@ function figures(value, count = 3) {
 }
 
 const percent = (share) => (share === null || share === undefined ? "–" : `${figures(100 * share)} %`);
-const titleOf = (index) => (index === REFERENCE ? "Reference" : `${variants[index].id}  ${variants[index].name}`);
+const valuesOf = (variant) => sweep.over.map(({ parameter }) => `${parameter}=${variant.values[parameter]}`);
+const nameOf = (variant) => [variant.row, ...valuesOf(variant)].join(" ");
+const titleOf = (index) => (index === REFERENCE ? "Reference" : `${variants[index].id}  ${nameOf(variants[index])}`);
 
 /** A group of radio buttons that looks like one control. */
 function choice(fieldset, options, chosen, onchange) {
@@ -51,21 +54,25 @@ const checkIn = (fieldset, value) => fieldset.querySelectorAll("input").forEach(
 // Head
 
 function drawHead() {
-  byId("title").textContent = `${comparison.scene}: ${variants.length === 1 ? "one pipeline" : `${variants.length} pipelines`} compared`;
-  const runs = comparison.runs === comparison.runs_asked ? `${comparison.runs}` : `${comparison.runs} of ${comparison.runs_asked} asked for`;
-  const reference = comparison.reference;
-  const rays = reference?.samples ? `${reference.samples} rays a pixel` : "given";
+  byId("title").textContent = report.title;
+  const runs = sweep.runs === report.runs_asked ? `${sweep.runs}` : `${sweep.runs} of ${report.runs_asked} asked for`;
   const facts = [
-    ["Camera", comparison.camera],
+    ["Camera", sweep.camera],
     ["Size", `${WIDTH}×${HEIGHT}`],
-    ["Triangles", comparison.triangles.toLocaleString("en")],
-    ["Adapter", `${comparison.adapter.name} (${comparison.adapter.backend})`],
+    ["Triangles", sweep.triangles.toLocaleString("en")],
+    ["Adapter", `${sweep.adapter.name} (${sweep.adapter.backend})`],
     ["Runs of each", runs],
-    ["Reference", reference ? rays : "none"],
+    ["Reference", referenceText(sweep.reference)],
   ];
   byId("facts").append(...facts.map(([name, value]) => make("div", {}, make("dt", {}, name), make("dd", {}, value))));
-  byId("warnings").append(...words.warnings.map((warning) => make("li", {}, warning)));
-  byId("warnings").hidden = words.warnings.length === 0;
+  byId("warnings").append(...report.warnings.map((warning) => make("li", {}, warning)));
+  byId("warnings").hidden = report.warnings.length === 0;
+}
+
+function referenceText(reference) {
+  if (!reference) return "none";
+  if (reference.row) return `${reference.row}, at the same values`;
+  return reference.samples ? `${reference.samples} rays a pixel` : "given";
 }
 
 // Pictures, decoded when they are first shown
@@ -102,6 +109,7 @@ async function load(image) {
   await element.decode();
   const canvas = make("canvas", { width: image.width, height: image.height });
   canvas.getContext("2d", { willReadFrequently: true }).drawImage(element, 0, 0);
+  canvas.block = image.block;
   return canvas;
 }
 
@@ -201,7 +209,9 @@ function drawPane(context, index, origin, from, to, pane) {
   context.clip();
   context.imageSmoothingEnabled = scale * (window.devicePixelRatio || 1) < 1;
   context.imageSmoothingQuality = "high";
-  context.drawImage(source, origin + pane.width / 2 - state.x * scale, pane.height / 2 - state.y * scale, WIDTH * scale, HEIGHT * scale);
+  // The last of its blocks may reach beyond the picture.
+  const part = [WIDTH / source.block, HEIGHT / source.block];
+  context.drawImage(source, 0, 0, ...part, origin + pane.width / 2 - state.x * scale, pane.height / 2 - state.y * scale, WIDTH * scale, HEIGHT * scale);
   context.restore();
 }
 
@@ -224,11 +234,13 @@ function showState(border) {
   showReadout();
 }
 
+const STATES = { refused: "was refused", open: "is not measured yet" };
+
 function showAbsent(indices) {
   const lacking = [...new Set(indices)].filter((index) => bitmap(state.layer, index) === null);
   const reason = (index) => {
-    if (state.layer === "shown") return `${titleOf(index)} has no picture`;
-    return index === REFERENCE ? "The reference has no error of its own" : `${titleOf(index)} outputs no ${state.layer} whose error could be mapped`;
+    if (state.layer === "shown") return `${titleOf(index)} ${STATES[variants[index]?.state] ?? "has no picture"}`;
+    return index === REFERENCE ? "The reference has no error of its own" : `${titleOf(index)} has no ${state.layer} whose error could be mapped`;
   };
   byId("absent").textContent = lacking.map(reason).join("; ");
   byId("absent").hidden = lacking.length === 0;
@@ -248,7 +260,7 @@ function showReadout() {
 function valueAt(index, x, y) {
   const source = bitmap(state.layer, index);
   if (!source) return "–";
-  const [column, row] = [Math.floor((x / WIDTH) * source.width), Math.floor((y / HEIGHT) * source.height)];
+  const [column, row] = [x, y].map((place) => Math.floor(place / source.block));
   if (state.layer === "shown") return [...source.getContext("2d").getImageData(column, row, 1, 1).data.slice(0, 3)].join(" ");
   const set = mapSet(state.layer);
   const error = errorOf(source.levels[row * source.width + column], set);
@@ -258,7 +270,7 @@ function valueAt(index, x, y) {
 
 /** The mean of a block holds less noise than each of its pixels. */
 function noiseOf(set) {
-  const noise = variants.map((variant) => variant.errors[set.layer]?.reference_noise_over_mean).find((found) => found);
+  const noise = variants.map((variant) => variant.errors?.[set.layer]?.reference_noise_over_mean).find((found) => found);
   return noise ? ` The reference's noise, ${percent(noise / set.block)}, is in it.` : " The reference's noise is in it.";
 }
 
@@ -444,7 +456,7 @@ function fillSelect(select, options, chosen, onchange) {
 }
 
 function layerOptions() {
-  const because = (layer) => (comparison.reference ? `the reference and a pipeline must both hold it` : "no reference was given");
+  const because = (layer) => (sweep.reference ? `the reference and a pipeline must both hold it` : "no reference was given");
   const map = (layer, label) => [layer, mapSet(layer) ? label : `${label}: ${because(layer)}`, !mapSet(layer)];
   return [["shown", "Pictures"], map("irradiance", "Error of the irradiance"), map("picture", "Error of the picture")];
 }
@@ -464,165 +476,84 @@ function setUpStage() {
   stage.addEventListener("dblclick", (event) => (state.scale === null ? zoomTo(4 / (window.devicePixelRatio || 1), under(event)) : fitAll()));
   document.addEventListener("keydown", key);
   const exposure = `${gallery.exposure >= 0 ? "+" : "−"}${Math.abs(gallery.exposure).toFixed(2)}`;
-  byId("lossless").textContent = `All pictures are tone-mapped alike, at ${exposure} stops, and kept as 8 bits a channel without further loss.`;
+  const block = Math.max(...gallery.pictures.map((image) => image?.block ?? 1));
+  const kept = block > 1 ? `as means of ${block}×${block} pixels: so many whole ones are too heavy for a page.` : "without further loss.";
+  byId("lossless").textContent = `All pictures are tone-mapped alike, at ${exposure} stops, and kept as 8 bits a channel ${kept}`;
 }
 
-// Errors
+// The plot of error over cost
 
-const METRICS = [
-  ["irradiance", "rmse_over_mean", "Irradiance, rmse over mean"],
-  ["irradiance", "bias_over_mean", "Irradiance, bias over mean"],
-  ["irradiance", "rms_of_relative", "Irradiance, rms of relative"],
-  ["irradiance", "block_p50", "Irradiance, blocks, median"],
-  ["irradiance", "block_p99", "Irradiance, blocks, 99th percentile"],
-  ["irradiance", "relmse", "Irradiance, relative MSE"],
-  ["picture", "rmse_over_mean", "Picture, rmse over mean"],
-  ["picture", "block_p99", "Picture, blocks, 99th percentile"],
-  ["picture", "flip", "Picture, ꟻLIP"],
-  ["picture", "hdr_flip", "Picture, HDR-ꟻLIP"],
-];
-const SHARES = ["rmse_over_mean", "bias_over_mean", "rms_of_relative", "block_p50", "block_p99"];
-const errorValue = (variant, [layer, name]) => variant.errors[layer]?.[name] ?? null;
-const errorText = (value, name) => (SHARES.includes(name) ? percent(value) : figures(value));
-const measured = METRICS.filter((metric) => variants.some((variant) => errorValue(variant, metric) !== null));
-
-// The plot of error over time
-
-const PLOT_HEIGHT = 360;
-const MARGIN = { left: 64, right: 24, top: 16, bottom: 44 };
-const RADIUS = 11;
-
-/** Round numbers between two positive ones: the coarsest set that has three. */
-function ticks(low, high) {
-  const mantissas = [[1], [1, 2, 5], [1, 1.5, 2, 3, 4, 5, 6, 7, 8, 9], Array.from({ length: 90 }, (_, index) => 1 + index / 10)];
-  const within = (set) => {
-    const found = [];
-    for (let power = Math.floor(Math.log10(low)); power <= Math.ceil(Math.log10(high)); power += 1) found.push(...set.map((mantissa) => mantissa * 10 ** power));
-    return found.filter((value) => value >= low && value <= high);
-  };
-  const found = mantissas.map(within).find((values) => values.length >= 3) ?? within(mantissas[3]);
-  const every = Math.ceil(found.length / 8);
-  return found.filter((_, index) => index % every === 0);
-}
-
-/** A logarithmic axis over positive values, with room around them. */
-function axis(values, from, to) {
-  const room = 1.25;
-  const [low, high] = [Math.min(...values) / room, Math.max(...values) * room];
-  const place = (value) => from + ((Math.log(Math.max(value, low)) - Math.log(low)) / (Math.log(high) - Math.log(low))) * (to - from);
-  return { place, ticks: ticks(low, high) };
-}
-
-/** Points than which none is both faster and closer. */
-function front(points) {
-  let least = Infinity;
-  const sorted = [...points].sort((a, b) => a.time - b.time || a.error - b.error);
-  return sorted.filter((point) => point.error < least && ((least = point.error), true));
-}
-
-/** Moves marks that would cover others; each keeps a line to its own place. */
-function spread(marks, [left, top, right, bottom]) {
-  const free = (x, y, placed) => placed.every((other) => Math.hypot(x - other.x, y - other.y) >= 2 * RADIUS + 1);
-  const placed = [];
-  for (const mark of marks) {
-    for (let turn = 0; turn < 200; turn += 1) {
-      const [angle, distance] = [turn * 2.4, 4.5 * Math.sqrt(turn)];
-      const [x, y] = [mark.at[0] + distance * Math.cos(angle), mark.at[1] + distance * Math.sin(angle)];
-      Object.assign(mark, { x: Math.min(Math.max(x, left), right), y: Math.min(Math.max(y, top), bottom) });
-      if (free(mark.x, mark.y, placed)) break;
-    }
-    placed.push(mark);
-  }
-}
+const NARROW = 600;
+const errorText = (value, chart) => (chart.is_share ? percent(value) : figures(value));
+const drawing = { chart: 0, svg: null };
 
 function drawPlot() {
-  const box = byId("plot");
-  if (measured.length === 0) {
-    box.replaceChildren(make("p", { class: "missing" }, comparison.reference ? "No pipeline shares a layer with the reference: errors are not known." : "No reference was given: errors are not known. The table below holds the times."));
+  if (charts.length === 0) {
+    const because = sweep.reference ? "No point shares a layer with the reference" : "No reference was given";
+    byId("plot").replaceChildren(make("p", { class: "missing" }, `${because}: errors are not known. The table below holds the times.`));
     return;
   }
-  const metric = measured[byId("metric").selectedIndex];
-  const all = variants.map((variant, index) => ({ index, time: variant.seconds.median, spread: variant.seconds, error: errorValue(variant, metric) }));
-  const points = all.filter((point) => point.error !== null).map((point) => ({ ...point, error: Math.abs(point.error) }));
-  const width = Math.max(box.clientWidth, 280);
-  const right = width - MARGIN.right;
-  const bottom = PLOT_HEIGHT - MARGIN.bottom;
-  const positive = points.map((point) => point.error).filter((error) => error > 0);
-  const x = axis(points.flatMap((point) => [point.spread.lower_quartile, point.spread.upper_quartile]), MARGIN.left, right);
-  const y = axis(positive.length ? positive : [1e-6], bottom, MARGIN.top);
-  const best = front(points);
-  const marks = points.map((point) => ({ ...point, at: [x.place(point.time), y.place(point.error)], best: best.some((other) => other.index === point.index) }));
-  spread(marks, [MARGIN.left + RADIUS, MARGIN.top + RADIUS, right - RADIUS, bottom - RADIUS]);
-  const svg = makeSvg("svg", { viewBox: `0 0 ${width} ${PLOT_HEIGHT}`, role: "group", "aria-label": `${metric[2]} over seconds a run, both logarithmic` });
-  svg.append(...grid(x, y, right, bottom, metric), frontLine(best, x, y, right), ...marks.map((mark) => pointOf(mark, metric, x)));
-  box.replaceChildren(svg);
-  plotNote(all, metric);
+  const chart = charts[drawing.chart];
+  const svg = byId("plot").clientWidth < NARROW ? chart.narrow : chart.wide;
+  if (drawing.svg === svg) return;
+  drawing.svg = svg;
+  const figure = document.importNode(new DOMParser().parseFromString(svg, "image/svg+xml").documentElement, true);
+  furnish(figure, { role: "group" }, []);
+  const marks = [...figure.querySelectorAll(".mark")];
+  marks.forEach(makeButton);
+  byId("plot").replaceChildren(figure);
+  const shown = new Set(marks.map((mark) => mark.dataset.id));
+  const without = variants.map((variant) => variant.id).filter((id) => !shown.has(id));
+  const left = without.length ? ` Not shown, for their error or cost is not known: ${without.join(", ")}.` : "";
+  const signed = chart.errors.some((error) => error < 0) ? " Sizes of the errors, without their signs." : "";
+  byId("plot-note").textContent = `Ringed points lie on the Pareto front: none costs less and is closer. A point opens its picture on the right.${signed}${left}`;
   markShown();
 }
 
-function grid(x, y, right, bottom, metric) {
-  const lines = x.ticks.flatMap((tick) => [
-    makeSvg("line", { class: "grid", x1: x.place(tick), x2: x.place(tick), y1: MARGIN.top, y2: bottom }),
-    makeSvg("text", { x: x.place(tick), y: bottom + 17, "text-anchor": "middle" }, figures(tick, 2)),
-  ]);
-  const rows = y.ticks.flatMap((tick) => [
-    makeSvg("line", { class: "grid", x1: MARGIN.left, x2: right, y1: y.place(tick), y2: y.place(tick) }),
-    makeSvg("text", { x: MARGIN.left - 8, y: y.place(tick) + 4, "text-anchor": "end" }, SHARES.includes(metric[1]) ? `${figures(100 * tick, 2)} %` : figures(tick, 2)),
-  ]);
-  const frame = makeSvg("path", { class: "axis", d: `M${MARGIN.left} ${MARGIN.top}V${bottom}H${right}`, fill: "none" });
-  return [...lines, ...rows, frame, makeSvg("text", { x: (MARGIN.left + right) / 2, y: bottom + 38, "text-anchor": "middle" }, "seconds a run (median; bar: quartiles)")];
-}
-
-/** The Pareto front as steps: what the best known pipeline reaches in a time. */
-function frontLine(best, x, y, right) {
-  const steps = best.map((point, index) => `${index ? `H${x.place(point.time)}V` : `M${x.place(point.time)} `}${y.place(point.error)}`);
-  return makeSvg("path", { class: "front", d: `${steps.join("")}H${right}` });
-}
-
-function pointOf(mark, metric, x) {
-  const variant = variants[mark.index];
-  const told = `${variant.id} ${variant.name}: ${figures(mark.time)} s, ${errorText(mark.error, metric[1])}${mark.best ? ", on the Pareto front" : ""}; opens its picture`;
-  const act = () => open(mark.index);
-  const press = (event) => { if (event.key === "Enter" || event.key === " ") { event.preventDefault(); act(); } };
-  return makeSvg("g", { class: `point${mark.best ? " best" : ""}`, tabindex: 0, role: "button", "aria-label": told, "data-variant": mark.index, onclick: act, onkeydown: press },
-    makeSvg("title", {}, told),
-    makeSvg("line", { class: "spread", x1: x.place(mark.spread.lower_quartile), x2: x.place(mark.spread.upper_quartile), y1: mark.at[1], y2: mark.at[1] }),
-    makeSvg("line", { class: "spread", x1: mark.at[0], y1: mark.at[1], x2: mark.x, y2: mark.y }),
-    makeSvg("circle", { cx: mark.x, cy: mark.y, r: RADIUS }),
-    makeSvg("text", { x: mark.x, y: mark.y + 0.5 }, variant.id));
-}
-
-function plotNote(points, metric) {
-  const without = points.filter((point) => point.error === null).map((point) => variants[point.index].id);
-  const signed = metric[1] === "bias_over_mean" ? " Sizes of the errors, without their signs." : "";
-  const left = without.length ? ` Not shown, for this error is not known of them: ${without.join(", ")}.` : "";
-  byId("plot-note").textContent = `Filled points lie on the Pareto front: none is both faster and closer. A point opens its picture on the right.${signed}${left}`;
+function makeButton(mark) {
+  const index = variants.findIndex((variant) => variant.id === mark.dataset.id);
+  const told = mark.querySelector("title").textContent;
+  const best = mark.querySelector(".ring") ? ", on the Pareto front" : "";
+  const press = (event) => { if (event.key === "Enter" || event.key === " ") { event.preventDefault(); open(index); } };
+  furnish(mark, { tabindex: 0, role: "button", "aria-label": `${told}${best}; opens its picture`, "data-variant": index, onclick: () => open(index), onkeydown: press }, []);
+  mark.prepend(makeSvg("circle", { class: "target", r: 14 }));
 }
 
 function setUpPlot() {
-  const options = measured.map(([layer, name, label]) => [`${layer}.${name}`, label]);
-  fillSelect(byId("metric"), options, options[0]?.[0], drawPlot);
-  byId("metric").closest(".tools").hidden = measured.length === 0;
+  byId("plot-title").textContent = `Error over ${sweep.cost === "seconds" ? "time" : sweep.cost}`;
+  fillSelect(byId("metric"), charts.map((chart, index) => [index, chart.label]), 0, (index) => { drawing.chart = Number(index); drawPlot(); });
+  byId("metric").closest(".tools").hidden = charts.length === 0;
 }
 
 // The table
 
-const pairWith = (first, second) => comparison.pairs.find((pair) => pair.first === first && pair.second === second);
-const startUp = ({ start_up: start }) => start.plan_seconds + start.shaders_seconds + start.warm_up_seconds;
+const pairs = differences?.pairs ?? [];
+const pairWith = (first, second) => pairs.find((pair) => pair.first === first && pair.second === second);
+const counted = (value) => (value === null ? "–" : String(value));
 
-/** Name, tooltip, value to sort by, text; `least` where a small value is the better one. */
+/** Values of a parameter are sorted as numbers where all are. */
+function axisColumn({ parameter, values }) {
+  const areNumbers = values.every((value) => value.trim() !== "" && Number.isFinite(Number(value)));
+  return { name: parameter, value: ({ values }) => (areNumbers ? Number(values[parameter]) : values[parameter]), text: (_, { values }) => values[parameter], words: !areNumbers };
+}
+
+/** Name, tooltip, value to sort by, text; `least` where a small value is the better one. A column that knows nothing is left out. */
 const COLUMNS = [
   { name: "", tip: "Opens the picture", value: (_, index) => index },
-  { name: "Pipeline", value: (variant) => variant.name, text: (value) => value, words: true },
-  { name: "Seconds", tip: "Median of the runs", value: (variant) => variant.seconds.median, text: (value) => figures(value), least: true },
-  { name: "Quartiles", value: (variant) => variant.seconds.upper_quartile - variant.seconds.lower_quartile, text: (_, variant) => `${figures(variant.seconds.lower_quartile)} … ${figures(variant.seconds.upper_quartile)}` },
-  { name: `× ${variants[0]?.id}`, tip: "Time over that of the first; in brackets where no more than noise", value: (variant, index) => (index ? pairWith(variants[0].id, variant.id)?.ratio ?? null : 1), text: ratioText },
-  { name: "Records", value: (variant) => variant.records.irradiance, text: (value) => (value === null ? "–" : String(value)) },
-  { name: "Uncovered", tip: "Pixels that see a surface that no record covers", value: (variant) => variant.uncovered_pixels, text: (value) => (value === null ? "–" : String(value)) },
-  { name: "Device MiB", value: (variant) => variant.peak_gpu_bytes / 2 ** 20, text: (value) => figures(value), least: true },
-  { name: "Start-up s", tip: "Plan, shaders, first picture", value: startUp, text: (value) => figures(value) },
-  ...measured.map((metric) => ({ name: metric[2], value: (variant) => errorValue(variant, metric), text: (value) => errorText(value, metric[1]), least: true, sized: true })),
-];
+  { name: "Pipeline", value: (variant) => variant.row, text: (value) => value, words: true },
+  ...sweep.over.map(axisColumn),
+  { name: "State", value: (variant) => (variant.state === "measured" ? null : variant.because ? `refused: ${variant.because}` : variant.state), text: (value) => value ?? "measured", words: true },
+  { name: "Seconds", tip: "Median of the runs", value: (variant) => variant.seconds?.median ?? null, text: (value) => figures(value), least: true },
+  { name: "Quartiles", value: ({ seconds }) => (seconds ? seconds.upper_quartile - seconds.lower_quartile : null), text: (_, { seconds }) => (seconds ? `${figures(seconds.lower_quartile)} … ${figures(seconds.upper_quartile)}` : "–") },
+  { name: `× ${variants[0]?.id}`, tip: "Time over that of the first; in brackets where no more than noise", value: (variant, index) => (index ? pairWith(variants[0].id, variant.id)?.ratio ?? null : pairs.length ? 1 : null), text: ratioText },
+  { name: sweep.cost, tip: "What errors are held against", value: (_, index) => report.costs[index] ?? null, text: (value) => figures(value), least: true },
+  { name: "Front", tip: `On the Pareto front of ${sweep.metric} over ${sweep.cost}`, value: (variant) => (sweep.over.length === 0 ? null : variant.pareto ? 0 : 1), text: (value) => (value === 0 ? "●" : "") },
+  { name: "Records", value: (variant) => variant.records?.irradiance ?? null, text: counted },
+  { name: "Uncovered", tip: "Pixels that see a surface that no record covers", value: (variant) => variant.uncovered_pixels ?? null, text: counted },
+  { name: "Device MiB", value: (variant) => (variant.peak_gpu_bytes ? variant.peak_gpu_bytes / 2 ** 20 : null), text: (value) => figures(value), least: true },
+  { name: "Start-up s", tip: "Plan, shaders, first picture", value: (_, index) => beside[index].start_up_seconds, text: (value) => figures(value) },
+  ...charts.map((chart) => ({ name: chart.label, value: (_, index) => chart.errors[index], text: (value) => errorText(value, chart), least: true, sized: true })),
+].filter((column) => variants.some((variant, index) => column.value(variant, index) !== null));
 
 function ratioText(value, variant, index) {
   if (value === null || index === 0) return value === null ? "–" : "1";
@@ -670,7 +601,7 @@ function rowOf(index, leasts) {
   const cells = COLUMNS.slice(1).map((column, place) => {
     const value = column.value(variant, index);
     const least = value !== null && Math.abs(value) === leasts[place + 1];
-    return make("td", { class: [column.words ? "text" : "", least ? "least" : ""].join(" ").trim() || null, title: column.words ? String(value) : null }, column.text(value, variant, index));
+    return make("td", { class: [column.words ? "text" : "", least ? "least" : ""].join(" ").trim() || null, title: column.words ? value : null }, column.text(value, variant, index));
   });
   return make("tr", { "data-variant": index }, make("td", { class: "text" }, button), ...cells);
 }
@@ -679,16 +610,18 @@ function rowOf(index, leasts) {
 
 function drawPairs() {
   const of = byId("of").value;
-  const shown = comparison.pairs.map((pair, index) => [pair, words.verdicts[index]]).filter(([pair]) => of === "all" || pair.first === of || pair.second === of);
-  const items = shown.map(([pair, verdict]) => make("li", { class: pair.significant ? "significant" : pair.ratio_interval ? null : "open" }, verdict));
+  const shown = pairs.filter((pair) => of === "all" || pair.first === of || pair.second === of);
+  const items = shown.map((pair) => make("li", { class: pair.significant ? "significant" : pair.ratio_interval ? null : "open" }, pair.words));
   byId("pairs").replaceChildren(...(items.length ? items : [make("li", {}, "One pipeline alone has nothing to differ from.")]));
 }
 
 function setUpPairs() {
+  byId("pairs").closest("section").hidden = !differences;
+  if (!differences) return;
   const few = variants.length <= 4;
   const options = [["all", "all"], ...variants.map((variant, index) => [variant.id, titleOf(index)])];
   fillSelect(byId("of"), options, few ? "all" : variants[0].id, drawPairs);
-  byId("hint").textContent = words.hint ?? "";
+  byId("hint").textContent = differences.hint ?? "";
   drawPairs();
 }
 
@@ -697,23 +630,23 @@ function setUpPairs() {
 const HUES = ["#4c78a8", "#f58518", "#54a24b", "#e45756", "#72b7b2", "#b279a2", "#eeca3b", "#9d755d", "#ff9da6", "#6b6ecf", "#8ca252", "#17a2d6"];
 const OTHER = "#8a8f96";
 const CLOCKS = [["both", "Device + host"], ["gpu_ms", "Device"], ["cpu_ms", "Host"]];
-const hasDevice = variants.some((variant) => variant.passes.some((pass) => pass.gpu_ms));
+const passesOf = (variant) => variant.passes ?? [];
+const hasDevice = variants.some((variant) => passesOf(variant).some((pass) => pass.gpu_ms !== null));
 let clock = hasDevice ? "both" : "cpu_ms";
 
-const medianOf = (pass, name) => pass?.[name]?.median ?? null;
-const timeOf = (pass) => (clock === "both" ? (medianOf(pass, "gpu_ms") ?? 0) + (medianOf(pass, "cpu_ms") ?? 0) : medianOf(pass, clock) ?? 0);
+const timeOf = (pass) => (clock === "both" ? (pass.gpu_ms ?? 0) + (pass.cpu_ms ?? 0) : pass[clock] ?? 0);
 
 /** Every node's name, the costliest first. */
 function nodeNames() {
   const sums = new Map();
-  for (const pass of variants.flatMap((variant) => variant.passes)) sums.set(pass.node, (sums.get(pass.node) ?? 0) + timeOf(pass));
+  for (const pass of variants.flatMap(passesOf)) sums.set(pass.node, (sums.get(pass.node) ?? 0) + timeOf(pass));
   return [...sums].sort((a, b) => b[1] - a[1]).map(([name]) => name);
 }
 
 function drawBars() {
   const names = nodeNames();
   const hue = (name) => (names.indexOf(name) < HUES.length ? HUES[names.indexOf(name)] : OTHER);
-  const sums = variants.map((variant) => variant.passes.reduce((sum, pass) => sum + timeOf(pass), 0));
+  const sums = variants.map((variant) => passesOf(variant).reduce((sum, pass) => sum + timeOf(pass), 0));
   const most = Math.max(...sums, Number.MIN_VALUE);
   byId("bars").replaceChildren(...variants.flatMap((variant, index) => barOf(variant, index, sums[index], most, hue)));
   const coloured = names.slice(0, HUES.length).map((name) => [name, hue(name)]);
@@ -723,7 +656,7 @@ function drawBars() {
 }
 
 function barOf(variant, index, sum, most, hue) {
-  const parts = variant.passes.filter((pass) => timeOf(pass) > 0).sort((a, b) => timeOf(b) - timeOf(a));
+  const parts = passesOf(variant).filter((pass) => timeOf(pass) > 0).sort((a, b) => timeOf(b) - timeOf(a));
   const told = (pass) => `${pass.node} (${pass.pass}): ${figures(timeOf(pass))} ms, ${pass.runs} runs`;
   const pieces = parts.map((pass) => make("div", { class: "part", "data-node": pass.node, title: told(pass), style: `width:${(100 * timeOf(pass)) / most}%;background:${hue(pass.node)}` }));
   return [
@@ -734,11 +667,11 @@ function barOf(variant, index, sum, most, hue) {
 }
 
 function drawNodes() {
-  const names = [...new Map(variants.flatMap((variant) => variant.passes).map((pass) => [`${pass.node} ${pass.pass}`, pass])).values()];
-  const head = [make("th", { scope: "col", class: "text" }, "Node"), make("th", { scope: "col", class: "text" }, "Pass"), ...variants.map((variant) => make("th", { scope: "col", title: variant.name }, `${variant.id}, device + host ms`))];
-  const cell = (pass) => (pass ? `${figures(medianOf(pass, "gpu_ms"))} + ${figures(medianOf(pass, "cpu_ms"))}` : "");
+  const names = [...new Map(variants.flatMap(passesOf).map((pass) => [`${pass.node} ${pass.pass}`, pass])).values()];
+  const head = [make("th", { scope: "col", class: "text" }, "Node"), make("th", { scope: "col", class: "text" }, "Pass"), ...variants.map((variant) => make("th", { scope: "col", title: nameOf(variant) }, `${variant.id}, device + host ms`))];
+  const cell = (pass) => (pass ? `${figures(pass.gpu_ms)} + ${figures(pass.cpu_ms)}` : "");
   const row = (name) => make("tr", {}, make("td", { class: "text" }, name.node), make("td", { class: "text" }, name.pass),
-    ...variants.map((variant) => make("td", {}, cell(variant.passes.find((pass) => pass.node === name.node && pass.pass === name.pass)))));
+    ...variants.map((variant) => make("td", {}, cell(passesOf(variant).find((pass) => pass.node === name.node && pass.pass === name.pass)))));
   byId("nodes").tHead.replaceChildren(make("tr", {}, ...head));
   byId("nodes").tBodies[0].replaceChildren(...names.map(row));
 }
@@ -793,7 +726,7 @@ let textAs = "difference";
 function drawText() {
   const index = Number(byId("text-of").value);
   const variant = variants[index];
-  const texts = words.pipelines.map((text) => text.trimEnd().split("\n"));
+  const texts = beside.map(({ text }) => text.trimEnd().split("\n"));
   const whole = index === 0 || textAs === "whole";
   const lines = whole ? texts[index].map((line) => [" ", line]) : difference(texts[0], texts[index]);
   const same = !whole && lines.every(([sign]) => sign === " ");
@@ -801,7 +734,8 @@ function drawText() {
   byId("text").replaceChildren(...shown.map(([sign, line]) => make("span", { class: KINDS[sign] }, `${sign} ${line}`)));
   const changes = variant.set.length ? `, with ${variant.set.join(", ")}` : "";
   const against = whole ? "" : same ? ` The same as ${variants[0].id}.` : ` + only here, - only in ${variants[0].id}.`;
-  const dropped = variant.dropped.length ? ` Dropped for this scene: ${variant.dropped.map((node) => `${node.node} (${node.because})`).join("; ")}.` : "";
+  const left = beside[index].dropped;
+  const dropped = left.length ? ` Dropped for this scene: ${left.map((node) => `${node.node} (${node.because})`).join("; ")}.` : "";
   byId("text-note").textContent = `${variant.pipeline}${changes}, every parameter written out.${against}${dropped}`;
 }
 
@@ -816,7 +750,7 @@ drawHead();
 setUpStage();
 setUpPlot();
 drawTable();
-byId("table-note").textContent = comparison.reference ? "Green: the least of its column. Errors of the irradiance are corrected for the reference's noise." : "No reference was given: there are no errors. Green: the least of its column.";
+byId("table-note").textContent = sweep.reference ? "Green: the least of its column. Errors of the irradiance are corrected for the reference's noise." : "No reference was given: there are no errors. Green: the least of its column.";
 setUpPairs();
 setUpNodes();
 setUpTexts();

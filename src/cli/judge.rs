@@ -1,0 +1,49 @@
+//! What the pictures of a survey are judged by.
+
+use super::truth::Truth;
+use crate::measure::compare::ReferenceReport;
+use crate::measure::survey::Survey;
+use std::collections::BTreeMap;
+
+pub(super) enum Judge {
+    Nothing,
+    Truth(Box<Truth>),
+    Row(JudgingRow),
+}
+
+/// A row whose pictures judge those of the other rows.
+pub(super) struct JudgingRow {
+    pub(super) name: String,
+    /// Its place among the rows.
+    index: usize,
+    /// Points of a row.
+    columns: usize,
+    /// Its pictures so far, by point.
+    pub(super) pictures: BTreeMap<usize, Truth>,
+}
+
+impl JudgingRow {
+    /// The point of this row with the same values.
+    pub(super) fn point_of(&self, point: usize) -> usize {
+        self.index * self.columns + point % self.columns
+    }
+}
+
+impl Judge {
+    /// By the row of this place, or else by this picture, if there is one.
+    pub(super) fn new(row: Option<usize>, survey: &Survey, truth: Option<Truth>) -> Self {
+        match (row, truth) {
+            (Some(index), _) => Self::Row(JudgingRow { name: survey.rows[index].name.clone(), index, columns: survey.columns(), pictures: BTreeMap::new() }),
+            (None, Some(truth)) => Self::Truth(Box::new(truth)),
+            (None, None) => Self::Nothing,
+        }
+    }
+
+    pub(super) fn report(&self) -> Option<ReferenceReport> {
+        match self {
+            Self::Nothing => None,
+            Self::Truth(truth) => Some(truth.report()),
+            Self::Row(row) => Some(ReferenceReport { file: None, row: Some(row.name.clone()), own: true, bounces: None, samples: None, stride: None }),
+        }
+    }
+}

@@ -1,0 +1,34 @@
+//! The plots of a page: one for each error that is known, each with a front of its own.
+
+use crate::measure::criteria::{Cost, Metric};
+use crate::measure::plot::{Paper, svg};
+use crate::measure::sweep::{Sweep, mark_front, plot};
+use serde::Serialize;
+
+/// An error of each point, and how it lies over the cost.
+#[derive(Debug, Clone, Serialize)]
+pub(super) struct Chart {
+    label: String,
+    /// Whether it is told in percent.
+    is_share: bool,
+    /// One a point, signed; null where it is not known.
+    errors: Vec<Option<f64>>,
+    wide: String,
+    narrow: String,
+}
+
+/// First that of `first`, then those of all metrics that a page tells; none of an error that no point has.
+pub(super) fn charts(sweep: &Sweep, first: &Metric, cost: &Cost) -> Vec<Chart> {
+    let label = |metric: &Metric| Metric::TOLD.iter().find(|(told, _)| told == metric).map_or(metric.to_string(), |(_, label)| label.to_string());
+    let others = Metric::TOLD.into_iter().map(|(metric, _)| metric).filter(|metric| metric != first);
+    std::iter::once(*first).chain(others).filter_map(|metric| chart(sweep, &metric, label(&metric), cost)).collect()
+}
+
+fn chart(sweep: &Sweep, metric: &Metric, label: String, cost: &Cost) -> Option<Chart> {
+    let errors: Vec<Option<f64>> = sweep.points.iter().map(|point| metric.signed(&point.measured()?.errors)).collect();
+    errors.iter().flatten().next()?;
+    let mut judged = sweep.clone();
+    mark_front(&mut judged.points, metric, cost);
+    let plot = plot(&judged, metric, cost);
+    Some(Chart { label, is_share: metric.is_share(), errors, wide: svg(&plot, Paper::Wide), narrow: svg(&plot, Paper::Narrow) })
+}

@@ -192,9 +192,7 @@ fn interrupted() -> Outcome {
 fn html() -> Outcome {
     let place = Place::new()?;
     place.succeed(&format!("compare irradiance irradiance@cache.accuracy=0.5 {SMALL} --runs 2 --json out.json --html out.html --quiet"))?;
-    let page = fs::read_to_string(place.0.path().join("out.html"))?;
-    let data = page.split_once("id=\"data\">").and_then(|(_, rest)| rest.split_once("</script>")).ok_or("no data")?.0;
-    let data: Value = serde_json::from_str(data)?;
+    let data = place.page("out.html")?;
     let (json, report) = (place.json("out.json")?, &data["report"]);
     let same = ["scene", "triangles", "camera", "size", "adapter", "runs", "complete", "reference"].iter().all(|key| report["sweep"][key] == json[key]);
     check(same, || "the page tells of another comparison".into())?;
@@ -205,7 +203,7 @@ fn html() -> Outcome {
     check(report["differences"]["pairs"][0]["ratio"] == json["pairs"][0]["ratio"], || report["differences"].to_string())?;
     let gallery = &data["gallery"];
     let images = [&gallery["reference"], &gallery["pictures"][1], &gallery["maps"][0]["images"][1], &gallery["maps"][1]["images"][1]];
-    check(images.iter().all(|image| image["source"].as_str().is_some_and(|source| source.starts_with("data:image/png;base64,"))), || page.clone())?;
+    check(images.iter().all(|image| image["source"].as_str().is_some_and(|source| source.starts_with("data:image/png;base64,"))), || gallery.to_string())?;
     let text = report["beside"][1]["text"].as_str().unwrap_or_default();
     check(text.contains("accuracy: 0.5,") && text.contains("resolution: 8,"), || text.to_owned())
 }

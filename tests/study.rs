@@ -107,7 +107,7 @@ fn near(told: &[f64], values: &[f64]) -> bool {
 
 fn told() -> Outcome {
     let place = Place::with(&[("small.ron", SMALL)])?;
-    let (text, stderr) = place.succeed("study small.ron -o out --json a.json --csv a.csv --svg a.svg --markdown a.md")?;
+    let (text, stderr) = place.succeed("study small.ron -o out --json a.json --csv a.csv --svg a.svg --markdown a.md --html a.html")?;
     check(stderr.contains("4 points: 0 found in out, 0 refused, 4 to measure"), || stderr.clone())?;
     let (json, markdown) = (place.json("a.json")?, place.text("a.md")?);
     let points = points(&json)?;
@@ -129,6 +129,10 @@ fn told() -> Outcome {
     let at = reader.headers()?.iter().position(|name| name == "ms_per_record").ok_or("no ms_per_record")?;
     let told: Vec<f64> = reader.records().map(|row| Ok(row?[at].parse()?)).collect::<Result<_, Failed>>()?;
     check(near(&told, &points.iter().map(cost).collect::<Vec<_>>()), || csv.clone())?;
+    let page = &place.page("a.html")?["report"];
+    let costs: Vec<f64> = page["costs"].as_array().ok_or("no costs")?.iter().filter_map(Value::as_f64).collect();
+    check(page["sweep"] == json && near(&costs, &points.iter().map(cost).collect::<Vec<_>>()), || page["costs"].to_string())?;
+    check(page["charts"][0]["wide"] == place.text("a.svg")?, || "the page has another plot".into())?;
     check(place.text("a.svg")?.contains("ms a record in tiles, records"), || "the plot's axis is another cost".into())
 }
 
@@ -166,8 +170,8 @@ fn changed() -> Outcome {
 fn judged() -> Outcome {
     let by_row = SMALL.replace("Traced(spp: 16)", "Row(\"rays\")");
     let place = Place::with(&[("judged.ron", &by_row)])?;
-    let study = |json: &str| place.succeed(&format!("study judged.ron -o out --json {json}"));
-    study("a.json")?;
+    let study = |name: &str| place.succeed(&format!("study judged.ron -o out --json {name}.json --html {name}.html"));
+    study("a")?;
     let first = place.json("a.json")?;
     let errors: Vec<f64> = points(&first)?.iter().map(error).collect();
     let judges = &points(&first)?[2..];
@@ -193,8 +197,16 @@ fn judged() -> Outcome {
     let lost = fs::read_dir(place.0.path().join("out"))?.map(|entry| Ok(entry?.path())).collect::<Result<Vec<_>, Failed>>()?;
     let lost = lost.iter().find(|path| fs::read_to_string(path).is_ok_and(|text| text.contains("cache.accuracy=0.4\",\n    \"tiles.resolution=4\"")));
     fs::remove_file(lost.ok_or("no file of the first point")?)?;
-    let (_, stderr) = study("b.json")?;
+    let gallery = &place.page("a.html")?["gallery"];
+    let (_, stderr) = study("b")?;
     check(stderr.contains("3 found"), || stderr)?;
+    check(gallery == &place.page("b.html")?["gallery"], || "the pictures of a study that went on differ".into())?;
+    // Each picture is mapped against that of the judging row at the same value, which has no map itself.
+    let maps = &gallery["maps"][0]["images"];
+    check(maps[0].is_object() && maps[1].is_object() && maps[0] != maps[1] && maps[2].is_null() && maps[3].is_null(), || maps.to_string())?;
+    check(gallery["reference"].is_null() && gallery["pictures"].as_array().is_some_and(|pictures| pictures.iter().all(Value::is_object)), || {
+        gallery.to_string()
+    })?;
     let again = place.json("b.json")?;
     check(points(&again)?.iter().map(error).take(2).collect::<Vec<_>>() == errors[..2], || again.to_string())
 }

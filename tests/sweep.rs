@@ -35,13 +35,6 @@ impl Place {
         Ok(fs::read_to_string(self.0.path().join(name))?)
     }
 
-    /// What the page of this name holds.
-    fn page(&self, name: &str) -> Result<Value, Failed> {
-        let page = self.text(name)?;
-        let data = page.split_once("id=\"data\">").and_then(|(_, rest)| rest.split_once("</script>")).ok_or("no data")?.0;
-        Ok(serde_json::from_str(data)?)
-    }
-
     /// Files of points in `out`, each of them whole, its picture beside it.
     fn kept(&self) -> Result<Vec<PathBuf>, Failed> {
         let Ok(entries) = fs::read_dir(self.0.path().join("out")) else { return Ok(Vec::new()) };

@@ -93,9 +93,11 @@ const STYLE: &str = ".hemisplat-plot{background:#fff}\
 .hemisplat-plot .line{fill:none;stroke-width:1.8}\
 .hemisplat-plot .spread{stroke-width:1.2}\
 .hemisplat-plot .leader{stroke:#6a737d;stroke-width:1}\
+.hemisplat-plot .mark text{paint-order:stroke;stroke:#fff;stroke-width:4px;stroke-linejoin:round}\
 @media (prefers-color-scheme:dark){\
 .hemisplat-plot{background:#14171a}\
 .hemisplat-plot text{fill:#e6e9ec}\
+.hemisplat-plot .mark text{stroke:#14171a}\
 .hemisplat-plot .grid{stroke:#30363d}\
 .hemisplat-plot .front,.hemisplat-plot .ring{stroke:#e6e9ec}}";
 

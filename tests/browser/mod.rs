@@ -2,6 +2,8 @@
 //!
 //! Messages are JSON that ends in a zero byte. The browser reads them from descriptor 3 and writes to 4, where a shell puts its own input and output.
 
+pub mod made;
+
 use base64::{Engine, engine::general_purpose::STANDARD};
 use libtest_mimic::Failed;
 use serde_json::{Value, json};

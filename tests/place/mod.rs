@@ -62,4 +62,12 @@ impl Place {
     pub fn json(&self, name: &str) -> Result<Value, Failed> {
         Ok(serde_json::from_slice(&fs::read(self.0.path().join(name))?)?)
     }
+
+    /// What the page of this name holds.
+    #[allow(dead_code, reason = "not all tests make a page")]
+    pub fn page(&self, name: &str) -> Result<Value, Failed> {
+        let page = fs::read_to_string(self.0.path().join(name))?;
+        let data = page.split_once("id=\"data\">").and_then(|(_, rest)| rest.split_once("</script>")).ok_or("no data")?.0;
+        Ok(serde_json::from_str(data)?)
+    }
 }

@@ -15,7 +15,16 @@ use serde::Serialize;
 
 const HTML: &str = include_str!("page.html");
 const CSS: &str = include_str!("page.css");
-const SCRIPT: &str = include_str!("page.js");
+/// Several files of one scope.
+const SCRIPT: &str = concat!(
+    "\"use strict\";\n(() => {\n",
+    include_str!("script/head.js"),
+    include_str!("script/pictures.js"),
+    include_str!("script/stage.js"),
+    include_str!("script/results.js"),
+    include_str!("script/start.js"),
+    "})();\n"
+);
 
 #[derive(Serialize)]
 struct Data<'p> {

@@ -1,0 +1,11 @@
+drawHead();
+setUpStage();
+setUpPlot();
+drawTable();
+byId("table-note").textContent = `Green: the least of its column. ${errorsText(sweep.reference)}`;
+setUpPairs();
+setUpNodes();
+setUpTexts();
+change({});
+drawPlot();
+window.addEventListener("resize", () => { layOut(); drawPlot(); });

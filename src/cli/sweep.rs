@@ -15,7 +15,7 @@ use clap::Args;
 /// Tell error over time as parameters change, and which points nothing beats
 #[derive(Args)]
 #[command(
-    after_help = "Example: hemisplat sweep irradiance --over cache.accuracy=0.1,0.2,0.4 --over tiles.resolution=16,32 --scene cornell -o out/sweep --svg out/sweep.svg
+    after_help = "Example: hemisplat sweep irradiance --over cache.accuracy=0.1,0.2,0.4 --over tiles.resolution=16,32 --scene cornell -o out/sweep --html out/sweep.html
 
 Several parameters make a grid; several pipelines are each swept. Every point is kept in DIR when it is measured: the same command goes on where an
 earlier one was stopped. Status 1 if a point is refused; the others are measured all the same.",

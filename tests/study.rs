@@ -158,11 +158,13 @@ fn changed() -> Outcome {
     place.succeed(&format!("study small.ron {changes} -o out --json a.json"))?;
     let json = place.json("a.json")?;
     check(json["size"] == serde_json::json!([12, 12]) && json["runs"] == 1 && json["reference"]["samples"] == "4", || json.to_string())?;
-    let (_, stderr) = place.succeed(&format!("study small.ron {changes} --cost Records --metric rmse_over_mean -o out --svg b.svg --markdown b.md"))?;
+    let (_, stderr) =
+        place.succeed(&format!("study small.ron {changes} --cost Records --metric rmse_over_mean -o out --svg b.svg --markdown b.md --html b.html"))?;
     check(stderr.contains("4 found"), || stderr)?;
     let records: Vec<f64> = points(&json)?[..2].iter().map(|point| point["records"]["irradiance"].as_f64().unwrap_or(f64::NAN)).collect();
     let (markdown, svg) = (place.text("b.md")?, place.text("b.svg")?);
     check(near(&cells(&markdown, "a plane / raster")[1], &records) && svg.contains(">records<") && svg.contains("rmse_over_mean"), || markdown)?;
+    check(place.page("b.html")?["report"]["costs"].as_array().is_some_and(Vec::is_empty), || "records are told twice".into())?;
     let (_, stderr) = place.succeed(&format!("study small.ron --scene corner {changes} -o out --json c.json"))?;
     check(stderr.contains("0 found") && place.json("c.json")?["scene"] == "corner", || stderr)
 }

@@ -246,7 +246,8 @@ fn drawn(plot: &Plot, canvas: &Canvas) -> String {
     }
     let marks: Vec<(usize, &Mark)> = plot.lines.iter().enumerate().flat_map(|(index, line)| line.marks.iter().map(move |mark| (index, mark))).collect();
     let places: Vec<[f64; 2]> = marks.iter().map(|(_, mark)| canvas.place(mark)).collect();
-    let width = |mark: &Mark| mark.label.as_ref().map(|label| label.chars().count() as f64 * 13.0 * LETTER);
+    // Bold, and with some air.
+    let width = |mark: &Mark| mark.label.as_ref().map(|label| label.chars().count() as f64 * 13.0 * 1.15 * LETTER + 4.0);
     let widths: Vec<Option<f64>> = marks.iter().map(|(_, mark)| width(mark)).collect();
     let labels = labels::place(&places, &widths, canvas.frame);
     marks.into_iter().zip(labels).for_each(|((line, mark), label)| text += &group(mark, line, label, canvas));

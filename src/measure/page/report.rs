@@ -18,7 +18,7 @@ pub struct Report {
     pub warnings: Vec<String>,
     /// One a point.
     pub beside: Vec<Beside>,
-    /// The cost of each point that its error is held against; empty where that is its time.
+    /// The cost of each point that its error is held against; empty where its numbers tell it as they are.
     costs: Vec<Option<f64>>,
     /// Error over cost, for each error that is known; the sweep's own is the first.
     charts: Vec<Chart>,
@@ -56,7 +56,7 @@ impl Report {
     /// A report whose plots hold errors against this cost, the error of this metric first.
     pub fn new(title: String, sweep: Sweep, metric: &Metric, cost: &Cost, beside: Vec<Beside>) -> Self {
         let of_point = |point: &Point| point.measured().and_then(|measured| cost.of(measured));
-        let costs = if matches!(cost, Cost::Seconds) { Vec::new() } else { sweep.points.iter().map(of_point).collect() };
+        let costs = if matches!(cost, Cost::PerRecord(_)) { sweep.points.iter().map(of_point).collect() } else { Vec::new() };
         let charts = charts(&sweep, metric, cost);
         Self { title, runs_asked: sweep.runs, sweep, warnings: Vec::new(), beside, costs, charts, differences: None }
     }

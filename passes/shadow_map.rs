@@ -43,10 +43,10 @@ impl Pass for ShadowMap {
         let lights = &r.setting.scene.lights;
         // Lights with the sides of their cubes, in the order of the layers.
         let views: Vec<[u32; 2]> = (0..).zip(lights).flat_map(|(light, about)| (0..shadow_layers(about)).map(move |face| [light, face])).collect();
-        let depth = r.texture("depth", [resolution, resolution], views.len().max(1) as u32, Format::Depth32Float);
+        let maps = Maps::new(r, resolution, views.len().max(1) as u32);
         if views.is_empty() {
             // Kept for a scene without shadows: a map that no light looks up.
-            r.clear(depth);
+            r.clear(maps.depth);
         }
         let vertices = r.scene_data(SceneData::Positions);
         let chunks = Chunks::new(&r.setting.scene.triangles);
@@ -55,20 +55,57 @@ impl Pass for ShadowMap {
             let draw = |vertices| Draw { rectangle: None, vertices, is_indexed: false, instances: [instance, instance + 1] };
             let seen = chunks.seen(&lights[light as usize], face);
             r.command(Command::Raster(Raster {
-                program: Program::new("shadow_map").import("VISIBILITY", "lib/visibility/shadow_maps").constant("SHADOW_RESOLUTION", resolution),
+                program: Program::new("shadow_map").constant("SHADOW_RESOLUTION", resolution),
                 vertex: "vertex",
                 fragment: r.setting.needs.alpha_masks.then_some("fragment"),
                 colours: Vec::new(),
-                depth: Some(DepthTarget { texture: depth, layer }),
+                depth: Some(maps.target(layer)),
                 vertices: Some(vertices),
                 instances: None,
                 indices: None,
                 topology: Topology::Triangles,
                 draws: Draws::Fixed(seen.into_iter().map(|triangles| draw(triangles.map(|triangle| 3 * triangle))).collect()),
             }));
+            maps.keep(r, layer);
         }
-        r.output("maps", Port::ShadowMaps(port::ShadowMaps { depth, resolution, taps }));
+        r.output("maps", Port::ShadowMaps(port::ShadowMaps { depth: maps.depth, pitch: maps.pitch, resolution, taps }));
         Ok(())
+    }
+}
+
+/// Most bytes that a buffer of maps may have: what every device can bind.
+const MOST_BYTES: u64 = 128 << 20;
+
+/// Where the maps are drawn, and where they are looked up.
+struct Maps {
+    drawn: Resource,
+    depth: Resource,
+    pitch: Option<u32>,
+    map_bytes: u64,
+}
+
+impl Maps {
+    fn new(r: &mut Recorder<'_>, resolution: u32, layers: u32) -> Self {
+        let (size, format) = ([resolution; 2], Format::Depth32Float);
+        let row = format.row_bytes(resolution);
+        let map_bytes = row * resolution as u64;
+        if map_bytes * layers as u64 > MOST_BYTES {
+            let depth = r.texture("depth", size, layers, format);
+            return Self { drawn: depth, depth, pitch: None, map_bytes };
+        }
+        let drawn = r.texture("map", size, 1, format);
+        Self { drawn, depth: r.buffer("depth", map_bytes * layers as u64), pitch: Some((row / format.bytes()) as u32), map_bytes }
+    }
+
+    fn target(&self, layer: u32) -> DepthTarget {
+        DepthTarget { texture: self.drawn, layer: if self.pitch.is_some() { 0 } else { layer } }
+    }
+
+    /// Keeps a map that has been drawn.
+    fn keep(&self, r: &mut Recorder<'_>, layer: u32) {
+        if self.pitch.is_some() {
+            r.command(Command::Unroll { from: self.drawn, to: self.depth, offset: layer as u64 * self.map_bytes });
+        }
     }
 }
 

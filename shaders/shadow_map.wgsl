@@ -1,4 +1,7 @@
-#import lib/visibility/shadow_maps
+#import lib/visibility/shadow_view
+
+// Texels along an edge of a map.
+override SHADOW_RESOLUTION: f32 = 1024.0;
 
 // Depth of the scene from a light: one layer a view. Surfaces block from both sides.
 

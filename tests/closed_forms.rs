@@ -641,7 +641,7 @@ fn passes_screen(place: DVec3, way: DVec3) -> Option<bool> {
 }
 
 /// Each kind of light on the floor, through the shadow maps: spot lights with a map of their own, with a cube, and where one
-/// becomes the other; alone and all together.
+/// becomes the other; alone and all together, with maps whose rows are padded, and with maps too large for a buffer.
 fn shadow_of_a_screen(gpu: &Gpu) -> Outcome {
     let high = DVec3::new(0.1, 2.0, 0.2);
     let lamps = [
@@ -652,10 +652,11 @@ fn shadow_of_a_screen(gpu: &Gpu) -> Outcome {
         Lamp::Directional(DVec3::new(0.2, -1.0, 0.1)),
         Lamp::Point(DVec3::new(-1.0, 3.0, 0.5)),
     ];
-    lamps.chunks(1).chain([&lamps[..]]).try_for_each(|lamps| {
+    let cases = lamps.chunks(1).map(|lamp| (lamp, 1024)).chain([1024, 1000, 1400].map(|resolution| (&lamps[..], resolution)));
+    cases.into_iter().try_for_each(|(lamps, resolution)| {
         let lights: String = lamps.iter().map(Lamp::written).collect();
         let room = Room::new(&STAGE.replace("LIGHTS", &lights))?;
-        let (size, sets) = ([64, 64], ["cache.accuracy=5".to_owned()]);
+        let (size, sets) = ([64, 64], ["cache.accuracy=5".to_owned(), format!("shadow.resolution={resolution}")]);
         let picture = rendered(gpu, &room, size, &sets, |run, _| run.picture().map_err(|e| e.to_string().into()))?;
         let red = &picture.rgb("direct").map_err(|e| e.to_string())?[0];
         let mut shadowed = 0;

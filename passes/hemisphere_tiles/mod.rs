@@ -99,8 +99,10 @@ struct Work {
     shape: Shape,
     /// The table's samples as a buffer.
     samples: Resource,
-    /// R32U atlas of triangle + 1.
+    /// Buffer of u32: triangle + 1, in the order of the atlas' texels.
     seen: Resource,
+    /// Of the atlas [texels].
+    size: [u32; 2],
     tiles_per_row: u32,
 }
 
@@ -111,10 +113,16 @@ impl Work {
             .constant("TILE_HEIGHT", self.table.height)
             .constant("TILES_PER_ROW", self.tiles_per_row)
             .constant("TILE_CAPACITY", self.requests.capacity)
+            .constant("ATLAS_PITCH", self.pitch())
     }
 
     fn samples_per_tile(&self) -> u32 {
         self.table.width * self.table.height
+    }
+
+    /// Samples from a row of the atlas to the next.
+    fn pitch(&self) -> u32 {
+        (Format::R32Uint.row_bytes(self.size[0]) / Format::R32Uint.bytes()) as u32
     }
 
     fn corner(&self, tile: u32) -> [u32; 2] {
@@ -187,9 +195,11 @@ fn layout(r: &mut Recorder<'_>, requests: port::Requests, shape: Shape, table: T
         ));
     }
     let samples = r.constant_buffer("directions", &sample_bytes(&table));
-    let seen = r.texture("seen", [tiles_per_row * table.width, rows * table.height], 1, Format::R32Uint);
+    let size = [tiles_per_row * table.width, rows * table.height];
+    // Shaders read a buffer, not the texture: drivers that run on the CPU take ten times as long to load a texel.
+    let seen = r.buffer("seen", Format::R32Uint.row_bytes(size[0]) * size[1] as u64);
     debug_assert_eq!(size_of::<TileSample>(), 32);
-    Ok(Work { requests, table: Arc::new(table), shape, samples, seen, tiles_per_row })
+    Ok(Work { requests, table: Arc::new(table), shape, samples, seen, size, tiles_per_row })
 }
 
 /// Shadow rays from what a sample sees, to area lights and to the sky: a tile holds thousands of samples.

@@ -47,10 +47,8 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, sift: bool) {
     let needs = r.setting.needs;
     let tested = needs.one_sided || needs.alpha_masks;
     let hemispherical = matches!(work.shape, Shape::Hemispherical);
-    let depth = match *r.kind(work.seen) {
-        ResourceKind::Texture { size, .. } => r.texture("depth", size, 1, Format::Depth32Float),
-        _ => return,
-    };
+    let atlas = r.texture("atlas", work.size, 1, Format::R32Uint);
+    let depth = r.texture("depth", work.size, 1, Format::Depth32Float);
     let vertices = (!hemispherical).then(|| r.scene_data(SceneData::Positions));
     let program = program(r, work, buffer);
     let cameras = (!hemispherical).then(|| aim(r, work, &program));
@@ -66,7 +64,7 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, sift: bool) {
             (false, true) => "fragment_tested",
             (false, false) => "fragment",
         }),
-        colours: vec![Target { texture: work.seen, clear: Some([0.0; 4]), blend: Blend::Replace }],
+        colours: vec![Target { texture: atlas, clear: Some([0.0; 4]), blend: Blend::Replace }],
         depth: Some(DepthTarget { texture: depth, layer: 0 }),
         vertices,
         instances: cameras,
@@ -74,6 +72,7 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, sift: bool) {
         topology: Topology::Triangles,
         draws: Draws::Listed(draws),
     }));
+    r.command(Command::Unroll { from: atlas, to: work.seen, offset: 0 });
 }
 
 fn program(r: &Recorder<'_>, work: &Work, views: Resource) -> Program {

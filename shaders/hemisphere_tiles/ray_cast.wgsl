@@ -7,7 +7,8 @@
 
 @group(0) @binding(0) var<storage, read> requests: array<Request>;
 @group(0) @binding(1) var<storage, read> samples: array<TileSample>;
-@group(0) @binding(2) var seen: texture_storage_2d<r32uint, write>;
+// Triangle + 1.
+@group(0) @binding(2) var<storage, read_write> seen: array<u32>;
 
 // Samples along x and y that a packet and a workgroup's packets cover.
 const PACKET = vec2u(4u, 2u);
@@ -42,7 +43,7 @@ fn row(frame: mat3x3f, at: vec2u) -> Rays {
 
 fn store(tile: u32, at: vec2u, triangle: u32) {
     if is_sample(at) {
-        textureStore(seen, tile_corner(tile) + at, vec4u(triangle));
+        seen[atlas_place(tile, at)] = triangle;
     }
 }
 

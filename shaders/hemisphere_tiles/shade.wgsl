@@ -6,7 +6,8 @@
 
 @group(0) @binding(0) var<storage, read> requests: array<Request>;
 @group(0) @binding(1) var<storage, read> samples: array<TileSample>;
-@group(0) @binding(2) var seen: texture_2d<u32>;
+// Triangle + 1.
+@group(0) @binding(2) var<storage, read> seen: array<u32>;
 // Radiance, distance: tile · samples + sample.
 @group(0) @binding(3) var<storage, read_write> radiance: array<vec4f>;
 
@@ -24,7 +25,7 @@ fn shade(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: v
     let sample = item.index;
     let request = requests[tile];
     let direction = frame_around(request.normal, request.turn) * samples[sample].direction;
-    let triangle = textureLoad(seen, tile_corner(tile) + vec2u(sample % TILE_WIDTH, sample / TILE_WIDTH), 0).x;
+    let triangle = seen[atlas_place(tile, vec2u(sample % TILE_WIDTH, sample / TILE_WIDTH))];
     var value = vec4f(0.0, 0.0, 0.0, FAR_AWAY);
     if triangle != 0u {
         let origin = request.position + request.normal * surface_offset(request.position);

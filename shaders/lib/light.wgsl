@@ -13,6 +13,9 @@ override SKY_SAMPLES: u32 = 1u;
 // Punctual lights; `ANY_NUMBER` where the scene's parameters tell.
 override LIGHTS: u32 = ANY_NUMBER;
 const ANY_NUMBER = 0xffffffffu;
+// Of each of the first of them four bits: its kind, and 0, 1 or 2 for no, one or six shadow maps. A driver that builds shaders
+// anew for the uniforms that their branches look at would build one for every dispatch.
+override LIGHT_KINDS: u32 = 0u;
 
 // Irradiance from a punctual light; the surface's normal faces the side that is lit.
 fn light_irradiance(light: SceneLight, surface: Surface, seed: u32) -> vec3f {
@@ -29,11 +32,22 @@ fn light_irradiance(light: SceneLight, surface: Surface, seed: u32) -> vec3f {
         let ramp = saturate((dot(-to_light, light.direction) - light.cos_outer) / max(light.cos_inner - light.cos_outer, 1e-4));
         arriving *= ramp * ramp;
     }
-    let cosine = dot(surface.normal, to_light);
-    if cosine <= 0.0 || max(arriving.x, max(arriving.y, arriving.z)) <= 0.0 || dot(surface.face_normal, to_light) <= 0.0 {
+    arriving *= dot(surface.normal, to_light);
+    if max(arriving.x, max(arriving.y, arriving.z)) <= 0.0 || dot(surface.face_normal, to_light) <= 0.0 {
         return vec3f(0.0);
     }
-    return arriving * (cosine * light_visibility(light, surface.position, surface.face_normal, to_light, distance, seed));
+    return arriving * light_visibility(light, surface.position, surface.face_normal, to_light, distance, seed);
+}
+
+// One of the first lights, with what the plan knows of it in place of what the scene says.
+fn known(light: SceneLight, index: u32) -> SceneLight {
+    var same = light;
+    if LIGHTS != ANY_NUMBER {
+        let bits = LIGHT_KINDS >> (4u * index);
+        same.kind = bits & 3u;
+        same.shadow_layers = select(bits >> 2u & 1u, 6u, (bits & 8u) != 0u);
+    }
+    return same;
 }
 
 // Irradiance from all punctual lights.
@@ -41,16 +55,16 @@ fn punctual_irradiance(surface: Surface, seed: u32) -> vec3f {
     let lights = select(LIGHTS, scene_parameters.lights, LIGHTS == ANY_NUMBER);
     var sum = vec3f(0.0);
     if lights > 0u {
-        sum += light_irradiance(scene_first_lights[0], surface, seed + 5u);
+        sum += light_irradiance(known(scene_first_lights[0], 0u), surface, seed + 5u);
     }
     if lights > 1u {
-        sum += light_irradiance(scene_first_lights[1], surface, seed + 7u);
+        sum += light_irradiance(known(scene_first_lights[1], 1u), surface, seed + 7u);
     }
     if lights > 2u {
-        sum += light_irradiance(scene_first_lights[2], surface, seed + 9u);
+        sum += light_irradiance(known(scene_first_lights[2], 2u), surface, seed + 9u);
     }
     if lights > 3u {
-        sum += light_irradiance(scene_first_lights[3], surface, seed + 11u);
+        sum += light_irradiance(known(scene_first_lights[3], 3u), surface, seed + 11u);
     }
     for (var i = FIRST_LIGHTS; i < lights; i++) {
         sum += light_irradiance(scene_lights[i], surface, seed + 5u + 2u * i);
@@ -76,7 +90,7 @@ fn pick_emitter(at: f32) -> u32 {
 // Irradiance from emissive triangles: points in proportion to area × luminance, in `AREA_SAMPLES` strata of the
 // running sum; the point within the triangle by a rank-1 lattice, shifted by `seed`.
 fn area_irradiance(position: vec3f, normal: vec3f, plane_normal: vec3f, seed: u32) -> vec3f {
-    if AREA_SAMPLES == 0u || scene_parameters.emitters == 0u {
+    if AREA_SAMPLES == 0u || (LIGHTS == ANY_NUMBER && scene_parameters.emitters == 0u) {
         return vec3f(0.0);
     }
     let origin = position + plane_normal * surface_offset(position);
@@ -114,7 +128,7 @@ fn is_sky_black() -> bool {
 
 // Irradiance from the sky: cosine-distributed rays in strata of the azimuth.
 fn sky_irradiance(position: vec3f, normal: vec3f, plane_normal: vec3f, seed: u32) -> vec3f {
-    if SKY_SAMPLES == 0u || is_sky_black() {
+    if SKY_SAMPLES == 0u || (LIGHTS == ANY_NUMBER && is_sky_black()) {
         return vec3f(0.0);
     }
     let origin = position + plane_normal * surface_offset(position);

@@ -112,7 +112,7 @@ struct Packet {
 // pay for both wherever they take turns.
 fn trace_packet(origin: vec3f, given: Packet) -> Packet {
     var packet = given;
-    if scene_parameters.nodes == 0u {
+    if EMPTY {
         return packet;
     }
     let middle = vec3f(given.a.x.w + given.b.x.x, given.a.y.w + given.b.y.x, given.a.z.w + given.b.z.x);

@@ -8,8 +8,7 @@ struct SceneParameters {
     emitters: u32,
     emitter_weight: f32,
     environment_size: vec2u,
-    nodes: u32,
-    padding: u32,
+    padding: vec2u,
     centre: vec3f,
     padding_b: u32,
 }
@@ -57,7 +56,6 @@ struct SceneEmitter {
 @group(1) @binding(8) var<storage, read> scene_environment: array<vec4f>;
 
 const FIRST_LIGHTS = 4u;
-const NO_SHADOW = 0xffffffffu;
 const TWO_SIDED = 1u;
 const HOLES = 2u;
 const TEXTURED = 4u;
@@ -72,6 +70,8 @@ override ALPHA_MASKS: bool = true;
 override ONE_SIDED: bool = true;
 // Whether a triangle's normals differ from its plane's.
 override SMOOTH: bool = true;
+// Whether there are no triangles at all.
+override EMPTY: bool = false;
 
 struct Surface {
     position: vec3f,

@@ -26,6 +26,15 @@ override TILES_PER_ROW: u32 = 16u;
 // Most tiles a batch.
 override TILE_CAPACITY: u32 = 256u;
 
+// Samples from a row of the atlas to the next.
+override ATLAS_PITCH: u32 = 1024u;
+
+// Where a sample of a tile stands in the atlas' buffer.
+fn atlas_place(tile: u32, at: vec2u) -> u32 {
+    let texel = tile_corner(tile) + at;
+    return texel.y * ATLAS_PITCH + texel.x;
+}
+
 fn tile_corner(tile: u32) -> vec2u {
     return vec2u((tile % TILES_PER_ROW) * TILE_WIDTH, (tile / TILES_PER_ROW) * TILE_HEIGHT);
 }

@@ -23,7 +23,7 @@ fn blocks(triangle: u32, origin: vec3f, direction: vec3f, limit: f32) -> bool {
 
 // Whether anything blocks light between 0 and `limit`; surfaces block from both sides.
 fn trace_occluded(origin: vec3f, direction: vec3f, limit: f32) -> bool {
-    if scene_parameters.nodes == 0u {
+    if EMPTY {
         return false;
     }
     let inverse = safe_inverse(direction);

@@ -9,7 +9,7 @@ use crate::measure::run::{Run, image};
 use crate::measure::{Layer, Layers};
 use crate::passes::record::{Record, Request};
 use crate::pipeline::Plan;
-use crate::recording::{Format, Resource, ResourceKind};
+use crate::recording::{Resource, ResourceKind};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -37,7 +37,7 @@ fn write_port(name: &str, port: &Port, plan: &Plan, run: &Run<'_>, beside: &Path
         Port::RecordCache(cache) => write_records(&items(run, cache.records, run.variable(cache.count))?, Some(cache.rule), name, beside),
         Port::Tiles(tiles) => write_layers(tiles_picture(tiles, run)?, name, beside),
         Port::WeightedTiles(weighted) => write_layers(tiles_picture(&weighted.tiles, run)?, name, beside),
-        Port::ShadowMaps(maps) => write_layers(depth_picture(maps.depth, plan, run)?, name, beside),
+        Port::ShadowMaps(maps) => write_layers(maps_picture(maps, run)?, name, beside),
         Port::Flag(flag) => file(beside, name, "csv")?.write(format!("value\n{}\n", run.variable(*flag)).as_bytes()),
         Port::GBuffer(surfaces) => write_layers(surfaces_picture(surfaces, plan, run)?, name, beside),
         Port::Image(_) | Port::DirectLight(_) | Port::Splats(_) => {
@@ -124,11 +124,11 @@ fn surfaces_picture(surfaces: &port::GBuffer, plan: &Plan, run: &Run<'_>) -> Res
     })
 }
 
-/// All layers of a depth texture below each other, reverse Z.
-fn depth_picture(depth: Resource, plan: &Plan, run: &Run<'_>) -> Result<Layers, Failure> {
-    let ResourceKind::Texture { size: [width, height], layers, format: Format::Depth32Float } = plan.recording.resource(depth).kind else {
-        return Ok(Layers::new(1, 1));
-    };
-    let values = bytemuck::pod_collect_to_vec(&run.bytes(depth).map_err(Failure::work)?);
-    Ok(Layers::new(width, height * layers).with("depth", Layer::value(values)))
+/// All maps below each other, reverse Z.
+fn maps_picture(maps: &port::ShadowMaps, run: &Run<'_>) -> Result<Layers, Failure> {
+    let texels: Vec<f32> = bytemuck::pod_collect_to_vec(&run.bytes(maps.depth).map_err(Failure::work)?);
+    let rows = texels.chunks_exact(maps.pitch.unwrap_or(maps.resolution) as usize);
+    let height = rows.len() as u32;
+    let values = rows.flat_map(|row| &row[..maps.resolution as usize]).copied().collect();
+    Ok(Layers::new(maps.resolution, height).with("depth", Layer::value(values)))
 }

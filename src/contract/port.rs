@@ -152,8 +152,10 @@ pub struct DirectLight {
 /// Depth from the lights that cast shadows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ShadowMaps {
-    /// R32F-depth array: six layers a point light, one a spot or directional light, reverse Z.
+    /// Buffer of f32 or depth texture: six layers a point light, one a spot or directional light, reverse Z.
     pub depth: Resource,
+    /// From a row of the buffer to the next [texels]; None for a texture.
+    pub pitch: Option<u32>,
     /// Edge of a map [texels].
     pub resolution: u32,
     /// Percentage-closer taps a lookup.

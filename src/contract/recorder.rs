@@ -247,6 +247,7 @@ pub fn scene_constants(program: Program, needs: &Needs) -> Program {
         .constant("ALPHA_MASKS", needs.alpha_masks as u8)
         .constant("ONE_SIDED", needs.one_sided as u8)
         .constant("SMOOTH", needs.smooth as u8)
+        .constant("EMPTY", (needs.triangles == 0) as u8)
 }
 
 /// The shaders' `LIGHTS` where the scene's parameters tell the number.
@@ -257,6 +258,7 @@ pub fn light_constants(program: Program, needs: &Needs, samples: [u32; 2]) -> Pr
     scene_constants(program, needs)
         .constant("AREA_SAMPLES", if needs.emissive_triangles > 0 { samples[0] } else { 0 })
         .constant("LIGHTS", needs.punctual_lights.unwrap_or(ANY_NUMBER))
+        .constant("LIGHT_KINDS", needs.light_kinds)
         .constant("SKY_SAMPLES", if needs.environment { samples[1] } else { 0 })
 }
 
@@ -270,12 +272,16 @@ pub fn shadow_taps(arguments: &Arguments) -> Result<u32, Refusal> {
 
 /// Joins shadow maps to a program that looks lights up; shadow rays where there are none.
 pub fn bind_visibility(program: Program, maps: Option<&super::port::ShadowMaps>) -> Program {
-    match maps {
-        Some(maps) => program
-            .import("VISIBILITY", "lib/visibility/shadow_maps")
-            .constant("SHADOW_TAPS", (maps.taps as f64).sqrt())
-            .constant("SHADOW_RESOLUTION", maps.resolution)
-            .bind("shadow_depth", maps.depth),
-        None => program.import("VISIBILITY", "lib/visibility/rays"),
+    let Some(maps) = maps else { return program.import("VISIBILITY", "lib/visibility/rays") };
+    let program = program
+        .import("VISIBILITY", "lib/visibility/shadow_maps")
+        .constant("SHADOW_TAPS", (maps.taps as f64).sqrt())
+        .constant("SHADOW_RESOLUTION", maps.resolution)
+        .bind("shadow_depth", maps.depth);
+    match maps.pitch {
+        Some(pitch) => {
+            program.import("SHADOW_TEXELS", "lib/visibility/texels_in_buffer").constant("SHADOW_ROWS", maps.resolution).constant("SHADOW_PITCH", pitch)
+        }
+        None => program.import("SHADOW_TEXELS", "lib/visibility/texels_in_texture"),
     }
 }

@@ -447,6 +447,10 @@ impl<'a> Session<'a> {
             (Command::Clear(resource), Ready::Plain) => encoder.clear_buffer(self.buffer(*resource), 0, None),
             (Command::Clear(_), Ready::Clear { layers, format }) => layers.iter().for_each(|layer| clear_texture(encoder, layer, *format)),
             (Command::Copy { from, to }, Ready::Plain) => self.encode_copy(*from, *to, encoder),
+            (Command::Unroll { from, to, offset }, Ready::Plain) => {
+                let (texture, format) = self.texture(*from);
+                readback::copy_texture(encoder, texture, format, self.buffer(*to), *offset);
+            }
             (Command::Compute(compute), Ready::Compute { pipeline, groups }) => {
                 let [x, y, z] = self.workgroups(compute.groups);
                 if x * y * z > 0 {
@@ -564,9 +568,7 @@ impl<'a> Session<'a> {
     /// Bytes of a resource read back whole, rows of a texture padded.
     fn whole_bytes(&self, resource: Resource) -> u64 {
         match &self.physical[resource.0 as usize] {
-            Physical::Texture { texture, format } => {
-                readback::padded_row(texture.width(), *format) * texture.height() as u64 * texture.depth_or_array_layers() as u64
-            }
+            Physical::Texture { texture, format } => format.row_bytes(texture.width()) * texture.height() as u64 * texture.depth_or_array_layers() as u64,
             _ => self.buffer(resource).size(),
         }
     }
@@ -583,7 +585,7 @@ impl<'a> Session<'a> {
         let whole = self.whole_bytes(read.resource);
         let bytes = read.counted.map_or(whole, |(stride, count)| (stride * self.variable(count) as u64).min(whole)).next_multiple_of(4);
         match &self.physical[read.resource.0 as usize] {
-            Physical::Texture { texture, format } => readback::copy_texture(&mut pending.encoder, texture, *format, staging),
+            Physical::Texture { texture, format } => readback::copy_texture(&mut pending.encoder, texture, *format, staging, 0),
             _ if bytes > 0 => pending.encoder.copy_buffer_to_buffer(self.buffer(read.resource), 0, staging, 0, bytes),
             _ => {}
         }

@@ -40,7 +40,7 @@ impl Session<'_> {
     fn prepare(&self, command: &Command, pipelines: &Pipelines) -> Result<Ready, GpuError> {
         match command {
             Command::Clear(resource) => Ok(self.prepare_clear(*resource)),
-            Command::Copy { .. } | Command::Host(_) => Ok(Ready::Plain),
+            Command::Copy { .. } | Command::Unroll { .. } | Command::Host(_) => Ok(Ready::Plain),
             Command::Compute(compute) => {
                 let built = pipelines.of_compute(compute);
                 Ok(Ready::Compute { pipeline: built.pipeline.clone(), groups: self.bind(&compute.program, built)? })

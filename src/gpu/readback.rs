@@ -28,14 +28,9 @@ pub fn staging(gpu: &Gpu, bytes: u64) -> wgpu::Buffer {
     })
 }
 
-/// Bytes of a texture row in a buffer: a multiple of 256.
-pub fn padded_row(width: u32, format: Format) -> u64 {
-    (width as u64 * format.bytes()).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT as u64)
-}
-
 /// Rows without their padding.
 pub fn unpad(mut rows: Vec<u8>, width: u32, format: Format) -> Vec<u8> {
-    let (row, stride) = ((width as u64 * format.bytes()) as usize, padded_row(width, format) as usize);
+    let (row, stride) = ((width as u64 * format.bytes()) as usize, format.row_bytes(width) as usize);
     if row < stride {
         let count = rows.len() / stride;
         (1..count).for_each(|y| rows.copy_within(y * stride..y * stride + row, y * row));
@@ -44,16 +39,16 @@ pub fn unpad(mut rows: Vec<u8>, width: u32, format: Format) -> Vec<u8> {
     rows
 }
 
-/// Encodes the copy of a texture, all layers, into a staging buffer of `padded_row · height · layers` bytes.
-pub fn copy_texture(encoder: &mut wgpu::CommandEncoder, texture: &wgpu::Texture, format: Format, staging: &wgpu::Buffer) {
+/// Encodes the copy of a texture, all layers, into `row_bytes · height · layers` bytes of a buffer.
+pub fn copy_texture(encoder: &mut wgpu::CommandEncoder, texture: &wgpu::Texture, format: Format, buffer: &wgpu::Buffer, offset: u64) {
     let aspect = if format == Format::Depth32Float { wgpu::TextureAspect::DepthOnly } else { wgpu::TextureAspect::All };
     encoder.copy_texture_to_buffer(
         wgpu::TexelCopyTextureInfo { texture, mip_level: 0, origin: wgpu::Origin3d::ZERO, aspect },
         wgpu::TexelCopyBufferInfo {
-            buffer: staging,
+            buffer,
             layout: wgpu::TexelCopyBufferLayout {
-                offset: 0,
-                bytes_per_row: Some(padded_row(texture.width(), format) as u32),
+                offset,
+                bytes_per_row: Some(format.row_bytes(texture.width()) as u32),
                 rows_per_image: Some(texture.height()),
             },
         },

@@ -18,8 +18,7 @@ host_struct! {
         emitter_weight: f32,
         /// 0 × 0 where the environment is constant.
         environment_size: [u32; 2],
-        nodes: u32,
-        padding: u32,
+        padding: [u32; 2],
         centre: [f32; 3],
         padding_b: u32,
     }
@@ -124,7 +123,7 @@ pub fn byte_size(scene: &Scene, data: SceneData) -> u64 {
 /// The bytes of a part of the scene; `bvh` has sorted the scene's triangles.
 pub fn bytes(scene: &Scene, bvh: &Bvh, data: SceneData) -> Vec<u8> {
     let mut bytes = match data {
-        SceneData::Parameters => bytes_of(&parameters(scene, bvh)).to_vec(),
+        SceneData::Parameters => bytes_of(&parameters(scene)).to_vec(),
         SceneData::Positions => scene.triangles.iter().flat_map(|t| bytes_of(&t.positions.map(|p| p.to_array())).to_vec()).collect(),
         SceneData::Corners => scene.triangles.iter().flat_map(|t| bytes_of(&corners(t)).to_vec()).collect(),
         SceneData::Attributes => scene.triangles.iter().flat_map(|t| bytes_of(&attributes(t)).to_vec()).collect(),
@@ -143,7 +142,7 @@ pub fn bytes(scene: &Scene, bvh: &Bvh, data: SceneData) -> Vec<u8> {
     bytes
 }
 
-fn parameters(scene: &Scene, bvh: &Bvh) -> SceneParameters {
+fn parameters(scene: &Scene) -> SceneParameters {
     let emitters = emitters(scene);
     let (environment, environment_size) = match &scene.environment {
         Environment::Constant(radiance) => (*radiance, [0, 0]),
@@ -157,8 +156,7 @@ fn parameters(scene: &Scene, bvh: &Bvh) -> SceneParameters {
         emitters: emitters.len() as u32,
         emitter_weight: emitters.last().map_or(0.0, |e| e.cumulative),
         environment_size,
-        nodes: bvh.nodes().len() as u32,
-        padding: 0,
+        padding: [0; 2],
         centre: scene.bounds().centre().into(),
         padding_b: 0,
     }
@@ -214,15 +212,15 @@ fn lights(scene: &Scene) -> Vec<SceneLight> {
         .iter()
         .map(|light| {
             let layers = shadow_layers(light);
-            let (kind, position, direction, intensity, angles) = match light.kind {
-                LightKind::Point { position, intensity } => (0, position, Vec3::ZERO, intensity, [0.0, 0.0]),
-                LightKind::Spot { position, direction, intensity, inner, outer } => (1, position, direction, intensity, [inner.cos(), outer.cos()]),
-                LightKind::Directional { direction, irradiance } => (2, Vec3::ZERO, direction, irradiance, [0.0, 0.0]),
+            let (position, direction, intensity, angles) = match light.kind {
+                LightKind::Point { position, intensity } => (position, Vec3::ZERO, intensity, [0.0, 0.0]),
+                LightKind::Spot { position, direction, intensity, inner, outer } => (position, direction, intensity, [inner.cos(), outer.cos()]),
+                LightKind::Directional { direction, irradiance } => (Vec3::ZERO, direction, irradiance, [0.0, 0.0]),
             };
             layer += layers;
             SceneLight {
                 position: position.into(),
-                kind,
+                kind: light.kind.number(),
                 direction: direction.into(),
                 shadow_layer: if layers == 0 { u32::MAX } else { layer - layers },
                 intensity: intensity.into(),

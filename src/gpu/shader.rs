@@ -23,6 +23,9 @@ sources![
     "lib/light",
     "lib/visibility/rays",
     "lib/visibility/shadow_maps",
+    "lib/visibility/shadow_view",
+    "lib/visibility/texels_in_buffer",
+    "lib/visibility/texels_in_texture",
     "lib/record",
     "lib/tile",
     "lib/sums",
@@ -197,14 +200,18 @@ mod tests {
     use super::*;
 
     /// What the imports in capitals can stand for.
-    const VISIBILITY: [&str; 2] = ["lib/visibility/rays", "lib/visibility/shadow_maps"];
+    const IMPORTS: [&[(&str, &str)]; 3] = [
+        &[("VISIBILITY", "lib/visibility/rays")],
+        &[("VISIBILITY", "lib/visibility/shadow_maps"), ("SHADOW_TEXELS", "lib/visibility/texels_in_buffer")],
+        &[("VISIBILITY", "lib/visibility/shadow_maps"), ("SHADOW_TEXELS", "lib/visibility/texels_in_texture")],
+    ];
 
     #[test]
     fn every_shader_is_valid_with_every_import() {
         for (name, _) in SOURCES.iter().filter(|(name, _)| !name.starts_with("lib/")) {
-            for visibility in VISIBILITY {
-                if let Err(error) = Shader::load(name, &[("VISIBILITY", visibility)]) {
-                    panic!("{name} with {visibility}: {error}");
+            for imports in IMPORTS {
+                if let Err(error) = Shader::load(name, imports) {
+                    panic!("{name} with {imports:?}: {error}");
                 }
             }
         }

@@ -53,7 +53,9 @@ fn of_command(recording: &Recording, command: &Command, tiles: f64) -> Result<Op
     let bytes = |resource: Resource| recording.resource(resource).kind.bytes() as f64 / tiles;
     Ok(match command {
         Command::Clear(resource) => Some(Traffic { written_bytes: bytes(*resource), ..Traffic::default() }),
-        Command::Copy { from, to } => Some(Traffic { read_bytes: bytes(*from), written_bytes: bytes(*to), ..Traffic::default() }),
+        Command::Copy { from, to } | Command::Unroll { from, to, .. } => {
+            Some(Traffic { read_bytes: bytes(*from), written_bytes: bytes(*to), ..Traffic::default() })
+        }
         Command::Compute(compute) => Some(of_dispatch(recording, compute, tiles)?),
         Command::Host(host) => Some(of_host(host, &bytes)),
         Command::Raster(_) => None,

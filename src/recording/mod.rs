@@ -128,6 +128,12 @@ pub enum Command {
         from: Resource,
         to: Resource,
     },
+    /// Copies a texture's texels to a buffer from the byte `offset` on, a row after the other: [`Format::row_bytes`].
+    Unroll {
+        from: Resource,
+        to: Resource,
+        offset: u64,
+    },
     Compute(Compute),
     Raster(Raster),
     Host(Host),
@@ -283,7 +289,7 @@ impl Command {
         match self {
             Self::Compute(compute) => Some(&compute.program),
             Self::Raster(raster) => Some(&raster.program),
-            Self::Clear(_) | Self::Copy { .. } | Self::Host(_) => None,
+            Self::Clear(_) | Self::Copy { .. } | Self::Unroll { .. } | Self::Host(_) => None,
         }
     }
 }
@@ -361,6 +367,11 @@ impl Format {
             Self::Rgba32Float => 16,
         }
     }
+
+    /// Bytes of a texture's row in a buffer that it is copied to: a multiple of 256, as devices want.
+    pub fn row_bytes(self, width: u32) -> u64 {
+        (width as u64 * self.bytes()).next_multiple_of(256)
+    }
 }
 
 impl ResourceKind {
@@ -399,7 +410,7 @@ impl Command {
     pub fn resources(&self) -> Vec<Resource> {
         match self {
             Self::Clear(resource) => vec![*resource],
-            Self::Copy { from, to } => vec![*from, *to],
+            Self::Copy { from, to } | Self::Unroll { from, to, .. } => vec![*from, *to],
             Self::Compute(compute) => compute.program.bindings.iter().map(|b| b.1).collect(),
             Self::Raster(raster) => {
                 let mut all: Vec<_> = raster.program.bindings.iter().map(|b| b.1).collect();

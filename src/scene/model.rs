@@ -101,6 +101,17 @@ pub enum LightKind {
     Directional { direction: Vec3, irradiance: Rgb },
 }
 
+impl LightKind {
+    /// The shaders' name for it.
+    pub fn number(&self) -> u32 {
+        match self {
+            Self::Point { .. } => 0,
+            Self::Spot { .. } => 1,
+            Self::Directional { .. } => 2,
+        }
+    }
+}
+
 /// What rays see that leave the scene.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Environment {

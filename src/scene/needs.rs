@@ -1,6 +1,6 @@
 //! What a scene requires of a pipeline.
 
-use super::{Scene, Triangle};
+use super::{Scene, Triangle, shadow_layers};
 
 /// The facts that decide which passes and which parts of shaders stay.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -8,6 +8,8 @@ pub struct Needs {
     pub triangles: u32,
     /// None where shaders are to look it up.
     pub punctual_lights: Option<u32>,
+    /// Of each of the first eight, from the lowest on, four bits: [`super::LightKind::number`], and 0, 1 or 2 for no, one or six shadow maps.
+    pub light_kinds: u32,
     /// Punctual lights that cast shadows.
     pub shadowed_lights: u32,
     pub emissive_triangles: u32,
@@ -31,6 +33,7 @@ impl Needs {
         Self {
             triangles: scene.triangles.len() as u32,
             punctual_lights: Some(scene.lights.len() as u32),
+            light_kinds: (0..8).zip(&scene.lights).map(|(index, light)| (light.kind.number() | shadow_layers(light).min(2) << 2) << (4 * index)).sum(),
             shadowed_lights: scene.lights.iter().filter(|l| l.shadows).count() as u32,
             emissive_triangles: scene.triangles.iter().filter(|t| scene.materials[t.material as usize].emits()).count() as u32,
             environment: !scene.environment.is_black(),
@@ -47,6 +50,7 @@ impl Needs {
     pub fn unspecialised(&self) -> Self {
         Self {
             punctual_lights: None,
+            light_kinds: 0,
             shadowed_lights: self.shadowed_lights.max(1),
             emissive_triangles: self.emissive_triangles.max(1),
             environment: true,

@@ -105,7 +105,7 @@ fn files() -> BTreeMap<&'static str, Vec<u8>> {
 
 /// Code and arguments, one case each, and whether a GPU is needed.
 #[rustfmt::skip]
-const CASES: [(&str, &str, bool); 47] = [
+const CASES: [(&str, &str, bool); 48] = [
     ("plan::batch", "check irradiance --scene white.ron --set tiles.resolution=512", false),
     ("plan::coarsest", "check irradiance --scene white.ron --set misses.by=DeviceGrid(coarsest:3)", false),
     ("plan::curvature", "check irradiance-curvature --scene white.ron --set records.gradients=false", false),
@@ -135,6 +135,7 @@ const CASES: [(&str, &str, bool); 47] = [
     ("measure::variance_size", "diff grey.exr grey.exr --variance small.exr", false),
     ("compare::no_pipeline", "compare irradiance @tiles.resolution=8 --scene white.ron", false),
     ("compare::other_camera", "compare irradiance --scene white.ron --reference side.exr", false),
+    ("study::not_swept", "study weights --over tiles.resolution=8 -o out", false),
     ("sweep::same_parameter", "sweep irradiance --scene white.ron --over cache.accuracy=0.1 --over cache.accuracy=0.2 --dry-run", false),
     ("sweep::same_pipeline", "sweep irradiance --scene white.ron --over cache.accuracy=0.1,0.10 --dry-run", false),
     ("sweep::too_many", "sweep irradiance --scene white.ron --over a.a=1,2,3,4,5,6,7,8,9,10,11 --over b.b=1,2,3,4,5,6,7,8,9,10 --over c.c=1,2,3,4,5,6,7,8,9,10 --dry-run", false),

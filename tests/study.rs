@@ -21,6 +21,7 @@ use std::{fs, io};
 const DRAWN: &[(&str, Case)] = &[
     ("a_study_is_measured_and_told_as_its_file_says", told),
     ("options_change_a_study_and_costs_need_no_new_runs", changed),
+    ("rows_and_values_can_be_chosen", chosen),
     ("a_row_judges_the_others_also_after_a_stop", judged),
     ("pipelines_and_scenes_stand_beside_a_study", beside),
 ];
@@ -167,6 +168,23 @@ fn changed() -> Outcome {
     check(place.page("b.html")?["report"]["costs"].as_array().is_some_and(Vec::is_empty), || "records are told twice".into())?;
     let (_, stderr) = place.succeed(&format!("study small.ron --scene corner {changes} -o out --json c.json"))?;
     check(stderr.contains("0 found") && place.json("c.json")?["scene"] == "corner", || stderr)
+}
+
+/// Some of the rows, at other values; the row that judges stays.
+fn chosen() -> Outcome {
+    let small = SMALL.replace("a plane | raster", "raster");
+    let place = Place::with(&[("small.ron", &small), ("judged.ron", &small.replace("Traced(spp: 16)", "Row(\"rays\")"))])?;
+    for (study, rows) in [("small", &["raster"][..]), ("judged", &["raster", "rays"])] {
+        place.succeed(&format!("study {study}.ron --row raster --over tiles.resolution=6 -o {study} --json a.json"))?;
+        let json = place.json("a.json")?;
+        let found: Vec<_> = points(&json)?.iter().map(|point| [&point["row"], &point["values"]["tiles.resolution"]]).collect();
+        check(found == rows.iter().map(|row| [*row, "6"]).collect::<Vec<_>>(), || format!("{found:?}"))?;
+        check(error(&points(&json)?[0]) > 0.0, || json.to_string())?;
+    }
+    let (status, _, stderr) = place.run("study small.ron --row ray -o out")?;
+    check(status == 2 && stderr.contains("study::unknown_row") && stderr.contains("did you mean `rays`"), || stderr)?;
+    let (status, _, stderr) = place.run("study small.ron --over tiles.shape=Cosine -o out")?;
+    check(status == 2 && stderr.contains("study::not_swept") && stderr.contains("tiles.resolution"), || stderr)
 }
 
 fn judged() -> Outcome {

@@ -5,6 +5,7 @@ use super::failure::Failure;
 use super::input::read_file;
 use super::scene::{SceneOptions, ViewOptions};
 use super::survey::{self, Reference, SurveyOptions};
+use super::sweep::axes;
 use super::truth::TruthOptions;
 use crate::measure::criteria::{Cost, Metric};
 use crate::measure::study::{self, Study, embedded};
@@ -32,6 +33,12 @@ pub struct Options {
     scene: Option<PathBuf>,
     #[command(flatten)]
     view: ViewOptions,
+    /// Only this row of the study, and the one that judges, if one does; may be repeated
+    #[arg(long = "row", value_name = "NAME")]
+    rows: Vec<String>,
+    /// Other values of a parameter that the study sweeps; may be repeated
+    #[arg(long, value_name = "NODE.PARAM=VALUE,…")]
+    over: Vec<String>,
     /// Runs of each point instead of the study's
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=500))]
     runs: Option<u16>,
@@ -56,6 +63,8 @@ pub fn run(options: Options, console: &Console) -> Result<(), Failure> {
     for row in &mut study.survey.rows {
         row.pipeline = beside(folder.as_deref(), &row.pipeline).display().to_string();
     }
+    keep_rows(&mut study, &options.rows)?;
+    sweep_over(&mut study, &options.over)?;
     study.survey.runs = options.runs.unwrap_or(study.survey.runs);
     study.survey.metric = options.metric.unwrap_or(study.survey.metric);
     if let Some(cost) = &options.cost {
@@ -72,6 +81,40 @@ pub fn run(options: Options, console: &Console) -> Result<(), Failure> {
     let view = options.view.or(camera, study.size);
     let scene = options.scene.unwrap_or_else(|| beside(folder.as_deref(), &study.scene));
     survey::run(&study.survey, &SceneOptions::new(scene, view), &reference, &options.work, console)
+}
+
+/// Leaves the rows that are asked for, and the one that judges them; all where none is named.
+fn keep_rows(study: &mut Study, asked: &[String]) -> Result<(), Failure> {
+    let rows = &mut study.survey.rows;
+    if let Some(unknown) = asked.iter().find(|name| rows.iter().all(|row| row.name != **name)) {
+        let help = known(unknown, rows.iter().map(|row| row.name.as_str()), "it has");
+        return Err(Failure::input(Problem::new("study::unknown_row", format!("the study has no row `{unknown}`")).help(help)));
+    }
+    let judge = match study.reference {
+        study::Reference::Row(judge) => Some(rows[judge].name.clone()),
+        study::Reference::Traced { .. } => None,
+    };
+    rows.retain(|row| asked.is_empty() || asked.contains(&row.name) || judge.as_ref() == Some(&row.name));
+    if let Some(index) = judge.and_then(|judge| rows.iter().position(|row| row.name == judge)) {
+        study.reference = study::Reference::Row(index);
+    }
+    Ok(())
+}
+
+/// Gives parameters that are swept other values.
+fn sweep_over(study: &mut Study, over: &[String]) -> Result<(), Failure> {
+    for axis in axes(over)? {
+        let swept = &mut study.survey.over;
+        match swept.iter_mut().find(|own| own.parameter == axis.parameter) {
+            Some(own) => *own = axis,
+            None => {
+                let help = known(&axis.parameter, swept.iter().map(|own| own.parameter.as_str()), "it sweeps");
+                let message = format!("the study does not sweep `{}`", axis.parameter);
+                return Err(Failure::input(Problem::new("study::not_swept", message).help(help)));
+            }
+        }
+    }
+    Ok(())
 }
 
 /// A study, and the folder that it stands in; one that ships stands in none.

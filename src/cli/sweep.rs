@@ -71,7 +71,7 @@ fn row(text: &str, common: &[String]) -> Result<Row, Failure> {
 }
 
 /// The parameters that are swept, each once.
-fn axes(over: &[String]) -> Result<Vec<Swept>, Failure> {
+pub(super) fn axes(over: &[String]) -> Result<Vec<Swept>, Failure> {
     let mut axes: Vec<Swept> = Vec::new();
     for text in over {
         let Values { parameter, values } = Values::parse("--over", text).map_err(Failure::input)?;

@@ -196,7 +196,6 @@ fn layout(r: &mut Recorder<'_>, requests: port::Requests, shape: Shape, table: T
     }
     let samples = r.constant_buffer("directions", &sample_bytes(&table));
     let size = [tiles_per_row * table.width, rows * table.height];
-    // Shaders read a buffer, not the texture: drivers that run on the CPU take ten times as long to load a texel.
     let seen = r.buffer("seen", Format::R32Uint.row_bytes(size[0]) * size[1] as u64);
     debug_assert_eq!(size_of::<TileSample>(), 32);
     Ok(Work { requests, table: Arc::new(table), shape, samples, seen, size, tiles_per_row })

@@ -1,4 +1,4 @@
-// Shadow maps in a buffer, as far as one may be so large: drivers that run on the CPU load its words many times faster than texels.
+// Shadow maps in a buffer, as far as one may be so large: a driver that runs on the CPU takes two thirds of the time for 16 taps.
 
 @group(2) @binding(0) var<storage, read> shadow_depth: array<f32>;
 

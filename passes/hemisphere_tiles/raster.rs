@@ -1,11 +1,10 @@
 //! The scene rasterised from each record, less what lies outside of its views and what no sample can see.
 
-use super::cull::Culled;
+use super::cull::cull;
 use super::{Work, sift};
 use crate::contract::{Recorder, recorder::scene_constants};
 use crate::host_struct;
 use crate::math::hemisphere::{Shape, View};
-use crate::passes::record::{REQUEST_BYTES, Request};
 use crate::recording::*;
 use glam::DVec3;
 
@@ -105,23 +104,6 @@ fn tile_view(view: &View) -> TileView {
         height: view.rectangle[3] as f32,
         padding: 0.0,
     }
-}
-
-/// A host step that finds what each view of each request may see, for `then` to write; the [`Culled`] is what it returns.
-pub(super) fn cull(r: &mut Recorder<'_>, work: &Work, writes: &[Resource], then: impl Fn(&Culled, &mut dyn HostContext) + Send + Sync + 'static) -> Resource {
-    let requests = work.requests;
-    let views = work.table.views.clone();
-    let corners: Vec<_> = (0..requests.capacity).map(|tile| work.corner(tile)).collect();
-    let culled = r.state("culled");
-    r.host("cull", &[Read::counted(requests.places, REQUEST_BYTES, requests.count)], writes, move |host| {
-        let places: Vec<Request> = bytemuck::pod_collect_to_vec(host.read(requests.places));
-        Culled::with(host, culled, |found, host| {
-            found.refill(&places, &views, |tile| corners[tile as usize]);
-            then(found, host);
-        });
-        Ok(())
-    });
-    culled
 }
 
 /// Draws all that a view may see.

@@ -1,8 +1,8 @@
 //! Drops triangles that fall between the samples of a view, on the device: where a scene has more triangles than a view has
 //! samples, most of them do, and each would cost the driver as much as one that is seen.
 
-use super::cull::{Culled, GAP};
-use super::{Work, raster};
+use super::Work;
+use super::cull::{Culled, GAP, cull};
 use crate::contract::Recorder;
 use crate::host_struct;
 use crate::recording::*;
@@ -75,7 +75,7 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, program: &Program) -> (R
     let indices = r.buffer("indices", 12 * work.requests.capacity as u64 * room.per_tile as u64);
     let draws = r.draws("draws");
     let layout = room.clone();
-    let culled = raster::cull(r, work, &[to, sifted], move |found, host| {
+    let culled = cull(r, work, &[to, sifted], move |found, host| {
         let (words, views) = ask(found, &layout, words as usize);
         host.write(to, 0, bytemuck::cast_slice(&words));
         host.write(sifted, 0, bytemuck::cast_slice(&views));

@@ -43,6 +43,7 @@ impl Pass for AddRecords {
         let (Some(cache), Some(new)) = (r.record_cache("to").copied(), r.records("records").copied()) else { return Ok(()) };
         let batch = r.buffer("batch", size_of::<Batch>() as u64);
         let surplus = r.buffer("surplus", 16);
+        let level = r.buffer("level", 16);
         let added = r.variable("added", false);
         r.before_loop(Command::Clear(surplus));
         r.host("reserve", &[], &[batch], move |host| {
@@ -64,7 +65,9 @@ impl Pass for AddRecords {
             .bind("weighting", cache.weighting)
             .bind("records", new.records)
             .bind("cache", cache.records)
-            .bind("surplus", surplus);
+            .bind("surplus", surplus)
+            .bind("level", level);
+        r.compute(program.clone(), "measure", Groups::Fixed([1, 1, 1]));
         r.compute(program, "append", Groups::Counted { count: added, divisor: 64, per: 1 });
         r.report("surplus_records", surplus, 0);
         r.report_variable("records", cache.count);

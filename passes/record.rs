@@ -8,7 +8,7 @@ use crate::math::{
     projection::Pinhole,
     radius::Ellipse,
     sum::Summed,
-    weight,
+    weight::{self, Rule},
 };
 use crate::recording::*;
 use bytemuck::cast_slice;
@@ -27,7 +27,7 @@ host_struct! {
         footprint: f32,
         /// Gradients of red, green and blue per radian; the fourth numbers are the stretch, see `math::weight::Record`.
         rotation: [[f32; 4]; 3],
-        /// Gradients per scene unit; the first one's fourth number is the relative gradient.
+        /// Gradients per scene unit; the fourth numbers are the relative gradient, the share of the least spacing, and 0.
         translation: [[f32; 4]; 3],
     }
 }
@@ -58,7 +58,13 @@ host_struct! {
         change: f32,
         /// A point whose weights add up to this or less misses a record.
         overlap: f32,
-        padding: u32,
+        /// Most change within the least reach, as a share of the picture's irradiance.
+        contrast: f32,
+        /// How small the least reach may become for it, in widths of the pixel.
+        finest_spacing: f32,
+        padding_a: u32,
+        padding_b: u32,
+        padding_c: u32,
     }
 }
 
@@ -91,6 +97,25 @@ host_struct! {
         count: u32,
         padding_a: u32,
         padding_b: u32,
+    }
+}
+
+impl From<&Rule> for Weighting {
+    fn from(rule: &Rule) -> Self {
+        Self {
+            accuracy: rule.accuracy,
+            minimum_spacing: rule.spacing[0],
+            maximum_spacing: rule.spacing[1],
+            kind: rule.weighting as u32,
+            nearest: rule.nearest,
+            change: rule.change,
+            overlap: rule.overlap,
+            contrast: rule.contrast,
+            finest_spacing: rule.finest_spacing,
+            padding_a: 0,
+            padding_b: 0,
+            padding_c: 0,
+        }
     }
 }
 
@@ -143,6 +168,7 @@ impl From<&Record> for weight::Record {
             rotation: gradients(record.rotation),
             translation: gradients(record.translation),
             relative_gradient: record.translation[0][3],
+            fineness: record.translation[1][3],
             stretch: Vec3::from(record.rotation.map(|[_, _, _, w]| w)),
         }
     }
@@ -159,7 +185,7 @@ impl From<&weight::Record> for Record {
             irradiance: record.irradiance.into(),
             footprint: record.footprint,
             rotation: gradients(record.rotation, record.stretch),
-            translation: gradients(record.translation, Vec3::X * record.relative_gradient),
+            translation: gradients(record.translation, Vec3::new(record.relative_gradient, record.fineness, 0.0)),
         }
     }
 }

@@ -20,7 +20,19 @@ static DESCRIPTION: Description = Description {
             name: "minimum_spacing",
             about: "least reach of a record",
             unit: "pixels",
-            kind: ParameterKind::Float { default: 6.0, min: 0.1, max: 1000.0 },
+            kind: ParameterKind::Float { default: 8.0, min: 0.1, max: 1000.0 },
+        },
+        Parameter {
+            name: "contrast",
+            about: "most change that a gradient may foretell within the least reach, as a share of the picture's irradiance; where it is more, that reach shrinks",
+            unit: "",
+            kind: ParameterKind::Float { default: 0.3, min: 0.001, max: 1e6 },
+        },
+        Parameter {
+            name: "finest_spacing",
+            about: "how small the least reach may become for the contrast",
+            unit: "pixels",
+            kind: ParameterKind::Float { default: 1.5, min: 0.1, max: 1000.0 },
         },
         Parameter {
             name: "maximum_spacing",
@@ -88,36 +100,29 @@ impl Pass for RecordCache {
                 "make minimum_spacing the smaller of the two",
             ));
         }
-        let nearest = r.arguments.float("nearest");
         let weighting = match r.arguments.choice("weights").0 {
             "Ward" => port::Weighting::Ward,
             "TabellionLamorlette" => port::Weighting::TabellionLamorlette,
             _ => port::Weighting::Compact,
         };
-        let uniform = Weighting {
-            accuracy: r.arguments.float("accuracy") as f32,
-            minimum_spacing: minimum as f32,
-            maximum_spacing: maximum as f32,
-            kind: weighting as u32,
-            nearest: nearest as f32,
-            change: r.arguments.float("change") as f32,
-            overlap: r.arguments.float("overlap") as f32,
-            padding: 0,
+        let number = |name| r.arguments.float(name) as f32;
+        let rule = port::Rule {
+            weighting,
+            accuracy: number("accuracy"),
+            spacing: [minimum as f32, maximum as f32],
+            nearest: number("nearest"),
+            change: number("change"),
+            overlap: number("overlap"),
+            contrast: number("contrast"),
+            finest_spacing: number("finest_spacing"),
         };
         let capacity = r.arguments.integer("capacity") as u32;
         let cache = port::RecordCache {
             records: r.history_buffer("records", capacity as u64 * RECORD_BYTES),
             count: r.variable("count", true),
             capacity,
-            weighting: r.constant_buffer("weighting", bytemuck::bytes_of(&uniform)),
-            rule: port::Rule {
-                weighting,
-                accuracy: uniform.accuracy,
-                spacing: [uniform.minimum_spacing, uniform.maximum_spacing],
-                nearest: uniform.nearest,
-                change: uniform.change,
-                overlap: uniform.overlap,
-            },
+            weighting: r.constant_buffer("weighting", bytemuck::bytes_of(&Weighting::from(&rule))),
+            rule,
         };
         r.output("cache", Port::RecordCache(cache));
         Ok(())

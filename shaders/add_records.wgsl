@@ -17,8 +17,43 @@ struct Batch {
 // Records that an earlier one of their batch would have covered.
 @group(0) @binding(4) var<storage, read_write> surplus: array<atomic<u32>, 4>;
 
+// Luminance of the picture's irradiance.
+@group(0) @binding(5) var<storage, read_write> level: array<f32, 4>;
+
 // Whether the radius may not jump over what a neighbour has seen (Krivanek 2006).
 override NEIGHBOUR_CLAMPING: bool = true;
+
+// The first records tell what the picture's irradiance is: they stand far apart.
+const FIRST = 256u;
+
+var<workgroup> parts: array<f32, FIRST>;
+
+@compute @workgroup_size(256)
+fn measure(@builtin(local_invocation_index) lane: u32) {
+    let known = min(batch.first + batch.count, FIRST);
+    var light = vec3f(0.0);
+    if lane < min(batch.first, known) {
+        light = cache[lane].irradiance;
+    } else if lane < known {
+        light = records[lane - batch.first].irradiance;
+    }
+    parts[lane] = luminance(light) / f32(max(known, 1u));
+    for (var half = FIRST / 2u; half > 0u; half /= 2u) {
+        workgroupBarrier();
+        if lane < half {
+            parts[lane] += parts[lane + half];
+        }
+    }
+    if lane == 0u {
+        level[0] = parts[0];
+    }
+}
+
+fn refined(record: Record) -> Record {
+    var finer = record;
+    finer.translation[1].w = fineness(record, weighting, level[0]);
+    return finer;
+}
 
 @compute @workgroup_size(64)
 fn append(@builtin(global_invocation_id) id: vec3u) {
@@ -34,9 +69,9 @@ fn append(@builtin(global_invocation_id) id: vec3u) {
             }
         }
     }
-    cache[batch.first + id.x] = record;
+    cache[batch.first + id.x] = refined(record);
     for (var i = 0u; i < id.x; i++) {
-        if record_weight(records[i], weighting, record.position, record.normal) > weighting.overlap {
+        if record_weight(refined(records[i]), weighting, record.position, record.normal) > weighting.overlap {
             atomicAdd(&surplus[0], 1u);
             break;
         }

@@ -21,20 +21,27 @@ use hemisplat::{
     scene::{bvh::Bvh, load, model::*, needs::Needs},
 };
 use libtest_mimic::{Arguments, Failed, Trial};
-use std::{collections::BTreeMap, env, path::Path, sync::Arc, time::Instant};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    env,
+    path::Path,
+    sync::Arc,
+    time::Instant,
+};
 
 type Outcome = Result<(), Failed>;
 type Case = fn(&Stage) -> Outcome;
 
 fn main() {
     let required = env::var("HEMISPLAT_REQUIRE").is_ok_and(|list| list.split(',').any(|item| item.trim() == "gpu"));
-    let cases: [(&str, bool, Case); 9] = [
+    let cases: [(&str, bool, Case); 10] = [
         ("sums_agree_with_double_precision", false, sums_agree),
         ("curvatures_agree_with_double_precision", false, curvatures_agree),
         ("half_precision_sums_stay_finite", false, half_sums_are_bounded),
         ("tiles_that_cannot_be_halved_are_refused", false, odd_tiles_are_refused),
         ("splats_agree_pixel_by_pixel", false, splats_agree),
         ("fills_cover_every_pixel_and_repeat", false, fills_cover),
+        ("batches_serve_each_cell_once", false, batches_serve_each_cell_once),
         ("a_sequential_walk_has_no_surplus", false, sequential_walk),
         ("weights_on_the_host_are_those_on_the_device", false, weights_agree),
         ("as_many_records_as_fit_splat_alike", true, many_records),
@@ -432,7 +439,7 @@ fn records(scene: &Scene, size: [u32; 2], count: usize) -> Vec<Record> {
             let position = a * (1.0 - u) + b * (u * (1.0 - v)) + c * (u * v);
             let normal = (b - a).cross(c - a).normalize();
             let normal = if normal.dot(camera.eye - position) < 0.0 { -normal } else { normal };
-            // The fourth numbers are the stretch and the relative gradient.
+            // The fourth numbers are the stretch, the relative gradient and the fineness.
             let gradients =
                 |scale: f32, fourth: f32, numbers: &mut Numbers| std::array::from_fn(|_| (numbers.vector() * scale).extend(numbers.next() * fourth).to_array());
             Record {
@@ -450,7 +457,7 @@ fn records(scene: &Scene, size: [u32; 2], count: usize) -> Vec<Record> {
 }
 
 fn rule(weighting: weight::Weighting, most_pixels: f32) -> Rule {
-    Rule { weighting, accuracy: 0.3, spacing: [1.5, most_pixels], nearest: 2.0, change: 1.5, overlap: 0.0 }
+    Rule { weighting, accuracy: 0.3, spacing: [1.5, most_pixels], nearest: 2.0, change: 1.5, overlap: 0.0, contrast: 0.005, finest_spacing: 0.4 }
 }
 
 /// One texel a pixel: sums, and the number of records in the first channel; the seconds that the second frame took.
@@ -464,16 +471,7 @@ struct Splatted {
 fn splatted(stage: &Stage, records: &[Record], rule: Rule, size: [u32; 2], by: &str) -> Result<Splatted, Failed> {
     let mut graph = Graph::new(stage, size);
     graph.node("gbuffer", "GBuffer", &[], &[])?;
-    let uniform = Weighting {
-        accuracy: rule.accuracy,
-        minimum_spacing: rule.spacing[0],
-        maximum_spacing: rule.spacing[1],
-        kind: rule.weighting as u32,
-        nearest: rule.nearest,
-        change: rule.change,
-        overlap: rule.overlap,
-        padding: 0,
-    };
+    let uniform = Weighting::from(&rule);
     let cache = port::RecordCache {
         records: graph.buffer("records", bytemuck::cast_slice(records)),
         count: graph.variable("count"),
@@ -594,6 +592,35 @@ fn fills_cover(stage: &Stage) -> Outcome {
     check(reports["surplus_records"] * 10 < reports["records"], || format!("a tenth of the records or more is surplus: {reports:?}"))
 }
 
+/// Batches of two among cells of 8×8 pixels: none has a second record before each has one, though no record reaches beyond its pixel.
+fn batches_serve_each_cell_once(stage: &Stage) -> Outcome {
+    const SIZE: [u32; 2] = [64, 48];
+    let mut graph = Graph::new(stage, SIZE);
+    graph.node("gbuffer", "GBuffer", &[], &[])?;
+    graph.node("cache", "RecordCache", &[("minimum_spacing", "0.1"), ("maximum_spacing", "0.3"), ("overlap", "0"), ("capacity", "48")], &[])?;
+    let Some(&Port::RecordCache(cache)) = graph.ports.get("cache") else { return Err("no cache".into()) };
+    graph.batch = Some((2, false));
+    graph.node("splats", "Splat", &[("by", "ComputeTiles")], &[("records", "cache"), ("gbuffer", "gbuffer")])?;
+    graph.node("misses", "FindMisses", &[("by", "DeviceGrid:8")], &[("gbuffer", "gbuffer"), ("splats", "splats")])?;
+    graph.node("tiles", "HemisphereTiles", &[("resolution", "4")], &[("at", "misses")])?;
+    graph.node("closed", "Compensation", &[], &[("of", "tiles")])?;
+    graph.node("records", "IrradianceSum", &[], &[("of", "closed")])?;
+    graph.node("added", "AddRecords", &[], &[("to", "cache"), ("records", "records")])?;
+    graph.end_loop("misses.none")?;
+    let mut session = graph.session(&[cache.records])?;
+    session.frame(&|| Pace::GoOn).map_err(|e| e.to_string())?;
+    let records: Vec<Record> = read(&session, cache.records)?;
+    let camera = &stage.scene.cameras[0];
+    let cell = |record: &Record| {
+        let d = Vec3::from(record.position) - camera.eye;
+        let half = camera.half_extent(SIZE) * d.dot(camera.direction);
+        let across = |along: f32, half: f32, size: u32| ((along / half * 0.5 + 0.5) * size as f32) as u32 / 8;
+        [across(d.dot(camera.right()), half.x, SIZE[0]), across(-d.dot(camera.up), half.y, SIZE[1])]
+    };
+    let cells: BTreeSet<_> = records.iter().map(cell).collect();
+    check(cells.len() == 48, || format!("{} records stand in {} cells", records.len(), cells.len()))
+}
+
 fn sequential_walk(stage: &Stage) -> Outcome {
     for splat in stage.splats() {
         let reports = filled_twice(stage, 1, true, splat, "HostScan", "WorkgroupTree")?;
@@ -604,21 +631,21 @@ fn sequential_walk(stage: &Stage) -> Outcome {
 
 // Host and device
 
-/// Reach, weight and estimate of one record at one point a lane.
+/// Reach, weight, estimate and fineness of one record at one point a lane.
 const TWIN: &str = "
 struct Place { position: vec3f, kind: u32, normal: vec3f, padding: u32 }
-struct Value { estimate: vec3f, weight: f32, reach: f32, padding_a: f32, padding_b: f32, padding_c: f32 }
+struct Value { estimate: vec3f, weight: f32, reach: f32, fineness: f32, padding_a: f32, padding_b: f32 }
 @group(0) @binding(0) var<storage, read> records: array<Record>;
 @group(0) @binding(1) var<storage, read> places: array<Place>;
 @group(0) @binding(2) var<storage, read_write> values: array<Value>;
 @compute @workgroup_size(64)
 fn twin(@builtin(global_invocation_id) id: vec3u) {
     let place = places[id.x];
-    let weighting = Weighting(0.3, 1.5, 40.0, place.kind, 2.0, 1.5, 0.0, 0u);
+    let weighting = Weighting(0.3, 1.5, 40.0, place.kind, 2.0, 1.5, 0.0, 0.005, 0.4, 0u, 0u, 0u);
     let record = records[id.x];
     values[id.x] = Value(
         record_estimate(record, weighting, place.position, place.normal), record_weight(record, weighting, place.position, place.normal),
-        reach(record, weighting), 0.0, 0.0, 0.0,
+        reach(record, weighting), fineness(record, weighting, 0.5), 0.0, 0.0,
     );
 }
 ";
@@ -645,6 +672,8 @@ fn weights_agree(stage: &Stage) -> Outcome {
         .collect();
     let values = run_twin(&stage.gpu, &records, &places)?;
     let mut counted = [0; 3];
+    // Records that no contrast, some, and the most that counts make finer.
+    let mut finer = [0; 3];
     for (i, (value, place)) in values.iter().zip(&places).enumerate() {
         let (record, rule) = (weight::Record::from(&records[i]), rule(WEIGHTINGS[i % 3], 40.0));
         let (position, normal) = (Vec3::new(place[0], place[1], place[2]), Vec3::new(place[4], place[5], place[6]));
@@ -652,11 +681,13 @@ fn weights_agree(stage: &Stage) -> Outcome {
         counted[i % 3] += (weight > 0.0) as u32;
         let near = |found: f32, expected: f32, scale: f32| (found - expected).abs() <= 1e-5 * scale;
         // A weight near its rim is a small difference of numbers near 1.
-        let agrees = near(value[3], weight, weight.max(1.0)) && near(value[4], rule.reach(&record), rule.reach(&record));
+        let (reach, fineness) = (rule.reach(&record), rule.fineness(&record, 0.5));
+        let agrees = near(value[3], weight, weight.max(1.0)) && near(value[4], reach, reach) && near(value[5], fineness, 1.0);
+        finer[if fineness == 1.0 { 0 } else { 1 + (fineness < 0.27) as usize }] += 1;
         let estimates = (0..3).all(|c| near(value[c], estimate[c], estimate[c].abs() + record.irradiance[c]));
         check(agrees && estimates, || format!("record {i}: weight {weight}, estimate {estimate}; the device says {value:?}"))?;
     }
-    check(counted.iter().all(|c| *c > 500), || format!("too few records count for a test: {counted:?}"))
+    check(counted.iter().chain(&finer).all(|c| *c > 500), || format!("too few records count for a test: {counted:?}, {finer:?}"))
 }
 
 /// Runs [`TWIN`] over the records and places.

@@ -11,7 +11,7 @@ host_struct! {
         cell: u32,
         phase: u32,
         capacity: u32,
-        padding: u32,
+        start: u32,
     }
 }
 
@@ -40,7 +40,7 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, coarsest: u32) -> Result
         writes: vec![grid],
         run: std::sync::Arc::new(move |host| {
             host.set(cell, coarsest);
-            host.write(grid, 0, bytemuck::bytes_of(&Grid { cell: coarsest, phase: 0, capacity, padding: 0 }));
+            host.write(grid, 0, bytemuck::bytes_of(&Grid { cell: coarsest, phase: 0, capacity, start: 0 }));
             Ok(())
         }),
     }));
@@ -76,7 +76,8 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, coarsest: u32) -> Result
         host.set(idle, if finest && all == 0 { host.variable(idle) + 1 } else { 0 });
         // Without room the records of the round before have just been splatted: nothing is left to do.
         host.set(work.none, (host.variable(idle) == 4 || room == 0) as u32);
-        // What did not fit into the batch is looked for again, among what the batch leaves uncovered.
+        // What did not fit into the batch is looked for again, among what the batch leaves uncovered. Cells that have been served wait: they
+        // would ask again and again while the rest of the picture has no record at all.
         if all <= capacity {
             let next = host.variable(phase) + 1;
             host.set(phase, next % 4);
@@ -84,7 +85,8 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, coarsest: u32) -> Result
                 host.set(cell, host.variable(cell) / 2);
             }
         }
-        let uniform = Grid { cell: host.variable(cell), phase: host.variable(phase), capacity, padding: 0 };
+        let start = if all > capacity { numbers[2] } else { 0 };
+        let uniform = Grid { cell: host.variable(cell), phase: host.variable(phase), capacity, start };
         host.write(grid, 0, bytemuck::bytes_of(&uniform));
         Ok(())
     });

@@ -11,7 +11,8 @@ struct Grid {
     // Which of the four cells of a 2×2 block are looked at: bit 0 along x, bit 1 along y.
     phase: u32,
     capacity: u32,
-    padding: u32,
+    // Blocks before this one have been served.
+    start: u32,
 }
 
 @group(0) @binding(0) var<uniform> grid: Grid;
@@ -20,7 +21,7 @@ struct Grid {
 @group(0) @binding(3) var sums: texture_2d<f32>;
 // Per block of 2×2 cells: pixel index + 1 of the cell's request, or 0.
 @group(0) @binding(4) var<storage, read_write> candidates: array<u32>;
-// Requests made, candidates found.
+// Requests made, candidates found, one past the last block that was served.
 @group(0) @binding(5) var<storage, read_write> counts: array<u32, 4>;
 @group(0) @binding(6) var<storage, read_write> requests: array<Request>;
 
@@ -101,8 +102,8 @@ fn collect(@builtin(local_invocation_index) lane: u32) {
     let count = blocks();
     let total = count.x * count.y;
     let stretch = (total + 255u) / 256u;
-    let first = min(lane * stretch, total);
-    let last = min(first + stretch, total);
+    let first = clamp(lane * stretch, grid.start, total);
+    let last = clamp(lane * stretch + stretch, grid.start, total);
     var mine = 0u;
     for (var i = first; i < last; i++) {
         mine += select(0u, 1u, candidates[i] != 0u);
@@ -123,6 +124,9 @@ fn collect(@builtin(local_invocation_index) lane: u32) {
             let place = textureLoad(position, pixel, 0);
             requests[slot] = Request(place.xyz, place.w, textureLoad(normal, pixel, 0).xyz, 6.2831853 * unit(hash(candidate)));
             slot += 1u;
+            if slot == grid.capacity {
+                counts[2] = i + 1u;
+            }
         }
     }
     if lane == 255u {

@@ -1,4 +1,10 @@
+#import lib/colour
+
 // Records and requests: passes/record.rs has the same structs, math::weight the same arithmetic.
+
+// What extrapolation may make of a record's irradiance: math::weight::EXTRAPOLATION.
+const LEAST_FALL = 0.4;
+const MOST_RISE = 1.5;
 
 struct Record {
     position: vec3f,
@@ -13,7 +19,8 @@ struct Record {
     // Gradients of red, green and blue. The rotation's fourth components are the stretch: along the axis of the longest
     // reach, sqrt(1 - (R0 / R1)²) long.
     rotation: array<vec4f, 3>,
-    // The first one's fourth component is the luminance's relative gradient along the surface, |∇E| / E.
+    // The first one's fourth component is the luminance's relative gradient along the surface, |∇E| / E, the second one's the
+    // share of the least spacing that holds for this record, in (0, 1].
     translation: array<vec4f, 3>,
 }
 
@@ -39,7 +46,13 @@ struct Weighting {
     change: f32,
     // A point whose weights add up to this or less misses a record.
     overlap: f32,
-    padding: u32,
+    // Most change within the least reach, as a share of the picture's irradiance, and how small that reach may become for it
+    // [widths of the pixel].
+    contrast: f32,
+    finest_spacing: f32,
+    padding_a: u32,
+    padding_b: u32,
+    padding_c: u32,
 }
 
 // Items of a list that a step works on.
@@ -59,7 +72,18 @@ fn gradient_reach(record: Record, weighting: Weighting) -> f32 {
 fn reach(record: Record, weighting: Weighting) -> f32 {
     let distance = select(record.radius, record.minimum_distance, weighting.kind == 1u);
     let free = min(weighting.accuracy * distance, gradient_reach(record, weighting));
-    return clamp(free, weighting.minimum_spacing * record.footprint, weighting.maximum_spacing * record.footprint);
+    return clamp(free, weighting.minimum_spacing * record.translation[1].w * record.footprint, weighting.maximum_spacing * record.footprint);
+}
+
+// Share of the least spacing within which a record foretells no more change than is allowed around `level`, the picture's luminance.
+fn fineness(record: Record, weighting: Weighting, level: f32) -> f32 {
+    let step = weighting.minimum_spacing * record.footprint;
+    let change = min(record.translation[0].w * step, MOST_RISE) * luminance(record.irradiance);
+    let allowed = weighting.contrast * level;
+    if !(change > allowed) {
+        return 1.0;
+    }
+    return clamp(allowed / change, min(weighting.finest_spacing / weighting.minimum_spacing, 1.0), 1.0);
 }
 
 fn stretch_of(record: Record) -> vec3f {
@@ -101,7 +125,7 @@ fn record_weight(record: Record, weighting: Weighting, position: vec3f, normal: 
     }
 }
 
-// Irradiance that a record foretells at a point (RCS 8), within a factor of 2.5 of its own.
+// Irradiance that a record foretells at a point (RCS 8), within limits of its own.
 fn record_estimate(record: Record, weighting: Weighting, position: vec3f, normal: vec3f) -> vec3f {
     let turn = cross(record.normal, normal);
     // A record that has to reach farther foretells at its rim what it would have where its gradient ends.
@@ -112,5 +136,5 @@ fn record_estimate(record: Record, weighting: Weighting, position: vec3f, normal
         dot(turn, record.rotation[1].xyz) + dot(move_by, record.translation[1].xyz),
         dot(turn, record.rotation[2].xyz) + dot(move_by, record.translation[2].xyz),
     );
-    return clamp(record.irradiance + change, record.irradiance * 0.4, record.irradiance * 2.5);
+    return clamp(record.irradiance + change, record.irradiance * LEAST_FALL, record.irradiance * (1.0 + MOST_RISE));
 }

@@ -96,12 +96,13 @@ fn record_of(request: Request, sums: Sums) -> Record {
     record.irradiance = sums.parts[0].rgb;
     record.radius = sums.parts[2].z / max(sums.parts[0].w, 1e-30);
     record.minimum_distance = 1.0 / max(sums.parts[2].w, 1e-30);
+    record.translation[1].w = 1.0;
     if GRADIENTS {
         record.rotation[0] = vec4f(frame * vec3f(sums.parts[1].xy, 0.0), 0.0);
         record.rotation[1] = vec4f(frame * vec3f(sums.parts[1].zw, 0.0), 0.0);
         record.rotation[2] = vec4f(frame * vec3f(sums.parts[2].xy, 0.0), 0.0);
         record.translation[0] = vec4f(frame * sums.parts[3].xyz, relative_gradient(sums));
-        record.translation[1] = vec4f(frame * sums.parts[4].xyz, 0.0);
+        record.translation[1] = vec4f(frame * sums.parts[4].xyz, 1.0);
         record.translation[2] = vec4f(frame * sums.parts[5].xyz, 0.0);
         if RADIUS == 1u {
             let ellipse = ellipse_of_curvature(luminance(record.irradiance), vec3f(sums.parts[3].w, sums.parts[4].w, sums.parts[5].w));

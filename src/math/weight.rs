@@ -1,6 +1,7 @@
 //! Irradiance records: where one counts, how much, and what it estimates. Single precision, line by line as
 //! `shaders/lib/record.wgsl` computes it; a test on the device compares the two.
 
+use super::colour::luminance;
 use glam::Vec3;
 
 /// The least error that Ward's weight divides by: it bounds the weight at the record's own place to 1000, far above
@@ -44,6 +45,8 @@ pub struct Record {
     pub stretch: Vec3,
     /// Of the luminance along the surface, `|∇E| / E` [1 / scene unit].
     pub relative_gradient: f32,
+    /// The share of the least spacing that holds for this record, in (0, 1]: [`Rule::fineness`].
+    pub fineness: f32,
 }
 
 /// How a record counts within its reach; the shaders know the kinds by these numbers.
@@ -71,6 +74,10 @@ pub struct Rule {
     pub change: f32,
     /// A point whose weights add up to this or less misses a record.
     pub overlap: f32,
+    /// Most change that a gradient may foretell within the least reach, as a share of the picture's irradiance.
+    pub contrast: f32,
+    /// How small the least reach may become for the contrast, in widths of the pixel.
+    pub finest_spacing: f32,
 }
 
 impl Rule {
@@ -84,8 +91,24 @@ impl Rule {
     /// How far a record reaches along the shorter axis: `a` times its distance, as far as the gradient may be followed,
     /// within the limits in pixels [scene units].
     pub fn reach(&self, record: &Record) -> f32 {
-        let [least, most] = self.spacing.map(|pixels| pixels * record.footprint);
+        let [least, most] = self.limits(record);
         (self.accuracy * self.distance(record)).min(self.gradient_reach(record)).max(least).min(most)
+    }
+
+    /// The least and the most that it may reach [scene units].
+    fn limits(&self, record: &Record) -> [f32; 2] {
+        [self.spacing[0] * record.fineness * record.footprint, self.spacing[1] * record.footprint]
+    }
+
+    /// The share of the least spacing within which a record foretells no more change than `contrast` allows around `level`, the
+    /// luminance of the picture's irradiance [W/m²]. What an edge gets wrong over a whole least reach is then little in the picture,
+    /// and dark creases, where relative gradients are as steep, ask for no more records than they are worth.
+    pub fn fineness(&self, record: &Record, level: f32) -> f32 {
+        let step = self.spacing[0] * record.footprint;
+        let light = luminance(record.irradiance.as_dvec3()) as f32;
+        let change = (record.relative_gradient * step).min(EXTRAPOLATION[1] - 1.0) * light;
+        let allowed = self.contrast * level;
+        if change > allowed { (allowed / change).max((self.finest_spacing / self.spacing[0]).min(1.0)) } else { 1.0 }
     }
 
     /// What the accuracy multiplies [scene units].
@@ -96,7 +119,7 @@ impl Rule {
     /// The parameter that decided how far a record reaches.
     pub fn limited_by(&self, record: &Record) -> &'static str {
         let reach = self.reach(record);
-        let [least, most] = self.spacing.map(|pixels| pixels * record.footprint);
+        let [least, most] = self.limits(record);
         match reach {
             _ if reach == most => "maximum_spacing",
             _ if reach == least => "minimum_spacing",
@@ -165,11 +188,12 @@ mod tests {
             translation: [Vec3::X, Vec3::ZERO, Vec3::new(0.0, -3.0, 0.0)],
             stretch: Vec3::ZERO,
             relative_gradient: 1.0,
+            fineness: 1.0,
         }
     }
 
     fn rule(weighting: Weighting) -> Rule {
-        Rule { weighting, accuracy: 0.15, spacing: [1.5, 40.0], nearest: 1e6, change: 1e6, overlap: 0.0 }
+        Rule { weighting, accuracy: 0.15, spacing: [1.5, 40.0], nearest: 1e6, change: 1e6, overlap: 0.0, contrast: 1e6, finest_spacing: 1.5 }
     }
 
     fn tilted(axis: Vec3, degrees: f32) -> Vec3 {
@@ -251,6 +275,21 @@ mod tests {
         assert!(near(wide.reach(&steep), 0.1) && near(wide.estimate(&steep, r.position + Vec3::X * 0.05, r.normal).x, 1.005));
     }
 
+    #[test]
+    fn strong_contrasts_make_the_least_reach_smaller() {
+        // |∇E|/E = 1 over a least reach of 0.2: a fifth of a luminance of 1.8596.
+        let r = Record { footprint: 0.1, radius: 0.0, ..record() };
+        let rule = Rule { spacing: [2.0, 40.0], contrast: 0.1, finest_spacing: 0.5, ..rule(Weighting::Compact) };
+        assert_eq!(rule.fineness(&r, 3.8), 1.0);
+        assert!(near(rule.fineness(&r, 1.8596), 0.5) && near(rule.fineness(&r, 0.1), 0.25));
+        assert!(near(rule.reach(&Record { fineness: 0.5, ..r }), 0.1) && near(rule.reach(&Record { fineness: 0.5, radius: 1.0, ..r }), 0.15));
+        // What an extrapolation may not foretell does not count, and a least reach that is fine already stays.
+        assert!(near(rule.fineness(&Record { relative_gradient: 1e30, ..r }, 10.0 * 1.8596), 1.0 / 1.5));
+        assert_eq!(Rule { finest_spacing: 3.0, ..rule }.fineness(&r, 0.0), 1.0);
+        // Without light there is no contrast.
+        assert_eq!(rule.fineness(&Record { irradiance: Vec3::ZERO, ..r }, 0.0), 1.0);
+    }
+
     const KINDS: [Weighting; 3] = [Weighting::Ward, Weighting::TabellionLamorlette, Weighting::Compact];
 
     /// The same record in another unit of length.
@@ -289,12 +328,15 @@ mod tests {
                 let rule = rule(kind);
                 prop_assert_eq!(rule.weight(&r, p, n), rule.weight(&in_unit(&r, unit), p * unit, n));
                 prop_assert_eq!(rule.estimate(&r, p, n), rule.estimate(&in_unit(&r, unit), p * unit, n));
+                let strict = Rule { contrast: 0.01, finest_spacing: 0.1, ..rule };
+                prop_assert_eq!(strict.fineness(&r, 1.0), strict.fineness(&in_unit(&r, unit), 1.0));
+                prop_assert!(strict.fineness(&r, 1.0) < 1.0);
             }
         }
 
         #[test]
         fn ward_counts_where_the_formula_says(x in -0.5..0.5f32, y in -0.5..0.5f32, degrees in 0.0..30.0f32, accuracy in 0.01..2.0f32) {
-            let (r, rule) = (record(), Rule { weighting: Weighting::Ward, accuracy, spacing: [0.0, 1e6], nearest: 1e6, change: 1e6, overlap: 0.0 });
+            let (r, rule) = (record(), Rule { weighting: Weighting::Ward, accuracy, spacing: [0.0, 1e6], nearest: 1e6, change: 1e6, overlap: 0.0, contrast: 1e6, finest_spacing: 1.5 });
             let (p, n) = (r.position + Vec3::new(x, y, 0.0), tilted(Vec3::X, degrees));
             let behind = (p - r.position).dot(n + r.normal) * 0.5 + FRONT_TOLERANCE * (p - r.position).length();
             let error = f64::from((p - r.position).length()) / 2.0 + (1.0 - f64::from(degrees).to_radians().cos()).sqrt();

@@ -115,8 +115,10 @@ def truth(scene, eye, rays, lights, samples, epsilon, seed=1, note=lambda *a: No
             far = scene.ray_intersect(mi.Ray3f(vector(o), w))
             e = direct_irradiance(scene, far.p, facing(far.n, w), far.is_valid(), lights, epsilon)
             rho = far.bsdf().eval_diffuse_reflectance(far, far.is_valid())
-            one = np.stack([np.array(dr.select(far.is_valid(), a * c, 0)) for a, c in zip(e, (rho.x, rho.y, rho.z))], 1).reshape(len(i), 256, 3).mean(1)
-            mean[i] += one  # pi * (rho/pi) * E
+            light = [dr.select(far.is_valid(), a * c, 0) for a, c in zip(e, (rho.x, rho.y, rho.z))]  # pi * (rho/pi) * E
+            dr.eval(light)  # together: each alone would cast all rays again
+            one = np.stack([np.array(x) for x in light], 1).reshape(len(i), 256, 3).mean(1)
+            mean[i] += one
             square[i] += one**2
         note(k + 1, rounds)
     mean /= rounds

@@ -1,4 +1,4 @@
-# Sourced by ./demo, ./check and .ci/run: installs what a fresh Debian lacks, and says so.
+# Sourced by ./demo, ./check, ./bench and .ci/run: installs what a fresh Debian lacks, and says so.
 
 # Installs packages, or prints the command and stops where that needs a right that we lack.
 install_packages() {
@@ -39,4 +39,15 @@ install_missing() {
     [ "${#packages[@]}" -eq 0 ] || install_packages "${packages[@]}"
     # Silences a warning of Mesa's.
     export XDG_RUNTIME_DIR="${XDG_RUNTIME_DIR:-${TMPDIR:-/tmp}}"
+}
+
+# Scenes come from $HEMISPLAT_SCENES, or from a folder shared/scenes in or beside the checkout.
+find_scenes() {
+    local scenes
+    for scenes in shared/scenes ../shared/scenes; do
+        if [ -z "${HEMISPLAT_SCENES:-}" ] && [ -d "$scenes" ]; then
+            HEMISPLAT_SCENES="$(cd "$scenes" && pwd)"
+            export HEMISPLAT_SCENES
+        fi
+    done
 }

@@ -276,7 +276,7 @@ fn beside(label: &Label, words: &str) -> String {
     format!("{leader}<text x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{}</text>", y + 4.5, escaped(words))
 }
 
-/// The names of the lines, and what a ring says.
+/// The names of the lines, and where there is a ring what it says.
 fn legend(plot: &Plot, canvas: &Canvas) -> String {
     let [left, _, _, bottom] = canvas.frame;
     let row = |index: usize| bottom + BELOW + ROW * (index as f64 + 0.5);
@@ -294,6 +294,9 @@ fn legend(plot: &Plot, canvas: &Canvas) -> String {
             shape(index),
             escaped(&line.name)
         );
+    }
+    if !plot.lines.iter().flat_map(|line| &line.marks).any(|mark| mark.is_on_front) {
+        return text;
     }
     let front = if plot.label_of_marks.is_empty() { "Pareto front".to_owned() } else { format!("Pareto front, with {}", plot.label_of_marks) };
     let _ = writeln!(

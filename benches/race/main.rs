@@ -1,0 +1,205 @@
+//! How much faster is hemisplat than Radiance's irradiance cache, and than Mitsuba's ray casting, at equal error, on this machine?
+//!
+//! `./bench` builds and runs it; docs/bench.md tells what it measures. `cargo test --test race` tests its arithmetic and its lists.
+
+mod curve;
+mod kept;
+mod programs;
+mod report;
+mod settings;
+mod tell;
+
+use clap::Parser;
+use hemisplat::measure::{
+    cache::Checksum,
+    plot::{Paper, svg},
+};
+use kept::{Folder, Run, read, write};
+use programs::{Programs, Truth};
+use report::{Point, Report, Scene};
+use serde::{Deserialize, Serialize};
+use settings::{Case, Program, Race, Setting, interleaved};
+use std::{
+    path::{Path, PathBuf},
+    process::ExitCode,
+};
+
+type Failure = Box<dyn std::error::Error>;
+
+/// Race hemisplat against Radiance and Mitsuba to equal error
+#[derive(Parser)]
+#[command(name = "./bench")]
+struct Options {
+    /// Small pictures and few settings, to see whether all runs: results stay in the folder of --out
+    #[arg(long)]
+    quick: bool,
+    /// One scene of the list alone
+    #[arg(long)]
+    scene: Option<String>,
+    /// Where what was measured is kept, and taken over from
+    #[arg(short, long, default_value = "out/bench")]
+    out: PathBuf,
+    /// Runs of each setting of hemisplat
+    #[arg(long, default_value = "3", value_parser = clap::value_parser!(u32).range(1..))]
+    runs: u32,
+    /// Another build of hemisplat than the one beside
+    #[arg(long, value_name = "FILE", default_value = env!("CARGO_BIN_EXE_hemisplat"), hide_default_value = true)]
+    program: PathBuf,
+    /// Write the tables here too
+    #[arg(long, value_name = "FILE")]
+    markdown: Option<PathBuf>,
+    /// What `cargo bench` says
+    #[arg(long, hide = true)]
+    bench: bool,
+}
+
+fn main() -> ExitCode {
+    match race(&Options::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            eprintln!("error: {failure}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn race(options: &Options) -> Result<(), Failure> {
+    let file = if options.quick { "benches/race-quick.ron" } else { "benches/race.ron" };
+    let text = String::from_utf8(read(&Path::new(env!("CARGO_MANIFEST_DIR")).join(file))?)?;
+    let race = Race::read(&text).and_then(|race| race.only(options.scene.as_deref())).map_err(|error| format!("{file}: {error}"))?;
+    let programs = Programs::find(&options.program)?;
+    let folder = Folder::new(&options.out)?;
+    let mut scenes = Vec::new();
+    for case in &race.scenes {
+        let points = Track::new(&race, &programs, &folder, case)?.points(options.runs)?;
+        scenes.push(Scene::of(&case.name, points)?);
+    }
+    let Programs { versions, machine, .. } = programs;
+    let (date, commit) = (programs::date()?, programs::commit());
+    publish(options, &Report { schema: 1, date, commit, machine, versions, size: race.size, truth: race.truth, scenes })
+}
+
+/// Tables on the terminal, everything else into files.
+fn publish(options: &Options, report: &Report) -> Result<(), Failure> {
+    let folder = if options.quick { options.out.clone() } else { "benches/results".into() };
+    let scene = options.scene.as_ref().map_or(String::new(), |scene| format!("-{scene}"));
+    let path = folder.join(format!("{}-race{scene}", report.date));
+    let tables = tell::markdown(report);
+    write(&path.with_extension("json"), &(serde_json::to_string_pretty(report)? + "\n"))?;
+    write(&path.with_extension("svg"), &svg(&tell::plot(report), Paper::Wide))?;
+    options.markdown.iter().try_for_each(|file| write(file, &tables))?;
+    println!("{tables}\nwritten: {0}.json, {0}.svg", path.display());
+    Ok(())
+}
+
+/// One scene, and all that runs on it.
+struct Track<'a> {
+    race: &'a Race,
+    programs: &'a Programs,
+    folder: &'a Folder,
+    case: &'a Case,
+    /// What all times and errors of the scene depend on.
+    ground: String,
+    truth: Truth,
+}
+
+/// A setting's run of this number.
+#[derive(Clone, Copy)]
+struct Job<'a> {
+    setting: &'a Setting,
+    run: u32,
+}
+
+/// Shows that the files of a truth are whole.
+#[derive(Serialize, Deserialize)]
+struct Sealed {
+    checksums: [String; 2],
+    printed: serde_json::Value,
+}
+
+impl<'a> Track<'a> {
+    fn new(race: &'a Race, programs: &'a Programs, folder: &'a Folder, case: &'a Case) -> Result<Self, Failure> {
+        let (scene, mitsuba) = (programs.scene_checksum(case)?, &programs.versions.mitsuba);
+        let key = format!("scene {scene}, size {}, {:?}, Mitsuba {mitsuba}", race.size, race.truth);
+        let truth = truth(race, programs, folder, case, &key)?;
+        Ok(Self { race, programs, folder, case, ground: format!("{key}, {} cores, {:?}", programs.machine.cores, programs.machine.cpu), truth })
+    }
+
+    /// Peers run once, hemisplat's settings several times, spread between them.
+    fn points(&self, runs: u32) -> Result<Vec<Point>, Failure> {
+        let settings = self.race.settings(self.case);
+        let jobs = jobs(&settings, runs);
+        self.warm_up(&jobs)?;
+        let mut found: Vec<Vec<Run>> = settings.iter().map(|_| Vec::new()).collect();
+        for (number, job) in jobs.iter().enumerate() {
+            eprint!("{} {}/{}: {} {} … ", self.case.name, number + 1, jobs.len(), job.setting.program().name(), job.setting.name());
+            let (run, is_kept) = self.run(job)?;
+            eprintln!("{:.1} s, {:.2} %{}", run.seconds, run.errors.rmse_over_mean * 100.0, if is_kept { ", kept" } else { "" });
+            found.iter_mut().zip(&settings).filter(|(_, setting)| *setting == job.setting).for_each(|(found, _)| found.push(run.clone()));
+        }
+        settings.iter().zip(found).map(|(setting, runs)| Point::of(setting, runs)).collect()
+    }
+
+    /// Shaders of what is still to be measured, so that no run but a cold one compiles any.
+    fn warm_up(&self, jobs: &[Job]) -> Result<(), Failure> {
+        for Job { setting, .. } in jobs.iter().filter(|job| job.run == 0 && job.setting.is_on_curve()) {
+            if let Setting::Hemisplat(ours) = setting
+                && jobs.iter().any(|job| job.setting == *setting && self.kept(job).is_none())
+            {
+                eprintln!("{}: hemisplat {} is warmed up", self.case.name, setting.name());
+                self.programs.warm_up(self.race, self.case, ours, &self.folder.workplace()?)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn run(&self, job: &Job) -> Result<(Run, bool), Failure> {
+        if let Some(run) = self.kept(job) {
+            return Ok((run, true));
+        }
+        let run = self.programs.run(self.race, self.case, job.setting, &self.truth, &self.folder.workplace()?)?;
+        self.folder.keep(&self.name(job), &self.key(job), &run)?;
+        Ok((run, false))
+    }
+
+    fn kept(&self, job: &Job) -> Option<Run> {
+        self.folder.find(&self.name(job), &self.key(job))
+    }
+
+    fn name(&self, job: &Job) -> String {
+        format!("{}-{}", self.case.name, job.setting.program().name().to_lowercase())
+    }
+
+    fn key(&self, job: &Job) -> String {
+        let Programs { versions, machine, .. } = self.programs;
+        let version = match job.setting.program() {
+            Program::Radiance => versions.radiance.clone(),
+            Program::Mitsuba => versions.mitsuba.clone(),
+            Program::Hemisplat => format!("{} on {}", versions.hemisplat, machine.adapter),
+        };
+        format!("{}, {} {version}, {}, run {}", self.ground, job.setting.program().name(), job.setting.name(), job.run)
+    }
+}
+
+/// Every other round of hemisplat's goes backwards.
+fn jobs(settings: &[Setting], runs: u32) -> Vec<Job<'_>> {
+    let of = |program: Program, run: u32| settings.iter().filter(move |setting| setting.program() == program).map(move |setting| Job { setting, run });
+    let round = |run: u32| if run.is_multiple_of(2) { of(Program::Hemisplat, run).collect() } else { of(Program::Hemisplat, run).rev().collect::<Vec<_>>() };
+    interleaved(vec![of(Program::Radiance, 0).collect(), of(Program::Mitsuba, 0).collect(), (0..runs).flat_map(round).collect()])
+}
+
+/// The kept truth of a scene if it is whole, else a new one.
+fn truth(race: &Race, programs: &Programs, folder: &Folder, case: &Case, key: &str) -> Result<Truth, Failure> {
+    let name = format!("{}-truth", case.name);
+    let place = folder.beside(&name, key);
+    let file = |layer: &str| place.join(format!("{}.reference-{layer}.exr", case.name));
+    let truth = Truth { indirect: file("indirect"), variance: file("variance") };
+    let checksums = || -> Result<[String; 2], Failure> { Ok([Checksum::of(&read(&truth.indirect)?), Checksum::of(&read(&truth.variance)?)]) };
+    let sealed: Option<Sealed> = folder.find(&name, key);
+    if sealed.is_none_or(|sealed| checksums().ok() != Some(sealed.checksums)) {
+        eprintln!("{}: Mitsuba traces the truth …", case.name);
+        let printed = programs.trace(race, case, &place)?;
+        folder.keep(&name, key, &Sealed { checksums: checksums()?, printed })?;
+    }
+    Ok(truth)
+}

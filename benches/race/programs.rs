@@ -1,0 +1,249 @@
+//! The programs that race: where they are, how each is run once, what its picture is worth.
+
+use crate::{
+    Failure,
+    kept::{Run, read},
+    settings::{Case, Hemisplat, Mitsuba, Race, Radiance, Setting, Start},
+};
+use hemisplat::measure::{Errors, cache::Checksum};
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
+use std::{
+    env, fs,
+    path::{Path, PathBuf},
+    process::Command,
+    time::Instant,
+};
+
+/// What would keep a driver from remembering its shaders.
+const NO_SHADER_CACHE: [&str; 2] = ["MESA_SHADER_CACHE_DISABLE", "MESA_GLSL_CACHE_DISABLE"];
+/// Where drivers and libraries keep them.
+const SHADER_CACHES: [&str; 2] = ["MESA_SHADER_CACHE_DIR", "XDG_CACHE_HOME"];
+
+/// What a point belongs to, beside its settings: another version makes other points.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Versions {
+    /// With a checksum of the program, in which shaders and pipelines stand.
+    pub hemisplat: String,
+    /// pyradiance, with a checksum of the script that runs it.
+    pub radiance: String,
+    /// With a checksum of the scripts that run it.
+    pub mitsuba: String,
+}
+
+pub struct Programs {
+    hemisplat: PathBuf,
+    python: PathBuf,
+    scenes: PathBuf,
+    pub versions: Versions,
+    pub machine: Machine,
+}
+
+/// What times depend on beside the programs.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Machine {
+    pub cores: usize,
+    /// None where the system does not tell it.
+    pub cpu: Option<String>,
+    /// The one that hemisplat runs on: its name, kind, backend and driver.
+    pub adapter: String,
+}
+
+/// The reference of a scene.
+pub struct Truth {
+    pub indirect: PathBuf,
+    pub variance: PathBuf,
+}
+
+/// A finished command: how long it took from start to end, and what it printed.
+struct Done {
+    seconds: f64,
+    stdout: Vec<u8>,
+}
+
+/// What a peer's script prints of its own seconds.
+#[derive(Deserialize)]
+struct Printed {
+    seconds: f64,
+    #[serde(flatten)]
+    facts: Value,
+}
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+fn peers_home() -> PathBuf {
+    let default = || PathBuf::from(env::var_os("HOME").unwrap_or_default()).join(".cache/hemisplat-peers");
+    env::var_os("PEERS_HOME").map_or_else(default, PathBuf::from)
+}
+
+fn scenes() -> Result<PathBuf, Failure> {
+    let folder = env::var_os("HEMISPLAT_SCENES").map(PathBuf::from);
+    folder.ok_or_else(|| "HEMISPLAT_SCENES names no folder: it is to hold sibenik/sibenik.obj and sponza/sponza.obj (docs/scenes.md)".into())
+}
+
+fn checksum(files: &[&Path]) -> Result<String, Failure> {
+    let mut checksum = Checksum::default();
+    for file in files {
+        checksum.add(&read(file)?);
+    }
+    Ok(checksum.finish())
+}
+
+/// Runs a command to its end.
+fn finish(command: &mut Command) -> Result<Done, Failure> {
+    let name = command.get_program().to_string_lossy().into_owned();
+    let start = Instant::now();
+    let output = command.current_dir(root()).output().map_err(|error| format!("cannot run {name}: {error}"))?;
+    let seconds = start.elapsed().as_secs_f64();
+    if output.status.success() {
+        return Ok(Done { seconds, stdout: output.stdout });
+    }
+    let arguments = command.get_args().map(|argument| argument.to_string_lossy()).collect::<Vec<_>>().join(" ");
+    Err(format!("{name} {arguments}\nended with {}:\n{}", output.status, String::from_utf8_lossy(&output.stderr)).into())
+}
+
+impl Machine {
+    fn find(hemisplat: &Path) -> Result<Self, Failure> {
+        let adapters = String::from_utf8(finish(Command::new(hemisplat).arg("adapters"))?.stdout)?;
+        let adapter = adapters.lines().next().and_then(|first| first.strip_suffix(": usable")).ok_or("hemisplat names no usable adapter")?.to_owned();
+        let cpus = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+        let cpu = cpus.lines().find(|line| line.starts_with("model name")).and_then(|line| line.split_once(": "));
+        let cores = std::thread::available_parallelism().map_or(1, |count| count.get());
+        Ok(Self { cores, cpu: cpu.map(|(_, name)| name.trim().to_owned()), adapter })
+    }
+}
+
+/// What a system's own program prints; None where it cannot.
+fn told(program: &str, arguments: &[&str]) -> Option<String> {
+    let output = Command::new(program).args(arguments).current_dir(root()).output().ok()?;
+    output.status.success().then(|| String::from_utf8_lossy(&output.stdout).trim().to_owned())
+}
+
+/// The commit of this checkout, marked where files differ from it.
+pub fn commit() -> Option<String> {
+    told("git", &["describe", "--always", "--dirty", "--abbrev=40", "--exclude", "*"])
+}
+
+/// Today, as YYYY-MM-DD in universal time.
+pub fn date() -> Result<String, Failure> {
+    told("date", &["-u", "+%F"]).ok_or_else(|| "`date -u +%F` does not tell the day".into())
+}
+
+impl Programs {
+    /// Finds them, or says what is missing and how to get it.
+    pub fn find(hemisplat: &Path) -> Result<Self, Failure> {
+        let hemisplat = fs::canonicalize(hemisplat).map_err(|error| format!("no program {}: {error}", hemisplat.display()))?;
+        let python = peers_home().join("bin/python");
+        if !python.is_file() {
+            return Err(format!("Radiance and Mitsuba are not in {}: `./bench peers` installs them there", peers_home().display()).into());
+        }
+        let script = |name: &str| root().join("benches/peers").join(name);
+        let ask = "from importlib.metadata import version; print(version('pyradiance'), version('mitsuba'))";
+        let printed = String::from_utf8(finish(Command::new(&python).args(["-c", ask]))?.stdout)?;
+        let (pyradiance, mitsuba) = printed.trim().split_once(' ').ok_or("the peers do not tell their versions: run `./bench peers`")?;
+        let versions = Versions {
+            hemisplat: format!("{} ({})", env!("CARGO_PKG_VERSION"), checksum(&[&hemisplat])?),
+            radiance: format!("pyradiance {pyradiance} ({})", checksum(&[&script("radiance.py")])?),
+            mitsuba: format!("{mitsuba} ({})", checksum(&[&script("mitsuba_reference.py"), &script("mitsuba_cast.py")])?),
+        };
+        let machine = Machine::find(&hemisplat)?;
+        Ok(Self { hemisplat, python, scenes: scenes()?, versions, machine })
+    }
+
+    /// Stands for all that is drawn: geometry, light, camera.
+    pub fn scene_checksum(&self, case: &Case) -> Result<String, Failure> {
+        let obj = self.scenes.join(&case.name).join(format!("{}.obj", case.name));
+        checksum(&[&obj, &root().join("benches/peers/cases.json"), &root().join(scene_file(case))])
+    }
+
+    /// The scene's truth into a folder.
+    pub fn trace(&self, race: &Race, case: &Case, folder: &Path) -> Result<Value, Failure> {
+        let truth = race.truth;
+        let numbers = [("--size", race.size), ("--stride", truth.stride), ("--samples", truth.samples)];
+        let done = finish(self.script("mitsuba_reference.py", case, &numbers.map(|(name, value)| (name, value.to_string()))).arg("-o").arg(folder))?;
+        Ok(serde_json::from_slice(&done.stdout)?)
+    }
+
+    /// Runs a setting once, in an empty folder of its own, and judges its picture.
+    pub fn run(&self, race: &Race, case: &Case, setting: &Setting, truth: &Truth, folder: &Path) -> Result<Run, Failure> {
+        match setting {
+            Setting::Radiance(Radiance { accuracy, samples, resolution }) => {
+                let numbers = [("--accuracy", accuracy.to_string()), ("--samples", samples.to_string()), ("--resolution", resolution.to_string())];
+                let rest = [("--size", race.size.to_string()), ("--processes", self.machine.cores.to_string())];
+                self.run_peer(case, truth, folder, self.script("radiance.py", case, &[&numbers[..], &rest].concat()))
+            }
+            Setting::Mitsuba(Mitsuba { strata }) => {
+                let numbers = [("--size", race.size.to_string()), ("--strata", strata.to_string())];
+                self.run_peer(case, truth, folder, self.script("mitsuba_cast.py", case, &numbers))
+            }
+            Setting::Hemisplat(ours) => self.run_ours(race, case, ours, truth, folder),
+        }
+    }
+
+    /// Fills the driver's cache with the shaders of a setting.
+    pub fn warm_up(&self, race: &Race, case: &Case, ours: &Hemisplat, folder: &Path) -> Result<(), Failure> {
+        finish(&mut self.render(race, case, ours, &race.warm_up, folder)).map(drop)
+    }
+
+    fn script(&self, name: &str, case: &Case, numbers: &[(&str, String)]) -> Command {
+        let mut command = Command::new(&self.python);
+        command.arg(Path::new("benches/peers").join(name)).arg(&case.name);
+        command.args(numbers.iter().flat_map(|(name, value)| [*name, value]));
+        command
+    }
+
+    /// The script's own seconds count: they leave out what belongs to the script, not to the program.
+    fn run_peer(&self, case: &Case, truth: &Truth, folder: &Path, mut command: Command) -> Result<Run, Failure> {
+        let done = finish(command.arg("-o").arg(folder))?;
+        let Printed { seconds, facts } = serde_json::from_slice(&done.stdout)?;
+        let errors = self.judge(&folder.join(format!("{}.indirect.exr", case.name)), truth)?;
+        Ok(Run { command: self.shown(&command, folder), seconds, errors, facts })
+    }
+
+    /// The whole command counts, from its start to the files written.
+    fn run_ours(&self, race: &Race, case: &Case, ours: &Hemisplat, truth: &Truth, folder: &Path) -> Result<Run, Failure> {
+        let mut command = self.render(race, case, ours, &[], folder);
+        if ours.start == Start::Cold {
+            let empty = folder.join("no-shaders");
+            fs::create_dir(&empty)?;
+            command.envs(SHADER_CACHES.map(|name| (name, &empty)));
+        }
+        let seconds = finish(&mut command)?.seconds;
+        let stats: Value = serde_json::from_slice(&read(&folder.join("out.json"))?)?;
+        let facts = json!({ "records": stats["frames"][0]["records"]["irradiance"], "start_up": stats["start_up"] });
+        Ok(Run { command: self.shown(&command, folder), seconds, errors: self.judge(&folder.join("out.exr"), truth)?, facts })
+    }
+
+    fn render(&self, race: &Race, case: &Case, ours: &Hemisplat, also: &[String], folder: &Path) -> Command {
+        let mut command = Command::new(&self.hemisplat);
+        command.args(["render", &ours.pipeline, "--scene", &scene_file(case), "--size", &format!("{0}x{0}", race.size), "--strict"]);
+        command.args(ours.set.iter().chain(also).flat_map(|set| ["--set", set]));
+        command.arg("-o").arg(folder.join("out.exr")).arg("--stats").arg(folder.join("out.json"));
+        for name in NO_SHADER_CACHE {
+            command.env_remove(name);
+        }
+        command
+    }
+
+    fn judge(&self, picture: &Path, truth: &Truth) -> Result<Errors, Failure> {
+        let json = picture.with_extension("diff.json");
+        let mut command = Command::new(&self.hemisplat);
+        command.args(["diff", &format!("{}:irradiance", picture.display())]).arg(&truth.indirect);
+        finish(command.arg("--variance").arg(&truth.variance).arg("--json").arg(&json))?;
+        Ok(serde_json::from_slice(&read(&json)?)?)
+    }
+
+    /// A command as anyone would type it, wherever the programs and files are here.
+    fn shown(&self, command: &Command, folder: &Path) -> String {
+        let program = if command.get_program() == self.hemisplat { "hemisplat" } else { "python" };
+        let folder = folder.display().to_string();
+        let arguments = command.get_args().map(|argument| argument.to_string_lossy().replace(&folder, "OUT"));
+        std::iter::once(program.to_owned()).chain(arguments).collect::<Vec<_>>().join(" ")
+    }
+}
+
+fn scene_file(case: &Case) -> String {
+    format!("scenes/{}.ron", case.name)
+}

@@ -1,0 +1,146 @@
+//! The report as tables in Markdown and as a figure.
+
+use crate::{
+    curve::{Reading, Sample},
+    report::{Level, Point, Report, Scene},
+    settings::Program,
+};
+use hemisplat::measure::plot::{Line, Mark, Plot};
+use std::fmt::Write;
+
+/// What a curve says beyond its ends.
+const OUT_OF_RANGE: &str = "out of range";
+
+pub fn markdown(report: &Report) -> String {
+    let Report { date, machine, versions, size, truth, .. } = report;
+    let cpu = machine.cpu.as_deref().unwrap_or("processor unknown");
+    let mut text = format!(
+        "{date}, commit {}: {size}×{size} pixels, one bounce; {} cores ({cpu}), {}; hemisplat {}, Radiance by {}, Mitsuba {}; \
+         truth by Mitsuba, {} rays at one pixel of {stride}×{stride}.\n",
+        report.commit.as_deref().unwrap_or("unknown"),
+        machine.cores,
+        machine.adapter,
+        versions.hemisplat,
+        versions.radiance,
+        versions.mitsuba,
+        truth.samples,
+        stride = truth.stride
+    );
+    for scene in &report.scenes {
+        let _ = write!(text, "\n### {}\n\n{}\n{}", scene.scene, points(scene), levels(scene));
+    }
+    text
+}
+
+/// Seconds with three digits that count.
+fn round(seconds: f64) -> String {
+    let digits = (2 - seconds.log10().floor() as i32).clamp(0, 2) as usize;
+    format!("{seconds:.digits$}")
+}
+
+fn percent(value: f64) -> String {
+    format!("{:.2} %", value * 100.0)
+}
+
+fn share(value: Option<f64>) -> String {
+    value.map_or_else(|| "not measurable".to_owned(), percent)
+}
+
+fn points(scene: &Scene) -> String {
+    let mut text = String::from(
+        "| program | settings | seconds | `rmse_over_mean` | `bias_over_mean` | `block_p50` | `block_p99` | on its curve |\n|---|---|---|---|---|---|---|---|\n",
+    );
+    for Point { program, name, seconds, seconds_of_runs, errors, is_on_curve, .. } in &scene.points {
+        let range = if seconds_of_runs.len() > 1 { format!(" ({}…{})", round(seconds.least), round(seconds.most)) } else { String::new() };
+        let _ = writeln!(
+            text,
+            "| {} | `{name}` | {}{range} | {} | {:+.2} % | {} | {} | {} |",
+            program.name(),
+            round(seconds.median),
+            percent(errors.rmse_over_mean),
+            errors.bias_over_mean * 100.0,
+            share(errors.block_p50),
+            share(errors.block_p99),
+            if *is_on_curve { "yes" } else { "" }
+        );
+    }
+    text
+}
+
+fn levels(scene: &Scene) -> String {
+    let mut text = String::from(
+        "| at `rmse_over_mean` | Radiance | Mitsuba | hemisplat | Radiance / hemisplat | Mitsuba / hemisplat | `block_p50`, `block_p99` of Radiance | of hemisplat | hemisplat is worse in |\n\
+         |---|---|---|---|---|---|---|---|---|\n",
+    );
+    for Level { rmse_over_mean, radiance, mitsuba, hemisplat, radiance_over_hemisplat, mitsuba_over_hemisplat, hemisplat_is_worse_in } in &scene.equal_error {
+        let [radiance_seconds, mitsuba_seconds, hemisplat_seconds] = [radiance, mitsuba, hemisplat].map(seconds);
+        let _ = writeln!(
+            text,
+            "| {} | {radiance_seconds} | {mitsuba_seconds} | {hemisplat_seconds} | {} | {} | {} | {} | {} |",
+            percent(*rmse_over_mean),
+            factor(*radiance_over_hemisplat),
+            factor(*mitsuba_over_hemisplat),
+            blocks(radiance),
+            blocks(hemisplat),
+            worse(hemisplat_is_worse_in.as_deref())
+        );
+    }
+    text
+}
+
+fn seconds(reading: &Reading) -> String {
+    let told = |word: &str, sample: &Sample| format!("{OUT_OF_RANGE} ({word}: {} in {} s)", percent(sample.rmse_over_mean), round(sample.seconds));
+    match reading {
+        Reading::At(sample) => format!("{} s", round(sample.seconds)),
+        Reading::NotReached(best) => told("its best", best),
+        Reading::Exceeded(fastest) => told("its fastest", fastest),
+    }
+}
+
+fn factor(factor: Option<f64>) -> String {
+    factor.map_or_else(|| OUT_OF_RANGE.to_owned(), |factor| format!("{factor:.2}"))
+}
+
+fn worse(errors: Option<&[&str]>) -> String {
+    match errors {
+        None => OUT_OF_RANGE.to_owned(),
+        Some([]) => "nothing".to_owned(),
+        Some(errors) => format!("**{}**", errors.join(", ")),
+    }
+}
+
+fn blocks(reading: &Reading) -> String {
+    reading.sample().map_or_else(|| OUT_OF_RANGE.to_owned(), |sample| format!("{}, {}", percent(sample.block_p50), percent(sample.block_p99)))
+}
+
+/// The curves of all programs and scenes: points that another one of their program beats are left out.
+pub fn plot(report: &Report) -> Plot {
+    let lines = report.scenes.iter().flat_map(|scene| Program::ALL.map(|program| line(scene, program)));
+    let names = report.scenes.iter().map(|scene| scene.scene.as_str()).collect::<Vec<_>>().join(", ");
+    Plot {
+        title: format!("{names}: {0}×{0} pixels, {1} cores", report.size, report.machine.cores),
+        x_label: "seconds".into(),
+        y_label: "rmse_over_mean [%]".into(),
+        label_of_marks: String::new(),
+        lines: lines.collect(),
+    }
+}
+
+fn line(scene: &Scene, program: Program) -> Line {
+    let mut points: Vec<&Point> = scene.points.iter().filter(|point| point.program == program && point.is_on_curve).collect();
+    points.sort_by(|a, b| a.seconds.median.total_cmp(&b.seconds.median));
+    Line { name: format!("{}: {}", scene.scene, program.name()), marks: points.into_iter().map(|point| mark(scene, point)).collect() }
+}
+
+fn mark(scene: &Scene, point: &Point) -> Mark {
+    let (seconds, error) = (point.seconds, point.errors.rmse_over_mean * 100.0);
+    Mark {
+        id: format!("{} {} {}", scene.scene, point.program.name(), point.name),
+        label: None,
+        about: format!("{} {}: {} s, {error:.2} %", point.program.name(), point.name, round(seconds.median)),
+        x: seconds.median,
+        x_spread: [seconds.least, seconds.most],
+        y: error,
+        is_on_front: false,
+    }
+}

@@ -1,0 +1,288 @@
+//! The arithmetic, the lists and the tables of `./bench`, which is a program without tests of its own.
+
+// Only parts of the program's modules are tested.
+#![allow(dead_code)]
+
+type Failure = Box<dyn std::error::Error>;
+
+#[path = "../benches/race/curve.rs"]
+mod curve;
+#[path = "../benches/race/kept.rs"]
+mod kept;
+#[path = "../benches/race/programs.rs"]
+mod programs;
+#[path = "../benches/race/report.rs"]
+mod report;
+#[path = "../benches/race/settings.rs"]
+mod settings;
+#[path = "../benches/race/tell.rs"]
+mod tell;
+
+mod the_curve {
+    use crate::curve::*;
+
+    fn sample(seconds: f64, error: f64) -> Sample {
+        Sample { seconds, rmse_over_mean: error, bias_over_mean: -error, block_p50: error / 10.0, block_p99: error * 2.0 }
+    }
+
+    #[test]
+    fn a_curve_is_what_nothing_beats_the_most_exact_first() {
+        let samples = [sample(1.0, 0.08), sample(4.0, 0.04), sample(5.0, 0.04), sample(3.0, 0.09), sample(16.0, 0.02), sample(4.0, 0.04), sample(0.5, 0.0)];
+        let curve = Curve::of(&samples).unwrap();
+        assert_eq!(curve.samples(), [sample(16.0, 0.02), sample(4.0, 0.04), sample(1.0, 0.08)]);
+        assert_eq!(curve.levels(), [0.02, 0.04, 0.08]);
+        assert_eq!(Curve::of(&[]), None);
+        assert_eq!(Curve::of(&[sample(1.0, 0.0)]), None);
+        assert_eq!(Curve::of(&samples[..1]).unwrap().levels(), [0.08]);
+        assert_eq!(Curve::of(&samples[..2]).unwrap().levels(), [0.04, 0.08]);
+    }
+
+    /// Time over the square of the error, as ray casting has it, is straight on logarithmic axes: read anywhere, it is exact.
+    #[test]
+    fn a_power_law_is_read_exactly_between_its_samples() {
+        let law = |error: f64| sample(0.02 / error.powi(2), error);
+        let curve = Curve::of(&[law(0.01), law(0.03), law(0.2)]).unwrap();
+        for error in [0.01, 0.015, 0.03, 0.07, 0.2] {
+            let read = curve.at(error).sample().unwrap();
+            assert!((read.seconds / law(error).seconds - 1.0).abs() < 1e-12, "{error}: {read:?}");
+            assert_eq!(read.rmse_over_mean, error);
+        }
+        // Half way between 0.01 and 0.03 by logarithm, the other errors are half way too.
+        let middle = curve.at(0.03f64.sqrt() * 0.1).sample().unwrap();
+        assert!((middle.block_p50 - 0.002).abs() < 1e-12 && (middle.block_p99 - 0.04).abs() < 1e-12 && (middle.bias_over_mean + 0.02).abs() < 1e-12);
+    }
+
+    #[test]
+    fn nothing_is_read_beyond_the_ends() {
+        let curve = Curve::of(&[sample(9.0, 0.02), sample(3.0, 0.05)]).unwrap();
+        assert_eq!(curve.at(0.019), Reading::NotReached(sample(9.0, 0.02)));
+        assert_eq!(curve.at(0.051), Reading::Exceeded(sample(3.0, 0.05)));
+        assert_eq!([curve.at(0.02), curve.at(0.05)], [Reading::At(sample(9.0, 0.02)), Reading::At(sample(3.0, 0.05))]);
+    }
+
+    #[test]
+    fn a_factor_needs_both() {
+        let [slow, fast] = [40.0, 8.0].map(|seconds| Reading::At(sample(seconds, 0.03)));
+        assert_eq!(slow.over(&fast), Some(5.0));
+        let beyond = Reading::Exceeded(sample(1.0, 0.01));
+        assert_eq!([slow.over(&beyond), beyond.over(&slow)], [None, None]);
+    }
+}
+
+mod the_settings {
+    use crate::settings::*;
+
+    const FILES: [&str; 2] = ["race.ron", "race-quick.ron"];
+
+    fn text(name: &str) -> String {
+        std::fs::read_to_string(std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("benches").join(name)).unwrap()
+    }
+
+    #[test]
+    fn the_lists_that_ship_are_read_and_name_cases_of_the_peers() {
+        let cases: serde_json::Value = serde_json::from_str(&text("peers/cases.json")).unwrap();
+        for race in FILES.map(|name| Race::read(&text(name)).unwrap()) {
+            assert!(race.scenes.iter().all(|case| cases[&case.name].is_object()));
+            assert_eq!(race.settings(&race.scenes[0]).len(), race.scenes[0].radiance.len() + race.mitsuba.len() + race.hemisplat.len());
+            assert!(race.hemisplat.iter().any(|ours| ours.start == Start::Cold));
+        }
+    }
+
+    #[test]
+    fn the_full_list_has_what_ships_without_any_change() {
+        let race = Race::read(&text("race.ron")).unwrap();
+        let shipped = |start| Hemisplat { pipeline: "irradiance".into(), set: vec![], start };
+        assert!([Start::Warm, Start::Cold].iter().all(|start| race.hemisplat.contains(&shipped(*start))));
+    }
+
+    #[test]
+    fn a_mistake_is_told_by_what_it_is() {
+        let mistakes = [
+            ("size: 128", "size: 127", "multiple of the stride"),
+            ("size: 128", "size: 64", "33 times"),
+            ("samples: 512", "samples: 300", "rounds of 256"),
+            ("stride: 2", "stride: 2, more: 1", "more"),
+            ("strata: 8", "strata: 0", "strata"),
+            ("strata: 8", "strata: 4", "Mitsuba 16 rays a pixel stands there twice"),
+            ("mitsuba: [(strata: 4), (strata: 8)]", "mitsuba: []", "no setting of Mitsuba"),
+            ("tiles.resolution=32", "tiles.resolutions=32", "tiles.resolutions"),
+            ("cache.accuracy=10", "cache.accuracy=11", "accuracy"),
+            ("name: \"sponza\"", "name: \"sibenik\"", "scene sibenik stands there twice"),
+        ];
+        let whole = text("race-quick.ron");
+        for (right, wrong, told) in mistakes {
+            assert!(whole.contains(right), "{right}");
+            let error = Race::read(&whole.replace(right, wrong)).unwrap_err();
+            assert!(error.contains(told), "{wrong}: {error}");
+        }
+        let error = Race::read(&whole).unwrap().only(Some("cornell")).unwrap_err();
+        assert_eq!(error, "no scene cornell; the list has sibenik, sponza");
+    }
+
+    #[test]
+    fn lists_are_spread_over_each_other() {
+        assert_eq!(interleaved(vec![vec!["A", "B"], vec!["1", "2", "3", "4"]]), ["1", "A", "2", "3", "B", "4"]);
+        assert_eq!(interleaved(vec![vec!["A"], vec![], vec!["1"]]), ["A", "1"]);
+    }
+}
+
+mod the_kept {
+    use crate::kept::*;
+    use serde::{Deserialize, Serialize};
+    use std::fs;
+
+    #[test]
+    fn what_is_kept_is_found_by_its_whole_key_only() {
+        let place = tempfile::tempdir().unwrap();
+        let folder = Folder::new(&place.path().join("a/b")).unwrap();
+        #[derive(Debug, PartialEq, Serialize, Deserialize)]
+        struct Found {
+            seconds: f64,
+        }
+        let find = |key| folder.find::<Found>("case", key);
+        assert_eq!(find("a"), None);
+        folder.keep("case", "a", &Found { seconds: 0.1 }).unwrap();
+        assert_eq!([find("a"), find("b")], [Some(Found { seconds: 0.1 }), None]);
+        let text = fs::read_to_string(folder.file("case", "a")).unwrap();
+        fs::write(folder.file("case", "a"), text.replace("\"a\"", "\"b\"")).unwrap();
+        assert_eq!(find("a"), None, "of another key");
+        fs::write(folder.file("case", "a"), &text[..text.len() / 2]).unwrap();
+        assert_eq!(find("a"), None, "damaged");
+    }
+
+    #[test]
+    fn the_workplace_is_empty_each_time() {
+        let place = tempfile::tempdir().unwrap();
+        let folder = Folder::new(place.path()).unwrap();
+        fs::write(folder.workplace().unwrap().join("left"), "x").unwrap();
+        assert_eq!(fs::read_dir(folder.workplace().unwrap()).unwrap().count(), 0);
+    }
+}
+
+mod the_report {
+    use crate::{
+        curve::Reading,
+        kept::Run,
+        programs::{Machine, Versions},
+        report::*,
+        settings::*,
+        tell,
+    };
+    use hemisplat::measure::{
+        Errors, LargestError,
+        plot::{Paper, svg},
+    };
+
+    fn run(seconds: f64, error: f64, block_p99: f64) -> Run {
+        let errors = Errors {
+            schema: 1,
+            layer: "irradiance".into(),
+            pixels: 1,
+            stride: 4,
+            reference_mean: 1.0,
+            reference_noise_over_mean: None,
+            rmse_over_mean: error,
+            bias_over_mean: -0.01,
+            rms_of_relative: None,
+            block_p50: Some(0.01),
+            block_p99: Some(block_p99),
+            relmse: 0.0,
+            flip: None,
+            hdr_flip: None,
+            largest: LargestError { x: 0, y: 0, test: 1.0, reference: 1.0, over_mean: 0.0 },
+        };
+        Run { command: "run".into(), seconds, errors, facts: serde_json::Value::Null }
+    }
+
+    fn radiance(accuracy: f64, seconds: f64, error: f64) -> Point {
+        Point::of(&Setting::Radiance(Radiance { accuracy, samples: 512, resolution: 16 }), vec![run(seconds, error, 0.05)]).unwrap()
+    }
+
+    fn mitsuba(strata: u32, seconds: f64, error: f64) -> Point {
+        Point::of(&Setting::Mitsuba(Mitsuba { strata }), vec![run(seconds, error, 0.05)]).unwrap()
+    }
+
+    fn ours(set: &str, start: Start, runs: Vec<Run>) -> Result<Point, String> {
+        let setting = Setting::Hemisplat(Hemisplat { pipeline: "irradiance".into(), set: vec![set.into()], start });
+        Point::of(&setting, runs).map_err(|error| error.to_string())
+    }
+
+    /// hemisplat is told at 4 %: half way, by logarithm, between 2 % in 40 s and 8 % in 10 s. A cold start and a beaten point are off its curve.
+    fn scene() -> Scene {
+        let points = vec![
+            radiance(0.1, 100.0, 0.04),
+            radiance(0.2, 80.0, 0.05),
+            radiance(0.3, 60.0, 0.1),
+            mitsuba(8, 50.0, 0.06),
+            mitsuba(16, 200.0, 0.03),
+            ours("a", Start::Warm, vec![run(39.0, 0.02, 0.04), run(70.0, 0.02, 0.04), run(40.0, 0.02, 0.04)]).unwrap(),
+            ours("b", Start::Warm, vec![run(10.0, 0.08, 0.08)]).unwrap(),
+            ours("c", Start::Warm, vec![run(12.0, 0.09, 0.01)]).unwrap(),
+            ours("b", Start::Cold, vec![run(9.0, 0.08, 0.08)]).unwrap(),
+        ];
+        Scene::of("sibenik", points).unwrap()
+    }
+
+    #[test]
+    fn programs_are_compared_where_their_curves_meet_one_error() {
+        let scene = scene();
+        let on_curve: Vec<bool> = scene.points.iter().map(|point| point.is_on_curve).collect();
+        assert_eq!(on_curve, [true, true, true, true, true, true, true, false, false]);
+        let [exact, middle, coarse] = &scene.equal_error[..] else { panic!("{:?}", scene.equal_error) };
+        assert_eq!([exact, middle, coarse].map(|level| level.rmse_over_mean), [0.04, 0.05, 0.1]);
+        // The median of hemisplat's runs counts.
+        assert!((exact.radiance_over_hemisplat.unwrap() - 5.0).abs() < 1e-9, "{exact:?}");
+        assert!((exact.mitsuba_over_hemisplat.unwrap() - 112.5 / 20.0).abs() < 1e-9, "{exact:?}");
+        assert_eq!(exact.hemisplat_is_worse_in.as_deref(), Some(&["block_p99"][..]), "6 % against 5 %");
+        assert!(matches!((coarse.radiance, coarse.mitsuba, coarse.hemisplat), (Reading::At(_), Reading::Exceeded(_), Reading::Exceeded(_))));
+        assert_eq!((coarse.radiance_over_hemisplat, &coarse.hemisplat_is_worse_in), (None, &None));
+    }
+
+    #[test]
+    fn equal_runs_with_other_pictures_are_refused() {
+        let error = ours("a", Start::Warm, vec![run(1.0, 0.02, 0.04), run(1.0, 0.03, 0.04)]).unwrap_err();
+        assert_eq!(error, "hemisplat irradiance a: pictures of equal runs differ");
+    }
+
+    #[test]
+    fn a_curve_without_an_error_is_refused() {
+        let error = Scene::of("sibenik", vec![radiance(0.1, 1.0, 0.0)]).unwrap_err().to_string();
+        assert!(error.contains("no error of Radiance is above the truth's noise"), "{error}");
+    }
+
+    #[test]
+    fn tables_and_figure_tell_it() {
+        let text = |text: &str| text.to_owned();
+        let report = Report {
+            schema: 1,
+            date: text("2026-01-02"),
+            commit: None,
+            machine: Machine { cores: 2, cpu: None, adapter: text("adapter") },
+            versions: Versions { hemisplat: text("1"), radiance: text("2"), mitsuba: text("3") },
+            size: 1000,
+            truth: Truth { samples: 4096, stride: 4 },
+            scenes: vec![scene()],
+        };
+        let tables = tell::markdown(&report);
+        for row in [
+            "4096 rays at one pixel of 4×4",
+            "| Radiance | `-aa 0.1 -ad 512 -ar 16` | 100 | 4.00 % | -1.00 % | 1.00 % | 5.00 % | yes |",
+            "| hemisplat | `irradiance a` | 40.0 (39.0…70.0) | 2.00 % |",
+            "| hemisplat | `irradiance b (cold start)` | 9.00 | 8.00 % | -1.00 % | 1.00 % | 8.00 % |  |",
+            "| 4.00 % | 100 s | 112 s | 20.0 s | 5.00 | 5.62 | 1.00 %, 5.00 % | 1.00 %, 6.00 % | **block_p99** |",
+            "| 10.00 % | 60.0 s | out of range (its fastest: 6.00 % in 50.0 s) | out of range (its fastest: 8.00 % in 10.0 s) | out of range | out of range |",
+        ] {
+            assert!(
+                tables.contains(row),
+                "{row}
+{tables}"
+            );
+        }
+        let plot = tell::plot(&report);
+        let marks: Vec<usize> = plot.lines.iter().map(|line| line.marks.len()).collect();
+        assert_eq!(marks, [3, 2, 2]);
+        assert_eq!((plot.lines[2].marks[1].x_spread, plot.lines[2].marks[1].y), ([39.0, 70.0], 2.0));
+        let svg = svg(&plot, Paper::Wide);
+        assert!(svg.contains("sibenik: hemisplat") && !svg.contains("Pareto"), "no mark stands for all programs");
+    }
+}

@@ -243,7 +243,7 @@ fn mistakes() -> Outcome {
         ("irradiance@tiles.resolution", "document::syntax", "sets nothing"),
         ("irradiance@", "document::syntax", "sets nothing"),
         ("irradiance@tiles.resolution=0 irradiance@tiles.resolution=x", "", "2 errors"),
-        ("irradiance@tiles.by=Raster", "plan::raster_shape", "tiles"),
+        ("irradiance-cosine@tiles.by=Raster", "plan::raster_shape", "tiles"),
         ("irradiance --camera other", "cli::unknown_camera", "main"),
         ("irradiance --camera main --camera main", "cli::several_cameras", "main"),
     ];

@@ -110,7 +110,7 @@ const CASES: [(&str, &str, bool); 48] = [
     ("plan::coarsest", "check irradiance --scene white.ron --set misses.by=DeviceGrid(coarsest:3)", false),
     ("plan::curvature", "check irradiance-curvature --scene white.ron --set records.gradients=false", false),
     ("plan::mipmap", "check irradiance-mipmap --scene white.ron --set tiles.resolution=22", false),
-    ("plan::raster_shape", "check irradiance --scene white.ron --set tiles.by=Raster", false),
+    ("plan::raster_shape", "check irradiance-cosine --scene white.ron --set tiles.by=Raster", false),
     ("plan::spacing", "check irradiance --scene white.ron --set cache.minimum_spacing=9 --set cache.maximum_spacing=1", false),
     ("plan::tile", "check irradiance-hemicube --scene white.ron --set tiles.resolution=5", false),
     ("plan::taps", "check irradiance --scene corner --set shadow.taps=5", false),

@@ -651,7 +651,7 @@ fn a_plan_can_be_read_without_a_gpu() {
     for line in ["dropped shadow because", "repeat fill until misses.none, at most 576 rounds", "Rgba32Float 32×16"] {
         assert!(stdout.contains(line), "{line}\n{stdout}");
     }
-    assert_eq!(program(&["explain", "irradiance", "--scene", "cornell", "--set", "tiles.by=Raster"]).0, 2, "a shape that cannot be rasterised");
+    assert_eq!(program(&["explain", "irradiance-cosine", "--scene", "cornell", "--set", "tiles.by=Raster"]).0, 2, "a shape that cannot be rasterised");
 }
 
 #[test]

@@ -32,9 +32,9 @@ struct SeenBox {
     half: vec3f,
 }
 
-fn seen_box(node: u32, origin: vec3f) -> SeenBox {
-    let low = scene_nodes[node].min - origin;
-    let high = scene_nodes[node].max - origin;
+fn seen_box(node: vec4u, grid: Grid) -> SeenBox {
+    let low = lower_bound(node, grid);
+    let high = upper_bound(node, grid);
     return SeenBox(0.5 * (low + high), 0.5 * (high - low) + 4e-7 * (abs(low) + abs(high)));
 }
 
@@ -116,36 +116,37 @@ fn trace_packet(origin: vec3f, given: Packet) -> Packet {
         return packet;
     }
     let middle = vec3f(given.a.x.w + given.b.x.x, given.a.y.w + given.b.y.x, given.a.z.w + given.b.z.x);
+    let grid = grid_from(origin);
     var stack: array<u32, MAX_DEPTH>;
     var top = 0u;
-    var node = 0u;
+    var content = root_content();
     loop {
-        while is_inner(node) {
-            let child = scene_nodes[node].first;
-            let left = seen_box(child, origin);
-            let right = seen_box(child + 1u, origin);
+        while is_inner(content) {
+            let first = scene_nodes[content];
+            let second = scene_nodes[content + 1u];
+            let left = seen_box(first, grid);
+            let right = seen_box(second, grid);
             let enters_left = any(enters(packet.a, left) | enters(packet.b, left));
             let enters_right = any(enters(packet.a, right) | enters(packet.b, right));
             let right_first = !enters_left || (enters_right && dot(right.centre - left.centre, middle) < 0.0);
             if enters_left && enters_right {
-                stack[top] = select(child + 1u, child, right_first);
+                stack[top] = select(second.w, first.w, right_first);
                 top += 1u;
             }
             if enters_left || enters_right {
-                node = select(child, child + 1u, right_first);
+                content = select(first.w, second.w, right_first);
             } else if top > 0u {
                 top -= 1u;
-                node = stack[top];
+                content = stack[top];
             } else {
-                node = NO_NODE;
+                content = NO_NODE;
             }
         }
-        if node == NO_NODE {
+        if content == NO_NODE {
             break;
         }
-        let first = scene_nodes[node].first;
-        let last = first + scene_nodes[node].count;
-        for (var i = first; i < last; i++) {
+        let triangles = triangles_of(content);
+        for (var i = triangles.first; i < triangles.end; i++) {
             let triangle = seen_triangle(i, origin);
             packet.a = meet(packet.a, triangle);
             packet.b = meet(packet.b, triangle);
@@ -154,7 +155,7 @@ fn trace_packet(origin: vec3f, given: Packet) -> Packet {
             break;
         }
         top -= 1u;
-        node = stack[top];
+        content = stack[top];
     }
     return packet;
 }

@@ -3,9 +3,9 @@
 // Single rays against the scene's hierarchy.
 
 // Whether a ray enters a box before `limit`.
-fn enters_box(node: u32, origin: vec3f, inverse: vec3f, limit: f32) -> bool {
-    let a = (scene_nodes[node].min - origin) * inverse;
-    let b = (scene_nodes[node].max - origin) * inverse;
+fn enters_box(node: vec4u, grid: Grid, inverse: vec3f, limit: f32) -> bool {
+    let a = lower_bound(node, grid) * inverse;
+    let b = upper_bound(node, grid) * inverse;
     let low = min(a, b);
     let high = max(a, b);
     let near = max(max(low.x, low.y), max(low.z, 0.0));
@@ -27,33 +27,34 @@ fn trace_occluded(origin: vec3f, direction: vec3f, limit: f32) -> bool {
         return false;
     }
     let inverse = safe_inverse(direction);
+    let grid = grid_from(origin);
     var stack: array<u32, MAX_DEPTH>;
     var top = 0u;
-    var node = 0u;
+    var content = root_content();
     loop {
-        while is_inner(node) {
-            let child = scene_nodes[node].first;
-            let left = enters_box(child, origin, inverse, limit);
-            let right = enters_box(child + 1u, origin, inverse, limit);
-            if left && right {
-                stack[top] = child + 1u;
+        while is_inner(content) {
+            let left = scene_nodes[content];
+            let right = scene_nodes[content + 1u];
+            let enters_left = enters_box(left, grid, inverse, limit);
+            let enters_right = enters_box(right, grid, inverse, limit);
+            if enters_left && enters_right {
+                stack[top] = right.w;
                 top += 1u;
             }
-            if left || right {
-                node = select(child + 1u, child, left);
+            if enters_left || enters_right {
+                content = select(right.w, left.w, enters_left);
             } else if top > 0u {
                 top -= 1u;
-                node = stack[top];
+                content = stack[top];
             } else {
-                node = NO_NODE;
+                content = NO_NODE;
             }
         }
-        if node == NO_NODE {
+        if content == NO_NODE {
             break;
         }
-        let first = scene_nodes[node].first;
-        let last = first + scene_nodes[node].count;
-        for (var i = first; i < last; i++) {
+        let triangles = triangles_of(content);
+        for (var i = triangles.first; i < triangles.end; i++) {
             if blocks(i, origin, direction, limit) {
                 return true;
             }
@@ -62,7 +63,7 @@ fn trace_occluded(origin: vec3f, direction: vec3f, limit: f32) -> bool {
             break;
         }
         top -= 1u;
-        node = stack[top];
+        content = stack[top];
     }
     return false;
 }

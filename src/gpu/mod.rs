@@ -2,6 +2,7 @@
 
 pub mod device;
 pub mod execution;
+mod hierarchy;
 mod pipelines;
 mod programs;
 mod readback;

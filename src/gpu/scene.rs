@@ -1,5 +1,6 @@
 //! The scene as shaders read it: `shaders/lib/scene.wgsl` and `lib/camera.wgsl` have the same structs.
 
+use super::hierarchy;
 use crate::host_struct;
 use crate::math::colour::REC_709;
 use crate::recording::{HostLayout, SceneData};
@@ -106,7 +107,7 @@ pub fn byte_size(scene: &Scene, data: SceneData) -> u64 {
         SceneData::Positions => triangles * 36,
         SceneData::Corners => triangles * 48,
         SceneData::Attributes => triangles * 64,
-        SceneData::Nodes => triangles.max(1) * 2 * 32,
+        SceneData::Nodes => (2 * triangles.max(1) + 1) * 16,
         SceneData::Materials => (scene.materials.len() * size_of::<SceneMaterial>()) as u64,
         SceneData::Texels => scene.textures.iter().map(|t| t.texels.len() as u64 * 4).sum(),
         SceneData::Lights => (scene.lights.len() * size_of::<SceneLight>()) as u64,
@@ -127,7 +128,7 @@ pub fn bytes(scene: &Scene, bvh: &Bvh, data: SceneData) -> Vec<u8> {
         SceneData::Positions => scene.triangles.iter().flat_map(|t| bytes_of(&t.positions.map(|p| p.to_array())).to_vec()).collect(),
         SceneData::Corners => scene.triangles.iter().flat_map(|t| bytes_of(&corners(t)).to_vec()).collect(),
         SceneData::Attributes => scene.triangles.iter().flat_map(|t| bytes_of(&attributes(t)).to_vec()).collect(),
-        SceneData::Nodes => cast_slice(&bvh.nodes()).to_vec(),
+        SceneData::Nodes => cast_slice(&hierarchy::packed(&bvh.nodes(), &bvh.ranges())).to_vec(),
         SceneData::Materials => cast_slice(&materials(scene)).to_vec(),
         SceneData::Texels => scene.textures.iter().flat_map(|t| cast_slice::<_, u8>(&t.texels).iter().copied()).collect(),
         SceneData::Lights => cast_slice(&lights(scene)).to_vec(),

@@ -4,7 +4,6 @@ use super::{
     model::{Material, Scene, Texture, Triangle},
     wide::{Candidate, Wide},
 };
-use bytemuck::{Pod, Zeroable};
 use glam::{Vec2, Vec3};
 use obvhs::{
     BvhBuildParams,
@@ -12,19 +11,15 @@ use obvhs::{
 };
 use std::time::Duration;
 
-/// The deepest path from root to leaf that the shaders' stack holds; a deeper hierarchy is refused.
-pub const MAX_DEPTH: usize = 64;
-
 /// A binary hierarchy over a scene's triangles, in whose order it has sorted them.
 pub struct Bvh {
     inner: Bvh2,
     wide: Wide,
 }
 
-/// A node as the GPU reads it: an inner node's children stand at `first` and `first + 1`; a leaf holds the triangles
+/// A node: an inner node's children stand at `first` and `first + 1`; a leaf holds the triangles
 /// `first .. first + count`.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Node {
     pub min: [f32; 3],
     /// Triangles of a leaf, 0 for an inner node.
@@ -76,11 +71,6 @@ impl Bvh {
     /// The nodes, root first; empty for an empty scene.
     pub fn nodes(&self) -> Vec<Node> {
         nodes(&self.inner)
-    }
-
-    /// Nodes on the longest path from the root to a leaf.
-    pub fn depth(&self) -> usize {
-        if self.inner.nodes.is_empty() { 0 } else { self.inner.depth(0) }
     }
 
     /// The nearest surface that a viewer would see along `origin + t·direction`, 0 < t < `limit`: one-sided surfaces

@@ -532,7 +532,7 @@ fn failing_runs() -> Outcome {
         fs::write(place.path(name), "older").map_err(failed)?;
     }
     for (more, status, message) in [
-        (&["--set", "tiles.shape=Cosine", "--set", "tiles.by=Raster", "-o", "out.exr"], 2, "plan::"),
+        (&["--set", "tiles.shape=Cosine", "--set", "tiles.by=Raster", "-o", "out.exr"][..], 2, "plan::"),
         (&["--dump", "nothing", "-o", "out.exr"], 2, "plan::unknown_dump"),
         (&["--cache", "records", "-o", "out.exr"], 2, "render::cache"),
         (&["--cache", "file/records", "-o", "out.exr"], 1, "cannot write file/records"),

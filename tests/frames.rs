@@ -323,7 +323,7 @@ fn bad_records() -> Outcome {
         ("cut", good[..good.len() - 7].to_vec(), "its header tells of"),
         ("longer", [good.as_slice(), b"more"].concat(), "its header tells of"),
         ("a bit flipped", flipped(start + 100), "its records are damaged"),
-        ("another version", with_header(header.replace("hemisplat records 3", "hemisplat records 2")), "`hemisplat records 3` is known"),
+        ("another version", with_header(header.replace("hemisplat records 4", "hemisplat records 3")), "`hemisplat records 4` is known"),
         ("another layout", with_header(header.replacen("\"name\":\"records\"", "\"name\":\"photons\"", 1)), "it holds `photons` of"),
     ];
     for (name, contents, message) in bad {

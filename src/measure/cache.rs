@@ -8,7 +8,7 @@ use crate::recording::SceneData;
 use crate::scene::{Scene, bvh::Bvh};
 use serde::{Deserialize, Serialize};
 
-const FORMAT: &str = "hemisplat records 3";
+const FORMAT: &str = "hemisplat records 4";
 
 /// The longest file that is worth reading: records of several caches as large as they may be.
 pub const MOST_BYTES: u64 = 1 << 30;

@@ -78,14 +78,16 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, coarsest: u32) -> Result
         host.set(work.none, (host.variable(idle) == 4 || room == 0) as u32);
         // What did not fit into the batch is looked for again, among what the batch leaves uncovered. Cells that have been served wait: they
         // would ask again and again while the rest of the picture has no record at all.
-        if all <= capacity {
+        let start = if all > capacity {
+            numbers[2]
+        } else {
             let next = host.variable(phase) + 1;
             host.set(phase, next % 4);
             if next == 4 && !finest {
                 host.set(cell, host.variable(cell) / 2);
             }
-        }
-        let start = if all > capacity { numbers[2] } else { 0 };
+            0
+        };
         let uniform = Grid { cell: host.variable(cell), phase: host.variable(phase), capacity, start };
         host.write(grid, 0, bytemuck::bytes_of(&uniform));
         Ok(())

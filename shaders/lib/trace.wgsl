@@ -14,20 +14,27 @@ fn enters_box(node: vec4u, grid: Grid, inverse: vec3f, limit: f32) -> bool {
     return near <= far * 1.0000004;
 }
 
-fn blocks(triangle: u32, origin: vec3f, direction: vec3f, limit: f32) -> bool {
-    let hit = intersect_plane(triangle, origin, direction);
-    let b = hit.barycentric;
-    let inside = hit.determinant != 0.0 && b.x >= 0.0 && b.y >= 0.0 && b.x + b.y <= 1.0 && hit.distance > 0.0 && hit.distance < limit;
+fn blocks(triangle: u32, grid: Grid, direction: vec3f, limit: f32) -> bool {
+    let at = corners(triangle, grid);
+    let p = cross(direction, at.e2);
+    let q = cross(at.point, at.e1);
+    let determinant = dot(at.e1, p);
+    let inverse = select(1.0 / determinant, 0.0, determinant == 0.0);
+    let b = vec2f(dot(at.point, p), dot(direction, q)) * inverse;
+    let distance = dot(at.e2, q) * inverse;
+    let least = -at.rounding * length(direction) * abs(inverse);
+    let inside = determinant != 0.0 && b.x >= least && b.y >= least && b.x + b.y <= 1.0 - least && distance > 0.0 && distance < limit;
     return inside && !(ALPHA_MASKS && is_hole(triangle, b));
 }
 
-// Whether anything blocks light between 0 and `limit`; surfaces block from both sides.
-fn trace_occluded(origin: vec3f, direction: vec3f, limit: f32) -> bool {
+// Whether anything blocks light between 0 and `distance`; surfaces block from both sides.
+fn trace_occluded(origin: vec3f, direction: vec3f, distance: f32) -> bool {
     if EMPTY {
         return false;
     }
     let inverse = safe_inverse(direction);
     let grid = grid_from(origin);
+    let limit = min(distance / grid.unit, FAR_AWAY);
     var stack: array<u32, MAX_DEPTH>;
     var top = 0u;
     var content = root_content();
@@ -55,7 +62,7 @@ fn trace_occluded(origin: vec3f, direction: vec3f, limit: f32) -> bool {
         }
         let triangles = triangles_of(content);
         for (var i = triangles.first; i < triangles.end; i++) {
-            if blocks(i, origin, direction, limit) {
+            if blocks(i, grid, direction, limit) {
                 return true;
             }
         }

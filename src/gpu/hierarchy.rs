@@ -1,13 +1,18 @@
-//! The scene's hierarchy as shaders read it: sixteen bytes a node. Loads decide how fast rays are where lanes of one instruction
-//! walk to different nodes.
+//! The scene's hierarchy as shaders read it: sixteen bytes a node and thirty-two a triangle. Loads decide how fast rays are where lanes of
+//! one instruction walk to different nodes.
 
-use crate::scene::bvh::Node;
+use crate::scene::{bvh::Node, model::Triangle};
 use glam::{DVec3, Vec3};
 
 /// Steps of the grid that boxes are rounded outwards to, along each axis of the scene.
 const STEPS: f64 = 65535.0;
-/// How much farther out a box is rounded [steps], more than single precision loses where the grid's extent meets a ray's origin.
+/// How much farther out a box is rounded [steps], more than corners are rounded, and than single precision loses where the grid's extent
+/// meets a ray's origin.
 const MARGIN: f64 = 1.0 / 32.0;
+/// The scene's largest extent over the least that an axis' steps span, where it has less: what keeps `MARGIN` above the rounding of corners.
+const FLATTEST: f64 = 256.0;
+/// Steps of the grid that corners are rounded to, along every axis: 28 bits, sixteen times what single precision has at the extent.
+const FINE_STEPS: f64 = 268_435_456.0;
 /// Marks a leaf; below it five bits hold its triangles, the others the first of them. Without it a child's place follows.
 const LEAF: u32 = 1 << 31;
 const COUNT_SHIFT: u32 = 26;
@@ -22,12 +27,17 @@ const NONE: [u32; 4] = [0, 0, 0, u32::MAX];
 /// Lower and upper bounds in sixteen bits each, x, y and z, and what the node holds.
 type Packed = [u32; 4];
 
-/// The grid's origin and step in the first two elements, then the root, then pairs of children. `ranges` are the triangles below each node, first and
-/// one past the last.
-pub fn packed(nodes: &[Node], ranges: &[[u32; 2]]) -> Vec<Packed> {
+/// Elements of a hierarchy over so many triangles, at most.
+pub fn most_elements(triangles: u64) -> u64 {
+    2 * triangles.max(1) + 1 + 2 * triangles
+}
+
+/// The grid's origin with its unit, its steps with the place of the triangles, the root, pairs of children, then two elements a triangle. `ranges`
+/// are the triangles below each node, first and one past the last.
+pub fn packed(nodes: &[Node], ranges: &[[u32; 2]], triangles: &[Triangle]) -> Vec<Packed> {
     let Some(root) = nodes.first() else { return vec![NONE; 3] };
     let grid = Grid::of(root);
-    let mut all = vec![bits(grid.origin), bits(grid.step), NONE];
+    let mut all = vec![bits(grid.origin, grid.unit.to_bits()), NONE, NONE];
     let tree = Tree { nodes, ranges };
     let mut open = vec![(Part::Node(0), 0, 2)];
     while let Some((part, level, place)) = open.pop() {
@@ -39,6 +49,8 @@ pub fn packed(nodes: &[Node], ranges: &[[u32; 2]]) -> Vec<Packed> {
             all.extend([NONE; 2]);
         }
     }
+    all[1] = bits(grid.step, all.len() as u32);
+    all.extend(triangles.iter().flat_map(|triangle| grid.corners(triangle)));
     all
 }
 
@@ -92,30 +104,51 @@ impl Tree<'_> {
     }
 }
 
-fn bits(v: Vec3) -> Packed {
-    v.extend(0.0).to_array().map(f32::to_bits)
+fn bits(v: Vec3, last: u32) -> Packed {
+    let [x, y, z] = v.to_array().map(f32::to_bits);
+    [x, y, z, last]
 }
 
 struct Grid {
     origin: Vec3,
+    /// The scene's largest extent, in which shaders measure while they walk: products of lengths neither overflow nor vanish.
+    unit: f32,
+    /// Of boxes [units].
     step: Vec3,
 }
 
 impl Grid {
     fn of(root: &Node) -> Self {
         let (low, high) = (Vec3::from(root.min), Vec3::from(root.max));
-        // Some steps to spare, so that rounding outwards stays inside; an axis without extent has a step all the same.
-        let extent = (high.as_dvec3() - low.as_dvec3()).max(DVec3::splat(1e-6 * f64::from(low.abs().max(high.abs()).max_element()).max(1e-30)));
-        let step = (extent / (STEPS - 6.0)).as_vec3();
-        Self { origin: (low.as_dvec3() - 2.0 * step.as_dvec3()).as_vec3(), step }
+        let extent = high.as_dvec3() - low.as_dvec3();
+        // A scene without extent has a unit all the same.
+        let largest = extent.max_element().max(1e-6 * f64::from(low.abs().max(high.abs()).max_element()).max(1e-30));
+        // Some steps to spare, so that rounding outwards stays inside.
+        let step = extent.max(DVec3::splat(largest / FLATTEST)) / (STEPS - 6.0);
+        let origin = (low.as_dvec3() - 2.0 * step).as_vec3();
+        // Room for the corners above their origin.
+        let unit = (largest * 1.001) as f32;
+        Self { origin, unit, step: (step / f64::from(unit)).as_vec3() }
     }
 
     /// Lower bounds in the low sixteen bits, upper ones in the high.
     fn rounded(&self, node: &Node) -> [u32; 3] {
-        let (origin, step) = (self.origin.as_dvec3(), self.step.as_dvec3());
-        let low = ((Vec3::from(node.min).as_dvec3() - origin) / step - MARGIN).floor().clamp(DVec3::ZERO, DVec3::splat(STEPS));
-        let high = ((Vec3::from(node.max).as_dvec3() - origin) / step + MARGIN).ceil().clamp(DVec3::ZERO, DVec3::splat(STEPS));
+        let steps = |bound: [f32; 3]| self.units(Vec3::from(bound)) / self.step.as_dvec3();
+        let low = (steps(node.min) - MARGIN).floor().clamp(DVec3::ZERO, DVec3::splat(STEPS));
+        let high = (steps(node.max) + MARGIN).ceil().clamp(DVec3::ZERO, DVec3::splat(STEPS));
         [0, 1, 2].map(|axis| low[axis] as u32 | (high[axis] as u32) << 16)
+    }
+
+    /// Nine coordinates of 28 bits: eight stand above the four bits of a word that, from the lowest on, seven of the words have of the ninth.
+    fn corners(&self, triangle: &Triangle) -> [Packed; 2] {
+        let [a, b, c] =
+            triangle.positions.map(|p| (self.units(p) * FINE_STEPS).round().clamp(DVec3::ZERO, DVec3::splat(FINE_STEPS - 1.0)).as_uvec3().to_array());
+        let word = |i: u32, coordinate: u32| coordinate << 4 | c[2] >> (4 * i) & 15;
+        [[word(0, a[0]), word(1, a[1]), word(2, a[2]), word(3, b[0])], [word(4, b[1]), word(5, b[2]), word(6, c[0]), c[1] << 4]]
+    }
+
+    fn units(&self, position: Vec3) -> DVec3 {
+        (position.as_dvec3() - self.origin.as_dvec3()) / f64::from(self.unit)
     }
 }
 
@@ -124,14 +157,31 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
+    fn triangle(positions: [Vec3; 3]) -> Triangle {
+        Triangle { positions, normals: [Vec3::Y; 3], uvs: [glam::Vec2::ZERO; 3], material: 0 }
+    }
+
+    /// A triangle's corners [units] as a shader reads them.
+    fn corners(words: [Packed; 2]) -> [DVec3; 3] {
+        let [x, y] = words;
+        let words = [x, y].concat();
+        let last = (0..7).map(|i| (words[i] & 15) << (4 * i)).sum();
+        let coordinates = [x.map(|w| w >> 4), y.map(|w| w >> 4)].concat();
+        let at = |i: usize| if i < 8 { coordinates[i] } else { last };
+        [0, 3, 6].map(|i| DVec3::new(at(i).into(), at(i + 1).into(), at(i + 2).into()) / FINE_STEPS)
+    }
+
     fn leaf(min: [f32; 3], max: [f32; 3], first: u32, count: u32) -> Node {
         Node { min, max, first, count }
     }
 
-    /// Lower and upper bounds as a shader computes them.
+    fn vector(all: &[Packed], element: usize) -> Vec3 {
+        Vec3::from_array([0, 1, 2].map(|axis| f32::from_bits(all[element][axis])))
+    }
+
+    /// Lower and upper bounds [units] as a shader computes them.
     fn bounds(all: &[Packed], node: Packed) -> [Vec3; 2] {
-        let vector = |i: usize| Vec3::from_array([0, 1, 2].map(|axis| f32::from_bits(all[i][axis])));
-        [0, 16].map(|shift| vector(0) + vector(1) * Vec3::from_array([0, 1, 2].map(|axis| (node[axis] >> shift & 0xffff) as f32)))
+        [0, 16].map(|shift| vector(all, 1) * Vec3::from_array([0, 1, 2].map(|axis| (node[axis] >> shift & 0xffff) as f32)))
     }
 
     /// First triangle and number of triangles of every leaf, from left to right.
@@ -150,13 +200,13 @@ mod tests {
     #[test]
     fn leaves_keep_their_triangles_in_parts_that_fit() {
         let unit = |first, count| leaf([0.0; 3], [1.0; 3], first, count);
-        let all = packed(&[unit(1, 0), unit(0, 3), unit(3, 100)], &[[0, 103], [0, 3], [3, 103]]);
+        let all = packed(&[unit(1, 0), unit(0, 3), unit(3, 100)], &[[0, 103], [0, 3], [3, 103]], &[]);
         let found = leaves(&all, all[2][3]);
         assert!(found.iter().all(|[_, count]| (1..=MOST).contains(count)), "{found:?}");
         assert_eq!(found.iter().flat_map(|[first, count]| *first..first + count).collect::<Vec<_>>(), (0..103).collect::<Vec<_>>());
-        let single = packed(&[unit(7, 2)], &[[7, 9]]);
+        let single = packed(&[unit(7, 2)], &[[7, 9]], &[]);
         assert_eq!(leaves(&single, single[2][3]), [[7, 2]]);
-        assert_eq!(packed(&[], &[]), [NONE; 3]);
+        assert_eq!(packed(&[], &[], &[]), [NONE; 3]);
     }
 
     #[test]
@@ -170,7 +220,7 @@ mod tests {
             nodes.extend([unit(i, 1), rest]);
             ranges.extend([[i, i + 1], [i + 1, TRIANGLES]]);
         }
-        let all = packed(&nodes, &ranges);
+        let all = packed(&nodes, &ranges, &[]);
         let found = leaves(&all, all[2][3]);
         assert_eq!(found.iter().flat_map(|[first, count]| *first..first + count).collect::<Vec<_>>(), (0..TRIANGLES).collect::<Vec<_>>());
         assert!(depth(&all, all[2][3]) < 64, "{}", depth(&all, all[2][3]));
@@ -179,20 +229,31 @@ mod tests {
 
     proptest! {
         #[test]
-        fn boxes_hold_what_they_held(
-            offset in prop::array::uniform3(-1e6..1e6f32), scale in -20..20i32, at in prop::array::uniform3(0.0..1.0f32), size in prop::array::uniform3(0.0..0.1f32)
+        fn boxes_hold_the_corners_of_their_triangles(
+            offset in prop::array::uniform3(-1.0..1.0f32), far in 0..20i32, scale in -20..20i32, flat in prop::array::uniform3(prop::bool::ANY),
+            at in prop::array::uniform3(0.0..1.0f32), size in prop::array::uniform3(0.0..0.1f32)
         ) {
-            let unit = 2f32.powi(scale);
-            let place = |v: Vec3| ((v * 1000.0 + Vec3::from(offset)) * unit).to_array();
-            let (low, high) = (Vec3::from(at) * 0.9, Vec3::from(at) * 0.9 + Vec3::from(size));
-            let nodes = [leaf(place(Vec3::ZERO), place(Vec3::ONE), 1, 0), leaf(place(low), place(high), 0, 1), leaf(place(Vec3::ZERO), place(Vec3::ONE), 1, 1)];
-            let all = packed(&nodes, &[[0, 2], [0, 1], [1, 2]]);
-            let [lower, upper] = bounds(&all, all[all[2][3] as usize]);
-            let (min, max) = (Vec3::from(nodes[1].min), Vec3::from(nodes[1].max));
-            prop_assert!(lower.cmple(min).all() && upper.cmpge(max).all(), "{lower} {min}, {max} {upper}");
-            // Little more than a step, and what single precision has.
-            let room = Vec3::from_array([0, 1, 2].map(|axis| f32::from_bits(all[1][axis]))) * 2.1 + min.abs().max(max.abs()) * 1e-6;
-            prop_assert!((min - lower).cmple(room).all() && (upper - max).cmple(room).all(), "{lower} {min}, {max} {upper}");
+            let (far, scale) = (2f32.powi(far), 2f32.powi(scale));
+            let flat = Vec3::from_array(flat.map(|flat| if flat { 1e-7 } else { 1.0 }));
+            let place = |v: Vec3| (v * flat * 1000.0 + Vec3::from(offset) * far) * scale;
+            let (low, high) = (place(Vec3::from(at) * 0.9), place(Vec3::from(at) * 0.9 + Vec3::from(size)));
+            let root = leaf(place(Vec3::ZERO).to_array(), place(Vec3::ONE).to_array(), 1, 0);
+            let nodes = [root, leaf(low.to_array(), high.to_array(), 0, 1), leaf(root.min, root.max, 1, 1)];
+            let positions = [low, high, low.lerp(high, 0.3).clamp(low, high)];
+            let all = packed(&nodes, &[[0, 2], [0, 1], [1, 2]], &[triangle([low; 3]), triangle(positions)]);
+            let [lower, upper] = bounds(&all, all[all[2][3] as usize]).map(|bound| bound.as_dvec3());
+            let step = vector(&all, 1).as_dvec3();
+            let first = all[1][3] as usize;
+            prop_assert_eq!(all.len(), first + 4);
+            let (origin, unit) = (vector(&all, 0).as_dvec3(), f64::from(f32::from_bits(all[0][3])));
+            for (corner, position) in corners([all[first + 2], all[first + 3]]).into_iter().zip(positions) {
+                prop_assert!(lower.cmple(corner).all() && upper.cmpge(corner).all(), "{lower} {corner} {upper}");
+                let exact = (position.as_dvec3() - origin) / unit;
+                prop_assert!((corner - exact).abs().max_element() <= 0.51 / FINE_STEPS, "{corner}, not {exact}");
+            }
+            // Little more than a step on either side.
+            let size = (high.as_dvec3() - low.as_dvec3()) / unit;
+            prop_assert!((upper - lower - size).cmple(2.2 * step).all(), "{lower} to {upper} for {size}");
         }
     }
 }

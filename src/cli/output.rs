@@ -3,7 +3,7 @@
 use super::failure::{CommandError, Failure};
 use super::interrupt::Shelter;
 use crate::measure::page::{Gallery, Report, page};
-use crate::measure::{Layers, PICTURE};
+use crate::measure::{Layers, PICTURE, PictureError};
 use serde::Serialize;
 use std::fs;
 use std::io::{self, Write};
@@ -48,6 +48,26 @@ impl Target {
         self.try_write(bytes).map_err(|error| Failure::write(&self.path, error))
     }
 
+    /// Writes a picture as EXR, as [`Target::write`] does, without holding the file in memory.
+    fn write_exr(&self, picture: &Layers) -> Result<(), Failure> {
+        let bad = |error| match error {
+            PictureError::Unwritable(error) => Failure::write(&self.path, error),
+            error => Failure::work(CommandError::BadPicture { path: self.path.clone(), error }),
+        };
+        if is_special(&self.resolved()) {
+            // What cannot be sought gets the file in one piece.
+            return self.write(&picture.to_exr().map_err(bad)?);
+        }
+        let mut encoded = Ok(());
+        let fill = |file: &mut fs::File| {
+            encoded = picture.write_exr(file);
+            encoded.is_ok().then_some(()).ok_or(io::ErrorKind::InvalidData.into())
+        };
+        let written = self.replace(fill);
+        encoded.map_err(bad)?;
+        written.map_err(|error| Failure::write(&self.path, error))
+    }
+
     /// Writes a record as JSON, as [`Target::write`] does.
     pub fn write_json(&self, record: &impl Serialize) -> Result<(), Failure> {
         let mut text = serde_json::to_vec_pretty(record).map_err(|error| Failure::work(CommandError::Json { reason: error.to_string() }))?;
@@ -62,13 +82,19 @@ impl Target {
     }
 
     fn try_write(&self, bytes: &[u8]) -> io::Result<()> {
-        let _shelter = Shelter::new();
         let path = self.resolved();
         if is_special(&path) {
             return fs::OpenOptions::new().write(true).open(&path)?.write_all(bytes);
         }
+        self.replace(|file| file.write_all(bytes))
+    }
+
+    /// Fills a temporary file in the same folder, then gives it its name.
+    fn replace(&self, fill: impl FnOnce(&mut fs::File) -> io::Result<()>) -> io::Result<()> {
+        let _shelter = Shelter::new();
+        let path = self.resolved();
         let mut file = temporary(folder(&path))?;
-        file.write_all(bytes)?;
+        fill(file.as_file_mut())?;
         file.as_file().sync_all()?;
         file.persist(&path)?;
         Ok(())
@@ -108,7 +134,7 @@ impl PictureTarget {
     /// Writes all layers as EXR, or the picture as PNG (tone-mapped after a factor of 2^`exposure`) or HDR.
     pub fn write(&self, picture: &Layers, exposure: f32) -> Result<(), Failure> {
         let bytes = match self.format {
-            Format::Exr => picture.to_exr(),
+            Format::Exr => return self.target.write_exr(picture),
             Format::Png => picture.to_png(PICTURE, exposure),
             Format::Hdr => picture.to_hdr(PICTURE),
         };
@@ -191,6 +217,9 @@ mod tests {
     #[test]
     #[cfg(target_os = "linux")]
     fn a_full_disk_is_reported() {
+        let picture = Layers::new(1, 1).with("weight", crate::measure::Layer::value(vec![1.0]));
+        let failure = Target::new(Path::new("/dev/full")).ok().unwrap().write_exr(&picture).err().unwrap();
+        assert!(failure.report.to_string().contains("/dev/full"), "{}", failure.report);
         let failure = Target::new(Path::new("/dev/full")).ok().unwrap().write(b"x").err().unwrap();
         assert_eq!(failure.status, 1);
         assert!(failure.report.to_string().contains("/dev/full"), "{}", failure.report);

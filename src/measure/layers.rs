@@ -5,11 +5,16 @@
 //! other as `layer.channel`, such as `irradiance.R` or `normal.X`.
 
 use crate::math::colour::luminance;
+use exr::block::lines::LineRefMut;
+use exr::image::write::samples::{SamplesWriter, WritableSamples};
+use exr::math::RoundingMode;
+use exr::meta::attribute::{LevelMode, SampleType};
+use exr::meta::header::Header;
 use exr::prelude::*;
 use glam::Vec3;
 use miette::Diagnostic;
 use std::collections::BTreeMap;
-use std::io::Cursor;
+use std::io::{BufWriter, Cursor, Seek, Write};
 use thiserror::Error;
 
 /// The layer that is stored without a prefix: radiance toward the camera [W m⁻² sr⁻¹, linear Rec. 709].
@@ -76,6 +81,9 @@ pub enum PictureError {
     #[error("{value} in channel `{channel}` of layer `{layer}` at pixel ({x}, {y})")]
     #[diagnostic(code(measure::non_finite), help("no picture with NaN or infinity is written or compared"))]
     NonFinite { layer: String, channel: String, x: u32, y: u32, value: f32 },
+    #[error("the picture cannot be written: {0}")]
+    #[diagnostic(code(measure::unwritable))]
+    Unwritable(std::io::Error),
     #[error("the picture cannot be encoded: {reason}")]
     #[diagnostic(code(measure::encoding))]
     Encoding { reason: String },
@@ -222,8 +230,15 @@ impl Layers {
         Ok(picture)
     }
 
-    /// The picture as an EXR file: scan lines, run-length encoded, the same bytes for the same picture.
+    /// The picture as an EXR file, as [`Layers::write_exr`] writes it.
     pub fn to_exr(&self) -> std::result::Result<Vec<u8>, PictureError> {
+        let mut bytes = Cursor::new(Vec::new());
+        self.write_exr(&mut bytes)?;
+        Ok(bytes.into_inner())
+    }
+
+    /// Writes the picture as an EXR file: scan lines, run-length encoded, the same bytes for the same picture. Takes little memory beside the planes.
+    pub fn write_exr(&self, to: impl Write + Seek) -> std::result::Result<(), PictureError> {
         self.validate()?;
         if self.layers.is_empty() || self.width == 0 || self.height == 0 {
             return Err(PictureError::Encoding { reason: "the picture is empty".to_owned() });
@@ -231,7 +246,7 @@ impl Layers {
         let mut channels = SmallVec::new();
         for (layer, content) in &self.layers {
             for (channel, plane) in &content.channels {
-                channels.push(AnyChannel::new(text(&join_name(layer, channel))?, samples(plane, content.half)));
+                channels.push(AnyChannel::new(text(&join_name(layer, channel))?, Plane::of(plane, content.half)));
             }
         }
         let encoding = Encoding { compression: Compression::RLE, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
@@ -240,9 +255,12 @@ impl Layers {
         let mut image = Image::from_layer(part);
         // One attribute for all: the order of several would differ from run to run.
         image.attributes.other.insert(text(ATTRIBUTES)?, AttributeValue::Text(text(&ascii_json(&self.attributes)?)?));
-        let mut bytes = Cursor::new(Vec::new());
-        image.write().non_parallel().to_buffered(&mut bytes).map_err(|error| PictureError::Encoding { reason: error.to_string() })?;
-        Ok(bytes.into_inner())
+        let mut to = BufWriter::new(to);
+        image.write().non_parallel().to_buffered(&mut to).map_err(|error| match error {
+            exr::error::Error::Io(error) => PictureError::Unwritable(error),
+            error => PictureError::Encoding { reason: error.to_string() },
+        })?;
+        to.flush().map_err(PictureError::Unwritable)
     }
 
     fn from_other(bytes: &[u8]) -> std::result::Result<Self, PictureError> {
@@ -291,9 +309,48 @@ fn corrupt(error: exr::error::Error) -> PictureError {
     PictureError::CorruptExr { reason: error.to_string() }
 }
 
-fn samples(plane: &[f32], half: bool) -> FlatSamples {
-    let fits = half && plane.iter().all(|value| value.abs() <= HALF_MAX);
-    if fits { FlatSamples::F16(plane.iter().map(|&value| f16::from_f32(value)).collect()) } else { FlatSamples::F32(plane.to_vec()) }
+/// A plane as it is written, in lines.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Plane<'p> {
+    values: &'p [f32],
+    is_half: bool,
+}
+
+impl<'p> Plane<'p> {
+    fn of(values: &'p [f32], half: bool) -> Self {
+        Self { values, is_half: half && values.iter().all(|value| value.abs() <= HALF_MAX) }
+    }
+}
+
+impl<'p> WritableSamples<'_> for Plane<'p> {
+    type Writer = Lines<'p>;
+
+    fn sample_type(&self) -> SampleType {
+        if self.is_half { SampleType::F16 } else { SampleType::F32 }
+    }
+
+    fn infer_level_modes(&self) -> (LevelMode, RoundingMode) {
+        (LevelMode::Singular, RoundingMode::Down)
+    }
+
+    fn create_samples_writer(&self, header: &Header) -> Lines<'p> {
+        Lines { plane: *self, width: header.layer_size.width() }
+    }
+}
+
+struct Lines<'p> {
+    plane: Plane<'p>,
+    width: usize,
+}
+
+impl SamplesWriter for Lines<'_> {
+    fn extract_line(&self, line: LineRefMut<'_>) {
+        let at = line.location.position;
+        let first = at.y() * self.width + at.x();
+        let values = &self.plane.values[first..first + line.location.sample_count];
+        let written = if self.plane.is_half { line.write_samples(|i| f16::from_f32(values[i])) } else { line.write_samples_from_slice(values) };
+        written.expect("a line has room for its samples");
+    }
 }
 
 fn text(value: &str) -> std::result::Result<Text, PictureError> {
@@ -345,6 +402,13 @@ mod tests {
         let picture = picture();
         let bytes = picture.to_exr().unwrap();
         assert_eq!(Layers::read(&bytes).unwrap(), picture);
+    }
+
+    #[test]
+    fn a_disk_that_is_full_is_not_a_fault_of_the_picture() {
+        let mut room = [0; 600];
+        let written = picture().write_exr(Cursor::new(&mut room[..]));
+        assert!(matches!(written, Err(PictureError::Unwritable(_))), "{written:?}");
     }
 
     #[test]

@@ -9,10 +9,14 @@ type Failure = Box<dyn std::error::Error>;
 mod curve;
 #[path = "../benches/race/kept.rs"]
 mod kept;
+#[path = "../benches/race/machine.rs"]
+mod machine;
 #[path = "../benches/race/programs.rs"]
 mod programs;
 #[path = "../benches/race/report.rs"]
 mod report;
+#[path = "../benches/scaling/series.rs"]
+mod series;
 #[path = "../benches/race/settings.rs"]
 mod settings;
 #[path = "../benches/race/tell.rs"]
@@ -160,14 +164,7 @@ mod the_kept {
 }
 
 mod the_report {
-    use crate::{
-        curve::Reading,
-        kept::Run,
-        programs::{Machine, Versions},
-        report::*,
-        settings::*,
-        tell,
-    };
+    use crate::{curve::Reading, kept::Run, machine::Machine, programs::Versions, report::*, settings::*, tell};
     use hemisplat::measure::{
         Errors, LargestError,
         plot::{Paper, svg},
@@ -284,5 +281,48 @@ mod the_report {
         assert_eq!((plot.lines[2].marks[1].x_spread, plot.lines[2].marks[1].y), ([39.0, 70.0], 2.0));
         let svg = svg(&plot, Paper::Wide);
         assert!(svg.contains("sibenik: hemisplat") && !svg.contains("Pareto"), "no mark stands for all programs");
+    }
+}
+
+mod the_series {
+    use crate::series::*;
+
+    #[test]
+    fn the_list_is_read_and_its_renders_are_planned() {
+        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("benches/scaling.ron");
+        let scaling = Scaling::read(&std::fs::read_to_string(path).unwrap()).unwrap();
+        let names: Vec<&str> = scaling.series.iter().map(|series| series.name.as_str()).collect();
+        assert_eq!(names, ["triangles", "records", "pixels", "samples"]);
+        for series in &scaling.series {
+            for (row, point) in series.rows.iter().flat_map(|row| series.points.iter().map(move |point| (row, point))) {
+                let sets: Vec<String> = series.set.iter().chain(&point.set).chain(&row.set).cloned().collect();
+                let loaded = hemisplat::pipeline::load(&row.pipeline, &sets, hemisplat::passes::REGISTRY, &mut |_| Err(std::io::ErrorKind::NotFound.into()));
+                assert!(loaded.is_ok(), "{} {}", series.name, row.pipeline);
+            }
+        }
+        assert!(scaling.only(Some("colours")).unwrap_err().contains("triangles, records"));
+    }
+
+    #[test]
+    fn a_list_that_tells_nothing_is_refused() {
+        let text = |points: &str| {
+            format!(
+                "Scaling(series: [(name: \"a\", x: Pixels, scene: \"cornell\", points: [{points}], rows: [(name: \"b\", pipeline: \"irradiance\", lines: [])])])"
+            )
+        };
+        assert!(Scaling::read(&text("(size: 8), (size: 16)")).is_ok());
+        assert!(Scaling::read(&text("(size: 8)")).unwrap_err().contains("two points"));
+        assert!(Scaling::read(&text("(size: 8), ()")).unwrap_err().contains("no size"));
+        assert!(Scaling::read(&text("(edge: 8), (size: 8)")).unwrap_err().contains("edge"));
+    }
+
+    #[test]
+    fn a_line_has_the_nodes_that_it_names_or_all_others() {
+        let costs = |nodes: &[&str], except: &[&str]| {
+            let [nodes, except] = [nodes, except].map(|names| names.iter().map(|name| name.to_string()).collect());
+            Costs { name: "line".into(), nodes, except, per: Per::Frame }
+        };
+        assert!(costs(&["tiles"], &[]).holds("tiles") && !costs(&["tiles"], &[]).holds("splats"));
+        assert!(!costs(&[], &["tiles"]).holds("tiles") && costs(&[], &["tiles"]).holds("splats"));
     }
 }

@@ -4,6 +4,7 @@
 
 mod curve;
 mod kept;
+mod machine;
 mod programs;
 mod report;
 mod settings;
@@ -75,7 +76,7 @@ fn race(options: &Options) -> Result<(), Failure> {
         scenes.push(Scene::of(&case.name, points)?);
     }
     let Programs { versions, machine, .. } = programs;
-    let (date, commit) = (programs::date()?, programs::commit());
+    let (date, commit) = (machine::date()?, machine::commit());
     publish(options, &Report { schema: 1, date, commit, machine, versions, size: race.size, truth: race.truth, scenes })
 }
 

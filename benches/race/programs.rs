@@ -3,16 +3,16 @@
 use crate::{
     Failure,
     kept::{Run, read},
+    machine::{Machine, checksum, finish, root},
     settings::{Case, Hemisplat, Mitsuba, Race, Radiance, Setting, Start},
 };
-use hemisplat::measure::{Errors, cache::Checksum};
+use hemisplat::measure::Errors;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::{
     env, fs,
     path::{Path, PathBuf},
     process::Command,
-    time::Instant,
 };
 
 /// What would keep a driver from remembering its shaders.
@@ -39,26 +39,10 @@ pub struct Programs {
     pub machine: Machine,
 }
 
-/// What times depend on beside the programs.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Machine {
-    pub cores: usize,
-    /// None where the system does not tell it.
-    pub cpu: Option<String>,
-    /// The one that hemisplat runs on: its name, kind, backend and driver.
-    pub adapter: String,
-}
-
 /// The reference of a scene.
 pub struct Truth {
     pub indirect: PathBuf,
     pub variance: PathBuf,
-}
-
-/// A finished command: how long it took from start to end, and what it printed.
-struct Done {
-    seconds: f64,
-    stdout: Vec<u8>,
 }
 
 /// What a peer's script prints of its own seconds.
@@ -69,10 +53,6 @@ struct Printed {
     facts: Value,
 }
 
-fn root() -> &'static Path {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
-}
-
 fn peers_home() -> PathBuf {
     let default = || PathBuf::from(env::var_os("HOME").unwrap_or_default()).join(".cache/hemisplat-peers");
     env::var_os("PEERS_HOME").map_or_else(default, PathBuf::from)
@@ -81,54 +61,6 @@ fn peers_home() -> PathBuf {
 fn scenes() -> Result<PathBuf, Failure> {
     let folder = env::var_os("HEMISPLAT_SCENES").map(PathBuf::from);
     folder.ok_or_else(|| "HEMISPLAT_SCENES names no folder: it is to hold sibenik/sibenik.obj and sponza/sponza.obj (docs/scenes.md)".into())
-}
-
-fn checksum(files: &[&Path]) -> Result<String, Failure> {
-    let mut checksum = Checksum::default();
-    for file in files {
-        checksum.add(&read(file)?);
-    }
-    Ok(checksum.finish())
-}
-
-/// Runs a command to its end.
-fn finish(command: &mut Command) -> Result<Done, Failure> {
-    let name = command.get_program().to_string_lossy().into_owned();
-    let start = Instant::now();
-    let output = command.current_dir(root()).output().map_err(|error| format!("cannot run {name}: {error}"))?;
-    let seconds = start.elapsed().as_secs_f64();
-    if output.status.success() {
-        return Ok(Done { seconds, stdout: output.stdout });
-    }
-    let arguments = command.get_args().map(|argument| argument.to_string_lossy()).collect::<Vec<_>>().join(" ");
-    Err(format!("{name} {arguments}\nended with {}:\n{}", output.status, String::from_utf8_lossy(&output.stderr)).into())
-}
-
-impl Machine {
-    fn find(hemisplat: &Path) -> Result<Self, Failure> {
-        let adapters = String::from_utf8(finish(Command::new(hemisplat).arg("adapters"))?.stdout)?;
-        let adapter = adapters.lines().next().and_then(|first| first.strip_suffix(": usable")).ok_or("hemisplat names no usable adapter")?.to_owned();
-        let cpus = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-        let cpu = cpus.lines().find(|line| line.starts_with("model name")).and_then(|line| line.split_once(": "));
-        let cores = std::thread::available_parallelism().map_or(1, |count| count.get());
-        Ok(Self { cores, cpu: cpu.map(|(_, name)| name.trim().to_owned()), adapter })
-    }
-}
-
-/// What a system's own program prints; None where it cannot.
-fn told(program: &str, arguments: &[&str]) -> Option<String> {
-    let output = Command::new(program).args(arguments).current_dir(root()).output().ok()?;
-    output.status.success().then(|| String::from_utf8_lossy(&output.stdout).trim().to_owned())
-}
-
-/// The commit of this checkout, marked where files differ from it.
-pub fn commit() -> Option<String> {
-    told("git", &["describe", "--always", "--dirty", "--abbrev=40", "--exclude", "*"])
-}
-
-/// Today, as YYYY-MM-DD in universal time.
-pub fn date() -> Result<String, Failure> {
-    told("date", &["-u", "+%F"]).ok_or_else(|| "`date -u +%F` does not tell the day".into())
 }
 
 impl Programs {

@@ -4,7 +4,8 @@ use crate::{
     Failure,
     curve::{Curve, Reading, Sample},
     kept::Run,
-    programs::{Machine, Versions},
+    machine::Machine,
+    programs::Versions,
     settings::{Program, Setting, Truth},
 };
 use hemisplat::measure::{Errors, statistics::Spread};

@@ -40,6 +40,15 @@ pub fn quantile(sorted: &[f64], share: f64) -> Option<f64> {
     Some(sorted[below] + (sorted[above] - sorted[below]) * place.fract())
 }
 
+/// The exponent p of the power law c·xᵖ that fits positive values best, by least squares of their logarithms; None where fewer than two differ in x.
+pub fn slope(points: &[[f64; 2]]) -> Option<f64> {
+    let logarithms: Vec<[f64; 2]> = points.iter().map(|point| point.map(f64::ln)).collect();
+    let mean = |axis: usize| logarithms.iter().map(|point| point[axis]).sum::<f64>() / logarithms.len() as f64;
+    let (x, y) = (mean(0), mean(1));
+    let (covariance, variance) = logarithms.iter().fold((0.0, 0.0), |(c, v), point| (c + (point[0] - x) * (point[1] - y), v + (point[0] - x).powi(2)));
+    (variance > 1e-12 && covariance.is_finite()).then(|| covariance / variance)
+}
+
 fn sorted(mut values: Vec<f64>) -> Vec<f64> {
     values.sort_by(f64::total_cmp);
     values
@@ -196,6 +205,15 @@ mod tests {
         differences.reverse();
         assert_eq!(rest, 0);
         differences
+    }
+
+    #[test]
+    fn the_slope_of_a_power_law_is_its_exponent() {
+        let law = |x: f64| [x, 3.0 * x.powf(0.4)];
+        assert!((slope(&[law(10.0), law(1e3), law(2e5)]).unwrap() - 0.4).abs() < 1e-12);
+        // Noise that is even to both sides leaves it.
+        assert!((slope(&[[1.0, 2.0], [1.0, 0.5], [100.0, 20.0], [100.0, 5.0]]).unwrap() - 0.5).abs() < 1e-12);
+        assert_eq!([slope(&[]), slope(&[law(2.0)]), slope(&[law(2.0), [2.0, 9.0]]), slope(&[law(2.0), [3.0, 0.0]])], [None; 4]);
     }
 
     #[test]

@@ -8,7 +8,7 @@ use std::fs;
 use std::path::Path;
 
 /// Codes that no input brings about on every machine.
-const BEYOND_INPUT: [(&str, &str); 22] = [
+const BEYOND_INPUT: [(&str, &str); 23] = [
     ("cli::interrupted", "needs Ctrl-C at the right moment"),
     ("cli::json", "results hold nothing that JSON cannot"),
     ("cli::signal", "the system refuses a handler"),
@@ -25,6 +25,7 @@ const BEYOND_INPUT: [(&str, &str); 22] = [
     ("gpu::shader", "shaders ship with the program, and tests validate them"),
     ("gpu::unknown_adapter", "lists the machine's adapters"),
     ("measure::encoding", "what is written was made here"),
+    ("measure::unwritable", "the disk decides it; a command names the file as for every other write"),
     ("measure::wrong_size", "files cannot hold layers of several sizes"),
     ("reference::camera", "loaders refuse such cameras first"),
     ("reference::stopped", "needs Ctrl-C at the right moment"),

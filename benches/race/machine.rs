@@ -3,7 +3,12 @@
 use crate::{Failure, kept::read};
 use hemisplat::measure::cache::Checksum;
 use serde::Serialize;
-use std::{fs, path::Path, process::Command, time::Instant};
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    process::{Command, ExitCode},
+    time::Instant,
+};
 
 /// What times depend on beside the programs.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -33,6 +38,24 @@ pub fn checksum(files: &[&Path]) -> Result<String, Failure> {
         checksum.add(&read(file)?);
     }
     Ok(checksum.finish())
+}
+
+/// Where a program is, and its version with a checksum of it, in which shaders and pipelines stand.
+pub fn hemisplat(program: &Path) -> Result<(PathBuf, String), Failure> {
+    let program = fs::canonicalize(program).map_err(|error| format!("no program {}: {error}", program.display()))?;
+    let version = format!("{} ({})", env!("CARGO_PKG_VERSION"), checksum(&[&program])?);
+    Ok((program, version))
+}
+
+/// How a measurement ends: with what went wrong, if anything did.
+pub fn ended(measured: Result<(), Failure>) -> ExitCode {
+    match measured {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            eprintln!("error: {failure}");
+            ExitCode::FAILURE
+        }
+    }
 }
 
 /// Runs a command to its end.

@@ -55,13 +55,7 @@ struct Options {
 }
 
 fn main() -> ExitCode {
-    match race(&Options::parse()) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(failure) => {
-            eprintln!("error: {failure}");
-            ExitCode::FAILURE
-        }
-    }
+    machine::ended(race(&Options::parse()))
 }
 
 fn race(options: &Options) -> Result<(), Failure> {

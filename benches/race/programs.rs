@@ -3,7 +3,7 @@
 use crate::{
     Failure,
     kept::{Run, read},
-    machine::{Machine, checksum, finish, root},
+    machine::{self, Machine, checksum, finish, root},
     settings::{Case, Hemisplat, Mitsuba, Race, Radiance, Setting, Start},
 };
 use hemisplat::measure::Errors;
@@ -66,7 +66,7 @@ fn scenes() -> Result<PathBuf, Failure> {
 impl Programs {
     /// Finds them, or says what is missing and how to get it.
     pub fn find(hemisplat: &Path) -> Result<Self, Failure> {
-        let hemisplat = fs::canonicalize(hemisplat).map_err(|error| format!("no program {}: {error}", hemisplat.display()))?;
+        let (hemisplat, version) = machine::hemisplat(hemisplat)?;
         let python = peers_home().join("bin/python");
         if !python.is_file() {
             return Err(format!("Radiance and Mitsuba are not in {}: `./bench peers` installs them there", peers_home().display()).into());
@@ -76,7 +76,7 @@ impl Programs {
         let printed = String::from_utf8(finish(Command::new(&python).args(["-c", ask]))?.stdout)?;
         let (pyradiance, mitsuba) = printed.trim().split_once(' ').ok_or("the peers do not tell their versions: run `./bench peers`")?;
         let versions = Versions {
-            hemisplat: format!("{} ({})", env!("CARGO_PKG_VERSION"), checksum(&[&hemisplat])?),
+            hemisplat: version,
             radiance: format!("pyradiance {pyradiance} ({})", checksum(&[&script("radiance.py")])?),
             mitsuba: format!("{mitsuba} ({})", checksum(&[&script("mitsuba_reference.py"), &script("mitsuba_cast.py")])?),
         };

@@ -16,7 +16,7 @@ use hemisplat::measure::{
     statistics::{Spread, slope},
 };
 use kept::{read, write};
-use machine::{Machine, checksum, finish};
+use machine::{Machine, finish};
 use serde::Serialize;
 use serde_json::Value;
 use series::{Axis, Costs, Per, Row, Scaling, Series, Setting};
@@ -109,22 +109,15 @@ struct Run {
 }
 
 fn main() -> ExitCode {
-    match measure(&Options::parse()) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(failure) => {
-            eprintln!("error: {failure}");
-            ExitCode::FAILURE
-        }
-    }
+    machine::ended(measure(&Options::parse()))
 }
 
 fn measure(options: &Options) -> Result<(), Failure> {
     let text = String::from_utf8(read(&machine::root().join("benches/scaling.ron"))?)?;
     let scaling = Scaling::read(&text).and_then(|scaling| scaling.only(options.series.as_deref())).map_err(|error| format!("benches/scaling.ron: {error}"))?;
-    let program = std::fs::canonicalize(&options.program).map_err(|error| format!("no program {}: {error}", options.program.display()))?;
+    let (program, hemisplat) = machine::hemisplat(&options.program)?;
     let machine = Machine::find(&program)?;
     let series = scaling.series.iter().map(|series| grown(series, &program, options.runs)).collect::<Result<_, _>>()?;
-    let hemisplat = format!("{} ({})", env!("CARGO_PKG_VERSION"), checksum(&[&program])?);
     publish(options, &Report { schema: 1, date: machine::date()?, commit: machine::commit(), machine, hemisplat, series })
 }
 
@@ -149,7 +142,7 @@ fn grown(series: &Series, program: &Path, runs: u32) -> Result<Grown, Failure> {
 fn run(series: &Series, row: &Row, point: &Setting, program: &Path) -> Result<Run, Failure> {
     let folder = tempfile::tempdir()?;
     let stats = folder.path().join("out.json");
-    let size = if point.size > 0 { point.size } else { series.size };
+    let size = point.size.or(series.size).ok_or("a point without a size")?;
     let mut command = Command::new(program);
     command.args(["render", &row.pipeline, "--scene", &series.scene, "--size", &format!("{size}x{size}"), "--strict"]);
     command.args(point.scene_set.iter().flat_map(|set| ["--scene-set", set]));
@@ -180,7 +173,7 @@ fn curve(series: &Series, costs: &Costs, points: &[Vec<Run>]) -> Result<Curve, F
     for runs in points {
         let Run { stats, .. } = runs.last().ok_or("no runs")?;
         let times = runs.iter().map(|run| milliseconds(costs, &run.stats)).collect::<Option<Vec<_>>>();
-        let x = place(series.x, stats, &runs[0].command);
+        let x = place(series.x, stats);
         places.push(x.zip(times.and_then(|times| Spread::of(&times))).ok_or_else(|| format!("{}: nothing to measure of {}", runs[0].command, costs.name))?);
     }
     let fitted: Vec<[f64; 2]> = places.iter().filter(|(x, _)| *x >= series.from).map(|(x, time)| [*x, time.median]).collect();
@@ -201,13 +194,15 @@ fn milliseconds(costs: &Costs, stats: &Value) -> Option<f64> {
 }
 
 /// Where a run stands on the axis.
-fn place(axis: Axis, stats: &Value, command: &str) -> Option<f64> {
+fn place(axis: Axis, stats: &Value) -> Option<f64> {
+    let frame = &stats["frames"][0];
     match axis {
         Axis::Triangles => stats["triangles"].as_f64(),
-        Axis::Records => stats["frames"][0]["records"]["irradiance"].as_f64(),
+        Axis::Records => frame["records"]["irradiance"].as_f64(),
         Axis::Pixels => Some(stats["size"][0].as_f64()? * stats["size"][1].as_f64()?),
         Axis::Samples => {
-            let edge = command.split("tiles.resolution=").last()?.split(' ').next()?.parse::<f64>().ok()?;
+            let mut sets = frame["set"].as_array()?.iter().rev().filter_map(Value::as_str);
+            let edge: f64 = sets.find_map(|set| set.strip_prefix("tiles.resolution="))?.parse().ok()?;
             Some(edge * edge)
         }
     }

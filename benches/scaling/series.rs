@@ -16,9 +16,9 @@ pub struct Series {
     pub name: String,
     pub x: Axis,
     pub scene: String,
-    /// Edge of the pictures [pixels]; 0 where each point has its own.
+    /// Edge of the pictures [pixels]; None where each point has its own.
     #[serde(default)]
-    pub size: u32,
+    pub size: Option<u32>,
     /// `NODE.PARAM=VALUE` of all points.
     #[serde(default)]
     pub set: Vec<String>,
@@ -43,7 +43,7 @@ pub enum Axis {
 #[serde(deny_unknown_fields)]
 pub struct Setting {
     #[serde(default)]
-    pub size: u32,
+    pub size: Option<u32>,
     #[serde(default)]
     pub set: Vec<String>,
     #[serde(default)]
@@ -112,12 +112,13 @@ impl Scaling {
     /// # Errors
     /// What is wrong with the text, in words.
     pub fn read(text: &str) -> Result<Self, String> {
-        let scaling: Self = ron::from_str(text).map_err(|error| error.to_string())?;
+        let options = ron::Options::default().with_default_extension(ron::extensions::Extensions::IMPLICIT_SOME);
+        let scaling: Self = options.from_str(text).map_err(|error| error.to_string())?;
         for series in &scaling.series {
             if series.points.len() < 2 || series.rows.is_empty() {
                 return Err(format!("the series {} needs two points and a row", series.name));
             }
-            if series.points.iter().any(|point| series.size == 0 && point.size == 0) {
+            if series.points.iter().any(|point| point.size.or(series.size).is_none()) {
                 return Err(format!("a point of the series {} has no size", series.name));
             }
         }

@@ -58,14 +58,7 @@ impl Target {
             // What cannot be sought gets the file in one piece.
             return self.write(&picture.to_exr().map_err(bad)?);
         }
-        let mut encoded = Ok(());
-        let fill = |file: &mut fs::File| {
-            encoded = picture.write_exr(file);
-            encoded.is_ok().then_some(()).ok_or(io::ErrorKind::InvalidData.into())
-        };
-        let written = self.replace(fill);
-        encoded.map_err(bad)?;
-        written.map_err(|error| Failure::write(&self.path, error))
+        self.replace(|file| picture.write_exr(file)).map_err(bad)
     }
 
     /// Writes a record as JSON, as [`Target::write`] does.
@@ -90,13 +83,13 @@ impl Target {
     }
 
     /// Fills a temporary file in the same folder, then gives it its name.
-    fn replace(&self, fill: impl FnOnce(&mut fs::File) -> io::Result<()>) -> io::Result<()> {
+    fn replace<E: From<io::Error>>(&self, fill: impl FnOnce(&mut fs::File) -> Result<(), E>) -> Result<(), E> {
         let _shelter = Shelter::new();
         let path = self.resolved();
         let mut file = temporary(folder(&path))?;
         fill(file.as_file_mut())?;
         file.as_file().sync_all()?;
-        file.persist(&path)?;
+        file.persist(&path).map_err(|error| error.error)?;
         Ok(())
     }
 }

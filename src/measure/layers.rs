@@ -83,7 +83,7 @@ pub enum PictureError {
     NonFinite { layer: String, channel: String, x: u32, y: u32, value: f32 },
     #[error("the picture cannot be written: {0}")]
     #[diagnostic(code(measure::unwritable))]
-    Unwritable(std::io::Error),
+    Unwritable(#[from] std::io::Error),
     #[error("the picture cannot be encoded: {reason}")]
     #[diagnostic(code(measure::encoding))]
     Encoding { reason: String },
@@ -260,7 +260,7 @@ impl Layers {
             exr::error::Error::Io(error) => PictureError::Unwritable(error),
             error => PictureError::Encoding { reason: error.to_string() },
         })?;
-        to.flush().map_err(PictureError::Unwritable)
+        Ok(to.flush()?)
     }
 
     fn from_other(bytes: &[u8]) -> std::result::Result<Self, PictureError> {

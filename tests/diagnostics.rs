@@ -106,9 +106,10 @@ fn files() -> BTreeMap<&'static str, Vec<u8>> {
 
 /// Code and arguments, one case each, and whether a GPU is needed.
 #[rustfmt::skip]
-const CASES: [(&str, &str, bool); 48] = [
+const CASES: [(&str, &str, bool); 49] = [
     ("plan::batch", "check irradiance --scene white.ron --set tiles.resolution=512", false),
     ("plan::coarsest", "check irradiance --scene white.ron --set misses.by=DeviceGrid(coarsest:3)", false),
+    ("plan::finest", "check irradiance --scene white.ron --set misses.by=DeviceGrid(finest:3)", false),
     ("plan::curvature", "check irradiance-curvature --scene white.ron --set records.gradients=false", false),
     ("plan::mipmap", "check irradiance-mipmap --scene white.ron --set tiles.resolution=22", false),
     ("plan::raster_shape", "check irradiance-cosine --scene white.ron --set tiles.by=Raster", false),

@@ -30,13 +30,15 @@ const CASES: &[(&str, Case)] = &[
     ("an_earlier_cache_and_earlier_shadow_maps_are_whole", earlier_memory),
     ("a_second_frame_of_the_same_view_adds_nothing_and_looks_the_same", same_view),
     ("a_second_view_reuses_records", second_view),
-    ("saved_records_give_the_same_picture_bit_by_bit", saved_records),
+    ("saved_records_give_the_same_picture_bit_by_bit", || saved_records("irradiance")),
+    ("saved_records_of_two_loops_give_the_same_picture_bit_by_bit", || saved_records("irradiance-two-rates")),
     ("a_file_of_records_that_does_not_fit_is_refused_and_kept", bad_records),
     ("a_fill_that_ends_at_its_bound_splats_what_it_has_made", bounded_fill),
     ("a_frame_that_fails_keeps_records_and_statistics_of_those_before_it", failing_frame),
     ("work_that_takes_long_is_shown_on_a_terminal_only", progress),
     ("a_gap_is_a_warning_or_a_failure_and_the_picture_is_written", gaps),
-    ("frames_share_out_a_bounded_number_of_new_records", bounded_frames),
+    ("frames_share_out_a_bounded_number_of_new_records", || bounded_frames("irradiance")),
+    ("two_loops_share_out_one_number_of_new_records", || bounded_frames("irradiance-two-rates")),
     ("an_accuracy_changes_between_frames_and_records_stay", accuracy_per_frame),
     ("what_cannot_change_between_frames_is_refused", refused_per_frame),
     ("a_frame_ends_when_its_time_is_up", time_is_up),
@@ -210,13 +212,18 @@ impl Place {
         Ok(names)
     }
 
-    fn arguments(scene: &str, more: &[&str]) -> Vec<String> {
-        ["render", "irradiance", "--scene", scene].iter().chain(&SMALL).chain(more).map(|argument| argument.to_string()).collect()
+    fn arguments(pipeline: &str, scene: &str, more: &[&str]) -> Vec<String> {
+        ["render", pipeline, "--scene", scene].iter().chain(&SMALL).chain(more).map(|argument| argument.to_string()).collect()
+    }
+
+    fn render_by(&self, pipeline: &str, scene: &str, more: &[&str]) -> Result<Ended, Failed> {
+        let arguments = Self::arguments(pipeline, scene, more);
+        let output = Command::new(env!("CARGO_BIN_EXE_hemisplat")).current_dir(self.0.path()).args(arguments).output().map_err(failed)?;
+        Ok((output.status.code().ok_or("no exit status")?, String::from_utf8_lossy(&output.stderr).into_owned()))
     }
 
     fn render_scene(&self, scene: &str, more: &[&str]) -> Result<Ended, Failed> {
-        let output = Command::new(env!("CARGO_BIN_EXE_hemisplat")).current_dir(self.0.path()).args(Self::arguments(scene, more)).output().map_err(failed)?;
-        Ok((output.status.code().ok_or("no exit status")?, String::from_utf8_lossy(&output.stderr).into_owned()))
+        self.render_by("irradiance", scene, more)
     }
 
     /// Renders the Cornell box.
@@ -226,7 +233,11 @@ impl Place {
 
     /// The statistics of a run that succeeds.
     fn rendered(&self, more: &[&str]) -> Result<Value, Failed> {
-        let (status, stderr) = self.render(more)?;
+        self.rendered_by("irradiance", more)
+    }
+
+    fn rendered_by(&self, pipeline: &str, more: &[&str]) -> Result<Value, Failed> {
+        let (status, stderr) = self.render_by(pipeline, "cornell.ron", more)?;
         check(status == 0, || format!("status {status}: {stderr}"))?;
         self.stats()
     }
@@ -297,11 +308,11 @@ fn second_view() -> Outcome {
     check(explained.status.code() == Some(2), || "one command, one camera".into())
 }
 
-fn saved_records() -> Outcome {
+fn saved_records(pipeline: &str) -> Outcome {
     let place = Place::new()?;
-    let first = place.rendered(&["--cache", "new/records", "-o", "first.exr"])?;
+    let first = place.rendered_by(pipeline, &["--cache", "new/records", "-o", "first.exr"])?;
     let saved = fs::read(place.path("new/records")).map_err(failed)?;
-    let second = place.rendered(&["--cache", "new/records", "-o", "second.exr"])?;
+    let second = place.rendered_by(pipeline, &["--cache", "new/records", "-o", "second.exr"])?;
     check(new_records(&second, 0)? == 0, || format!("{second}"))?;
     check(number(&first, 0, "/records/irradiance")? == number(&second, 0, "/records/irradiance")?, || format!("{second}"))?;
     place.same("first.exr", "second.exr")?;
@@ -416,11 +427,11 @@ fn gaps() -> Outcome {
     check(place.stats()?["complete"] == true, || "no gap is a complete picture".into())
 }
 
-fn bounded_frames() -> Outcome {
+fn bounded_frames(pipeline: &str) -> Outcome {
     let place = Place::new()?;
-    let whole = new_records(&place.rendered(&["-o", "whole.exr"])?, 0)?;
+    let whole = new_records(&place.rendered_by(pipeline, &["-o", "whole.exr"])?, 0)?;
     let frames = whole.div_ceil(20) as usize * 2;
-    let stats = place.rendered(&["--set", "misses.at_most=20", "--frames", &format!("0..{frames}"), "-o", "out.exr"])?;
+    let stats = place.rendered_by(pipeline, &["--set", "misses.at_most=20", "--frames", &format!("0..{frames}"), "-o", "out.exr"])?;
     let mut all = 0;
     for frame in 0..frames {
         let new = new_records(&stats, frame)?;
@@ -496,7 +507,7 @@ fn interrupted() -> Outcome {
     let more = ["--frames", "0..100000", "--set", "misses.at_most=2", "--cache", "records", "-o", "out.exr"];
     let mut child = std::process::Command::new(env!("CARGO_BIN_EXE_hemisplat"))
         .current_dir(place.0.path())
-        .args(Place::arguments("cornell.ron", &more))
+        .args(Place::arguments("irradiance", "cornell.ron", &more))
         .stdout(std::process::Stdio::null())
         .stderr(std::process::Stdio::piped())
         .spawn()

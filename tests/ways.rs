@@ -288,7 +288,13 @@ fn summed(stage: &Stage, table: &Arc<Table>, shape: (Shape, u32), by: &str, radi
     let mut places = requests().to_vec();
     places.resize(capacity, bytemuck::Zeroable::zeroed());
     let mut graph = Graph::new(stage, [16, 16]);
-    let requests = port::Requests { places: graph.buffer("places", bytemuck::cast_slice(&places)), count: graph.variable("count"), capacity: capacity as u32 };
+    let requests = port::Requests {
+        places: graph.buffer("places", bytemuck::cast_slice(&places)),
+        count: graph.variable("count"),
+        capacity: capacity as u32,
+        made: graph.variable("made"),
+        at_most: u32::MAX,
+    };
     let tiles = port::Tiles {
         samples: graph.buffer("samples", bytemuck::cast_slice(&samples)),
         requests,

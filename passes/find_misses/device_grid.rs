@@ -18,13 +18,21 @@ host_struct! {
 /// Cells up to this edge take one lane each: a workgroup that waits for its lanes costs more than their longer walk.
 const SMALL: u32 = 16;
 
-pub(super) fn record(r: &mut Recorder<'_>, work: &Work, coarsest: u32) -> Result<(), Refusal> {
+pub(super) fn record(r: &mut Recorder<'_>, work: &Work, [coarsest, finest]: [u32; 2]) -> Result<(), Refusal> {
     if !coarsest.is_power_of_two() {
         return Err(Refusal::of_parameter(
             "by",
             "plan::coarsest",
             format!("cells of {coarsest} pixels cannot be halved down to one"),
             "give a power of two from 1 to 64",
+        ));
+    }
+    if !finest.is_power_of_two() || finest > coarsest {
+        return Err(Refusal::of_parameter(
+            "by",
+            "plan::finest",
+            format!("cells of {coarsest} pixels cannot be halved down to {finest}"),
+            "give a power of two from 1 to the edge of the coarsest cells",
         ));
     }
     let [width, height] = r.setting.size;
@@ -71,9 +79,9 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, coarsest: u32) -> Result
         let room = work.room(host);
         let (found, all) = (numbers[0].min(room), numbers[1]);
         host.set(work.requests.count, found);
-        host.set(work.made, host.variable(work.made) + found);
-        let finest = host.variable(cell) == 1;
-        host.set(idle, if finest && all == 0 { host.variable(idle) + 1 } else { 0 });
+        host.set(work.requests.made, host.variable(work.requests.made) + found);
+        let is_finest = host.variable(cell) == finest;
+        host.set(idle, if finest == 1 && is_finest && all == 0 { host.variable(idle) + 1 } else { 0 });
         // Without room the records of the round before have just been splatted: nothing is left to do.
         host.set(work.none, (host.variable(idle) == 4 || room == 0) as u32);
         // What did not fit into the batch is looked for again, among what the batch leaves uncovered. Cells that have been served wait: they
@@ -83,8 +91,11 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, coarsest: u32) -> Result
         } else {
             let next = host.variable(phase) + 1;
             host.set(phase, next % 4);
-            if next == 4 && !finest {
+            if next == 4 && !is_finest {
                 host.set(cell, host.variable(cell) / 2);
+            }
+            if next == 4 && is_finest && finest > 1 {
+                host.set(work.none, 1);
             }
             0
         };

@@ -82,7 +82,7 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, spacing: u32) {
         host.write(requests.places, 0, bytemuck::cast_slice(&new));
         host.set(requests.count, new.len() as u32);
         host.set(seen, host.variable(cache.count));
-        host.set(work.made, host.variable(work.made) + new.len() as u32);
+        host.set(requests.made, host.variable(requests.made) + new.len() as u32);
         // A walk that ends without having just looked at the sums looks once more.
         host.set(look, (!sequential || (new.is_empty() && !looked)) as u32);
         host.set(work.none, ((new.is_empty() && looked) || free == 0) as u32);

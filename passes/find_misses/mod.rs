@@ -23,12 +23,20 @@ static DESCRIPTION: Description = Description {
                     Choice {
                         name: "DeviceGrid",
                         about: "on the device, from coarse cells of pixels to fine ones; only the number of requests is read back",
-                        parameters: &[Parameter {
-                            name: "coarsest",
-                            about: "edge of the first cells, a power of two",
-                            unit: "pixels",
-                            kind: ParameterKind::Integer { default: 32, min: 1, max: 64 },
-                        }],
+                        parameters: &[
+                            Parameter {
+                                name: "coarsest",
+                                about: "edge of the first cells, a power of two",
+                                unit: "pixels",
+                                kind: ParameterKind::Integer { default: 32, min: 1, max: 64 },
+                            },
+                            Parameter {
+                                name: "finest",
+                                about: "edge of the last cells, a power of two; where it is more than a pixel, cells are looked at once and misses are left to a later loop",
+                                unit: "pixels",
+                                kind: ParameterKind::Integer { default: 1, min: 1, max: 64 },
+                            },
+                        ],
                     },
                     Choice {
                         name: "HostScan",
@@ -45,7 +53,7 @@ static DESCRIPTION: Description = Description {
         },
         Parameter {
             name: "at_most",
-            about: "most new records a frame, for interactive use; 0 for no limit",
+            about: "most new records a frame, for interactive use, with those of `after`; 0 for no limit but its",
             unit: "records",
             kind: ParameterKind::Integer { default: 0, min: 0, max: 1_000_000 },
         },
@@ -53,6 +61,7 @@ static DESCRIPTION: Description = Description {
     inputs: &[
         Input { name: "gbuffer", about: "the visible surfaces", accepts: PortKind::GBuffer, required: true },
         Input { name: "splats", about: "what the records so far cover", accepts: PortKind::Splats, required: true },
+        Input { name: "after", about: "requests of a loop before this one, which count toward the same limit", accepts: PortKind::Requests, required: false },
     ],
     outputs: &[
         Output { name: "requests", about: "places that need a record", kind: PortKind::Requests },
@@ -69,17 +78,14 @@ struct Work {
     none: Variable,
     /// A pixel whose weights add up to this or less misses a record.
     overlap: f32,
-    /// Most new records a frame.
-    at_most: u32,
-    /// Requests made so far this frame.
-    made: Variable,
 }
 
 impl Work {
     /// How many more records there may be: this frame's limit, the cache and the time given to the frame set bounds.
     fn room(&self, host: &dyn HostContext) -> u32 {
         let cache = self.splats.cache;
-        let room = (self.at_most - host.variable(self.made)).min(cache.capacity.saturating_sub(host.variable(cache.count)));
+        let unasked = self.requests.at_most.saturating_sub(host.variable(self.requests.made));
+        let room = unasked.min(cache.capacity.saturating_sub(host.variable(cache.count)));
         if host.is_last_round() { 0 } else { room }
     }
 }
@@ -92,18 +98,22 @@ impl Pass for FindMisses {
     fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
         let (Some(gbuffer), Some(splats)) = (r.g_buffer("gbuffer").copied(), r.splats("splats").copied()) else { return Ok(()) };
         let capacity = r.batch.unwrap_or(1);
-        let requests = port::Requests { places: r.buffer("requests", capacity as u64 * REQUEST_BYTES), count: r.variable("count", false), capacity };
-        let at_most = match r.arguments.integer("at_most") {
+        let limit = match r.arguments.integer("at_most") {
             0 => u32::MAX,
             limit => limit as u32,
         };
-        let overlap = splats.cache.rule.overlap;
-        let work = Work { gbuffer, splats, requests, none: r.variable("none", false), overlap, at_most, made: r.variable("made", false) };
+        let (made, at_most) = match r.requests("after") {
+            Some(after) => (after.made, limit.min(after.at_most)),
+            None => (r.variable("made", false), limit),
+        };
+        let places = r.buffer("requests", u64::from(capacity) * REQUEST_BYTES);
+        let requests = port::Requests { places, count: r.variable("count", false), capacity, made, at_most };
+        let work = Work { gbuffer, splats, requests, none: r.variable("none", false), overlap: splats.cache.rule.overlap };
         match r.arguments.choice("by") {
             ("HostScan", arguments) => host_scan::record(r, &work, arguments.integer("spacing") as u32),
-            (_, arguments) => device_grid::record(r, &work, arguments.integer("coarsest") as u32)?,
+            (_, arguments) => device_grid::record(r, &work, [arguments.integer("coarsest") as u32, arguments.integer("finest") as u32])?,
         }
-        r.report_variable("new_records", work.made);
+        r.report_variable("new_records", made);
         r.output("requests", Port::Requests(requests));
         r.output("none", Port::Flag(work.none));
         Ok(())

@@ -200,6 +200,9 @@ pub struct Requests {
     /// How many there are this round.
     pub count: Variable,
     pub capacity: u32,
+    /// How many there have been this frame, and may be.
+    pub made: Variable,
+    pub at_most: u32,
 }
 
 /// One hemisphere a request.
@@ -249,6 +252,7 @@ impl Requests {
     fn over(&mut self, memory: &mut dyn Memory) {
         replace(&mut self.places, memory);
         self.count = memory.variable(self.count);
+        self.made = memory.variable(self.made);
     }
 }
 

@@ -596,10 +596,9 @@ impl<'a> Session<'a> {
         if bytes == 0 {
             return Ok(Vec::new());
         }
-        let contents = readback::map(self.gpu, staging, bytes)?;
-        Ok(match &self.physical[read.resource.0 as usize] {
-            Physical::Texture { texture, format } => readback::unpad(contents, texture.width(), *format),
-            _ => contents,
+        readback::look(self.gpu, staging, bytes, |contents| match &self.physical[read.resource.0 as usize] {
+            Physical::Texture { texture, format } => readback::unpadded(contents, texture.width(), *format),
+            _ => contents.to_vec(),
         })
     }
 }

@@ -5,6 +5,7 @@ use super::execution::Session;
 use super::pipelines::{Built, Pipelines};
 use super::shader::{Slot, SlotKind};
 use crate::recording::*;
+use std::num::NonZeroU64;
 
 /// A command with everything that encoding it needs.
 pub(super) enum Ready {
@@ -79,13 +80,21 @@ impl Session<'_> {
                     binding: slot.binding,
                     resource: match view {
                         Some(view) => wgpu::BindingResource::TextureView(view),
-                        None => self.buffer(*resource).as_entire_binding(),
+                        None => wgpu::BindingResource::Buffer(self.part(*resource)),
                     },
                 })
                 .collect();
             groups.push((*group, self.gpu.device.create_bind_group(&wgpu::BindGroupDescriptor { label: Some(program.shader), layout, entries: &entries })));
         }
         Ok(groups)
+    }
+
+    /// A buffer as far as it is the resource's: memory that it shares may be larger than a uniform can be.
+    fn part(&self, resource: Resource) -> wgpu::BufferBinding<'_> {
+        let buffer = self.buffer(resource);
+        let description = self.recording.resource(resource);
+        let size = matches!(description.lifetime, Lifetime::Transient).then(|| NonZeroU64::new(description.kind.bytes())).flatten();
+        wgpu::BufferBinding { buffer, offset: 0, size }
     }
 
     /// The resource of a binding: listed by the program, or a part of the scene or the camera by its name.

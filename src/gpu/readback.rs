@@ -3,8 +3,8 @@
 use super::device::{Gpu, GpuError};
 use crate::recording::Format;
 
-/// Bytes of a mapped staging buffer, once the device is done with it.
-pub fn map(gpu: &Gpu, staging: &wgpu::Buffer, bytes: u64) -> Result<Vec<u8>, GpuError> {
+/// Looks at the first bytes of a staging buffer, once the device is done with it.
+pub fn look<T>(gpu: &Gpu, staging: &wgpu::Buffer, bytes: u64, look: impl FnOnce(&[u8]) -> T) -> Result<T, GpuError> {
     let (sender, receiver) = std::sync::mpsc::channel();
     staging.map_async(wgpu::MapMode::Read, 0..bytes, move |result| {
         let _ = sender.send(result);
@@ -13,10 +13,10 @@ pub fn map(gpu: &Gpu, staging: &wgpu::Buffer, bytes: u64) -> Result<Vec<u8>, Gpu
     let failed = |reason: String| GpuError::Driver { doing: "reading back".into(), reason };
     receiver.recv().map_err(|e| failed(e.to_string()))?.map_err(|e| failed(e.to_string()))?;
     let view = staging.get_mapped_range(0..bytes).map_err(|e| failed(e.to_string()))?;
-    let copy = view.to_vec();
+    let seen = look(&view);
     drop(view);
     staging.unmap();
-    Ok(copy)
+    Ok(seen)
 }
 
 pub fn staging(gpu: &Gpu, bytes: u64) -> wgpu::Buffer {
@@ -29,14 +29,11 @@ pub fn staging(gpu: &Gpu, bytes: u64) -> wgpu::Buffer {
 }
 
 /// Rows without their padding.
-pub fn unpad(mut rows: Vec<u8>, width: u32, format: Format) -> Vec<u8> {
+pub fn unpadded(rows: &[u8], width: u32, format: Format) -> Vec<u8> {
     let (row, stride) = ((width as u64 * format.bytes()) as usize, format.row_bytes(width) as usize);
-    if row < stride {
-        let count = rows.len() / stride;
-        (1..count).for_each(|y| rows.copy_within(y * stride..y * stride + row, y * row));
-        rows.truncate(count * row);
-    }
-    rows
+    let mut all = Vec::with_capacity(rows.len() / stride * row);
+    rows.chunks_exact(stride).for_each(|padded| all.extend_from_slice(&padded[..row]));
+    all
 }
 
 /// Encodes the copy of a texture, all layers, into `row_bytes · height · layers` bytes of a buffer.
@@ -64,7 +61,7 @@ mod tests {
     fn rows_lose_their_padding() {
         let (width, format) = (5, Format::R32Float);
         let padded: Vec<u8> = (0..3 * 256).map(|at| if at % 256 < 20 { (at / 256 * 20 + at % 256) as u8 } else { 255 }).collect();
-        assert_eq!(unpad(padded, width, format), (0..60).collect::<Vec<u8>>());
-        assert_eq!(unpad(vec![7; 512], 64, format), [7; 512]);
+        assert_eq!(unpadded(&padded, width, format), (0..60).collect::<Vec<u8>>());
+        assert_eq!(unpadded(&[7; 512], 64, format), [7; 512]);
     }
 }

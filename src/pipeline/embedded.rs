@@ -21,6 +21,7 @@ pub static EMBEDDED: &[(&str, &str)] = &[
     ("irradiance-readback.ron", include_str!("../../pipelines/irradiance-readback.ron")),
     ("irradiance-sequential.ron", include_str!("../../pipelines/irradiance-sequential.ron")),
     ("irradiance-tabellion.ron", include_str!("../../pipelines/irradiance-tabellion.ron")),
+    ("irradiance-two-rates.ron", include_str!("../../pipelines/irradiance-two-rates.ron")),
     ("irradiance-ward.ron", include_str!("../../pipelines/irradiance-ward.ron")),
 ];
 

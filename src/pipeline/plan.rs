@@ -368,7 +368,11 @@ impl<'a> Planner<'a> {
         self.ports.extend(recorded.outputs.into_iter().map(|(output, port)| (format!("{}.{output}", node.name), port)));
         self.remarks.extend(recorded.remarks.into_iter().map(|remark| (node.name.clone(), remark)));
         self.reports.extend(recorded.reports.into_iter().map(|(name, from)| (node.name.clone(), name, from)));
-        self.persistent.extend(recorded.persistent.into_iter().map(|history| Saved { node: node.name.clone(), history, made_by: Vec::new() }));
+        for history in recorded.persistent {
+            // The last node that adds to a history has all that do among those before it.
+            self.persistent.retain(|saved| saved.history.items != history.items);
+            self.persistent.push(Saved { node: node.name.clone(), history, made_by: Vec::new() });
+        }
     }
 
     /// The ports of a node's inputs; None if one is missing that must be there.

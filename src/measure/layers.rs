@@ -238,7 +238,8 @@ impl Layers {
         Ok(bytes.into_inner())
     }
 
-    /// Writes the picture as an EXR file: scan lines, run-length encoded, the same bytes for the same picture. Takes little memory beside the planes.
+    /// Writes the picture as an EXR file: scan lines, the same bytes for the same picture, not compressed: floats of light hardly
+    /// shrink without filters that cost more time than the disk. Takes little memory beside the planes.
     pub fn write_exr(&self, to: impl Write + Seek) -> std::result::Result<(), PictureError> {
         self.validate()?;
         if self.layers.is_empty() || self.width == 0 || self.height == 0 {
@@ -250,7 +251,7 @@ impl Layers {
                 channels.push(AnyChannel::new(text(&join_name(layer, channel))?, Plane::of(plane, content.half)));
             }
         }
-        let encoding = Encoding { compression: Compression::RLE, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
+        let encoding = Encoding { compression: Compression::Uncompressed, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
         let size = (self.width as usize, self.height as usize);
         let part = exr::prelude::Layer::new(size, LayerAttributes::default(), encoding, AnyChannels::sort(channels));
         let mut image = Image::from_layer(part);
@@ -423,7 +424,7 @@ mod tests {
         let meta = MetaData::read_from_buffered(bytes.as_slice(), false).unwrap();
         let names: Vec<String> = meta.headers[0].channels.list.iter().map(|channel| channel.name.to_string()).collect();
         assert_eq!(names, ["B", "G", "R", "irradiance.B", "irradiance.G", "irradiance.R", "normal.X", "normal.Y", "normal.Z", "weight"]);
-        assert_eq!(meta.headers[0].compression, Compression::RLE);
+        assert_eq!(meta.headers[0].compression, Compression::Uncompressed);
     }
 
     #[test]

@@ -1,0 +1,327 @@
+//! What one adapter makes of it: each pass beside what the hardware could move, frames a second, device time of few records.
+//!
+//! `./bench device` builds and runs it on the adapter that `hemisplat adapters` names first, or that `WGPU_ADAPTER_NAME` asks for;
+//! docs/device.md tells what came of it.
+
+#[allow(dead_code, reason = "only parts of the race's modules are of use here")]
+#[path = "../race/kept.rs"]
+mod kept;
+#[allow(dead_code, reason = "as above")]
+#[path = "../race/machine.rs"]
+mod machine;
+mod peak;
+
+use clap::Parser;
+use hemisplat::{
+    contract::recorder::Setting,
+    gpu::{Gpu, Pace, scene::byte_size},
+    measure::{
+        run::{FrameReport, PassReport, Run},
+        statistics::Spread,
+        traffic::traffic,
+    },
+    passes::REGISTRY,
+    pipeline::{Plan, load as load_pipeline, plan},
+    recording::{Command, Draws, Recording},
+    scene::{
+        Scene,
+        bvh::Bvh,
+        load::{LoadOptions, load},
+        needs::Needs,
+    },
+};
+use kept::write;
+use peak::Peak;
+use serde::Serialize;
+use std::{
+    fmt::Write,
+    path::{Path, PathBuf},
+    process::ExitCode,
+};
+
+type Failure = Box<dyn std::error::Error>;
+
+/// Measure what one adapter makes of Sibenik: each pass beside the hardware's limits, and frames a second
+#[derive(Parser)]
+#[command(name = "./bench device")]
+struct Options {
+    /// Runs of which the median counts
+    #[arg(long, default_value = "3", value_parser = clap::value_parser!(u32).range(1..))]
+    runs: u32,
+    /// Where results go
+    #[arg(short, long, default_value = "benches/results")]
+    out: PathBuf,
+    /// Write the tables here too
+    #[arg(long, value_name = "FILE")]
+    markdown: Option<PathBuf>,
+    /// The other benchmarks time a program of its own; this one is one
+    #[arg(long, hide = true)]
+    program: Option<PathBuf>,
+    /// What `cargo bench` says
+    #[arg(long, hide = true)]
+    bench: bool,
+}
+
+/// Keys in JSON are the fields' names.
+#[derive(Debug, Serialize)]
+struct Report {
+    /// Version of this record: 1.
+    schema: u32,
+    date: String,
+    commit: Option<String>,
+    /// Name, kind, backend and driver.
+    adapter: hemisplat::gpu::device::Adapter,
+    cores: usize,
+    peak: Peak,
+    scene: String,
+    triangles: usize,
+    still: Work,
+    few: Work,
+    passes: Vec<Pass>,
+    interactive: Interactive,
+}
+
+/// A picture from an empty cache: medians over the runs.
+#[derive(Debug, Serialize)]
+struct Work {
+    size: [u32; 2],
+    set: Vec<String>,
+    records: u32,
+    seconds: f64,
+    /// Of all passes; None where the adapter has no timestamps.
+    device_seconds: Option<f64>,
+}
+
+/// A node of the still picture.
+#[derive(Debug, Serialize)]
+struct Pass {
+    node: String,
+    runs: u32,
+    device_ms: Option<f64>,
+    host_ms: f64,
+    /// At most: what the commands bind, each byte once a command; None for rasters.
+    moved_bytes: Option<f64>,
+    /// Drawn by rasters, before anything is clipped or culled.
+    triangles: Option<f64>,
+    /// Of the bytes that the device could have copied in this time.
+    share_of_bandwidth: Option<f64>,
+    bound_by: &'static str,
+}
+
+#[derive(Debug, Serialize)]
+struct Interactive {
+    size: [u32; 2],
+    set: Vec<String>,
+    /// Frames a second of one view, all records being there.
+    full: f64,
+    /// Frames a second that add this many records each.
+    adding: f64,
+    added: u32,
+}
+
+struct Stage {
+    scene: Scene,
+    bvh: Bvh,
+}
+
+const PIPELINE: &str = "irradiance-two-rates";
+const STILL: u32 = 1000;
+const SMALL: u32 = 512;
+/// Some 4,000 records: details and contacts, which ask for more, are passed over.
+const FEW: [&str; 4] = ["cache.accuracy=0.5", "cache.contrast=1e6", "cache.minimum_spacing=20", "cache.maximum_spacing=60"];
+const INTERACTIVE: [&str; 1] = ["cache.accuracy=0.5"];
+const ADDED: u32 = 100;
+/// Frames of one view that are timed.
+const FRAMES: usize = 10;
+
+impl Stage {
+    fn open() -> Result<Self, Failure> {
+        let mut scene = load(&machine::root().join("scenes/sibenik.ron"), &LoadOptions::default().with_environment()).map_err(|e| e.to_string())?;
+        let bvh = Bvh::build(&mut scene);
+        Ok(Self { scene, bvh })
+    }
+
+    fn plan(&self, sets: &[String], edge: u32) -> Result<Plan, Failure> {
+        let pipeline = load_pipeline(PIPELINE, sets, REGISTRY, &mut |path| std::fs::read_to_string(path)).map_err(|e| e.to_string())?;
+        let needs = Needs::of(&self.scene);
+        let setting = Setting { scene: &self.scene, needs: &needs, size: [edge, edge] };
+        Ok(plan(&pipeline, setting, &[], &|data| byte_size(&self.scene, data)).map_err(|e| e.to_string())?)
+    }
+
+    fn run<'a>(&'a self, gpu: &'a Gpu, plan: &'a Plan, edge: u32) -> Result<Run<'a>, Failure> {
+        Ok(Run::new(gpu, &self.scene, &self.bvh, plan, &self.scene.cameras[0], [edge, edge])?)
+    }
+
+    /// Pictures from empty caches; the first one compiles and does not count.
+    fn pictures(&self, gpu: &Gpu, plan: &Plan, edge: u32, runs: u32) -> Result<Vec<FrameReport>, Failure> {
+        let mut run = self.run(gpu, plan, edge)?;
+        let mut reports = Vec::new();
+        for _ in 0..=runs {
+            run.forget()?;
+            reports.push(run.frame(&|| Pace::GoOn)?);
+        }
+        reports.remove(0);
+        Ok(reports)
+    }
+
+    fn interactive(&self, gpu: &Gpu) -> Result<Interactive, Failure> {
+        let set: Vec<String> = INTERACTIVE.map(String::from).into();
+        let bounded: Vec<String> = set.iter().cloned().chain([format!("misses.at_most={ADDED}")]).collect();
+        let (whole, bounded) = (self.plan(&set, SMALL)?, self.plan(&bounded, SMALL)?);
+        let mut run = self.run(gpu, &whole, SMALL)?;
+        let frames: Vec<FrameReport> = (0..=FRAMES).map(|_| run.frame(&|| Pace::GoOn)).collect::<Result<_, _>>()?;
+        let full = rate(&frames[1..]);
+        let mut run = self.run(gpu, &bounded, SMALL)?;
+        let frames: Vec<FrameReport> = (0..=FRAMES).map(|_| run.frame(&|| Pace::GoOn)).collect::<Result<_, _>>()?;
+        let adding: Vec<FrameReport> = frames.into_iter().skip(1).filter(|frame| frame.new_records == Some(ADDED)).collect();
+        Ok(Interactive { size: [SMALL; 2], set, full, adding: rate(&adding), added: ADDED })
+    }
+}
+
+/// Frames a second, by the median of their seconds.
+fn rate(frames: &[FrameReport]) -> f64 {
+    1.0 / median(frames.iter().map(|frame| frame.seconds))
+}
+
+fn median(values: impl Iterator<Item = f64>) -> f64 {
+    Spread::of(&values.collect::<Vec<_>>()).map_or(f64::NAN, |spread| spread.median)
+}
+
+fn work(reports: &[FrameReport], edge: u32, set: &[String]) -> Work {
+    let on_device = |report: &FrameReport| report.passes.iter().map(|pass| pass.gpu_ms).sum::<Option<f64>>();
+    let device: Option<Vec<f64>> = reports.iter().map(on_device).collect();
+    Work {
+        size: [edge; 2],
+        set: set.to_vec(),
+        records: reports.first().and_then(|report| report.records.irradiance).unwrap_or(0),
+        seconds: median(reports.iter().map(|report| report.seconds)),
+        device_seconds: device.map(|all| median(all.into_iter().map(|ms| ms * 1e-3))),
+    }
+}
+
+/// Triangles that a run of a node draws.
+fn triangles(recording: &Recording, node: &str) -> Option<f64> {
+    let commands = recording.nodes().into_iter().filter(|found| found.name == node).flat_map(|found| &found.commands);
+    let drawn: Vec<f64> = commands
+        .filter_map(|command| match command {
+            Command::Raster(raster) => match &raster.draws {
+                Draws::Fixed(draws) => Some(draws.iter().map(|d| f64::from((d.vertices[1] - d.vertices[0]) / 3 * (d.instances[1] - d.instances[0]))).sum()),
+                _ => None,
+            },
+            _ => None,
+        })
+        .collect();
+    (!drawn.is_empty()).then(|| drawn.iter().sum())
+}
+
+/// Tiles of a batch, by which [`traffic`] divides.
+fn tiles(recording: &Recording, node: &str) -> Option<f64> {
+    let commands = recording.nodes().into_iter().filter(|found| found.name == node).flat_map(|found| &found.commands);
+    commands.filter_map(Command::program).flat_map(|program| &program.constants).find(|(name, _)| *name == "TILE_CAPACITY").map(|(_, tiles)| *tiles)
+}
+
+fn pass(reports: &[FrameReport], index: usize, plan: &Plan, peak: &Peak) -> Result<Pass, Failure> {
+    let of = |report: &FrameReport| -> PassReport { report.passes[index].clone() };
+    let first = of(&reports[0]);
+    let device_ms = reports.iter().map(|report| of(report).gpu_ms).collect::<Option<Vec<_>>>().map(|all| median(all.into_iter()));
+    let host_ms = median(reports.iter().map(|report| of(report).cpu_ms));
+    let moved = traffic(&plan.recording, &[first.node.as_str()])?.zip(tiles(&plan.recording, &first.node));
+    let moved_bytes = moved.map(|(traffic, tiles)| (traffic.read_bytes + traffic.written_bytes) * tiles * f64::from(first.runs));
+    let share = moved_bytes.zip(device_ms).map(|(bytes, ms)| bytes / (ms * 1e-3).max(1e-9) / peak.bytes_per_second);
+    let bound_by = match (device_ms, share) {
+        (Some(ms), _) if host_ms > ms => "host",
+        (_, Some(share)) if share > 0.5 => "memory",
+        _ if first.pass == "HemisphereTiles" => "rays or triangles",
+        _ => "instructions or waiting",
+    };
+    let drawn = triangles(&plan.recording, &first.node).map(|triangles| triangles * f64::from(first.runs));
+    Ok(Pass { node: first.node, runs: first.runs, device_ms, host_ms, moved_bytes, triangles: drawn, share_of_bandwidth: share, bound_by })
+}
+
+fn measure(options: &Options) -> Result<Report, Failure> {
+    let gpu = Gpu::open()?;
+    let stage = Stage::open()?;
+    let peak = Peak::measure(&gpu)?;
+    let still = stage.plan(&[], STILL)?;
+    let stills = stage.pictures(&gpu, &still, STILL, options.runs)?;
+    let passes = (0..stills[0].passes.len()).map(|index| pass(&stills, index, &still, &peak)).collect::<Result<_, _>>()?;
+    let set: Vec<String> = FEW.map(String::from).into();
+    let few = stage.plan(&set, STILL)?;
+    let fews = stage.pictures(&gpu, &few, STILL, options.runs)?;
+    Ok(Report {
+        schema: 1,
+        date: machine::date()?,
+        commit: machine::commit(),
+        adapter: gpu.adapter.clone(),
+        cores: std::thread::available_parallelism().map_or(1, |count| count.get()),
+        peak,
+        scene: stage.scene.name.clone(),
+        triangles: stage.scene.triangles.len(),
+        still: work(&stills, STILL, &[]),
+        few: work(&fews, STILL, &set),
+        passes,
+        interactive: stage.interactive(&gpu)?,
+    })
+}
+
+/// As people read it, in Markdown.
+fn tables(report: &Report) -> Result<String, Failure> {
+    let mut text = String::new();
+    let adapter = &report.adapter;
+    writeln!(
+        text,
+        "{}: {} ({}, {}, {}), {} cores; copies {:.1} GB/s, multiplies and adds {:.0} Gflop/s.\n",
+        report.date,
+        adapter.name,
+        adapter.kind,
+        adapter.backend,
+        adapter.driver,
+        report.cores,
+        report.peak.bytes_per_second * 1e-9,
+        report.peak.flops * 1e-9
+    )?;
+    writeln!(text, "| picture | records | seconds | on the device |\n|---|---|---|---|")?;
+    for (name, work) in [("as it ships", &report.still), ("few records", &report.few)] {
+        writeln!(text, "| {name}, {0}×{0} | {1} | {2:.3} | {3} |", work.size[0], work.records, work.seconds, told(work.device_seconds, |s| format!("{s:.3}")))?;
+    }
+    let interactive = &report.interactive;
+    writeln!(
+        text,
+        "\nFrames a second at {0}×{0}: {1:.1} of one view, {2:.1} with {3} new records each.\n",
+        interactive.size[0], interactive.full, interactive.adding, interactive.added
+    )?;
+    writeln!(text, "| node | runs | device ms | host ms | GB moved, at most | triangles | of the bandwidth | bound by |\n|---|---|---|---|---|---|---|---|")?;
+    for pass in &report.passes {
+        writeln!(
+            text,
+            "| {} | {} | {} | {:.1} | {} | {} | {} | {} |",
+            pass.node,
+            pass.runs,
+            told(pass.device_ms, |ms| format!("{ms:.1}")),
+            pass.host_ms,
+            told(pass.moved_bytes, |bytes| format!("{:.2}", bytes * 1e-9)),
+            told(pass.triangles, |count| format!("{count:.0}")),
+            told(pass.share_of_bandwidth, |share| format!("{:.0} %", share * 100.0)),
+            pass.bound_by
+        )?;
+    }
+    Ok(text)
+}
+
+fn told(value: Option<f64>, write: impl Fn(f64) -> String) -> String {
+    value.map_or("–".into(), write)
+}
+
+fn run(options: &Options) -> Result<(), Failure> {
+    let report = measure(options)?;
+    let tables = tables(&report)?;
+    println!("{tables}");
+    let slug: String = report.adapter.name.chars().map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '-' }).collect();
+    let name = slug.split('-').filter(|part| !part.is_empty()).take(4).collect::<Vec<_>>().join("-");
+    write(&options.out.join(format!("{}-device-{name}.json", report.date)), &serde_json::to_string_pretty(&report)?)?;
+    options.markdown.as_deref().map_or(Ok(()), |file: &Path| write(file, &tables))
+}
+
+fn main() -> ExitCode {
+    machine::ended(run(&Options::parse()))
+}

@@ -128,7 +128,8 @@ const PIPELINE: &str = "irradiance-two-rates";
 const STILL: u32 = 1000;
 const SMALL: u32 = 512;
 /// Some 4,000 records: details and contacts, which ask for more, are passed over.
-const FEW: [&str; 4] = ["cache.accuracy=0.5", "cache.contrast=1e6", "cache.minimum_spacing=20", "cache.maximum_spacing=60"];
+const FEW: [&str; 6] =
+    ["cache.accuracy=0.5", "cache.contrast=1e6", "cache.nearest=1e6", "cache.change=1e6", "cache.minimum_spacing=26", "cache.maximum_spacing=80"];
 const INTERACTIVE: [&str; 1] = ["cache.accuracy=0.5"];
 const ADDED: u32 = 100;
 /// Frames of one view that are timed.
@@ -215,8 +216,8 @@ fn triangles(recording: &Recording, node: &str) -> Option<f64> {
 }
 
 /// Tiles of a batch, by which [`traffic`] divides.
-fn tiles(recording: &Recording, node: &str) -> Option<f64> {
-    let commands = recording.nodes().into_iter().filter(|found| found.name == node).flat_map(|found| &found.commands);
+fn tiles(recording: &Recording) -> Option<f64> {
+    let commands = recording.nodes().into_iter().flat_map(|node| &node.commands);
     commands.filter_map(Command::program).flat_map(|program| &program.constants).find(|(name, _)| *name == "TILE_CAPACITY").map(|(_, tiles)| *tiles)
 }
 
@@ -225,7 +226,7 @@ fn pass(reports: &[FrameReport], index: usize, plan: &Plan, peak: &Peak) -> Resu
     let first = of(&reports[0]);
     let device_ms = reports.iter().map(|report| of(report).gpu_ms).collect::<Option<Vec<_>>>().map(|all| median(all.into_iter()));
     let host_ms = median(reports.iter().map(|report| of(report).cpu_ms));
-    let moved = traffic(&plan.recording, &[first.node.as_str()])?.zip(tiles(&plan.recording, &first.node));
+    let moved = traffic(&plan.recording, &[first.node.as_str()])?.zip(tiles(&plan.recording));
     let moved_bytes = moved.map(|(traffic, tiles)| (traffic.read_bytes + traffic.written_bytes) * tiles * f64::from(first.runs));
     let share = moved_bytes.zip(device_ms).map(|(bytes, ms)| bytes / (ms * 1e-3).max(1e-9) / peak.bytes_per_second);
     let bound_by = match (device_ms, share) {

@@ -21,19 +21,19 @@ const ROUNDS: u32 = 256;
 const REPEATS: usize = 5;
 
 const KERNELS: &str = "
-@group(0) @binding(0) var<storage, read> from: array<vec4f>;
-@group(0) @binding(1) var<storage, read_write> to: array<vec4f>;
+@group(0) @binding(0) var<storage, read> given: array<vec4f>;
+@group(0) @binding(1) var<storage, read_write> made: array<vec4f>;
 
 @compute @workgroup_size(64)
 fn copy(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) lane: u32) {
     let index = (group.x + group.y * groups.x) * 64u + lane;
-    to[index] = from[index];
+    made[index] = given[index];
 }
 
 @compute @workgroup_size(64)
 fn multiply(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) lane: u32) {
     let index = (group.x + group.y * groups.x) * 64u + lane;
-    let by = from[index % 64u];
+    let by = given[index % 64u];
     var a = by + 1.0;
     var b = by + 2.0;
     var c = by + 3.0;
@@ -44,7 +44,7 @@ fn multiply(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups
         c = fma(c, by, by);
         d = fma(d, by, by);
     }
-    to[index] = a + b + c + d;
+    made[index] = a + b + c + d;
 }
 ";
 

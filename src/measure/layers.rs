@@ -13,7 +13,6 @@ use exr::meta::header::Header;
 use exr::prelude::*;
 use glam::Vec3;
 use miette::Diagnostic;
-use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::io::{BufWriter, Cursor, Seek, Write};
 use thiserror::Error;
@@ -103,7 +102,7 @@ impl Layer {
     /// Where there are more names than values in a stride.
     pub fn interleaved(names: &[&str], data: &[f32], stride: usize) -> Self {
         let plane = |channel: usize| data.chunks_exact(stride).map(|pixel| pixel[channel]).collect();
-        Self { channels: names.par_iter().enumerate().map(|(channel, name)| (name.to_string(), plane(channel))).collect(), half: false }
+        Self { channels: names.iter().enumerate().map(|(channel, name)| (name.to_string(), plane(channel))).collect(), half: false }
     }
 
     /// The same with half floats in files.
@@ -258,7 +257,7 @@ impl Layers {
         // One attribute for all: the order of several would differ from run to run.
         image.attributes.other.insert(text(ATTRIBUTES)?, AttributeValue::Text(text(&ascii_json(&self.attributes)?)?));
         let mut to = BufWriter::new(to);
-        image.write().to_buffered(&mut to).map_err(|error| match error {
+        image.write().non_parallel().to_buffered(&mut to).map_err(|error| match error {
             exr::error::Error::Io(error) => PictureError::Unwritable(error),
             error => PictureError::Encoding { reason: error.to_string() },
         })?;

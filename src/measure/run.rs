@@ -11,7 +11,6 @@ use crate::pipeline::Plan;
 use crate::recording::{Format, Resource, ResourceKind};
 use crate::scene::{Camera, Scene, bvh::Bvh};
 use miette::Diagnostic;
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -171,7 +170,7 @@ impl<'a> Run<'a> {
             Channels::Single => Layer::interleaved(&[VALUE], &values, 4),
             Channels::Fourth => Layer::value(values.chunks_exact(4).map(|pixel| pixel[3]).collect()),
         };
-        let bad = layer.channels.par_iter().map(|(_, plane)| plane.iter().filter(|v| !v.is_finite()).count()).max().unwrap_or(0);
+        let bad = layer.channels.values().map(|plane| plane.iter().filter(|v| !v.is_finite()).count()).max().unwrap_or(0);
         if bad > 0 {
             return Err(RunError::NonFinite { layer: name.into(), pixels: bad as u32 });
         }

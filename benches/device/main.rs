@@ -103,7 +103,7 @@ struct Pass {
     moved_bytes: Option<f64>,
     /// Drawn by rasters, before anything is clipped or culled.
     triangles: Option<f64>,
-    /// Of the bytes that the device could have copied in this time.
+    /// Of the bytes that the device could have copied in this time; None where the bound says nothing.
     share_of_bandwidth: Option<f64>,
     bound_by: &'static str,
 }
@@ -229,6 +229,8 @@ fn pass(reports: &[FrameReport], index: usize, plan: &Plan, peak: &Peak) -> Resu
     let moved = traffic(&plan.recording, &[first.node.as_str()])?.zip(tiles(&plan.recording));
     let moved_bytes = moved.map(|(traffic, tiles)| (traffic.read_bytes + traffic.written_bytes) * tiles * f64::from(first.runs));
     let share = moved_bytes.zip(device_ms).map(|(bytes, ms)| bytes / (ms * 1e-3).max(1e-9) / peak.bytes_per_second);
+    // More than the device can move: the node touches a part of what it binds.
+    let share = share.filter(|share| *share <= 1.0);
     let bound_by = match (device_ms, share) {
         (Some(ms), _) if host_ms > ms => "host",
         (_, Some(share)) if share > 0.5 => "memory",

@@ -411,7 +411,7 @@ fn scene(shadows: bool) -> Scene {
 fn plan_for(pipeline: &Pipeline, scene: &Scene, dumps: &[&str]) -> Result<Plan, Problems> {
     let needs = Needs::of(scene);
     let dumps: Vec<String> = dumps.iter().map(|dump| dump.to_string()).collect();
-    plan(pipeline, Setting { scene, needs: &needs, size: [64, 48] }, &dumps, &|_| 1024)
+    plan(pipeline, Setting { scene, needs: &needs, device: Device::Hardware, size: [64, 48] }, &dumps, &|_| 1024)
 }
 
 fn planned(text: &str, shadows: bool) -> Plan {

@@ -8,6 +8,7 @@ use crate::recording::*;
 use std::sync::Arc;
 
 mod cull;
+mod host_rays;
 pub mod raster;
 mod ray_cast;
 pub mod sift;
@@ -47,7 +48,9 @@ static DESCRIPTION: Description = Description {
             unit: "",
             kind: ParameterKind::Choice {
                 choices: &[
-                    Choice { name: "RayCast", about: "one ray a sample through the hierarchy", parameters: &[] },
+                    Choice { name: "Rays", about: "one ray a sample, cast by `HostRayCast` where the device is a driver on the cores of the host, by `RayCast` elsewhere", parameters: &[] },
+                    Choice { name: "RayCast", about: "rays through the hierarchy on the device", parameters: &[] },
+                    Choice { name: "HostRayCast", about: "rays through the hierarchy on the host, by its vector instructions", parameters: &[] },
                     Choice {
                         name: "Raster",
                         about: "the scene is rasterised from each record; parts outside of a view are culled on the host",
@@ -99,30 +102,28 @@ struct Work {
     shape: Shape,
     /// The table's samples as a buffer.
     samples: Resource,
-    /// Buffer of u32: triangle + 1, in the order of the atlas' texels.
+    /// Buffer of u32: triangle + 1. As a raster leaves them, in the order of the atlas' texels; as rays do, a tile after the other.
     seen: Resource,
     /// Of the atlas [texels].
     size: [u32; 2],
     tiles_per_row: u32,
+    is_raster: bool,
 }
 
 impl Work {
     fn layout(&self, program: Program) -> Program {
+        let [tiles_per_row, pitch] =
+            if self.is_raster { [self.tiles_per_row, (Format::R32Uint.row_bytes(self.size[0]) / Format::R32Uint.bytes()) as u32] } else { [1, self.table.width] };
         program
             .constant("TILE_WIDTH", self.table.width)
             .constant("TILE_HEIGHT", self.table.height)
-            .constant("TILES_PER_ROW", self.tiles_per_row)
+            .constant("TILES_PER_ROW", tiles_per_row)
             .constant("TILE_CAPACITY", self.requests.capacity)
-            .constant("ATLAS_PITCH", self.pitch())
+            .constant("ATLAS_PITCH", pitch)
     }
 
     fn samples_per_tile(&self) -> u32 {
         self.table.width * self.table.height
-    }
-
-    /// Samples from a row of the atlas to the next.
-    fn pitch(&self) -> u32 {
-        (Format::R32Uint.row_bytes(self.size[0]) / Format::R32Uint.bytes()) as u32
     }
 
     fn corner(&self, tile: u32) -> [u32; 2] {
@@ -159,11 +160,15 @@ impl Pass for HemisphereTiles {
                 "make them diffuse in a scene file, or use a pipeline for glossy light",
             ));
         }
-        let work = layout(r, requests, shape, table)?;
-        if by == "Raster" {
-            raster::record(r, &work, way.bool("sift"))
-        } else {
-            ray_cast::record(r, &work)
+        let work = layout(r, requests, shape, table, by == "Raster")?;
+        match (by, r.setting.device) {
+            ("Raster", _) => raster::record(r, &work, way.bool("sift")),
+            ("Rays", Device::Software) => {
+                r.remark("rays are cast on the host, as the device is a driver on the same cores");
+                host_rays::record(r, &work);
+            }
+            ("HostRayCast", _) => host_rays::record(r, &work),
+            _ => ray_cast::record(r, &work),
         }
         let samples = shade(r, &work, taps);
         let tiles = port::Tiles { samples, requests, shape, resolution, table: work.table, tiles_per_row: work.tiles_per_row };
@@ -181,7 +186,7 @@ fn shape(r: &Recorder<'_>) -> Shape {
     }
 }
 
-fn layout(r: &mut Recorder<'_>, requests: port::Requests, shape: Shape, table: Table) -> Result<Work, Refusal> {
+fn layout(r: &mut Recorder<'_>, requests: port::Requests, shape: Shape, table: Table, is_raster: bool) -> Result<Work, Refusal> {
     let bytes = requests.capacity as u64 * (table.width * table.height) as u64 * 16;
     let tiles_per_row = (ATLAS / table.width).min(requests.capacity).max(1);
     let rows = requests.capacity.div_ceil(tiles_per_row);
@@ -196,9 +201,10 @@ fn layout(r: &mut Recorder<'_>, requests: port::Requests, shape: Shape, table: T
     }
     let samples = r.constant_buffer("directions", &sample_bytes(&table));
     let size = [tiles_per_row * table.width, rows * table.height];
-    let seen = r.buffer("seen", Format::R32Uint.row_bytes(size[0]) * size[1] as u64);
+    let seen_bytes = if is_raster { Format::R32Uint.row_bytes(size[0]) * size[1] as u64 } else { bytes / 4 };
+    let seen = r.buffer("seen", seen_bytes);
     debug_assert_eq!(size_of::<TileSample>(), 32);
-    Ok(Work { requests, table: Arc::new(table), shape, samples, seen, size, tiles_per_row })
+    Ok(Work { requests, table: Arc::new(table), shape, samples, seen, size, tiles_per_row, is_raster })
 }
 
 /// Shadow rays from what a sample sees, to area lights and to the sky: a tile holds thousands of samples.

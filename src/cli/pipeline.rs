@@ -5,6 +5,7 @@ use super::input::read_file;
 use super::scene::View;
 use crate::contract::recorder::Setting;
 use crate::gpu::scene::byte_size;
+use crate::recording::Device;
 use crate::passes::REGISTRY;
 use crate::pipeline::syntax::Place;
 use crate::pipeline::{Pipeline, Plan, Problem, Problems, Set, load, load_with, plan};
@@ -39,9 +40,9 @@ fn read_pipeline(path: &Path) -> io::Result<String> {
     String::from_utf8(bytes).map_err(|_| io::Error::new(io::ErrorKind::InvalidData, "it is no text in UTF-8"))
 }
 
-/// Plans a pipeline for a view of a scene; `dumps` stay whole after the frame.
-pub fn plan_view(pipeline: &Pipeline, view: &View, dumps: &[String]) -> Result<Plan, Problems> {
+/// Plans a pipeline for a view of a scene and a device; `dumps` stay whole after the frame.
+pub fn plan_view(pipeline: &Pipeline, view: &View, device: Device, dumps: &[String]) -> Result<Plan, Problems> {
     let needs = Needs::of(&view.scene);
-    let setting = Setting { scene: &view.scene, needs: &needs, size: view.size };
+    let setting = Setting { scene: &view.scene, needs: &needs, device, size: view.size };
     plan(pipeline, setting, dumps, &|data| byte_size(&view.scene, data))
 }

@@ -4,6 +4,7 @@ use super::failure::{CommandError, Failure};
 use super::pipeline::{load_pipeline, plan_view};
 use super::scene::View;
 use crate::pipeline::{PerFrame, Plan};
+use crate::recording::Device;
 use crate::scene::Camera;
 use clap::Args;
 use std::ops::Range;
@@ -55,13 +56,13 @@ pub struct Plans {
 
 impl Plans {
     /// Plans every frame; all must be able to share memory and shaders, so that the records of one are there for the next.
-    pub fn of(pipeline: &str, timeline: &Timeline, view: &View, dumps: &[String]) -> Result<Self, Failure> {
+    pub fn of(pipeline: &str, timeline: &Timeline, view: &View, device: Device, dumps: &[String]) -> Result<Self, Failure> {
         let mut plans: Vec<(Vec<String>, Plan)> = Vec::new();
         for frame in &timeline.frames {
             if plans.iter().any(|(sets, _)| *sets == frame.sets) {
                 continue;
             }
-            let plan = plan_view(&load_pipeline(pipeline, &frame.sets)?, view, dumps).map_err(Failure::input)?;
+            let plan = plan_view(&load_pipeline(pipeline, &frame.sets)?, view, device, dumps).map_err(Failure::input)?;
             if let Some(what) = plans.first().and_then(|(_, first)| first.recording.difference(&plan.recording)) {
                 return Err(Failure::input(CommandError::OtherPlan { frame: frame.number, sets: frame.sets.join(" "), what }));
             }

@@ -11,6 +11,7 @@ use std::sync::Arc;
 pub struct Setting<'a> {
     pub scene: &'a Scene,
     pub needs: &'a Needs,
+    pub device: Device,
     /// Width and height of the picture [pixels].
     pub size: [u32; 2],
 }

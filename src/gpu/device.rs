@@ -1,7 +1,8 @@
 //! Adapters and devices.
 
+use crate::recording::Device;
 use miette::Diagnostic;
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, OnceLock};
 use thiserror::Error;
 
 /// What helps where memory or a limit does not suffice.
@@ -92,6 +93,28 @@ pub fn adapters() -> Vec<Adapter> {
     adapters
 }
 
+/// What [`Gpu::open`] would run shaders on, without opening it; hardware where there is nothing.
+pub fn device() -> Device {
+    static FOUND: OnceLock<Device> = OnceLock::new();
+    let wanted = wanted();
+    *FOUND.get_or_init(|| adapters().iter().find(|adapter| is_wanted(&adapter.name, wanted.as_deref())).map_or(Device::Hardware, Adapter::device))
+}
+
+/// What `WGPU_ADAPTER_NAME` asks for.
+fn wanted() -> Option<String> {
+    std::env::var("WGPU_ADAPTER_NAME").ok()
+}
+
+fn is_wanted(name: &str, wanted: Option<&str>) -> bool {
+    wanted.is_none_or(|wanted| name.to_lowercase().contains(&wanted.to_lowercase()))
+}
+
+impl Adapter {
+    pub fn device(&self) -> Device {
+        if self.kind == "software" { Device::Software } else { Device::Hardware }
+    }
+}
+
 /// Usable ones first, then the faster kinds.
 fn rank(adapter: &Adapter) -> (bool, Option<usize>) {
     let kind = ["discrete", "integrated", "virtual", "software", "other"].iter().position(|k| *k == adapter.kind);
@@ -135,9 +158,9 @@ impl Gpu {
         let instance = instance();
         let all = instance.enumerate_adapters(wgpu::Backends::PRIMARY).await;
         let known: Vec<String> = all.iter().map(|adapter| adapter.get_info().name).collect();
-        let wanted = std::env::var("WGPU_ADAPTER_NAME").ok();
-        let is_wanted = |adapter: &wgpu::Adapter| wanted.as_ref().is_none_or(|name| adapter.get_info().name.to_lowercase().contains(&name.to_lowercase()));
-        let mut found: Vec<_> = all.into_iter().filter(is_wanted).map(|adapter| (describe(&adapter), adapter)).collect();
+        let wanted = wanted();
+        let found = all.into_iter().filter(|adapter| is_wanted(&adapter.get_info().name, wanted.as_deref()));
+        let mut found: Vec<_> = found.map(|adapter| (describe(&adapter), adapter)).collect();
         found.sort_by_key(|(description, _)| rank(description));
         let Some((description, adapter)) = found.into_iter().next() else {
             return Err(wanted.filter(|_| !known.is_empty()).map_or(GpuError::NoAdapter, |name| GpuError::UnknownAdapter { name, known: known.join(", ") }));

@@ -17,6 +17,14 @@ pub struct Resource(pub u32);
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Variable(pub u32);
 
+/// What shaders run on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Device {
+    Hardware,
+    /// A driver that runs on the cores of the host.
+    Software,
+}
+
 /// Everything that one frame does, in order.
 #[derive(Default)]
 pub struct Recording {

@@ -2,6 +2,7 @@
 
 use super::{
     model::{Material, Scene, Texture, Triangle},
+    packets::Packets,
     wide::{Candidate, Wide},
 };
 use glam::{Vec2, Vec3};
@@ -9,12 +10,14 @@ use obvhs::{
     BvhBuildParams,
     bvh2::{Bvh2, builder::build_bvh2_from_tris, node::Bvh2Node},
 };
-use std::time::Duration;
+use std::{sync::OnceLock, time::Duration};
 
 /// A binary hierarchy over a scene's triangles, in whose order it has sorted them.
 pub struct Bvh {
     inner: Bvh2,
-    wide: Wide,
+    /// As single rays walk it, and as packets do: made where they are asked for.
+    wide: OnceLock<Wide>,
+    packets: OnceLock<Packets>,
 }
 
 /// A node: an inner node's children stand at `first` and `first + 1`; a leaf holds the triangles
@@ -52,8 +55,7 @@ impl Bvh {
         let mut inner = build_bvh2_from_tris(&boxes, parameters, &mut Duration::default());
         let order = sort_depth_first(&mut inner);
         scene.triangles = order.iter().map(|&i| scene.triangles[i as usize]).collect();
-        let wide = Wide::new(&nodes(&inner), &scene.triangles);
-        Self { inner, wide }
+        Self { inner, wide: OnceLock::new(), packets: OnceLock::new() }
     }
 
     /// For each node the triangles below it, first and one past the last: a subtree's triangles are neighbours.
@@ -73,6 +75,15 @@ impl Bvh {
         nodes(&self.inner)
     }
 
+    fn wide(&self, scene: &Scene) -> &Wide {
+        self.wide.get_or_init(|| Wide::new(&self.nodes(), &scene.triangles))
+    }
+
+    /// The hierarchy for many rays from one point.
+    pub fn packets(&self, scene: &Scene) -> &Packets {
+        self.packets.get_or_init(|| Packets::new(&self.nodes(), scene))
+    }
+
     /// The nearest surface that a viewer would see along `origin + t·direction`, 0 < t < `limit`: one-sided surfaces
     /// are seen from their front only, holes of alpha-masked textures not at all.
     pub fn closest(&self, scene: &Scene, origin: Vec3, direction: Vec3, limit: f32) -> Option<Hit> {
@@ -81,14 +92,14 @@ impl Bvh {
             let material = &scene.materials[triangle.material as usize];
             (candidate.front || material.two_sided) && !is_hole(triangle, material, &scene.textures, candidate.barycentric)
         };
-        let found = self.wide.closest(origin, direction, limit, seen)?;
+        let found = self.wide(scene).closest(origin, direction, limit, seen)?;
         Some(Hit { triangle: found.triangle as u32, distance: found.distance, barycentric: found.barycentric })
     }
 
     /// Whether anything blocks light between 0 and `limit` along the ray. A surface blocks from both of its sides,
     /// whatever its sidedness; holes of alpha-masked textures let light through.
     pub fn occluded(&self, scene: &Scene, origin: Vec3, direction: Vec3, limit: f32) -> bool {
-        self.wide.any(origin, direction, limit, |candidate| {
+        self.wide(scene).any(origin, direction, limit, |candidate| {
             let triangle = &scene.triangles[candidate.triangle];
             !is_hole(triangle, &scene.materials[triangle.material as usize], &scene.textures, candidate.barycentric)
         })
@@ -135,7 +146,7 @@ pub fn is_hole(triangle: &Triangle, material: &Material, textures: &[Texture], b
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::scene::model::{Environment, Scene};
     use glam::DVec3;
@@ -150,7 +161,7 @@ mod tests {
     }
 
     /// Triangles small, huge, needle-thin, flat along an axis, doubled and without area; half of them one-sided.
-    fn clutter(scale: f32) -> Scene {
+    pub(in crate::scene) fn clutter(scale: f32) -> Scene {
         let mut number = numbers();
         let mut point = move || Vec3::new(number(), number(), number());
         let mut triangles = Vec::new();

@@ -4,6 +4,7 @@ pub mod bvh;
 pub mod load;
 pub mod model;
 pub mod needs;
+pub mod packets;
 mod wide;
 
 pub use model::*;

@@ -67,7 +67,7 @@ impl Wide {
         let mut wide = Self::default();
         if let Some(root) = nodes.first() {
             wide.nodes.push(Node4 { bounds: [[Vec4::INFINITY, Vec4::NEG_INFINITY]; 3], children: [Child::default(); 4] });
-            let children = if root.count > 0 { vec![*root] } else { open(nodes, root) };
+            let children = if root.count > 0 { vec![*root] } else { open(nodes, root, 4) };
             wide.fill(0, nodes, triangles, children);
         }
         wide
@@ -86,7 +86,7 @@ impl Wide {
                     self.leaf(triangles, child)
                 } else {
                     self.nodes.push(Node4 { bounds: [[Vec4::INFINITY, Vec4::NEG_INFINITY]; 3], children: [Child::default(); 4] });
-                    open_nodes.push((self.nodes.len() - 1, open(nodes, child)));
+                    open_nodes.push((self.nodes.len() - 1, open(nodes, child, 4)));
                     Child { first: self.nodes.len() as u32 - 1, packets: 0 }
                 };
             }
@@ -171,11 +171,11 @@ impl Wide {
     }
 }
 
-/// Up to four descendants that stand for an inner node: the largest box is opened first.
-fn open(nodes: &[Node], node: &Node) -> Vec<Node> {
+/// Up to `count` descendants that stand for an inner node: the largest box is opened first.
+pub(super) fn open(nodes: &[Node], node: &Node, count: usize) -> Vec<Node> {
     let pair = |node: &Node| [nodes[node.first as usize], nodes[node.first as usize + 1]];
     let mut children = pair(node).to_vec();
-    while children.len() < 4 {
+    while children.len() < count {
         let inner = (0..children.len()).filter(|&i| children[i].count == 0);
         let Some(largest) = inner.max_by(|&a, &b| half_area(&children[a]).total_cmp(&half_area(&children[b]))) else { break };
         let opened = children.swap_remove(largest);

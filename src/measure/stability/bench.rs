@@ -118,7 +118,7 @@ impl<'a> Bench<'a> {
 
     fn plan(&self, stage: &Stage, changes: &[Change]) -> Result<Plan, Trouble> {
         let pipeline = (self.load)(&self.sets(&[&SMALL, changes].concat()))?;
-        let setting = Setting { scene: &stage.scene, needs: &stage.needs, size: SIZE };
+        let setting = Setting { scene: &stage.scene, needs: &stage.needs, device: self.gpu.adapter.device(), size: SIZE };
         Ok(plan(&pipeline, setting, &[], &|data| byte_size(&stage.scene, data))?)
     }
 

@@ -1,0 +1,521 @@
+//! Many rays from one point, as the CPU casts them: 64 neighbours walk the hierarchy together and share what does not depend on a direction.
+//! At each node a vector instruction compares one ray with eight boxes, in each leaf with eight triangles: triangles are smaller than the distance
+//! between rays, so that deep in the hierarchy few rays are left of a packet.
+//!
+//! Lengths are in extents of the scene, from its centre: the unit of length does not matter.
+
+use super::{
+    bvh::{Node, is_hole},
+    wide::open,
+    model::{Scene, Triangle, surface_offset},
+};
+use crate::math::{frame::Frame, hemisphere::Table};
+use fearless_simd::{Level, Simd, dispatch, f32x8, prelude::*, u8x64, u32x8};
+use glam::{Vec2, Vec3};
+use rayon::prelude::*;
+
+/// Rays of a packet: 8×8 samples of a tile.
+const RAYS: usize = 64;
+const EDGE: u32 = 8;
+/// Triangles of a block.
+const BLOCK: usize = 8;
+/// Children of a node.
+const CHILDREN: usize = 8;
+/// Marks a child as the number of a block of triangles, not of a node.
+const LEAF: u32 = 1 << 31;
+/// Boxes are wider by what rounding may take from their distances [extents], for rays that start within seven extents.
+const ROUNDING: f32 = 2e-6;
+const FARTHEST: f32 = 7.0;
+/// Direction components below this are taken as this.
+const LEAST_DIRECTION: f32 = 1e-12;
+/// Farther than anything [extents].
+const FAR_AWAY: f32 = 1e9;
+
+/// Eight children by axis.
+#[repr(align(64))]
+struct Node8 {
+    centres: [[f32; CHILDREN]; 3],
+    /// Half their sizes; far below 0 where there is no child.
+    halves: [[f32; CHILDREN]; 3],
+    contents: [u32; CHILDREN],
+}
+
+/// Up to eight triangles that are neighbours in the scene.
+struct Block {
+    /// Corner, axis, triangle; places that are not taken are triangles without area, which nothing meets.
+    corners: [[[f32; BLOCK]; 3]; 3],
+    first: u32,
+    /// Whether the next block belongs to the same leaf.
+    goes_on: bool,
+    /// Whether any of the triangles is one-sided or may have holes.
+    is_special: bool,
+}
+
+/// The hierarchy that packets walk.
+pub struct Packets {
+    nodes: Vec<Node8>,
+    blocks: Vec<Block>,
+    centre: Vec3,
+    /// Extents in a unit of length.
+    scale: f32,
+}
+
+/// The directions of a tile's samples in packets of neighbours, in the tile's frame.
+pub struct Fan {
+    packets: Vec<Directions>,
+    /// Samples of the tile.
+    pub samples: usize,
+}
+
+struct Directions {
+    /// Axis, ray.
+    axes: [[f32; RAYS]; 3],
+    /// Which sample of the tile a ray is; `u32::MAX` for none.
+    samples: [u32; RAYS],
+    /// Their mean.
+    middle: Vec3,
+}
+
+impl Fan {
+    /// Samples without weight have no ray.
+    pub fn new(table: &Table) -> Self {
+        let corners = (0..table.height).step_by(EDGE as usize).flat_map(|y| (0..table.width).step_by(EDGE as usize).map(move |x| [x, y]));
+        Self { packets: corners.filter_map(|corner| Directions::new(table, corner)).collect(), samples: table.samples.len() }
+    }
+}
+
+impl Directions {
+    /// None where no sample has a ray.
+    fn new(table: &Table, [x, y]: [u32; 2]) -> Option<Self> {
+        let mut packet = Self { axes: [[0.0; RAYS]; 3], samples: [u32::MAX; RAYS], middle: Vec3::ZERO };
+        for ray in 0..RAYS as u32 {
+            let at = [x + ray % EDGE, y + ray / EDGE];
+            if at[0] >= table.width || at[1] >= table.height {
+                continue;
+            }
+            let index = at[1] * table.width + at[0];
+            let sample = &table.samples[index as usize];
+            if sample.plain_weight > 0.0 {
+                packet.samples[ray as usize] = index;
+                let direction = sample.direction.map(|d| d as f32);
+                (0..3).for_each(|axis| packet.axes[axis][ray as usize] = direction[axis]);
+                packet.middle += Vec3::from(direction);
+            }
+        }
+        packet.middle = packet.middle.normalize_or_zero();
+        packet.samples.iter().any(|&sample| sample != u32::MAX).then_some(packet)
+    }
+}
+
+impl Packets {
+    /// Over the binary hierarchy's nodes, root first, and the triangles that it has sorted.
+    pub fn new(nodes: &[Node], scene: &Scene) -> Self {
+        let bounds = scene.bounds();
+        let (centre, scale) = (bounds.centre(), 1.0 / scene.extent().max(f32::MIN_POSITIVE));
+        let mut packets = Self { nodes: Vec::new(), blocks: Vec::new(), centre, scale };
+        if let Some(root) = nodes.first() {
+            let children = if root.count > 0 { vec![*root] } else { open(nodes, root, CHILDREN) };
+            packets.fill(nodes, children, scene);
+        }
+        packets
+    }
+
+    fn fill(&mut self, nodes: &[Node], children: Vec<Node>, scene: &Scene) {
+        // An explicit list rather than recursion: a degenerate hierarchy may be deep. Nodes stand in the order of a walk.
+        let mut unopened: Vec<(Vec<Node>, Option<(usize, usize)>)> = vec![(children, None)];
+        while let Some((children, parent)) = unopened.pop() {
+            let place = self.nodes.len();
+            if let Some((parent, slot)) = parent {
+                self.nodes[parent].contents[slot] = place as u32;
+            }
+            let mut node = Node8 { centres: [[0.0; CHILDREN]; 3], halves: [[-FAR_AWAY; CHILDREN]; 3], contents: [0; CHILDREN] };
+            for (slot, child) in children.iter().enumerate() {
+                let (min, max) = (self.inside(child.min.into()), self.inside(child.max.into()));
+                for axis in 0..3 {
+                    node.centres[axis][slot] = 0.5 * (min[axis] + max[axis]);
+                    node.halves[axis][slot] = 0.5 * (max[axis] - min[axis]) + ROUNDING;
+                }
+                if child.count > 0 {
+                    node.contents[slot] = self.leaf(child, scene);
+                }
+            }
+            self.nodes.push(node);
+            let inner = children.iter().enumerate().rev().filter(|(_, child)| child.count == 0);
+            unopened.extend(inner.map(|(slot, child)| (open(nodes, child, CHILDREN), Some((place, slot)))));
+        }
+    }
+
+    fn leaf(&mut self, leaf: &Node, scene: &Scene) -> u32 {
+        let place = self.blocks.len() as u32;
+        let range = leaf.first as usize..(leaf.first + leaf.count) as usize;
+        for (k, triangles) in scene.triangles[range].chunks(BLOCK).enumerate() {
+            let block = self.block(triangles, leaf.first + (k * BLOCK) as u32, scene);
+            self.blocks.push(Block { goes_on: (k + 1) * BLOCK < leaf.count as usize, ..block });
+        }
+        LEAF | place
+    }
+
+    fn block(&self, triangles: &[Triangle], first: u32, scene: &Scene) -> Block {
+        let mut corners = [[[0.0; BLOCK]; 3]; 3];
+        for (lane, triangle) in triangles.iter().enumerate() {
+            for (corner, position) in corners.iter_mut().zip(triangle.positions) {
+                for (axis, value) in corner.iter_mut().zip(self.inside(position).to_array()) {
+                    axis[lane] = value;
+                }
+            }
+        }
+        let is_special = |t: &Triangle| {
+            let material = &scene.materials[t.material as usize];
+            !material.two_sided || (material.alpha_cutoff.is_some() && material.texture.is_some())
+        };
+        Block { corners, first, goes_on: false, is_special: triangles.iter().any(is_special) }
+    }
+
+    /// In extents from the centre.
+    fn inside(&self, point: Vec3) -> Vec3 {
+        (point - self.centre) * self.scale
+    }
+
+    /// For each sample of each view the triangle that it sees, + 1, or 0: one-sided surfaces are seen from their front only,
+    /// holes of alpha-masked textures not at all. Samples without a ray see nothing.
+    pub fn look(&self, scene: &Scene, views: &[View], fan: &Fan, seen: &mut Vec<u32>) {
+        seen.clear();
+        seen.resize(views.len() * fan.samples, 0);
+        seen.par_chunks_exact_mut(fan.samples).zip(views).for_each(|(seen, view)| {
+            let start = view.position + view.frame.normal * surface_offset(1.0 / self.scale, view.position);
+            let origin = self.inside(start).clamp(Vec3::splat(-FARTHEST), Vec3::splat(FARTHEST));
+            let walker = Walker { packets: self, scene, origin, frame: &view.frame };
+            dispatch!(Level::new(), simd => walker.look(simd, fan, seen));
+        });
+    }
+}
+
+/// Where a tile's rays start, off the surface, and how it stands.
+pub struct View {
+    pub position: Vec3,
+    pub frame: Frame,
+}
+
+struct Walker<'a> {
+    packets: &'a Packets,
+    scene: &'a Scene,
+    origin: Vec3,
+    frame: &'a Frame,
+}
+
+/// Eight vectors.
+#[derive(Clone, Copy)]
+struct Vectors<S: Simd> {
+    x: f32x8<S>,
+    y: f32x8<S>,
+    z: f32x8<S>,
+}
+
+/// The rays of a packet, each by its place.
+struct Rays {
+    /// Axis, ray.
+    direction: [[f32; RAYS]; 3],
+    inverse: [[f32; RAYS]; 3],
+    middle: Vec3,
+    /// A bit for each that there is.
+    all: u64,
+    /// Distance of the nearest triangle met so far [extents].
+    limit: [f32; RAYS],
+    /// Which it is, + 1, or 0.
+    seen: [u32; RAYS],
+}
+
+/// What is still to be visited: a child, the rays that enter it, and how far at least it is from the origin.
+struct Visit {
+    near: f32,
+    rays: u64,
+    content: u32,
+}
+
+/// A block's triangles as seen from the origin.
+struct SeenBlock<S: Simd> {
+    /// The normals of the planes through the origin and an edge: their products with a direction have one sign if it meets the triangle.
+    edges: [Vectors<S>; 3],
+    /// Products of a corner with the normal of length twice the area.
+    heights: f32x8<S>,
+}
+
+// All that runs within `dispatch!` is inlined into it, closures too: what is not would not have its vector instructions.
+impl Walker<'_> {
+    #[inline(always)]
+    fn look<S: Simd>(&self, simd: S, fan: &Fan, seen: &mut [u32]) {
+        let mut stack = Vec::with_capacity(256);
+        for packet in &fan.packets {
+            let mut rays = self.rays(packet);
+            self.walk(simd, &mut rays, &mut stack);
+            for (&sample, &triangle) in packet.samples.iter().zip(&rays.seen) {
+                if sample != u32::MAX {
+                    seen[sample as usize] = triangle;
+                }
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn rays(&self, packet: &Directions) -> Rays {
+        let [x, y, z] = &packet.axes;
+        let mut rays =
+            Rays { direction: [[0.0; RAYS]; 3], inverse: [[0.0; RAYS]; 3], middle: self.turned(packet.middle), all: 0, limit: [FAR_AWAY; RAYS], seen: [0; RAYS] };
+        for ray in 0..RAYS {
+            let direction = self.turned(Vec3::new(x[ray], y[ray], z[ray])).to_array();
+            for axis in 0..3 {
+                let component = direction[axis];
+                rays.direction[axis][ray] = component;
+                rays.inverse[axis][ray] = 1.0 / if component.abs() < LEAST_DIRECTION { LEAST_DIRECTION.copysign(component) } else { component };
+            }
+            rays.all |= ((packet.samples[ray] != u32::MAX) as u64) << ray;
+        }
+        rays
+    }
+
+    /// A vector of the tile's frame.
+    #[inline(always)]
+    fn turned(&self, local: Vec3) -> Vec3 {
+        self.frame.tangent * local.x + self.frame.bitangent * local.y + self.frame.normal * local.z
+    }
+
+    #[inline(always)]
+    fn walk<S: Simd>(&self, simd: S, rays: &mut Rays, stack: &mut Vec<Visit>) {
+        // Of the farthest ray.
+        let mut limit = FAR_AWAY;
+        if !self.packets.nodes.is_empty() {
+            stack.push(Visit { near: 0.0, rays: rays.all, content: 0 });
+        }
+        while let Some(visit) = stack.pop() {
+            if visit.near > limit {
+                continue;
+            }
+            if visit.content & LEAF == 0 {
+                self.enter(simd, &visit, rays, stack);
+            } else if self.meet_leaf(simd, &visit, rays) {
+                limit = rays.farthest();
+            }
+        }
+    }
+
+    /// Puts the children of a node that rays enter on the stack, the nearest on top.
+    #[inline(always)]
+    fn enter<S: Simd>(&self, simd: S, visit: &Visit, rays: &Rays, stack: &mut Vec<Visit>) {
+        let node = &self.packets.nodes[visit.content as usize];
+        let (centre, half) = (self.relative(simd, &node.centres), Vectors::load(simd, &node.halves));
+        let zero = f32x8::splat(simd, 0.0);
+        let (mut entered, mut slots) = ([0u8; RAYS], 0);
+        let mut left = visit.rays;
+        while left != 0 {
+            let ray = left.trailing_zeros() as usize % RAYS;
+            left &= left - 1;
+            let [x, y, z] = [rays.inverse[0][ray], rays.inverse[1][ray], rays.inverse[2][ray]];
+            let (wide, tall, deep) = (half.x * x.abs(), half.y * y.abs(), half.z * z.abs());
+            let near = centre.x.mul_sub(x, wide).max(centre.y.mul_sub(y, tall)).max(centre.z.mul_sub(z, deep).max(zero));
+            let far = centre.x.mul_add(x, wide).min(centre.y.mul_add(y, tall)).min(centre.z.mul_add(z, deep).min(rays.limit[ray]));
+            let mask = near.simd_le(far).to_bitmask() as u32;
+            slots |= mask;
+            entered[ray] = mask as u8;
+        }
+        let middle = rays.middle;
+        let near = (centre.product(middle) - half.product(middle.abs())).to_array();
+        let entered = u8x64::load_array(simd, entered);
+        let from = stack.len();
+        while slots != 0 {
+            let slot = slots.trailing_zeros() as usize % CHILDREN;
+            slots &= slots - 1;
+            let bit = u8x64::splat(simd, 1 << slot);
+            let into = (entered & bit).simd_eq(bit).to_bitmask();
+            let visit = Visit { near: near[slot], rays: into, content: node.contents[slot] };
+            let nearer = stack[from..].iter().rev().take_while(|other| other.near < visit.near).count();
+            stack.insert(stack.len() - nearer, visit);
+        }
+    }
+
+    /// Whether any ray has met a triangle of a leaf.
+    #[inline(always)]
+    fn meet_leaf<S: Simd>(&self, simd: S, visit: &Visit, rays: &mut Rays) -> bool {
+        let (mut place, mut met) = ((visit.content & !LEAF) as usize, false);
+        loop {
+            let block = &self.packets.blocks[place];
+            let seen = self.seen_block(simd, block);
+            let mut left = visit.rays;
+            while left != 0 {
+                met |= self.meet(simd, block, &seen, rays, left.trailing_zeros() as usize % RAYS);
+                left &= left - 1;
+            }
+            if !block.goes_on {
+                return met;
+            }
+            place += 1;
+        }
+    }
+
+    #[inline(always)]
+    fn seen_block<S: Simd>(&self, simd: S, block: &Block) -> SeenBlock<S> {
+        let [a, b, c] = &block.corners;
+        let (a, b, c) = (self.relative(simd, a), self.relative(simd, b), self.relative(simd, c));
+        let normal = b.minus(a).cross(c.minus(a));
+        let heights = a.x * normal.x + a.y * normal.y + a.z * normal.z;
+        // An edge that two triangles share has opposite normals in them, to the bit: no ray passes between.
+        SeenBlock { edges: [b.cross(c), c.cross(a), a.cross(b)], heights }
+    }
+
+    #[inline(always)]
+    fn relative<S: Simd>(&self, simd: S, points: &[[f32; 8]; 3]) -> Vectors<S> {
+        let points = Vectors::load(simd, points);
+        Vectors { x: points.x - self.origin.x, y: points.y - self.origin.y, z: points.z - self.origin.z }
+    }
+
+    /// Whether a ray has met a triangle of a block. Of two at the same distance the first in the scene's order is seen, so that the order of
+    /// the walk does not show.
+    #[inline(always)]
+    fn meet<S: Simd>(&self, simd: S, block: &Block, seen: &SeenBlock<S>, rays: &mut Rays, ray: usize) -> bool {
+        let direction = Vec3::new(rays.direction[0][ray], rays.direction[1][ray], rays.direction[2][ray]);
+        let [u, v, w] = [seen.edges[0].product(direction), seen.edges[1].product(direction), seen.edges[2].product(direction)];
+        let determinant = u + v + w;
+        let sign = determinant.to_bits() & u32x8::splat(simd, 0x8000_0000);
+        let zero = f32x8::splat(simd, 0.0);
+        let inside = changed(u, sign).min(changed(v, sign)).min(changed(w, sign)).simd_ge(zero);
+        let distance = seen.heights / determinant;
+        let met = inside & distance.simd_gt(zero) & distance.simd_le(f32x8::splat(simd, rays.limit[ray]));
+        let mut left = met.to_bitmask();
+        if left == 0 {
+            return false;
+        }
+        let distance = distance.to_array();
+        let mut any = false;
+        while left != 0 {
+            let lane = left.trailing_zeros() as usize % BLOCK;
+            left &= left - 1;
+            let (distance, number) = (distance[lane], block.first + lane as u32 + 1);
+            if distance < rays.limit[ray] || (distance == rays.limit[ray] && number < rays.seen[ray]) {
+                let weights = || Vec2::new(v[lane], w[lane]) / determinant[lane];
+                if !block.is_special || self.is_seen(number as usize - 1, determinant[lane] < 0.0, weights()) {
+                    (rays.limit[ray], rays.seen[ray], any) = (distance, number, true);
+                }
+            }
+        }
+        any
+    }
+
+    /// Whether a ray sees a triangle that it meets at these weights of corners 1 and 2.
+    #[inline(never)]
+    fn is_seen(&self, triangle: usize, front: bool, weights: Vec2) -> bool {
+        let triangle = &self.scene.triangles[triangle];
+        let material = &self.scene.materials[triangle.material as usize];
+        (front || material.two_sided) && !is_hole(triangle, material, &self.scene.textures, weights)
+    }
+}
+
+impl Rays {
+    #[inline(always)]
+    fn farthest(&self) -> f32 {
+        let mut farthest = 0.0f32;
+        for ray in 0..RAYS {
+            farthest = farthest.max(if self.all & 1 << ray != 0 { self.limit[ray] } else { 0.0 });
+        }
+        farthest
+    }
+}
+
+impl<S: Simd> Vectors<S> {
+    #[inline(always)]
+    fn load(simd: S, axes: &[[f32; 8]; 3]) -> Self {
+        let [x, y, z] = axes;
+        Self { x: f32x8::load_array_ref(simd, x), y: f32x8::load_array_ref(simd, y), z: f32x8::load_array_ref(simd, z) }
+    }
+
+    #[inline(always)]
+    fn product(&self, other: Vec3) -> f32x8<S> {
+        self.x.mul_add(other.x, self.y.mul_add(other.y, self.z * other.z))
+    }
+
+    #[inline(always)]
+    fn minus(self, other: Self) -> Self {
+        Self { x: self.x - other.x, y: self.y - other.y, z: self.z - other.z }
+    }
+
+    #[inline(always)]
+    fn cross(self, other: Self) -> Self {
+        Self { x: self.y * other.z - self.z * other.y, y: self.z * other.x - self.x * other.z, z: self.x * other.y - self.y * other.x }
+    }
+}
+
+/// Numbers of which some have changed their signs.
+#[inline(always)]
+fn changed<S: Simd>(v: f32x8<S>, sign: u32x8<S>) -> f32x8<S> {
+    f32x8::from_bits(v.to_bits() ^ sign)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::hemisphere::{Method, Shape};
+    use crate::scene::bvh::{Bvh, tests::clutter};
+
+    fn table(shape: Shape, resolution: u32) -> Table {
+        Table::new(shape, resolution, Method::None).unwrap()
+    }
+
+    #[test]
+    fn packets_see_what_single_rays_see() {
+        for (scale, shape, resolution) in
+            [(1.0, Shape::Hemispherical, 40), (1e-3, Shape::Cosine, 13), (1e6, Shape::Hemicube, 16), (1.0, Shape::Plane { fov_degrees: 126.87 }, 20)]
+        {
+            let mut scene = clutter(scale);
+            let bvh = Bvh::build(&mut scene);
+            let table = table(shape, resolution);
+            let fan = Fan::new(&table);
+            let views: Vec<View> = scene.triangles.iter().step_by(29).map(|t| view(t.positions.iter().sum::<Vec3>() / 3.0, t.face_normal())).collect();
+            let mut seen = Vec::new();
+            bvh.packets(&scene).look(&scene, &views, &fan, &mut seen);
+            let (mut rays, mut others) = (0, 0);
+            for (view, tile) in views.iter().zip(seen.chunks(fan.samples)) {
+                let origin = view.position + view.frame.normal * surface_offset(scene.extent(), view.position);
+                for (sample, found) in table.samples.iter().zip(tile) {
+                    if sample.plain_weight == 0.0 {
+                        assert_eq!(*found, 0);
+                        continue;
+                    }
+                    let direction = view.frame.to_world(Vec3::from(sample.direction.map(|d| d as f32)));
+                    let hit = bvh.closest(&scene, origin, direction, f32::INFINITY);
+                    rays += 1;
+                    others += (hit.map_or(0, |hit| hit.triangle + 1) != *found) as u32;
+                }
+            }
+            // Edges and triangles that lie in each other, where either is right.
+            assert!(rays > 3000 && others * 200 < rays, "{others} of {rays} rays see something else in {shape:?} at scale {scale}");
+        }
+    }
+
+    fn view(position: Vec3, normal: Vec3) -> View {
+        View { position, frame: Frame::new(normal.normalize_or(Vec3::Z)).turned(0.7) }
+    }
+
+    /// A sphere of many triangles around the viewer: whatever leaves it went between two of them.
+    #[test]
+    fn no_ray_passes_between_triangles_that_share_an_edge() {
+        let mut scene = sphere(40);
+        let bvh = Bvh::build(&mut scene);
+        let table = table(Shape::Hemispherical, 160);
+        let views: Vec<View> = (0..40).map(|k| view(Vec3::new(0.3 * (k as f32).sin(), 0.01 * k as f32, 0.2), Vec3::new((k as f32).cos(), 1.0, 0.3))).collect();
+        let mut seen = Vec::new();
+        bvh.packets(&scene).look(&scene, &views, &Fan::new(&table), &mut seen);
+        let with_ray = table.samples.iter().cycle().zip(&seen).filter(|(sample, _)| sample.plain_weight > 0.0);
+        assert_eq!(with_ray.filter(|(_, found)| **found == 0).count(), 0);
+    }
+
+    fn sphere(rings: u32) -> Scene {
+        let mut scene = clutter(1.0);
+        let blank = Triangle { material: 0, ..scene.triangles[0].clone() };
+        let point = |ring: u32, step: u32| {
+            let (polar, azimuth) = (std::f32::consts::PI * ring as f32 / rings as f32, std::f32::consts::TAU * (step % (2 * rings)) as f32 / (2 * rings) as f32);
+            Vec3::new(polar.sin() * azimuth.cos(), polar.sin() * azimuth.sin(), polar.cos()) * if ring % rings == 0 { Vec3::Z } else { Vec3::ONE }
+        };
+        let quads = (0..rings).flat_map(|ring| (0..2 * rings).map(move |step| (ring, step)));
+        let corners = quads.map(|(r, s)| [point(r, s), point(r, s + 1), point(r + 1, s), point(r + 1, s + 1)]);
+        scene.triangles = corners.flat_map(|[a, b, c, d]| [[a, b, c], [b, d, c]]).map(|positions| Triangle { positions, ..blank.clone() }).collect();
+        scene
+    }
+}

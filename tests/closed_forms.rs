@@ -207,11 +207,15 @@ fn views() -> Vec<View> {
     let shapes = [
         ("Plane", "Raster"),
         ("Plane", "RayCast"),
+        ("Plane", "HostRayCast"),
         ("Hemicube", "Raster"),
         ("Hemicube", "RayCast"),
+        ("Hemicube", "HostRayCast"),
         ("Hemispherical", "Raster"),
         ("Hemispherical", "RayCast"),
+        ("Hemispherical", "HostRayCast"),
         ("Cosine", "RayCast"),
+        ("Cosine", "HostRayCast"),
     ];
     let methods = |shape| if shape == "Plane" { &["BorderExtension", "CoverageRatio", "None"][..] } else { &["None"] };
     shapes.into_iter().flat_map(|(shape, by)| methods(shape).iter().map(move |method| View { shape, by, method })).collect()

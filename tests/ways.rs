@@ -4,7 +4,7 @@
 //! Needs a GPU adapter, a software one will do; without one each case is named as skipped, which
 //! `HEMISPLAT_REQUIRE=gpu` makes a failure. The long cases run with `--ignored` or `--include-ignored`.
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 use hemisplat::{
     contract::{Arguments as Given, ParameterKind, Port, Recorder, Value, find, port, recorder::Reported, recorder::Setting},
     gpu::{Gpu, Pace, Session, scene as scene_data, shader},
@@ -34,10 +34,11 @@ type Case = fn(&Stage) -> Outcome;
 
 fn main() {
     let required = env::var("HEMISPLAT_REQUIRE").is_ok_and(|list| list.split(',').any(|item| item.trim() == "gpu"));
-    let cases: [(&str, bool, Case); 10] = [
+    let cases: [(&str, bool, Case); 11] = [
         ("sums_agree_with_double_precision", false, sums_agree),
         ("curvatures_agree_with_double_precision", false, curvatures_agree),
         ("half_precision_sums_stay_finite", false, half_sums_are_bounded),
+        ("rays_on_the_host_see_what_those_on_the_device_see", false, rays_agree),
         ("tiles_that_cannot_be_halved_are_refused", false, odd_tiles_are_refused),
         ("splats_agree_pixel_by_pixel", false, splats_agree),
         ("fills_cover_every_pixel_and_repeat", false, fills_cover),
@@ -79,6 +80,24 @@ impl Stage {
         let bvh = Bvh::build(&mut scene);
         let needs = Needs::of(&scene);
         Ok(Self { gpu, scene, bvh, needs })
+    }
+
+    /// The same with holes in one wall of the hall and others that are seen from one side only.
+    fn with_holes() -> Result<Self, String> {
+        let mut stage = Self::open()?;
+        let texels = (0..64u32).map(|texel| if (texel % 8 + texel / 8) % 2 == 0 { [255; 4] } else { [255, 255, 255, 0] }).collect();
+        stage.scene.textures.push(Texture { name: "holes".into(), width: 8, height: 8, texels });
+        let first = stage.scene.materials.len() as u32;
+        let plain = stage.scene.materials[0].clone();
+        stage.scene.materials.push(Material { texture: Some(stage.scene.textures.len() as u32 - 1), alpha_cutoff: Some(0.5), ..plain.clone() });
+        stage.scene.materials.push(Material { two_sided: false, ..plain });
+        for (number, triangle) in stage.scene.triangles.iter_mut().enumerate() {
+            triangle.uvs = [Vec2::ZERO, Vec2::X, Vec2::Y];
+            triangle.material = if number % 3 == 0 { triangle.material } else { first + number as u32 % 2 };
+        }
+        stage.bvh = Bvh::build(&mut stage.scene);
+        stage.needs = Needs::of(&stage.scene);
+        Ok(stage)
     }
 
     /// The ways of splatting that the adapter has.
@@ -409,6 +428,44 @@ fn half_sums_are_bounded(stage: &Stage) -> Outcome {
                 check(finite && bounded, || format!("{by} over {shape:?}: {found:?}, not {expected:?}"))?;
             }
         }
+    }
+    Ok(())
+}
+
+/// What tiles above some triangles see, sample by sample, as the way says: radiance and distance.
+fn seen(stage: &Stage, shape: &str, by: &str) -> Result<Vec<[f32; 4]>, Failed> {
+    let above = |triangle: &Triangle| Request {
+        position: (triangle.positions.iter().sum::<Vec3>() / 3.0).into(),
+        footprint: 0.01,
+        normal: triangle.face_normal().into(),
+        turn: 0.7,
+    };
+    let places: Vec<Request> = stage.scene.triangles.iter().step_by(40).map(above).collect();
+    let mut graph = Graph::new(stage, [16, 16]);
+    let requests = port::Requests {
+        places: graph.buffer("places", bytemuck::cast_slice(&places)),
+        count: graph.variable("count"),
+        capacity: places.len() as u32,
+        made: graph.variable("made"),
+        at_most: u32::MAX,
+    };
+    graph.ports.insert("misses".into(), Port::Requests(requests));
+    graph.node("tiles", "HemisphereTiles", &[("shape", shape), ("by", by), ("resolution", "20")], &[("at", "misses")])?;
+    let Some(Port::Tiles(tiles)) = graph.ports.get("tiles").cloned() else { return Err("no tiles".into()) };
+    let mut session = graph.session(&[tiles.samples])?;
+    session.set_variable(requests.count, places.len() as u32);
+    session.frame(&|| Pace::GoOn).map_err(|e| e.to_string())?;
+    read(&session, tiles.samples)
+}
+
+fn rays_agree(stage: &Stage) -> Outcome {
+    let holed = Stage::with_holes()?;
+    for (stage, shape) in [(stage, "Hemispherical"), (stage, "Hemicube"), (&holed, "Hemispherical"), (&holed, "Cosine")] {
+        let [device, host] = [seen(stage, shape, "RayCast")?, seen(stage, shape, "HostRayCast")?];
+        let apart = device.iter().zip(&host).filter(|(a, b)| (a[3] - b[3]).abs() > 1e-4 * a[3].max(b[3])).count();
+        println!("{shape}: {apart} of {} samples differ", device.len());
+        // Rays that pass by an edge, or where two surfaces touch.
+        check(device.len() > 5000 && apart * 500 < device.len(), || format!("{shape}: {apart} of {} samples see something else", device.len()))?;
     }
     Ok(())
 }

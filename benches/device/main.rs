@@ -16,9 +16,9 @@ use hemisplat::{
     contract::recorder::Setting,
     gpu::{Gpu, Pace, scene::byte_size},
     measure::{
-        run::{FrameReport, PassReport, Run},
+        run::{FrameReport, Run},
         statistics::Spread,
-        traffic::traffic,
+        traffic::{tiles, traffic},
     },
     passes::REGISTRY,
     pipeline::{Plan, load as load_pipeline, plan},
@@ -169,13 +169,17 @@ impl Stage {
         let set: Vec<String> = INTERACTIVE.map(String::from).into();
         let bounded: Vec<String> = set.iter().cloned().chain([format!("misses.at_most={ADDED}")]).collect();
         let (whole, bounded) = (self.plan(&set, SMALL)?, self.plan(&bounded, SMALL)?);
-        let mut run = self.run(gpu, &whole, SMALL)?;
-        let frames: Vec<FrameReport> = (0..=FRAMES).map(|_| run.frame(&|| Pace::GoOn)).collect::<Result<_, _>>()?;
-        let full = rate(&frames[1..]);
-        let mut run = self.run(gpu, &bounded, SMALL)?;
-        let frames: Vec<FrameReport> = (0..=FRAMES).map(|_| run.frame(&|| Pace::GoOn)).collect::<Result<_, _>>()?;
-        let adding: Vec<FrameReport> = frames.into_iter().skip(1).filter(|frame| frame.new_records == Some(ADDED)).collect();
-        Ok(Interactive { size: [SMALL; 2], set, full, adding: rate(&adding), added: ADDED })
+        let full = self.frames(gpu, &whole)?;
+        let mut adding = self.frames(gpu, &bounded)?;
+        adding.retain(|frame| frame.new_records == Some(ADDED));
+        Ok(Interactive { size: [SMALL; 2], set, full: rate(&full), adding: rate(&adding), added: ADDED })
+    }
+
+    /// Frames of one view, one after another; the first one compiles and does not count.
+    fn frames(&self, gpu: &Gpu, plan: &Plan) -> Result<Vec<FrameReport>, Failure> {
+        let mut run = self.run(gpu, plan, SMALL)?;
+        run.frame(&|| Pace::GoOn)?;
+        (0..FRAMES).map(|_| Ok(run.frame(&|| Pace::GoOn)?)).collect()
     }
 }
 
@@ -215,30 +219,24 @@ fn triangles(recording: &Recording, node: &str) -> Option<f64> {
     (!drawn.is_empty()).then(|| drawn.iter().sum())
 }
 
-/// Tiles of a batch, by which [`traffic`] divides.
-fn tiles(recording: &Recording) -> Option<f64> {
-    let commands = recording.nodes().into_iter().flat_map(|node| &node.commands);
-    commands.filter_map(Command::program).flat_map(|program| &program.constants).find(|(name, _)| *name == "TILE_CAPACITY").map(|(_, tiles)| *tiles)
-}
-
 fn pass(reports: &[FrameReport], index: usize, plan: &Plan, peak: &Peak) -> Result<Pass, Failure> {
-    let of = |report: &FrameReport| -> PassReport { report.passes[index].clone() };
-    let first = of(&reports[0]);
-    let device_ms = reports.iter().map(|report| of(report).gpu_ms).collect::<Option<Vec<_>>>().map(|all| median(all.into_iter()));
-    let host_ms = median(reports.iter().map(|report| of(report).cpu_ms));
+    let all = || reports.iter().map(|report| &report.passes[index]);
+    let first = &reports[0].passes[index];
+    let device_ms = all().map(|pass| pass.gpu_ms).collect::<Option<Vec<_>>>().map(|all| median(all.into_iter()));
+    let host_ms = median(all().map(|pass| pass.cpu_ms));
     let moved = traffic(&plan.recording, &[first.node.as_str()])?.zip(tiles(&plan.recording));
     let moved_bytes = moved.map(|(traffic, tiles)| (traffic.read_bytes + traffic.written_bytes) * tiles * f64::from(first.runs));
     let share = moved_bytes.zip(device_ms).map(|(bytes, ms)| bytes / (ms * 1e-3).max(1e-9) / peak.bytes_per_second);
     // More than the device can move: the node touches a part of what it binds.
-    let share = share.filter(|share| *share <= 1.0);
-    let bound_by = match (device_ms, share) {
+    let share_of_bandwidth = share.filter(|share| *share <= 1.0);
+    let bound_by = match (device_ms, share_of_bandwidth) {
         (Some(ms), _) if host_ms > ms => "host",
         (_, Some(share)) if share > 0.5 => "memory",
         _ if first.pass == "HemisphereTiles" => "rays or triangles",
         _ => "instructions or waiting",
     };
     let drawn = triangles(&plan.recording, &first.node).map(|triangles| triangles * f64::from(first.runs));
-    Ok(Pass { node: first.node, runs: first.runs, device_ms, host_ms, moved_bytes, triangles: drawn, share_of_bandwidth: share, bound_by })
+    Ok(Pass { node: first.node.clone(), runs: first.runs, device_ms, host_ms, moved_bytes, triangles: drawn, share_of_bandwidth, bound_by })
 }
 
 fn measure(options: &Options) -> Result<Report, Failure> {

@@ -81,7 +81,7 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, [coarsest, finest]: [u32
         host.set(work.requests.count, found);
         host.set(work.requests.made, host.variable(work.requests.made) + found);
         let is_finest = host.variable(cell) == finest;
-        host.set(idle, if finest == 1 && is_finest && all == 0 { host.variable(idle) + 1 } else { 0 });
+        host.set(idle, if is_finest && all == 0 { host.variable(idle) + 1 } else { 0 });
         // Without room the records of the round before have just been splatted: nothing is left to do.
         host.set(work.none, (host.variable(idle) == 4 || room == 0) as u32);
         // What did not fit into the batch is looked for again, among what the batch leaves uncovered. Cells that have been served wait: they
@@ -93,8 +93,7 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, [coarsest, finest]: [u32
             host.set(phase, next % 4);
             if next == 4 && !is_finest {
                 host.set(cell, host.variable(cell) / 2);
-            }
-            if next == 4 && is_finest && finest > 1 {
+            } else if next == 4 && finest > 1 {
                 host.set(work.none, 1);
             }
             0

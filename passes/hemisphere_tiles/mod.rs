@@ -48,7 +48,11 @@ static DESCRIPTION: Description = Description {
             unit: "",
             kind: ParameterKind::Choice {
                 choices: &[
-                    Choice { name: "Rays", about: "one ray a sample, cast by `HostRayCast` where the device is a driver on the cores of the host, by `RayCast` elsewhere", parameters: &[] },
+                    Choice {
+                        name: "Rays",
+                        about: "one ray a sample, cast by `HostRayCast` where the device is a driver on the cores of the host, by `RayCast` elsewhere",
+                        parameters: &[],
+                    },
                     Choice { name: "RayCast", about: "rays through the hierarchy on the device", parameters: &[] },
                     Choice { name: "HostRayCast", about: "rays through the hierarchy on the host, by its vector instructions", parameters: &[] },
                     Choice {
@@ -112,8 +116,11 @@ struct Work {
 
 impl Work {
     fn layout(&self, program: Program) -> Program {
-        let [tiles_per_row, pitch] =
-            if self.is_raster { [self.tiles_per_row, (Format::R32Uint.row_bytes(self.size[0]) / Format::R32Uint.bytes()) as u32] } else { [1, self.table.width] };
+        let [tiles_per_row, pitch] = if self.is_raster {
+            [self.tiles_per_row, (Format::R32Uint.row_bytes(self.size[0]) / Format::R32Uint.bytes()) as u32]
+        } else {
+            [1, self.table.width]
+        };
         program
             .constant("TILE_WIDTH", self.table.width)
             .constant("TILE_HEIGHT", self.table.height)

@@ -10,12 +10,12 @@ use super::pipeline::BOUNCES;
 use super::progress::Progress;
 use super::scene::{SceneOptions, View};
 use super::timeline::{Frame, Plans, Timeline, TimelineOptions, camera_of_frame};
-use crate::recording::Device;
 use crate::gpu::{Gpu, GpuError, Pace};
 use crate::measure::compare::{AdapterReport, dropped};
 use crate::measure::run::{FrameReport, Run, RunError};
 use crate::measure::{Layers, cache};
 use crate::pipeline::Plan;
+use crate::recording::Device;
 use clap::Args;
 use serde_json::{Value, json};
 use std::cell::Cell;
@@ -84,7 +84,8 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
         (gpu.join().unwrap_or_else(|panic| resume_unwind(panic)), view)
     });
     let view = view?;
-    let (plans, planned) = timed(|| Plans::of(&options.pipeline, &timeline, &view, gpu.as_ref().map_or(Device::Hardware, |gpu| gpu.adapter.device()), &options.dump));
+    let (plans, planned) =
+        timed(|| Plans::of(&options.pipeline, &timeline, &view, gpu.as_ref().map_or(Device::Hardware, |gpu| gpu.adapter.device()), &options.dump));
     let (plans, gpu) = (plans?, gpu.map_err(Failure::work)?);
     let start = Instant::now();
     let mut run = Run::new(&gpu, &view.scene, &view.bvh, plans.first(), &view.camera, view.size).map_err(Failure::work)?;

@@ -103,8 +103,7 @@ impl Stamps {
         encoder.resolve_query_set(&self.set, 0..count, &self.resolved, 0);
         encoder.copy_buffer_to_buffer(&self.resolved, 0, &self.staging, 0, count as u64 * 8);
         gpu.queue.submit([encoder.finish()]);
-        let bytes = super::readback::look(gpu, &self.staging, count as u64 * 8, <[u8]>::to_vec)?;
-        let stamps: Vec<u64> = bytemuck::pod_collect_to_vec(&bytes);
+        let stamps: Vec<u64> = super::readback::look(gpu, &self.staging, count as u64 * 8, bytemuck::pod_collect_to_vec)?;
         for (pair, node) in stamps.chunks_exact(2).zip(self.pending.drain(..)) {
             self.totals[node] += pair[1].saturating_sub(pair[0]) as f64 * self.tick_ms;
         }

@@ -40,8 +40,8 @@ pub fn traffic(recording: &Recording, nodes: &[&str]) -> Result<Option<Traffic>,
     Ok(all?.map(|all| all.into_iter().fold(Traffic::default(), Add::add)))
 }
 
-/// Tiles of a batch.
-fn tiles(recording: &Recording) -> Option<f64> {
+/// Tiles of a batch, by which [`traffic`] divides.
+pub fn tiles(recording: &Recording) -> Option<f64> {
     let programs = recording.nodes().into_iter().flat_map(|node| &node.commands).filter_map(|command| match command {
         Command::Compute(compute) => Some(&compute.program),
         _ => None,

@@ -6,8 +6,8 @@
 
 use super::{
     bvh::{Node, is_hole},
-    wide::open,
     model::{Scene, Triangle, surface_offset},
+    wide::open,
 };
 use crate::math::{frame::Frame, hemisphere::Table};
 use fearless_simd::{Level, Simd, dispatch, f32x8, prelude::*, u8x64, u32x8};
@@ -259,8 +259,14 @@ impl Walker<'_> {
     #[inline(always)]
     fn rays(&self, packet: &Directions) -> Rays {
         let [x, y, z] = &packet.axes;
-        let mut rays =
-            Rays { direction: [[0.0; RAYS]; 3], inverse: [[0.0; RAYS]; 3], middle: self.turned(packet.middle), all: 0, limit: [FAR_AWAY; RAYS], seen: [0; RAYS] };
+        let mut rays = Rays {
+            direction: [[0.0; RAYS]; 3],
+            inverse: [[0.0; RAYS]; 3],
+            middle: self.turned(packet.middle),
+            all: 0,
+            limit: [FAR_AWAY; RAYS],
+            seen: [0; RAYS],
+        };
         for ray in 0..RAYS {
             let direction = self.turned(Vec3::new(x[ray], y[ray], z[ray])).to_array();
             for axis in 0..3 {
@@ -510,7 +516,8 @@ mod tests {
         let mut scene = clutter(1.0);
         let blank = Triangle { material: 0, ..scene.triangles[0].clone() };
         let point = |ring: u32, step: u32| {
-            let (polar, azimuth) = (std::f32::consts::PI * ring as f32 / rings as f32, std::f32::consts::TAU * (step % (2 * rings)) as f32 / (2 * rings) as f32);
+            let (polar, azimuth) =
+                (std::f32::consts::PI * ring as f32 / rings as f32, std::f32::consts::TAU * (step % (2 * rings)) as f32 / (2 * rings) as f32);
             Vec3::new(polar.sin() * azimuth.cos(), polar.sin() * azimuth.sin(), polar.cos()) * if ring % rings == 0 { Vec3::Z } else { Vec3::ONE }
         };
         let quads = (0..rings).flat_map(|ring| (0..2 * rings).map(move |step| (ring, step)));

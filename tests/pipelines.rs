@@ -409,9 +409,13 @@ fn scene(shadows: bool) -> Scene {
 }
 
 fn plan_for(pipeline: &Pipeline, scene: &Scene, dumps: &[&str]) -> Result<Plan, Problems> {
+    plan_on(Device::Hardware, pipeline, scene, dumps)
+}
+
+fn plan_on(device: Device, pipeline: &Pipeline, scene: &Scene, dumps: &[&str]) -> Result<Plan, Problems> {
     let needs = Needs::of(scene);
     let dumps: Vec<String> = dumps.iter().map(|dump| dump.to_string()).collect();
-    plan(pipeline, Setting { scene, needs: &needs, device: Device::Hardware, size: [64, 48] }, &dumps, &|_| 1024)
+    plan(pipeline, Setting { scene, needs: &needs, device, size: [64, 48] }, &dumps, &|_| 1024)
 }
 
 fn planned(text: &str, shadows: bool) -> Plan {
@@ -644,6 +648,17 @@ fn an_error_that_variants_share_is_told_once_with_status_2() {
     assert_eq!(stderr.matches("pipeline::out_of_range").count(), 1, "{stderr}");
     assert_eq!(program(&["check", "no-such-pipeline"]).0, 2);
     assert_eq!(program(&["check", "--camera", "left"]).0, 2, "a camera without a scene");
+}
+
+#[test]
+fn the_plan_says_where_rays_are_cast() {
+    let says_host = |file, device| {
+        let pipeline = load_files(file, &[], &[], REGISTRY).unwrap_or_else(|e| panic!("{}", rendered(&e)));
+        plan_on(device, &pipeline, &scene(true), &[]).unwrap_or_else(|e| panic!("{}", rendered(&e))).explain().contains("rays are cast on the host")
+    };
+    assert!(says_host("irradiance.ron", Device::Software));
+    assert!(!says_host("irradiance.ron", Device::Hardware));
+    assert!(!says_host("irradiance-device-rays.ron", Device::Software));
 }
 
 #[test]

@@ -4,7 +4,7 @@ use super::console::Console;
 use super::failure::Failure;
 use super::pipeline::{check_pipeline, plan_view};
 use super::scene::{SceneOptions, View, ViewOptions};
-use crate::gpu::device;
+use crate::gpu::expected_device;
 use crate::pipeline::embedded::EMBEDDED;
 use crate::pipeline::{Node, Pipeline, Problem, Problems};
 use clap::Args;
@@ -47,7 +47,7 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
 fn check(name: &str, options: &Options, view: Option<&View>) -> Result<String, Problems> {
     let pipeline = check_pipeline(name, &options.sets)?;
     let Some(view) = view else { return Ok(summary(&pipeline)) };
-    let plan = plan_view(&pipeline, view, device(), &[])?;
+    let plan = plan_view(&pipeline, view, expected_device(), &[])?;
     let dropped: Vec<String> = plan.dropped.iter().map(|dropped| format!(", drops {}: {}", dropped.node, dropped.because)).collect();
     Ok(format!("{}{}", summary(&pipeline), dropped.concat()))
 }

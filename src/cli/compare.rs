@@ -11,7 +11,7 @@ use super::pipeline::{check_pipeline, plan_view};
 use super::progress::Progress;
 use super::scene::{SceneOptions, View};
 use super::truth::{Truth, TruthOptions};
-use crate::gpu::{Gpu, Pace, device};
+use crate::gpu::{Gpu, Pace, expected_device};
 use crate::measure::Layers;
 use crate::measure::compare::{self, About, Comparison, Contender, StartUp, VariantErrors};
 use crate::measure::page::Gallery;
@@ -161,7 +161,7 @@ pub(super) fn all<T>(results: impl Iterator<Item = Result<T, Problems>>) -> Resu
 
 /// Every plan, and the seconds that it took.
 fn plan_all(pipelines: &[Pipeline], view: &View) -> Result<Vec<(Plan, f64)>, Failure> {
-    all(pipelines.iter().map(|pipeline| timed(|| plan_view(pipeline, view, device(), &[]))))
+    all(pipelines.iter().map(|pipeline| timed(|| plan_view(pipeline, view, expected_device(), &[]))))
 }
 
 fn ready<'a>(gpu: &'a Gpu, view: &'a View, plan: &'a Plan) -> Result<Run<'a>, Failure> {

@@ -4,7 +4,7 @@ use super::console::Console;
 use super::failure::Failure;
 use super::pipeline::{load_pipeline, plan_view};
 use super::scene::SceneOptions;
-use crate::gpu::{device, spirv};
+use crate::gpu::{expected_device, spirv};
 use clap::Args;
 
 /// Print the plan of a pipeline for a scene: what is dropped, sizes of shaders, resources, commands
@@ -25,7 +25,7 @@ pub struct Options {
 pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     let pipeline = load_pipeline(&options.pipeline, &options.sets)?;
     let view = options.scene.load(console)?;
-    let plan = plan_view(&pipeline, &view, device(), &[]).map_err(Failure::input)?;
+    let plan = plan_view(&pipeline, &view, expected_device(), &[]).map_err(Failure::input)?;
     let sizes = spirv::sizes(&plan.recording).map_err(Failure::work)?;
     console.print(&(plan.explain() + &spirv::to_text(&sizes)))
 }

@@ -5,7 +5,7 @@ use super::compare::all;
 use super::failure::{CommandError, Failure};
 use super::pipeline::{check_with, plan_view};
 use super::scene::View;
-use crate::gpu::device;
+use crate::gpu::expected_device;
 use crate::measure::criteria::Cost;
 use crate::measure::survey::Survey;
 use crate::measure::sweep::{Axis, Outcome, Point};
@@ -60,7 +60,7 @@ fn expect_nodes<'w>(nodes: impl Iterator<Item = &'w Word>, pipelines: &[Pipeline
 
 /// The plan of a point; a point without one is refused.
 pub(super) fn planned(pipeline: &Pipeline, view: &View, point: &mut Point) -> Option<Plan> {
-    plan_view(pipeline, view, device(), &[]).map_err(|problems| point.outcome = Outcome::Refused { because: told(&problems) }).ok()
+    plan_view(pipeline, view, expected_device(), &[]).map_err(|problems| point.outcome = Outcome::Refused { because: told(&problems) }).ok()
 }
 
 /// Several problems on one line, each with its code.

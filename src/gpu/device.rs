@@ -94,7 +94,7 @@ pub fn adapters() -> Vec<Adapter> {
 }
 
 /// What [`Gpu::open`] would run shaders on, without opening it; hardware where there is nothing.
-pub fn device() -> Device {
+pub fn expected_device() -> Device {
     static FOUND: OnceLock<Device> = OnceLock::new();
     let wanted = wanted();
     *FOUND.get_or_init(|| adapters().iter().find(|adapter| is_wanted(&adapter.name, wanted.as_deref())).map_or(Device::Hardware, Adapter::device))

@@ -11,5 +11,5 @@ pub mod shader;
 pub mod spirv;
 mod timing;
 
-pub use device::{Adapter, Gpu, GpuError, device};
+pub use device::{Adapter, Gpu, GpuError, expected_device};
 pub use execution::{AskPace, Frame, NodeTimes, Pace, Session};

@@ -107,6 +107,13 @@ impl Directions {
     }
 }
 
+/// A node that is still to be made.
+struct Unopened {
+    children: Vec<Node>,
+    /// Whose child it is, and which; None for the root.
+    parent: Option<(usize, usize)>,
+}
+
 impl Packets {
     /// Over the binary hierarchy's nodes, root first, and the triangles that it has sorted.
     pub fn new(nodes: &[Node], scene: &Scene) -> Self {
@@ -122,8 +129,8 @@ impl Packets {
 
     fn fill(&mut self, nodes: &[Node], children: Vec<Node>, scene: &Scene) {
         // An explicit list rather than recursion: a degenerate hierarchy may be deep. Nodes stand in the order of a walk.
-        let mut unopened: Vec<(Vec<Node>, Option<(usize, usize)>)> = vec![(children, None)];
-        while let Some((children, parent)) = unopened.pop() {
+        let mut unopened = vec![Unopened { children, parent: None }];
+        while let Some(Unopened { children, parent }) = unopened.pop() {
             let place = self.nodes.len();
             if let Some((parent, slot)) = parent {
                 self.nodes[parent].contents[slot] = place as u32;
@@ -141,7 +148,7 @@ impl Packets {
             }
             self.nodes.push(node);
             let inner = children.iter().enumerate().rev().filter(|(_, child)| child.count == 0);
-            unopened.extend(inner.map(|(slot, child)| (open(nodes, child, CHILDREN), Some((place, slot)))));
+            unopened.extend(inner.map(|(slot, child)| Unopened { children: open(nodes, child, CHILDREN), parent: Some((place, slot)) }));
         }
     }
 
@@ -269,8 +276,7 @@ impl Walker<'_> {
         };
         for ray in 0..RAYS {
             let direction = self.turned(Vec3::new(x[ray], y[ray], z[ray])).to_array();
-            for axis in 0..3 {
-                let component = direction[axis];
+            for (axis, component) in direction.into_iter().enumerate() {
                 rays.direction[axis][ray] = component;
                 rays.inverse[axis][ray] = 1.0 / if component.abs() < LEAST_DIRECTION { LEAST_DIRECTION.copysign(component) } else { component };
             }
@@ -514,15 +520,15 @@ mod tests {
 
     fn sphere(rings: u32) -> Scene {
         let mut scene = clutter(1.0);
-        let blank = Triangle { material: 0, ..scene.triangles[0].clone() };
+        let blank = Triangle { material: 0, ..scene.triangles[0] };
         let point = |ring: u32, step: u32| {
             let (polar, azimuth) =
                 (std::f32::consts::PI * ring as f32 / rings as f32, std::f32::consts::TAU * (step % (2 * rings)) as f32 / (2 * rings) as f32);
-            Vec3::new(polar.sin() * azimuth.cos(), polar.sin() * azimuth.sin(), polar.cos()) * if ring % rings == 0 { Vec3::Z } else { Vec3::ONE }
+            Vec3::new(polar.sin() * azimuth.cos(), polar.sin() * azimuth.sin(), polar.cos()) * if ring.is_multiple_of(rings) { Vec3::Z } else { Vec3::ONE }
         };
         let quads = (0..rings).flat_map(|ring| (0..2 * rings).map(move |step| (ring, step)));
         let corners = quads.map(|(r, s)| [point(r, s), point(r, s + 1), point(r + 1, s), point(r + 1, s + 1)]);
-        scene.triangles = corners.flat_map(|[a, b, c, d]| [[a, b, c], [b, d, c]]).map(|positions| Triangle { positions, ..blank.clone() }).collect();
+        scene.triangles = corners.flat_map(|[a, b, c, d]| [[a, b, c], [b, d, c]]).map(|positions| Triangle { positions, ..blank }).collect();
         scene
     }
 }

@@ -73,7 +73,7 @@ fn a_scene_that_needs_little_has_less_to_hold() {
 
 #[test]
 fn explain_tells_the_sizes_of_shaders() {
-    let arguments = ["explain", "irradiance-general", "--scene", "cornell"];
+    let arguments = ["explain", "irradiance-general", "--scene", "cornell", "--set", "tiles.by=RayCast"];
     let output = assert_cmd::Command::new(env!("CARGO_BIN_EXE_hemisplat")).args(arguments).output().unwrap();
     let text = String::from_utf8(output.stdout).unwrap();
     assert!(text.contains("not specialised: ") && !text.contains("\ndropped "), "{text}");
@@ -81,7 +81,7 @@ fn explain_tells_the_sizes_of_shaders() {
     let sizes: Vec<u64> = lines.filter_map(|line| line.split_whitespace().find_map(|word| word.parse().ok())).collect();
     let [total, each @ ..] = &sizes[..] else { panic!("{text}") };
     assert!(each.len() > 10 && *total == each.iter().sum::<u64>() && each.iter().all(|bytes| *bytes > 500), "{text}");
-    assert!(text.contains("hemisphere_tiles/shade:shade") && text.contains("gbuffer:fragment"), "{text}");
+    assert!(text.contains("hemisphere_tiles/ray_cast:trace") && text.contains("gbuffer:fragment"), "{text}");
 }
 
 fn variant(of: &str, key: &str) -> String {

@@ -87,11 +87,7 @@ impl Bvh {
     /// The nearest surface that a viewer would see along `origin + t·direction`, 0 < t < `limit`: one-sided surfaces
     /// are seen from their front only, holes of alpha-masked textures not at all.
     pub fn closest(&self, scene: &Scene, origin: Vec3, direction: Vec3, limit: f32) -> Option<Hit> {
-        let seen = |candidate: &Candidate| {
-            let triangle = &scene.triangles[candidate.triangle];
-            let material = &scene.materials[triangle.material as usize];
-            (candidate.front || material.two_sided) && !is_hole(triangle, material, &scene.textures, candidate.barycentric)
-        };
+        let seen = |candidate: &Candidate| is_seen(scene, candidate);
         let found = self.wide(scene).closest(origin, direction, limit, seen)?;
         Some(Hit { triangle: found.triangle as u32, distance: found.distance, barycentric: found.barycentric })
     }
@@ -137,6 +133,13 @@ fn sort_depth_first(bvh: &mut Bvh2) -> Vec<u32> {
     }
     bvh.primitive_indices = (0..order.len() as u32).collect();
     order
+}
+
+/// Whether a viewer sees a triangle that a ray meets.
+pub(super) fn is_seen(scene: &Scene, candidate: &Candidate) -> bool {
+    let triangle = &scene.triangles[candidate.triangle];
+    let material = &scene.materials[triangle.material as usize];
+    (candidate.front || material.two_sided) && !is_hole(triangle, material, &scene.textures, candidate.barycentric)
 }
 
 /// Whether an alpha-masked texture leaves a hole at the barycentric weights of corners 1 and 2.

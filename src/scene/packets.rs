@@ -5,9 +5,9 @@
 //! Lengths are in extents of the scene, from its centre: the unit of length does not matter.
 
 use super::{
-    bvh::{Node, is_hole},
+    bvh::{Node, is_seen},
     model::{Scene, Triangle, surface_offset},
-    wide::open,
+    wide::{Candidate, open},
 };
 use crate::math::{frame::Frame, hemisphere::Table};
 use fearless_simd::{Level, Simd, dispatch, f32x8, prelude::*, u8x64, u32x8};
@@ -68,8 +68,7 @@ pub struct Fan {
 }
 
 struct Directions {
-    /// Axis, ray.
-    axes: [[f32; RAYS]; 3],
+    rays: [Vec3; RAYS],
     /// Which sample of the tile a ray is; `u32::MAX` for none.
     samples: [u32; RAYS],
     /// Their mean.
@@ -87,7 +86,7 @@ impl Fan {
 impl Directions {
     /// None where no sample has a ray.
     fn new(table: &Table, [x, y]: [u32; 2]) -> Option<Self> {
-        let mut packet = Self { axes: [[0.0; RAYS]; 3], samples: [u32::MAX; RAYS], middle: Vec3::ZERO };
+        let mut packet = Self { rays: [Vec3::ZERO; RAYS], samples: [u32::MAX; RAYS], middle: Vec3::ZERO };
         for ray in 0..RAYS as u32 {
             let at = [x + ray % EDGE, y + ray / EDGE];
             if at[0] >= table.width || at[1] >= table.height {
@@ -97,9 +96,9 @@ impl Directions {
             let sample = &table.samples[index as usize];
             if sample.plain_weight > 0.0 {
                 packet.samples[ray as usize] = index;
-                let direction = sample.direction.map(|d| d as f32);
-                (0..3).for_each(|axis| packet.axes[axis][ray as usize] = direction[axis]);
-                packet.middle += Vec3::from(direction);
+                let direction = Vec3::from(sample.direction.map(|d| d as f32));
+                packet.rays[ray as usize] = direction;
+                packet.middle += direction;
             }
         }
         packet.middle = packet.middle.normalize_or_zero();
@@ -118,7 +117,7 @@ impl Packets {
     /// Over the binary hierarchy's nodes, root first, and the triangles that it has sorted.
     pub fn new(nodes: &[Node], scene: &Scene) -> Self {
         let bounds = scene.bounds();
-        let (centre, scale) = (bounds.centre(), 1.0 / scene.extent().max(f32::MIN_POSITIVE));
+        let (centre, scale) = (bounds.centre(), 1.0 / bounds.diagonal().max(f32::MIN_POSITIVE));
         let mut packets = Self { nodes: Vec::new(), blocks: Vec::new(), centre, scale };
         if let Some(root) = nodes.first() {
             let children = if root.count > 0 { vec![*root] } else { open(nodes, root, CHILDREN) };
@@ -188,11 +187,11 @@ impl Packets {
     pub fn look(&self, scene: &Scene, views: &[View], fan: &Fan, seen: &mut Vec<u32>) {
         seen.clear();
         seen.resize(views.len() * fan.samples, 0);
-        seen.par_chunks_exact_mut(fan.samples).zip(views).for_each(|(seen, view)| {
+        seen.par_chunks_exact_mut(fan.samples).zip(views).for_each_init(Vec::new, |stack, (seen, view)| {
             let start = view.position + view.frame.normal * surface_offset(1.0 / self.scale, view.position);
             let origin = self.inside(start).clamp(Vec3::splat(-FARTHEST), Vec3::splat(FARTHEST));
             let walker = Walker { packets: self, scene, origin, frame: &view.frame };
-            dispatch!(Level::new(), simd => walker.look(simd, fan, seen));
+            dispatch!(Level::new(), simd => walker.look(simd, fan, stack, seen));
         });
     }
 }
@@ -220,9 +219,8 @@ struct Vectors<S: Simd> {
 
 /// The rays of a packet, each by its place.
 struct Rays {
-    /// Axis, ray.
-    direction: [[f32; RAYS]; 3],
-    inverse: [[f32; RAYS]; 3],
+    direction: [Vec3; RAYS],
+    inverse: [Vec3; RAYS],
     middle: Vec3,
     /// A bit for each that there is.
     all: u64,
@@ -250,11 +248,10 @@ struct SeenBlock<S: Simd> {
 // All that runs within `dispatch!` is inlined into it, closures too: what is not would not have its vector instructions.
 impl Walker<'_> {
     #[inline(always)]
-    fn look<S: Simd>(&self, simd: S, fan: &Fan, seen: &mut [u32]) {
-        let mut stack = Vec::with_capacity(256);
+    fn look<S: Simd>(&self, simd: S, fan: &Fan, stack: &mut Vec<Visit>, seen: &mut [u32]) {
         for packet in &fan.packets {
             let mut rays = self.rays(packet);
-            self.walk(simd, &mut rays, &mut stack);
+            self.walk(simd, &mut rays, stack);
             for (&sample, &triangle) in packet.samples.iter().zip(&rays.seen) {
                 if sample != u32::MAX {
                     seen[sample as usize] = triangle;
@@ -265,30 +262,21 @@ impl Walker<'_> {
 
     #[inline(always)]
     fn rays(&self, packet: &Directions) -> Rays {
-        let [x, y, z] = &packet.axes;
         let mut rays = Rays {
-            direction: [[0.0; RAYS]; 3],
-            inverse: [[0.0; RAYS]; 3],
-            middle: self.turned(packet.middle),
+            direction: [Vec3::ZERO; RAYS],
+            inverse: [Vec3::ZERO; RAYS],
+            middle: self.frame.to_world(packet.middle),
             all: 0,
             limit: [FAR_AWAY; RAYS],
             seen: [0; RAYS],
         };
-        for ray in 0..RAYS {
-            let direction = self.turned(Vec3::new(x[ray], y[ray], z[ray])).to_array();
-            for (axis, component) in direction.into_iter().enumerate() {
-                rays.direction[axis][ray] = component;
-                rays.inverse[axis][ray] = 1.0 / if component.abs() < LEAST_DIRECTION { LEAST_DIRECTION.copysign(component) } else { component };
-            }
+        let inverse = |component: f32| 1.0 / if component.abs() < LEAST_DIRECTION { LEAST_DIRECTION.copysign(component) } else { component };
+        for (ray, local) in packet.rays.iter().enumerate() {
+            rays.direction[ray] = self.frame.to_world(*local);
+            rays.inverse[ray] = rays.direction[ray].map(inverse);
             rays.all |= ((packet.samples[ray] != u32::MAX) as u64) << ray;
         }
         rays
-    }
-
-    /// A vector of the tile's frame.
-    #[inline(always)]
-    fn turned(&self, local: Vec3) -> Vec3 {
-        self.frame.tangent * local.x + self.frame.bitangent * local.y + self.frame.normal * local.z
     }
 
     #[inline(always)]
@@ -321,7 +309,7 @@ impl Walker<'_> {
         while left != 0 {
             let ray = left.trailing_zeros() as usize % RAYS;
             left &= left - 1;
-            let [x, y, z] = [rays.inverse[0][ray], rays.inverse[1][ray], rays.inverse[2][ray]];
+            let [x, y, z] = rays.inverse[ray].to_array();
             let (wide, tall, deep) = (half.x * x.abs(), half.y * y.abs(), half.z * z.abs());
             let near = centre.x.mul_sub(x, wide).max(centre.y.mul_sub(y, tall)).max(centre.z.mul_sub(z, deep).max(zero));
             let far = centre.x.mul_add(x, wide).min(centre.y.mul_add(y, tall)).min(centre.z.mul_add(z, deep).min(rays.limit[ray]));
@@ -383,7 +371,7 @@ impl Walker<'_> {
     /// the walk does not show.
     #[inline(always)]
     fn meet<S: Simd>(&self, simd: S, block: &Block, seen: &SeenBlock<S>, rays: &mut Rays, ray: usize) -> bool {
-        let direction = Vec3::new(rays.direction[0][ray], rays.direction[1][ray], rays.direction[2][ray]);
+        let direction = rays.direction[ray];
         let [u, v, w] = [seen.edges[0].product(direction), seen.edges[1].product(direction), seen.edges[2].product(direction)];
         let determinant = u + v + w;
         let sign = determinant.to_bits() & u32x8::splat(simd, 0x8000_0000);
@@ -402,21 +390,18 @@ impl Walker<'_> {
             left &= left - 1;
             let (distance, number) = (distance[lane], block.first + lane as u32 + 1);
             if distance < rays.limit[ray] || (distance == rays.limit[ray] && number < rays.seen[ray]) {
-                let weights = || Vec2::new(v[lane], w[lane]) / determinant[lane];
-                if !block.is_special || self.is_seen(number as usize - 1, determinant[lane] < 0.0, weights()) {
+                let candidate = || Candidate {
+                    triangle: number as usize - 1,
+                    distance,
+                    barycentric: Vec2::new(v[lane], w[lane]) / determinant[lane],
+                    front: determinant[lane] < 0.0,
+                };
+                if !block.is_special || is_seen(self.scene, &candidate()) {
                     (rays.limit[ray], rays.seen[ray], any) = (distance, number, true);
                 }
             }
         }
         any
-    }
-
-    /// Whether a ray sees a triangle that it meets at these weights of corners 1 and 2.
-    #[inline(never)]
-    fn is_seen(&self, triangle: usize, front: bool, weights: Vec2) -> bool {
-        let triangle = &self.scene.triangles[triangle];
-        let material = &self.scene.materials[triangle.material as usize];
-        (front || material.two_sided) && !is_hole(triangle, material, &self.scene.textures, weights)
     }
 }
 

@@ -82,15 +82,15 @@ impl Stage {
         Ok(Self { gpu, scene, bvh, needs })
     }
 
-    /// The same with holes in one wall of the hall and others that are seen from one side only.
+    /// The same with holes in a third of the hall's coloured surfaces, and another third that shines and is seen from one side only.
     fn with_holes() -> Result<Self, String> {
         let mut stage = Self::open()?;
-        let texels = (0..64u32).map(|texel| if (texel % 8 + texel / 8) % 2 == 0 { [255; 4] } else { [255, 255, 255, 0] }).collect();
+        let texels = (0..64u32).map(|texel| if (texel % 8 + texel / 8) % 2 == 0 { [200, 130, 60, 255] } else { [255, 255, 255, 0] }).collect();
         stage.scene.textures.push(Texture { name: "holes".into(), width: 8, height: 8, texels });
         let first = stage.scene.materials.len() as u32;
         let plain = stage.scene.materials[0].clone();
         stage.scene.materials.push(Material { texture: Some(stage.scene.textures.len() as u32 - 1), alpha_cutoff: Some(0.5), ..plain.clone() });
-        stage.scene.materials.push(Material { two_sided: false, ..plain });
+        stage.scene.materials.push(Material { two_sided: false, emission: Vec3::new(0.5, 0.2, 0.0), ..plain });
         for (number, triangle) in stage.scene.triangles.iter_mut().enumerate() {
             triangle.uvs = [Vec2::ZERO, Vec2::X, Vec2::Y];
             triangle.material = if number % 3 == 0 { triangle.material } else { first + number as u32 % 2 };
@@ -464,6 +464,12 @@ fn rays_agree(stage: &Stage) -> Outcome {
         let [device, host] = [seen(stage, shape, "RayCast")?, seen(stage, shape, "HostRayCast")?];
         let apart = device.iter().zip(&host).filter(|(a, b)| (a[3] - b[3]).abs() > 1e-4 * a[3].max(b[3])).count();
         println!("{shape}: {apart} of {} samples differ", device.len());
+        // What is seen in the same place has the same light, but for places on the border of a shadow.
+        let brightest = device.iter().flat_map(|a| a[..3].to_vec()).fold(0.0, f32::max);
+        let same = || device.iter().zip(&host).filter(|(a, b)| (a[3] - b[3]).abs() <= 1e-4 * a[3].max(b[3]));
+        let lit_apart = same().filter(|(a, b)| (0..3).any(|c| (a[c] - b[c]).abs() > 2e-3 * a[c].max(b[c]) + 1e-5 * brightest)).count();
+        println!("{shape}: {lit_apart} of {} have other light, of {brightest} at most", same().count());
+        check(brightest > 0.0 && lit_apart * 200 < same().count(), || format!("{shape}: {lit_apart} of {} samples have other light", same().count()))?;
         // Rays that pass by an edge, or where two surfaces touch.
         check(device.len() > 5000 && apart * 500 < device.len(), || format!("{shape}: {apart} of {} samples see something else", device.len()))?;
     }

@@ -39,6 +39,7 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, [coarsest, finest]: [u32
     let grid = r.buffer("grid", size_of::<Grid>() as u64);
     let candidates = r.buffer("candidates", 4 * width.div_ceil(2) as u64 * height.div_ceil(2) as u64);
     let counts = r.buffer("counts", 16);
+    let picked = r.buffer("picked", 4 * work.requests.capacity as u64);
     // The level of cells, their phase, and how many phases in a row found nothing at the finest level.
     let [cell, phase, idle] = ["cell", "phase", "idle"].map(|name| r.variable(name, false));
     let capacity = work.requests.capacity;
@@ -69,10 +70,12 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, [coarsest, finest]: [u32
         .bind("sums", work.splats.sums)
         .bind("candidates", candidates)
         .bind("counts", counts)
-        .bind("requests", work.requests.places);
+        .bind("requests", work.requests.places)
+        .bind("picked", picked);
     r.compute(program.clone(), "search", Groups::Counted { count: blocks, divisor: 1, per: 1 });
     r.compute(program.clone(), "search_small", Groups::Counted { count: lanes, divisor: 64, per: 1 });
-    r.compute(program, "collect", Groups::Fixed([1, 1, 1]));
+    r.compute(program.clone(), "collect", Groups::Fixed([1, 1, 1]));
+    r.compute(program, "ask", Groups::Fixed([capacity.div_ceil(64), 1, 1]));
     let work = *work;
     r.host("advance", &[Read::whole(counts)], &[grid], move |host| {
         let numbers: Vec<u32> = bytemuck::pod_collect_to_vec(host.read(counts));

@@ -13,19 +13,13 @@ const TILES: u32 = 4;
 host_struct! {
     /// What a sample stands for, and its walls to the samples on its left and above.
     pub struct Cell {
-        cosine_weight: f32,
-        rotation_x: f32,
-        rotation_y: f32,
-        /// 0 for an unused sample.
-        inverse_depth_cosine: f32,
-        left_gradient: [f32; 3],
-        left_hessian_xx: f32,
-        above_gradient: [f32; 3],
-        above_hessian_xx: f32,
-        left_hessian_xy: f32,
-        left_hessian_yy: f32,
-        above_hessian_xy: f32,
-        above_hessian_yy: f32,
+        /// Cosine weight, turn of the normal, 1 over the cosine to the raster's axis; that is 0 for an unused sample.
+        weights: [f32; 4],
+        /// Gradient, and xx of the second derivatives.
+        left: [f32; 4],
+        above: [f32; 4],
+        /// xy and yy of the second derivatives, left and above.
+        bends: [f32; 4],
     }
 }
 
@@ -53,10 +47,12 @@ fn cells(table: &Table) -> (Vec<Cell>, Vec<Edge>) {
         .samples
         .iter()
         .map(|sample| Cell {
-            cosine_weight: sample.cosine_weight as f32,
-            rotation_x: sample.rotation[0] as f32,
-            rotation_y: sample.rotation[1] as f32,
-            inverse_depth_cosine: if sample.plain_weight > 0.0 { (1.0 / sample.depth_cosine) as f32 } else { 0.0 },
+            weights: [
+                sample.cosine_weight as f32,
+                sample.rotation[0] as f32,
+                sample.rotation[1] as f32,
+                if sample.plain_weight > 0.0 { (1.0 / sample.depth_cosine) as f32 } else { 0.0 },
+            ],
             ..bytemuck::Zeroable::zeroed()
         })
         .collect();
@@ -65,13 +61,13 @@ fn cells(table: &Table) -> (Vec<Cell>, Vec<Edge>) {
     let mut seams = Vec::new();
     for edge in &table.edges {
         let cell = &mut cells[edge.b as usize];
-        let (gradient, hessian) = (edge.gradient.map(|x| x as f32), edge.hessian.map(|x| x as f32));
+        let ([x, y, z], [xx, xy, yy]) = (edge.gradient.map(|x| x as f32), edge.hessian.map(|x| x as f32));
         if edge.b == edge.a + 1 && edge.b % table.width != 0 {
-            cell.left_gradient = gradient;
-            [cell.left_hessian_xx, cell.left_hessian_xy, cell.left_hessian_yy] = hessian;
+            cell.left = [x, y, z, xx];
+            [cell.bends[0], cell.bends[1]] = [xy, yy];
         } else if edge.b == edge.a + table.width {
-            cell.above_gradient = gradient;
-            [cell.above_hessian_xx, cell.above_hessian_xy, cell.above_hessian_yy] = hessian;
+            cell.above = [x, y, z, xx];
+            [cell.bends[2], cell.bends[3]] = [xy, yy];
         } else {
             seams.push(*edge);
         }

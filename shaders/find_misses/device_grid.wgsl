@@ -24,6 +24,8 @@ struct Grid {
 // Requests made, candidates found, one past the last block that was served.
 @group(0) @binding(5) var<storage, read_write> counts: array<u32, 4>;
 @group(0) @binding(6) var<storage, read_write> requests: array<Request>;
+// Pixel index + 1 of each request.
+@group(0) @binding(7) var<storage, read_write> picked: array<u32>;
 
 // A pixel whose weights add up to this or less misses a record.
 override OVERLAP: f32 = 0.0;
@@ -34,6 +36,11 @@ var<workgroup> best: array<u32, 64>;
 
 fn blocks() -> vec2u {
     return (camera.size + 2u * grid.cell - 1u) / (2u * grid.cell);
+}
+
+// A pixel of a cell; its edge is a power of two.
+fn in_cell(i: u32) -> vec2u {
+    return vec2u(i & (grid.cell - 1u), i >> firstTrailingBit(grid.cell));
 }
 
 // Order in which the misses of a cell are served: from its middle outwards. 0 is first; the low bits say where.
@@ -49,9 +56,9 @@ fn search(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: 
     let block = group.x + group.y * groups.x;
     var found = NONE;
     let cell = vec2u(block % count.x, block / count.x) * 2u + vec2u(grid.phase & 1u, grid.phase >> 1u);
-    if block < count.x * count.y {
+    if block >= grid.start && block < count.x * count.y {
         for (var i = lane; i < grid.cell * grid.cell; i += 64u) {
-            let local = vec2u(i % grid.cell, i / grid.cell);
+            let local = in_cell(i);
             let pixel = cell * grid.cell + local;
             if all(pixel < camera.size) && textureLoad(position, pixel, 0).w > 0.0 && textureLoad(sums, pixel, 0).w <= OVERLAP {
                 found = min(found, rank(local));
@@ -77,14 +84,14 @@ fn search(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: 
 fn search_small(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) lane: u32) {
     let count = blocks();
     let block = (group.x + group.y * groups.x) * 64u + lane;
-    if block >= count.x * count.y {
+    if block < grid.start || block >= count.x * count.y {
         return;
     }
     let cell = vec2u(block % count.x, block / count.x) * 2u + vec2u(grid.phase & 1u, grid.phase >> 1u);
     var candidate = 0u;
     var found = NONE;
     for (var i = 0u; i < grid.cell * grid.cell; i++) {
-        let local = vec2u(i % grid.cell, i / grid.cell);
+        let local = in_cell(i);
         let pixel = cell * grid.cell + local;
         if all(pixel < camera.size) && rank(local) < found && textureLoad(position, pixel, 0).w > 0.0 && textureLoad(sums, pixel, 0).w <= OVERLAP {
             found = rank(local);
@@ -96,7 +103,7 @@ fn search_small(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) gr
 
 var<workgroup> starts: array<u32, 256>;
 
-// Turns candidates into requests in their order, so that every run makes the same: one workgroup, each lane a stretch.
+// Picks candidates in their order, so that every run picks the same: one workgroup, each lane a stretch.
 @compute @workgroup_size(256)
 fn collect(@builtin(local_invocation_index) lane: u32) {
     let count = blocks();
@@ -116,21 +123,33 @@ fn collect(@builtin(local_invocation_index) lane: u32) {
         starts[lane] += before;
         workgroupBarrier();
     }
-    var slot = starts[lane] - mine;
-    for (var i = first; i < last && slot < grid.capacity; i++) {
-        let candidate = candidates[i];
+    let before = starts[lane] - mine;
+    var slot = before;
+    var next = first;
+    for (; next < last && slot < grid.capacity; next++) {
+        let candidate = candidates[next];
         if candidate != 0u {
-            let pixel = vec2u((candidate - 1u) % camera.size.x, (candidate - 1u) / camera.size.x);
-            let place = textureLoad(position, pixel, 0);
-            requests[slot] = Request(place.xyz, place.w, textureLoad(normal, pixel, 0).xyz, 6.2831853 * unit(hash(candidate)));
+            picked[slot] = candidate;
             slot += 1u;
-            if slot == grid.capacity {
-                counts[2] = i + 1u;
-            }
         }
+    }
+    if before < slot && slot == grid.capacity {
+        counts[2] = next;
     }
     if lane == 255u {
         counts[0] = min(starts[255], grid.capacity);
         counts[1] = starts[255];
     }
+}
+
+// Turns what is picked into requests.
+@compute @workgroup_size(64)
+fn ask(@builtin(global_invocation_id) id: vec3u) {
+    if id.x >= counts[0] {
+        return;
+    }
+    let candidate = picked[id.x];
+    let pixel = vec2u((candidate - 1u) % camera.size.x, (candidate - 1u) / camera.size.x);
+    let place = textureLoad(position, pixel, 0);
+    requests[id.x] = Request(place.xyz, place.w, textureLoad(normal, pixel, 0).xyz, 6.2831853 * unit(hash(candidate)));
 }

@@ -1,23 +1,18 @@
 #import lib/sums
 
 // One workgroup sums four tiles: each lane walks along pairs of rows of all four, so that a weight is read once for four
-// samples, and a sample serves as its neighbours' left one and upper one; then a tree adds the lanes, tile by tile.
+// samples, and a sample serves as its neighbours' left one and upper one; then eight lanes a part add what
+// all have, tile by tile.
 
 // What a sample stands for, and its walls to the samples on its left and above.
 struct Cell {
-    cosine_weight: f32,
-    rotation_x: f32,
-    rotation_y: f32,
-    // 1 over the cosine to the raster's axis; 0 for an unused sample.
-    inverse_depth_cosine: f32,
-    left_gradient: vec3f,
-    left_hessian_xx: f32,
-    above_gradient: vec3f,
-    above_hessian_xx: f32,
-    left_hessian_xy: f32,
-    left_hessian_yy: f32,
-    above_hessian_xy: f32,
-    above_hessian_yy: f32,
+    // Cosine weight, turn of the normal, 1 over the cosine to the raster's axis; that is 0 for an unused sample.
+    weights: vec4f,
+    // Gradient, and xx of the second derivatives.
+    left: vec4f,
+    above: vec4f,
+    // xy and yy of the second derivatives, left and above.
+    bends: vec4f,
 }
 
 @group(0) @binding(0) var<storage, read> requests: array<Request>;
@@ -30,6 +25,8 @@ struct Cell {
 override SEAMS: u32 = 0u;
 
 const LANES = 64u;
+// Lanes that add up one part of a tile.
+const SHARES = 8u;
 
 // Each part's lanes, one part after the other.
 var<workgroup> lanes: array<vec4f, 384>;
@@ -56,20 +53,25 @@ fn in_depth(seen: vec4f, inverse_depth_cosine: f32) -> vec4f {
     return vec4f(seen.rgb, seen.w * inverse_depth_cosine);
 }
 
-// Adds the wall between two samples that are neighbours in the picture.
-fn visit_wall(sums: ptr<function, Sums>, gradient: vec3f, hessian: vec3f, a: vec4f, b: vec4f) {
+// Lanes that have rows.
+fn busy_lanes() -> u32 {
+    return min((TILE_HEIGHT + 1u) / 2u, LANES);
+}
+
+// Adds the wall between two samples that are neighbours in the picture: its gradient with xx, xy and yy of the second derivatives.
+fn visit_wall(sums: ptr<function, Sums>, wall: vec4f, bend: vec2f, a: vec4f, b: vec4f) {
     if GRADIENTS {
-        add_wall(sums, gradient, hessian, a, b);
+        add_wall(sums, wall.xyz, vec3f(wall.w, bend), a, b);
     }
 }
 
 // Adds a sample and its walls to the one before it and the one above, which are as `in_depth`; returns it so.
 fn visit(sums: ptr<function, Sums>, place: Place, cell: Cell, sample: u32, before: vec4f, above: vec4f) -> vec4f {
-    let seen = seen_at(place, sample, cell.inverse_depth_cosine);
-    add_sample(sums, cell.cosine_weight, vec2f(cell.rotation_x, cell.rotation_y), seen.rgb, seen.w);
-    let placed = in_depth(seen, cell.inverse_depth_cosine);
-    visit_wall(sums, cell.left_gradient, vec3f(cell.left_hessian_xx, cell.left_hessian_xy, cell.left_hessian_yy), before, placed);
-    visit_wall(sums, cell.above_gradient, vec3f(cell.above_hessian_xx, cell.above_hessian_xy, cell.above_hessian_yy), above, placed);
+    let seen = seen_at(place, sample, cell.weights.w);
+    add_sample(sums, cell.weights.x, cell.weights.yz, seen.rgb, seen.w);
+    let placed = in_depth(seen, cell.weights.w);
+    visit_wall(sums, cell.left, cell.bends.xy, before, placed);
+    visit_wall(sums, cell.above, cell.bends.zw, above, placed);
     return placed;
 }
 
@@ -106,21 +108,31 @@ fn visit_seam(sums: ptr<function, Sums>, place: Place, seam: TileEdge, depth_a: 
     add_wall(sums, seam.gradient, hessian, a, b);
 }
 
-// Adds the lanes' parts of one tile.
+// Adds the lanes' parts of one tile: first eight lanes a part, then one. Few lanes with several steps each, as a driver that runs on the CPU
+// takes as long for a lane that waits as for one that works.
 fn finish(sums: Sums, tile: u32, lane: u32) {
     workgroupBarrier();
-    for (var part = 0u; part < PARTS; part++) {
-        lanes[part * LANES + lane] = sums.parts[part];
-    }
-    for (var half = LANES / 2u; half > 0u; half /= 2u) {
-        workgroupBarrier();
-        if lane < half {
-            for (var part = 0u; part < PARTS; part++) {
-                let at = part * LANES + lane;
-                lanes[at] = joined(part, lanes[at], lanes[at + half]);
-            }
+    if lane < busy_lanes() {
+        for (var part = 0u; part < PARTS; part++) {
+            lanes[part * LANES + lane] = sums.parts[part];
         }
     }
+    workgroupBarrier();
+    let part = lane / SHARES;
+    if part < PARTS {
+        var sum: vec4f;
+        for (var i = lane % SHARES; i < busy_lanes(); i += SHARES) {
+            sum = joined(part, sum, lanes[part * LANES + i]);
+        }
+        lanes[part * LANES + lane % SHARES] = sum;
+    }
+    workgroupBarrier();
+    if lane < PARTS {
+        for (var i = 1u; i < SHARES; i++) {
+            lanes[lane * LANES] = joined(lane, lanes[lane * LANES], lanes[lane * LANES + i]);
+        }
+    }
+    workgroupBarrier();
     if lane == 0u && tile < TILE_CAPACITY {
         var all: Sums;
         for (var part = 0u; part < PARTS; part++) {
@@ -149,7 +161,7 @@ fn sum(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec
         for (var column = 0u; column < TILE_WIDTH; column++) {
             let sample = row * TILE_WIDTH + column;
             let above = sample - min(sample, TILE_WIDTH);
-            let pair = CellPair(sample, above, cells[above].inverse_depth_cosine, cells[sample], cells[sample + TILE_WIDTH]);
+            let pair = CellPair(sample, above, cells[above].weights.w, cells[sample], cells[sample + TILE_WIDTH]);
             before_a = visit_pair(&a, place_a, pair, before_a);
             before_b = visit_pair(&b, place_b, pair, before_b);
             before_c = visit_pair(&c, place_c, pair, before_c);
@@ -157,18 +169,21 @@ fn sum(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec
         }
     }
     if GRADIENTS {
-        for (var i = lane; i < SEAMS; i += LANES) {
+        for (var i = select(SEAMS, lane, lane < busy_lanes()); i < SEAMS; i += busy_lanes()) {
             let seam = seams[i];
-            let depth_a = cells[seam.a].inverse_depth_cosine;
-            let depth_b = cells[seam.b].inverse_depth_cosine;
+            let depth_a = cells[seam.a].weights.w;
+            let depth_b = cells[seam.b].weights.w;
             visit_seam(&a, place_a, seam, depth_a, depth_b);
             visit_seam(&b, place_b, seam, depth_a, depth_b);
             visit_seam(&c, place_c, seam, depth_a, depth_b);
             visit_seam(&d, place_d, seam, depth_a, depth_b);
         }
     }
-    finish(a, tile + 0u, lane);
-    finish(b, tile + 1u, lane);
-    finish(c, tile + 2u, lane);
-    finish(d, tile + 3u, lane);
+    // A loop, and not four calls: the text of this shader is what takes longest to build.
+    for (var i = 0u; i < 4u; i++) {
+        finish(a, tile + i, lane);
+        a = b;
+        b = c;
+        c = d;
+    }
 }

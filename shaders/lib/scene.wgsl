@@ -82,7 +82,6 @@ struct Surface {
     reflectance: vec3f,
     // Radiance emitted toward the ray's origin.
     emission: vec3f,
-    material: u32,
     distance: f32,
 }
 
@@ -166,8 +165,7 @@ fn surface_seen(triangle: u32, origin: vec3f, direction: vec3f) -> Surface {
     let e2 = scene_corners[3u * triangle + 2u].xyz;
     let plane = cross(e1, e2);
     let side = select(-1.0, 1.0, dot(plane, direction) <= 0.0);
-    let material_index = bitcast<u32>(a.w);
-    let material = scene_materials[material_index];
+    let material = scene_materials[bitcast<u32>(a.w)];
     var surface: Surface;
     surface.position = a.xyz + e1 * b.x + e2 * b.y;
     surface.face_normal = plane * (side / max(length(plane), 1e-37));
@@ -185,7 +183,6 @@ fn surface_seen(triangle: u32, origin: vec3f, direction: vec3f) -> Surface {
         surface.reflectance *= texture_at(material, uv_at(triangle, b)).rgb;
     }
     surface.emission = select(vec3f(0.0), material.emission, side > 0.0 || (material.flags & TWO_SIDED) != 0u);
-    surface.material = material_index;
     surface.distance = distance(surface.position, origin) / max(length(direction), 1e-37);
     return surface;
 }

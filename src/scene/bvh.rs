@@ -2,7 +2,7 @@
 
 use super::{
     model::{Material, Scene, Texture, Triangle},
-    packets::Packets,
+    packets::{self, Packets},
     wide::{Candidate, Wide},
 };
 use glam::{Vec2, Vec3};
@@ -81,7 +81,18 @@ impl Bvh {
 
     /// The hierarchy for many rays from one point.
     pub fn packets(&self, scene: &Scene) -> &Packets {
-        self.packets.get_or_init(|| Packets::new(&self.nodes(), scene))
+        self.packets.get_or_init(|| Packets::new(&self.with_leaves_of(packets::BLOCK), scene))
+    }
+
+    /// The nodes with every subtree of so few triangles as one leaf.
+    fn with_leaves_of(&self, most: usize) -> Vec<Node> {
+        let mut nodes = self.nodes();
+        for (node, [first, end]) in nodes.iter_mut().zip(self.ranges()) {
+            if end - first <= most as u32 {
+                (node.first, node.count) = (first, end - first);
+            }
+        }
+        nodes
     }
 
     /// The nearest surface that a viewer would see along `origin + t·direction`, 0 < t < `limit`: one-sided surfaces

@@ -4,6 +4,7 @@
 //! the geometry, so that a scene far away from its file's origin keeps its digits.
 
 use glam::{DVec3, Vec2, Vec3};
+use std::sync::LazyLock;
 
 /// The longest side of a picture [pixels].
 pub const MAX_SIDE: u32 = 16384;
@@ -225,11 +226,12 @@ impl Texture {
         let at = (uv - uv.floor()) * size - 0.5;
         let base = at.floor();
         let f = at - base;
+        let linear = &*LINEAR;
         let texel = |dx: i32, dy: i32| {
             let x = (base.x as i32 + dx).rem_euclid(self.width as i32) as usize;
             let y = (base.y as i32 + dy).rem_euclid(self.height as i32) as usize;
-            let t = self.texels[y * self.width as usize + x];
-            glam::Vec4::new(srgb_to_linear(t[0]), srgb_to_linear(t[1]), srgb_to_linear(t[2]), t[3] as f32 / 255.0)
+            let [r, g, b, a] = self.texels[y * self.width as usize + x];
+            glam::Vec4::new(linear[r as usize], linear[g as usize], linear[b as usize], a as f32 / 255.0)
         };
         texel(0, 0).lerp(texel(1, 0), f.x).lerp(texel(0, 1).lerp(texel(1, 1), f.x), f.y)
     }
@@ -263,6 +265,9 @@ impl Environment {
         }
     }
 }
+
+/// Of all 8-bit channels: a power takes longer than all else of a lookup.
+static LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| std::array::from_fn(|value| srgb_to_linear(value as u8)));
 
 /// Linear value of an 8-bit sRGB channel (IEC 61966-2-1).
 pub fn srgb_to_linear(value: u8) -> f32 {

@@ -17,8 +17,8 @@ use rayon::prelude::*;
 /// Rays of a packet: 8×8 samples of a tile.
 const RAYS: usize = 64;
 const EDGE: u32 = 8;
-/// Triangles of a block.
-const BLOCK: usize = 8;
+/// Triangles of a block. A leaf takes as long with one triangle as with a whole block.
+pub(super) const BLOCK: usize = 8;
 /// Children of a node.
 const CHILDREN: usize = 8;
 /// Marks a child as the number of a block of triangles, not of a node.

@@ -1,9 +1,11 @@
 //! The mathematics that shaders, passes and tests share: hemispheres and their sums, records and their weights,
-//! colours, frames, bounds on the screen. No device, no files, no other module of the crate.
+//! colours, frames, bounds on the screen, expansions in harmonics, glossy lobes. No device, no files, no other module of the crate.
 
 pub mod colour;
 pub mod frame;
+pub mod harmonics;
 pub mod hemisphere;
+pub mod lobe;
 #[cfg(test)]
 mod oracle;
 pub mod projection;

@@ -1,0 +1,309 @@
+//! Rotation of hemispherical harmonics: of what is known above one surface into the frame of another (thesis, section 3.4). What sinks below the
+//! horizon is lost, and nothing is known of what rises above it.
+//!
+//! Any rotation is one around z, one around y by the angle β between the normals, and one around z (Euler's angles, ZYZ). Those around z are exact;
+//! [`Method`] says how the tilt by β is done.
+
+use super::{Basis, Conversion, Rotation, index, quadrature::gauss_legendre};
+use std::f64::consts::{FRAC_PI_2, PI};
+
+/// How a hemispherical expansion is tilted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Method {
+    /// Converted to spherical harmonics of an order, rotated, converted back (3.4.1).
+    Conversion { spherical: usize },
+    /// What sinks below the horizon is deleted by a matrix for β, then the spherical rotation by `arccos(2 cosβ − 1)` is applied to the stretched
+    /// hemisphere (3.4.2, 3.4.3). An approximation: only what is at the pole lands where it should. None for β > 90°.
+    DigonDeletion,
+    /// A matrix for β that does all of it (3.4.4).
+    Precomputed,
+}
+
+/// A way to tilt, made ready.
+pub struct Tilting {
+    order: usize,
+    kind: Kind,
+}
+
+enum Kind {
+    Conversion(Conversion, usize),
+    DigonDeletion(Table),
+    Precomputed(Table),
+}
+
+impl Tilting {
+    /// Of expansions of an order. Tables have `steps` + 1 angles from 0 to the largest.
+    pub fn new(order: usize, method: Method, steps: usize) -> Self {
+        let kind = match method {
+            Method::Conversion { spherical } => Kind::Conversion(Conversion::new(order, spherical), spherical),
+            Method::DigonDeletion => Kind::DigonDeletion(Table::new(order, steps, FRAC_PI_2, false)),
+            Method::Precomputed => Kind::Precomputed(Table::new(order, steps, PI, true)),
+        };
+        Self { order, kind }
+    }
+
+    /// Bytes of the tables.
+    pub fn memory(&self) -> usize {
+        match &self.kind {
+            Kind::Conversion(conversion, _) => conversion.elements().count() * size_of::<f32>(),
+            Kind::DigonDeletion(table) | Kind::Precomputed(table) => table.numbers.len() * size_of::<f32>(),
+        }
+    }
+
+    /// The expansion above the other surface: the value at d becomes the value at `matrix · d`, `matrix` row by row.
+    pub fn rotate(&self, values: &[f64], matrix: [[f64; 3]; 3]) -> Vec<f64> {
+        if let Kind::Conversion(conversion, spherical) = &self.kind {
+            return conversion.to_hemispherical(&Rotation::new(*spherical, matrix).apply(&conversion.to_spherical(values)));
+        }
+        let [first, beta, last] = euler_angles(matrix);
+        let mut values = values.to_vec();
+        turn(&mut values, first);
+        let mut values = self.tilt(&values, beta);
+        turn(&mut values, last);
+        values
+    }
+
+    /// Around y by β in 0..π, towards +x.
+    fn tilt(&self, values: &[f64], beta: f64) -> Vec<f64> {
+        match &self.kind {
+            Kind::Conversion(..) => self.rotate(values, around_y(beta)),
+            Kind::Precomputed(table) => table.apply(values, beta),
+            Kind::DigonDeletion(_) if beta > FRAC_PI_2 => vec![0.0; values.len()],
+            Kind::DigonDeletion(table) => {
+                let stretched = (2.0 * beta.cos() - 1.0).clamp(-1.0, 1.0).acos();
+                Rotation::new(self.order, around_y(stretched)).apply(&table.apply(values, beta))
+            }
+        }
+    }
+}
+
+fn around_y(angle: f64) -> [[f64; 3]; 3] {
+    let (sine, cosine) = angle.sin_cos();
+    [[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]]
+}
+
+/// The angles around z, then y, then z that make up a rotation; that around y is in 0..π.
+pub fn euler_angles(matrix: [[f64; 3]; 3]) -> [f64; 3] {
+    let [[a, _, c], [d, _, f], [g, h, i]] = matrix;
+    let sine = g.hypot(h);
+    if sine < 1e-12 {
+        // The axes coincide: all of the turn around z is in one angle.
+        return if i > 0.0 { [d.atan2(a), 0.0, 0.0] } else { [d.atan2(-a), PI, 0.0] };
+    }
+    [h.atan2(-g), sine.atan2(i), f.atan2(c)]
+}
+
+/// Turns an expansion around z, in place.
+pub fn turn(values: &mut [f64], angle: f64) {
+    let order = values.len().isqrt();
+    for m in 1..order {
+        let (sine, cosine) = (angle * m as f64).sin_cos();
+        for l in m..order {
+            let (at_cosine, at_sine) = (index(l, m as isize), index(l, -(m as isize)));
+            let (c, s) = (values[at_cosine], values[at_sine]);
+            (values[at_cosine], values[at_sine]) = (c * cosine - s * sine, c * sine + s * cosine);
+        }
+    }
+}
+
+/// Matrices for angles from 0 on. They do not mix functions that are even in y with those that are odd.
+struct Table {
+    steps: usize,
+    largest: f64,
+    /// The functions even in y, then those odd in y.
+    groups: [Vec<usize>; 2],
+    /// Of each angle the matrix of the even functions, then of the odd ones, row by row.
+    numbers: Vec<f32>,
+}
+
+impl Table {
+    /// Matrices that tilt, or those that only delete what a tilt by the angle would take below the horizon.
+    fn new(order: usize, steps: usize, largest: f64, tilts: bool) -> Self {
+        let groups = [true, false].map(|even| {
+            let orders = |l: usize| (-(l as isize)..=l as isize).filter(move |m| (*m >= 0) == even);
+            (0..order).flat_map(|l| orders(l).map(move |m| index(l, m))).collect::<Vec<_>>()
+        });
+        let basis = Basis::new(order);
+        let angles = (0..=steps).map(|step| largest * step as f64 / steps.max(1) as f64);
+        let numbers = angles.flat_map(|beta| matrix(&basis, &groups, beta, tilts)).map(|value| value as f32).collect();
+        Self { steps, largest, groups, numbers }
+    }
+
+    fn apply(&self, values: &[f64], beta: f64) -> Vec<f64> {
+        let size: usize = self.groups.iter().map(|group| group.len() * group.len()).sum();
+        let place = (beta / self.largest).clamp(0.0, 1.0) * self.steps as f64;
+        let below = (place.floor() as usize).min(self.steps.saturating_sub(1));
+        let share = place - below as f64;
+        let matrix = |step: usize| &self.numbers[step.min(self.steps) * size..][..size];
+        let (low, high) = (matrix(below), matrix(below + 1));
+        let mut out = vec![0.0; values.len()];
+        let mut at = 0;
+        for group in &self.groups {
+            for row in group {
+                for column in group {
+                    out[*row] += (low[at] as f64 * (1.0 - share) + high[at] as f64 * share) * values[*column];
+                    at += 1;
+                }
+            }
+        }
+        out
+    }
+}
+
+/// Integrals over what is above both horizons (3.27 and 3.31): a digon between two half planes through y, in angles along and around y, whose points
+/// are denser where the functions have a root at a horizon.
+fn matrix(basis: &Basis<f64>, groups: &[Vec<usize>; 2], beta: f64, tilts: bool) -> Vec<f64> {
+    let points = gauss_legendre(2 * basis.order() + 24);
+    let mut sums = groups.each_ref().map(|group| vec![0.0; group.len() * group.len()]);
+    for [s, across] in &points {
+        // Around y from z toward x; the digon is as wide as the hemisphere less β.
+        let width = PI - beta;
+        let (wave, slope) = (PI * (s - 0.5)).sin_cos();
+        let from = 0.5 * width * (1.0 + wave) - FRAC_PI_2;
+        let around = 0.5 * width * PI * slope * across;
+        for [t, along] in &points {
+            // One side of the plane of symmetry counts for both.
+            let latitude = FRAC_PI_2 * t;
+            let weight = 2.0 * around * FRAC_PI_2 * along * latitude.cos();
+            let at = |angle: f64| basis.hemispherical([latitude.cos() * angle.sin(), latitude.sin(), latitude.cos() * angle.cos()]);
+            let before = at(from);
+            let after = if tilts { at(from + beta) } else { before.clone() };
+            for (sums, group) in sums.iter_mut().zip(groups) {
+                for (row, sums) in group.iter().zip(sums.chunks_exact_mut(group.len())) {
+                    let scaled = weight * after[*row];
+                    sums.iter_mut().zip(group).for_each(|(sum, column)| *sum += scaled * before[*column]);
+                }
+            }
+        }
+    }
+    let [even, odd] = sums;
+    [even, odd].concat()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{count, quadrature::hemisphere};
+    use super::*;
+    use glam::{DMat3, DVec3};
+
+    const ORDER: usize = 10;
+
+    fn rows(matrix: DMat3) -> [[f64; 3]; 3] {
+        matrix.transpose().to_cols_array_2d()
+    }
+
+    fn projected(function: impl Fn(DVec3) -> f64) -> Vec<f64> {
+        let basis = Basis::new(ORDER);
+        let mut out = vec![0.0; count(ORDER)];
+        for (direction, weight) in hemisphere(96, 128) {
+            let scaled = weight * function(DVec3::from(direction));
+            out.iter_mut().zip(basis.hemispherical(direction)).for_each(|(out, h)| *out += scaled * h);
+        }
+        out
+    }
+
+    fn lobe(axis: DVec3, exponent: i32) -> impl Fn(DVec3) -> f64 {
+        move |direction| direction.dot(axis).max(0.0).powi(exponent)
+    }
+
+    /// Square error of an expansion as a share of the other's energy, square-rooted.
+    fn error(found: &[f64], right: &[f64]) -> f64 {
+        let square = |v: &mut dyn Iterator<Item = f64>| v.map(|x| x * x).sum::<f64>();
+        (square(&mut found.iter().zip(right).map(|(a, b)| a - b)) / square(&mut right.iter().copied())).sqrt()
+    }
+
+    #[test]
+    fn angles_make_up_the_rotation() {
+        let turned = |angle: f64| DMat3::from_rotation_z(angle);
+        let some = DMat3::from_axis_angle(DVec3::new(0.48, 0.6, 0.64), 2.5);
+        for matrix in [DMat3::IDENTITY, some, turned(1.0), DMat3::from_rotation_y(PI) * turned(0.4), DMat3::from_rotation_x(1e-14), DMat3::from_rotation_y(1.0)]
+        {
+            let [first, beta, last] = euler_angles(rows(matrix));
+            let again = turned(last) * DMat3::from_rotation_y(beta) * turned(first);
+            assert!(again.abs_diff_eq(matrix, 1e-10) && (0.0..=PI).contains(&beta), "{matrix}: {again}");
+        }
+    }
+
+    #[test]
+    fn turns_around_the_normal_lose_nothing() {
+        let axis = DVec3::new(0.48, 0.6, 0.64);
+        let mut turned = projected(lobe(axis, 5));
+        turn(&mut turned, 0.7);
+        assert!(error(&turned, &projected(lobe(DMat3::from_rotation_z(0.7) * axis, 5))) < 1e-10);
+    }
+
+    /// A lobe that stays above the horizon, by rotations whose axis is none of the frame's.
+    #[test]
+    fn lobes_land_where_they_should() {
+        let axis = DVec3::new(0.2, -0.1, 1.0).normalize();
+        let function = projected(lobe(axis, 12));
+        let conversion = Tilting::new(ORDER, Method::Conversion { spherical: 14 }, 0);
+        let table = Tilting::new(ORDER, Method::Precomputed, 90);
+        for degrees in [0.0, 3.0, 10.0, 31.0] {
+            let matrix = DMat3::from_axis_angle(DVec3::new(0.6, 0.8, 0.0), f64::to_radians(degrees));
+            let right = projected(lobe(matrix * axis, 12));
+            let by_table = error(&table.rotate(&function, rows(matrix)), &right);
+            assert!(by_table < 0.02, "precomputed, {degrees}°: {by_table}");
+            let by_conversion = error(&conversion.rotate(&function, rows(matrix)), &right);
+            assert!(by_conversion < 0.08, "conversion, {degrees}°: {by_conversion}");
+        }
+    }
+
+    #[test]
+    fn a_table_entry_is_the_projection_of_the_tilted_function() {
+        let beta = 0.6;
+        let basis = Basis::<f64>::new(ORDER);
+        let function: Vec<f64> = (0..count(ORDER)).map(|k| ((k * k) as f64 * 0.37 + 0.2).sin()).collect();
+        let groups = Table::new(ORDER, 1, PI, true).groups;
+        let numbers = matrix(&basis, &groups, beta, true).into_iter().map(|v| v as f32).collect::<Vec<_>>();
+        let table = Table { steps: 0, largest: beta, groups, numbers };
+        let tilt = DMat3::from_rotation_y(beta);
+        let right = projected_finely(|direction| {
+            let before = tilt.transpose() * direction;
+            if before.z <= 0.0 { 0.0 } else { basis.hemispherical(before.to_array()).iter().zip(&function).map(|(h, f)| h * f).sum() }
+        });
+        assert!(error(&table.apply(&function, beta), &right) < 3e-3, "{}", error(&table.apply(&function, beta), &right));
+    }
+
+    /// By so many points that an edge across the hemisphere does little harm.
+    fn projected_finely(function: impl Fn(DVec3) -> f64) -> Vec<f64> {
+        let basis = Basis::new(ORDER);
+        let mut out = vec![0.0; count(ORDER)];
+        for (direction, weight) in hemisphere(300, 600) {
+            let scaled = weight * function(DVec3::from(direction));
+            if scaled != 0.0 {
+                out.iter_mut().zip(basis.hemispherical(direction)).for_each(|(out, h)| *out += scaled * h);
+            }
+        }
+        out
+    }
+
+    #[test]
+    fn energy_never_grows() {
+        for method in [Method::Conversion { spherical: 14 }, Method::Precomputed] {
+            let tilting = Tilting::new(ORDER, method, 36);
+            for degrees in [5.0, 45.0, 90.0, 120.0, 180.0] {
+                for k in (0..count(ORDER)).step_by(7) {
+                    let mut unit = vec![0.0; count(ORDER)];
+                    unit[k] = 1.0;
+                    let energy: f64 = tilting.rotate(&unit, around_y(f64::to_radians(degrees))).iter().map(|v| v * v).sum();
+                    assert!(energy <= 1.0 + 1e-5, "{method:?}, {degrees}°, {k}: {energy}");
+                }
+            }
+        }
+    }
+
+    /// The figures of the approximation: near for small tilts, far off for large ones, nothing beyond a right angle.
+    #[test]
+    fn digon_deletion_is_near_for_small_tilts() {
+        let tilting = Tilting::new(ORDER, Method::DigonDeletion, 90);
+        let function = projected(lobe(DVec3::Z, 5));
+        for (degrees, most) in [(10.0, 0.04), (30.0, 0.15), (60.0, 0.6)] {
+            let beta = f64::to_radians(degrees);
+            let right = projected_finely(lobe(DVec3::new(beta.sin(), 0.0, beta.cos()), 5));
+            let found = error(&tilting.tilt(&function, beta), &right);
+            assert!(found < most, "{degrees}°: {found}");
+        }
+        assert!(tilting.tilt(&function, 2.0).iter().all(|v| *v == 0.0));
+    }
+}

@@ -462,11 +462,11 @@ fn rays_agree(stage: &Stage) -> Outcome {
     let holed = Stage::with_holes()?;
     for (stage, shape) in [(stage, "Hemispherical"), (stage, "Hemicube"), (&holed, "Hemispherical"), (&holed, "Cosine")] {
         let [device, host] = [seen(stage, shape, "RayCast")?, seen(stage, shape, "HostRayCast")?];
-        let apart = device.iter().zip(&host).filter(|(a, b)| (a[3] - b[3]).abs() > 1e-4 * a[3].max(b[3])).count();
+        let same = || device.iter().zip(&host).filter(|(a, b)| (a[3] - b[3]).abs() <= 1e-4 * a[3].max(b[3]));
+        let apart = device.len() - same().count();
         println!("{shape}: {apart} of {} samples differ", device.len());
         // What is seen in the same place has the same light, but for places on the border of a shadow.
         let brightest = device.iter().flat_map(|a| a[..3].to_vec()).fold(0.0, f32::max);
-        let same = || device.iter().zip(&host).filter(|(a, b)| (a[3] - b[3]).abs() <= 1e-4 * a[3].max(b[3]));
         let lit_apart = same().filter(|(a, b)| (0..3).any(|c| (a[c] - b[c]).abs() > 2e-3 * a[c].max(b[c]) + 1e-5 * brightest)).count();
         println!("{shape}: {lit_apart} of {} have other light, of {brightest} at most", same().count());
         check(brightest > 0.0 && lit_apart * 200 < same().count(), || format!("{shape}: {lit_apart} of {} samples have other light", same().count()))?;

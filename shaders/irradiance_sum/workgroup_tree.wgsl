@@ -128,9 +128,11 @@ fn finish(sums: Sums, tile: u32, lane: u32) {
     }
     workgroupBarrier();
     if lane < PARTS {
+        var sum = lanes[lane * LANES];
         for (var i = 1u; i < SHARES; i++) {
-            lanes[lane * LANES] = joined(lane, lanes[lane * LANES], lanes[lane * LANES + i]);
+            sum = joined(lane, sum, lanes[lane * LANES + i]);
         }
+        lanes[lane * LANES] = sum;
     }
     workgroupBarrier();
     if lane == 0u && tile < TILE_CAPACITY {

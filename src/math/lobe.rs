@@ -29,6 +29,17 @@ pub struct Lobe {
 const LEAST_ALPHA: f32 = 1e-3;
 const MOST_EXPONENT: f32 = 1e6;
 
+impl Shape {
+    /// As wide at least as a density can be.
+    fn bounded(self) -> Self {
+        match self {
+            Self::Phong { exponent } => Self::Phong { exponent: exponent.clamp(0.0, MOST_EXPONENT) },
+            Self::Ward { alpha } => Self::Ward { alpha: alpha.max(Vec2::splat(LEAST_ALPHA)) },
+            Self::Microfacets { alpha } => Self::Microfacets { alpha: alpha.max(LEAST_ALPHA) },
+        }
+    }
+}
+
 impl Lobe {
     /// The reflectance distribution [1/sr] for two unit directions away from the surface; 0 where one is below it.
     pub fn value(&self, outgoing: Vec3, incoming: Vec3) -> Vec3 {
@@ -36,18 +47,13 @@ impl Lobe {
             return Vec3::ZERO;
         }
         let half = outgoing + incoming;
-        match self.shape {
-            Shape::Phong { exponent } => {
-                let exponent = exponent.clamp(0.0, MOST_EXPONENT);
-                self.reflectance * ((exponent + 2.0) / TAU * mirrored(outgoing).dot(incoming).max(0.0).powf(exponent))
-            }
+        match self.shape.bounded() {
+            Shape::Phong { exponent } => self.reflectance * ((exponent + 2.0) / TAU * mirrored(outgoing).dot(incoming).max(0.0).powf(exponent)),
             Shape::Ward { alpha } => {
-                let alpha = alpha.max(Vec2::splat(LEAST_ALPHA));
                 let peak = half.length_squared() / (PI * alpha.x * alpha.y * half.z.powi(4));
                 self.reflectance * (peak * ward_fall(alpha, half))
             }
             Shape::Microfacets { alpha } => {
-                let alpha = alpha.max(LEAST_ALPHA);
                 let half = half.normalize();
                 let fresnel = self.reflectance + (1.0 - self.reflectance) * (1.0 - outgoing.dot(half).clamp(0.0, 1.0)).powi(5);
                 let sides = outgoing.z * slope_root(alpha, incoming) + incoming.z * slope_root(alpha, outgoing);
@@ -58,18 +64,17 @@ impl Lobe {
 
     /// An incoming direction for two numbers in 0..1, nearly in proportion to value · cosine. It may lie below the surface: then nothing comes from it.
     pub fn sample(&self, outgoing: Vec3, [u, v]: [f32; 2]) -> Vec3 {
-        match self.shape {
+        match self.shape.bounded() {
             Shape::Phong { exponent } => {
-                let cosine = u.powf(1.0 / (exponent.clamp(0.0, MOST_EXPONENT) + 1.0));
+                let cosine = u.powf(1.0 / (exponent + 1.0));
                 super::frame::Frame::new(mirrored(outgoing)).to_world(around(cosine, TAU * v))
             }
             Shape::Ward { alpha } => {
-                let alpha = alpha.max(Vec2::splat(LEAST_ALPHA));
                 let (sine, cosine) = (TAU * v).sin_cos();
                 let slope = (-(1.0 - u).max(f32::MIN_POSITIVE).ln()).sqrt();
                 reflected(outgoing, Vec3::new(-alpha.x * slope * cosine, -alpha.y * slope * sine, 1.0).normalize())
             }
-            Shape::Microfacets { alpha } => reflected(outgoing, visible_facet(outgoing, alpha.max(LEAST_ALPHA), [u, v])),
+            Shape::Microfacets { alpha } => reflected(outgoing, visible_facet(outgoing, alpha, [u, v])),
         }
     }
 
@@ -77,18 +82,11 @@ impl Lobe {
     pub fn density(&self, outgoing: Vec3, incoming: Vec3) -> f32 {
         let half = (outgoing + incoming).normalize_or(Vec3::Z);
         let across = 4.0 * outgoing.dot(half).abs().max(f32::MIN_POSITIVE);
-        match self.shape {
-            Shape::Phong { exponent } => {
-                let exponent = exponent.clamp(0.0, MOST_EXPONENT);
-                (exponent + 1.0) / TAU * mirrored(outgoing).dot(incoming).max(0.0).powf(exponent)
-            }
+        match self.shape.bounded() {
+            Shape::Phong { exponent } => (exponent + 1.0) / TAU * mirrored(outgoing).dot(incoming).max(0.0).powf(exponent),
             _ if half.z <= 0.0 => 0.0,
-            Shape::Ward { alpha } => {
-                let alpha = alpha.max(Vec2::splat(LEAST_ALPHA));
-                ward_fall(alpha, half) / (PI * alpha.x * alpha.y * half.z.powi(3) * across)
-            }
+            Shape::Ward { alpha } => ward_fall(alpha, half) / (PI * alpha.x * alpha.y * half.z.powi(3) * across),
             Shape::Microfacets { alpha } => {
-                let alpha = alpha.max(LEAST_ALPHA);
                 let shown = 2.0 / (outgoing.z + slope_root(alpha, outgoing)).max(f32::MIN_POSITIVE);
                 shown * facets(alpha, half) * outgoing.dot(half).max(0.0) / across
             }

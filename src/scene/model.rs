@@ -270,7 +270,7 @@ impl Environment {
 static LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| std::array::from_fn(|value| srgb_to_linear(value as u8)));
 
 /// Linear value of an 8-bit sRGB channel (IEC 61966-2-1).
-pub fn srgb_to_linear(value: u8) -> f32 {
+fn srgb_to_linear(value: u8) -> f32 {
     let v = value as f32 / 255.0;
     if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
 }

@@ -37,6 +37,10 @@ impl Conversion {
         Self { hemispherical, spherical, blocks }
     }
 
+    pub fn spherical_order(&self) -> usize {
+        self.spherical
+    }
+
     /// Degree of H, degree of Y, order of both, and their integral: each that is not 0 for its order's sake.
     pub fn elements(&self) -> impl Iterator<Item = (usize, usize, isize, f64)> {
         let signs = |m: usize| [m as isize, -(m as isize)].into_iter().take(if m == 0 { 1 } else { 2 });

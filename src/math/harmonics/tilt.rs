@@ -20,13 +20,8 @@ pub enum Method {
 }
 
 /// A way to tilt, made ready.
-pub struct Tilting {
-    order: usize,
-    kind: Kind,
-}
-
-enum Kind {
-    Conversion(Conversion, usize),
+pub enum Tilting {
+    Conversion(Conversion),
     DigonDeletion(Table),
     Precomputed(Table),
 }
@@ -34,47 +29,50 @@ enum Kind {
 impl Tilting {
     /// Of expansions of an order. Tables have `steps` + 1 angles from 0 to the largest.
     pub fn new(order: usize, method: Method, steps: usize) -> Self {
-        let kind = match method {
-            Method::Conversion { spherical } => Kind::Conversion(Conversion::new(order, spherical), spherical),
-            Method::DigonDeletion => Kind::DigonDeletion(Table::new(order, steps, FRAC_PI_2, false)),
-            Method::Precomputed => Kind::Precomputed(Table::new(order, steps, PI, true)),
-        };
-        Self { order, kind }
+        match method {
+            Method::Conversion { spherical } => Self::Conversion(Conversion::new(order, spherical)),
+            Method::DigonDeletion => Self::DigonDeletion(Table::new(order, steps, FRAC_PI_2, false)),
+            Method::Precomputed => Self::Precomputed(Table::new(order, steps, PI, true)),
+        }
     }
 
     /// Bytes of the tables.
     pub fn memory(&self) -> usize {
-        match &self.kind {
-            Kind::Conversion(conversion, _) => conversion.elements().count() * size_of::<f32>(),
-            Kind::DigonDeletion(table) | Kind::Precomputed(table) => table.numbers.len() * size_of::<f32>(),
+        match self {
+            Self::Conversion(conversion) => conversion.elements().count() * size_of::<f32>(),
+            Self::DigonDeletion(table) | Self::Precomputed(table) => table.numbers.len() * size_of::<f32>(),
         }
     }
 
     /// The expansion above the other surface: the value at d becomes the value at `matrix · d`, `matrix` row by row.
     pub fn rotate(&self, values: &[f64], matrix: [[f64; 3]; 3]) -> Vec<f64> {
-        if let Kind::Conversion(conversion, spherical) = &self.kind {
-            return conversion.to_hemispherical(&Rotation::new(*spherical, matrix).apply(&conversion.to_spherical(values)));
-        }
-        let [first, beta, last] = euler_angles(matrix);
-        let mut values = values.to_vec();
-        turn(&mut values, first);
-        let mut values = self.tilt(&values, beta);
-        turn(&mut values, last);
-        values
-    }
-
-    /// Around y by β in 0..π, towards +x.
-    fn tilt(&self, values: &[f64], beta: f64) -> Vec<f64> {
-        match &self.kind {
-            Kind::Conversion(..) => self.rotate(values, around_y(beta)),
-            Kind::Precomputed(table) => table.apply(values, beta),
-            Kind::DigonDeletion(_) if beta > FRAC_PI_2 => vec![0.0; values.len()],
-            Kind::DigonDeletion(table) => {
-                let stretched = (2.0 * beta.cos() - 1.0).clamp(-1.0, 1.0).acos();
-                Rotation::new(self.order, around_y(stretched)).apply(&table.apply(values, beta))
+        match self {
+            Self::Conversion(conversion) => {
+                let rotation = Rotation::new(conversion.spherical_order(), matrix);
+                conversion.to_hemispherical(&rotation.apply(&conversion.to_spherical(values)))
             }
+            Self::DigonDeletion(table) => by_angles(values, matrix, |values, beta| delete_and_tilt(table, values, beta)),
+            Self::Precomputed(table) => by_angles(values, matrix, |values, beta| table.apply(values, beta)),
         }
     }
+}
+
+/// A rotation as turns around z and a tilt around y by β in 0..π, towards +x.
+fn by_angles(values: &[f64], matrix: [[f64; 3]; 3], tilt: impl Fn(&[f64], f64) -> Vec<f64>) -> Vec<f64> {
+    let [first, beta, last] = euler_angles(matrix);
+    let mut values = values.to_vec();
+    turn(&mut values, first);
+    let mut tilted = tilt(&values, beta);
+    turn(&mut tilted, last);
+    tilted
+}
+
+fn delete_and_tilt(digons: &Table, values: &[f64], beta: f64) -> Vec<f64> {
+    if beta > FRAC_PI_2 {
+        return vec![0.0; values.len()];
+    }
+    let stretched = (2.0 * beta.cos() - 1.0).clamp(-1.0, 1.0).acos();
+    Rotation::new(values.len().isqrt(), around_y(stretched)).apply(&digons.apply(values, beta))
 }
 
 fn around_y(angle: f64) -> [[f64; 3]; 3] {
@@ -107,7 +105,7 @@ pub fn turn(values: &mut [f64], angle: f64) {
 }
 
 /// Matrices for angles from 0 on. They do not mix functions that are even in y with those that are odd.
-struct Table {
+pub struct Table {
     steps: usize,
     largest: f64,
     /// The functions even in y, then those odd in y.
@@ -193,11 +191,22 @@ mod tests {
     }
 
     fn projected(function: impl Fn(DVec3) -> f64) -> Vec<f64> {
+        projected_by(96, 128, function)
+    }
+
+    /// By so many points that an edge across the hemisphere does little harm.
+    fn projected_finely(function: impl Fn(DVec3) -> f64) -> Vec<f64> {
+        projected_by(300, 600, function)
+    }
+
+    fn projected_by(heights: usize, azimuths: usize, function: impl Fn(DVec3) -> f64) -> Vec<f64> {
         let basis = Basis::new(ORDER);
         let mut out = vec![0.0; count(ORDER)];
-        for (direction, weight) in hemisphere(96, 128) {
+        for (direction, weight) in hemisphere(heights, azimuths) {
             let scaled = weight * function(DVec3::from(direction));
-            out.iter_mut().zip(basis.hemispherical(direction)).for_each(|(out, h)| *out += scaled * h);
+            if scaled != 0.0 {
+                out.iter_mut().zip(basis.hemispherical(direction)).for_each(|(out, h)| *out += scaled * h);
+            }
         }
         out
     }
@@ -265,19 +274,6 @@ mod tests {
         assert!(error(&table.apply(&function, beta), &right) < 3e-3, "{}", error(&table.apply(&function, beta), &right));
     }
 
-    /// By so many points that an edge across the hemisphere does little harm.
-    fn projected_finely(function: impl Fn(DVec3) -> f64) -> Vec<f64> {
-        let basis = Basis::new(ORDER);
-        let mut out = vec![0.0; count(ORDER)];
-        for (direction, weight) in hemisphere(300, 600) {
-            let scaled = weight * function(DVec3::from(direction));
-            if scaled != 0.0 {
-                out.iter_mut().zip(basis.hemispherical(direction)).for_each(|(out, h)| *out += scaled * h);
-            }
-        }
-        out
-    }
-
     #[test]
     fn energy_never_grows() {
         for method in [Method::Conversion { spherical: 14 }, Method::Precomputed] {
@@ -301,9 +297,9 @@ mod tests {
         for (degrees, most) in [(10.0, 0.04), (30.0, 0.15), (60.0, 0.6)] {
             let beta = f64::to_radians(degrees);
             let right = projected_finely(lobe(DVec3::new(beta.sin(), 0.0, beta.cos()), 5));
-            let found = error(&tilting.tilt(&function, beta), &right);
+            let found = error(&tilting.rotate(&function, around_y(beta)), &right);
             assert!(found < most, "{degrees}°: {found}");
         }
-        assert!(tilting.tilt(&function, 2.0).iter().all(|v| *v == 0.0));
+        assert!(tilting.rotate(&function, around_y(2.0)).iter().all(|v| *v == 0.0));
     }
 }

@@ -1,6 +1,6 @@
 //! New records join the cache.
 
-use super::record::RECORD_BYTES;
+use super::record::{RECORD_BYTES, coefficient_bytes};
 use crate::contract::{Description, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal};
 use crate::host_struct;
 use crate::recording::*;
@@ -41,6 +41,17 @@ impl Pass for AddRecords {
 
     fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
         let (Some(cache), Some(new)) = (r.record_cache("to").copied(), r.records("records").copied()) else { return Ok(()) };
+        let coefficients = match (new.coefficients, cache.coefficients) {
+            (Some(from), Some(to)) if from.order == to.order => Some((from, to)),
+            (_, None) => None,
+            _ => {
+                return Err(Refusal::new(
+                    "plan::coefficients",
+                    "the cache keeps coefficients of radiance that the new records do not have",
+                    "project the tiles with a RadianceProjection of the same lobes before the records join this cache",
+                ));
+            }
+        };
         let batch = r.buffer("batch", size_of::<Batch>() as u64);
         let surplus = r.buffer("surplus", 16);
         let level = r.buffer("level", 16);
@@ -68,9 +79,15 @@ impl Pass for AddRecords {
             .bind("surplus", surplus)
             .bind("level", level);
         r.compute(program.clone(), "measure", Groups::Fixed([1, 1, 1]));
-        r.compute(program, "append", Groups::Counted { count: added, divisor: 64, per: 1 });
+        r.compute(program.clone(), "append", Groups::Counted { count: added, divisor: 64, per: 1 });
+        if let Some((from, to)) = coefficients {
+            let numbers = (coefficient_bytes(to.order) / 16) as u32;
+            let program = program.constant("COEFFICIENTS", numbers).bind("new_coefficients", from.values).bind("coefficients", to.values);
+            r.compute(program, "append_coefficients", Groups::Counted { count: added, divisor: 1, per: numbers.div_ceil(64) });
+            r.persist("coefficients", to.values, coefficient_bytes(to.order), cache.count);
+        }
         r.report("surplus_records", surplus, 0);
-        r.report_variable("records", cache.count);
+        r.report_variable(if cache.coefficients.is_some() { "radiance_records" } else { "records" }, cache.count);
         r.persist("records", cache.records, RECORD_BYTES, cache.count);
         r.output("cache", Port::RecordCache(cache));
         Ok(())

@@ -2,6 +2,7 @@
 
 use crate::contract::{Description, Input, Output, Pass, Port, PortKind, Recorder, Refusal, port};
 use crate::recording::*;
+use crate::scene::needs::Needs;
 
 pub struct Combine;
 
@@ -13,9 +14,13 @@ static DESCRIPTION: Description = Description {
     inputs: &[
         Input { name: "gbuffer", about: "the visible surfaces", accepts: PortKind::GBuffer, required: true },
         Input { name: "direct", about: "reflected direct light", accepts: PortKind::DirectLight, required: false },
-        Input { name: "indirect", about: "reflected indirect radiance", accepts: PortKind::Image, required: false },
+        Input { name: "indirect", about: "indirect radiance that diffuse parts reflect", accepts: PortKind::Image, required: false },
+        Input { name: "glossy", about: "indirect radiance that lobes reflect", accepts: PortKind::Image, required: false },
     ],
-    outputs: &[Output { name: "picture", about: "radiance toward the camera", kind: PortKind::Image }],
+    outputs: &[
+        Output { name: "picture", about: "radiance toward the camera", kind: PortKind::Image },
+        Output { name: "indirect", about: "indirect light toward the camera, of diffuse parts and lobes", kind: PortKind::Image },
+    ],
 };
 
 impl Pass for Combine {
@@ -26,19 +31,40 @@ impl Pass for Combine {
     fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
         let Some(gbuffer) = r.g_buffer("gbuffer").copied() else { return Ok(()) };
         let direct = r.direct_light("direct").map(|d| d.radiance);
-        let indirect = r.image_port("indirect").map(|i| i.texture);
+        let [indirect, glossy] = ["indirect", "glossy"].map(|part| r.image_port(part).map(|i| i.texture));
+        if glossy.is_none() {
+            refuse_lobes(r.setting.needs)?;
+        }
         let picture = r.image("picture", Format::Rgba32Float);
+        let all = r.image("indirect", Format::Rgba32Float);
         // A part that is absent is bound to any image and never read.
         let program = Program::new("combine")
             .constant("TEXTURES", r.setting.needs.textures as u8)
+            .constant("GLOSSY", r.setting.needs.lobes as u8)
             .constant("HAS_DIRECT", direct.is_some() as u8)
             .constant("HAS_INDIRECT", indirect.is_some() as u8)
+            .constant("HAS_GLOSSY", glossy.is_some() as u8)
             .bind("triangles", gbuffer.triangles)
             .bind("direct", direct.unwrap_or(gbuffer.position))
             .bind("indirect", indirect.unwrap_or(gbuffer.position))
-            .bind("picture", picture);
+            .bind("glossy", glossy.unwrap_or(gbuffer.position))
+            .bind("picture", picture)
+            .bind("all_indirect", all);
         r.compute_pixels(program, "combine_parts");
         r.output("picture", Port::Image(port::Image { texture: picture, channels: port::Channels::Colour }));
+        r.output("indirect", Port::Image(port::Image { texture: all, channels: port::Channels::Colour }));
         Ok(())
     }
+}
+
+/// Without what lobes reflect a picture of glossy surfaces would lack their light.
+fn refuse_lobes(needs: &Needs) -> Result<(), Refusal> {
+    if needs.glossy.is_empty() {
+        return Ok(());
+    }
+    Err(Refusal::new(
+        "plan::glossy",
+        format!("the materials {} are glossy, which this pipeline cannot render", needs.glossy.join(", ")),
+        "use a pipeline for glossy light, such as radiance, or make the materials diffuse in a scene file",
+    ))
 }

@@ -59,10 +59,7 @@ impl Pass for DirectLight {
         let samples = if sampled { [arguments.integer("area_samples"), arguments.integer("sky_samples")] } else { [0, 0] };
         let radiance = r.image("radiance", Format::Rgba32Float);
         let program = light_constants(Program::new("direct_light"), r.setting.needs, samples.map(|s| s as u32));
-        let program = bind_visibility(program, r.shadow_maps("shadow"))
-            .bind("triangles", gbuffer.triangles)
-            .bind("reflectance", gbuffer.reflectance)
-            .bind("radiance", radiance);
+        let program = bind_visibility(program, r.shadow_maps("shadow")).bind("triangles", gbuffer.triangles).bind("radiance", radiance);
         r.compute_pixels(program, "shade");
         r.output("radiance", Port::DirectLight(port::DirectLight { radiance, lights_from_emitters: sampled }));
         Ok(())

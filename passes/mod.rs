@@ -10,15 +10,20 @@ pub mod find_misses;
 pub mod gbuffer;
 pub mod hemisphere_tiles;
 pub mod irradiance_sum;
+pub mod lobe_coefficients;
 pub mod normalize;
+pub mod radiance_projection;
 pub mod record;
 pub mod record_cache;
 pub mod shadow_map;
 pub mod splat;
+pub mod surfaces;
 
 /// All passes, in the order that `hemisplat passes` lists them.
 pub static REGISTRY: &Registry = &[
     &gbuffer::GBuffer,
+    &lobe_coefficients::LobeCoefficients,
+    &surfaces::Surfaces,
     &shadow_map::ShadowMap,
     &direct_light::DirectLight,
     &record_cache::RecordCache,
@@ -27,6 +32,7 @@ pub static REGISTRY: &Registry = &[
     &hemisphere_tiles::HemisphereTiles,
     &compensation::Compensation,
     &irradiance_sum::IrradianceSum,
+    &radiance_projection::RadianceProjection,
     &add_records::AddRecords,
     &normalize::Normalize,
     &combine::Combine,

@@ -15,7 +15,11 @@ static DESCRIPTION: Description = Description {
         Input { name: "gbuffer", about: "the visible surfaces", accepts: PortKind::GBuffer, required: true },
     ],
     outputs: &[
-        Output { name: "radiance", about: "reflected indirect radiance toward the camera", kind: PortKind::Image },
+        Output {
+            name: "radiance",
+            about: "indirect radiance toward the camera: what the diffuse part reflects, or of sums of radiance what the lobe does",
+            kind: PortKind::Image,
+        },
         Output { name: "irradiance", about: "indirect irradiance [W/m²]", kind: PortKind::Image },
         Output { name: "weight", about: "sums; the fourth channel is Σ w", kind: PortKind::Image },
         Output { name: "count", about: "records that count at each pixel", kind: PortKind::Image },
@@ -33,7 +37,9 @@ impl Pass for Normalize {
         let radiance = r.image("radiance", Format::Rgba32Float);
         let faults = r.buffer("faults", 16);
         r.clear(faults);
+        let of_radiance = splats.of_radiance;
         let program = Program::new("normalize")
+            .constant("OF_RADIANCE", of_radiance as u8)
             .bind("sums", splats.sums)
             .bind("position", gbuffer.position)
             .bind("reflectance", gbuffer.reflectance)
@@ -45,7 +51,11 @@ impl Pass for Normalize {
         r.report("non_finite_pixels", faults, 1);
         let image = |texture, channels| Port::Image(port::Image { texture, channels });
         r.output("radiance", image(radiance, port::Channels::Colour));
-        r.output("irradiance", image(irradiance, port::Channels::Colour));
+        if of_radiance {
+            r.report("negative_pixels", faults, 2);
+        } else {
+            r.output("irradiance", image(irradiance, port::Channels::Colour));
+        }
         r.output("weight", image(splats.sums, port::Channels::Fourth));
         if let Some(counts) = splats.counts {
             r.output("count", image(counts, port::Channels::Single));

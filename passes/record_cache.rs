@@ -1,7 +1,7 @@
 //! The records that earlier rounds and frames left.
 
-use super::record::{RECORD_BYTES, Weighting};
-use crate::contract::{Choice, Description, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, port};
+use super::record::{RECORD_BYTES, Weighting, coefficient_bytes};
+use crate::contract::{Choice, Description, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, port};
 
 pub struct RecordCache;
 
@@ -81,9 +81,17 @@ static DESCRIPTION: Description = Description {
             kind: ParameterKind::Integer { default: 131_072, min: 1, max: 900_000 },
         },
     ],
-    inputs: &[],
+    inputs: &[Input {
+        name: "lobes",
+        about: "what records of radiance keep coefficients for; without it records hold irradiance alone",
+        accepts: PortKind::Lobes,
+        required: false,
+    }],
     outputs: &[Output { name: "cache", about: "the records", kind: PortKind::RecordCache }],
 };
+
+/// Most bytes of the coefficients: 128 MiB is the least that adapters must bind.
+const MOST_BYTES: u64 = 128 << 20;
 
 impl Pass for RecordCache {
     fn description(&self) -> &'static Description {
@@ -116,9 +124,18 @@ impl Pass for RecordCache {
             contrast: number("contrast"),
             finest_spacing: number("finest_spacing"),
         };
-        let capacity = r.arguments.integer("capacity") as u32;
+        let mut capacity = r.arguments.integer("capacity") as u32;
+        let coefficients = r.lobes("lobes").map(|lobes| lobes.order).map(|order| {
+            let fits = (MOST_BYTES / coefficient_bytes(order)) as u32;
+            if fits < capacity {
+                r.remark(format!("room for {fits} records: the coefficients of order {order} of more do not fit into {} MiB", MOST_BYTES >> 20));
+                capacity = fits;
+            }
+            port::Coefficients { values: r.history_buffer("coefficients", u64::from(capacity) * coefficient_bytes(order)), order }
+        });
         let cache = port::RecordCache {
             records: r.history_buffer("records", capacity as u64 * RECORD_BYTES),
+            coefficients,
             count: r.variable("count", true),
             capacity,
             weighting: r.constant_buffer("weighting", bytemuck::bytes_of(&Weighting::from(&rule))),

@@ -20,6 +20,11 @@ struct Batch {
 // Luminance of the picture's irradiance.
 @group(0) @binding(5) var<storage, read_write> level: array<f32, 4>;
 
+// Of each new record, and of all: numbers of four coefficients.
+@group(0) @binding(6) var<storage, read> new_coefficients: array<vec4f>;
+@group(0) @binding(7) var<storage, read_write> coefficients: array<vec4f>;
+
+override COEFFICIENTS: u32 = 1u;
 // Whether the radius may not jump over what a neighbour has seen (Krivanek 2006).
 override NEIGHBOUR_CLAMPING: bool = true;
 
@@ -75,5 +80,15 @@ fn append(@builtin(global_invocation_id) id: vec3u) {
             atomicAdd(&surplus[0], 1u);
             break;
         }
+    }
+}
+
+@compute @workgroup_size(64)
+fn append_coefficients(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) lane: u32) {
+    let per = (COEFFICIENTS + 63u) / 64u;
+    let linear = group.x + group.y * groups.x;
+    let index = (linear % per) * 64u + lane;
+    if linear / per < batch.count && index < COEFFICIENTS {
+        coefficients[(batch.first + linear / per) * COEFFICIENTS + index] = new_coefficients[(linear / per) * COEFFICIENTS + index];
     }
 }

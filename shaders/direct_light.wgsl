@@ -4,8 +4,7 @@
 // Light that reaches the visible surfaces without touching another.
 
 @group(0) @binding(0) var triangles: texture_2d<u32>;
-@group(0) @binding(1) var reflectance: texture_2d<f32>;
-@group(0) @binding(2) var radiance: texture_storage_2d<rgba32float, write>;
+@group(0) @binding(1) var radiance: texture_storage_2d<rgba32float, write>;
 
 @compute @workgroup_size(8, 8)
 fn shade(@builtin(global_invocation_id) id: vec3u) {
@@ -17,7 +16,7 @@ fn shade(@builtin(global_invocation_id) id: vec3u) {
     if triangle != 0u {
         let surface = surface_seen(triangle - 1u, camera.eye, pixel_ray(id.xy));
         let seed = combine(id.x, id.y);
-        light = direct_irradiance(surface, seed) * textureLoad(reflectance, id.xy, 0).rgb / PI;
+        light = direct_reflected(surface, seed);
     }
     textureStore(radiance, id.xy, vec4f(light, 1.0));
 }

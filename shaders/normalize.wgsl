@@ -7,7 +7,7 @@
 @group(0) @binding(2) var reflectance: texture_2d<f32>;
 @group(0) @binding(3) var irradiance: texture_storage_2d<rgba32float, write>;
 @group(0) @binding(4) var radiance: texture_storage_2d<rgba32float, write>;
-// Pixels that see a surface and no record counts, pixels whose value is not finite.
+// Pixels that see a surface and no record counts, pixels whose value is not finite, pixels of negative radiance: harmonics ring.
 @group(0) @binding(5) var<storage, read_write> faults: array<atomic<u32>, 4>;
 
 fn is_finite(value: vec4f) -> bool {
@@ -15,6 +15,9 @@ fn is_finite(value: vec4f) -> bool {
     let exponents = bitcast<vec4u>(value) & vec4u(0x7f800000u);
     return all(exponents != vec4u(0x7f800000u));
 }
+
+// Whether the sums are of radiance toward the camera in place of irradiance.
+override OF_RADIANCE: bool = false;
 
 @compute @workgroup_size(8, 8)
 fn divide(@builtin(global_invocation_id) id: vec3u) {
@@ -31,6 +34,13 @@ fn divide(@builtin(global_invocation_id) id: vec3u) {
         } else {
             atomicAdd(&faults[0], 1u);
         }
+    }
+    if OF_RADIANCE {
+        if any(value < vec3f(0.0)) {
+            atomicAdd(&faults[2], 1u);
+        }
+        textureStore(radiance, id.xy, vec4f(max(value, vec3f(0.0)), 1.0));
+        return;
     }
     textureStore(irradiance, id.xy, vec4f(value, 1.0));
     textureStore(radiance, id.xy, vec4f(value * textureLoad(reflectance, id.xy, 0).rgb / 3.14159265358979, 1.0));

@@ -64,6 +64,20 @@ fn stating(mut exr: Vec<u8>, width: i32, height: i32) -> Vec<u8> {
     exr
 }
 
+/// Glossy surfaces without their lobes.
+const SURFACES: &str = r#"Pipeline(
+    version: 1,
+    about: "",
+    nodes: [
+        (name: "gbuffer", pass: GBuffer()),
+        (name: "glossy", pass: Surfaces(of: "gbuffer", which: Glossy)),
+        (name: "cache", pass: RecordCache()),
+        (name: "splats", pass: Splat(records: "cache", gbuffer: "glossy")),
+        (name: "light", pass: Normalize(splats: "splats", gbuffer: "glossy")),
+    ],
+    outputs: { "picture": "light" },
+)"#;
+
 /// A pipeline without records.
 const DIRECT: &str = r#"Pipeline(version: 1, about: "direct light", nodes: [(name: "gbuffer", pass: GBuffer()), (name: "direct", pass: DirectLight(gbuffer: "gbuffer"))],
     outputs: { "picture": "direct" })"#;
@@ -94,6 +108,7 @@ fn files() -> BTreeMap<&'static str, Vec<u8>> {
         ("side.exr", exr(picture(Layer::value(vec![1.0, 2.0])).with_attribute("camera", "side"))),
         ("records", b"no header".to_vec()),
         ("direct.ron", DIRECT.as_bytes().to_vec()),
+        ("surfaces.ron", SURFACES.as_bytes().to_vec()),
         ("runs.ron", study("runs: 1", "runs: 501")),
         ("row.ron", study("Traced(spp: 4)", "Row(\"ray\")")),
         ("twice.ron", study("    ],", "        (name: \"rays\", pipeline: \"irradiance-plane\"),\n    ],")),
@@ -106,7 +121,7 @@ fn files() -> BTreeMap<&'static str, Vec<u8>> {
 
 /// Code and arguments, one case each, and whether a GPU is needed.
 #[rustfmt::skip]
-const CASES: [(&str, &str, bool); 49] = [
+const CASES: [(&str, &str, bool); 51] = [
     ("plan::batch", "check irradiance --scene white.ron --set tiles.resolution=512", false),
     ("plan::coarsest", "check irradiance --scene white.ron --set misses.by=DeviceGrid(coarsest:3)", false),
     ("plan::finest", "check irradiance --scene white.ron --set misses.by=DeviceGrid(finest:3)", false),
@@ -117,6 +132,9 @@ const CASES: [(&str, &str, bool); 49] = [
     ("plan::tile", "check irradiance-hemicube --scene white.ron --set tiles.resolution=5", false),
     ("plan::taps", "check irradiance --scene corner --set shadow.taps=5", false),
     ("plan::glossy", "check irradiance --scene glossy.ron", false),
+    ("plan::lobes", "check surfaces.ron --scene glossy.ron", false),
+    ("plan::too_sharp", "check radiance --scene glossy.ron --set lobes.order=Fixed(order:2) --set lobes.too_sharp=Refuse", false),
+    ("plan::coefficients", "check radiance --scene glossy.ron --set glossy_added.records=\"glossy_sums\"", false),
     ("cli::unknown_pass", "passes Splatt", false),
     ("cli::unknown_camera", "explain irradiance --scene white.ron --camera c", false),
     ("cli::several_cameras", "explain irradiance --scene white.ron --camera a --camera b", false),
@@ -125,7 +143,6 @@ const CASES: [(&str, &str, bool); 49] = [
     ("reference::size", "reference --scene white.ron --size 16384x16384 -o out.exr", false),
     ("reference::samples", "reference --scene white.ron --spp 0 -o out.exr", false),
     ("reference::error", "reference --scene white.ron --error 0 -o out.exr", false),
-    ("reference::glossy", "reference --scene glossy.ron -o out.exr", false),
     ("measure::black_reference", "diff grey.exr black.exr", false),
     ("measure::no_surface", "diff grey.exr nothing.exr", false),
     ("measure::not_a_picture", "diff vectors.exr grey.exr", false),

@@ -1,4 +1,4 @@
-//! One golden picture a pipeline file: the Cornell box, small. A change of the light that a viewer would not see passes; a wrong
+//! One golden picture a pipeline file: the Cornell box, small, with a glossy wall for the pipelines of glossy light. A change of the light that a viewer would not see passes; a wrong
 //! weight, sign or bias does not, which small mistakes made on purpose prove. `HEMISPLAT_UPDATE_GOLDEN=1 cargo test --test golden` draws the pictures anew and prints how far
 //! old and new are from the truth; a picture that is farther from it than the old one also needs `HEMISPLAT_ACCEPT_WORSE=1`.
 
@@ -33,10 +33,16 @@ fn hemisplat(arguments: &[&str]) -> Result<(), Failed> {
     if done.status.success() { Ok(()) } else { Err(String::from_utf8_lossy(&done.stderr).into_owned().into()) }
 }
 
+/// The scene of a pipeline's picture, and what of it is compared.
+fn subject(pipeline: &str) -> (&'static str, &'static [&'static str]) {
+    if pipeline.starts_with("radiance") { ("cornell-glossy", &["irradiance", "glossy"]) } else { ("cornell", &["irradiance"]) }
+}
+
 /// Named from the project's root, so that the file keeps no path of the machine.
 fn render(pipeline: &str, options: &[&str], into: &Path) -> Outcome {
+    let scene = subject(pipeline).0;
     let (pipeline, into) = (format!("pipelines/{pipeline}.ron"), into.to_string_lossy());
-    let arguments = ["render", &pipeline, "--scene", "cornell", "--size", SIZE, "--set", SPACING, "--quiet", "-o", &into];
+    let arguments = ["render", &pipeline, "--scene", scene, "--size", SIZE, "--set", SPACING, "--quiet", "-o", &into];
     hemisplat(&[&arguments, options].concat())
 }
 
@@ -45,24 +51,29 @@ fn picture(path: &Path) -> Result<Layers, Failed> {
     Layers::read(&bytes).map_err(|e| e.to_string().into())
 }
 
-fn metrics(test: &Layers, reference: &Layers) -> Result<Errors, Failed> {
-    compare(test, reference, "irradiance", None).map_err(|e| e.to_string().into())
+fn metrics(test: &Layers, reference: &Layers, layer: &str) -> Result<Errors, Failed> {
+    compare(test, reference, layer, None).map_err(|e| e.to_string().into())
 }
 
-/// The irradiance of one channel alone, and what tells where surfaces are.
-fn channel(picture: &Layers, index: usize) -> Result<Layers, Failed> {
-    let plane = picture.rgb("irradiance").map_err(|e| e.to_string())?[index].to_vec();
+/// One channel of a layer alone, and what tells where surfaces are.
+fn channel(picture: &Layers, layer: &str, index: usize) -> Result<Layers, Failed> {
+    let plane = picture.rgb(layer).map_err(|e| e.to_string())?[index].to_vec();
     let depth = picture.layer("depth").map_err(|e| e.to_string())?.clone();
-    Ok(Layers::new(picture.width, picture.height).with("irradiance", Layer::value(plane)).with("depth", depth))
+    Ok(Layers::new(picture.width, picture.height).with(layer, Layer::value(plane)).with("depth", depth))
 }
 
 /// Refuses a picture that is beyond the limits, in luminance or in one of the colours; the worst blocks of a colour, where
 /// it is next to none, tell nothing.
 fn expect_alike(made: &Layers, golden: &Layers) -> Outcome {
-    let mut wrong = beyond("luminance", &metrics(made, golden)?, &LIMITS);
+    expect_layer_alike(made, golden, "irradiance")
+}
+
+fn expect_layer_alike(made: &Layers, golden: &Layers, layer: &str) -> Outcome {
+    let mut wrong = beyond("luminance", &metrics(made, golden, layer)?, &LIMITS);
     for (index, name) in ["red", "green", "blue"].into_iter().enumerate() {
-        wrong.extend(beyond(name, &metrics(&channel(made, index)?, &channel(golden, index)?)?, &LIMITS[..3]));
+        wrong.extend(beyond(name, &metrics(&channel(made, layer, index)?, &channel(golden, layer, index)?, layer)?, &LIMITS[..3]));
     }
+    let wrong: Vec<String> = wrong.into_iter().map(|wrong| format!("{layer}: {wrong}")).collect();
     if wrong.is_empty() { Ok(()) } else { Err(wrong.join("; ").into()) }
 }
 
@@ -77,22 +88,26 @@ fn check(pipeline: &Path) -> Outcome {
     let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
     let made = folder.path().join("made.exr");
     render(&name, &[], &made)?;
-    let golden = root().join("tests/golden").join(&name).join("cornell.exr");
+    let (scene, layers) = subject(&name);
+    let golden = root().join("tests/golden").join(&name).join(format!("{scene}.exr"));
     if std::env::var_os("HEMISPLAT_UPDATE_GOLDEN").is_some() {
-        return update(&made, &golden, folder.path());
+        return update(&made, &golden, folder.path(), subject(&name));
     }
-    expect_alike(&picture(&made)?, &picture(&golden)?)
+    let (made, golden) = (picture(&made)?, picture(&golden)?);
+    layers.iter().try_for_each(|layer| expect_layer_alike(&made, &golden, layer))
 }
 
-fn update(made: &Path, golden: &Path, folder: &Path) -> Outcome {
+fn update(made: &Path, golden: &Path, folder: &Path, (scene, layers): (&str, &[&str])) -> Outcome {
     let truth = folder.join("truth.exr");
-    hemisplat(&["reference", "--scene", "cornell", "--size", SIZE, "--spp", "1024", "--quiet", "-o", &truth.to_string_lossy()])?;
+    hemisplat(&["reference", "--scene", scene, "--size", SIZE, "--spp", "1024", "--quiet", "-o", &truth.to_string_lossy()])?;
     let truth = picture(&truth)?;
-    let after = metrics(&picture(made)?, &truth)?.rmse_over_mean;
-    let before = if golden.exists() { Some(metrics(&picture(golden)?, &truth)?.rmse_over_mean) } else { None };
-    println!("{}: rmse_over_mean against the truth {before:?} -> {after:.4}", golden.display());
-    if before.is_some_and(|before| after > before * 1.02) && std::env::var_os("HEMISPLAT_ACCEPT_WORSE").is_none() {
-        return Err("the new picture is farther from the truth; HEMISPLAT_ACCEPT_WORSE=1 takes it all the same".into());
+    for layer in layers {
+        let after = metrics(&picture(made)?, &truth, layer)?.rmse_over_mean;
+        let before = if golden.exists() { Some(metrics(&picture(golden)?, &truth, layer)?.rmse_over_mean) } else { None };
+        println!("{}: rmse_over_mean of {layer} against the truth {before:?} -> {after:.4}", golden.display());
+        if before.is_some_and(|before| after > before * 1.02) && std::env::var_os("HEMISPLAT_ACCEPT_WORSE").is_none() {
+            return Err("the new picture is farther from the truth; HEMISPLAT_ACCEPT_WORSE=1 takes it all the same".into());
+        }
     }
     std::fs::create_dir_all(golden.parent().unwrap_or(golden)).map_err(|e| e.to_string())?;
     std::fs::copy(made, golden).map(|_| ()).map_err(|e| e.to_string().into())
@@ -205,6 +220,48 @@ fn wrong_parameters_are_refused() -> Outcome {
     Ok(())
 }
 
+/// The error of a layer against the truth, or against another picture.
+fn apart(made: &Layers, truth: &Layers, layer: &str) -> Result<f64, Failed> {
+    Ok(metrics(made, truth, layer)?.rmse_over_mean)
+}
+
+/// Projected and splatted on the device, on the host, and in double precision.
+fn ways_of_glossy_light_agree() -> Outcome {
+    let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
+    let drawn = |name: &str| -> Result<Layers, Failed> {
+        let made = folder.path().join("made.exr");
+        render(name, &[], &made)?;
+        picture(&made)
+    };
+    let right = drawn("radiance")?;
+    for name in ["radiance-device", "radiance-blend", "radiance-readback"] {
+        let error = apart(&drawn(name)?, &right, "glossy")?;
+        if error > 1e-3 {
+            return Err(format!("{name} is {:.3} % from radiance", 100.0 * error).into());
+        }
+    }
+    Ok(())
+}
+
+/// Balls of every kind of lobe, curved and smooth: the light that the device computes is what the path tracer finds.
+fn lobes_on_the_device_are_those_of_the_reference() -> Outcome {
+    let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
+    let [made, truth] = ["made.exr", "truth.exr"].map(|name| folder.path().join(name).to_string_lossy().into_owned());
+    let scene = ["--scene", "balls", "--size", "160x90", "--quiet"];
+    hemisplat(&[&["reference", "--spp", "1024", "--stride", "2", "-o", &truth][..], &scene].concat())?;
+    hemisplat(&[&["render", "radiance", "--set", "glossy_cache.minimum_spacing=3", "-o", &made][..], &scene].concat())?;
+    let (made, truth) = (picture(Path::new(&made))?, picture(Path::new(&truth))?);
+    // Edges of shadows and of balls; a lobe twice as wide, or around another direction, is 30 % and more.
+    for (layer, limit) in [("direct", 0.08), ("glossy", 0.12), (PICTURE, 0.08)] {
+        let error = apart(&made, &truth, layer)?;
+        let bias = metrics(&made, &truth, layer)?.bias_over_mean;
+        if error > limit || bias.abs() > 0.04 {
+            return Err(format!("{layer}: {:.2} % from the truth, {:.2} % of bias", 100.0 * error, 100.0 * bias).into());
+        }
+    }
+    Ok(())
+}
+
 fn main() {
     let has_gpu = hemisplat::gpu::device::adapters().iter().any(|adapter| adapter.lacks.is_empty());
     let required = std::env::var("HEMISPLAT_REQUIRE").is_ok_and(|list| list.split(',').any(|item| item == "gpu"));
@@ -221,6 +278,8 @@ fn main() {
         drawn("pictures_repeat_to_the_bit", Box::new(pictures_repeat_to_the_bit)),
         drawn("specialisation_changes_no_picture", Box::new(specialisation_changes_no_picture)),
         drawn("wrong_parameters_are_refused", Box::new(wrong_parameters_are_refused)),
+        drawn("ways_of_glossy_light_agree", Box::new(ways_of_glossy_light_agree)),
+        drawn("lobes_on_the_device_are_those_of_the_reference", Box::new(lobes_on_the_device_are_those_of_the_reference)),
     ];
     trials.extend(pipelines().into_iter().map(|pipeline| {
         let name = pipeline.file_stem().unwrap_or_default().to_string_lossy().into_owned();

@@ -17,9 +17,17 @@ const MAY_NAME: [(&str, &[&str]); 10] = [
     ("cli", &["math", "scene", "reference", "recording", "contract", "pipeline", "passes", "gpu", "measure"]),
 ];
 
-/// Where files may be read and threads be started; everything else has to run in a browser too. Shaders are built and tiles of rays
-/// cast side by side, where rayon has threads to do it.
-const MAY_TOUCH_THE_SYSTEM: [&str; 5] = ["src/cli/", "src/scene/load", "src/scene/packets.rs", "src/reference/", "src/gpu/pipelines.rs"];
+/// Where files may be read and threads be started; everything else has to run in a browser too. Shaders are built, tiles of rays
+/// cast, projected and splatted side by side, where rayon has threads to do it.
+const MAY_TOUCH_THE_SYSTEM: [&str; 7] = [
+    "src/cli/",
+    "src/scene/load",
+    "src/scene/packets.rs",
+    "src/reference/",
+    "src/gpu/pipelines.rs",
+    "passes/splat/host_radiance.rs",
+    "passes/radiance_projection/host.rs",
+];
 
 /// What files and threads are called.
 const SYSTEM: [&str; 7] = ["std::fs", "std::thread", "rayon", "File::open", "File::create", "tempfile", "fs::"];

@@ -2,6 +2,7 @@
 
 use glam::{DVec3, Vec2, Vec3};
 use hemisplat::{
+    math::{harmonics::quadrature::hemisphere, lobe::Lobe},
     reference::{Bounces, Reference, ReferenceError, Settings, Stop, Tracer, VERSION, render},
     scene::{bvh::Bvh, model::*},
 };
@@ -510,13 +511,99 @@ fn bad_settings_are_named() {
     assert_eq!(error(&|_, c| c.eye.x = f32::NAN), "reference::camera");
 }
 
+/// What a lobe reflects of light that is 1 everywhere, toward a viewer at an angle [degrees] across its first axis.
+fn albedo(lobe: &Lobe, angle: f64) -> f64 {
+    let outgoing = Vec3::new(0.0, angle.to_radians().sin() as f32, angle.to_radians().cos() as f32);
+    let points = hemisphere(256, 512);
+    points.into_iter().map(|(d, weight)| lobe.value(outgoing, Vec3::from(d.map(|x| x as f32))).x as f64 * d[2] * weight).sum()
+}
+
+fn glossy_materials() -> [Glossy; 5] {
+    [
+        Glossy::Phong { reflectance: Vec3::splat(0.6), exponent: 20.0 },
+        Glossy::Ward { reflectance: Vec3::splat(0.6), alpha: Vec2::splat(0.3) },
+        Glossy::Ward { reflectance: Vec3::splat(0.6), alpha: Vec2::new(0.15, 0.5) },
+        Glossy::MetallicRoughness { metallic: 0.0, roughness: 0.6 },
+        Glossy::MetallicRoughness { metallic: 1.0, roughness: 0.4 },
+    ]
+}
+
+/// A pixel of a floor of a material, under a white sky or a lamp, seen at an angle [degrees].
+fn floor_seen(material: Material, angle: f32, environment: f32, lights: Vec<Light>, above: Vec<Triangle>, settings: Settings) -> Reference {
+    let mut floor = quad(Vec3::new(-5.0, 0.0, -5.0), Vec3::Z * 10.0, Vec3::X * 10.0, 0);
+    floor.extend(above);
+    let mut scene = Scene { lights, environment: Environment::Constant(Vec3::splat(environment)), ..scene(floor, vec![material, grey(1.0)]) };
+    let bvh = Bvh::build(&mut scene);
+    let (sine, cosine) = angle.to_radians().sin_cos();
+    let toward = Vec3::new(sine, cosine, 0.0);
+    let camera = Camera { name: "over".into(), eye: toward, direction: -toward, up: Vec3::Z, field_of_view: FieldOfView::Horizontal(1e-3), size: None };
+    render(&scene, &bvh, &camera, &Settings { size: [1, 1], stride: 1, ..settings }, &|_| true).unwrap()
+}
+
 #[test]
-fn glossy_materials_are_named() {
-    let mut shiny = room(1.0);
-    shiny.materials[1].glossy = Some(Glossy::MetallicRoughness { metallic: 1.0, roughness: 0.2 });
-    let bvh = Bvh::build(&mut shiny);
-    let error = render(&shiny, &bvh, &camera(1.0), &SETTINGS, &|_| true).unwrap_err();
-    assert_eq!(error, ReferenceError::Glossy { materials: "red".into() });
+fn lobes_under_a_white_sky_reflect_their_albedo() {
+    for glossy in glossy_materials() {
+        for angle in [0.0f32, 40.0, 70.0] {
+            let material = Material { glossy: Some(glossy), ..grey(0.3) };
+            let reflection = material.reflection(material.reflectance);
+            let lobe = reflection.lobe.unwrap();
+            let known = albedo(&lobe, angle as f64) + (reflection.diffuse * lobe.leaves(angle.to_radians().cos())).x as f64;
+            // Ward's density is farthest from its value at grazing angles.
+            let found = floor_seen(material, angle, 1.0, vec![], vec![], Settings { bounces: Bounces::Count(1), stop: Stop::Samples(1 << 15), ..SETTINGS });
+            assert_close(found.direct[0].x as f64, known, 0.02);
+            assert!(known <= 1.0 + 1e-3, "{glossy:?} at {angle}: {known}");
+        }
+    }
+}
+
+#[test]
+fn lobes_reflect_a_punctual_light_by_their_value() {
+    let light = Vec3::new(-0.4, 0.8, 0.2);
+    for glossy in glossy_materials() {
+        let material = Material { glossy: Some(glossy), ..grey(0.3) };
+        let reflection = material.reflection(material.reflectance);
+        let lobe = reflection.lobe.unwrap();
+        let found =
+            floor_seen(material, 30.0, 0.0, vec![point_light(light, 1.0)], vec![], Settings { bounces: Bounces::Count(0), stop: Stop::Samples(4), ..SETTINGS });
+        // The floor's texture runs along z, so that this is where the lobe's first axis is.
+        let local = |d: Vec3| Vec3::new(d.z, d.x, d.y);
+        let outgoing = local(Vec3::new(0.5, 0.75f32.sqrt(), 0.0));
+        let diffuse = reflection.diffuse * lobe.leaves(outgoing.z) / PI as f32;
+        let known = (diffuse + lobe.value(outgoing, local(light.normalize()))) * light.normalize().y / light.length_squared();
+        assert_close(found.direct[0].x as f64, known.x as f64, 1e-3);
+    }
+}
+
+/// An endless ceiling that reflects all it gets and is lit evenly: the lobe sees nothing but it.
+#[test]
+fn indirect_light_reaches_the_viewer_by_the_lobe() {
+    let ceiling = quad(Vec3::new(-400.0, 4.0, -400.0), Vec3::X * 800.0, Vec3::Z * 800.0, 1);
+    let sun = Light { name: "sun".into(), kind: LightKind::Directional { direction: Vec3::Y, irradiance: Vec3::splat(PI as f32) }, shadows: false };
+    let glossy = Glossy::Phong { reflectance: Vec3::splat(0.6), exponent: 20.0 };
+    let material = Material { glossy: Some(glossy), ..grey(0.3) };
+    let lobe = material.reflection(material.reflectance).lobe.unwrap();
+    for angle in [0.0f32, 40.0] {
+        let found = floor_seen(
+            material.clone(),
+            angle,
+            0.0,
+            vec![sun.clone()],
+            ceiling.clone(),
+            Settings { bounces: Bounces::Count(1), stop: Stop::Samples(4096), ..SETTINGS },
+        );
+        let layer = found.glossy.as_ref().unwrap();
+        assert_close(layer.radiance[0].x as f64, albedo(&lobe, angle as f64), 0.02);
+        assert_close(found.indirect[0].x as f64, 0.3 * found.irradiance[0].x as f64 / PI + layer.radiance[0].x as f64, 1e-4);
+        assert!(layer.variance[0].x > 0.0);
+    }
+}
+
+#[test]
+fn more_than_all_is_scaled_down() {
+    let mut bright = Material { glossy: Some(Glossy::Phong { reflectance: Vec3::splat(0.7), exponent: 5.0 }), ..grey(0.8) };
+    assert!(bright.conserve_energy() && !bright.conserve_energy());
+    let reflection = bright.reflection(bright.reflectance);
+    assert!((reflection.diffuse + reflection.lobe.unwrap().reflectance).max_element() <= 1.0 + 1e-6);
 }
 
 #[test]

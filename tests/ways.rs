@@ -543,6 +543,7 @@ fn splatted(stage: &Stage, records: &[Record], rule: Rule, size: [u32; 2], by: &
     let uniform = Weighting::from(&rule);
     let cache = port::RecordCache {
         records: graph.buffer("records", bytemuck::cast_slice(records)),
+        coefficients: None,
         count: graph.variable("count"),
         capacity: records.len() as u32,
         weighting: graph.buffer("weighting", bytemuck::bytes_of(&uniform)),

@@ -159,14 +159,6 @@ impl Pass for HemisphereTiles {
                 "cast rays, or choose Plane, Hemicube or Hemispherical",
             ));
         }
-        let glossy = &r.setting.needs.glossy;
-        if !glossy.is_empty() {
-            return Err(Refusal::new(
-                "plan::glossy",
-                format!("the materials {} are glossy, which this pipeline cannot render", glossy.join(", ")),
-                "make them diffuse in a scene file, or use a pipeline for glossy light",
-            ));
-        }
         let work = layout(r, requests, shape, table, by == "Raster")?;
         match (by, r.setting.device) {
             ("Raster", _) => raster::record(r, &work, way.bool("sift")),

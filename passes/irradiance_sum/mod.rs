@@ -110,7 +110,7 @@ impl Pass for IrradianceSum {
             ("CpuReadback", _) => cpu_readback::record(r, &work),
             _ => workgroup_tree::record(r, &work),
         }
-        r.output("records", Port::Records(port::Records { records, count: requests.count, capacity: requests.capacity }));
+        r.output("records", Port::Records(port::Records { records, coefficients: None, count: requests.count, capacity: requests.capacity }));
         Ok(())
     }
 }

@@ -44,7 +44,8 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work) {
         Ok(())
     });
     for (stretch, records) in chunks {
-        let program = Program::new("splat/compute_tiles")
+        let program = work
+            .contribution(Program::new("splat/compute_tiles"))
             .constant("MASK_WORDS", words)
             .constant("SUMMARY_WORDS", summary)
             .bind("records", work.cache.records)

@@ -1,10 +1,12 @@
 //! Records onto pixels.
 
 use crate::contract::{Choice, Description, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, port};
+use crate::math::harmonics::reflection::quads;
 use crate::recording::*;
 
 mod compute_tiles;
 mod host;
+mod host_radiance;
 mod raster_blend;
 
 pub struct Splat;
@@ -22,6 +24,11 @@ static DESCRIPTION: Description = Description {
                 choices: &[
                     Choice { name: "RasterBlend", about: "a screen rectangle a record, blended additively (RCS)", parameters: &[] },
                     Choice {
+                        name: "Suited",
+                        about: "`Host` for radiance where the device is a driver on the cores of the host, `ComputeTiles` elsewhere",
+                        parameters: &[],
+                    },
+                    Choice {
                         name: "ComputeTiles",
                         about: "binned over tiles of 16×16 pixels and added in order; needs no blending; masks of 32 MiB at most",
                         parameters: &[],
@@ -35,6 +42,12 @@ static DESCRIPTION: Description = Description {
     inputs: &[
         Input { name: "records", about: "the cache", accepts: PortKind::RecordCache, required: true },
         Input { name: "gbuffer", about: "the visible surfaces", accepts: PortKind::GBuffer, required: true },
+        Input {
+            name: "lobes",
+            about: "the lobes of these surfaces: then the sums are of the radiance that they reflect toward the camera, and all records count each time",
+            accepts: PortKind::VisibleLobes,
+            required: false,
+        },
     ],
     outputs: &[Output { name: "sums", about: "weighted sums", kind: PortKind::Splats }],
 };
@@ -47,6 +60,42 @@ struct Work {
     counts: Option<Resource>,
     /// Records already splatted this frame.
     first: Variable,
+    radiance: Option<Radiance>,
+}
+
+/// What turns records into radiance toward the camera.
+#[derive(Clone)]
+struct Radiance {
+    visible: port::VisibleLobes,
+    /// Of the records.
+    coefficients: port::Coefficients,
+}
+
+impl Work {
+    /// What a record adds to a pixel.
+    fn contribution(&self, program: Program) -> Program {
+        let Some(Radiance { visible, coefficients }) = &self.radiance else { return program.import("CONTRIBUTION", "lib/contribution/irradiance") };
+        program
+            .import("CONTRIBUTION", "lib/contribution/radiance")
+            .constant("QUADS", quads(coefficients.order as usize) as u32)
+            .constant("ORDER", coefficients.order)
+            .constant("GRID", visible.lobes.edge)
+            .bind("coefficients", coefficients.values)
+            .bind("lobes", visible.lobes.values)
+            .bind("seen", visible.seen)
+    }
+}
+
+fn radiance(r: &Recorder<'_>, cache: &port::RecordCache) -> Result<Option<Radiance>, Refusal> {
+    let Some(visible) = r.visible_lobes("lobes") else { return Ok(None) };
+    match cache.coefficients {
+        Some(coefficients) if coefficients.order == visible.lobes.order => Ok(Some(Radiance { visible: visible.clone(), coefficients })),
+        _ => Err(Refusal::new(
+            "plan::coefficients",
+            "the records hold no coefficients for these lobes",
+            "join the input `lobes` of the RecordCache and of the Surfaces to one LobeCoefficients node",
+        )),
+    }
 }
 
 impl Pass for Splat {
@@ -59,13 +108,20 @@ impl Pass for Splat {
         let sums = r.image("sums", Format::Rgba32Float);
         let counts = r.arguments.bool("count").then(|| r.image("counts", Format::Rgba32Float));
         let first = r.variable("splatted", false);
-        let work = Work { gbuffer, cache, sums, counts, first };
+        let radiance = radiance(r, &cache)?;
+        let of_radiance = radiance.is_some();
+        let work = Work { gbuffer, cache, sums, counts, first, radiance };
         for target in [Some(sums), counts].into_iter().flatten() {
             at_start(r, Command::Clear(target));
         }
-        match r.arguments.choice("by").0 {
-            "ComputeTiles" => compute_tiles::record(r, &work),
-            "Host" => host::record(r, &work),
+        match (r.arguments.choice("by").0, &work.radiance) {
+            ("Suited", Some(radiance)) if r.setting.device == Device::Software => {
+                r.remark("radiance is splatted on the host, as the device is a driver on the same cores");
+                host_radiance::record(r, &work, radiance);
+            }
+            ("ComputeTiles" | "Suited", _) => compute_tiles::record(r, &work),
+            ("Host", Some(radiance)) => host_radiance::record(r, &work, radiance),
+            ("Host", None) => host::record(r, &work),
             _ => raster_blend::record(r, &work),
         }
         // Outside of a fill the sums start anew each time, and all records count again.
@@ -75,7 +131,7 @@ impl Pass for Splat {
                 Ok(())
             });
         }
-        r.output("sums", Port::Splats(port::Splats { sums, counts, cache }));
+        r.output("sums", Port::Splats(port::Splats { sums, counts, of_radiance, cache }));
         Ok(())
     }
 }

@@ -7,7 +7,8 @@ use crate::recording::*;
 pub(super) fn record(r: &mut Recorder<'_>, work: &Work) {
     let add = |texture| Target { texture, clear: None, blend: Blend::Add };
     r.command(Command::Raster(Raster {
-        program: Program::new("splat/raster_blend")
+        program: work
+            .contribution(Program::new("splat/raster_blend"))
             .bind("records", work.cache.records)
             .bind("weighting", work.cache.weighting)
             .bind("position", work.gbuffer.position)

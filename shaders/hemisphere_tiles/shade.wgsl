@@ -31,7 +31,7 @@ fn shade(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: v
         let origin = request.position + request.normal * surface_offset(request.position);
         let surface = surface_seen(triangle - 1u, origin, direction);
         let seed = combine(bitcast<u32>(request.turn), sample);
-        var light = surface.reflectance / PI * direct_irradiance(surface, seed);
+        var light = direct_reflected(surface, seed);
         if SEES_EMISSION {
             light += surface.emission;
         }

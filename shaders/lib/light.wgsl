@@ -1,11 +1,12 @@
 #import lib/colour
 #import lib/scene
+#import lib/lobe
 #import lib/random
 #import lib/frame
 #import lib/trace
 #import VISIBILITY
 
-// Direct irradiance at a surface point: punctual lights, area lights, sky.
+// Direct light that a surface point reflects: of punctual lights, area lights, sky.
 
 // Points sampled on the area lights, and rays to the sky; 0 where the scene has none.
 override AREA_SAMPLES: u32 = 1u;
@@ -17,8 +18,21 @@ const ANY_NUMBER = 0xffffffffu;
 // anew for the uniforms that their branches look at would build one for every dispatch.
 override LIGHT_KINDS: u32 = 0u;
 
-// Irradiance from a punctual light; the surface's normal faces the side that is lit.
-fn light_irradiance(light: SceneLight, surface: Surface, seed: u32) -> vec3f {
+// What is reflected toward the ray's origin of light from a unit direction [1/sr].
+fn response(surface: Surface, incoming: vec3f) -> vec3f {
+    let diffuse = surface.reflectance / PI;
+    if !GLOSSY || surface.lobe == 0u {
+        return diffuse;
+    }
+    return diffuse + lobe_value(lobe_of(surface), surface.outgoing, in_lobe_frame(surface, incoming));
+}
+
+fn in_lobe_frame(surface: Surface, direction: vec3f) -> vec3f {
+    return vec3f(dot(direction, surface.tangent), dot(direction, surface.bitangent), dot(direction, surface.normal));
+}
+
+// Light of a punctual light that is reflected; the surface's normal faces the side that is lit.
+fn light_reflected(light: SceneLight, surface: Surface, seed: u32) -> vec3f {
     var to_light = -light.direction;
     var distance = 4.0 * scene_parameters.extent;
     var arriving = light.intensity;
@@ -36,7 +50,7 @@ fn light_irradiance(light: SceneLight, surface: Surface, seed: u32) -> vec3f {
     if max(arriving.x, max(arriving.y, arriving.z)) <= 0.0 || dot(surface.face_normal, to_light) <= 0.0 {
         return vec3f(0.0);
     }
-    return arriving * light_visibility(light, surface.position, surface.face_normal, to_light, distance, seed);
+    return arriving * response(surface, to_light) * light_visibility(light, surface.position, surface.face_normal, to_light, distance, seed);
 }
 
 // One of the first lights, with what the plan knows of it in place of what the scene says.
@@ -50,24 +64,24 @@ fn known(light: SceneLight, index: u32) -> SceneLight {
     return same;
 }
 
-// Irradiance from all punctual lights.
-fn punctual_irradiance(surface: Surface, seed: u32) -> vec3f {
+// Reflected light of all punctual lights.
+fn punctual_reflected(surface: Surface, seed: u32) -> vec3f {
     let lights = select(LIGHTS, scene_parameters.lights, LIGHTS == ANY_NUMBER);
     var sum = vec3f(0.0);
     if lights > 0u {
-        sum += light_irradiance(known(scene_first_lights[0], 0u), surface, seed + 5u);
+        sum += light_reflected(known(scene_first_lights[0], 0u), surface, seed + 5u);
     }
     if lights > 1u {
-        sum += light_irradiance(known(scene_first_lights[1], 1u), surface, seed + 7u);
+        sum += light_reflected(known(scene_first_lights[1], 1u), surface, seed + 7u);
     }
     if lights > 2u {
-        sum += light_irradiance(known(scene_first_lights[2], 2u), surface, seed + 9u);
+        sum += light_reflected(known(scene_first_lights[2], 2u), surface, seed + 9u);
     }
     if lights > 3u {
-        sum += light_irradiance(known(scene_first_lights[3], 3u), surface, seed + 11u);
+        sum += light_reflected(known(scene_first_lights[3], 3u), surface, seed + 11u);
     }
     for (var i = FIRST_LIGHTS; i < lights; i++) {
-        sum += light_irradiance(scene_lights[i], surface, seed + 5u + 2u * i);
+        sum += light_reflected(scene_lights[i], surface, seed + 5u + 2u * i);
     }
     return sum;
 }
@@ -87,13 +101,13 @@ fn pick_emitter(at: f32) -> u32 {
     return scene_emitters[low].triangle;
 }
 
-// Irradiance from emissive triangles: points in proportion to area × luminance, in `AREA_SAMPLES` strata of the
+// Reflected light of emissive triangles: points in proportion to area × luminance, in `AREA_SAMPLES` strata of the
 // running sum; the point within the triangle by a rank-1 lattice, shifted by `seed`.
-fn area_irradiance(position: vec3f, normal: vec3f, plane_normal: vec3f, seed: u32) -> vec3f {
+fn area_reflected(surface: Surface, seed: u32) -> vec3f {
     if AREA_SAMPLES == 0u || (LIGHTS == ANY_NUMBER && scene_parameters.emitters == 0u) {
         return vec3f(0.0);
     }
-    let origin = position + plane_normal * surface_offset(position);
+    let origin = surface.position + surface.face_normal * surface_offset(surface.position);
     let shift = vec3f(unit(hash(seed)), unit(hash(seed + 1u)), unit(hash(seed + 2u)));
     var sum = vec3f(0.0);
     for (var i = 0u; i < AREA_SAMPLES; i++) {
@@ -114,9 +128,9 @@ fn area_irradiance(position: vec3f, normal: vec3f, plane_normal: vec3f, seed: u3
         if (material.flags & TWO_SIDED) != 0u {
             leaving = abs(leaving);
         }
-        let arriving = dot(normal, to_light);
-        if leaving > 0.0 && arriving > 0.0 && dot(plane_normal, to_light) > 0.0 && !trace_occluded(origin, d, 0.9999) {
-            sum += material.emission * (arriving * leaving / squared / max(luminance(material.emission), 1e-37));
+        let arriving = dot(surface.normal, to_light);
+        if leaving > 0.0 && arriving > 0.0 && dot(surface.face_normal, to_light) > 0.0 && !trace_occluded(origin, d, 0.9999) {
+            sum += response(surface, to_light) * material.emission * (arriving * leaving / squared / max(luminance(material.emission), 1e-37));
         }
     }
     return sum * (scene_parameters.emitter_weight / f32(max(AREA_SAMPLES, 1u)));
@@ -126,30 +140,51 @@ fn is_sky_black() -> bool {
     return scene_parameters.environment_size.x == 0u && all(scene_parameters.environment == vec3f(0.0));
 }
 
-// Irradiance from the sky: cosine-distributed rays in strata of the azimuth.
-fn sky_irradiance(position: vec3f, normal: vec3f, plane_normal: vec3f, seed: u32) -> vec3f {
-    if SKY_SAMPLES == 0u || (LIGHTS == ANY_NUMBER && is_sky_black()) {
-        return vec3f(0.0);
-    }
-    let origin = position + plane_normal * surface_offset(position);
-    let frame = frame_around(normal, 0.0);
+// Light of the sky that the diffuse part reflects: cosine-distributed rays in strata of the azimuth.
+fn sky_diffused(surface: Surface, seed: u32) -> vec3f {
+    let origin = surface.position + surface.face_normal * surface_offset(surface.position);
+    let frame = frame_around(surface.normal, 0.0);
     let shift = vec2f(unit(hash(seed + 3u)), unit(hash(seed + 4u)));
     var sum = vec3f(0.0);
     for (var i = 0u; i < SKY_SAMPLES; i++) {
-        let u = (f32(i) + shift.x) / f32(max(SKY_SAMPLES, 1u));
-        let v = fract(0.6180339887 * f32(i) + shift.y);
-        let r = sqrt(v);
-        let direction = frame * vec3f(r * cos(2.0 * PI * u), r * sin(2.0 * PI * u), sqrt(1.0 - v));
-        if dot(direction, plane_normal) > 0.0 && !trace_occluded(origin, direction, FAR_AWAY) {
+        let direction = frame * around(sqrt(1.0 - fract(0.6180339887 * f32(i) + shift.y)), 2.0 * PI * (f32(i) + shift.x) / f32(max(SKY_SAMPLES, 1u)));
+        if dot(direction, surface.face_normal) > 0.0 && !trace_occluded(origin, direction, FAR_AWAY) {
             sum += environment_radiance(direction);
         }
     }
-    return sum * (PI / f32(max(SKY_SAMPLES, 1u)));
+    return sum * surface.reflectance / f32(max(SKY_SAMPLES, 1u));
 }
 
-// Irradiance on the side that `normal` faces, from whatever emits, without touching another surface.
-fn direct_irradiance(surface: Surface, seed: u32) -> vec3f {
-    return punctual_irradiance(surface, seed)
-        + area_irradiance(surface.position, surface.normal, surface.face_normal, seed)
-        + sky_irradiance(surface.position, surface.normal, surface.face_normal, seed);
+// Light of the sky that the lobe reflects: as many rays, distributed as the lobe is.
+fn sky_glossed(surface: Surface, seed: u32) -> vec3f {
+    let origin = surface.position + surface.face_normal * surface_offset(surface.position);
+    let lobe = lobe_of(surface);
+    let shift = vec2f(unit(hash(seed + 13u)), unit(hash(seed + 14u)));
+    var sum = vec3f(0.0);
+    for (var i = 0u; i < SKY_SAMPLES; i++) {
+        let u = vec2f(fract(0.6180339887 * f32(i) + shift.y), (f32(i) + shift.x) / f32(max(SKY_SAMPLES, 1u)));
+        let incoming = lobe_sample(lobe, surface.outgoing, u);
+        let density = lobe_density(lobe, surface.outgoing, incoming);
+        let direction = surface.tangent * incoming.x + surface.bitangent * incoming.y + surface.normal * incoming.z;
+        if incoming.z > 0.0 && density > 0.0 && dot(direction, surface.face_normal) > 0.0 && !trace_occluded(origin, direction, FAR_AWAY) {
+            sum += environment_radiance(direction) * lobe_value(lobe, surface.outgoing, incoming) * (incoming.z / density);
+        }
+    }
+    return sum / f32(max(SKY_SAMPLES, 1u));
+}
+
+fn sky_reflected(surface: Surface, seed: u32) -> vec3f {
+    if SKY_SAMPLES == 0u || (LIGHTS == ANY_NUMBER && is_sky_black()) {
+        return vec3f(0.0);
+    }
+    var sum = sky_diffused(surface, seed);
+    if GLOSSY && surface.lobe != 0u {
+        sum += sky_glossed(surface, seed);
+    }
+    return sum;
+}
+
+// Light of whatever emits that the surface reflects toward the ray's origin, without having touched another surface.
+fn direct_reflected(surface: Surface, seed: u32) -> vec3f {
+    return punctual_reflected(surface, seed) + area_reflected(surface, seed) + sky_reflected(surface, seed);
 }

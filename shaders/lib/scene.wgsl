@@ -1,3 +1,5 @@
+#import lib/frame
+
 // The scene: src/gpu/scene.rs has the same structs.
 
 struct SceneParameters {
@@ -21,7 +23,12 @@ struct SceneMaterial {
     texture_start: u32,
     texture_width: u32,
     texture_height: u32,
-    padding: u32,
+    // 0 for none, 1 Phong, 2 Ward, 3 microfacets.
+    lobe: u32,
+    specular: vec3f,
+    metallic: f32,
+    lobe_shape: vec2f,
+    lobe_padding: vec2f,
 }
 
 struct SceneLight {
@@ -72,6 +79,15 @@ override ONE_SIDED: bool = true;
 override SMOOTH: bool = true;
 // Whether there are no triangles at all.
 override EMPTY: bool = false;
+// Whether any surface has a lobe, and whether any has one that is not the same around the normal.
+override GLOSSY: bool = true;
+override ANISOTROPIC: bool = true;
+
+const PHONG = 1u;
+const WARD = 2u;
+const MICROFACETS = 3u;
+// What a surface that is no metal reflects of light along its normal: model::DIELECTRIC.
+const DIELECTRIC = 0.04;
 
 struct Surface {
     position: vec3f,
@@ -79,10 +95,19 @@ struct Surface {
     normal: vec3f,
     // Normal of the triangle's plane, on the same side.
     face_normal: vec3f,
+    // Of the diffuse part, toward the ray's origin.
     reflectance: vec3f,
     // Radiance emitted toward the ray's origin.
     emission: vec3f,
     distance: f32,
+    // The lobe, as the material has it.
+    lobe: u32,
+    lobe_shape: vec2f,
+    specular: vec3f,
+    // Axes of the lobe along the surface, and the unit direction to the ray's origin in them and the normal.
+    tangent: vec3f,
+    bitangent: vec3f,
+    outgoing: vec3f,
 }
 
 // How far rays start off a surface: as scene::surface_offset.
@@ -184,7 +209,53 @@ fn surface_seen(triangle: u32, origin: vec3f, direction: vec3f) -> Surface {
     }
     surface.emission = select(vec3f(0.0), material.emission, side > 0.0 || (material.flags & TWO_SIDED) != 0u);
     surface.distance = distance(surface.position, origin) / max(length(direction), 1e-37);
+    if GLOSSY && material.lobe != 0u {
+        return with_lobe(surface, material, triangle, direction);
+    }
     return surface;
+}
+
+// As Material::reflection, with the share of it that Lobe::leaves to the diffuse part.
+fn with_lobe(plain: Surface, material: SceneMaterial, triangle: u32, direction: vec3f) -> Surface {
+    var surface = plain;
+    surface.lobe = material.lobe;
+    surface.lobe_shape = material.lobe_shape;
+    surface.specular = material.specular;
+    let axes = tangents(triangle, surface.normal);
+    surface.tangent = axes[0];
+    surface.bitangent = axes[1];
+    let toward = -normalize(direction);
+    surface.outgoing = vec3f(dot(toward, axes[0]), dot(toward, axes[1]), dot(toward, surface.normal));
+    if material.lobe == MICROFACETS {
+        surface.specular = mix(vec3f(DIELECTRIC), surface.reflectance, material.metallic);
+        let aside = 1.0 - saturate(surface.outgoing.z);
+        let squared = aside * aside;
+        surface.reflectance *= (1.0 - material.metallic) * (1.0 - surface.specular) * (1.0 - squared * squared * aside);
+    }
+    return surface;
+}
+
+// As Triangle::tangent_frame.
+fn tangents(triangle: u32, normal: vec3f) -> mat2x3f {
+    let frame = frame_around(normal, 0.0);
+    if !ANISOTROPIC {
+        return mat2x3f(frame[0], frame[1]);
+    }
+    let a = scene_attributes[4u * triangle];
+    let b = scene_attributes[4u * triangle + 1u];
+    let c = scene_attributes[4u * triangle + 2u];
+    let d = scene_attributes[4u * triangle + 3u];
+    let uv0 = vec2f(a.w, b.w);
+    let s = vec2f(c.w, d.x) - uv0;
+    let t = d.yz - uv0;
+    let turned = s.x * t.y - s.y * t.x;
+    let along = (scene_corners[3u * triangle + 1u].xyz * t.y - scene_corners[3u * triangle + 2u].xyz * s.y) * sign(turned);
+    let tangent = along - normal * dot(normal, along);
+    if !(turned != 0.0 && dot(tangent, tangent) > 1e-12 * dot(along, along)) {
+        return mat2x3f(frame[0], frame[1]);
+    }
+    let x = normalize(tangent);
+    return mat2x3f(x, cross(normal, x));
 }
 
 // Radiance of the sky from a unit direction: as Environment::radiance.

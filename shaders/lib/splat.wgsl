@@ -1,7 +1,8 @@
 #import lib/camera
 #import lib/record
+#import CONTRIBUTION
 
-// What every way of splatting on the device shares: the screen rectangle of a record, and what it adds to a pixel.
+// What every way of splatting on the device shares: the screen rectangle of a record. `contribution` is what it adds to a pixel.
 
 // Range of x/z over a disc in the plane of one picture axis and the view axis, within ±half: ±1 is the picture's edge.
 // math::projection is the twin.
@@ -36,13 +37,4 @@ fn rectangle_of(record: Record, weighting: Weighting) -> Rectangle {
     let y = extent_along(dot(d, camera.up), depth, radius, camera.half_height);
     let margin = 1.0 / vec2f(camera.size);
     return Rectangle(vec2f(x.x, y.x) - margin, vec2f(x.y, y.y) + margin, depth + radius <= 0.0);
-}
-
-// Weighted estimate and weight at a pixel that sees `place`, whose fourth component is 0 where nothing is seen.
-fn contribution(record: Record, weighting: Weighting, place: vec4f, facing: vec3f) -> vec4f {
-    let weight = record_weight(record, weighting, place.xyz, facing);
-    if place.w == 0.0 || weight <= 0.0 {
-        return vec4f(0.0);
-    }
-    return vec4f(record_estimate(record, weighting, place.xyz, facing), 1.0) * weight;
 }

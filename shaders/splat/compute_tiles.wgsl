@@ -87,7 +87,7 @@ fn walk(tile: u32, pixel: Pixel, lane: u32) -> u32 {
             while bits != 0u {
                 let index = stretch.first + word * 32u + firstTrailingBit(bits);
                 bits &= bits - 1u;
-                let value = contribution(records[index], weighting, place, facing);
+                let value = contribution(records[index], index, weighting, place, facing, pixel.at);
                 sum += value;
                 count += select(0u, 1u, value.w > 0.0);
             }

@@ -20,6 +20,7 @@ struct Fragment {
     @location(6) @interpolate(flat, either) translation_red: vec4f,
     @location(7) @interpolate(flat, either) translation_green: vec4f,
     @location(8) @interpolate(flat, either) translation_blue: vec4f,
+    @location(9) @interpolate(flat, either) index: u32,
 }
 
 @vertex
@@ -38,6 +39,7 @@ fn vertex(@builtin(vertex_index) corner: u32, @builtin(instance_index) index: u3
         record.translation[0],
         record.translation[1],
         record.translation[2],
+        index,
     );
 }
 
@@ -61,7 +63,7 @@ struct Sums {
 
 fn value_at(in: Fragment) -> vec4f {
     let pixel = vec2u(in.clip.xy);
-    return contribution(record_of(in), weighting, textureLoad(position, pixel, 0), textureLoad(normal, pixel, 0).xyz);
+    return contribution(record_of(in), in.index, weighting, textureLoad(position, pixel, 0), textureLoad(normal, pixel, 0).xyz, pixel);
 }
 
 @fragment

@@ -122,24 +122,34 @@ fn errors(comparison: &Comparison) -> String {
         "", "rmse_over_mean", "bias_over_mean", "rms_of_relative", "block_p50", "block_p99", "picture", "flip", "hdr_flip"
     );
     for variant in &comparison.variants {
-        let irradiance = |name: &str| metric(variant.errors.irradiance.as_ref(), name);
-        let percent = |value: Option<f64>| value.map_or("-".to_owned(), |value| format!("{:.2} %", 100.0 * value));
         let seen = |name: &str| seen(&variant.errors, name).map_or("-".to_owned(), |value| format!("{value:.4}"));
         let _ = writeln!(
             text,
-            "{:<3} {:>14} {:>14} {:>15} {:>9} {:>9} {:>10} {:>9} {:>9}",
-            variant.id,
-            percent(irradiance("rmse_over_mean")),
-            percent(irradiance("bias_over_mean")),
-            percent(irradiance("rms_of_relative")),
-            percent(irradiance("block_p50")),
-            percent(irradiance("block_p99")),
-            percent(metric(variant.errors.picture.as_ref(), "rmse_over_mean")),
+            "{} {:>10} {:>9} {:>9}",
+            shares(&variant.id, variant.errors.irradiance.as_ref()),
+            percent_of(metric(variant.errors.picture.as_ref(), "rmse_over_mean")),
             seen("flip"),
             seen("hdr_flip"),
         );
     }
+    if comparison.variants.iter().any(|variant| variant.errors.glossy.is_some()) {
+        let _ = writeln!(text, "\nindirect light that lobes reflect, over glossy surfaces");
+        for variant in &comparison.variants {
+            let _ = writeln!(text, "{}", shares(&variant.id, variant.errors.glossy.as_ref()));
+        }
+    }
     text
+}
+
+/// The metrics of a layer that are shares.
+fn shares(id: &str, errors: Option<&Errors>) -> String {
+    let of = |name: &str| percent_of(metric(errors, name));
+    let [rmse, bias, relative, median, worst] = ["rmse_over_mean", "bias_over_mean", "rms_of_relative", "block_p50", "block_p99"].map(of);
+    format!("{id:<3} {rmse:>14} {bias:>14} {relative:>15} {median:>9} {worst:>9}")
+}
+
+fn percent_of(value: Option<f64>) -> String {
+    value.map_or("-".to_owned(), |value| format!("{:.2} %", 100.0 * value))
 }
 
 fn metric(errors: Option<&Errors>, name: &str) -> Option<f64> {
@@ -326,6 +336,7 @@ pub(super) fn of_errors(judged: &VariantErrors) -> Vec<Cell> {
     };
     let mut cells = of("irradiance", judged.irradiance.as_ref());
     cells.extend(of("picture", judged.picture.as_ref()));
+    cells.extend(of("glossy", judged.glossy.as_ref()));
     cells.extend(SEEN.map(|name| cell(name, seen(judged, name))));
     cells
 }

@@ -40,7 +40,8 @@ fn write_port(name: &str, port: &Port, plan: &Plan, run: &Run<'_>, beside: &Path
         Port::ShadowMaps(maps) => write_layers(maps_picture(maps, run)?, name, beside),
         Port::Flag(flag) => file(beside, name, "csv")?.write(format!("value\n{}\n", run.variable(*flag)).as_bytes()),
         Port::GBuffer(surfaces) => write_layers(surfaces_picture(surfaces, plan, run)?, name, beside),
-        Port::Image(_) | Port::DirectLight(_) | Port::Splats(_) => {
+        Port::Lobes(lobes) => write_layers(lobes_picture(lobes), name, beside),
+        Port::VisibleLobes(_) | Port::Image(_) | Port::DirectLight(_) | Port::Splats(_) => {
             let Some(image) = image(port) else { return Ok(()) };
             let layer = run.layer(name, image).map_err(Failure::work)?;
             let ResourceKind::Texture { size, .. } = plan.recording.resource(image.texture).kind else { return Ok(()) };
@@ -59,6 +60,17 @@ fn path(beside: &Path, name: &str, ending: &str) -> PathBuf {
 
 fn write_layers(picture: Layers, name: &str, beside: &Path) -> Result<(), Failure> {
     super::output::PictureTarget::new(&path(beside, name, "exr"))?.write(&picture, 0.0)
+}
+
+/// A layer a table: a row for each outgoing direction, a column for each coefficient of both parts.
+fn lobes_picture(lobes: &port::Lobes) -> Layers {
+    let width = lobes.tables.first().map_or(1, |table| 4 * table.values.len() / (table.edge * table.edge));
+    let picture = Layers::new(width as u32, lobes.edge * lobes.edge);
+    lobes
+        .tables
+        .iter()
+        .enumerate()
+        .fold(picture, |picture, (at, table)| picture.with(&format!("table{at}"), Layer::value(bytemuck::cast_slice(&table.values).to_vec())))
 }
 
 fn items<T: bytemuck::AnyBitPattern + bytemuck::NoUninit>(run: &Run<'_>, buffer: Resource, count: u32) -> Result<Vec<T>, Failure> {

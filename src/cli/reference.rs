@@ -95,5 +95,9 @@ pub(super) fn layers(reference: &Reference, attributes: BTreeMap<String, String>
         .with("variance", colour(&reference.variance))
         .with("depth", Layer::value(reference.depth.clone()))
         .with("normal", planes(&["X", "Y", "Z"], &reference.normal));
+    let picture = match &reference.glossy {
+        Some(glossy) => picture.with("glossy", colour(&glossy.radiance)).with("glossy_variance", colour(&glossy.variance)),
+        None => picture,
+    };
     Layers { attributes, ..picture }
 }

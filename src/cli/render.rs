@@ -302,6 +302,7 @@ fn text(options: &Options, frame: u32, report: &FrameReport) -> String {
     let mut text = format!("{} frame {frame}: {:.3} s", options.pipeline, report.seconds);
     let numbers = [
         ("records", report.records.irradiance),
+        ("radiance records", report.records.radiance),
         ("new", report.new_records),
         ("surplus", report.surplus_records),
         ("rounds", report.fill_rounds),

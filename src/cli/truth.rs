@@ -21,6 +21,8 @@ use std::path::{Path, PathBuf};
 
 /// The layer of indirect irradiance.
 pub const IRRADIANCE: &str = "irradiance";
+/// The layer of what lobes reflect of indirect light.
+pub const GLOSSY: &str = "glossy";
 
 #[derive(Args)]
 pub struct TruthOptions {
@@ -85,7 +87,7 @@ impl TruthOptions {
         let folder = self.reference_cache.clone().or_else(cache_folder).ok_or_else(|| Failure::input(CommandError::NoReferenceCache))?;
         let settings =
             Settings { size: view.size, stride: self.reference_stride, bounces: Bounces::Count(BOUNCES), stop: Stop::Samples(self.reference_spp), seed: 0 };
-        check(&view.scene, &view.camera, &settings).map_err(Failure::input)?;
+        check(&view.camera, &settings).map_err(Failure::input)?;
         let key = key(view, &settings, self.reference_spp);
         let target = Target::new(&folder.join(format!("reference-{}.exr", Checksum::of(key.as_bytes()))))?;
         Ok(Some(Keeper { target, settings, key }))
@@ -185,7 +187,11 @@ impl Truth {
     /// The errors of a pipeline's picture.
     pub fn judge(&self, picture: Layers) -> Result<VariantErrors, Failure> {
         let picture = picture.with_attribute("bounces", BOUNCES);
-        Ok(VariantErrors { irradiance: self.errors(&picture, IRRADIANCE, self.variance.as_ref())?, picture: self.errors(&picture, PICTURE, None)? })
+        Ok(VariantErrors {
+            irradiance: self.errors(&picture, IRRADIANCE, self.variance.as_ref())?,
+            picture: self.errors(&picture, PICTURE, None)?,
+            glossy: self.errors(&picture, GLOSSY, None)?,
+        })
     }
 
     fn errors(&self, picture: &Layers, layer: &str, variance: Option<&Layers>) -> Result<Option<Errors>, Failure> {

@@ -1,5 +1,6 @@
 //! What flows along the edges of a pipeline.
 
+use crate::math::harmonics::reflection::LobeTable;
 use crate::math::hemisphere::Table;
 pub use crate::math::weight::{Rule, Weighting};
 use crate::recording::{Resource, Variable};
@@ -18,6 +19,8 @@ pub enum PortKind {
     WeightedTiles,
     Records,
     RecordCache,
+    Lobes,
+    VisibleLobes,
     Flag,
 }
 
@@ -35,6 +38,8 @@ impl PortKind {
             Self::WeightedTiles => "an atlas of tiles with weights",
             Self::Records => "new records",
             Self::RecordCache => "a record cache",
+            Self::Lobes => "coefficients of lobes",
+            Self::VisibleLobes => "the lobes of visible surfaces",
             Self::Flag => "a flag",
         }
     }
@@ -53,6 +58,8 @@ pub enum Port {
     WeightedTiles(WeightedTiles),
     Records(Records),
     RecordCache(RecordCache),
+    Lobes(Lobes),
+    VisibleLobes(VisibleLobes),
     Flag(Variable),
 }
 
@@ -69,6 +76,8 @@ impl Port {
             Self::WeightedTiles(_) => PortKind::WeightedTiles,
             Self::Records(_) => PortKind::Records,
             Self::RecordCache(_) => PortKind::RecordCache,
+            Self::Lobes(_) => PortKind::Lobes,
+            Self::VisibleLobes(_) => PortKind::VisibleLobes,
             Self::Flag(_) => PortKind::Flag,
         }
     }
@@ -84,8 +93,10 @@ impl Port {
             Self::Requests(p) => vec![p.places],
             Self::Tiles(p) => vec![p.samples, p.requests.places],
             Self::WeightedTiles(p) => vec![p.tiles.samples, p.tiles.requests.places],
-            Self::Records(p) => vec![p.records],
-            Self::RecordCache(p) => vec![p.records],
+            Self::Records(p) => [p.records].into_iter().chain(p.coefficients.map(|c| c.values)).collect(),
+            Self::RecordCache(p) => [p.records].into_iter().chain(p.coefficients.map(|c| c.values)).collect(),
+            Self::Lobes(p) => vec![p.values],
+            Self::VisibleLobes(p) => vec![p.seen, p.lobes.values],
             Self::Flag(_) => Vec::new(),
         }
     }
@@ -108,9 +119,15 @@ impl Port {
             Self::WeightedTiles(p) => p.tiles.over(memory),
             Self::Records(p) => {
                 replace(&mut p.records, memory);
+                p.coefficients.iter_mut().for_each(|c| replace(&mut c.values, memory));
                 p.count = memory.variable(p.count);
             }
             Self::RecordCache(p) => p.over(memory),
+            Self::Lobes(p) => p.over(memory),
+            Self::VisibleLobes(p) => {
+                replace(&mut p.seen, memory);
+                p.lobes.over(memory);
+            }
             Self::Flag(variable) => *variable = memory.variable(*variable),
         }
         port
@@ -189,6 +206,8 @@ pub struct Splats {
     pub sums: Resource,
     /// Number of records that count, as f32 in the first channel; absent unless asked for.
     pub counts: Option<Resource>,
+    /// Whether the sums are of radiance toward the camera in place of irradiance.
+    pub of_radiance: bool,
     pub cache: RecordCache,
 }
 
@@ -232,6 +251,8 @@ pub struct WeightedTiles {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Records {
     pub records: Resource,
+    /// What arrives from where, for records of radiance.
+    pub coefficients: Option<Coefficients>,
     pub count: Variable,
     pub capacity: u32,
 }
@@ -240,12 +261,52 @@ pub struct Records {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RecordCache {
     pub records: Resource,
+    /// What arrives from where, for records of radiance.
+    pub coefficients: Option<Coefficients>,
     /// Records in the cache.
     pub count: Variable,
     pub capacity: u32,
     /// The rule as a uniform buffer.
     pub weighting: Resource,
     pub rule: Rule,
+}
+
+/// Radiance that arrives at records, projected on hemispherical harmonics in `Frame::new` of their normal.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Coefficients {
+    /// Buffer of vec4: of each record [`crate::math::radiance::PLANES`] expansions of `quads(order)`.
+    pub values: Resource,
+    pub order: u32,
+}
+
+/// Lobes projected on hemispherical harmonics.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Lobes {
+    /// Buffer of vec4: the tables, one after the other.
+    pub values: Resource,
+    /// Buffer of vec4 of u32: of each material the index of its table, or that there is none.
+    pub of_material: Resource,
+    /// The same on the host.
+    pub tables: Arc<Vec<LobeTable>>,
+    pub order: u32,
+    /// Directions along an edge of the grid.
+    pub edge: u32,
+}
+
+/// The lobe that each pixel sees.
+#[derive(Debug, Clone, PartialEq)]
+pub struct VisibleLobes {
+    pub lobes: Lobes,
+    /// RGBA32F: reflectance along the normal; index of the table, and as its fraction the azimuth of the lobe's first axis in
+    /// `Frame::new` of the normal [turns].
+    pub seen: Resource,
+}
+
+impl Lobes {
+    fn over(&mut self, memory: &mut dyn Memory) {
+        replace(&mut self.values, memory);
+        replace(&mut self.of_material, memory);
+    }
 }
 
 impl Requests {
@@ -265,7 +326,8 @@ impl Tiles {
 
 impl RecordCache {
     fn over(&mut self, memory: &mut dyn Memory) {
-        [&mut self.records, &mut self.weighting].into_iter().for_each(|r| replace(r, memory));
+        let coefficients = self.coefficients.iter_mut().map(|c| &mut c.values);
+        [&mut self.records, &mut self.weighting].into_iter().chain(coefficients).for_each(|r| replace(r, memory));
         self.count = memory.variable(self.count);
     }
 }

@@ -239,7 +239,7 @@ macro_rules! typed_inputs {
         }
     };
 }
-typed_inputs!(g_buffer: GBuffer, shadow_maps: ShadowMaps, image_port: Image, splats: Splats, requests: Requests, tiles: Tiles, weighted_tiles: WeightedTiles, records: Records, record_cache: RecordCache, direct_light: DirectLight);
+typed_inputs!(g_buffer: GBuffer, shadow_maps: ShadowMaps, image_port: Image, splats: Splats, requests: Requests, tiles: Tiles, weighted_tiles: WeightedTiles, records: Records, record_cache: RecordCache, direct_light: DirectLight, lobes: Lobes, visible_lobes: VisibleLobes);
 
 /// Specialises a program to what the scene has: textures, alpha masks, one-sided surfaces.
 pub fn scene_constants(program: Program, needs: &Needs) -> Program {
@@ -249,6 +249,8 @@ pub fn scene_constants(program: Program, needs: &Needs) -> Program {
         .constant("ONE_SIDED", needs.one_sided as u8)
         .constant("SMOOTH", needs.smooth as u8)
         .constant("EMPTY", (needs.triangles == 0) as u8)
+        .constant("GLOSSY", needs.lobes as u8)
+        .constant("ANISOTROPIC", needs.anisotropic as u8)
 }
 
 /// The shaders' `LIGHTS` where the scene's parameters tell the number.

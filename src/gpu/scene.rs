@@ -4,7 +4,7 @@ use super::hierarchy;
 use crate::host_struct;
 use crate::math::colour::REC_709;
 use crate::recording::{HostLayout, SceneData};
-use crate::scene::{Camera, Environment, LightKind, Scene, Triangle, bvh::Bvh, shadow_layers};
+use crate::scene::{Camera, Environment, Glossy, LightKind, Scene, Triangle, bvh::Bvh, shadow_layers};
 use bytemuck::{bytes_of, cast_slice};
 use glam::{Vec2, Vec3};
 
@@ -36,7 +36,14 @@ host_struct! {
         texture_start: u32,
         texture_width: u32,
         texture_height: u32,
-        padding: u32,
+        /// 0 for none, 1 Phong, 2 Ward, 3 microfacets.
+        lobe: u32,
+        /// Of Phong's and Ward's lobe; that of microfacets follows from the base colour.
+        specular: [f32; 3],
+        metallic: f32,
+        /// Exponent, slopes along both tangents, or the slope of microfacets.
+        lobe_shape: [f32; 2],
+        lobe_padding: [f32; 2],
     }
 }
 
@@ -192,6 +199,12 @@ fn materials(scene: &Scene) -> Vec<SceneMaterial> {
         .map(|m| {
             let texture = m.texture.map(|t| (starts[t as usize], &scene.textures[t as usize]));
             let flag = |on: bool, bit: u32| if on { bit } else { 0 };
+            let (lobe, specular, lobe_shape, metallic) = match m.glossy {
+                None => (0, Vec3::ZERO, [0.0; 2], 0.0),
+                Some(Glossy::Phong { reflectance, exponent }) => (1, reflectance, [exponent, 0.0], 0.0),
+                Some(Glossy::Ward { reflectance, alpha }) => (2, reflectance, alpha.into(), 0.0),
+                Some(Glossy::MetallicRoughness { metallic, roughness }) => (3, Vec3::ZERO, [roughness * roughness, 0.0], metallic),
+            };
             SceneMaterial {
                 reflectance: m.reflectance.into(),
                 flags: flag(m.two_sided, TWO_SIDED) | flag(texture.is_some() && m.alpha_cutoff.is_some(), HOLES) | flag(texture.is_some(), TEXTURED),
@@ -200,7 +213,11 @@ fn materials(scene: &Scene) -> Vec<SceneMaterial> {
                 texture_start: texture.map_or(0, |t| t.0),
                 texture_width: texture.map_or(0, |t| t.1.width),
                 texture_height: texture.map_or(0, |t| t.1.height),
-                padding: 0,
+                lobe,
+                specular: specular.into(),
+                metallic,
+                lobe_shape,
+                lobe_padding: [0.0; 2],
             }
         })
         .collect()

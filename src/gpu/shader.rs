@@ -20,6 +20,7 @@ sources![
     "lib/hierarchy",
     "lib/trace",
     "lib/packet",
+    "lib/lobe",
     "lib/light",
     "lib/visibility/rays",
     "lib/visibility/shadow_maps",
@@ -29,9 +30,12 @@ sources![
     "lib/record",
     "lib/tile",
     "lib/sums",
+    "lib/contribution/irradiance",
+    "lib/contribution/radiance",
     "lib/splat",
     "copy_records",
     "gbuffer",
+    "surfaces",
     "shadow_map",
     "direct_light",
     "hemisphere_tiles/raster",
@@ -43,6 +47,7 @@ sources![
     "irradiance_sum/reduce",
     "irradiance_sum/mipmap_chain",
     "irradiance_sum/ping_pong",
+    "radiance_projection",
     "add_records",
     "splat/raster_blend",
     "splat/compute_tiles",
@@ -201,9 +206,9 @@ mod tests {
 
     /// What the imports in capitals can stand for.
     const IMPORTS: [&[(&str, &str)]; 3] = [
-        &[("VISIBILITY", "lib/visibility/rays")],
-        &[("VISIBILITY", "lib/visibility/shadow_maps"), ("SHADOW_TEXELS", "lib/visibility/texels_in_buffer")],
-        &[("VISIBILITY", "lib/visibility/shadow_maps"), ("SHADOW_TEXELS", "lib/visibility/texels_in_texture")],
+        &[("VISIBILITY", "lib/visibility/rays"), ("CONTRIBUTION", "lib/contribution/irradiance")],
+        &[("VISIBILITY", "lib/visibility/shadow_maps"), ("SHADOW_TEXELS", "lib/visibility/texels_in_buffer"), ("CONTRIBUTION", "lib/contribution/radiance")],
+        &[("VISIBILITY", "lib/visibility/shadow_maps"), ("SHADOW_TEXELS", "lib/visibility/texels_in_texture"), ("CONTRIBUTION", "lib/contribution/radiance")],
     ];
 
     #[test]

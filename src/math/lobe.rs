@@ -62,6 +62,15 @@ impl Lobe {
         }
     }
 
+    /// The share of the light toward a direction of this cosine that the lobe leaves to what lies below it: microfacets that reflect
+    /// more at grazing angles leave less.
+    pub fn leaves(&self, cosine: f32) -> Vec3 {
+        match self.shape {
+            Shape::Microfacets { .. } => (1.0 - self.reflectance) * (1.0 - (1.0 - cosine.clamp(0.0, 1.0)).powi(5)),
+            _ => Vec3::ONE,
+        }
+    }
+
     /// An incoming direction for two numbers in 0..1, nearly in proportion to value · cosine. It may lie below the surface: then nothing comes from it.
     pub fn sample(&self, outgoing: Vec3, [u, v]: [f32; 2]) -> Vec3 {
         match self.shape.bounded() {

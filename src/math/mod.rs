@@ -9,6 +9,7 @@ pub mod lobe;
 #[cfg(test)]
 mod oracle;
 pub mod projection;
+pub mod radiance;
 pub mod radius;
 pub mod solid_angle;
 pub mod sum;

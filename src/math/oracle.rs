@@ -72,7 +72,7 @@ pub fn irradiance(point: DVec3, normal: DVec3, objects: Objects) -> f64 {
 }
 
 /// Radiance and distance along a unit direction.
-fn trace(point: DVec3, direction: DVec3, objects: Objects) -> (f64, f64) {
+pub fn trace(point: DVec3, direction: DVec3, objects: Objects) -> (f64, f64) {
     for rectangle in [objects.occluder.then_some(OCCLUDER), Some(EMITTER)].into_iter().flatten() {
         let distance = (rectangle.height - point.z) / direction.z;
         let hit = (point + direction * distance).truncate();
@@ -147,7 +147,7 @@ fn second_difference(point: DVec3, a: DVec3, b: DVec3, objects: Objects) -> f64 
 }
 
 /// The i-th of many points on the floor and frames turned about the normal.
-fn place(i: u32) -> (DVec3, Frame) {
+pub fn place(i: u32) -> (DVec3, Frame) {
     let share = |k: f64| (0.5 + f64::from(i) * k).fract();
     let point = DVec3::new(0.5 * share(0.754_877_67), 0.4 * share(0.569_840_29) - 0.2, 0.0);
     (point, Frame::new(Vec3::Z).turned(std::f32::consts::TAU * share(0.618_034) as f32))

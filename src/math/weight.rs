@@ -139,11 +139,16 @@ impl Rule {
     /// foretells at its rim what it would have where its gradient ends.
     pub fn estimate(&self, record: &Record, position: Vec3, normal: Vec3) -> Vec3 {
         let turn = record.normal.cross(normal);
-        let share = (self.gradient_reach(record) / self.reach(record).max(LEAST_LENGTH)).min(1.0);
-        let step = (position - record.position) * share;
+        let step = self.step(record, position);
         let change = |channel: usize| turn.dot(record.rotation[channel]) + step.dot(record.translation[channel]);
         let estimate = record.irradiance + Vec3::new(change(0), change(1), change(2));
         estimate.max(record.irradiance * EXTRAPOLATION[0]).min(record.irradiance * EXTRAPOLATION[1])
+    }
+
+    /// How far from the record toward a point its gradients are followed [scene units].
+    pub fn step(&self, record: &Record, position: Vec3) -> Vec3 {
+        let share = (self.gradient_reach(record) / self.reach(record).max(LEAST_LENGTH)).min(1.0);
+        (position - record.position) * share
     }
 
     /// Weight of a record at a point; 0 where it does not count: out of reach, turned too far, or in front of the point.

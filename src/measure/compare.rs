@@ -221,6 +221,9 @@ pub struct VariantErrors {
     pub irradiance: Option<Errors>,
     /// Of the whole picture.
     pub picture: Option<Errors>,
+    /// Of the indirect light that lobes reflect, over glossy surfaces.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub glossy: Option<Errors>,
 }
 
 /// How the times of two variants differ.

@@ -21,35 +21,43 @@ pub struct Metric {
 enum Judged {
     Irradiance,
     Picture,
+    Glossy,
+}
+
+impl Judged {
+    const ALL: [Self; 3] = [Self::Irradiance, Self::Picture, Self::Glossy];
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Irradiance => "irradiance",
+            Self::Picture => "picture",
+            Self::Glossy => "glossy",
+        }
+    }
 }
 
 impl FromStr for Metric {
     type Err = String;
 
-    /// Reads `NAME` or `LAYER.NAME`; the layer is `irradiance` or `picture`, the former where none is said.
+    /// Reads `NAME` or `LAYER.NAME`; the layer is `irradiance`, `picture` or `glossy`, the first where none is said.
     fn from_str(text: &str) -> Result<Self, String> {
         let (layer, name) = text.split_once('.').unwrap_or(("irradiance", text));
-        let layer = match layer {
-            "irradiance" => Some(Judged::Irradiance),
-            "picture" => Some(Judged::Picture),
-            _ => None,
-        };
+        let layer = Judged::ALL.into_iter().find(|known| known.name() == layer);
         let name = Errors::METRICS.into_iter().find(|known| *known == name);
-        let expected = || format!("expected a metric, of the irradiance or as picture.METRIC: {}", Errors::METRICS.join(", "));
+        let expected = || format!("expected a metric, of the irradiance, or as picture.METRIC or glossy.METRIC: {}", Errors::METRICS.join(", "));
         layer.zip(name).map(|(layer, name)| Self { layer, name }).ok_or_else(expected)
     }
 }
 
 impl fmt::Display for Metric {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let layer = if self.layer == Judged::Irradiance { "irradiance" } else { "picture" };
-        write!(f, "{layer}.{}", self.name)
+        write!(f, "{}.{}", self.layer.name(), self.name)
     }
 }
 
 impl Metric {
     /// Those that a page tells, in words.
-    pub const TOLD: [(Self, &str); 10] = [
+    pub const TOLD: [(Self, &str); 12] = [
         (Self::irradiance("rmse_over_mean"), "Irradiance, rmse over mean"),
         (Self::irradiance("bias_over_mean"), "Irradiance, bias over mean"),
         (Self::irradiance("rms_of_relative"), "Irradiance, rms of relative"),
@@ -60,6 +68,8 @@ impl Metric {
         (Self::picture("block_p99"), "Picture, blocks, 99th percentile"),
         (Self::picture("flip"), "Picture, ꟻLIP"),
         (Self::picture("hdr_flip"), "Picture, HDR-ꟻLIP"),
+        (Self { layer: Judged::Glossy, name: "rmse_over_mean" }, "Glossy, rmse over mean"),
+        (Self { layer: Judged::Glossy, name: "rms_of_relative" }, "Glossy, rms of relative"),
     ];
 
     const fn irradiance(name: &'static str) -> Self {
@@ -72,7 +82,11 @@ impl Metric {
 
     /// The error itself, with its sign. None where it could not be measured.
     pub fn signed(&self, errors: &VariantErrors) -> Option<f64> {
-        let errors = if self.layer == Judged::Irradiance { &errors.irradiance } else { &errors.picture };
+        let errors = match self.layer {
+            Judged::Irradiance => &errors.irradiance,
+            Judged::Picture => &errors.picture,
+            Judged::Glossy => &errors.glossy,
+        };
         errors.as_ref()?.metric(self.name).flatten()
     }
 

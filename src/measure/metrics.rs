@@ -12,6 +12,9 @@ use thiserror::Error;
 
 /// The layer of a reference that holds the variance of its `irradiance`.
 pub const VARIANCE: &str = "variance";
+
+/// The layer of a reference that tells which pixels see a lobe.
+const GLOSSY_VARIANCE: &str = "glossy_variance";
 /// Pixels darker than this share of the mean are left out of `rms_of_relative`.
 const DARK: f64 = 0.02;
 /// Blocks along the longer side of the image.
@@ -108,8 +111,9 @@ pub enum MetricsError {
 /// Compares one layer of `test` with the same layer of `reference`.
 ///
 /// `variance` holds, for each pixel of the reference, the variance of its mean, in its layer `variance` or in its only layer; not given, it is the
-/// layer `variance` of the reference itself, which belongs to the layer `irradiance`; without either nothing is taken off for the reference's noise. The reference may hold every k-th pixel of each row and column, from
-/// pixel k/2 on: its attribute `stride` says k, or its size does. Which pixels see a surface is decided by the reference: its `depth` is positive,
+/// layer `variance` of the reference itself, which belongs to the layer `irradiance`, or its layer `NAME_variance` for the layer NAME; without either
+/// nothing is taken off for the reference's noise. Where some surfaces are glossy, irradiance and what lobes reflect count on the surfaces that have
+/// them, by their variance. The reference may hold every k-th pixel of each row and column, from pixel k/2 on: its attribute `stride` says k, or its size does. Which pixels see a surface is decided by the reference: its `depth` is positive,
 /// else its `normal` is not zero, else its luminance is not. Attributes `bounces` that both have and that differ are an error.
 pub fn compare(test: &Layers, reference: &Layers, layer: &str, variance: Option<&Layers>) -> Result<Errors, MetricsError> {
     compare_layers(Selected { picture: test, layer }, Selected { picture: reference, layer }, variance)
@@ -121,9 +125,14 @@ pub fn compare_layers(test: Selected, reference: Selected, variance: Option<&Lay
     let stride = stride(test.picture, reference.picture)?;
     let r = values(reference, "reference")?;
     let x = every(&values(test, "tested picture")?, test.picture, stride);
-    let surface = surface(reference.picture, &r);
-    let own = (reference.layer == "irradiance" && reference.picture.layers.contains_key(VARIANCE)).then_some(reference.picture);
-    let variance = variance.or(own).map(|variance| variances(variance, reference.picture)).transpose()?;
+    let mut surface = surface(reference.picture, &r);
+    let own_layer = if reference.layer == "irradiance" { VARIANCE.to_owned() } else { format!("{}_{VARIANCE}", reference.layer) };
+    let own = reference.picture.layers.contains_key(&own_layer).then_some((reference.picture, own_layer.as_str()));
+    let variance = variance.map(|given| (given, VARIANCE)).or(own).map(|(picture, layer)| variances(picture, layer, reference.picture)).transpose()?;
+    let by_kind = reference.picture.layers.contains_key(GLOSSY_VARIANCE) && ["irradiance", "glossy"].contains(&reference.layer);
+    if let Some(variance) = variance.as_ref().filter(|_| own.is_some() && by_kind) {
+        surface.iter_mut().zip(variance).for_each(|(surface, variance)| *surface &= *variance > 0.0);
+    }
     let samples: Vec<Sample> = (0..r.len()).filter(|&at| surface[at]).map(|at| Sample { at, x: x[at], r: r[at] }).collect();
     let mean = mean(samples.iter().map(|s| s.r)).ok_or(MetricsError::NoSurface)?;
     if mean <= 0.0 {
@@ -237,14 +246,14 @@ fn surface(reference: &Layers, luminance: &[f64]) -> Vec<bool> {
 
 /// Variance of each pixel's luminance. The channels of a light path rise and fall together, so their deviations add up: exact for grey,
 /// and never too small.
-fn variances(variance: &Layers, reference: &Layers) -> Result<Vec<f64>, MetricsError> {
+fn variances(variance: &Layers, layer: &str, reference: &Layers) -> Result<Vec<f64>, MetricsError> {
     let size = |picture: &Layers| [picture.width, picture.height];
     if size(variance) != size(reference) {
         return Err(MetricsError::VarianceSize { variance: size(variance), reference: size(reference) });
     }
     let wrap = |error| MetricsError::Picture { which: "reference's variance", error };
     variance.validate().map_err(wrap)?;
-    let mut deviations = Layers::new(variance.width, variance.height).with(VARIANCE, variance.layer(VARIANCE).map_err(wrap)?.clone());
+    let mut deviations = Layers::new(variance.width, variance.height).with(VARIANCE, variance.layer(layer).map_err(wrap)?.clone());
     deviations.layers.values_mut().flat_map(|layer| layer.channels.values_mut()).flatten().for_each(|value| *value = value.max(0.0).sqrt());
     Ok(deviations.luminance(VARIANCE).map_err(wrap)?.iter().map(|deviation| deviation * deviation).collect())
 }

@@ -211,6 +211,7 @@ pub fn image(port: &Port) -> Option<Image> {
     match port {
         Port::Image(image) => Some(*image),
         Port::DirectLight(direct) => Some(Image { texture: direct.radiance, channels: Channels::Colour }),
+        Port::VisibleLobes(lobes) => Some(Image { texture: lobes.seen, channels: Channels::Colour }),
         Port::Splats(splats) => Some(Image { texture: splats.sums, channels: Channels::Fourth }),
         _ => None,
     }
@@ -237,7 +238,7 @@ fn report(frame: Frame, numbers: &[Number<'_>]) -> FrameReport {
     let uncovered_pixels = most(numbers, "uncovered_pixels");
     FrameReport {
         seconds: frame.seconds,
-        records: Records { irradiance: total(numbers, "records"), radiance: None },
+        records: Records { irradiance: total(numbers, "records"), radiance: total(numbers, "radiance_records") },
         new_records: total(numbers, "new_records"),
         surplus_records: total(numbers, "surplus_records"),
         fill_rounds: frame.fill_rounds,

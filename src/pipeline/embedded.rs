@@ -24,6 +24,12 @@ pub static EMBEDDED: &[(&str, &str)] = &[
     ("irradiance-tabellion.ron", include_str!("../../pipelines/irradiance-tabellion.ron")),
     ("irradiance-two-rates.ron", include_str!("../../pipelines/irradiance-two-rates.ron")),
     ("irradiance-ward.ron", include_str!("../../pipelines/irradiance-ward.ron")),
+    ("radiance.ron", include_str!("../../pipelines/radiance.ron")),
+    ("radiance-blend.ron", include_str!("../../pipelines/radiance-blend.ron")),
+    ("radiance-device.ron", include_str!("../../pipelines/radiance-device.ron")),
+    ("radiance-no-gradients.ron", include_str!("../../pipelines/radiance-no-gradients.ron")),
+    ("radiance-readback.ron", include_str!("../../pipelines/radiance-readback.ron")),
+    ("radiance-window.ron", include_str!("../../pipelines/radiance-window.ron")),
 ];
 
 /// Finds a pipeline by "pipelines/irradiance.ron", "irradiance.ron" or "irradiance".

@@ -1,6 +1,7 @@
-//! The ground truth: a path tracer for diffuse surfaces that shares only the scene and its hierarchy with the passes.
+//! The ground truth: a path tracer that shares only the scene, its hierarchy and the formulas of its lobes with the passes.
 //!
-//! For each pixel's centre it finds the visible surface and estimates two irradiances there, apart:
+//! For each pixel's centre it finds the visible surface and estimates two irradiances there, apart, and where the surface is glossy what its
+//! lobe reflects of each:
 //! - **direct**: what punctual lights, emitters and the sky send without touching another surface;
 //! - **indirect**: what touched one to `bounces` surfaces on its way.
 //!
@@ -141,12 +142,23 @@ pub struct Reference {
     pub direct_irradiance: Vec<Rgb>,
     /// Variance of `irradiance` as an estimate [(W/m²)²].
     pub variance: Vec<Rgb>,
+    /// Indirect light that lobes reflect toward the camera [W m⁻² sr⁻¹]; none where nothing in the scene is glossy.
+    pub glossy: Option<Glossy>,
     /// Along the camera's axis [scene units].
     pub depth: Vec<f32>,
     /// Unit shading normal on the side seen.
     pub normal: Vec<Vec3>,
     /// Wall-clock time that it took.
     pub seconds: f64,
+}
+
+/// What the lobes of glossy surfaces reflect.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Glossy {
+    /// Indirect light toward the camera [W m⁻² sr⁻¹].
+    pub radiance: Vec<Rgb>,
+    /// Variance of `radiance` as an estimate.
+    pub variance: Vec<Rgb>,
 }
 
 /// Why no reference was made.
@@ -170,9 +182,6 @@ pub enum ReferenceError {
     #[error("camera `{name}` has no valid view")]
     #[diagnostic(code(reference::camera), help("its place and directions must be finite, its directions unit vectors, its field of view between 0 and π"))]
     Camera { name: String },
-    #[error("the reference renders diffuse surfaces alone; these are glossy: {materials}")]
-    #[diagnostic(code(reference::glossy), help("make them diffuse in the scene file: in glTF, metallic 0 and roughness 1"))]
-    Glossy { materials: String },
     #[error("stopped before two rounds of samples were whole")]
     #[diagnostic(code(reference::stopped))]
     Stopped,
@@ -184,9 +193,9 @@ pub enum ReferenceError {
 /// and what earlier rounds found is returned.
 ///
 /// # Errors
-/// Impossible settings or camera, glossy materials, or a stop before two rounds were whole.
+/// Impossible settings or camera, or a stop before two rounds were whole.
 pub fn render(scene: &Scene, bvh: &Bvh, camera: &Camera, settings: &Settings, progress: &(dyn Fn(f32) -> bool + Sync)) -> Result<Reference, ReferenceError> {
-    check(scene, camera, settings)?;
+    check(camera, settings)?;
     let start = Instant::now();
     let tracer = Tracer::new(scene, bvh);
     let mut frame = Frame::new(&tracer, camera, settings);
@@ -217,8 +226,8 @@ pub fn gather(scene: &Scene, bvh: &Bvh, position: Vec3, normal: Vec3, bounces: B
 /// Refuses what [`render`] would refuse, before any work.
 ///
 /// # Errors
-/// Impossible settings or camera, glossy materials.
-pub fn check(scene: &Scene, camera: &Camera, settings: &Settings) -> Result<(), ReferenceError> {
+/// Impossible settings or camera.
+pub fn check(camera: &Camera, settings: &Settings) -> Result<(), ReferenceError> {
     let [width, height] = settings.size;
     if width.min(height) == 0 || width.max(height) > MAX_SIDE {
         return Err(ReferenceError::Size { width, height });
@@ -240,14 +249,7 @@ pub fn check(scene: &Scene, camera: &Camera, settings: &Settings) -> Result<(), 
     if !(camera.eye.is_finite() && half.is_finite() && half.min_element() > 0.0 && unit(camera.direction) && unit(camera.up) && unit(camera.right())) {
         return Err(ReferenceError::Camera { name: camera.name.clone() });
     }
-    check_materials(scene)
-}
-
-fn check_materials(scene: &Scene) -> Result<(), ReferenceError> {
-    let mut used = vec![false; scene.materials.len()];
-    scene.triangles.iter().for_each(|t| used[t.material as usize] = true);
-    let glossy: Vec<&str> = scene.materials.iter().zip(used).filter(|(m, used)| *used && m.glossy.is_some()).map(|(m, _)| m.name.as_str()).collect();
-    if glossy.is_empty() { Ok(()) } else { Err(ReferenceError::Glossy { materials: glossy.join(", ") }) }
+    Ok(())
 }
 
 /// Strata along each axis of a round, and the rounds (at most, for an error bound).
@@ -285,6 +287,9 @@ struct Sums {
     direct: DVec3,
     indirect: DVec3,
     indirect_squared: DVec3,
+    glossy_direct: DVec3,
+    glossy_indirect: DVec3,
+    glossy_squared: DVec3,
 }
 
 impl Frame {
@@ -332,6 +337,9 @@ impl Frame {
             sum.direct += round.direct;
             sum.indirect += round.indirect;
             sum.indirect_squared += round.indirect * round.indirect;
+            sum.glossy_direct += round.glossy_direct;
+            sum.glossy_indirect += round.glossy_indirect;
+            sum.glossy_squared += round.glossy_indirect * round.glossy_indirect;
         }
         self.rounds += 1;
     }
@@ -342,10 +350,8 @@ impl Frame {
             return at_most.min(MIN_ROUNDS_FOR_ERROR);
         }
         let n = self.rounds as f64;
-        let mean: f64 = self.sums.iter().map(|s| luminance(s.indirect / n)).sum();
-        let variance: f64 = self.sums.iter().map(|s| luminance_of_variance(s.variance(n))).sum();
-        let count = self.sums.len().max(1) as f64;
-        let noise = (variance / count).sqrt() / (mean / count).max(f64::MIN_POSITIVE);
+        let glossy = self.visible.iter().zip(&self.sums).filter(|(visible, _)| visible.surface.glossy.is_some()).map(|(_, sums)| sums);
+        let noise = noise(self.sums.iter().map(|s| (s.indirect / n, s.variance(n)))).max(noise(glossy.map(|s| (s.glossy_indirect / n, s.glossy_variance(n)))));
         if noise <= error as f64 {
             return self.rounds;
         }
@@ -367,6 +373,7 @@ impl Frame {
             irradiance: black(),
             direct_irradiance: black(),
             variance: black(),
+            glossy: self.visible.iter().any(|v| v.surface.glossy.is_some()).then(|| Glossy { radiance: black(), variance: black() }),
             depth: vec![0.0; count],
             normal: black(),
             seconds: 0.0,
@@ -377,12 +384,20 @@ impl Frame {
             let at = *index;
             let brdf = surface.reflectance.as_dvec3() / PI;
             let (direct, indirect) = (sums.direct / n, sums.indirect / n);
-            reference.picture[at] = (surface.emission.as_dvec3() + brdf * (direct + indirect)).as_vec3();
-            reference.direct[at] = (brdf * direct).as_vec3();
-            reference.indirect[at] = (brdf * indirect).as_vec3();
-            reference.irradiance[at] = indirect.as_vec3();
-            reference.direct_irradiance[at] = direct.as_vec3();
-            reference.variance[at] = sums.variance(n).as_vec3();
+            let (glossy_direct, glossy_indirect) = (sums.glossy_direct / n, sums.glossy_indirect / n);
+            reference.picture[at] = (surface.emission.as_dvec3() + brdf * (direct + indirect) + glossy_direct + glossy_indirect).as_vec3();
+            reference.direct[at] = (brdf * direct + glossy_direct).as_vec3();
+            reference.indirect[at] = (brdf * indirect + glossy_indirect).as_vec3();
+            if let Some(glossy) = &mut reference.glossy {
+                glossy.radiance[at] = glossy_indirect.as_vec3();
+                glossy.variance[at] = sums.glossy_variance(n).as_vec3();
+            }
+            // Where a lobe is all that reflects, nobody asks for irradiance.
+            if surface.glossy.is_none() || surface.reflectance != Vec3::ZERO {
+                reference.irradiance[at] = indirect.as_vec3();
+                reference.direct_irradiance[at] = direct.as_vec3();
+                reference.variance[at] = sums.variance(n).as_vec3();
+            }
             reference.depth[at] = *depth;
             reference.normal[at] = surface.normal;
         }
@@ -395,6 +410,19 @@ impl Sums {
     fn variance(&self, n: f64) -> DVec3 {
         variance_of_mean(self.indirect, self.indirect_squared, n)
     }
+
+    /// The same of what lobes reflect.
+    fn glossy_variance(&self, n: f64) -> DVec3 {
+        variance_of_mean(self.glossy_indirect, self.glossy_squared, n)
+    }
+}
+
+/// Standard deviation over mean of the luminance of a picture, from its pixels' means and their variance; 0 where it is black.
+fn noise(pixels: impl Iterator<Item = (DVec3, DVec3)>) -> f64 {
+    let sum =
+        |[mean, variance, count]: [f64; 3], (light, spread): (DVec3, DVec3)| [mean + luminance(light), variance + luminance_of_variance(spread), count + 1.0];
+    let [mean, variance, count] = pixels.fold([0.0; 3], sum);
+    if variance == 0.0 { 0.0 } else { (variance * count).sqrt() / mean.max(f64::MIN_POSITIVE) }
 }
 
 /// Variance of the mean of `n` values, from their sum and the sum of their squares.

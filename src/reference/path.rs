@@ -7,6 +7,7 @@ use super::{
     random::{Random, cosine_direction},
     variance_of_mean,
 };
+use crate::math::{frame::Frame, lobe::Lobe};
 use crate::scene::{
     bvh::Bvh,
     model::{Rgb, Scene, surface_offset},
@@ -44,11 +45,15 @@ pub struct Gather {
     pub samples: u32,
 }
 
-/// The means of one round of stratified rays [W/m²].
+/// The means of one round of stratified rays.
 #[derive(Clone, Copy, Default)]
 pub struct Round {
+    /// Irradiance [W/m²].
     pub direct: DVec3,
     pub indirect: DVec3,
+    /// Radiance that the lobe reflects [W m⁻² sr⁻¹].
+    pub glossy_direct: DVec3,
+    pub glossy_indirect: DVec3,
 }
 
 /// A place on a surface, from the side that a ray saw.
@@ -59,8 +64,30 @@ pub struct Surface {
     pub face: Vec3,
     /// Unit shading normal, on the side seen.
     pub normal: Vec3,
+    /// Of the diffuse part, toward where the ray came from.
     pub reflectance: Rgb,
     pub emission: Rgb,
+    pub glossy: Option<Gloss>,
+}
+
+/// The lobe of a place, and the way to where the ray came from.
+#[derive(Clone, Copy)]
+pub struct Gloss {
+    lobe: Lobe,
+    frame: Frame,
+    /// In the frame.
+    outgoing: Vec3,
+}
+
+/// What light is collected for, as the factor that a direction has beside π times its cosine, and how directions are drawn for it.
+#[derive(Clone, Copy, PartialEq)]
+enum For {
+    /// The irradiance: 1.
+    Irradiance,
+    /// What the lobe alone reflects.
+    Lobe,
+    /// All that is reflected.
+    Reflection,
 }
 
 impl<'a> Tracer<'a> {
@@ -76,7 +103,7 @@ impl<'a> Tracer<'a> {
     /// Light at one point, of at least `samples` rays (never fewer than two rounds) over the hemisphere about the unit
     /// vector `normal`.
     pub fn gather(&self, position: Vec3, normal: Vec3, bounces: Bounces, samples: u32, seed: u64) -> Gather {
-        let surface = Surface { position, face: normal, normal, reflectance: Vec3::ONE, emission: Vec3::ZERO };
+        let surface = Surface { position, face: normal, normal, reflectance: Vec3::ONE, emission: Vec3::ZERO, glossy: None };
         let (strata, rounds) = plan(Stop::Samples(samples.max(1)));
         let [mut direct, mut direct_squared, mut indirect, mut indirect_squared] = [DVec3::ZERO; 4];
         for k in 0..rounds {
@@ -102,14 +129,31 @@ impl<'a> Tracer<'a> {
         for cell in (0..strata).flat_map(|y| (0..strata).map(move |x| [x, y])) {
             let direction = cosine_direction(at.normal, random.pair_in(cell, strata));
             let met = self.surface(self.start(at), direction);
-            sum.direct += self.light_met(at, direction, met.as_ref());
-            sum.direct += self.light_sampled(at, random.pair_in(cell, strata));
+            sum.direct += self.light_met(at, For::Irradiance, direction, met.as_ref());
+            sum.direct += self.light_sampled(at, For::Irradiance, random.pair_in(cell, strata));
             if let Some(met) = met.filter(|_| !bounces.end_at(0)) {
                 sum.indirect += self.reflected(met, bounces, random);
             }
         }
+        if at.glossy.is_some() {
+            for cell in (0..strata).flat_map(|y| (0..strata).map(move |x| [x, y])) {
+                let direction = at.sample(For::Lobe, random.pair_in(cell, strata));
+                sum.glossy_direct += self.light_sampled(at, For::Lobe, random.pair_in(cell, strata)) / PI;
+                let Some(share) = at.share(For::Lobe, direction) else { continue };
+                let met = self.surface(self.start(at), direction);
+                sum.glossy_direct += self.light_met(at, For::Lobe, direction, met.as_ref()) / PI;
+                if let Some(met) = met.filter(|_| !bounces.end_at(0)) {
+                    sum.glossy_indirect += share * self.reflected(met, bounces, random) / PI;
+                }
+            }
+        }
         let count = (strata * strata) as f64;
-        Round { direct: sum.direct / count + self.punctual(at), indirect: sum.indirect / count }
+        Round {
+            direct: sum.direct / count + self.punctual(at, For::Irradiance),
+            indirect: sum.indirect / count,
+            glossy_direct: sum.glossy_direct / count + at.glossy.map_or(DVec3::ZERO, |_| self.punctual(at, For::Lobe) / PI),
+            glossy_indirect: sum.glossy_indirect / count,
+        }
     }
 
     /// The surface that a ray sees first.
@@ -120,13 +164,20 @@ impl<'a> Tracer<'a> {
         let face = triangle.face_normal();
         let side = if face.dot(direction) > 0.0 { -1.0 } else { 1.0 };
         let texture = material.texture.map(|i| self.scene.textures[i as usize].sample(triangle.uv(hit.barycentric)).truncate());
+        let normal = triangle.normal(hit.barycentric) * side;
+        let reflection = material.reflection(material.reflectance * texture.unwrap_or(Vec3::ONE));
+        let glossy = reflection.lobe.map(|lobe| {
+            let frame = triangle.tangent_frame(normal);
+            Gloss { lobe, frame, outgoing: frame.to_local(-direction.normalize()) }
+        });
         Some(Surface {
             // From the corners rather than along the ray: the error stays in the plane.
             position: triangle.position(hit.barycentric),
             face: face * side,
-            normal: triangle.normal(hit.barycentric) * side,
-            reflectance: material.reflectance * texture.unwrap_or(Vec3::ONE),
+            normal,
+            reflectance: glossy.map_or(reflection.diffuse, |gloss| reflection.diffuse * gloss.lobe.leaves(gloss.outgoing.z)),
             emission: material.emission,
+            glossy,
         })
     }
 
@@ -140,22 +191,33 @@ impl<'a> Tracer<'a> {
     fn reflected(&self, first: Surface, bounces: Bounces, random: &mut Random) -> DVec3 {
         let (mut at, mut throughput, mut sum) = (first, DVec3::ONE, DVec3::ZERO);
         for bounce in 1.. {
-            throughput *= at.reflectance.as_dvec3();
+            // What the diffuse part reflects does not depend on where it comes from.
+            let wanted = if at.glossy.is_some() { For::Reflection } else { For::Irradiance };
+            if wanted == For::Irradiance {
+                throughput *= at.reflectance.as_dvec3();
+            }
             if throughput == DVec3::ZERO {
                 break;
             }
             let end = bounces.end_at(bounce);
-            sum += throughput * (self.punctual(&at) + self.light_sampled(&at, random.pair()));
+            sum += throughput * (self.punctual(&at, wanted) + self.light_sampled(&at, wanted, random.pair()));
             if end && !self.sources.visible() {
                 break;
             }
             // One ray both completes the direct light here and carries the path on.
-            let direction = cosine_direction(at.normal, random.pair());
+            let direction = match wanted {
+                For::Irradiance => cosine_direction(at.normal, random.pair()),
+                _ => at.sample(if random.number() < at.lobe_share() { For::Lobe } else { For::Irradiance }, random.pair()),
+            };
             let met = self.surface(self.start(&at), direction);
-            sum += throughput * self.light_met(&at, direction, met.as_ref());
+            sum += throughput * self.light_met(&at, wanted, direction, met.as_ref());
+            if wanted == For::Reflection {
+                let Some(share) = at.share(wanted, direction) else { break };
+                throughput *= share;
+            }
             let Some(next) = met.filter(|_| !end) else { break };
             if bounces == Bounces::All && bounce >= ROULETTE_FROM {
-                let survival = (at.reflectance.max_element() as f64).min(SURVIVAL_AT_MOST);
+                let survival = (at.most_reflected() as f64).min(SURVIVAL_AT_MOST);
                 if random.number() >= survival {
                     break;
                 }
@@ -166,32 +228,34 @@ impl<'a> Tracer<'a> {
         sum
     }
 
-    /// Irradiance from punctual lights.
-    fn punctual(&self, at: &Surface) -> DVec3 {
+    /// Light of punctual lights.
+    fn punctual(&self, at: &Surface, wanted: For) -> DVec3 {
         let start = self.start(at);
         let mut sum = DVec3::ZERO;
         for light in &self.scene.lights {
             let Some((direction, distance, irradiance)) = punctual(&light.kind, start) else { continue };
             let Some(cosine) = at.cosine(direction) else { continue };
             if irradiance != DVec3::ZERO && !(light.shadows && self.shadowed(start, direction, distance)) {
-                sum += irradiance * cosine as f64;
+                sum += irradiance * cosine as f64 * at.factor(wanted, direction);
             }
         }
         sum
     }
 
-    /// One point of the sources: its share of the irradiance under the balance heuristic.
-    fn light_sampled(&self, at: &Surface, pair: [f64; 2]) -> DVec3 {
+    /// One point of the sources: its share of the light under the balance heuristic.
+    fn light_sampled(&self, at: &Surface, wanted: For, pair: [f64; 2]) -> DVec3 {
         let start = self.start(at);
         let Some(sample) = self.sources.sample(self.scene, start, pair) else { return DVec3::ZERO };
         match at.cosine(sample.direction) {
-            Some(cosine) if !self.shadowed(start, sample.direction, sample.distance) => balanced(sample.radiance, cosine, sample.density),
+            Some(cosine) if !self.shadowed(start, sample.direction, sample.distance) => {
+                at.factor(wanted, sample.direction) * balanced(sample.radiance, cosine, at.density(wanted, sample.direction, cosine), sample.density)
+            }
             _ => DVec3::ZERO,
         }
     }
 
-    /// What a cosine-distributed ray met: its share of the direct irradiance under the balance heuristic.
-    fn light_met(&self, at: &Surface, direction: Vec3, met: Option<&Surface>) -> DVec3 {
+    /// What a ray met that was drawn by the surface's own density: its share of the direct light under the balance heuristic.
+    fn light_met(&self, at: &Surface, wanted: For, direction: Vec3, met: Option<&Surface>) -> DVec3 {
         let start = self.start(at);
         let (radiance, distance, density) = match met {
             None if self.sources.visible() => (self.scene.environment.radiance(direction), f32::INFINITY, self.sources.sky_density(direction)),
@@ -203,7 +267,9 @@ impl<'a> Tracer<'a> {
         };
         match at.cosine(direction) {
             // The ray may have come through the back of a one-sided surface, which shadows.
-            Some(cosine) if !(self.one_sided && self.shadowed(start, direction, distance)) => balanced(radiance, cosine, density),
+            Some(cosine) if !(self.one_sided && self.shadowed(start, direction, distance)) => {
+                at.factor(wanted, direction) * balanced(radiance, cosine, at.density(wanted, direction, cosine), density)
+            }
             _ => DVec3::ZERO,
         }
     }
@@ -221,10 +287,58 @@ impl Surface {
         let cosine = self.normal.dot(direction);
         (cosine > 0.0 && self.face.dot(direction) > 0.0).then_some(cosine)
     }
+
+    /// π times what is reflected of light from a direction, per cosine; 1 for irradiance.
+    fn factor(&self, wanted: For, direction: Vec3) -> DVec3 {
+        let lobe = || self.glossy.map_or(Vec3::ZERO, |gloss| gloss.lobe.value(gloss.outgoing, gloss.frame.to_local(direction))).as_dvec3() * PI;
+        match wanted {
+            For::Irradiance => DVec3::ONE,
+            For::Lobe => lobe(),
+            For::Reflection => self.reflectance.as_dvec3() + lobe(),
+        }
+    }
+
+    /// How often directions of glossy surfaces are drawn from their lobe.
+    fn lobe_share(&self) -> f64 {
+        let Some(gloss) = &self.glossy else { return 0.0 };
+        let [lobe, diffuse] = [gloss.lobe.reflectance, self.reflectance].map(|c| luminance(c.as_dvec3()));
+        (lobe / (lobe + diffuse).max(f64::MIN_POSITIVE)).clamp(0.1, 0.9)
+    }
+
+    /// The most of a channel that goes on along a path.
+    fn most_reflected(&self) -> f32 {
+        (self.reflectance + self.glossy.map_or(Vec3::ZERO, |gloss| gloss.lobe.reflectance)).max_element()
+    }
+
+    /// A direction drawn for the irradiance or for the lobe.
+    fn sample(&self, wanted: For, pair: [f64; 2]) -> Vec3 {
+        match self.glossy.filter(|_| wanted == For::Lobe) {
+            Some(gloss) => gloss.frame.to_world(gloss.lobe.sample(gloss.outgoing, pair.map(|x| x as f32))).normalize_or(self.normal),
+            None => cosine_direction(self.normal, pair),
+        }
+    }
+
+    /// Density of the directions that are drawn [1/sr].
+    fn density(&self, wanted: For, direction: Vec3, cosine: f32) -> f64 {
+        let diffuse = cosine as f64 / PI;
+        let lobe = || self.glossy.map_or(0.0, |gloss| gloss.lobe.density(gloss.outgoing, gloss.frame.to_local(direction)) as f64);
+        match wanted {
+            For::Irradiance => diffuse,
+            For::Lobe => lobe(),
+            For::Reflection => diffuse + (lobe() - diffuse) * self.lobe_share(),
+        }
+    }
+
+    /// What part of the light from a direction drawn goes on along the path; none where it lies below the surface.
+    fn share(&self, wanted: For, direction: Vec3) -> Option<DVec3> {
+        let cosine = self.cosine(direction)?;
+        let density = self.density(wanted, direction, cosine);
+        (density > 0.0).then(|| self.factor(wanted, direction) * (cosine as f64 / PI / density))
+    }
 }
 
-/// A direction's share of the irradiance [W/m²] when one sample is drawn by cosine/π and one with `density` at the
-/// source: L·cos / (p_cosine + p_source), whichever of the two drew it (Veach 1997, eq. 9.8).
-fn balanced(radiance: Rgb, cosine: f32, density: f64) -> DVec3 {
-    radiance.as_dvec3() * (cosine as f64 / (cosine as f64 / PI + density))
+/// A direction's share of the irradiance [W/m²] when one sample is drawn with `density` here and one with `at_source` there:
+/// L·cos over the sum of both, whichever of the two drew it (Veach 1997, eq. 9.8).
+fn balanced(radiance: Rgb, cosine: f32, density: f64, at_source: f64) -> DVec3 {
+    radiance.as_dvec3() * (cosine as f64 / (density + at_source).max(f64::MIN_POSITIVE))
 }

@@ -3,6 +3,8 @@
 //! Positions are stored in single precision relative to [`Scene::origin`], which loading moves to the middle of
 //! the geometry, so that a scene far away from its file's origin keeps its digits.
 
+use crate::math::frame::Frame;
+use crate::math::lobe::{Lobe, Shape};
 use glam::{DVec3, Vec2, Vec3};
 use std::sync::LazyLock;
 
@@ -58,7 +60,7 @@ pub struct Material {
     pub two_sided: bool,
     /// Alpha below which the base colour texture leaves a hole.
     pub alpha_cutoff: Option<f32>,
-    /// A lobe that diffuse pipelines must refuse.
+    /// A lobe beside the diffuse part, or in its place.
     pub glossy: Option<Glossy>,
 }
 
@@ -175,7 +177,44 @@ impl Camera {
     }
 }
 
+/// What a point of a surface does with light.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Reflection {
+    /// Diffuse reflectance, 0..1 per channel.
+    pub diffuse: Rgb,
+    pub lobe: Option<Lobe>,
+}
+
+/// What a surface that is no metal reflects of light along its normal (glTF 2.0, appendix B).
+pub const DIELECTRIC: f32 = 0.04;
+
 impl Material {
+    /// What a point does with light whose base colour, the material's times its texture's, is `base`.
+    pub fn reflection(&self, base: Rgb) -> Reflection {
+        let (diffuse, lobe) = match self.glossy {
+            None => return Reflection { diffuse: base, lobe: None },
+            Some(Glossy::Phong { reflectance, exponent }) => (base, Lobe { shape: Shape::Phong { exponent }, reflectance }),
+            Some(Glossy::Ward { reflectance, alpha }) => (base, Lobe { shape: Shape::Ward { alpha }, reflectance }),
+            Some(Glossy::MetallicRoughness { metallic, roughness }) => {
+                let reflectance = Vec3::splat(DIELECTRIC).lerp(base, metallic);
+                (base * (1.0 - metallic), Lobe { shape: Shape::Microfacets { alpha: roughness * roughness }, reflectance })
+            }
+        };
+        Reflection { diffuse, lobe: Some(lobe).filter(|lobe| lobe.reflectance != Vec3::ZERO) }
+    }
+
+    /// Scales a diffuse part and a lobe down that together would reflect more than arrives; says whether they did.
+    pub fn conserve_energy(&mut self) -> bool {
+        let Some(Glossy::Phong { reflectance, .. } | Glossy::Ward { reflectance, .. }) = &mut self.glossy else { return false };
+        let most = (self.reflectance + *reflectance).max_element();
+        let exceeds = most > 1.0 + 1e-5;
+        if exceeds {
+            self.reflectance /= most;
+            *reflectance /= most;
+        }
+        exceeds
+    }
+
     /// A two-sided diffuse surface.
     pub fn diffuse(name: impl Into<String>, reflectance: Rgb) -> Self {
         Self { name: name.into(), reflectance, texture: None, emission: Vec3::ZERO, two_sided: true, alpha_cutoff: None, glossy: None }
@@ -210,6 +249,19 @@ impl Triangle {
     pub fn uv(&self, barycentric: Vec2) -> Vec2 {
         let [a, b, c] = self.uvs;
         a + (b - a) * barycentric.x + (c - a) * barycentric.y
+    }
+
+    /// A frame around a unit normal whose tangent runs along the texture's first coordinate; any where there is no texture coordinate.
+    pub fn tangent_frame(&self, normal: Vec3) -> Frame {
+        let [a, b, c] = self.positions;
+        let [s, t] = [self.uvs[1] - self.uvs[0], self.uvs[2] - self.uvs[0]];
+        let along = ((b - a) * t.y - (c - a) * s.y) * s.perp_dot(t).signum();
+        let tangent = along - normal * normal.dot(along);
+        if !(s.perp_dot(t) != 0.0 && tangent.length_squared() > 1e-12 * along.length_squared()) {
+            return Frame::new(normal);
+        }
+        let tangent = tangent.normalize();
+        Frame { tangent, bitangent: normal.cross(tangent), normal }
     }
 
     /// Unit shading normal at the barycentric weights of corners 1 and 2, on the front side.

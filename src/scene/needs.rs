@@ -1,6 +1,6 @@
 //! What a scene requires of a pipeline.
 
-use super::{Scene, Triangle, shadow_layers};
+use super::{Glossy, Material, Scene, Triangle, shadow_layers};
 
 /// The facts that decide which passes and which parts of shaders stay.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -22,6 +22,12 @@ pub struct Needs {
     pub smooth: bool,
     /// Names of the materials with a glossy lobe.
     pub glossy: Vec<String>,
+    /// Whether any surface has one.
+    pub lobes: bool,
+    /// Whether any lobe depends on the azimuth around the normal.
+    pub anisotropic: bool,
+    /// Whether any surface has a diffuse part, or emits and nothing else.
+    pub diffuse: bool,
     /// Diagonal of the bounds [scene units].
     pub extent: f32,
 }
@@ -41,7 +47,10 @@ impl Needs {
             alpha_masks: materials().any(|m| m.texture.is_some() && m.alpha_cutoff.is_some()),
             one_sided: materials().any(|m| !m.two_sided),
             smooth: scene.triangles.iter().any(is_smooth),
-            glossy: materials().filter(|m| m.glossy.is_some()).map(|m| m.name.clone()).collect(),
+            glossy: materials().filter(|m| has_lobe(m)).map(|m| m.name.clone()).collect(),
+            lobes: materials().any(has_lobe),
+            anisotropic: materials().any(|m| matches!(m.glossy, Some(Glossy::Ward { alpha, .. }) if alpha.x != alpha.y)),
+            diffuse: materials().any(|m| !has_lobe(m) || m.reflection(m.reflectance).diffuse != glam::Vec3::ZERO),
             extent: scene.extent(),
         }
     }
@@ -58,9 +67,15 @@ impl Needs {
             alpha_masks: true,
             one_sided: true,
             smooth: true,
+            lobes: true,
+            anisotropic: true,
             ..self.clone()
         }
     }
+}
+
+fn has_lobe(material: &Material) -> bool {
+    material.reflection(material.reflectance).lobe.is_some()
 }
 
 fn is_smooth(triangle: &Triangle) -> bool {

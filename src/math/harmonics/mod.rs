@@ -11,6 +11,7 @@ pub mod basis;
 pub mod conversion;
 pub mod families;
 pub mod quadrature;
+pub mod reflection;
 pub mod rotation;
 pub mod tilt;
 

@@ -115,6 +115,11 @@ impl Draft {
         let (low, high) = self.bounds(name)?;
         let origin = choose_origin(low, high);
         self.keep_used_materials();
+        for material in &mut self.materials {
+            if material.conserve_energy() {
+                self.notes.push(format!("the material `{}` reflected more light than it gets: both of its parts were scaled down", material.name));
+            }
+        }
         let normals = self.corner_normals(normals);
         let candidates: Vec<Triangle> = self.faces.iter().zip(normals).map(|(face, normals)| to_triangle(face, normals, origin)).collect();
         let triangles = clean(candidates, &self.materials, &mut self.notes);

@@ -32,8 +32,10 @@ pub const SEARCH_VARIABLE: &str = "HEMISPLAT_SCENES";
 const MAX_FILE: u64 = 4 << 30;
 
 /// The scenes that ship, by file name.
-const EMBEDDED: [(&str, &str); 6] = [
+const EMBEDDED: [(&str, &str); 8] = [
+    ("balls.ron", include_str!("../../../scenes/balls.ron")),
     ("cornell.ron", include_str!("../../../scenes/cornell.ron")),
+    ("cornell-glossy.ron", include_str!("../../../scenes/cornell-glossy.ron")),
     ("corner.ron", include_str!("../../../scenes/corner.ron")),
     ("furnace.ron", include_str!("../../../scenes/furnace.ron")),
     ("hall.ron", include_str!("../../../scenes/hall.ron")),

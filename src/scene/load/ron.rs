@@ -207,6 +207,15 @@ enum Surface<'a> {
         #[serde(borrow)]
         alpha: [Raw<'a, f64>; 2],
     },
+    /// As glTF has it: base colour, metallic, roughness.
+    MetallicRoughness {
+        #[serde(borrow)]
+        base: Raw<'a, Triple>,
+        #[serde(borrow)]
+        metallic: Raw<'a, f64>,
+        #[serde(borrow)]
+        roughness: Raw<'a, f64>,
+    },
 }
 
 #[derive(Deserialize)]
@@ -441,6 +450,11 @@ impl<'a> Source<'a> {
                 let slope = |raw| Ok::<_, SceneError>(self.number_in(raw, "greater than 0 and at most 1", |a| a > 0.0 && a <= 1.0)? as f32);
                 let alpha = Vec2::new(slope(alpha[0])?, slope(alpha[1])?);
                 Material { glossy: Some(Glossy::Ward { reflectance: self.reflectance(specular)?, alpha }), ..diffuse(reflectance)? }
+            }
+            Surface::MetallicRoughness { base, metallic, roughness } => {
+                let share = |raw| Ok::<_, SceneError>(self.number_in(raw, "0 to 1", |n| (0.0..=1.0).contains(&n))? as f32);
+                let glossy = Glossy::MetallicRoughness { metallic: share(metallic)?, roughness: share(roughness)? };
+                Material { glossy: Some(glossy), ..diffuse(base)? }
             }
         })
     }

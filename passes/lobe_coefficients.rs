@@ -1,0 +1,188 @@
+//! The lobes of a scene as expansions.
+
+use crate::contract::{Arguments, Choice, Description, Need, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, port};
+use crate::math::{
+    harmonics::{
+        MOST,
+        reflection::{LobeTable, Window, energy_by_order},
+    },
+    lobe::Shape,
+};
+use crate::scene::{Scene, needs::Needs};
+use std::sync::Arc;
+
+pub struct LobeCoefficients;
+
+const ORDER: ParameterKind = ParameterKind::Integer { default: 10, min: 1, max: MOST as i64 };
+
+static DESCRIPTION: Description = Description {
+    name: "LobeCoefficients",
+    about: "The lobe of every glossy material, times the cosine, on hemispherical harmonics, over a grid of outgoing directions",
+    source: "THESIS 3.5.2, equations 3.32, 3.35 and 3.36",
+    parameters: &[
+        Parameter {
+            name: "order",
+            about: "how many degrees of harmonics are kept: n take n² coefficients",
+            unit: "",
+            kind: ParameterKind::Choice {
+                choices: &[
+                    Choice {
+                        name: "Enough",
+                        about: "the lowest that holds every lobe",
+                        parameters: &[
+                            Parameter {
+                                name: "lost",
+                                about: "most of a lobe's energy that may be lost (THESIS 3.32)",
+                                unit: "",
+                                kind: ParameterKind::Float { default: 0.0005, min: 1e-6, max: 0.9 },
+                            },
+                            Parameter {
+                                name: "at_most",
+                                about: "the highest order; lobes that would need more are blurred, or refused",
+                                unit: "",
+                                kind: ORDER,
+                            },
+                        ],
+                    },
+                    Choice {
+                        name: "Fixed",
+                        about: "the same for all scenes",
+                        parameters: &[Parameter { name: "order", about: "the order", unit: "", kind: ORDER }],
+                    },
+                ],
+            },
+        },
+        Parameter {
+            name: "too_sharp",
+            about: "what becomes of a lobe that the highest order does not hold",
+            unit: "",
+            kind: ParameterKind::Choice {
+                choices: &[
+                    Choice { name: "Blur", about: "it is kept as blurred as the order makes it, with a remark", parameters: &[] },
+                    Choice { name: "Refuse", about: "the scene is refused", parameters: &[] },
+                ],
+            },
+        },
+        Parameter {
+            name: "grid",
+            about: "outgoing directions along an edge of the paraboloid",
+            unit: "directions",
+            kind: ParameterKind::Integer { default: 64, min: 2, max: 128 },
+        },
+        Parameter {
+            name: "window",
+            about: "how terms of high degree are faded out against ringing",
+            unit: "",
+            kind: ParameterKind::Choice {
+                choices: &[
+                    Choice { name: "None", about: "not at all", parameters: &[] },
+                    Choice { name: "Hann", about: "by half a period of a cosine: no ringing, wider lobes", parameters: &[] },
+                ],
+            },
+        },
+    ],
+    inputs: &[],
+    outputs: &[Output { name: "lobes", about: "a table for each shape of lobe", kind: PortKind::Lobes }],
+};
+
+/// The least share of a lobe that is called held.
+fn most_lost(arguments: &Arguments) -> f64 {
+    match arguments.choice("order") {
+        ("Enough", inner) => inner.float("lost"),
+        _ => 0.05,
+    }
+}
+
+/// A shape of lobe, and the materials that have it.
+struct Used {
+    shape: Shape,
+    materials: Vec<String>,
+}
+
+/// The shapes of the lobes of the materials that are used, and of each material the index of its shape.
+fn shapes(scene: &Scene) -> (Vec<Used>, Vec<Option<u32>>) {
+    let mut used = vec![false; scene.materials.len()];
+    scene.triangles.iter().for_each(|t| used[t.material as usize] = true);
+    let mut shapes: Vec<Used> = Vec::new();
+    let of_material = scene.materials.iter().zip(used).map(|(material, used)| {
+        let lobe = material.reflection(material.reflectance).lobe.filter(|_| used)?;
+        let at = shapes.iter().position(|known| known.shape == lobe.shape).unwrap_or_else(|| {
+            shapes.push(Used { shape: lobe.shape, materials: Vec::new() });
+            shapes.len() - 1
+        });
+        shapes[at].materials.push(material.name.clone());
+        Some(at as u32)
+    });
+    let of_material = of_material.collect();
+    (shapes, of_material)
+}
+
+/// The lowest order that holds a lobe, if any does, and what the highest that may be holds.
+struct Held {
+    enough: Option<usize>,
+    at_most: f64,
+}
+
+fn held(shape: Shape, lost: f64, at_most: usize) -> Held {
+    let by_order = energy_by_order(shape, MOST);
+    Held { enough: by_order.iter().position(|held| *held >= 1.0 - lost).map(|at| at + 1), at_most: by_order[at_most - 1] }
+}
+
+impl Pass for LobeCoefficients {
+    fn description(&self) -> &'static Description {
+        &DESCRIPTION
+    }
+
+    fn need(&self, _arguments: &Arguments, needs: &Needs) -> Need {
+        if needs.lobes { Need::Kept } else { Need::Dropped("no material is glossy") }
+    }
+
+    fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
+        let (shapes, of_material) = shapes(r.setting.scene);
+        let lost = most_lost(r.arguments);
+        let (choice, inner) = r.arguments.choice("order");
+        let at_most = inner.integer(if choice == "Enough" { "at_most" } else { "order" }) as usize;
+        let mut order = if choice == "Enough" { 1 } else { at_most };
+        for Used { shape, materials } in &shapes {
+            let held = held(*shape, lost, at_most);
+            order = order.max(held.enough.unwrap_or(at_most)).min(at_most);
+            if held.enough.is_none_or(|enough| enough > at_most) {
+                let needed = held.enough.map_or_else(|| format!("more than {MOST}, the highest there is"), |enough| enough.to_string());
+                let told = format!(
+                    "the lobe of {} takes order {needed} to keep {:.2} % of its energy; order {at_most} keeps {:.2} %",
+                    materials.join(", "),
+                    100.0 * (1.0 - lost),
+                    100.0 * held.at_most
+                );
+                if r.arguments.choice("too_sharp").0 == "Refuse" {
+                    return Err(Refusal::of_parameter(
+                        "order",
+                        "plan::too_sharp",
+                        told,
+                        "raise the order, make the material rougher, or set too_sharp to Blur",
+                    ));
+                }
+                r.remark(format!("{told}: it is blurred"));
+            }
+        }
+        r.remark(format!("order {order} for {} of lobe", plural(shapes.len(), "shape")));
+        let edge = r.arguments.integer("grid") as usize;
+        let window = if r.arguments.choice("window").0 == "Hann" { Window::Hann } else { Window::None };
+        let tables: Vec<LobeTable> = shapes.iter().map(|used| LobeTable::new(used.shape, order, edge, window)).collect();
+        let values: Vec<u8> = tables.iter().flat_map(|table| bytemuck::cast_slice::<_, u8>(&table.values).iter().copied()).collect();
+        let indices: Vec<[u32; 4]> = of_material.iter().map(|index| [index.unwrap_or(u32::MAX), 0, 0, 0]).collect();
+        let lobes = port::Lobes {
+            values: r.constant_buffer("values", &values),
+            of_material: r.constant_buffer("of_material", bytemuck::cast_slice(&indices)),
+            tables: Arc::new(tables),
+            order: order as u32,
+            edge: edge as u32,
+        };
+        r.output("lobes", Port::Lobes(lobes));
+        Ok(())
+    }
+}
+
+fn plural(count: usize, what: &str) -> String {
+    if count == 1 { format!("one {what}") } else { format!("{count} {what}s") }
+}

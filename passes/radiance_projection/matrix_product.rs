@@ -1,0 +1,77 @@
+//! Samples and steps at walls times tables of the basis, on the device.
+
+use super::Work;
+use crate::contract::Recorder;
+use crate::host_struct;
+use crate::math::harmonics::reflection::{in_fours, quads};
+use crate::passes::record::coefficient_bytes;
+use crate::recording::*;
+use glam::Vec4;
+
+/// Tiles of a workgroup, and fours of coefficients: `TILES` and `COLUMNS` of the shader.
+const TILES: u32 = 2;
+const COLUMNS: u32 = 32;
+
+host_struct! {
+    /// A wall between two samples.
+    pub struct TileWall {
+        a: u32,
+        b: u32,
+        /// 1 over the cosines to the raster's axis.
+        depth_a: f32,
+        depth_b: f32,
+        gradient: [f32; 2],
+        padding: [u32; 2],
+    }
+}
+
+pub(super) fn record(r: &mut Recorder<'_>, work: &Work<'_>) {
+    let (tiles, table, expansion) = (&work.weighted.tiles, &work.weighted.table, &work.expansion);
+    let quads = quads(work.order as usize);
+    let fours = |basis: &[f64]| {
+        let mut fours = vec![Vec4::ZERO; quads];
+        in_fours(basis.iter().copied(), &mut fours);
+        fours
+    };
+    let places: Vec<u32> = expansion.samples.iter().map(|(at, _)| *at).collect();
+    let basis: Vec<Vec4> = expansion.samples.iter().flat_map(|(_, basis)| fours(basis)).collect();
+    let wall_basis: Vec<Vec4> = expansion.walls.iter().flat_map(|wall| fours(&wall.basis)).collect();
+    let depth = |at: u32| (1.0 / table.samples[at as usize].depth_cosine) as f32;
+    let walls: Vec<TileWall> = expansion
+        .walls
+        .iter()
+        .map(|w| TileWall { a: w.a, b: w.b, depth_a: depth(w.a), depth_b: depth(w.b), gradient: w.gradient.as_vec2().into(), padding: [0; 2] })
+        .collect();
+    let requests = tiles.requests;
+    let steps = r.buffer("steps", u64::from(requests.capacity) * walls.len() as u64 * 16);
+    let raw = r.buffer("raw", u64::from(requests.capacity) * coefficient_bytes(work.order));
+    let mut wall_bytes = bytemuck::cast_slice(&walls).to_vec();
+    wall_bytes.resize(wall_bytes.len().max(size_of::<TileWall>()), 0);
+    let walls_bound = r.constant_buffer("walls", &wall_bytes);
+    let program = Program::new("radiance_projection")
+        .constant("TILE_WIDTH", table.width)
+        .constant("TILE_HEIGHT", table.height)
+        .constant("TILE_CAPACITY", requests.capacity)
+        .constant("QUADS", quads as u32)
+        .constant("ORDER", work.order)
+        .constant("SAMPLES", places.len() as u32)
+        .constant("WALLS", walls.len() as u32)
+        .bind("requests", requests.places)
+        .bind("walls", walls_bound)
+        .bind("radiance", tiles.samples)
+        .bind("steps", steps)
+        .bind("places", r.constant_buffer("places", bytemuck::cast_slice(&places)))
+        .bind("basis", r.constant_buffer("basis", bytemuck::cast_slice(&basis)))
+        .bind("wall_basis", r.constant_buffer("wall_basis", bytemuck::cast_slice(&wall_basis)))
+        .bind("raw", raw)
+        .bind("values", work.values)
+        .bind("records", work.records);
+    if !walls.is_empty() {
+        r.compute(program.clone(), "step", Groups::Counted { count: requests.count, divisor: 1, per: (walls.len() as u32).div_ceil(64) });
+    }
+    r.compute(program.clone(), "project", Groups::Counted { count: requests.count, divisor: TILES, per: (quads as u32).div_ceil(COLUMNS) });
+    if !walls.is_empty() {
+        r.compute(program.clone(), "bound", Groups::Counted { count: requests.count, divisor: 1, per: 1 });
+    }
+    r.compute(program, "turn", Groups::Counted { count: requests.count, divisor: 1, per: (4 * quads as u32).div_ceil(64) });
+}

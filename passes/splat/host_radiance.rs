@@ -1,0 +1,114 @@
+//! Radiance that lobes reflect, added to the pixels on the host: where the device is a driver on the same cores, its loads from places that
+//! differ between lanes take longer than the sums themselves.
+
+use super::{Radiance, Work};
+use crate::contract::{Recorder, port};
+use crate::math::{
+    projection::PixelRectangle,
+    radiance::{PLANES, Viewed, reflected},
+    weight::Record,
+};
+use crate::passes::record::{RECORD_BYTES, Record as HostRecord, coefficient_bytes, pinhole, texels};
+use crate::recording::*;
+use glam::{Vec3, Vec4};
+use rayon::prelude::*;
+use std::sync::Arc;
+
+/// Rows of pixels that are summed as one.
+const ROWS: u32 = 8;
+
+/// What the host reads of a frame.
+struct Pictures {
+    position: Vec<[f32; 4]>,
+    normal: Vec<[f32; 4]>,
+    seen: Vec<[f32; 4]>,
+}
+
+/// A record that covers some of the picture.
+struct Placed<'a> {
+    record: &'a Record,
+    planes: &'a [Vec4],
+    bounds: PixelRectangle,
+}
+
+pub(super) fn record(r: &mut Recorder<'_>, work: &Work, radiance: &Radiance) {
+    let [width, height] = r.setting.size;
+    let (gbuffer, cache, lobes, seen) = (work.gbuffer, work.cache, radiance.visible.lobes.clone(), radiance.visible.seen);
+    let coefficients = radiance.coefficients;
+    let bytes = coefficient_bytes(coefficients.order);
+    let outputs = [Some(work.sums), work.counts].into_iter().flatten();
+    let uploads: Vec<_> =
+        outputs.zip(["sums_bytes", "counts_bytes"]).map(|(image, name)| (image, r.buffer(name, u64::from(width) * u64::from(height) * 16))).collect();
+    let buffers: Vec<_> = uploads.iter().map(|u| u.1).collect();
+    let written = buffers.clone();
+    let reads = vec![
+        Read::whole(gbuffer.position),
+        Read::whole(gbuffer.normal),
+        Read::whole(seen),
+        Read::counted(cache.records, RECORD_BYTES, cache.count),
+        Read::counted(coefficients.values, bytes, cache.count),
+    ];
+    let splat = move |host: &mut dyn HostContext| {
+        let records: Vec<Record> = bytemuck::pod_collect_to_vec::<u8, HostRecord>(host.read(cache.records)).iter().map(Record::from).collect();
+        let values: Vec<Vec4> = bytemuck::pod_collect_to_vec(host.read(coefficients.values));
+        let camera = pinhole(host);
+        let pictures = Pictures { position: texels(host, gbuffer.position), normal: texels(host, gbuffer.normal), seen: texels(host, seen) };
+        let placed: Vec<Placed> = records
+            .iter()
+            .zip(values.chunks_exact(bytes as usize / size_of::<Vec4>()))
+            .filter_map(|(record, planes)| Some(Placed { record, planes, bounds: camera.bounds(record.position, cache.rule.longest_reach(record) * 1.0001)? }))
+            .collect();
+        let mut sums = vec![Vec4::ZERO; pictures.position.len()];
+        let mut counts = vec![Vec4::ZERO; pictures.position.len()];
+        let rows = (ROWS * width) as usize;
+        sums.par_chunks_mut(rows).zip(counts.par_chunks_mut(rows)).enumerate().for_each(|(band, (sums, counts))| {
+            let first = band as u32 * ROWS;
+            for place in placed.iter().filter(|p| p.bounds.min[1] < first + ROWS && p.bounds.max[1] > first) {
+                for row in place.bounds.min[1].max(first)..place.bounds.max[1].min(first + ROWS) {
+                    for column in place.bounds.min[0]..place.bounds.max[0] {
+                        let at = ((row - first) * width + column) as usize;
+                        if let Some(value) = pictures.contribution(&cache, &lobes, place, camera.eye, (row * width + column) as usize) {
+                            sums[at] += value;
+                            counts[at] += Vec4::ONE;
+                        }
+                    }
+                }
+            }
+        });
+        for (buffer, image) in written.iter().zip([&sums, &counts]) {
+            host.write(*buffer, 0, bytemuck::cast_slice(image));
+        }
+        Ok(())
+    };
+    r.command(Command::Host(Host { name: "reflect", reads, writes: buffers, run: Arc::new(splat) }));
+    for (image, buffer) in uploads {
+        r.compute_pixels(Program::new("splat/host").bind("values", buffer).bind("image", image), "store");
+    }
+}
+
+impl Pictures {
+    /// Weighted radiance and weight of a record at a pixel, if it counts there.
+    fn contribution(&self, cache: &port::RecordCache, lobes: &port::Lobes, placed: &Placed<'_>, eye: Vec3, pixel: usize) -> Option<Vec4> {
+        let [x, y, z, footprint] = self.position[pixel];
+        if footprint <= 0.0 {
+            return None;
+        }
+        let [a, b, c, _] = self.normal[pixel];
+        let (position, normal) = (Vec3::new(x, y, z), Vec3::new(a, b, c));
+        let weight = cache.rule.weight(placed.record, position, normal);
+        if weight <= 0.0 {
+            return None;
+        }
+        let [red, green, blue, table] = self.seen[pixel];
+        let viewed = Viewed {
+            toward: (eye - position).normalize_or(normal),
+            normal,
+            record_normal: placed.record.normal,
+            offset: cache.rule.step(placed.record, position),
+            reflectance: Vec3::new(red, green, blue),
+            azimuth: table.fract(),
+        };
+        debug_assert_eq!(placed.planes.len() % PLANES, 0);
+        Some(reflected(placed.planes, &lobes.tables[table as usize], &viewed).extend(1.0) * weight)
+    }
+}

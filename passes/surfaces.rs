@@ -1,0 +1,84 @@
+//! Some of the visible surfaces.
+
+use crate::contract::{
+    Arguments, Choice, Description, Input, Need, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, port, recorder::scene_constants,
+};
+use crate::recording::*;
+use crate::scene::needs::Needs;
+
+pub struct Surfaces;
+
+static DESCRIPTION: Description = Description {
+    name: "Surfaces",
+    about: "The visible surfaces of one kind: what comes after sees nothing at the other pixels",
+    source: "RCS section 4.1: irradiance records for diffuse surfaces, radiance records for glossy ones",
+    parameters: &[Parameter {
+        name: "which",
+        about: "the surfaces that stay; those with a diffuse part and a lobe are of both kinds",
+        unit: "",
+        kind: ParameterKind::Choice {
+            choices: &[
+                Choice { name: "Diffuse", about: "with a diffuse part", parameters: &[] },
+                Choice { name: "Glossy", about: "with a lobe", parameters: &[] },
+            ],
+        },
+    }],
+    inputs: &[
+        Input { name: "of", about: "the visible surfaces", accepts: PortKind::GBuffer, required: true },
+        Input { name: "lobes", about: "their lobes; glossy surfaces need them", accepts: PortKind::Lobes, required: false },
+    ],
+    outputs: &[
+        Output { name: "gbuffer", about: "the surfaces that stay", kind: PortKind::GBuffer },
+        Output { name: "lobes", about: "of glossy ones the lobe at each pixel", kind: PortKind::VisibleLobes },
+    ],
+};
+
+fn is_glossy(arguments: &Arguments) -> bool {
+    arguments.choice("which").0 == "Glossy"
+}
+
+impl Pass for Surfaces {
+    fn description(&self) -> &'static Description {
+        &DESCRIPTION
+    }
+
+    fn need(&self, arguments: &Arguments, needs: &Needs) -> Need {
+        match is_glossy(arguments) {
+            true if !needs.lobes => Need::Dropped("no material is glossy"),
+            false if !needs.diffuse => Need::Dropped("no material has a diffuse part"),
+            _ => Need::Kept,
+        }
+    }
+
+    fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
+        let Some(gbuffer) = r.g_buffer("of").copied() else { return Ok(()) };
+        let glossy = is_glossy(r.arguments);
+        if !glossy && !r.setting.needs.lobes {
+            // All of them.
+            r.output("gbuffer", Port::GBuffer(gbuffer));
+            return Ok(());
+        }
+        let position = r.image("position", Format::Rgba32Float);
+        let program = scene_constants(Program::new("surfaces"), r.setting.needs)
+            .bind("position", gbuffer.position)
+            .bind("reflectance", gbuffer.reflectance)
+            .bind("triangles", gbuffer.triangles)
+            .bind("kept", position);
+        if glossy {
+            let Some(lobes) = r.lobes("lobes").cloned() else {
+                return Err(Refusal::new(
+                    "plan::lobes",
+                    "glossy surfaces are asked for without their lobes",
+                    "join the input `lobes` to a LobeCoefficients node",
+                ));
+            };
+            let seen = r.image("seen", Format::Rgba32Float);
+            r.compute_pixels(program.bind("tables", lobes.of_material).bind("seen", seen), "keep_glossy");
+            r.output("lobes", Port::VisibleLobes(port::VisibleLobes { lobes, seen }));
+        } else {
+            r.compute_pixels(program, "keep_diffuse");
+        }
+        r.output("gbuffer", Port::GBuffer(port::GBuffer { position, ..gbuffer }));
+        Ok(())
+    }
+}

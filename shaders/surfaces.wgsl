@@ -1,0 +1,46 @@
+#import lib/scene
+#import lib/camera
+
+// Pixels that see a surface of one kind; at the others nothing is seen.
+
+@group(0) @binding(0) var position: texture_2d<f32>;
+@group(0) @binding(1) var reflectance: texture_2d<f32>;
+@group(0) @binding(2) var triangles: texture_2d<u32>;
+@group(0) @binding(3) var kept: texture_storage_2d<rgba32float, write>;
+// Of each material in x the index of its table, or NO_TABLE.
+@group(0) @binding(4) var<storage, read> tables: array<vec4u>;
+// Reflectance of the lobe; its table, and as the fraction the azimuth of its first axis.
+@group(0) @binding(5) var seen: texture_storage_2d<rgba32float, write>;
+
+const NO_TABLE = 0xffffffffu;
+
+@compute @workgroup_size(8, 8)
+fn keep_diffuse(@builtin(global_invocation_id) id: vec3u) {
+    if any(id.xy >= camera.size) {
+        return;
+    }
+    let is_diffuse = any(textureLoad(reflectance, id.xy, 0).rgb > vec3f(0.0));
+    textureStore(kept, id.xy, select(vec4f(0.0), textureLoad(position, id.xy, 0), is_diffuse));
+}
+
+@compute @workgroup_size(8, 8)
+fn keep_glossy(@builtin(global_invocation_id) id: vec3u) {
+    if any(id.xy >= camera.size) {
+        return;
+    }
+    let triangle = textureLoad(triangles, id.xy, 0).x;
+    var place = vec4f(0.0);
+    var lobe = vec4f(0.0);
+    if triangle != 0u {
+        let table = tables[material_of(triangle - 1u)].x;
+        if table != NO_TABLE {
+            let surface = surface_seen(triangle - 1u, camera.eye, pixel_ray(id.xy));
+            let frame = frame_around(surface.normal, 0.0);
+            let azimuth = fract(atan2(dot(surface.tangent, frame[1]), dot(surface.tangent, frame[0])) / (2.0 * PI));
+            lobe = vec4f(surface.specular, f32(table) + min(azimuth, 0.9999));
+            place = textureLoad(position, id.xy, 0);
+        }
+    }
+    textureStore(kept, id.xy, place);
+    textureStore(seen, id.xy, lobe);
+}

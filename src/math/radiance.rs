@@ -1,0 +1,301 @@
+//! A tile projected on hemispherical harmonics: the coefficients of the radiance that arrives, and how each changes along the surface.
+//!
+//! With the harmonic `H_i` in place of the cosine, the coefficient is summed as the irradiance is, and its translation gradient is that of
+//! [`super::sum`]: a wall between two samples moves over the hemisphere as the point moves, whatever is integrated there.
+
+use super::{
+    frame::Frame,
+    harmonics::{
+        Basis, MOST, count, index,
+        reflection::{LobeTable, in_fours, quads},
+        tilt::turn,
+    },
+    hemisphere::{Edge, Sample, Table},
+    sum::SizeError,
+    weight::EXTRAPOLATION,
+};
+use glam::{DVec2, DVec3, Vec3, Vec4};
+use std::f32::consts::TAU;
+
+/// Expansions of a record: red, green, blue, then their derivatives along the first and the second tangent.
+pub const PLANES: usize = 9;
+
+/// The basis at a table's samples and walls.
+#[derive(Debug, Clone)]
+pub struct Expansion {
+    pub order: usize,
+    /// Index of each sample with a weight, and its solid angle times the harmonics there.
+    pub samples: Vec<(u32, Vec<f64>)>,
+    pub walls: Vec<Wall>,
+}
+
+/// A wall between two samples, see [`Edge`].
+#[derive(Debug, Clone)]
+pub struct Wall {
+    pub a: u32,
+    pub b: u32,
+    /// Along both tangents; the irradiance's, over the cosine there.
+    pub gradient: DVec2,
+    /// The harmonics in the wall's direction.
+    pub basis: Vec<f64>,
+}
+
+/// What a tile projects to, in the frame of its record.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Projected(pub [Vec<f64>; PLANES]);
+
+impl Expansion {
+    pub fn new(table: &Table, order: usize) -> Self {
+        let basis = Basis::<f64>::new(order);
+        let used = table.samples.iter().zip(0..).filter(|(sample, _)| sample.plain_weight > 0.0);
+        let samples = used.map(|(s, at)| (at, basis.hemispherical(mean_direction(s)).into_iter().map(|h| h * s.plain_weight).collect())).collect();
+        Self { order, samples, walls: table.edges.iter().filter_map(|edge| wall(table, edge, &basis)).collect() }
+    }
+
+    /// Projects a tile as [`super::sum::sum`] sums it.
+    ///
+    /// # Errors
+    /// When the tile has another number of samples than the table.
+    pub fn project(&self, table: &Table, radiance: &[[f32; 4]], nearest: f64) -> Result<Projected, SizeError> {
+        if radiance.len() != table.samples.len() {
+            return Err(SizeError { found: radiance.len(), expected: table.samples.len() });
+        }
+        let colour = |at: u32| DVec3::from_array([0, 1, 2].map(|i| f64::from(radiance[at as usize][i])));
+        let inverse_depth = |at: u32| 1.0 / (f64::from(radiance[at as usize][3]).max(nearest) * table.samples[at as usize].depth_cosine);
+        let mut planes: [Vec<f64>; PLANES] = std::array::from_fn(|_| vec![0.0; count(self.order)]);
+        for (at, basis) in &self.samples {
+            (0..3).for_each(|channel| add(&mut planes[channel], basis, colour(*at)[channel]));
+        }
+        for wall in &self.walls {
+            let step = (colour(wall.b) - colour(wall.a)) * inverse_depth(wall.a).max(inverse_depth(wall.b));
+            for channel in 0..3 {
+                add(&mut planes[3 + channel], &wall.basis, step[channel] * wall.gradient.x);
+                add(&mut planes[6 + channel], &wall.basis, step[channel] * wall.gradient.y);
+            }
+        }
+        Ok(Projected(planes))
+    }
+}
+
+/// The direction that stands for all that a sample does: its height is the mean height, so that the irradiance, which two harmonics hold, is exact.
+/// Near the horizon a sample's own direction may be far from it.
+fn mean_direction(sample: &Sample) -> [f64; 3] {
+    let z = (sample.cosine_weight / sample.plain_weight).clamp(0.0, 1.0);
+    let along = DVec2::new(sample.rotation[1], -sample.rotation[0]).normalize_or_zero() * (1.0 - z * z).sqrt();
+    [along.x, along.y, z]
+}
+
+fn add(sum: &mut [f64], basis: &[f64], factor: f64) {
+    sum.iter_mut().zip(basis).for_each(|(sum, basis)| *sum += basis * factor);
+}
+
+fn wall(table: &Table, edge: &Edge, basis: &Basis<f64>) -> Option<Wall> {
+    let between: DVec3 = [edge.a, edge.b].map(|at| DVec3::from(table.samples[at as usize].direction)).into_iter().sum();
+    let direction = between.normalize_or_zero();
+    let along = DVec3::from(edge.gradient).truncate();
+    // Walls on the horizon itself move nothing that a surface sees.
+    (direction.z > 1e-6).then(|| Wall { a: edge.a, b: edge.b, gradient: along / direction.z, basis: basis.hemispherical(direction.to_array()) })
+}
+
+impl Projected {
+    /// The same in a frame that the record's is `angle` ahead of, around the normal [radians].
+    pub fn turned(mut self, angle: f64) -> Self {
+        self.0.iter_mut().for_each(|plane| turn(plane, angle));
+        let (sine, cosine) = angle.sin_cos();
+        let (x, y) = self.0[3..].split_at_mut(3);
+        for (x, y) in x.iter_mut().flatten().zip(y.iter_mut().flatten()) {
+            (*x, *y) = (*x * cosine - *y * sine, *x * sine + *y * cosine);
+        }
+        self
+    }
+
+    /// How fast what arrives changes along the surface: the derivatives' norm over the expansion's [1 / scene unit].
+    pub fn relative_gradient(&self) -> f64 {
+        let energy = |planes: &[Vec<f64>]| planes.iter().flatten().map(|v| v * v).sum::<f64>();
+        (energy(&self.0[3..]) / energy(&self.0[..3]).max(1e-30)).sqrt()
+    }
+
+    /// The inverse of [`Self::in_fours`].
+    pub fn of_fours(planes: &[Vec4], order: usize) -> Self {
+        let plane = |of: &[Vec4]| of.iter().flat_map(|four| four.to_array()).take(count(order)).map(f64::from).collect();
+        let mut planes = planes.chunks_exact(quads(order)).map(plane);
+        Self(std::array::from_fn(|_| planes.next().unwrap_or_default()))
+    }
+
+    /// Plane by plane, [`quads`] each, as records keep them.
+    pub fn in_fours(&self, order: usize) -> Vec<Vec4> {
+        let mut fours = vec![Vec4::ZERO; PLANES * quads(order)];
+        for (plane, out) in self.0.iter().zip(fours.chunks_exact_mut(quads(order))) {
+            in_fours(plane.iter().copied(), out);
+        }
+        fours
+    }
+}
+
+/// A viewer of a place of a glossy surface, seen from a record near it.
+#[derive(Debug, Clone, Copy)]
+pub struct Viewed {
+    /// Unit direction to the viewer.
+    pub toward: Vec3,
+    /// Unit normal of the place, and of the record.
+    pub normal: Vec3,
+    pub record_normal: Vec3,
+    /// From the record to the place, as far as the gradients are followed [scene units].
+    pub offset: Vec3,
+    /// Of the lobe, along the normal.
+    pub reflectance: Vec3,
+    /// Of the lobe's first axis in [`Frame::new`] of the normal [turns].
+    pub azimuth: f32,
+}
+
+/// Radiance that a lobe reflects toward the viewer of what arrives at a record ([`PLANES`] expansions of [`quads`]).
+///
+/// Neither expansion is rotated. The viewer is moved to where the record's own plane would mirror what the place's mirrors, so that a lobe around
+/// the mirrored direction stays where it is; what the place's plane then reflects more or less is made up for by the albedo of both.
+pub fn reflected(planes: &[Vec4], table: &LobeTable, viewed: &Viewed) -> Vec3 {
+    let quads = quads(table.order);
+    let (own, frame) = (Frame::new(viewed.normal), Frame::new(viewed.record_normal));
+    let turned = viewed.azimuth != 0.0;
+    let (angle, own_angle) = if turned { (azimuth_in(&frame, &own, viewed.azimuth), viewed.azimuth * TAU) } else { (0.0, 0.0) };
+    let mirror = |direction: Vec3, normal: Vec3| 2.0 * direction.dot(normal) * normal - direction;
+    let moved = about(frame.to_local(mirror(mirror(viewed.toward, viewed.normal), viewed.record_normal)), -angle);
+    let [mut flat, mut rise] = [[Vec4::ZERO; MOST_QUADS]; 2];
+    let (flat, rise) = (&mut flat[..quads], &mut rise[..quads]);
+    table.lookup(moved, [&mut *flat, &mut *rise]);
+    let albedo = |flat: &[Vec4], rise: &[Vec4]| viewed.reflectance * flat[0].x + rise[0].x;
+    let lookup = albedo(flat, rise);
+    let [mut own_flat, mut own_rise] = [[Vec4::ZERO; 1]; 2];
+    table.lookup(about(own.to_local(viewed.toward), -own_angle), [&mut own_flat, &mut own_rise]);
+    let scale = albedo(&own_flat, &own_rise) / lookup.max(Vec3::splat(1e-12));
+    if turned {
+        for part in [&mut *flat, &mut *rise] {
+            let mut values: Vec<f64> = part.iter().flat_map(|four| four.to_array()).map(f64::from).take(count(table.order)).collect();
+            turn(&mut values, f64::from(angle));
+            in_fours(values.into_iter(), part);
+        }
+    }
+    let (x, y) = (viewed.offset.dot(frame.tangent), viewed.offset.dot(frame.bitangent));
+    let has_rise = rise.iter().any(|four| *four != Vec4::ZERO);
+    let mut estimate = Vec3::ZERO;
+    for channel in 0..3 {
+        let plane = |of: usize| &planes[(of * 3 + channel) * quads..][..quads];
+        let (arriving, along_x, along_y) = (plane(0), plane(1), plane(2));
+        let dot = |lobe: &[Vec4]| {
+            let (mut here, mut there) = (Vec4::ZERO, Vec4::ZERO);
+            for i in 0..quads {
+                here += lobe[i] * arriving[i];
+                there += lobe[i] * (along_x[i] * x + along_y[i] * y);
+            }
+            [here.element_sum(), there.element_sum()]
+        };
+        let [mut base, mut change] = dot(flat).map(|sum| sum * viewed.reflectance[channel]);
+        if has_rise {
+            let [here, there] = dot(rise);
+            (base, change) = (base + here, change + there);
+        }
+        let [least, most] = EXTRAPOLATION;
+        estimate[channel] = if base > 0.0 { (base + change).clamp(base * least, base * most) } else { base };
+    }
+    estimate * scale.clamp(Vec3::splat(0.25), Vec3::splat(4.0))
+}
+
+/// Fours of the highest order.
+const MOST_QUADS: usize = quads(MOST);
+
+/// Azimuth in a frame of an axis that has another azimuth [turns] in the place's own frame [radians].
+fn azimuth_in(frame: &Frame, own: &Frame, azimuth: f32) -> f32 {
+    let axis = frame.to_local(own.turned(azimuth * TAU).tangent);
+    axis.y.atan2(axis.x)
+}
+
+fn about(direction: Vec3, angle: f32) -> Vec3 {
+    if angle == 0.0 {
+        return direction;
+    }
+    let (sine, cosine) = angle.sin_cos();
+    Vec3::new(direction.x * cosine - direction.y * sine, direction.x * sine + direction.y * cosine, direction.z)
+}
+
+/// Degree and order of the coefficient at a place: the inverse of [`index`].
+pub fn degree_and_order(at: usize) -> (usize, isize) {
+    let l = at.isqrt();
+    (l, at as isize - index(l, 0) as isize)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::{
+        hemisphere::{Method, Shape},
+        oracle::{Objects, place, tile, trace},
+    };
+
+    const ORDER: usize = 6;
+    const OBJECTS: Objects = Objects { occluder: true, wall: false };
+
+    fn projected(table: &Table, expansion: &Expansion, point: DVec3, turn: f64) -> Projected {
+        let (sine, cosine) = turn.sin_cos();
+        let to_world = |v: DVec3| DVec3::new(v.x * cosine - v.y * sine, v.x * sine + v.y * cosine, v.z);
+        let tile = tile(table, |direction| trace(point, to_world(direction), OBJECTS));
+        expansion.project(table, &tile, 1e-9).expect("a tile of the table's size").turned(turn)
+    }
+
+    #[test]
+    fn the_first_coefficients_hold_the_irradiance() {
+        let table = Table::new(Shape::Hemispherical, 96, Method::None).expect("a table");
+        let expansion = Expansion::new(&table, 2);
+        let tile = tile(&table, |direction| (1.0 + direction.x, 1.0));
+        let found = expansion.project(&table, &tile, 1e-9).expect("a tile");
+        let irradiance = crate::math::sum::sum(&table, &tile, 1e-9).expect("a tile").irradiance.x;
+        // cosθ = (1 + (2 cosθ − 1)) / 2 in terms of the first two zonal harmonics.
+        let tau = std::f64::consts::TAU;
+        let sum = 0.5 * tau.sqrt() * (found.0[0][0] + found.0[0][2] / 3f64.sqrt());
+        assert!((sum - irradiance).abs() < 1e-6 * irradiance, "{sum}, not {irradiance}");
+    }
+
+    #[test]
+    fn frames_that_are_turned_agree() {
+        let table = Table::new(Shape::Hemispherical, 64, Method::None).expect("a table");
+        let expansion = Expansion::new(&table, ORDER);
+        let (point, _) = place(3);
+        let [straight, turned] = [0.0, 1.1].map(|turn| projected(&table, &expansion, point, turn));
+        for plane in 0..PLANES {
+            let size = straight.0[plane].iter().map(|v| v * v).sum::<f64>().sqrt();
+            let apart = straight.0[plane].iter().zip(&turned.0[plane]).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
+            assert!(apart < 0.12 * size, "{plane}: {apart} of {size}");
+        }
+    }
+
+    /// Against central differences of coefficients that a fine tile projects to.
+    #[test]
+    fn gradients_are_finite_differences() {
+        for (shape, limit) in [(Shape::Hemispherical, 0.10), (Shape::Plane { fov_degrees: 126.87 }, 0.15), (Shape::Cosine, 0.10)] {
+            let table = Table::new(shape, 96, Method::BorderExtension).expect("a table");
+            let fine = Table::new(Shape::Hemispherical, 320, Method::None).expect("a table");
+            let (expansion, truth) = (Expansion::new(&table, ORDER), Expansion::new(&fine, ORDER));
+            let (mut error, mut size) = (0.0, 0.0);
+            for (point, _) in (0..4).map(place) {
+                let found = projected(&table, &expansion, point, 0.0);
+                for (axis, step) in [DVec3::X, DVec3::Y].into_iter().zip([3, 6]) {
+                    let h = 0.03;
+                    let [before, after] = [-h, h].map(|h| projected(&fine, &truth, point + axis * h, 0.0));
+                    for (i, gradient) in found.0[step].iter().enumerate() {
+                        let known = (after.0[0][i] - before.0[0][i]) / (2.0 * h);
+                        error += (gradient - known).powi(2);
+                        size += known * known;
+                    }
+                }
+            }
+            let relative = (error / size).sqrt();
+            assert!(relative < limit, "{shape:?}: {relative}");
+        }
+    }
+
+    #[test]
+    fn places_know_their_degree() {
+        for at in 0..400 {
+            let (l, m) = degree_and_order(at);
+            assert_eq!(index(l, m), at);
+        }
+    }
+}

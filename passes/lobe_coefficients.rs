@@ -4,7 +4,7 @@ use crate::contract::{Arguments, Choice, Description, Need, Output, Parameter, P
 use crate::math::{
     harmonics::{
         MOST,
-        reflection::{LobeTable, Window, energy_by_order},
+        reflection::{LobeTable, PARTS, Window, energy_by_order, quads},
     },
     lobe::Shape,
 };
@@ -85,13 +85,11 @@ static DESCRIPTION: Description = Description {
     outputs: &[Output { name: "lobes", about: "a table for each shape of lobe", kind: PortKind::Lobes }],
 };
 
-/// The least share of a lobe that is called held.
-fn most_lost(arguments: &Arguments) -> f64 {
-    match arguments.choice("order") {
-        ("Enough", inner) => inner.float("lost"),
-        _ => 0.05,
-    }
-}
+/// Most bytes of all tables: 128 MiB is the least that adapters must bind.
+const MOST_BYTES: u64 = 128 << 20;
+
+/// The share of a lobe's energy that a fixed order may lose before it is told.
+const LOST: f64 = 0.05;
 
 /// A shape of lobe, and the materials that have it.
 struct Used {
@@ -117,15 +115,35 @@ fn shapes(scene: &Scene) -> (Vec<Used>, Vec<Option<u32>>) {
     (shapes, of_material)
 }
 
-/// The lowest order that holds a lobe, if any does, and what the highest that may be holds.
-struct Held {
-    enough: Option<usize>,
-    at_most: f64,
-}
-
-fn held(shape: Shape, lost: f64, at_most: usize) -> Held {
-    let by_order = energy_by_order(shape, MOST);
-    Held { enough: by_order.iter().position(|held| *held >= 1.0 - lost).map(|at| at + 1), at_most: by_order[at_most - 1] }
+/// The order for all lobes: as the parameter has it; those that it does not hold are told, or refused.
+fn chosen_order(r: &mut Recorder<'_>, shapes: &[Used]) -> Result<usize, Refusal> {
+    let (choice, inner) = r.arguments.choice("order");
+    let (lost, at_most) = match choice {
+        "Enough" => (inner.float("lost"), inner.integer("at_most") as usize),
+        _ => (LOST, inner.integer("order") as usize),
+    };
+    let mut order = if choice == "Enough" { 1 } else { at_most };
+    for Used { shape, materials } in shapes {
+        let held = energy_by_order(*shape, MOST);
+        let enough = held.iter().position(|held| *held >= 1.0 - lost).map(|at| at + 1);
+        order = order.max(enough.unwrap_or(at_most)).min(at_most);
+        if enough.is_some_and(|enough| enough <= at_most) {
+            continue;
+        }
+        let told = format!(
+            "the lobe of {} takes order {} to keep {:.2} % of its energy; order {at_most} keeps {:.2} %",
+            materials.join(", "),
+            enough.map_or_else(|| format!("more than {MOST}, the highest there is,"), |enough| enough.to_string()),
+            100.0 * (1.0 - lost),
+            100.0 * held[at_most - 1],
+        );
+        if r.arguments.choice("too_sharp").0 == "Refuse" {
+            return Err(Refusal::of_parameter("order", "plan::too_sharp", told, "raise the order, make the material rougher, or set too_sharp to Blur"));
+        }
+        r.remark(format!("{told}: it is blurred"));
+    }
+    r.remark(format!("order {order} for {} of lobe", plural(shapes.len(), "shape")));
+    Ok(order)
 }
 
 impl Pass for LobeCoefficients {
@@ -139,34 +157,17 @@ impl Pass for LobeCoefficients {
 
     fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
         let (shapes, of_material) = shapes(r.setting.scene);
-        let lost = most_lost(r.arguments);
-        let (choice, inner) = r.arguments.choice("order");
-        let at_most = inner.integer(if choice == "Enough" { "at_most" } else { "order" }) as usize;
-        let mut order = if choice == "Enough" { 1 } else { at_most };
-        for Used { shape, materials } in &shapes {
-            let held = held(*shape, lost, at_most);
-            order = order.max(held.enough.unwrap_or(at_most)).min(at_most);
-            if held.enough.is_none_or(|enough| enough > at_most) {
-                let needed = held.enough.map_or_else(|| format!("more than {MOST}, the highest there is"), |enough| enough.to_string());
-                let told = format!(
-                    "the lobe of {} takes order {needed} to keep {:.2} % of its energy; order {at_most} keeps {:.2} %",
-                    materials.join(", "),
-                    100.0 * (1.0 - lost),
-                    100.0 * held.at_most
-                );
-                if r.arguments.choice("too_sharp").0 == "Refuse" {
-                    return Err(Refusal::of_parameter(
-                        "order",
-                        "plan::too_sharp",
-                        told,
-                        "raise the order, make the material rougher, or set too_sharp to Blur",
-                    ));
-                }
-                r.remark(format!("{told}: it is blurred"));
-            }
-        }
-        r.remark(format!("order {order} for {} of lobe", plural(shapes.len(), "shape")));
+        let order = chosen_order(r, &shapes)?;
         let edge = r.arguments.integer("grid") as usize;
+        let bytes = shapes.len() as u64 * (edge * edge * PARTS * quads(order) * 16) as u64;
+        if bytes > MOST_BYTES {
+            return Err(Refusal::of_parameter(
+                "grid",
+                "plan::lobe_tables",
+                format!("the tables of {} of lobe, {edge}×{edge} directions each, do not fit into {} MiB", plural(shapes.len(), "shape"), MOST_BYTES >> 20),
+                "lower the grid or the order, or give materials the same roughness",
+            ));
+        }
         let window = if r.arguments.choice("window").0 == "Hann" { Window::Hann } else { Window::None };
         let tables: Vec<LobeTable> = shapes.iter().map(|used| LobeTable::new(used.shape, order, edge, window)).collect();
         let values: Vec<u8> = tables.iter().flat_map(|table| bytemuck::cast_slice::<_, u8>(&table.values).iter().copied()).collect();

@@ -64,6 +64,15 @@ fn stating(mut exr: Vec<u8>, width: i32, height: i32) -> Vec<u8> {
     exr
 }
 
+/// Quads of as many different lobes.
+fn lobes(count: usize) -> Vec<u8> {
+    let names = || (0..count).map(|i| format!("m{i}"));
+    let quads: String = names().map(|name| format!("Quad(corners: ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)), material: \"{name}\"), ")).collect();
+    let materials: String =
+        names().enumerate().map(|(i, name)| format!("\"{name}\": Phong(reflectance: (0, 0, 0), specular: (0.5, 0.5, 0.5), exponent: {}), ", i + 2)).collect();
+    format!("Scene(version: 1, geometry: [{quads}], materials: {{ {materials} }}, cameras: {{ \"main\": (eye: (0, 0, 3), direction: (0, 0, -1), up: (0, 1, 0), fov: 40, size: (8, 8)) }})").into_bytes()
+}
+
 /// Glossy surfaces without their lobes.
 const SURFACES: &str = r#"Pipeline(
     version: 1,
@@ -96,6 +105,7 @@ fn files() -> BTreeMap<&'static str, Vec<u8>> {
     BTreeMap::from([
         ("white.ron", scene("Diffuse(reflectance: (0.5, 0.5, 0.5))").into_bytes()),
         ("glossy.ron", scene("Phong(reflectance: (0.5, 0.5, 0.5), specular: (0.1, 0.1, 0.1), exponent: 10)").into_bytes()),
+        ("lobes.ron", lobes(4)),
         ("grey.exr", grey()),
         ("black.exr", exr(picture(Layer::value(vec![0.0, 0.0])))),
         ("nothing.exr", exr(picture(Layer::value(vec![1.0, 2.0])).with("depth", Layer::value(vec![0.0, 0.0])))),
@@ -121,7 +131,7 @@ fn files() -> BTreeMap<&'static str, Vec<u8>> {
 
 /// Code and arguments, one case each, and whether a GPU is needed.
 #[rustfmt::skip]
-const CASES: [(&str, &str, bool); 51] = [
+const CASES: [(&str, &str, bool); 53] = [
     ("plan::batch", "check irradiance --scene white.ron --set tiles.resolution=512", false),
     ("plan::coarsest", "check irradiance --scene white.ron --set misses.by=DeviceGrid(coarsest:3)", false),
     ("plan::finest", "check irradiance --scene white.ron --set misses.by=DeviceGrid(finest:3)", false),
@@ -133,6 +143,8 @@ const CASES: [(&str, &str, bool); 51] = [
     ("plan::taps", "check irradiance --scene corner --set shadow.taps=5", false),
     ("plan::glossy", "check irradiance --scene glossy.ron", false),
     ("plan::lobes", "check surfaces.ron --scene glossy.ron", false),
+    ("plan::lobe_tables", "check radiance --scene lobes.ron --set lobes.grid=128 --set lobes.order=Fixed(order:20)", false),
+    ("plan::rotation", "check radiance-rotated --scene glossy.ron --set reflections.by=ComputeTiles", false),
     ("plan::too_sharp", "check radiance --scene glossy.ron --set lobes.order=Fixed(order:2) --set lobes.too_sharp=Refuse", false),
     ("plan::coefficients", "check radiance --scene glossy.ron --set glossy_added.records=\"glossy_sums\"", false),
     ("cli::unknown_pass", "passes Splatt", false),

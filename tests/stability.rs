@@ -29,7 +29,8 @@ fn main() {
         drawn("mistakes_are_seen".into(), false, Box::new(mistakes_are_seen)),
         drawn("the_program_tells_what_fails".into(), false, Box::new(|_| program_tells())),
     ];
-    for (file, _) in EMBEDDED {
+    // No room of the cases is glossy: of the variants of radiance.ron is left what is left of itself.
+    for (file, _) in EMBEDDED.iter().filter(|(file, _)| !file.starts_with("radiance-")) {
         let name = file.trim_end_matches(".ron");
         trials.push(drawn(name.into(), false, Box::new(move |gpu| all_hold(gpu, name, false))));
         trials.push(drawn(format!("{name} at length"), true, Box::new(move |gpu| all_hold(gpu, name, true))));

@@ -4,8 +4,9 @@
 use super::{Radiance, Work};
 use crate::contract::{Recorder, port};
 use crate::math::{
+    harmonics::Tilting,
     projection::PixelRectangle,
-    radiance::{PLANES, Viewed, reflected},
+    radiance::{PLANES, Viewed, reflected, reflected_rotated},
     weight::Record,
 };
 use crate::passes::record::{RECORD_BYTES, Record as HostRecord, coefficient_bytes, pinhole, texels};
@@ -16,6 +17,9 @@ use std::sync::Arc;
 
 /// Rows of pixels that are summed as one.
 const ROWS: u32 = 8;
+
+/// Steps of tables of matrices.
+const STEPS: usize = 64;
 
 /// What the host reads of a frame.
 struct Pictures {
@@ -35,6 +39,7 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, radiance: &Radiance) {
     let [width, height] = r.setting.size;
     let (gbuffer, cache, lobes, seen) = (work.gbuffer, work.cache, radiance.visible.lobes.clone(), radiance.visible.seen);
     let coefficients = radiance.coefficients;
+    let tilting = radiance.rotation.map(|method| Tilting::new(coefficients.order as usize, method, STEPS));
     let bytes = coefficient_bytes(coefficients.order);
     let outputs = [Some(work.sums), work.counts].into_iter().flatten();
     let uploads: Vec<_> =
@@ -67,7 +72,7 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, radiance: &Radiance) {
                 for row in place.bounds.min[1].max(first)..place.bounds.max[1].min(first + ROWS) {
                     for column in place.bounds.min[0]..place.bounds.max[0] {
                         let at = ((row - first) * width + column) as usize;
-                        if let Some(value) = pictures.contribution(&cache, &lobes, place, camera.eye, (row * width + column) as usize) {
+                        if let Some(value) = pictures.contribution(&cache, &lobes, tilting.as_ref(), place, camera.eye, (row * width + column) as usize) {
                             sums[at] += value;
                             counts[at] += Vec4::ONE;
                         }
@@ -88,7 +93,15 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, radiance: &Radiance) {
 
 impl Pictures {
     /// Weighted radiance and weight of a record at a pixel, if it counts there.
-    fn contribution(&self, cache: &port::RecordCache, lobes: &port::Lobes, placed: &Placed<'_>, eye: Vec3, pixel: usize) -> Option<Vec4> {
+    fn contribution(
+        &self,
+        cache: &port::RecordCache,
+        lobes: &port::Lobes,
+        tilting: Option<&Tilting>,
+        placed: &Placed<'_>,
+        eye: Vec3,
+        pixel: usize,
+    ) -> Option<Vec4> {
         let [x, y, z, footprint] = self.position[pixel];
         if footprint <= 0.0 {
             return None;
@@ -109,6 +122,11 @@ impl Pictures {
             azimuth: table.fract(),
         };
         debug_assert_eq!(placed.planes.len() % PLANES, 0);
-        Some(reflected(placed.planes, &lobes.tables[table as usize], &viewed).extend(1.0) * weight)
+        let table = &lobes.tables[table as usize];
+        let radiance = match tilting {
+            Some(tilting) => reflected_rotated(placed.planes, table, tilting, &viewed),
+            None => reflected(placed.planes, table, &viewed),
+        };
+        Some(radiance.extend(1.0) * weight)
     }
 }

@@ -1,7 +1,7 @@
 //! Records onto pixels.
 
 use crate::contract::{Choice, Description, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, port};
-use crate::math::harmonics::reflection::quads;
+use crate::math::harmonics::{Method, reflection::quads};
 use crate::recording::*;
 
 mod compute_tiles;
@@ -37,6 +37,23 @@ static DESCRIPTION: Description = Description {
                 ],
             },
         },
+        Parameter {
+            name: "rotation",
+            about: "how what a record knows is brought into the frame of a pixel with another normal, for radiance",
+            unit: "",
+            kind: ParameterKind::Choice {
+                choices: &[
+                    Choice { name: "MovedViewer", about: "not at all: the viewer is moved to where the record's plane mirrors the same", parameters: &[] },
+                    Choice { name: "Precomputed", about: "matrices for angles in a table (THESIS 3.4.4), on the host", parameters: &[] },
+                    Choice {
+                        name: "Conversion",
+                        about: "spherical harmonics of four bands more, rotated and converted back (THESIS 3.4.1), on the host",
+                        parameters: &[],
+                    },
+                    Choice { name: "DigonDeletion", about: "what sinks below the horizon is deleted first (THESIS 3.4.2), on the host", parameters: &[] },
+                ],
+            },
+        },
         Parameter { name: "count", about: "also counts the records of each pixel", unit: "", kind: ParameterKind::Bool { default: false } },
     ],
     inputs: &[
@@ -64,17 +81,18 @@ struct Work {
 }
 
 /// What turns records into radiance toward the camera.
-#[derive(Clone)]
 struct Radiance {
     visible: port::VisibleLobes,
     /// Of the records.
     coefficients: port::Coefficients,
+    /// None where the viewer is moved in place of it.
+    rotation: Option<Method>,
 }
 
 impl Work {
     /// What a record adds to a pixel.
     fn contribution(&self, program: Program) -> Program {
-        let Some(Radiance { visible, coefficients }) = &self.radiance else { return program.import("CONTRIBUTION", "lib/contribution/irradiance") };
+        let Some(Radiance { visible, coefficients, .. }) = &self.radiance else { return program.import("CONTRIBUTION", "lib/contribution/irradiance") };
         program
             .import("CONTRIBUTION", "lib/contribution/radiance")
             .constant("QUADS", quads(coefficients.order as usize) as u32)
@@ -88,8 +106,24 @@ impl Work {
 
 fn radiance(r: &Recorder<'_>, cache: &port::RecordCache) -> Result<Option<Radiance>, Refusal> {
     let Some(visible) = r.visible_lobes("lobes") else { return Ok(None) };
+    let rotation = match r.arguments.choice("rotation").0 {
+        "Precomputed" => Some(Method::Precomputed),
+        "Conversion" => Some(Method::Conversion { spherical: visible.lobes.order as usize + 4 }),
+        "DigonDeletion" => Some(Method::DigonDeletion),
+        _ => None,
+    };
+    let by = r.arguments.choice("by").0;
+    let on_host = by == "Host" || (by == "Suited" && r.setting.device == Device::Software);
+    if rotation.is_some() && !on_host {
+        return Err(Refusal::of_parameter(
+            "rotation",
+            "plan::rotation",
+            "expansions are rotated on the host alone",
+            "set `by` to Host, or rotation to MovedViewer",
+        ));
+    }
     match cache.coefficients {
-        Some(coefficients) if coefficients.order == visible.lobes.order => Ok(Some(Radiance { visible: visible.clone(), coefficients })),
+        Some(coefficients) if coefficients.order == visible.lobes.order => Ok(Some(Radiance { visible: visible.clone(), coefficients, rotation })),
         _ => Err(Refusal::new(
             "plan::coefficients",
             "the records hold no coefficients for these lobes",

@@ -30,6 +30,11 @@ const LEAST_ALPHA: f32 = 1e-3;
 const MOST_EXPONENT: f32 = 1e6;
 
 impl Shape {
+    /// Whether it depends on the azimuth around the normal.
+    pub fn is_anisotropic(self) -> bool {
+        matches!(self, Self::Ward { alpha } if alpha.x != alpha.y)
+    }
+
     /// As wide at least as a density can be.
     fn bounded(self) -> Self {
         match self {
@@ -180,6 +185,18 @@ mod tests {
         for (lobe, outgoing) in lobes().iter().flat_map(|lobe| directions().into_iter().map(move |d| (lobe, d))) {
             let share = albedo(lobe, outgoing);
             assert!(share <= 1.0 + 1e-3, "{lobe:?} reflects {share} toward {outgoing}");
+        }
+    }
+
+    /// What microfacets leave to the part below them, and what they reflect themselves, is no more than arrives.
+    #[test]
+    fn what_is_left_below_a_lobe_is_not_reflected_twice() {
+        for alpha in [0.05, 0.2, 0.5, 1.0] {
+            let lobe = Lobe { shape: Shape::Microfacets { alpha }, reflectance: Vec3::splat(0.04) };
+            for outgoing in directions() {
+                let all = albedo(&lobe, outgoing) + f64::from(lobe.leaves(outgoing.z).x);
+                assert!(all <= 1.02, "slope {alpha}, toward {outgoing}: {all}");
+            }
         }
     }
 

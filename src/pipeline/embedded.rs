@@ -29,6 +29,7 @@ pub static EMBEDDED: &[(&str, &str)] = &[
     ("radiance-device.ron", include_str!("../../pipelines/radiance-device.ron")),
     ("radiance-no-gradients.ron", include_str!("../../pipelines/radiance-no-gradients.ron")),
     ("radiance-readback.ron", include_str!("../../pipelines/radiance-readback.ron")),
+    ("radiance-rotated.ron", include_str!("../../pipelines/radiance-rotated.ron")),
     ("radiance-window.ron", include_str!("../../pipelines/radiance-window.ron")),
 ];
 

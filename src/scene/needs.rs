@@ -1,6 +1,6 @@
 //! What a scene requires of a pipeline.
 
-use super::{Glossy, Material, Scene, Triangle, shadow_layers};
+use super::{Material, Scene, Triangle, shadow_layers};
 
 /// The facts that decide which passes and which parts of shaders stay.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -49,7 +49,7 @@ impl Needs {
             smooth: scene.triangles.iter().any(is_smooth),
             glossy: materials().filter(|m| has_lobe(m)).map(|m| m.name.clone()).collect(),
             lobes: materials().any(has_lobe),
-            anisotropic: materials().any(|m| matches!(m.glossy, Some(Glossy::Ward { alpha, .. }) if alpha.x != alpha.y)),
+            anisotropic: materials().any(|m| m.reflection(m.reflectance).lobe.is_some_and(|lobe| lobe.shape.is_anisotropic())),
             diffuse: materials().any(|m| !has_lobe(m) || m.reflection(m.reflectance).diffuse != glam::Vec3::ZERO),
             extent: scene.extent(),
         }

@@ -1,9 +1,10 @@
 //! Lobes as expansions in hemispherical harmonics: what a surface reflects is the dot product of such an expansion with that of the
 //! radiance that arrives (Gautron's thesis, 2.10 and 3.5).
 
-use super::{Basis, count, index, quadrature::hemisphere};
+use super::{Basis, count, index, quadrature::hemisphere, tilt::turn};
 use crate::math::lobe::{Lobe, Shape};
 use glam::{Vec2, Vec3, Vec4};
+use std::f32::consts::FRAC_PI_2;
 
 /// A lobe times the cosine, projected for every outgoing direction of a paraboloid's grid (thesis, 3.35 and 3.36).
 #[derive(Debug, Clone, PartialEq)]
@@ -71,27 +72,13 @@ impl LobeTable {
     /// Projects a lobe; its reflectance is left out.
     pub fn new(shape: Shape, order: usize, edge: usize, window: Window) -> Self {
         let projector = Projector::new(shape, order, window);
+        let upright = (!shape.is_anisotropic()).then(|| Upright::new(&projector));
         let places = (0..edge * edge).map(|at| (Vec2::new((at % edge) as f32, (at / edge) as f32) + 0.5) / edge as f32);
         let stride = PARTS * quads(order);
         let mut values = vec![Vec4::ZERO; edge * edge * stride];
-        let mut upright: Vec<(u32, Vec<Vec<f64>>)> = Vec::new();
         for (place, out) in places.zip(values.chunks_exact_mut(stride)) {
             let outgoing = direction_at(place);
-            let parts = match shape {
-                Shape::Ward { alpha } if alpha.x != alpha.y => projector.project(outgoing),
-                // Alike around the normal: one projection a height, turned.
-                _ => {
-                    let key = (outgoing.z * 1e6) as u32;
-                    let known = upright.iter().position(|(known, _)| *known == key).unwrap_or_else(|| {
-                        upright.push((key, projector.project(Vec3::new((1.0 - outgoing.z * outgoing.z).max(0.0).sqrt(), 0.0, outgoing.z))));
-                        upright.len() - 1
-                    });
-                    let azimuth = (outgoing.y as f64).atan2(outgoing.x as f64);
-                    let mut parts = upright[known].1.clone();
-                    parts.iter_mut().for_each(|part| super::tilt::turn(part, azimuth));
-                    parts
-                }
-            };
+            let parts = upright.as_ref().map_or_else(|| projector.project(outgoing), |upright| upright.toward(outgoing));
             parts.into_iter().zip(out.chunks_exact_mut(quads(order))).for_each(|(part, out)| in_fours(part.into_iter(), out));
         }
         Self { order, edge, values }
@@ -120,85 +107,132 @@ impl LobeTable {
 /// The share of a lobe's energy that an expansion of each order from 1 to `most` holds, averaged over some outgoing directions: the integral
 /// of its square, times the cosine (thesis, 3.32).
 pub fn energy_by_order(shape: Shape, most: usize) -> Vec<f64> {
-    let lobe = Lobe { shape, reflectance: Vec3::ONE };
+    let projector = Projector::new(shape, most, Window::None);
     let mut held = vec![0.0; most];
     for angle in ANGLES {
-        let (sine, cosine) = (angle as f32).to_radians().sin_cos();
-        let outgoing = Vec3::new(sine, 0.0, cosine);
-        let function = |d: [f64; 3]| lobe.value(outgoing, Vec3::from(d.map(|x| x as f32))).x as f64 * d[2];
-        let (heights, azimuths) = points(shape, most);
-        let basis = Basis::<f64>::new(most);
+        let (sine, cosine) = f32::to_radians(angle).sin_cos();
         let mut coefficients = vec![0.0; count(most)];
         let mut all = 0.0;
-        for (direction, weight) in hemisphere(heights, azimuths) {
-            let value = function(direction);
-            all += weight * value * value;
-            if value.abs() > 1e-12 {
-                let values = basis.hemispherical(direction);
-                coefficients.iter_mut().zip(values).for_each(|(sum, basis)| *sum += weight * value * basis);
-            }
-        }
+        projector.visit(Vec3::new(sine, 0.0, cosine), |point| {
+            let value = point.values.iter().sum::<f64>() * point.cosine;
+            all += point.solid_angle * value * value;
+            coefficients.iter_mut().zip(point.basis).for_each(|(sum, basis)| *sum += point.solid_angle * value * basis);
+        });
         let mut sum = 0.0;
         for (l, held) in held.iter_mut().enumerate() {
             sum += coefficients[count(l)..count(l + 1)].iter().map(|c| c * c).sum::<f64>();
-            *held += sum / all.max(f64::MIN_POSITIVE) / ANGLES.len() as f64;
+            *held += (sum / all.max(f64::MIN_POSITIVE)).min(1.0) / ANGLES.len() as f64;
         }
     }
     held
 }
 
 /// Outgoing directions by which an order is judged [degrees].
-const ANGLES: [f64; 3] = [0.0, 30.0, 60.0];
+const ANGLES: [f32; 3] = [0.0, 30.0, 60.0];
 
-/// Heights and azimuths of the points that a lobe takes, for products with functions of an order.
-fn points(shape: Shape, order: usize) -> (usize, usize) {
-    let width = match shape {
-        Shape::Phong { exponent } => (2.0 / (exponent as f64).max(2.0)).sqrt(),
-        Shape::Ward { alpha } => alpha.min_element() as f64,
-        Shape::Microfacets { alpha } => alpha as f64,
-    };
-    let heights = (order + 16 + (8.0 / width.max(0.02)) as usize).min(320);
-    (heights, 2 * heights)
+/// Lobes narrower than this [radians] are not met by points that do not know where they are.
+const NARROW: f64 = 0.12;
+/// Points along both axes of the numbers that directions are drawn by.
+const DRAWN: usize = 64;
+
+/// The projections of a lobe that is alike around the normal, toward angles from the normal to the horizon in even steps.
+struct Upright(Vec<Vec<Vec<f64>>>);
+
+const STEPS: usize = 96;
+
+impl Upright {
+    fn new(projector: &Projector) -> Self {
+        let angle = |step: usize| FRAC_PI_2 * step as f32 / STEPS as f32;
+        let outgoing = |step: usize| Vec3::new(angle(step).sin(), 0.0, angle(step).cos().max(LEAST_HEIGHT));
+        Self((0..=STEPS).map(|step| projector.project(outgoing(step))).collect())
+    }
+
+    fn toward(&self, outgoing: Vec3) -> Vec<Vec<f64>> {
+        let at = outgoing.truncate().length().atan2(outgoing.z) / FRAC_PI_2 * STEPS as f32;
+        let base = (at as usize).min(STEPS - 1);
+        let share = f64::from(at) - base as f64;
+        let azimuth = f64::from(outgoing.y).atan2(f64::from(outgoing.x));
+        let between = |(a, b): (&Vec<f64>, &Vec<f64>)| {
+            let mut part: Vec<f64> = a.iter().zip(b).map(|(a, b)| a + (b - a) * share).collect();
+            turn(&mut part, azimuth);
+            part
+        };
+        self.0[base].iter().zip(&self.0[base + 1]).map(between).collect()
+    }
 }
 
-/// Points over the hemisphere with the values of the basis there.
+/// A direction that a lobe is looked at from.
+struct Point<'a> {
+    /// Of both parts.
+    values: [f64; PARTS],
+    cosine: f64,
+    /// What the point stands for [sr].
+    solid_angle: f64,
+    basis: &'a [f64],
+}
+
+/// What lobes are projected by.
 struct Projector {
     shape: Shape,
-    order: usize,
     window: Window,
-    points: Vec<(Vec3, f64)>,
-    /// Point by point.
-    basis: Vec<f64>,
+    basis: Basis<f64>,
+    /// Points over the whole hemisphere with the harmonics there; empty for narrow lobes, which directions are drawn from.
+    points: Vec<(Vec3, f64, Vec<f64>)>,
 }
 
 impl Projector {
     fn new(shape: Shape, order: usize, window: Window) -> Self {
-        let (heights, azimuths) = points(shape, order);
         let basis = Basis::<f64>::new(order);
-        let points = hemisphere(heights, azimuths);
-        let values = points.iter().flat_map(|(direction, _)| basis.hemispherical(*direction)).collect();
-        let points = points.into_iter().map(|(d, weight)| (Vec3::from(d.map(|x| x as f32)), weight * d[2])).collect();
-        Self { shape, order, window, points, basis: values }
+        let width = match shape {
+            Shape::Phong { exponent } => (2.0 / f64::from(exponent).max(2.0)).sqrt(),
+            Shape::Ward { alpha } => f64::from(alpha.min_element()),
+            Shape::Microfacets { alpha } => f64::from(alpha),
+        };
+        let heights = order + 16 + (8.0 / width.max(NARROW)) as usize;
+        let even = if width < NARROW { Vec::new() } else { hemisphere(heights, 2 * heights) };
+        let points = even.into_iter().map(|(d, solid_angle)| (Vec3::from(d.map(|x| x as f32)), solid_angle, basis.hemispherical(d))).collect();
+        Self { shape, window, basis, points }
+    }
+
+    /// All points of the lobe toward an outgoing direction, where it is not 0.
+    fn visit(&self, outgoing: Vec3, mut visit: impl FnMut(Point<'_>)) {
+        // Of no reflectance is left what rises toward grazing angles alone.
+        let [white, black] = [Vec3::ONE, Vec3::ZERO].map(|reflectance| Lobe { shape: self.shape, reflectance });
+        let mut meet = |incoming: Vec3, solid_angle: f64, basis: &[f64]| {
+            let rise = f64::from(black.value(outgoing, incoming).x);
+            let values = [f64::from(white.value(outgoing, incoming).x) - rise, rise];
+            if values.iter().any(|value| value.abs() > 1e-12) {
+                visit(Point { values, cosine: f64::from(incoming.z), solid_angle, basis });
+            }
+        };
+        for (incoming, solid_angle, basis) in &self.points {
+            meet(*incoming, *solid_angle, basis);
+        }
+        if self.points.is_empty() {
+            let number = |i: usize| (i as f32 + 0.5) / DRAWN as f32;
+            for pair in (0..DRAWN * DRAWN).map(|i| [number(i / DRAWN), number(i % DRAWN)]) {
+                let incoming = white.sample(outgoing, pair);
+                let density = f64::from(white.density(outgoing, incoming)) * (DRAWN * DRAWN) as f64;
+                if incoming.z > 0.0 && density > 0.0 {
+                    meet(incoming, 1.0 / density, &self.basis.hemispherical(incoming.to_array().map(f64::from)));
+                }
+            }
+        }
     }
 
     /// Both parts of the lobe toward an outgoing direction.
     fn project(&self, outgoing: Vec3) -> Vec<Vec<f64>> {
-        // Of no reflectance is left what rises toward grazing angles alone.
-        let [white, black] = [Vec3::ONE, Vec3::ZERO].map(|reflectance| Lobe { shape: self.shape, reflectance });
-        let mut parts = vec![vec![0.0; count(self.order)]; PARTS];
-        for ((incoming, weight), basis) in self.points.iter().zip(self.basis.chunks_exact(count(self.order))) {
-            let rise = black.value(outgoing, *incoming).x as f64;
-            let values = [white.value(outgoing, *incoming).x as f64 - rise, rise];
-            for (part, value) in parts.iter_mut().zip(values) {
-                let factor = value * weight;
-                if factor.abs() > 1e-12 {
-                    part.iter_mut().zip(basis).for_each(|(sum, basis)| *sum += factor * basis);
-                }
+        let order = self.basis.order();
+        let mut parts = vec![vec![0.0; count(order)]; PARTS];
+        self.visit(outgoing, |point| {
+            for (part, value) in parts.iter_mut().zip(point.values).filter(|(_, value)| *value != 0.0) {
+                let factor = value * point.cosine * point.solid_angle;
+                part.iter_mut().zip(point.basis).for_each(|(sum, basis)| *sum += factor * basis);
             }
-        }
+        });
         for part in &mut parts {
-            for l in 0..self.order {
-                let factor = self.window.factor(l, self.order);
+            for l in 0..order {
+                let factor = self.window.factor(l, order);
                 part[index(l, -(l as isize))..=index(l, l as isize)].iter_mut().for_each(|c| *c *= factor);
             }
         }
@@ -231,12 +265,18 @@ mod tests {
         let order = 8;
         let basis = Basis::<f64>::new(order);
         let light: Vec<f64> = (0..count(order)).map(|k| (k as f64 * 0.7).cos() / (1.0 + k as f64)).collect();
-        let shapes = [Shape::Phong { exponent: 12.0 }, Shape::Ward { alpha: Vec2::new(0.3, 0.6) }, Shape::Microfacets { alpha: 0.4 }];
-        for (shape, reflectance) in shapes.into_iter().zip([1.0, 1.0, 0.3]) {
+        let shapes = [
+            Shape::Phong { exponent: 12.0 },
+            Shape::Phong { exponent: 200.0 },
+            Shape::Ward { alpha: Vec2::new(0.3, 0.6) },
+            Shape::Microfacets { alpha: 0.4 },
+            Shape::Microfacets { alpha: 0.09 },
+        ];
+        for (shape, reflectance) in shapes.into_iter().zip([1.0, 1.0, 1.0, 0.3, 0.3]) {
             let table = LobeTable::new(shape, order, 64, Window::None);
             let lobe = Lobe { shape, reflectance: Vec3::splat(reflectance) };
             for outgoing in [Vec3::Z, Vec3::new(0.48, 0.36, 0.8), Vec3::new(-0.6, 0.48, 0.64)] {
-                let known: f64 = hemisphere(96, 192)
+                let known: f64 = hemisphere(160, 320)
                     .into_iter()
                     .map(|(d, w)| {
                         let arriving: f64 = basis.hemispherical(d).iter().zip(&light).map(|(h, l)| h * l).sum();

@@ -1,6 +1,6 @@
 //! The tiles of a batch are read back and projected on the host in double precision.
 
-use super::Work;
+use super::{Work, keep};
 use crate::contract::Recorder;
 use crate::passes::record::{RECORD_BYTES, REQUEST_BYTES, Record, Request};
 use crate::recording::*;
@@ -26,10 +26,7 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work<'_>) {
             let radiance: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(tile);
             let nearest = f64::from(surface_offset(extent, Vec3::from(place.position)).max(1e-30));
             let projected = expansion.project(&table, &radiance, nearest).map_err(|e| e.to_string())?;
-            if !expansion.walls.is_empty() {
-                head.translation[0][3] = projected.relative_gradient().min(1e30) as f32;
-            }
-            all.extend(projected.turned(f64::from(place.turn)).in_fours(expansion.order));
+            keep(projected, !expansion.walls.is_empty(), place, head, expansion.order, &mut all);
         }
         host.write(values, 0, bytemuck::cast_slice(&all));
         host.write(records, 0, bytemuck::cast_slice(&heads));

@@ -1,6 +1,6 @@
 //! The same product on the host, in single precision: where the device is a driver on the same cores, this takes a fraction of its time.
 
-use super::Work;
+use super::{Work, keep};
 use crate::contract::Recorder;
 use crate::math::{
     harmonics::reflection::{in_fours, quads},
@@ -123,11 +123,7 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work<'_>) {
         let projected: Vec<_> = firsts.par_iter().map(|first| tables.project(&std::array::from_fn(|i| tile(first + i)))).collect();
         let mut all: Vec<Vec4> = Vec::new();
         for ((place, head), planes) in places.iter().zip(&mut heads).zip(projected.iter().flatten()) {
-            let projected = Projected::of_fours(planes, tables.order);
-            if !tables.walls.is_empty() {
-                head.translation[0][3] = projected.relative_gradient().min(1e30) as f32;
-            }
-            all.extend(projected.turned(f64::from(place.turn)).in_fours(tables.order));
+            keep(Projected::of_fours(planes, tables.order), !tables.walls.is_empty(), place, head, tables.order, &mut all);
         }
         host.write(values, 0, bytemuck::cast_slice(&all));
         host.write(records, 0, bytemuck::cast_slice(&heads));

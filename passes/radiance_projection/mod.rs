@@ -1,9 +1,10 @@
 //! From tiles to what arrives from where.
 
-use super::record::coefficient_bytes;
+use super::record::{Record, Request, coefficient_bytes};
 use crate::contract::{Choice, Description, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, port};
-use crate::math::radiance::Expansion;
+use crate::math::radiance::{Expansion, Projected};
 use crate::recording::*;
+use glam::Vec4;
 use std::sync::Arc;
 
 mod cpu_readback;
@@ -52,6 +53,14 @@ struct Work<'a> {
     records: Resource,
     /// The records' coefficients.
     values: Resource,
+}
+
+/// Writes what a tile projects to behind the coefficients so far, and into its record how fast that changes where there are gradients.
+fn keep(projected: Projected, has_gradients: bool, place: &Request, head: &mut Record, order: usize, values: &mut Vec<Vec4>) {
+    if has_gradients {
+        head.translation[0][3] = projected.relative_gradient().min(1e30) as f32;
+    }
+    values.extend(projected.turned(f64::from(place.turn)).in_fours(order));
 }
 
 impl Pass for RadianceProjection {

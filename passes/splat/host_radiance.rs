@@ -6,7 +6,7 @@ use crate::contract::{Recorder, port};
 use crate::math::{
     harmonics::Tilting,
     projection::PixelRectangle,
-    radiance::{PLANES, Viewed, reflected, reflected_rotated},
+    radiance::{Viewed, reflected, reflected_rotated},
     weight::Record,
 };
 use crate::passes::record::{RECORD_BYTES, Record as HostRecord, coefficient_bytes, pinhole, texels};
@@ -121,7 +121,6 @@ impl Pictures {
             reflectance: Vec3::new(red, green, blue),
             azimuth: table.fract(),
         };
-        debug_assert_eq!(placed.planes.len() % PLANES, 0);
         let table = &lobes.tables[table as usize];
         let radiance = match tilting {
             Some(tilting) => reflected_rotated(placed.planes, table, tilting, &viewed),

@@ -6,7 +6,7 @@
 use super::{
     frame::Frame,
     harmonics::{
-        Basis, MOST, count, index,
+        Basis, MOST, count,
         reflection::{LobeTable, in_fours, quads},
         tilt::{Tilting, turn},
     },
@@ -245,12 +245,6 @@ fn about(direction: Vec3, angle: f32) -> Vec3 {
     Vec3::new(direction.x * cosine - direction.y * sine, direction.x * sine + direction.y * cosine, direction.z)
 }
 
-/// Degree and order of the coefficient at a place: the inverse of [`index`].
-pub fn degree_and_order(at: usize) -> (usize, isize) {
-    let l = at.isqrt();
-    (l, at as isize - index(l, 0) as isize)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -317,14 +311,6 @@ mod tests {
             }
             let relative = (error / size).sqrt();
             assert!(relative < limit, "{shape:?}: {relative}");
-        }
-    }
-
-    #[test]
-    fn places_know_their_degree() {
-        for at in 0..400 {
-            let (l, m) = degree_and_order(at);
-            assert_eq!(index(l, m), at);
         }
     }
 }

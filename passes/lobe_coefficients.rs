@@ -8,7 +8,10 @@ use crate::math::{
     },
     lobe::Shape,
 };
-use crate::scene::{Scene, needs::Needs};
+use crate::scene::{
+    Scene,
+    needs::{Needs, used_materials},
+};
 use std::sync::Arc;
 
 pub struct LobeCoefficients;
@@ -99,8 +102,7 @@ struct Used {
 
 /// The shapes of the lobes of the materials that are used, and of each material the index of its shape.
 fn shapes(scene: &Scene) -> (Vec<Used>, Vec<Option<u32>>) {
-    let mut used = vec![false; scene.materials.len()];
-    scene.triangles.iter().for_each(|t| used[t.material as usize] = true);
+    let used = used_materials(scene);
     let mut shapes: Vec<Used> = Vec::new();
     let of_material = scene.materials.iter().zip(used).map(|(material, used)| {
         let lobe = material.reflection(material.reflectance).lobe.filter(|_| used)?;
@@ -171,7 +173,7 @@ impl Pass for LobeCoefficients {
         let window = if r.arguments.choice("window").0 == "Hann" { Window::Hann } else { Window::None };
         let tables: Vec<LobeTable> = shapes.iter().map(|used| LobeTable::new(used.shape, order, edge, window)).collect();
         let values: Vec<u8> = tables.iter().flat_map(|table| bytemuck::cast_slice::<_, u8>(&table.values).iter().copied()).collect();
-        let indices: Vec<[u32; 4]> = of_material.iter().map(|index| [index.unwrap_or(u32::MAX), 0, 0, 0]).collect();
+        let indices: Vec<u32> = of_material.iter().map(|index| index.unwrap_or(u32::MAX)).collect();
         let lobes = port::Lobes {
             values: r.constant_buffer("values", &values),
             of_material: r.constant_buffer("of_material", bytemuck::cast_slice(&indices)),

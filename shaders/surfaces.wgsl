@@ -7,8 +7,8 @@
 @group(0) @binding(1) var reflectance: texture_2d<f32>;
 @group(0) @binding(2) var triangles: texture_2d<u32>;
 @group(0) @binding(3) var kept: texture_storage_2d<rgba32float, write>;
-// Of each material in x the index of its table, or NO_TABLE.
-@group(0) @binding(4) var<storage, read> tables: array<vec4u>;
+// Of each material the index of its table, or NO_TABLE.
+@group(0) @binding(4) var<storage, read> tables: array<u32>;
 // Reflectance of the lobe; its table, and as the fraction the azimuth of its first axis.
 @group(0) @binding(5) var seen: texture_storage_2d<rgba32float, write>;
 
@@ -32,7 +32,7 @@ fn keep_glossy(@builtin(global_invocation_id) id: vec3u) {
     var place = vec4f(0.0);
     var lobe = vec4f(0.0);
     if triangle != 0u {
-        let table = tables[material_of(triangle - 1u)].x;
+        let table = tables[material_of(triangle - 1u)];
         if table != NO_TABLE {
             let surface = surface_seen(triangle - 1u, camera.eye, pixel_ray(id.xy));
             let frame = frame_around(surface.normal, 0.0);

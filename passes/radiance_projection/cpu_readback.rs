@@ -26,7 +26,7 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work<'_>) {
             let radiance: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(tile);
             let nearest = f64::from(surface_offset(extent, Vec3::from(place.position)).max(1e-30));
             let projected = expansion.project(&table, &radiance, nearest).map_err(|e| e.to_string())?;
-            keep(projected, !expansion.walls.is_empty(), place, head, expansion.order, &mut all);
+            keep(projected, !expansion.walls.is_empty(), place, head, &mut all);
         }
         host.write(values, 0, bytemuck::cast_slice(&all));
         host.write(records, 0, bytemuck::cast_slice(&heads));

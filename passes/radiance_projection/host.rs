@@ -3,7 +3,7 @@
 use super::{Work, keep};
 use crate::contract::Recorder;
 use crate::math::{
-    harmonics::reflection::{in_fours, quads},
+    harmonics::reflection::{fours, quads},
     radiance::{Expansion, PLANES, Projected},
 };
 use crate::passes::record::{RECORD_BYTES, REQUEST_BYTES, Record, Request};
@@ -40,13 +40,7 @@ struct Factors {
 impl Tables {
     fn new(expansion: &Expansion, depth_cosine: impl Fn(u32) -> f64) -> Self {
         let columns = |rows: &mut dyn Iterator<Item = &Vec<f64>>| {
-            let rows: Vec<Vec<Vec4>> = rows
-                .map(|row| {
-                    let mut fours = vec![Vec4::ZERO; quads(expansion.order)];
-                    in_fours(row.iter().copied(), &mut fours);
-                    fours
-                })
-                .collect();
+            let rows: Vec<Vec<Vec4>> = rows.map(|row| fours(row)).collect();
             (0..quads(expansion.order)).flat_map(|quad| rows.iter().map(move |row| row[quad])).collect::<Vec<_>>()
         };
         let wall = |w: &crate::math::radiance::Wall| HostWall {
@@ -123,7 +117,7 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work<'_>) {
         let projected: Vec<_> = firsts.par_iter().map(|first| tables.project(&std::array::from_fn(|i| tile(first + i)))).collect();
         let mut all: Vec<Vec4> = Vec::new();
         for ((place, head), planes) in places.iter().zip(&mut heads).zip(projected.iter().flatten()) {
-            keep(Projected::of_fours(planes, tables.order), !tables.walls.is_empty(), place, head, tables.order, &mut all);
+            keep(Projected::of_fours(planes, tables.order), !tables.walls.is_empty(), place, head, &mut all);
         }
         host.write(values, 0, bytemuck::cast_slice(&all));
         host.write(records, 0, bytemuck::cast_slice(&heads));

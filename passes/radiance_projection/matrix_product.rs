@@ -3,7 +3,7 @@
 use super::Work;
 use crate::contract::Recorder;
 use crate::host_struct;
-use crate::math::harmonics::reflection::{in_fours, quads};
+use crate::math::harmonics::reflection::{fours, quads};
 use crate::passes::record::coefficient_bytes;
 use crate::recording::*;
 use glam::Vec4;
@@ -28,11 +28,6 @@ host_struct! {
 pub(super) fn record(r: &mut Recorder<'_>, work: &Work<'_>) {
     let (tiles, table, expansion) = (&work.weighted.tiles, &work.weighted.table, &work.expansion);
     let quads = quads(work.order as usize);
-    let fours = |basis: &[f64]| {
-        let mut fours = vec![Vec4::ZERO; quads];
-        in_fours(basis.iter().copied(), &mut fours);
-        fours
-    };
     let places: Vec<u32> = expansion.samples.iter().map(|(at, _)| *at).collect();
     let basis: Vec<Vec4> = expansion.samples.iter().flat_map(|(_, basis)| fours(basis)).collect();
     let wall_basis: Vec<Vec4> = expansion.walls.iter().flat_map(|wall| fours(&wall.basis)).collect();

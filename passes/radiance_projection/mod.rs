@@ -56,11 +56,11 @@ struct Work<'a> {
 }
 
 /// Writes what a tile projects to behind the coefficients so far, and into its record how fast that changes where there are gradients.
-fn keep(projected: Projected, has_gradients: bool, place: &Request, head: &mut Record, order: usize, values: &mut Vec<Vec4>) {
+fn keep(projected: Projected, has_gradients: bool, place: &Request, head: &mut Record, values: &mut Vec<Vec4>) {
     if has_gradients {
         head.translation[0][3] = projected.relative_gradient().min(1e30) as f32;
     }
-    values.extend(projected.turned(f64::from(place.turn)).in_fours(order));
+    values.extend(projected.turned(f64::from(place.turn)).in_fours());
 }
 
 impl Pass for RadianceProjection {

@@ -284,7 +284,7 @@ pub struct Coefficients {
 pub struct Lobes {
     /// Buffer of vec4: the tables, one after the other.
     pub values: Resource,
-    /// Buffer of vec4 of u32: of each material the index of its table, or that there is none.
+    /// Buffer of u32: of each material the index of its table, or that there is none.
     pub of_material: Resource,
     /// The same on the host.
     pub tables: Arc<Vec<LobeTable>>,

@@ -7,7 +7,7 @@ use super::{
     frame::Frame,
     harmonics::{
         Basis, MOST, count,
-        reflection::{LobeTable, in_fours, quads},
+        reflection::{LobeTable, fours, quads},
         tilt::{Tilting, turn},
     },
     hemisphere::{Edge, Sample, Table},
@@ -123,12 +123,8 @@ impl Projected {
     }
 
     /// Plane by plane, [`quads`] each, as records keep them.
-    pub fn in_fours(&self, order: usize) -> Vec<Vec4> {
-        let mut fours = vec![Vec4::ZERO; PLANES * quads(order)];
-        for (plane, out) in self.0.iter().zip(fours.chunks_exact_mut(quads(order))) {
-            in_fours(plane.iter().copied(), out);
-        }
-        fours
+    pub fn in_fours(&self) -> Vec<Vec4> {
+        self.0.iter().flat_map(|plane| fours(plane)).collect()
     }
 }
 
@@ -171,7 +167,7 @@ pub fn reflected(planes: &[Vec4], table: &LobeTable, viewed: &Viewed) -> Vec3 {
         for part in [&mut *flat, &mut *rise] {
             let mut values: Vec<f64> = part.iter().flat_map(|four| four.to_array()).map(f64::from).take(count(table.order)).collect();
             turn(&mut values, f64::from(angle));
-            in_fours(values.into_iter(), part);
+            part.copy_from_slice(&fours(&values));
         }
     }
     let (x, y) = (viewed.offset.dot(frame.tangent), viewed.offset.dot(frame.bitangent));

@@ -83,7 +83,8 @@ fn is_smooth(triangle: &Triangle) -> bool {
     triangle.normals.iter().any(|normal| !normal.abs_diff_eq(flat, 1e-5))
 }
 
-fn used_materials(scene: &Scene) -> Vec<bool> {
+/// Of each material whether a triangle has it.
+pub fn used_materials(scene: &Scene) -> Vec<bool> {
     let mut used = vec![false; scene.materials.len()];
     for triangle in &scene.triangles {
         used[triangle.material as usize] = true;

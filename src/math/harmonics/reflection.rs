@@ -24,11 +24,11 @@ pub const fn quads(order: usize) -> usize {
     count(order).div_ceil(4)
 }
 
-/// Numbers in fours.
-pub fn in_fours(values: impl Iterator<Item = f64>, fours: &mut [Vec4]) {
-    for (at, value) in values.enumerate() {
-        fours[at / 4][at % 4] = value as f32;
-    }
+/// An expansion in fours.
+pub fn fours(values: &[f64]) -> Vec<Vec4> {
+    let mut fours = vec![Vec4::ZERO; values.len().div_ceil(4)];
+    values.iter().enumerate().for_each(|(at, value)| fours[at / 4][at % 4] = *value as f32);
+    fours
 }
 
 /// How the terms of high degree are faded out, so that what the order cuts off does not ring.
@@ -79,7 +79,7 @@ impl LobeTable {
         for (place, out) in places.zip(values.chunks_exact_mut(stride)) {
             let outgoing = direction_at(place);
             let parts = upright.as_ref().map_or_else(|| projector.project(outgoing), |upright| upright.toward(outgoing));
-            parts.into_iter().zip(out.chunks_exact_mut(quads(order))).for_each(|(part, out)| in_fours(part.into_iter(), out));
+            parts.into_iter().zip(out.chunks_exact_mut(quads(order))).for_each(|(part, out)| out.copy_from_slice(&fours(&part)));
         }
         Self { order, edge, values }
     }

@@ -1,7 +1,7 @@
 //! New records join the cache.
 
-use super::record::{RECORD_BYTES, coefficient_bytes};
-use crate::contract::{Description, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal};
+use super::record::RECORD_BYTES;
+use crate::contract::{Description, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, port};
 use crate::host_struct;
 use crate::recording::*;
 
@@ -81,10 +81,14 @@ impl Pass for AddRecords {
         r.compute(program.clone(), "measure", Groups::Fixed([1, 1, 1]));
         r.compute(program.clone(), "append", Groups::Counted { count: added, divisor: 64, per: 1 });
         if let Some((from, to)) = coefficients {
-            let numbers = (coefficient_bytes(to.order) / 16) as u32;
-            let program = program.constant("COEFFICIENTS", numbers).bind("new_coefficients", from.values).bind("coefficients", to.values);
-            r.compute(program, "append_coefficients", Groups::Counted { count: added, divisor: 1, per: numbers.div_ceil(64) });
-            r.persist("coefficients", to.values, coefficient_bytes(to.order), cache.count);
+            let fours = port::Coefficients::fours(to.order) as u32;
+            let program = program
+                .constant("COEFFICIENTS", fours)
+                .constant("HALF", (to.precision == port::Precision::Half) as u8)
+                .bind("new_coefficients", from.values)
+                .bind("coefficients", to.values);
+            r.compute(program, "append_coefficients", Groups::Counted { count: added, divisor: 1, per: fours.div_ceil(64) });
+            r.persist("coefficients", to.values, port::Coefficients::bytes(to.order, to.precision), cache.count);
         }
         r.report("surplus_records", surplus, 0);
         r.report_variable(if cache.coefficients.is_some() { "radiance_records" } else { "records" }, cache.count);

@@ -32,7 +32,8 @@ impl Pass for Combine {
         let Some(gbuffer) = r.g_buffer("gbuffer").copied() else { return Ok(()) };
         let direct = r.direct_light("direct").map(|d| d.radiance);
         let [indirect, glossy] = ["indirect", "glossy"].map(|part| r.image_port(part).map(|i| i.texture));
-        if glossy.is_none() {
+        // A picture of direct light alone lacks nothing of the lobes.
+        if glossy.is_none() && indirect.is_some() {
             refuse_lobes(r.setting.needs)?;
         }
         let picture = r.image("picture", Format::Rgba32Float);

@@ -42,6 +42,7 @@ static DESCRIPTION: Description = Description {
     }],
     inputs: &[
         Input { name: "gbuffer", about: "the visible surfaces", accepts: PortKind::GBuffer, required: true },
+        Input { name: "sky", about: "light of the sky that another pass computed; without it rays are traced", accepts: PortKind::Image, required: false },
         Input { name: "shadow", about: "maps of the punctual lights; without them shadows are traced by rays", accepts: PortKind::ShadowMaps, required: false },
     ],
     outputs: &[Output { name: "radiance", about: "reflected direct radiance toward the camera", kind: PortKind::DirectLight }],
@@ -56,10 +57,17 @@ impl Pass for DirectLight {
         let Some(gbuffer) = r.g_buffer("gbuffer").copied() else { return Ok(()) };
         let (emitters, arguments) = r.arguments.choice("emitters");
         let sampled = emitters == "Sampled";
+        let sky = r.image_port("sky").map(|sky| sky.texture);
         let samples = if sampled { [arguments.integer("area_samples"), arguments.integer("sky_samples")] } else { [0, 0] };
         let radiance = r.image("radiance", Format::Rgba32Float);
-        let program = light_constants(Program::new("direct_light"), r.setting.needs, samples.map(|s| s as u32));
-        let program = bind_visibility(program, r.shadow_maps("shadow")).bind("triangles", gbuffer.triangles).bind("radiance", radiance);
+        let [area, rays] = samples.map(|s| s as u32);
+        let program = light_constants(Program::new("direct_light"), r.setting.needs, [area, if sky.is_some() { 0 } else { rays }]);
+        // A sky that is absent is bound to any image and never read.
+        let program = bind_visibility(program, r.shadow_maps("shadow"))
+            .constant("HAS_SKY", sky.is_some() as u8)
+            .bind("triangles", gbuffer.triangles)
+            .bind("sky", sky.unwrap_or(gbuffer.position))
+            .bind("radiance", radiance);
         r.compute_pixels(program, "shade");
         r.output("radiance", Port::DirectLight(port::DirectLight { radiance, lights_from_emitters: sampled }));
         Ok(())

@@ -3,8 +3,8 @@
 use crate::contract::{Arguments, Choice, Description, Need, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, port};
 use crate::math::{
     harmonics::{
-        MOST,
-        reflection::{LobeTable, PARTS, Window, energy_by_order, quads},
+        Harmonics, MOST,
+        reflection::{LobeTable, PARTS, Series, Window, energy_by_order, quads},
     },
     lobe::Shape,
 };
@@ -20,9 +20,20 @@ const ORDER: ParameterKind = ParameterKind::Integer { default: 10, min: 1, max: 
 
 static DESCRIPTION: Description = Description {
     name: "LobeCoefficients",
-    about: "The lobe of every glossy material, times the cosine, on hemispherical harmonics, over a grid of outgoing directions",
+    about: "The lobe of every glossy material, times the cosine, on harmonics, over a grid of outgoing directions",
     source: "THESIS 3.5.2, equations 3.32, 3.35 and 3.36",
     parameters: &[
+        Parameter {
+            name: "harmonics",
+            about: "the functions that lobes are expanded in",
+            unit: "",
+            kind: ParameterKind::Choice {
+                choices: &[
+                    Choice { name: "Hemispherical", about: "those of the hemisphere, as records have them", parameters: &[] },
+                    Choice { name: "Spherical", about: "those of the sphere, as 0 below the horizon; for EnvironmentLight alone", parameters: &[] },
+                ],
+            },
+        },
         Parameter {
             name: "order",
             about: "how many degrees of harmonics are kept: n take n² coefficients",
@@ -118,7 +129,7 @@ fn shapes(scene: &Scene) -> (Vec<Used>, Vec<Option<u32>>) {
 }
 
 /// The order for all lobes: as the parameter has it; those that it does not hold are told, or refused.
-fn chosen_order(r: &mut Recorder<'_>, shapes: &[Used]) -> Result<usize, Refusal> {
+fn chosen_order(r: &mut Recorder<'_>, harmonics: Harmonics, shapes: &[Used]) -> Result<usize, Refusal> {
     let (choice, inner) = r.arguments.choice("order");
     let (lost, at_most) = match choice {
         "Enough" => (inner.float("lost"), inner.integer("at_most") as usize),
@@ -126,7 +137,7 @@ fn chosen_order(r: &mut Recorder<'_>, shapes: &[Used]) -> Result<usize, Refusal>
     };
     let mut order = if choice == "Enough" { 1 } else { at_most };
     for Used { shape, materials } in shapes {
-        let held = energy_by_order(*shape, MOST);
+        let held = energy_by_order(*shape, harmonics, MOST);
         let enough = held.iter().position(|held| *held >= 1.0 - lost).map(|at| at + 1);
         order = order.max(enough.unwrap_or(at_most)).min(at_most);
         if enough.is_some_and(|enough| enough <= at_most) {
@@ -159,7 +170,8 @@ impl Pass for LobeCoefficients {
 
     fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
         let (shapes, of_material) = shapes(r.setting.scene);
-        let order = chosen_order(r, &shapes)?;
+        let harmonics = if r.arguments.choice("harmonics").0 == "Spherical" { Harmonics::Spherical } else { Harmonics::Hemispherical };
+        let order = chosen_order(r, harmonics, &shapes)?;
         let edge = r.arguments.integer("grid") as usize;
         let bytes = shapes.len() as u64 * (edge * edge * PARTS * quads(order) * 16) as u64;
         if bytes > MOST_BYTES {
@@ -171,11 +183,11 @@ impl Pass for LobeCoefficients {
             ));
         }
         let window = if r.arguments.choice("window").0 == "Hann" { Window::Hann } else { Window::None };
-        let tables: Vec<LobeTable> = shapes.iter().map(|used| LobeTable::new(used.shape, order, edge, window)).collect();
-        let values: Vec<u8> = tables.iter().flat_map(|table| bytemuck::cast_slice::<_, u8>(&table.values).iter().copied()).collect();
+        let series = Series { harmonics, order, window };
+        let tables: Vec<LobeTable> = shapes.iter().map(|used| LobeTable::new(used.shape, series, edge)).collect();
         let indices: Vec<u32> = of_material.iter().map(|index| index.unwrap_or(u32::MAX)).collect();
         let lobes = port::Lobes {
-            values: r.constant_buffer("values", &values),
+            values: r.constant_buffer("values", &values_of(&tables)),
             of_material: r.constant_buffer("of_material", bytemuck::cast_slice(&indices)),
             tables: Arc::new(tables),
             order: order as u32,
@@ -184,6 +196,11 @@ impl Pass for LobeCoefficients {
         r.output("lobes", Port::Lobes(lobes));
         Ok(())
     }
+}
+
+/// Tables as shaders read them.
+pub fn values_of(tables: &[LobeTable]) -> Vec<u8> {
+    tables.iter().flat_map(|table| bytemuck::cast_slice::<_, u8>(&table.values).iter().copied()).collect()
 }
 
 fn plural(count: usize, what: &str) -> String {

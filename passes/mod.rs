@@ -6,6 +6,7 @@ pub mod add_records;
 pub mod combine;
 pub mod compensation;
 pub mod direct_light;
+pub mod environment_light;
 pub mod find_misses;
 pub mod gbuffer;
 pub mod hemisphere_tiles;
@@ -25,6 +26,7 @@ pub static REGISTRY: &Registry = &[
     &lobe_coefficients::LobeCoefficients,
     &surfaces::Surfaces,
     &shadow_map::ShadowMap,
+    &environment_light::EnvironmentLight,
     &direct_light::DirectLight,
     &record_cache::RecordCache,
     &splat::Splat,

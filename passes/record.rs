@@ -4,10 +4,8 @@ use crate::contract::{Recorder, port};
 use crate::host_struct;
 use crate::math::{
     frame::Frame,
-    harmonics::reflection::quads,
     hemisphere::{Edge, Table},
     projection::Pinhole,
-    radiance::PLANES,
     radius::Ellipse,
     sum::Summed,
     weight::{self, Rule},
@@ -125,11 +123,6 @@ pub const LAYOUTS: &[HostLayout] = &[Record::LAYOUT, Request::LAYOUT, Weighting:
 
 pub const RECORD_BYTES: u64 = size_of::<Record>() as u64;
 pub const REQUEST_BYTES: u64 = size_of::<Request>() as u64;
-
-/// Bytes of a record's coefficients.
-pub const fn coefficient_bytes(order: u32) -> u64 {
-    (PLANES * quads(order as usize) * 16) as u64
-}
 
 /// A table's samples in single precision.
 pub fn sample_bytes(table: &Table) -> Vec<u8> {

@@ -1,6 +1,6 @@
 //! The records that earlier rounds and frames left.
 
-use super::record::{RECORD_BYTES, Weighting, coefficient_bytes};
+use super::record::{RECORD_BYTES, Weighting};
 use crate::contract::{Choice, Description, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, port};
 
 pub struct RecordCache;
@@ -75,6 +75,17 @@ static DESCRIPTION: Description = Description {
             },
         },
         Parameter {
+            name: "coefficients",
+            about: "what the coefficients of records of radiance are kept in",
+            unit: "",
+            kind: ParameterKind::Choice {
+                choices: &[
+                    Choice { name: "Single", about: "32 bits", parameters: &[] },
+                    Choice { name: "Half", about: "16 bits: half the memory, eleven bits of precision, radiance up to some 10⁴", parameters: &[] },
+                ],
+            },
+        },
+        Parameter {
             name: "capacity",
             about: "most records; a fill that needs more stops",
             unit: "records",
@@ -124,14 +135,16 @@ impl Pass for RecordCache {
             contrast: number("contrast"),
             finest_spacing: number("finest_spacing"),
         };
+        let precision = if r.arguments.choice("coefficients").0 == "Half" { port::Precision::Half } else { port::Precision::Single };
         let mut capacity = r.arguments.integer("capacity") as u32;
         let coefficients = r.lobes("lobes").map(|lobes| lobes.order).map(|order| {
-            let fits = (MOST_BYTES / coefficient_bytes(order)) as u32;
+            let bytes = port::Coefficients::bytes(order, precision);
+            let fits = (MOST_BYTES / bytes) as u32;
             if fits < capacity {
                 r.remark(format!("room for {fits} records: the coefficients of order {order} of more do not fit into {} MiB", MOST_BYTES >> 20));
                 capacity = fits;
             }
-            port::Coefficients { values: r.history_buffer("coefficients", u64::from(capacity) * coefficient_bytes(order)), order }
+            port::Coefficients { values: r.history_buffer("coefficients", u64::from(capacity) * bytes), order, precision }
         });
         let cache = port::RecordCache {
             records: r.history_buffer("records", capacity as u64 * RECORD_BYTES),

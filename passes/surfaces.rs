@@ -66,11 +66,7 @@ impl Pass for Surfaces {
             .bind("kept", position);
         if glossy {
             let Some(lobes) = r.lobes("lobes").cloned() else {
-                return Err(Refusal::new(
-                    "plan::lobes",
-                    "glossy surfaces are asked for without their lobes",
-                    "join the input `lobes` to a LobeCoefficients node",
-                ));
+                return Err(port::Lobes::missing());
             };
             let seen = r.image("seen", Format::Rgba32Float);
             r.compute_pixels(program.bind("tables", lobes.of_material).bind("seen", seen), "keep_glossy");

@@ -22,9 +22,11 @@ struct Batch {
 
 // Of each new record, and of all: numbers of four coefficients.
 @group(0) @binding(6) var<storage, read> new_coefficients: array<vec4f>;
-@group(0) @binding(7) var<storage, read_write> coefficients: array<vec4f>;
+// As bits: two pairs, or one of half floats.
+@group(0) @binding(7) var<storage, read_write> coefficients: array<vec2u>;
 
 override COEFFICIENTS: u32 = 1u;
+override HALF: bool = false;
 // Whether the radius may not jump over what a neighbour has seen (Krivanek 2006).
 override NEIGHBOUR_CLAMPING: bool = true;
 
@@ -83,12 +85,25 @@ fn append(@builtin(global_invocation_id) id: vec3u) {
     }
 }
 
+// The largest half float.
+const MOST_HALF = vec4f(65504.0);
+
+fn keep(at: u32, four: vec4f) {
+    if HALF {
+        let bounded = clamp(four, -MOST_HALF, MOST_HALF);
+        coefficients[at] = vec2u(pack2x16float(bounded.xy), pack2x16float(bounded.zw));
+    } else {
+        coefficients[2u * at] = bitcast<vec2u>(four.xy);
+        coefficients[2u * at + 1u] = bitcast<vec2u>(four.zw);
+    }
+}
+
 @compute @workgroup_size(64)
 fn append_coefficients(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) lane: u32) {
     let per = (COEFFICIENTS + 63u) / 64u;
     let linear = group.x + group.y * groups.x;
     let index = (linear % per) * 64u + lane;
     if linear / per < batch.count && index < COEFFICIENTS {
-        coefficients[(batch.first + linear / per) * COEFFICIENTS + index] = new_coefficients[(linear / per) * COEFFICIENTS + index];
+        keep((batch.first + linear / per) * COEFFICIENTS + index, new_coefficients[(linear / per) * COEFFICIENTS + index]);
     }
 }

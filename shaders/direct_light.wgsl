@@ -4,7 +4,11 @@
 // Light that reaches the visible surfaces without touching another.
 
 @group(0) @binding(0) var triangles: texture_2d<u32>;
+// Light of the sky, where another pass computed it.
+@group(0) @binding(2) var sky: texture_2d<f32>;
 @group(0) @binding(1) var radiance: texture_storage_2d<rgba32float, write>;
+
+override HAS_SKY: bool = false;
 
 @compute @workgroup_size(8, 8)
 fn shade(@builtin(global_invocation_id) id: vec3u) {
@@ -17,6 +21,9 @@ fn shade(@builtin(global_invocation_id) id: vec3u) {
         let surface = surface_seen(triangle - 1u, camera.eye, pixel_ray(id.xy));
         let seed = combine(id.x, id.y);
         light = direct_reflected(surface, seed);
+        if HAS_SKY {
+            light += textureLoad(sky, id.xy, 0).rgb;
+        }
     }
     textureStore(radiance, id.xy, vec4f(light, 1.0));
 }

@@ -9,7 +9,7 @@
 @group(0) @binding(3) var kept: texture_storage_2d<rgba32float, write>;
 // Of each material the index of its table, or NO_TABLE.
 @group(0) @binding(4) var<storage, read> tables: array<u32>;
-// Reflectance of the lobe; its table, and as the fraction the azimuth of its first axis.
+// Reflectance of the lobe; its table, and as the fraction the azimuth of its first axis, or −1 where there is no lobe.
 @group(0) @binding(5) var seen: texture_storage_2d<rgba32float, write>;
 
 const NO_TABLE = 0xffffffffu;
@@ -30,7 +30,7 @@ fn keep_glossy(@builtin(global_invocation_id) id: vec3u) {
     }
     let triangle = textureLoad(triangles, id.xy, 0).x;
     var place = vec4f(0.0);
-    var lobe = vec4f(0.0);
+    var lobe = vec4f(0.0, 0.0, 0.0, -1.0);
     if triangle != 0u {
         let table = tables[material_of(triangle - 1u)];
         if table != NO_TABLE {

@@ -2,9 +2,9 @@
 
 use super::Work;
 use crate::contract::Recorder;
+use crate::contract::port::{Coefficients, Precision};
 use crate::host_struct;
 use crate::math::harmonics::reflection::{fours, quads};
-use crate::passes::record::coefficient_bytes;
 use crate::recording::*;
 use glam::Vec4;
 
@@ -39,7 +39,7 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work<'_>) {
         .collect();
     let requests = tiles.requests;
     let steps = r.buffer("steps", u64::from(requests.capacity) * walls.len() as u64 * 16);
-    let raw = r.buffer("raw", u64::from(requests.capacity) * coefficient_bytes(work.order));
+    let raw = r.buffer("raw", u64::from(requests.capacity) * Coefficients::bytes(work.order, Precision::Single));
     let mut wall_bytes = bytemuck::cast_slice(&walls).to_vec();
     wall_bytes.resize(wall_bytes.len().max(size_of::<TileWall>()), 0);
     let walls_bound = r.constant_buffer("walls", &wall_bytes);

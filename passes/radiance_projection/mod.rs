@@ -1,6 +1,6 @@
 //! From tiles to what arrives from where.
 
-use super::record::{Record, Request, coefficient_bytes};
+use super::record::{Record, Request};
 use crate::contract::{Choice, Description, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, port};
 use crate::math::radiance::{Expansion, Projected};
 use crate::recording::*;
@@ -70,12 +70,13 @@ impl Pass for RadianceProjection {
 
     fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
         let (Some(weighted), Some(records), Some(lobes)) = (r.weighted_tiles("of"), r.records("records").copied(), r.lobes("lobes")) else { return Ok(()) };
+        lobes.expect_hemispherical()?;
         let order = lobes.order;
         let mut expansion = Expansion::new(&weighted.table, order as usize);
         if !r.arguments.bool("gradients") {
             expansion.walls.clear();
         }
-        let values = r.buffer("values", u64::from(records.capacity) * coefficient_bytes(order));
+        let values = r.buffer("values", u64::from(records.capacity) * port::Coefficients::bytes(order, port::Precision::Single));
         let work = Work { weighted, expansion: Arc::new(expansion), order, records: records.records, values };
         match (r.arguments.choice("by").0, r.setting.device) {
             ("CpuReadback", _) => cpu_readback::record(r, &work),
@@ -86,7 +87,10 @@ impl Pass for RadianceProjection {
             }
             _ => matrix_product::record(r, &work),
         }
-        r.output("records", Port::Records(port::Records { coefficients: Some(port::Coefficients { values, order }), ..records }));
+        r.output(
+            "records",
+            Port::Records(port::Records { coefficients: Some(port::Coefficients { values, order, precision: port::Precision::Single }), ..records }),
+        );
         Ok(())
     }
 }

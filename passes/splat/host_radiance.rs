@@ -9,9 +9,10 @@ use crate::math::{
     radiance::{Viewed, reflected, reflected_rotated},
     weight::Record,
 };
-use crate::passes::record::{RECORD_BYTES, Record as HostRecord, coefficient_bytes, pinhole, texels};
+use crate::passes::record::{RECORD_BYTES, Record as HostRecord, pinhole, texels};
 use crate::recording::*;
 use glam::{Vec3, Vec4};
+use half::f16;
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -40,7 +41,6 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, radiance: &Radiance) {
     let (gbuffer, cache, lobes, seen) = (work.gbuffer, work.cache, radiance.visible.lobes.clone(), radiance.visible.seen);
     let coefficients = radiance.coefficients;
     let tilting = radiance.rotation.map(|method| Tilting::new(coefficients.order as usize, method, STEPS));
-    let bytes = coefficient_bytes(coefficients.order);
     let outputs = [Some(work.sums), work.counts].into_iter().flatten();
     let uploads: Vec<_> =
         outputs.zip(["sums_bytes", "counts_bytes"]).map(|(image, name)| (image, r.buffer(name, u64::from(width) * u64::from(height) * 16))).collect();
@@ -51,16 +51,16 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, radiance: &Radiance) {
         Read::whole(gbuffer.normal),
         Read::whole(seen),
         Read::counted(cache.records, RECORD_BYTES, cache.count),
-        Read::counted(coefficients.values, bytes, cache.count),
+        Read::counted(coefficients.values, port::Coefficients::bytes(coefficients.order, coefficients.precision), cache.count),
     ];
     let splat = move |host: &mut dyn HostContext| {
         let records: Vec<Record> = bytemuck::pod_collect_to_vec::<u8, HostRecord>(host.read(cache.records)).iter().map(Record::from).collect();
-        let values: Vec<Vec4> = bytemuck::pod_collect_to_vec(host.read(coefficients.values));
+        let values = fours(host.read(coefficients.values), coefficients.precision);
         let camera = pinhole(host);
         let pictures = Pictures { position: texels(host, gbuffer.position), normal: texels(host, gbuffer.normal), seen: texels(host, seen) };
         let placed: Vec<Placed> = records
             .iter()
-            .zip(values.chunks_exact(bytes as usize / size_of::<Vec4>()))
+            .zip(values.chunks_exact(port::Coefficients::fours(coefficients.order) as usize))
             .filter_map(|(record, planes)| Some(Placed { record, planes, bounds: camera.bounds(record.position, cache.rule.longest_reach(record) * 1.0001)? }))
             .collect();
         let mut sums = vec![Vec4::ZERO; pictures.position.len()];
@@ -88,6 +88,14 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, radiance: &Radiance) {
     r.command(Command::Host(Host { name: "reflect", reads, writes: buffers, run: Arc::new(splat) }));
     for (image, buffer) in uploads {
         r.compute_pixels(Program::new("splat/host").bind("values", buffer).bind("image", image), "store");
+    }
+}
+
+/// Coefficients as they are computed with.
+fn fours(bytes: &[u8], precision: port::Precision) -> Vec<Vec4> {
+    match precision {
+        port::Precision::Single => bytemuck::pod_collect_to_vec(bytes),
+        port::Precision::Half => bytemuck::pod_collect_to_vec::<u8, [f16; 4]>(bytes).into_iter().map(|four| Vec4::from(four.map(f16::to_f32))).collect(),
     }
 }
 

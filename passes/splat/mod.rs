@@ -95,6 +95,13 @@ impl Work {
         let Some(Radiance { visible, coefficients, .. }) = &self.radiance else { return program.import("CONTRIBUTION", "lib/contribution/irradiance") };
         program
             .import("CONTRIBUTION", "lib/contribution/radiance")
+            .import(
+                "COEFFICIENTS",
+                match coefficients.precision {
+                    port::Precision::Single => "lib/coefficients/single",
+                    port::Precision::Half => "lib/coefficients/half",
+                },
+            )
             .constant("QUADS", quads(coefficients.order as usize) as u32)
             .constant("ORDER", coefficients.order)
             .constant("GRID", visible.lobes.edge)
@@ -106,6 +113,7 @@ impl Work {
 
 fn radiance(r: &Recorder<'_>, cache: &port::RecordCache) -> Result<Option<Radiance>, Refusal> {
     let Some(visible) = r.visible_lobes("lobes") else { return Ok(None) };
+    visible.lobes.expect_hemispherical()?;
     let rotation = match r.arguments.choice("rotation").0 {
         "Precomputed" => Some(Method::Precomputed),
         "Conversion" => Some(Method::Conversion { spherical: visible.lobes.order as usize + 4 }),

@@ -16,6 +16,11 @@ fn lobe_of(surface: Surface) -> Lobe {
     return Lobe(surface.lobe, clamp(surface.lobe_shape, least, vec2f(MOST_EXPONENT)), surface.specular);
 }
 
+// Of the cosine to the mirrored direction: 0 from 90° on, whatever the exponent, and no power of 0, which is not defined.
+fn power(cosine: f32, exponent: f32) -> f32 {
+    return select(0.0, pow(max(cosine, 1e-37), exponent), cosine > 0.0);
+}
+
 fn mirrored(outgoing: vec3f) -> vec3f {
     return vec3f(-outgoing.xy, outgoing.z);
 }
@@ -45,8 +50,7 @@ fn lobe_value(lobe: Lobe, outgoing: vec3f, incoming: vec3f) -> vec3f {
     let half = outgoing + incoming;
     switch lobe.kind {
         case PHONG: {
-            let cosine = max(dot(mirrored(outgoing), incoming), 0.0);
-            return lobe.reflectance * ((lobe.shape.x + 2.0) / (2.0 * PI) * pow(cosine, lobe.shape.x));
+            return lobe.reflectance * ((lobe.shape.x + 2.0) / (2.0 * PI) * power(dot(mirrored(outgoing), incoming), lobe.shape.x));
         }
         case WARD: {
             let squared = half.z * half.z;
@@ -109,7 +113,7 @@ fn lobe_sample(lobe: Lobe, outgoing: vec3f, u: vec2f) -> vec3f {
 // Density of `lobe_sample` [1/sr].
 fn lobe_density(lobe: Lobe, outgoing: vec3f, incoming: vec3f) -> f32 {
     if lobe.kind == PHONG {
-        return (lobe.shape.x + 1.0) / (2.0 * PI) * pow(max(dot(mirrored(outgoing), incoming), 0.0), lobe.shape.x);
+        return (lobe.shape.x + 1.0) / (2.0 * PI) * power(dot(mirrored(outgoing), incoming), lobe.shape.x);
     }
     let half = normalize(outgoing + incoming);
     if half.z <= 0.0 {

@@ -1,7 +1,12 @@
 //! What flows along the edges of a pipeline.
 
-use crate::math::harmonics::reflection::LobeTable;
+use super::Refusal;
+use crate::math::harmonics::{
+    Harmonics,
+    reflection::{LobeTable, quads},
+};
 use crate::math::hemisphere::Table;
+use crate::math::radiance::PLANES;
 pub use crate::math::weight::{Rule, Weighting};
 use crate::recording::{Resource, Variable};
 use std::sync::Arc;
@@ -277,9 +282,33 @@ pub struct Coefficients {
     /// Buffer of vec4: of each record [`crate::math::radiance::PLANES`] expansions of `quads(order)`.
     pub values: Resource,
     pub order: u32,
+    pub precision: Precision,
 }
 
-/// Lobes projected on hemispherical harmonics.
+/// What a number is stored in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Precision {
+    Single,
+    /// Up to 65504, eleven bits.
+    Half,
+}
+
+impl Coefficients {
+    /// Fours of numbers that a record takes.
+    pub const fn fours(order: u32) -> u64 {
+        (PLANES * quads(order as usize)) as u64
+    }
+
+    /// Bytes that a record takes.
+    pub const fn bytes(order: u32, precision: Precision) -> u64 {
+        match precision {
+            Precision::Single => 16 * Self::fours(order),
+            Precision::Half => 8 * Self::fours(order),
+        }
+    }
+}
+
+/// Lobes projected on harmonics.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Lobes {
     /// Buffer of vec4: the tables, one after the other.
@@ -298,11 +327,28 @@ pub struct Lobes {
 pub struct VisibleLobes {
     pub lobes: Lobes,
     /// RGBA32F: reflectance along the normal; index of the table, and as its fraction the azimuth of the lobe's first axis in
-    /// `Frame::new` of the normal [turns].
+    /// `Frame::new` of the normal [turns]; −1 where there is no lobe.
     pub seen: Resource,
 }
 
 impl Lobes {
+    /// Says that a pass is to render glossy surfaces and does not know their lobes.
+    pub fn missing() -> Refusal {
+        Refusal::new("plan::lobes", "glossy surfaces are asked for without their lobes", "join the input `lobes` to a LobeCoefficients node")
+    }
+
+    /// Refuses lobes that the expansions of records cannot be multiplied with.
+    pub fn expect_hemispherical(&self) -> Result<(), Refusal> {
+        if self.tables.iter().all(|table| table.harmonics == Harmonics::Hemispherical) {
+            return Ok(());
+        }
+        Err(Refusal::new(
+            "plan::harmonics",
+            "records hold hemispherical harmonics, the lobes spherical ones",
+            "set `harmonics` of the LobeCoefficients node to Hemispherical",
+        ))
+    }
+
     fn over(&mut self, memory: &mut dyn Memory) {
         replace(&mut self.values, memory);
         replace(&mut self.of_material, memory);

@@ -21,6 +21,7 @@ sources![
     "lib/trace",
     "lib/packet",
     "lib/lobe",
+    "lib/lobe_table",
     "lib/light",
     "lib/visibility/rays",
     "lib/visibility/shadow_maps",
@@ -30,6 +31,8 @@ sources![
     "lib/record",
     "lib/tile",
     "lib/sums",
+    "lib/coefficients/single",
+    "lib/coefficients/half",
     "lib/contribution/irradiance",
     "lib/contribution/radiance",
     "lib/splat",
@@ -37,6 +40,7 @@ sources![
     "gbuffer",
     "surfaces",
     "shadow_map",
+    "environment_light",
     "direct_light",
     "hemisphere_tiles/raster",
     "hemisphere_tiles/ray_cast",
@@ -55,6 +59,9 @@ sources![
     "normalize",
     "combine",
 ];
+
+/// What shaders may use beside the core of the language: packing of half floats, which every adapter but the oldest has.
+const CAPABILITIES: Capabilities = Capabilities::SHADER_FLOAT16_IN_FLOAT32;
 
 /// A shader with its imports resolved, parsed and validated.
 pub struct Shader {
@@ -125,7 +132,7 @@ impl Shader {
         let invalid = |reason: String| GpuError::Shader { shader: name.into(), reason };
         let module = naga::front::wgsl::parse_str(&text).map_err(|e| invalid(e.emit_to_string_with_path(&text, name)))?;
         let info =
-            Validator::new(ValidationFlags::all(), Capabilities::empty()).validate(&module).map_err(|e| invalid(e.emit_to_string_with_path(&text, name)))?;
+            Validator::new(ValidationFlags::all(), CAPABILITIES).validate(&module).map_err(|e| invalid(e.emit_to_string_with_path(&text, name)))?;
         Ok(Self { text, module, info })
     }
 
@@ -207,8 +214,18 @@ mod tests {
     /// What the imports in capitals can stand for.
     const IMPORTS: [&[(&str, &str)]; 3] = [
         &[("VISIBILITY", "lib/visibility/rays"), ("CONTRIBUTION", "lib/contribution/irradiance")],
-        &[("VISIBILITY", "lib/visibility/shadow_maps"), ("SHADOW_TEXELS", "lib/visibility/texels_in_buffer"), ("CONTRIBUTION", "lib/contribution/radiance")],
-        &[("VISIBILITY", "lib/visibility/shadow_maps"), ("SHADOW_TEXELS", "lib/visibility/texels_in_texture"), ("CONTRIBUTION", "lib/contribution/radiance")],
+        &[
+            ("VISIBILITY", "lib/visibility/shadow_maps"),
+            ("SHADOW_TEXELS", "lib/visibility/texels_in_buffer"),
+            ("CONTRIBUTION", "lib/contribution/radiance"),
+            ("COEFFICIENTS", "lib/coefficients/single"),
+        ],
+        &[
+            ("VISIBILITY", "lib/visibility/shadow_maps"),
+            ("SHADOW_TEXELS", "lib/visibility/texels_in_texture"),
+            ("CONTRIBUTION", "lib/contribution/radiance"),
+            ("COEFFICIENTS", "lib/coefficients/half"),
+        ],
     ];
 
     #[test]

@@ -53,7 +53,7 @@ impl Lobe {
         }
         let half = outgoing + incoming;
         match self.shape.bounded() {
-            Shape::Phong { exponent } => self.reflectance * ((exponent + 2.0) / TAU * mirrored(outgoing).dot(incoming).max(0.0).powf(exponent)),
+            Shape::Phong { exponent } => self.reflectance * ((exponent + 2.0) / TAU * power(mirrored(outgoing).dot(incoming), exponent)),
             Shape::Ward { alpha } => {
                 let peak = half.length_squared() / (PI * alpha.x * alpha.y * half.z.powi(4));
                 self.reflectance * (peak * ward_fall(alpha, half))
@@ -97,7 +97,7 @@ impl Lobe {
         let half = (outgoing + incoming).normalize_or(Vec3::Z);
         let across = 4.0 * outgoing.dot(half).abs().max(f32::MIN_POSITIVE);
         match self.shape.bounded() {
-            Shape::Phong { exponent } => (exponent + 1.0) / TAU * mirrored(outgoing).dot(incoming).max(0.0).powf(exponent),
+            Shape::Phong { exponent } => (exponent + 1.0) / TAU * power(mirrored(outgoing).dot(incoming), exponent),
             _ if half.z <= 0.0 => 0.0,
             Shape::Ward { alpha } => ward_fall(alpha, half) / (PI * alpha.x * alpha.y * half.z.powi(3) * across),
             Shape::Microfacets { alpha } => {
@@ -106,6 +106,11 @@ impl Lobe {
             }
         }
     }
+}
+
+/// Of the cosine to the mirrored direction: 0 from 90° on, whatever the exponent.
+fn power(cosine: f32, exponent: f32) -> f32 {
+    if cosine > 0.0 { cosine.powf(exponent) } else { 0.0 }
 }
 
 fn mirrored(outgoing: Vec3) -> Vec3 {

@@ -7,7 +7,7 @@ use super::{
     frame::Frame,
     harmonics::{
         Basis, MOST, count,
-        reflection::{LobeTable, fours, quads},
+        reflection::{LobeTable, fours, numbers, quads},
         tilt::{Tilting, turn},
     },
     hemisphere::{Edge, Sample, Table},
@@ -117,8 +117,7 @@ impl Projected {
 
     /// The inverse of [`Self::in_fours`].
     pub fn of_fours(planes: &[Vec4], order: usize) -> Self {
-        let plane = |of: &[Vec4]| of.iter().flat_map(|four| four.to_array()).take(count(order)).map(f64::from).collect();
-        let mut planes = planes.chunks_exact(quads(order)).map(plane);
+        let mut planes = planes.chunks_exact(quads(order)).map(|plane| numbers(plane, order));
         Self(std::array::from_fn(|_| planes.next().unwrap_or_default()))
     }
 
@@ -165,7 +164,7 @@ pub fn reflected(planes: &[Vec4], table: &LobeTable, viewed: &Viewed) -> Vec3 {
     let scale = albedo(&own_flat, &own_rise) / lookup.max(Vec3::splat(1e-12));
     if turned {
         for part in [&mut *flat, &mut *rise] {
-            let mut values: Vec<f64> = part.iter().flat_map(|four| four.to_array()).map(f64::from).take(count(table.order)).collect();
+            let mut values = numbers(part, table.order);
             turn(&mut values, f64::from(angle));
             part.copy_from_slice(&fours(&values));
         }
@@ -204,7 +203,7 @@ pub fn reflected_rotated(planes: &[Vec4], table: &LobeTable, tilting: &Tilting, 
     let angle = viewed.azimuth * TAU;
     table.lookup(about(own.to_local(viewed.toward), -angle), [&mut *flat, &mut *rise]);
     let lobe = |part: &[Vec4]| {
-        let mut values: Vec<f64> = part.iter().flat_map(|four| four.to_array()).map(f64::from).take(count(table.order)).collect();
+        let mut values = numbers(part, table.order);
         turn(&mut values, f64::from(angle));
         values
     };

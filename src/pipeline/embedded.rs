@@ -27,10 +27,13 @@ pub static EMBEDDED: &[(&str, &str)] = &[
     ("radiance.ron", include_str!("../../pipelines/radiance.ron")),
     ("radiance-blend.ron", include_str!("../../pipelines/radiance-blend.ron")),
     ("radiance-device.ron", include_str!("../../pipelines/radiance-device.ron")),
+    ("radiance-half.ron", include_str!("../../pipelines/radiance-half.ron")),
     ("radiance-no-gradients.ron", include_str!("../../pipelines/radiance-no-gradients.ron")),
     ("radiance-readback.ron", include_str!("../../pipelines/radiance-readback.ron")),
     ("radiance-rotated.ron", include_str!("../../pipelines/radiance-rotated.ron")),
     ("radiance-window.ron", include_str!("../../pipelines/radiance-window.ron")),
+    ("environment.ron", include_str!("../../pipelines/environment.ron")),
+    ("environment-spherical.ron", include_str!("../../pipelines/environment-spherical.ron")),
 ];
 
 /// Finds a pipeline by "pipelines/irradiance.ron", "irradiance.ron" or "irradiance".

@@ -1,50 +1,17 @@
 #import lib/camera
 #import lib/frame
 #import lib/record
+#import lib/lobe_table
+#import COEFFICIENTS
 
 // What a record of radiance adds to a pixel: the dot product of its coefficients with those of the lobe there. math::radiance has the twin.
 
-// Of each record nine planes: red, green, blue, and their derivatives along both tangents.
-@group(0) @binding(16) var<storage, read> coefficients: array<vec4f>;
-// Of each table and outgoing direction two parts: what the lobe's reflectance multiplies, and what rises toward grazing angles.
-@group(0) @binding(17) var<storage, read> lobes: array<vec4f>;
 // Reflectance of the lobe; its table, and as the fraction the azimuth of its first axis.
 @group(0) @binding(18) var seen: texture_2d<f32>;
 
-override QUADS: u32 = 25u;
-override ORDER: u32 = 10u;
-override GRID: u32 = 32u;
-
+// Of each record: red, green, blue, and their derivatives along both tangents.
 const PLANES = 9u;
-const PARTS = 2u;
 const TURN = 6.28318530718;
-
-// Four directions of the grid around one, and what each counts.
-struct Corners {
-    first: u32,
-    right: u32,
-    below: u32,
-    weights: vec4f,
-}
-
-fn corners_of(table: u32, outgoing: vec3f) -> Corners {
-    let stride = PARTS * QUADS;
-    let place = 0.5 + 0.5 * outgoing.xy / (1.0 + max(outgoing.z, 0.0));
-    let at = clamp(place * f32(GRID) - 0.5, vec2f(0.0), vec2f(f32(GRID) - 1.0));
-    let base = min(floor(at), vec2f(max(f32(GRID) - 2.0, 0.0)));
-    let f = at - base;
-    let first = ((table * GRID + u32(base.y)) * GRID + u32(base.x)) * stride;
-    let weights = vec4f((1.0 - f.x) * (1.0 - f.y), f.x * (1.0 - f.y), (1.0 - f.x) * f.y, f.x * f.y);
-    return Corners(first, stride, stride * GRID, weights);
-}
-
-fn four(at: Corners, offset: u32) -> vec4f {
-    let first = at.first + offset;
-    return lobes[first] * at.weights.x
-        + lobes[first + at.right] * at.weights.y
-        + lobes[first + at.below] * at.weights.z
-        + lobes[first + at.right + at.below] * at.weights.w;
-}
 
 // The lobe's reflectance toward a direction, up to a factor.
 fn albedo(at: Corners, reflectance: vec3f) -> vec3f {
@@ -122,8 +89,8 @@ fn contribution(record: Record, index: u32, weighting: Weighting, place: vec4f, 
         let rise = four_turned(at, 1u, quad, angle);
         for (var channel = 0u; channel < 3u; channel++) {
             let plane = first + channel * QUADS + quad;
-            let arriving = coefficients[plane];
-            let moved_by = coefficients[plane + 3u * QUADS] * x + coefficients[plane + 6u * QUADS] * y;
+            let arriving = coefficient_four(plane);
+            let moved_by = coefficient_four(plane + 3u * QUADS) * x + coefficient_four(plane + 6u * QUADS) * y;
             here[channel] += dot(flat, arriving);
             rise_here[channel] += dot(rise, arriving);
             there[channel] += dot(flat, moved_by);

@@ -1,6 +1,6 @@
 //! The values of the functions, by recurrences over normalised terms: no factorial, nothing that overflows.
 
-use super::{count, index};
+use super::{Harmonics, count, index};
 use num_traits::Float;
 
 /// The functions of an order.
@@ -47,6 +47,14 @@ impl<T: Float> Basis<T> {
         let mut values = vec![T::zero(); count(self.order)];
         self.fill(stretched(direction), T::one() + T::one(), &mut values);
         values
+    }
+
+    /// Those of one kind at a unit direction with z ≥ 0.
+    pub fn values(&self, harmonics: Harmonics, direction: [T; 3]) -> Vec<T> {
+        match harmonics {
+            Harmonics::Hemispherical => self.hemispherical(direction),
+            Harmonics::Spherical => self.spherical(direction),
+        }
     }
 
     /// `√power` times the spherical harmonics.

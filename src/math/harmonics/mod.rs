@@ -13,6 +13,7 @@ pub mod families;
 pub mod quadrature;
 pub mod reflection;
 pub mod rotation;
+pub mod sky;
 pub mod tilt;
 
 pub use basis::{Basis, stretched};
@@ -22,6 +23,14 @@ pub use tilt::{Method, Tilting};
 
 /// The highest order that is tested.
 pub const MOST: usize = 20;
+
+/// The functions that something over the hemisphere is expanded in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Harmonics {
+    Hemispherical,
+    /// As 0 below the horizon.
+    Spherical,
+}
 
 /// How many functions an expansion of `order` has.
 pub const fn count(order: usize) -> usize {

@@ -1,7 +1,7 @@
 //! Lobes as expansions in hemispherical harmonics: what a surface reflects is the dot product of such an expansion with that of the
 //! radiance that arrives (Gautron's thesis, 2.10 and 3.5).
 
-use super::{Basis, count, index, quadrature::hemisphere, tilt::turn};
+use super::{Basis, Conversion, Harmonics, count, index, quadrature::hemisphere, tilt::turn};
 use crate::math::lobe::{Lobe, Shape};
 use glam::{Vec2, Vec3, Vec4};
 use std::f32::consts::FRAC_PI_2;
@@ -9,6 +9,7 @@ use std::f32::consts::FRAC_PI_2;
 /// A lobe times the cosine, projected for every outgoing direction of a paraboloid's grid (thesis, 3.35 and 3.36).
 #[derive(Debug, Clone, PartialEq)]
 pub struct LobeTable {
+    pub harmonics: Harmonics,
     pub order: usize,
     /// Directions along an edge of the grid.
     pub edge: usize,
@@ -31,6 +32,11 @@ pub fn fours(values: &[f64]) -> Vec<Vec4> {
     fours
 }
 
+/// The inverse of [`fours`].
+pub fn numbers(fours: &[Vec4], order: usize) -> Vec<f64> {
+    fours.iter().flat_map(|four| four.to_array()).map(f64::from).take(count(order)).collect()
+}
+
 /// How the terms of high degree are faded out, so that what the order cuts off does not ring.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Window {
@@ -47,6 +53,14 @@ impl Window {
             Self::Hann => 0.5 * (1.0 + (std::f64::consts::PI * l as f64 / order as f64).cos()),
         }
     }
+}
+
+/// What lobes are expanded in.
+#[derive(Debug, Clone, Copy)]
+pub struct Series {
+    pub harmonics: Harmonics,
+    pub order: usize,
+    pub window: Window,
 }
 
 /// Place of a direction with z ≥ 0 in the unit square of the paraboloid.
@@ -70,8 +84,8 @@ const LEAST_HEIGHT_SQUARED: f32 = (1.0 - LEAST_HEIGHT) / (1.0 + LEAST_HEIGHT);
 
 impl LobeTable {
     /// Projects a lobe; its reflectance is left out.
-    pub fn new(shape: Shape, order: usize, edge: usize, window: Window) -> Self {
-        let projector = Projector::new(shape, order, window);
+    pub fn new(shape: Shape, series: Series, edge: usize) -> Self {
+        let (Series { harmonics, order, .. }, projector) = (series, Projector::new(shape, series));
         let upright = (!shape.is_anisotropic()).then(|| Upright::new(&projector));
         let places = (0..edge * edge).map(|at| (Vec2::new((at % edge) as f32, (at / edge) as f32) + 0.5) / edge as f32);
         let stride = PARTS * quads(order);
@@ -81,7 +95,22 @@ impl LobeTable {
             let parts = upright.as_ref().map_or_else(|| projector.project(outgoing), |upright| upright.toward(outgoing));
             parts.into_iter().zip(out.chunks_exact_mut(quads(order))).for_each(|(part, out)| out.copy_from_slice(&fours(&part)));
         }
-        Self { order, edge, values }
+        Self { harmonics, order, edge, values }
+    }
+
+    /// The same in spherical harmonics of an order.
+    pub fn in_spherical(&self, order: usize) -> Self {
+        let conversion = Conversion::new(self.order, order);
+        let convert = |part: &[Vec4]| match self.harmonics {
+            Harmonics::Hemispherical => conversion.to_spherical(&numbers(part, self.order)),
+            Harmonics::Spherical => {
+                let mut numbers = numbers(part, self.order);
+                numbers.resize(count(order), 0.0);
+                numbers
+            }
+        };
+        let values = self.values.chunks_exact(quads(self.order)).flat_map(|part| fours(&convert(part))).collect();
+        Self { harmonics: Harmonics::Spherical, order, edge: self.edge, values }
     }
 
     /// Both parts toward an outgoing direction, [`quads`] each, interpolated.
@@ -106,8 +135,8 @@ impl LobeTable {
 
 /// The share of a lobe's energy that an expansion of each order from 1 to `most` holds, averaged over some outgoing directions: the integral
 /// of its square, times the cosine (thesis, 3.32).
-pub fn energy_by_order(shape: Shape, most: usize) -> Vec<f64> {
-    let projector = Projector::new(shape, most, Window::None);
+pub fn energy_by_order(shape: Shape, harmonics: Harmonics, most: usize) -> Vec<f64> {
+    let projector = Projector::new(shape, Series { harmonics, order: most, window: Window::None });
     let mut held = vec![0.0; most];
     for angle in ANGLES {
         let (sine, cosine) = f32::to_radians(angle).sin_cos();
@@ -174,14 +203,15 @@ struct Point<'a> {
 /// What lobes are projected by.
 struct Projector {
     shape: Shape,
-    window: Window,
+    series: Series,
     basis: Basis<f64>,
     /// Points over the whole hemisphere with the harmonics there; empty for narrow lobes, which directions are drawn from.
     points: Vec<(Vec3, f64, Vec<f64>)>,
 }
 
 impl Projector {
-    fn new(shape: Shape, order: usize, window: Window) -> Self {
+    fn new(shape: Shape, series: Series) -> Self {
+        let Series { harmonics, order, .. } = series;
         let basis = Basis::<f64>::new(order);
         let width = match shape {
             Shape::Phong { exponent } => (2.0 / f64::from(exponent).max(2.0)).sqrt(),
@@ -190,8 +220,8 @@ impl Projector {
         };
         let heights = order + 16 + (8.0 / width.max(NARROW)) as usize;
         let even = if width < NARROW { Vec::new() } else { hemisphere(heights, 2 * heights) };
-        let points = even.into_iter().map(|(d, solid_angle)| (Vec3::from(d.map(|x| x as f32)), solid_angle, basis.hemispherical(d))).collect();
-        Self { shape, window, basis, points }
+        let points = even.into_iter().map(|(d, solid_angle)| (Vec3::from(d.map(|x| x as f32)), solid_angle, basis.values(harmonics, d))).collect();
+        Self { shape, series, basis, points }
     }
 
     /// All points of the lobe toward an outgoing direction, where it is not 0.
@@ -214,7 +244,7 @@ impl Projector {
                 let incoming = white.sample(outgoing, pair);
                 let density = f64::from(white.density(outgoing, incoming)) * (DRAWN * DRAWN) as f64;
                 if incoming.z > 0.0 && density > 0.0 {
-                    meet(incoming, 1.0 / density, &self.basis.hemispherical(incoming.to_array().map(f64::from)));
+                    meet(incoming, 1.0 / density, &self.basis.values(self.series.harmonics, incoming.to_array().map(f64::from)));
                 }
             }
         }
@@ -222,7 +252,7 @@ impl Projector {
 
     /// Both parts of the lobe toward an outgoing direction.
     fn project(&self, outgoing: Vec3) -> Vec<Vec<f64>> {
-        let order = self.basis.order();
+        let Series { order, window, .. } = self.series;
         let mut parts = vec![vec![0.0; count(order)]; PARTS];
         self.visit(outgoing, |point| {
             for (part, value) in parts.iter_mut().zip(point.values).filter(|(_, value)| *value != 0.0) {
@@ -232,7 +262,7 @@ impl Projector {
         });
         for part in &mut parts {
             for l in 0..order {
-                let factor = self.window.factor(l, order);
+                let factor = window.factor(l, order);
                 part[index(l, -(l as isize))..=index(l, l as isize)].iter_mut().for_each(|c| *c *= factor);
             }
         }
@@ -244,6 +274,25 @@ impl Projector {
 mod tests {
     use super::super::MOST;
     use super::*;
+
+    fn hemispherical(order: usize) -> Series {
+        Series { harmonics: Harmonics::Hemispherical, order, window: Window::None }
+    }
+
+    /// Light that is a few harmonics is reflected alike whatever the lobe was expanded in.
+    #[test]
+    fn spherical_tables_reflect_alike() {
+        let light: Vec<f64> = (0..count(3)).map(|k| (k as f64 * 0.9).cos()).collect();
+        for shape in [Shape::Phong { exponent: 8.0 }, Shape::Ward { alpha: Vec2::new(0.4, 0.6) }] {
+            let own = LobeTable::new(shape, Series { harmonics: Harmonics::Spherical, ..hemispherical(3) }, 16);
+            let converted = LobeTable::new(shape, hemispherical(10), 16).in_spherical(3);
+            for outgoing in [Vec3::Z, Vec3::new(0.48, 0.36, 0.8)] {
+                let [own, converted] =
+                    [&own, &converted].map(|table| coefficients(table, outgoing, 1.0).iter().zip(&light).map(|(c, l)| f64::from(*c) * l).sum::<f64>());
+                assert!((own - converted).abs() < 0.01 * own.abs().max(0.1), "{shape:?} {outgoing}: {converted}, not {own}");
+            }
+        }
+    }
 
     fn coefficients(table: &LobeTable, outgoing: Vec3, reflectance: f32) -> Vec<f32> {
         let [mut a, mut b] = [vec![Vec4::ZERO; quads(table.order)], vec![Vec4::ZERO; quads(table.order)]];
@@ -273,7 +322,7 @@ mod tests {
             Shape::Microfacets { alpha: 0.09 },
         ];
         for (shape, reflectance) in shapes.into_iter().zip([1.0, 1.0, 1.0, 0.3, 0.3]) {
-            let table = LobeTable::new(shape, order, 64, Window::None);
+            let table = LobeTable::new(shape, hemispherical(order), 64);
             let lobe = Lobe { shape, reflectance: Vec3::splat(reflectance) };
             for outgoing in [Vec3::Z, Vec3::new(0.48, 0.36, 0.8), Vec3::new(-0.6, 0.48, 0.64)] {
                 let known: f64 = hemisphere(160, 320)
@@ -295,22 +344,30 @@ mod tests {
         let shapes =
             [Shape::Phong { exponent: 1e4 }, Shape::Phong { exponent: 0.0 }, Shape::Ward { alpha: Vec2::new(1e-3, 1.0) }, Shape::Microfacets { alpha: 0.0 }];
         for shape in shapes {
-            let table = LobeTable::new(shape, MOST, 4, Window::None);
+            let table = LobeTable::new(shape, hemispherical(MOST), 4);
             assert!(table.values.iter().all(|four| four.is_finite()), "{shape:?}");
-            for held in energy_by_order(shape, MOST) {
+            for held in energy_by_order(shape, Harmonics::Hemispherical, MOST) {
                 assert!((0.0..=1.0 + 1e-3).contains(&held), "{shape:?}: {held}");
             }
         }
-        let broad = energy_by_order(Shape::Phong { exponent: 0.0 }, 2);
-        assert!(broad[1] > 1.0 - 1e-6, "a cosine is two harmonics: {broad:?}");
+    }
+
+    /// A lobe of exponent 0 toward its normal is a cosine, which two harmonics hold, and reflects nothing from beyond 90° of any mirrored direction.
+    #[test]
+    fn the_broadest_lobe_is_a_cosine() {
+        let projector = Projector::new(Shape::Phong { exponent: 0.0 }, hemispherical(2));
+        let held: f64 = projector.project(Vec3::Z)[0].iter().map(|c| c * c).sum();
+        assert!((held - 2.0 / (3.0 * std::f64::consts::PI)).abs() < 1e-6, "{held}");
+        let lobe = Lobe { shape: Shape::Phong { exponent: 0.0 }, reflectance: Vec3::ONE };
+        assert_eq!(lobe.value(Vec3::new(0.8, 0.0, 0.6), Vec3::new(0.8, 0.0, 0.6)), Vec3::ZERO);
     }
 
     #[test]
     fn sharper_lobes_take_higher_orders() {
-        let enough = |exponent: f32| energy_by_order(Shape::Phong { exponent }, 20).iter().position(|held| *held > 0.95);
+        let enough = |exponent: f32| energy_by_order(Shape::Phong { exponent }, Harmonics::Hemispherical, 20).iter().position(|held| *held > 0.95);
         let [broad, middle, sharp] = [enough(5.0), enough(20.0), enough(60.0)].map(|order| order.expect("an order below 20"));
         assert!(broad < middle && middle < sharp, "{broad} {middle} {sharp}");
-        for pair in energy_by_order(Shape::Microfacets { alpha: 0.3 }, 12).windows(2) {
+        for pair in energy_by_order(Shape::Microfacets { alpha: 0.3 }, Harmonics::Hemispherical, 12).windows(2) {
             assert!(pair[0] <= pair[1] + 1e-9 && pair[1] <= 1.0 + 1e-3, "{pair:?}");
         }
     }

@@ -43,6 +43,11 @@ impl<T: Float> Rotation<T> {
         self.order
     }
 
+    /// The matrices, row by row.
+    pub fn into_bands(self) -> Vec<Vec<T>> {
+        self.bands
+    }
+
     /// The expansion of the turned function.
     pub fn apply(&self, values: &[T]) -> Vec<T> {
         let mut out = Vec::with_capacity(values.len());

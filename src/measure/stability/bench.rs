@@ -5,10 +5,12 @@ use super::rooms::{Room, Stage};
 use crate::contract::Value;
 use crate::contract::recorder::Setting;
 use crate::gpu::{Gpu, Pace, scene::byte_size};
+use crate::math::lobe::Lobe;
 use crate::measure::layers::Layers;
 use crate::measure::run::Run;
 use crate::pipeline::plan::Saved;
 use crate::pipeline::{Node, Pipeline, Plan, Problems, plan};
+use glam::Vec3;
 use std::cell::OnceCell;
 use std::f64::consts::PI;
 
@@ -18,8 +20,8 @@ pub type LoadPipeline<'a> = dyn Fn(&[String]) -> Result<Pipeline, Problems> + 'a
 /// Width and height of the pictures [pixels].
 pub(super) const SIZE: [u32; 2] = [16, 12];
 
-/// What keeps a run short: few samples a record, small shadow maps.
-const SMALL: [Change; 2] = [("HemisphereTiles", "resolution", "16"), ("ShadowMap", "resolution", "256")];
+/// What keeps a run short: few samples a record, small shadow maps, few outgoing directions.
+const SMALL: [Change; 3] = [("HemisphereTiles", "resolution", "16"), ("ShadowMap", "resolution", "256"), ("LobeCoefficients", "grid", "24")];
 
 /// A pass, one of its parameters, and a value for all nodes that use the pass.
 pub(super) type Change<'c> = (&'c str, &'c str, &'c str);
@@ -49,6 +51,34 @@ pub(super) struct Shot {
     /// Pixels that see a surface.
     pub surfaces: Vec<bool>,
     pub records: u32,
+}
+
+/// What a lobe reflects, checked to be finite and not negative.
+pub(super) struct Light {
+    /// Red, green and blue in turn.
+    pub values: Vec<f32>,
+    /// Between each pixel's normal and the direction to the viewer; 0 where no surface is seen.
+    pub cosines: Vec<f32>,
+    pub lobe: Option<Lobe>,
+}
+
+impl Light {
+    pub fn mean(&self) -> f64 {
+        self.values.iter().map(|value| f64::from(*value)).sum::<f64>() / self.values.len() as f64
+    }
+
+    /// Root mean square of the differences from `factor` times another's, over the mean of these.
+    pub fn distance(&self, other: &Self, factor: f64) -> f64 {
+        let squares = self.values.iter().zip(&other.values).map(|(ours, theirs)| (f64::from(*ours) - factor * f64::from(*theirs)).powi(2));
+        (squares.sum::<f64>() / self.values.len() as f64).sqrt() / (factor * other.mean())
+    }
+
+    /// The same from what is known for each cosine.
+    pub fn mean_distance(&self, known: impl Fn(f32) -> Vec3) -> f64 {
+        let known: Vec<[f32; 3]> = self.cosines.iter().map(|cosine| if *cosine > 0.0 { known(*cosine).into() } else { [0.0; 3] }).collect();
+        let values = (0..3).flat_map(|channel| known.iter().map(move |known| known[channel])).collect();
+        self.distance(&Self { values, cosines: Vec::new(), lobe: None }, 1.0)
+    }
 }
 
 impl<'a> Bench<'a> {
@@ -130,6 +160,26 @@ impl<'a> Bench<'a> {
         let first = whole(&mut run)?;
         run.forget()?;
         if whole(&mut run)? == first { Ok(first) } else { Err(Trouble::Failed("two runs draw different pictures".into())) }
+    }
+
+    /// Renders a room of one material and tells what its lobe reflects: of the sky, if the pipeline computes that, or of what the records saw.
+    pub(super) fn light(&self, room: &Room, changes: &[Change]) -> Result<Light, Trouble> {
+        let stage = room.stage()?;
+        let plan = self.plan(&stage, changes)?;
+        let mut run = self.run(&stage, &plan)?;
+        run.frame(&|| Pace::GoOn)?;
+        let picture = run.picture()?;
+        expect_no_negative_light(&picture)?;
+        let layer = if self.nodes_of("EnvironmentLight").is_empty() { "glossy" } else { "sky" };
+        let values = picture.rgb(layer).map_err(|_| Trouble::Absent(format!("the pipeline outputs no {layer}")))?;
+        let normal = |axis: &str| picture.layers.get("normal").and_then(|normals| normals.channels.get(axis));
+        let (Some(x), Some(y), Some(z)) = (normal("X"), normal("Y"), normal("Z")) else {
+            return Err(Trouble::Absent("the pipeline outputs no normals".into()));
+        };
+        let material = &stage.scene.materials[stage.scene.triangles[0].material as usize];
+        let toward = |at: usize| -stage.scene.cameras[0].pixel_ray(SIZE, [at as u32 % SIZE[0], at as u32 / SIZE[0]]).normalize();
+        let cosines = (0..x.len()).map(|at| toward(at).dot(Vec3::new(x[at], y[at], z[at]))).collect();
+        Ok(Light { values: values.concat(), cosines, lobe: material.reflection(material.reflectance).lobe })
     }
 
     fn run<'r>(&'r self, stage: &'r Stage, plan: &'r Plan) -> Result<Run<'r>, Trouble> {

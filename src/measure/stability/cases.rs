@@ -2,10 +2,10 @@
 
 use super::bench::{Bench, Change, RECORD_A_PIXEL, RECORDS_SEE_LIGHT, SIZE, Shot};
 use super::rooms::{Room, View};
-use super::{Case, Trouble};
+use super::{Case, Trouble, lobes};
 use glam::DVec3;
 
-type Seen = Result<String, Trouble>;
+pub(super) type Seen = Result<String, Trouble>;
 
 /// Rounding that moves a few records, so that pixels between them change by their error.
 const SAME_PICTURE: f64 = 0.02;
@@ -176,15 +176,43 @@ pub const CASES: &[Case] = &[
         is_long: true,
         run: |bench| copies(bench, 900_000, 2.5e-3),
     },
+    Case {
+        name: "lobes",
+        guards_against: "lobes between the points of a projection, recurrences that overflow at high orders",
+        must_hold: "exponents of 0 and 10⁴, a slope of 10⁻³ at order 20, no roughness at order 1: their albedo under an even sky within 8 %",
+        is_long: false,
+        run: lobes::albedos,
+    },
+    Case {
+        name: "lobes-beyond",
+        guards_against: "powers and slopes that are no lobe, orders that are not tested",
+        must_hold: "an exponent of −1, a slope of 0, orders of 0 and 21 are refused, and a lobe too sharp if asked for",
+        is_long: false,
+        run: lobes::beyond,
+    },
+    Case {
+        name: "lobes-ringing",
+        guards_against: "expansions that end too early, which ring and turn negative",
+        must_hold: "a lobe of exponent 200 at order 4: no pixel is negative, the mean within 25 % of that at order 20",
+        is_long: false,
+        run: lobes::ringing,
+    },
+    Case {
+        name: "lobes-scale",
+        guards_against: "limits of glossy light that are lengths or radiances of their own",
+        must_hold: "the unit corner's glossy light to the bit at lengths of 2²⁰, and times as much at light of 2⁻²⁰",
+        is_long: false,
+        run: lobes::scales,
+    },
 ];
 
 // What several cases claim
 
-fn expect(holds: bool, seen: String) -> Seen {
+pub(super) fn expect(holds: bool, seen: String) -> Seen {
     if holds { Ok(seen) } else { Err(Trouble::Failed(seen)) }
 }
 
-fn told(share: f64) -> String {
+pub(super) fn told(share: f64) -> String {
     format!("{:.1e}", share)
 }
 
@@ -196,7 +224,7 @@ fn furnace_like(bench: &Bench<'_>, room: &Room, changes: &[Change]) -> Result<Sh
 }
 
 /// All must be refused before work starts.
-fn expect_refused<const N: usize>(attempts: [(&str, Result<(), Trouble>); N]) -> Seen {
+pub(super) fn expect_refused<const N: usize>(attempts: [(&str, Result<(), Trouble>); N]) -> Seen {
     let refusal = |(what, result)| match result {
         Err(Trouble::Refused(message)) => Ok(format!("{what}: {message}")),
         Err(other) => Err(other),

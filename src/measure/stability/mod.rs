@@ -2,6 +2,7 @@
 
 mod bench;
 mod cases;
+mod lobes;
 mod rooms;
 
 pub use bench::{Bench, LoadPipeline};

@@ -24,6 +24,8 @@ enum Surface {
     Reflects(f64),
     /// Radiance of red, green and blue.
     Emits([f64; 3]),
+    /// As a document has it.
+    Written(&'static str),
 }
 
 /// A point light.
@@ -125,6 +127,12 @@ impl Room {
         self
     }
 
+    /// Makes all of one material, as a document has it.
+    pub fn of(mut self, material: &'static str) -> Self {
+        self.materials.iter_mut().for_each(|(_, surface)| *surface = Surface::Written(material));
+        self
+    }
+
     pub fn without_light(self) -> Self {
         Self { lamp: None, sky: 0.0, ..self }
     }
@@ -174,6 +182,7 @@ impl Surface {
     fn written(self, brightness: f64) -> String {
         match self {
             Self::Reflects(reflectance) => format!("Diffuse(reflectance: {})", written(DVec3::splat(reflectance))),
+            Self::Written(material) => material.to_owned(),
             Self::Emits(radiance) => format!("Emitter(radiance: {})", written(DVec3::from(radiance) * brightness)),
         }
     }

@@ -1,0 +1,150 @@
+//! Light of the sky, by harmonics.
+
+mod host;
+
+use super::lobe_coefficients::values_of;
+use crate::contract::{Arguments, Choice, Description, Input, Need, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, port};
+use crate::math::harmonics::{
+    MOST,
+    reflection::{LobeTable, PARTS, quads},
+    sky,
+};
+use crate::recording::*;
+use crate::scene::{Environment, needs::Needs};
+use glam::{DVec3, Vec4};
+
+pub struct EnvironmentLight;
+
+static DESCRIPTION: Description = Description {
+    name: "EnvironmentLight",
+    about: "Light of the sky that the visible surfaces reflect, as if nothing stood in its way: the dot product of expansions in harmonics",
+    source: "THESIS 3.5.3",
+    parameters: &[
+        Parameter {
+            name: "order",
+            about: "how many degrees of the sky's spherical harmonics are kept: n take n² coefficients",
+            unit: "",
+            kind: ParameterKind::Integer { default: 10, min: 1, max: MOST as i64 },
+        },
+        Parameter {
+            name: "by",
+            about: "where the sky is turned into the frames of the surfaces",
+            unit: "",
+            kind: ParameterKind::Choice {
+                choices: &[
+                    Choice { name: "Suited", about: "on the device; on the host where the device is a driver on the same cores", parameters: &[] },
+                    Choice { name: "Device", about: "by a shader, a pixel an invocation", parameters: &[] },
+                    Choice { name: "Host", about: "on the host, eight pixels side by side", parameters: &[] },
+                ],
+            },
+        },
+    ],
+    inputs: &[
+        Input { name: "gbuffer", about: "the visible surfaces", accepts: PortKind::GBuffer, required: true },
+        Input { name: "lobes", about: "the lobes of the glossy ones among them", accepts: PortKind::VisibleLobes, required: false },
+    ],
+    outputs: &[Output { name: "radiance", about: "radiance of the sky that is reflected toward the camera", kind: PortKind::Image }],
+};
+
+/// What both ways start from.
+struct Work {
+    gbuffer: port::GBuffer,
+    order: usize,
+    /// The sky in red, green and blue.
+    sky: [Vec<f64>; 3],
+    lobes: Option<Lobes>,
+    radiance: Resource,
+}
+
+struct Lobes {
+    /// [`port::VisibleLobes::seen`].
+    seen: Resource,
+    /// In spherical harmonics of the sky's order: to convert the sky's to those of a lobe is linear, so it is done to the lobes, once.
+    tables: Vec<LobeTable>,
+    /// Whether any of them has a second part.
+    rise: bool,
+}
+
+impl Lobes {
+    fn new(visible: &port::VisibleLobes, order: usize) -> Self {
+        let tables: Vec<LobeTable> = visible.lobes.tables.iter().map(|table| table.in_spherical(order)).collect();
+        let mut second = tables.iter().flat_map(|table| table.values.chunks(quads(order)).skip(1).step_by(PARTS).flatten());
+        let rise = second.any(|four| *four != Vec4::ZERO);
+        Self { seen: visible.seen, tables, rise }
+    }
+}
+
+impl Pass for EnvironmentLight {
+    fn description(&self) -> &'static Description {
+        &DESCRIPTION
+    }
+
+    fn need(&self, _arguments: &Arguments, needs: &Needs) -> Need {
+        if needs.environment { Need::Kept } else { Need::Dropped("the scene has no sky") }
+    }
+
+    fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
+        let Some(gbuffer) = r.g_buffer("gbuffer").copied() else { return Ok(()) };
+        let order = r.arguments.integer("order") as usize;
+        let lobes = r.visible_lobes("lobes").map(|visible| Lobes::new(visible, order));
+        if lobes.is_none() && r.setting.needs.lobes {
+            return Err(port::Lobes::missing());
+        }
+        let radiance = r.image("radiance", Format::Rgba32Float);
+        let work = Work { gbuffer, order, sky: expansion(&r.setting.scene.environment, order), lobes, radiance };
+        match (r.arguments.choice("by").0, r.setting.device) {
+            ("Suited", Device::Software) => {
+                r.remark("the sky is turned on the host, as the device is a driver on the same cores");
+                host::record(r, work);
+            }
+            ("Host", _) => host::record(r, work),
+            _ => record_on_device(r, &work),
+        }
+        r.output("radiance", Port::Image(port::Image { texture: radiance, channels: port::Channels::Colour }));
+        Ok(())
+    }
+}
+
+fn record_on_device(r: &mut Recorder<'_>, work: &Work) {
+    let order = work.order;
+    let numbers = |values: &[f64]| values.iter().map(|value| *value as f32).collect::<Vec<_>>();
+    let [red, green, blue] = work.sky.each_ref().map(|values| numbers(values));
+    let sky: Vec<Vec4> = red.into_iter().zip(green).zip(blue).map(|((r, g), b)| Vec4::new(r, g, b, 0.0)).collect();
+    let sky = r.constant_buffer("sky", bytemuck::cast_slice(&sky));
+    let cosine_lobe = r.constant_buffer("cosine_lobe", bytemuck::cast_slice(&numbers(&sky::cosine_lobe(order))));
+    let quarter_turns = r.constant_buffer("quarter_turns", bytemuck::cast_slice(&numbers(&sky::quarter_turn(order))));
+    let tables: &[LobeTable] = work.lobes.as_ref().map_or(&[], |lobes| &lobes.tables);
+    let values = r.constant_buffer("lobes", &values_of(tables));
+    // Lobes that are absent are bound to any image and never read.
+    let program = Program::new("environment_light")
+        .constant("GLOSSY", work.lobes.is_some() as u8)
+        .constant("ORDER", order as u32)
+        .constant("QUADS", quads(order) as u32)
+        .constant("GRID", tables.first().map_or(1, |table| table.edge as u32))
+        .constant("RISE", work.lobes.as_ref().is_some_and(|lobes| lobes.rise) as u8)
+        .bind("position", work.gbuffer.position)
+        .bind("normal", work.gbuffer.normal)
+        .bind("reflectance", work.gbuffer.reflectance)
+        .bind("seen", work.lobes.as_ref().map_or(work.gbuffer.position, |lobes| lobes.seen))
+        .bind("sky", sky)
+        .bind("cosine_lobe", cosine_lobe)
+        .bind("quarter_turns", quarter_turns)
+        .bind("lobes", values)
+        .bind("radiance", work.radiance);
+    r.compute_pixels(program, "shade");
+}
+
+/// Cells along the meridian and the equator at least: what lies between them is met by neighbours that are nearly alike.
+const LEAST_CELLS: usize = 256;
+
+/// The sky in red, green and blue; the pole of the harmonics is up, their azimuth goes from z to x.
+fn expansion(environment: &Environment, order: usize) -> [Vec<f64>; 3] {
+    let size = match environment {
+        Environment::Constant(_) => [LEAST_CELLS; 2],
+        Environment::LatLong { width, height, .. } => [*height, *width].map(|side| LEAST_CELLS.max(side as usize)),
+    };
+    sky::project(order, size, |polar, azimuth| {
+        let direction = DVec3::new(polar.sin() * azimuth.sin(), polar.cos(), polar.sin() * azimuth.cos());
+        environment.radiance(direction.as_vec3()).as_dvec3()
+    })
+}

@@ -78,12 +78,6 @@ fn quarter_turn(l: i32, is_back: bool) {
     }
 }
 
-// Cosine and sine of the angle of a vector, of any angle where there is none.
-fn direction_of(v: vec2f) -> vec2f {
-    let squared = dot(v, v);
-    return select(vec2f(1.0, 0.0), v * inverseSqrt(max(squared, 1e-37)), squared > 1e-14);
-}
-
 // Cosines and sines of the angles around z, y and z, in this order from right to left, that take the axes of directions to those of a frame.
 struct Euler {
     last: vec2f,
@@ -91,14 +85,13 @@ struct Euler {
     first: vec2f,
 }
 
-fn euler_of(tangent: vec3f, bitangent: vec3f, normal: vec3f) -> Euler {
+fn euler_of(tangent: vec3f, normal: vec3f) -> Euler {
     let flat = length(normal.xy);
-    if flat < 1e-6 {
-        // One angle around z is as good as two.
-        let upright = sign(normal.z);
-        return Euler(vec2f(1.0, 0.0), vec2f(upright, 0.0), direction_of(vec2f(tangent.x * upright, tangent.y)));
-    }
-    return Euler(normal.xy / flat, vec2f(normal.z, flat), direction_of(vec2f(-tangent.z, bitangent.z)));
+    let last = select(vec2f(1.0, 0.0), normal.xy / max(flat, 1e-30), flat > 1e-6);
+    // Where x and y come to lie by the other two: the tangent stands between them.
+    let x = vec3f(last * normal.z, -flat);
+    let first = vec2f(dot(tangent, x), dot(tangent.xy, vec2f(-last.y, last.x)));
+    return Euler(last, vec2f(normal.z, flat), normalize(first));
 }
 
 // The pole of the sky's expansion is up.
@@ -125,7 +118,7 @@ fn shade(@builtin(global_invocation_id) id: vec3u) {
         axes = frame_around(facing, fract(lobe.w) * 2.0 * PI);
         at = corners_of(u32(max(lobe.w, 0.0)), normalize(camera.eye - place.xyz) * axes);
     }
-    let euler = euler_of(around_up(axes[0]), around_up(axes[1]), around_up(facing));
+    let euler = euler_of(around_up(axes[0]), around_up(facing));
     var last = multiples_of(euler.last);
     var middle = multiples_of(euler.middle);
     var first = multiples_of(euler.first);

@@ -131,8 +131,7 @@ impl Shader {
         let text = assemble(name, imports)?;
         let invalid = |reason: String| GpuError::Shader { shader: name.into(), reason };
         let module = naga::front::wgsl::parse_str(&text).map_err(|e| invalid(e.emit_to_string_with_path(&text, name)))?;
-        let info =
-            Validator::new(ValidationFlags::all(), CAPABILITIES).validate(&module).map_err(|e| invalid(e.emit_to_string_with_path(&text, name)))?;
+        let info = Validator::new(ValidationFlags::all(), CAPABILITIES).validate(&module).map_err(|e| invalid(e.emit_to_string_with_path(&text, name)))?;
         Ok(Self { text, module, info })
     }
 

@@ -14,10 +14,13 @@ pub enum Family {
     EvenReflected,
     /// Zernike's polynomials over the disc that has the hemisphere's areas (Koenderink and others 1996).
     Zernike,
+    /// Associated Jacobi polynomials, shifted to the hemisphere, which is how the thesis describes Makhotkin's harmonics (1996). They are Zernike's functions, but
+    /// counted as spherical harmonics are: up to one height for all m.
+    Jacobi,
 }
 
 impl Family {
-    pub const ALL: [Self; 4] = [Self::Hemispherical, Self::Spherical, Self::EvenReflected, Self::Zernike];
+    pub const ALL: [Self; 5] = [Self::Hemispherical, Self::Spherical, Self::EvenReflected, Self::Zernike, Self::Jacobi];
 
     /// The functions of degrees below `order` at a unit direction with z ≥ 0, which are orthonormal over the hemisphere; spherical harmonics are so over
     /// the sphere.
@@ -30,7 +33,14 @@ impl Family {
                 let even = |l: usize| (-(l as isize)..=l as isize).filter(move |m| (l as isize + m) % 2 == 0);
                 (0..basis.order()).flat_map(|l| even(l).map(move |m| index(l, m))).map(|at| 2f64.sqrt() * all[at]).collect()
             }
-            Self::Zernike => zernike(basis.order(), direction),
+            Self::Zernike => {
+                let places = (0..basis.order() as isize).flat_map(|n| (-n..=n).step_by(2).map(move |m| (n, m)));
+                on_disc(basis.order(), direction, places)
+            }
+            Self::Jacobi => {
+                let places = (0..basis.order() as isize).flat_map(|l| (-l..=l).map(move |m| (2 * l - m.abs(), m)));
+                on_disc(basis.order(), direction, places)
+            }
         }
     }
 
@@ -49,8 +59,8 @@ impl Family {
     }
 }
 
-/// Zernike's polynomials of degrees n below `order`, each with m = −n, −n + 2, … n.
-fn zernike(order: usize, [x, y, z]: [f64; 3]) -> Vec<f64> {
+/// Zernike's polynomials of these degrees n and orders m, |m| below `order`.
+fn on_disc(order: usize, [x, y, z]: [f64; 3], places: impl Iterator<Item = (isize, isize)>) -> Vec<f64> {
     // The place on the disc: its radius squared is 1 − z.
     let scale = 1.0 / (1.0 + z).sqrt();
     let mut powers = vec![[1.0, 0.0]];
@@ -58,19 +68,16 @@ fn zernike(order: usize, [x, y, z]: [f64; 3]) -> Vec<f64> {
         let [re, im] = powers[m - 1];
         powers.push([(x * re - y * im) * scale, (x * im + y * re) * scale]);
     }
-    let mut values = Vec::new();
-    for n in 0..order as isize {
-        for m in (-n..=n).step_by(2) {
-            let order = m.unsigned_abs();
-            let radial = jacobi((n as usize - order) / 2, order as f64, 2.0 * z - 1.0) * ((n + 1) as f64 / PI).sqrt();
-            values.push(match m {
-                0 => radial / 2f64.sqrt(),
-                m if m > 0 => radial * powers[order][0],
-                _ => radial * powers[order][1],
-            });
+    let value = |(n, m): (isize, isize)| {
+        let around = m.unsigned_abs();
+        let radial = jacobi((n as usize - around) / 2, around as f64, 2.0 * z - 1.0) * ((n + 1) as f64 / PI).sqrt();
+        match m {
+            0 => radial / 2f64.sqrt(),
+            m if m > 0 => radial * powers[around][0],
+            _ => radial * powers[around][1],
         }
-    }
-    values
+    };
+    places.map(value).collect()
 }
 
 /// Jacobi's polynomial of a degree for the weight `(1 − x)^alpha`.
@@ -105,11 +112,11 @@ mod tests {
     fn families_are_orthonormal() {
         let order = 9;
         let basis = Basis::new(order);
-        for family in [Family::EvenReflected, Family::Zernike] {
+        for (family, known) in [(Family::EvenReflected, order * (order + 1) / 2), (Family::Zernike, order * (order + 1) / 2), (Family::Jacobi, order * order)] {
             let points = hemisphere(48, 48);
             let values: Vec<_> = points.iter().map(|(direction, weight)| (family.values(&basis, *direction), weight)).collect();
             let count = values[0].0.len();
-            assert_eq!(count, order * (order + 1) / 2);
+            assert_eq!(count, known);
             for i in 0..count {
                 for j in 0..=i {
                     let product: f64 = values.iter().map(|(v, weight)| v[i] * v[j] * *weight).sum();

@@ -160,14 +160,13 @@ const MOST_BAND: usize = 2 * MOST - 1;
 
 /// Cosines and sines of the angles around z, y and z again that take the axes of directions to those of a frame, seen from the sky's harmonics.
 fn euler(frame: &Frame) -> [Vec2; 3] {
-    let [tangent, bitangent, normal] = [frame.tangent, frame.bitangent, frame.normal].map(Vec3::zxy);
+    let [tangent, normal] = [frame.tangent, frame.normal].map(Vec3::zxy);
     let flat = normal.truncate().length();
-    if flat < 1e-6 {
-        // One angle around z is as good as two.
-        let upright = normal.z.signum();
-        return [Vec2::new(tangent.x * upright, tangent.y).normalize_or(Vec2::X), Vec2::new(upright, 0.0), Vec2::X];
-    }
-    [Vec2::new(-tangent.z, bitangent.z).normalize_or(Vec2::X), Vec2::new(normal.z, flat), normal.truncate() / flat]
+    let last = if flat > 1e-6 { normal.truncate() / flat } else { Vec2::X };
+    // Where x and y come to lie by the other two: the tangent stands between them.
+    let x = (last * normal.z).extend(-flat);
+    let first = Vec2::new(tangent.dot(x), tangent.truncate().dot(last.perp()));
+    [first.normalize_or(Vec2::X), Vec2::new(normal.z, flat), last]
 }
 
 /// Turns a band around z by minus the angle.

@@ -1,7 +1,7 @@
 //! Scenes as files: those that ship, and the large ones that are looked for in `HEMISPLAT_SCENES`.
 
 use hemisplat::scene::{
-    Scene,
+    LightKind, Scene,
     load::{LoadOptions, embedded_scenes, load},
     needs::Needs,
 };
@@ -34,13 +34,24 @@ fn shipped_scenes_are_found_by_three_names() {
 }
 
 #[test]
-fn the_hall_grows_on_request() {
-    for asked in [1000_u32, 30_000, 1_000_000] {
+fn hall_and_castle_grow_on_request() {
+    for (name, asked) in [("hall", 1000_u32), ("hall", 30_000), ("hall", 1_000_000), ("castle", 10_000), ("castle", 200_000), ("castle", 1_000_000)] {
         let options = LoadOptions { overrides: vec![("triangles".into(), asked.to_string())], ..LoadOptions::default() };
-        let scene = load_with("hall", &options);
+        let scene = load_with(name, &options);
         let off = scene.triangles.len() as f64 / f64::from(asked) - 1.0;
-        assert!(off.abs() < 0.05, "asked for {asked}, got {}", scene.triangles.len());
-        assert!(scene.notes.is_empty(), "{:?}", scene.notes);
+        assert!(off.abs() < 0.05, "{name}: asked for {asked}, got {}", scene.triangles.len());
+        assert!(scene.notes.is_empty(), "{name}: {:?}", scene.notes);
+    }
+}
+
+#[test]
+fn suns_stand_where_their_skies_have_them() {
+    let scene = load_with("castle", &LoadOptions::default());
+    let LightKind::Directional { direction, .. } = scene.lights[0].kind else { panic!("{:?}", scene.lights) };
+    let next_to_it = scene.environment.radiance(-direction);
+    for aside in [glam::Vec3::X, glam::Vec3::Z] {
+        assert!(scene.environment.radiance((-direction + 0.2 * aside).normalize()).cmplt(next_to_it).all());
+        assert!(scene.environment.radiance((-direction - 0.2 * aside).normalize()).cmplt(next_to_it).all());
     }
 }
 

@@ -11,6 +11,8 @@ mod image;
 mod obj;
 mod primitives;
 mod ron;
+mod sky;
+mod teapot;
 
 pub use draft::MAX_TRIANGLES;
 pub use error::{Problem, SceneError};
@@ -32,8 +34,9 @@ pub const SEARCH_VARIABLE: &str = "HEMISPLAT_SCENES";
 const MAX_FILE: u64 = 4 << 30;
 
 /// The scenes that ship, by file name.
-const EMBEDDED: [(&str, &str); 8] = [
+const EMBEDDED: [(&str, &str); 12] = [
     ("balls.ron", include_str!("../../../scenes/balls.ron")),
+    ("castle.ron", include_str!("../../../scenes/castle.ron")),
     ("cornell.ron", include_str!("../../../scenes/cornell.ron")),
     ("cornell-glossy.ron", include_str!("../../../scenes/cornell-glossy.ron")),
     ("corner.ron", include_str!("../../../scenes/corner.ron")),
@@ -41,6 +44,9 @@ const EMBEDDED: [(&str, &str); 8] = [
     ("hall.ron", include_str!("../../../scenes/hall.ron")),
     ("sibenik.ron", include_str!("../../../scenes/sibenik.ron")),
     ("sponza.ron", include_str!("../../../scenes/sponza.ron")),
+    ("teapot-evening.ron", include_str!("../../../scenes/teapot-evening.ron")),
+    ("teapot-noon.ron", include_str!("../../../scenes/teapot-noon.ron")),
+    ("teapot-overcast.ron", include_str!("../../../scenes/teapot-overcast.ron")),
 ];
 
 /// Where to look for files, and what to change in a scene.

@@ -8,6 +8,8 @@ use super::{
     draft::{Draft, Face, normal_map},
     error::{Problem, SceneError, SourceText, suggestion},
     generate, image, list, load_geometry, primitives, refuse_overrides,
+    sky::{self, Clear},
+    teapot,
 };
 use crate::scene::model::*;
 use ::ron::{Options, error::SpannedError, extensions::Extensions, value::RawValue};
@@ -20,7 +22,7 @@ use std::{
     collections::BTreeSet,
     fmt,
     marker::PhantomData,
-    ops::Range,
+    ops::{Range, RangeInclusive},
     path::{Path, PathBuf},
 };
 
@@ -137,6 +139,17 @@ enum Geometry<'a> {
         #[serde(borrow, default)]
         material: Option<Raw<'a, String>>,
     },
+    /// Newell's teapot, standing on `centre`, its spout towards +x; smooth where `normals` is `File`.
+    Teapot {
+        #[serde(borrow)]
+        centre: Raw<'a, Triple>,
+        #[serde(borrow, default)]
+        scale: Option<Raw<'a, f64>>,
+        #[serde(borrow, default)]
+        detail: Option<Raw<'a, u32>>,
+        #[serde(borrow, default)]
+        material: Option<Raw<'a, String>>,
+    },
     Triangles {
         #[serde(borrow)]
         positions: Raw<'a, Vec<Triple>>,
@@ -170,6 +183,10 @@ struct Turn<'a> {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 enum Generator<'a> {
+    Castle {
+        #[serde(borrow, default)]
+        triangles: Option<Raw<'a, u32>>,
+    },
     Hall {
         #[serde(borrow, default)]
         triangles: Option<Raw<'a, u32>>,
@@ -273,6 +290,26 @@ fn yes() -> bool {
 #[serde(deny_unknown_fields)]
 enum Sky<'a> {
     Constant(#[serde(borrow)] Raw<'a, Triple>),
+    /// A sky without clouds, by where the sun stands and how hazy the air is.
+    Clear {
+        #[serde(borrow)]
+        sun: Sun<'a>,
+        #[serde(borrow, default)]
+        turbidity: Option<Raw<'a, f64>>,
+        /// Radiance for each kcd/m².
+        #[serde(borrow, default)]
+        scale: Option<Raw<'a, f64>>,
+        /// Reflectance of what lies below the horizon.
+        #[serde(borrow, default)]
+        ground: Option<Raw<'a, Triple>>,
+    },
+    Overcast {
+        /// Radiance from straight above.
+        #[serde(borrow)]
+        zenith: Raw<'a, Triple>,
+        #[serde(borrow, default)]
+        ground: Option<Raw<'a, Triple>>,
+    },
     LatLong {
         #[serde(borrow)]
         file: Raw<'a, String>,
@@ -282,6 +319,16 @@ enum Sky<'a> {
         #[serde(borrow, default)]
         rotation: Option<Raw<'a, f64>>,
     },
+}
+
+/// Degrees, the azimuth from −z towards +x.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Sun<'a> {
+    #[serde(borrow)]
+    azimuth: Raw<'a, f64>,
+    #[serde(borrow)]
+    elevation: Raw<'a, f64>,
 }
 
 #[derive(Deserialize)]
@@ -401,6 +448,11 @@ impl<'a> Source<'a> {
     fn number_in(&self, raw: Raw<'a, f64>, range: &str, holds: impl Fn(f64) -> bool) -> Result<f64, SceneError> {
         let value = self.number(raw)?;
         if holds(value) { Ok(value) } else { Err(self.out_of_range(raw, range)) }
+    }
+
+    fn count_in(&self, raw: Raw<'a, u32>, range: RangeInclusive<u32>) -> Result<u32, SceneError> {
+        let value = self.get(raw)?;
+        if range.contains(&value) { Ok(value) } else { Err(self.out_of_range(raw, &format!("{} to {}", range.start(), range.end()))) }
     }
 
     fn out_of_range<T>(&self, raw: Raw<'a, T>, range: &str) -> SceneError {
@@ -565,13 +617,18 @@ impl<'a> Reader<'a> {
             }
             Geometry::Sphere { centre, radius, subdivisions, material } => {
                 let (centre, radius) = (self.source.vector(centre)?, self.source.number_in(radius, "greater than 0", |r| r > 0.0)?);
-                let level = subdivisions.map_or(Ok(3), |raw| self.source.get(raw))?;
-                if let (true, Some(raw)) = (level > primitives::MAX_SUBDIVISIONS, subdivisions) {
-                    return Err(self.source.out_of_range(raw, &format!("0 to {}", primitives::MAX_SUBDIVISIONS)));
-                }
+                let level = subdivisions.map_or(Ok(3), |raw| self.source.count_in(raw, 0..=primitives::MAX_SUBDIVISIONS))?;
                 self.draft.expect_room(20 << (2 * level))?;
                 let material = self.primitive_material(material, raw)?;
                 self.add_faces(&primitives::sphere(centre, radius, level, material), map, "a sphere")
+            }
+            Geometry::Teapot { centre, scale, detail, material } => {
+                let centre = self.source.vector(centre)?;
+                let scale = scale.map_or(Ok(1.0), |raw| self.source.number_in(raw, "greater than 0", |s| s > 0.0))?;
+                let detail = detail.map_or(Ok(teapot::DETAIL), |raw| self.source.count_in(raw, teapot::DETAILS))?;
+                self.draft.expect_room(teapot::triangles(detail))?;
+                let material = self.primitive_material(material, raw)?;
+                self.add_faces(&teapot::teapot(centre, scale, detail, material), map, "a teapot")
             }
             Geometry::Triangles { positions, indices, material } => self.add_triangles(raw, positions, indices, material, map),
             Geometry::Place { of, scale, rotate, translate } => {
@@ -620,25 +677,41 @@ impl<'a> Reader<'a> {
     }
 
     fn add_generated(&mut self, raw: Raw<'a, Generator<'a>>, map: &DMat4) -> Result<(), SceneError> {
-        let Generator::Hall { triangles } = self.source.get(raw)?;
-        let stated = triangles.map_or(Ok(10_000), |raw| self.source.get(raw))?;
+        match self.source.get(raw)? {
+            Generator::Castle { triangles } => {
+                let count = self.generated_triangles(raw, "castle", triangles, 58_000, generate::MIN_CASTLE)?;
+                let materials = self.generated_materials(raw, "castle", generate::CASTLE_MATERIALS)?;
+                self.add_faces(&generate::castle(count, materials), map, "the castle")
+            }
+            Generator::Hall { triangles } => {
+                let count = self.generated_triangles(raw, "hall", triangles, 10_000, generate::MIN_HALL)?;
+                let materials = self.generated_materials(raw, "hall", generate::HALL_MATERIALS)?;
+                self.add_faces(&generate::hall(count, materials), map, "the hall")
+            }
+        }
+    }
+
+    /// How many triangles a generator is to make; room for them is sure.
+    fn generated_triangles<T>(&mut self, raw: Raw<'a, T>, name: &str, stated: Option<Raw<'a, u32>>, usual: u32, least: usize) -> Result<usize, SceneError> {
+        let stated = stated.map_or(Ok(usual), |raw| self.source.get(raw))?;
         let count = self.overridden("triangles", stated)? as usize;
-        let limits = generate::MIN_HALL..=super::MAX_TRIANGLES / 16 * 15;
+        let limits = least..=super::MAX_TRIANGLES / 16 * 15;
         if !limits.contains(&count) {
             let range = format!("{} to {}", limits.start(), limits.end());
-            let message = format!("a hall of {count} triangles is out of range");
+            let message = format!("a {name} of {count} triangles is out of range");
             return Err(self.source.error(Problem::Range, raw, message, "made here").help(format!("the range of `triangles` is {range}")));
         }
         self.draft.expect_room(count)?;
-        let materials = generate::HALL_MATERIALS.map(|name| self.find_material(name));
-        let Some(materials) = materials.iter().copied().collect::<Option<Vec<u32>>>().and_then(|m| <[u32; 5]>::try_from(m).ok()) else {
-            let message = "the hall has surfaces without a material";
-            return Err(self
-                .source
-                .error(Problem::UnknownMaterial, raw, message, "made here")
-                .help(format!("add {} or `\"*\"` to `materials`", generate::HALL_MATERIALS.join(", "))));
-        };
-        self.add_faces(&generate::hall(count, materials), map, "the hall")
+        Ok(count)
+    }
+
+    fn generated_materials<T, const N: usize>(&mut self, raw: Raw<'a, T>, name: &str, names: [&str; N]) -> Result<[u32; N], SceneError> {
+        let found: Option<Vec<u32>> = names.iter().map(|name| self.find_material(name)).collect();
+        found.and_then(|numbers| numbers.try_into().ok()).ok_or_else(|| {
+            let message = format!("the {name} has surfaces without a material");
+            let help = format!("add {} or `\"*\"` to `materials`", names.join(", "));
+            self.source.error(Problem::UnknownMaterial, raw, message, "made here").help(help)
+        })
     }
 
     /// A generator's parameter: the stated value, unless the options set another.
@@ -771,6 +844,15 @@ impl<'a> Reader<'a> {
     fn read_sky(&self, raw: Raw<'a, Sky<'a>>) -> Result<Environment, SceneError> {
         Ok(match self.source.get(raw)? {
             Sky::Constant(radiance) => Environment::Constant(self.source.radiance(radiance)?),
+            Sky::Clear { sun, turbidity, scale, ground } => {
+                let scale = scale.map_or(Ok(sky::PER_KCD), |raw| self.source.number_in(raw, "0 to 1e30", |s| (0.0..=1e30).contains(&s)))?;
+                let clear = self.source.clear_sky(&sun, turbidity)?;
+                sky::bake(self.source.ground(ground)?, |direction| scale * clear.radiance(direction))
+            }
+            Sky::Overcast { zenith, ground } => {
+                let zenith = self.source.radiance(zenith)?.as_dvec3();
+                sky::bake(self.source.ground(ground)?, |direction| sky::overcast(zenith, direction))
+            }
             Sky::LatLong { file, scale, rotation } => {
                 let scale = scale.map_or(Ok(1.0), |raw| self.source.number_in(raw, "0 or more", |s| s >= 0.0))?;
                 let rotation = rotation.map_or(Ok(0.0), |raw| self.source.number(raw))?;
@@ -781,6 +863,19 @@ impl<'a> Reader<'a> {
 }
 
 impl<'a> Source<'a> {
+    fn clear_sky(&self, sun: &Sun<'a>, turbidity: Option<Raw<'a, f64>>) -> Result<Clear, SceneError> {
+        let azimuth = self.number(sun.azimuth)?.to_radians();
+        let elevation = self.number_in(sun.elevation, "0 to 90 degrees", |d| (0.0..=90.0).contains(&d))?.to_radians();
+        let (least, most) = (sky::TURBIDITY.start(), sky::TURBIDITY.end());
+        let holds = |t: f64| sky::TURBIDITY.contains(&t);
+        let turbidity = turbidity.map_or(Ok(3.0), |raw| self.number_in(raw, &format!("{least} to {most}"), holds))?;
+        Ok(Clear::new(azimuth, elevation, turbidity))
+    }
+
+    fn ground(&self, raw: Option<Raw<'a, Triple>>) -> Result<DVec3, SceneError> {
+        raw.map_or(Ok(sky::GROUND), |raw| Ok(self.reflectance(raw)?.as_dvec3()))
+    }
+
     fn picture_size(&self, raw: Raw<'a, [u32; 2]>) -> Result<[u32; 2], SceneError> {
         let size = self.get(raw)?;
         let holds = size.iter().all(|side| (1..=MAX_SIDE).contains(side));

@@ -8,7 +8,7 @@ use std::{panic::catch_unwind, time::Instant};
 const DOCUMENT: &str = r#"Scene(version: 1, about: "all of it", source: "here", geometry: [
     Generate(Hall(triangles: 2000)), Box(min: (0, 0, 0), max: (1, 1, 1), material: "red"),
     Place(of: [Sphere(centre: (0, 0, 0), radius: 1, subdivisions: 1)], scale: (1, 2, -1), rotate: (axis: (0, 1, 0), degrees: 20), translate: (5, 0, 0)),
-    Quad(corners: ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)), material: "lamp"),
+    Quad(corners: ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)), material: "lamp"), Teapot(centre: (3, 0, 0), scale: 0.5, detail: 2, material: "red"),
     Triangles(positions: [(0, 0, 0), (1, 0, 0), (0, 1, 0)], indices: [(0, 1, 2)], material: "shiny"),
     ], materials: { "*": Diffuse(reflectance: (0.7, 0.7, 0.7)), "red": Ward(reflectance: (0.5, 0, 0), specular: (0.1, 0.1, 0.1), alpha: (0.1, 0.2)),
     "lamp": Emitter(radiance: (5, 5, 5)), "shiny": Phong(reflectance: (0.2, 0.2, 0.2), specular: (0.3, 0.3, 0.3), exponent: 20) },

@@ -36,6 +36,43 @@ fn skies_are_scaled_and_turned() {
     }
 }
 
+fn made_sky(environment: &str) -> Result<Environment, SceneError> {
+    load_text(&DOCUMENT.replace(r#"LatLong(file: "sky.exr", scale: 2)"#, environment)).map(|scene| scene.environment)
+}
+
+#[test]
+fn skies_made_by_rule_take_their_parameters() {
+    let plain = made_sky("Clear(sun: (azimuth: 90, elevation: 30))").unwrap();
+    assert!(made_sky("Clear(sun: (azimuth: 90, elevation: 30), turbidity: 3, scale: 0.1)").unwrap() == plain);
+    let towards_sun = Vec3::new(0.75_f32.sqrt(), 0.5, 0.0);
+    assert!(plain.radiance(towards_sun).cmpgt(2.0 * plain.radiance(towards_sun.with_x(-towards_sun.x))).all());
+    let brighter = made_sky("Clear(sun: (azimuth: 90, elevation: 30), scale: 0.4)").unwrap();
+    assert!((brighter.radiance(Vec3::X) / plain.radiance(Vec3::X) - 4.0).abs().max_element() < 1e-4);
+    let overcast = made_sky("Overcast(zenith: (9, 9, 9), ground: (0, 0.5, 1))").unwrap();
+    assert!((overcast.radiance(-Vec3::Y) - Vec3::new(0.0, 3.5, 7.0)).abs().max_element() < 1e-3);
+}
+
+#[test]
+fn skies_that_cannot_be_are_refused() {
+    let wrong = [
+        ("Clear(sun: (azimuth: 0, elevation: -1))", Problem::Range),
+        ("Clear(sun: (azimuth: 0, elevation: 91))", Problem::Range),
+        ("Clear(sun: (azimuth: NaN, elevation: 9))", Problem::NonFinite),
+        ("Clear(sun: (azimuth: 0, elevation: 9), turbidity: 1.9)", Problem::Range),
+        ("Clear(sun: (azimuth: 0, elevation: 9), turbidity: 10.1)", Problem::Range),
+        ("Clear(sun: (azimuth: 0, elevation: 9), scale: -1)", Problem::Range),
+        ("Clear(sun: (azimuth: 0, elevation: 9), scale: 1e38)", Problem::Range),
+        ("Clear(sun: (azimuth: 0, elevation: 9), ground: (0, 0, 1.1))", Problem::Range),
+        ("Clear(sun: (azimuth: 0))", Problem::Format),
+        ("Clear(sun: (azimuth: 0, elevation: 9), haze: 3)", Problem::UnknownKey),
+        ("Overcast(zenith: (-1, 0, 0))", Problem::Range),
+        ("Overcast()", Problem::Format),
+    ];
+    for (environment, problem) in wrong {
+        assert_eq!(made_sky(environment).unwrap_err().problem(), problem, "{environment}");
+    }
+}
+
 #[test]
 fn radiance_files_are_read() {
     let mut bytes = Vec::new();

@@ -1,13 +1,13 @@
-//! Geometry made by rule, as large as asked for.
+//! A vaulted hall of repeated bays.
 
-use super::{draft::Face, primitives::quad};
+use super::super::{draft::Face, primitives::quad};
 use glam::DVec3;
 use std::f64::consts::{PI, TAU};
 
 /// The fewest triangles that make a hall.
-pub(super) const MIN_HALL: usize = 1000;
+pub(in super::super) const MIN_HALL: usize = 1000;
 /// The materials of a hall, in the order of the numbers that [`hall`] takes.
-pub(super) const HALL_MATERIALS: [&str; 5] = ["floor", "walls", "vault", "columns", "arches"];
+pub(in super::super) const HALL_MATERIALS: [&str; 5] = ["floor", "walls", "vault", "columns", "arches"];
 
 const BAY: f64 = 4.0;
 const NAVE_HALF_WIDTH: f64 = 3.0;
@@ -58,7 +58,7 @@ fn grid(triangles: usize, aspect: f64) -> [usize; 2] {
 
 /// A vaulted hall of repeated bays between two rows of columns: `triangles` within 5 %, along +x from the origin, y up,
 /// 4 units a bay, 10 wide and 10 high. `materials` numbers [`HALL_MATERIALS`].
-pub(super) fn hall(triangles: usize, materials: [u32; 5]) -> Vec<Face> {
+pub(in super::super) fn hall(triangles: usize, materials: [u32; 5]) -> Vec<Face> {
     let plan = Plan::new(triangles);
     let [floor, walls, vault, columns, arches] = materials;
     let length = plan.bays as f64 * BAY;

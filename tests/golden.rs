@@ -35,15 +35,20 @@ fn hemisplat(arguments: &[&str]) -> Result<(), Failed> {
 
 /// The scene of a pipeline's picture, and what of it is compared.
 fn subject(pipeline: &str) -> (&'static str, &'static [&'static str]) {
-    if pipeline.starts_with("radiance") { ("cornell-glossy", &["irradiance", "glossy"]) } else { ("cornell", &["irradiance"]) }
+    match pipeline.split('-').next() {
+        Some("radiance") => ("cornell-glossy", &["irradiance", "glossy"]),
+        Some("environment") => ("teapot-noon", &["direct"]),
+        _ => ("cornell", &["irradiance"]),
+    }
 }
 
 /// Named from the project's root, so that the file keeps no path of the machine.
 fn render(pipeline: &str, options: &[&str], into: &Path) -> Outcome {
     let scene = subject(pipeline).0;
     let (pipeline, into) = (format!("pipelines/{pipeline}.ron"), into.to_string_lossy());
-    let arguments = ["render", &pipeline, "--scene", scene, "--size", SIZE, "--set", SPACING, "--quiet", "-o", &into];
-    hemisplat(&[&arguments, options].concat())
+    let arguments = ["render", &pipeline, "--scene", scene, "--size", SIZE, "--quiet", "-o", &into];
+    let spacing: &[&str] = if scene.starts_with("cornell") { &["--set", SPACING] } else { &[] };
+    hemisplat(&[&arguments, spacing, options].concat())
 }
 
 fn picture(path: &Path) -> Result<Layers, Failed> {
@@ -234,10 +239,40 @@ fn ways_of_glossy_light_agree() -> Outcome {
         picture(&made)
     };
     let right = drawn("radiance")?;
-    for name in ["radiance-device", "radiance-blend", "radiance-readback"] {
+    for name in ["radiance-device", "radiance-blend", "radiance-readback", "radiance-half"] {
         let error = apart(&drawn(name)?, &right, "glossy")?;
         if error > 1e-3 {
             return Err(format!("{name} is {:.3} % from radiance", 100.0 * error).into());
+        }
+    }
+    Ok(())
+}
+
+/// A ball, which hides nothing of the sky from itself: what harmonics make of the sky is what the path tracer finds, whoever turns them.
+fn skies_by_harmonics_are_those_of_the_reference() -> Outcome {
+    let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
+    let [made, truth, scene] = ["made.exr", "truth.exr", "ball.ron"].map(|name| folder.path().join(name).to_string_lossy().into_owned());
+    for material in [
+        "Diffuse(reflectance: (0.6, 0.4, 0.2))",
+        "Phong(reflectance: (0.2, 0.2, 0.2), specular: (0.7, 0.7, 0.7), exponent: 20)",
+        "Ward(reflectance: (0.1, 0.1, 0.1), specular: (0.7, 0.7, 0.8), alpha: (0.3, 0.6))",
+        "MetallicRoughness(base: (0.1, 0.25, 0.6), metallic: 0, roughness: 0.6)",
+    ] {
+        let text = format!(
+            "Scene(version: 1, geometry: [Sphere(centre: (0, 0, 0), radius: 1, subdivisions: 4, material: \"ball\")], materials: {{ \"ball\": {material} }}, \
+             normals: Smooth(degrees: 40), environment: Clear(sun: (azimuth: 60, elevation: 35), turbidity: 3), cameras: {{ \"main\": (eye: (0, 1, 5), target: (0, 0, 0), fov: 26) }})"
+        );
+        std::fs::write(&scene, text).map_err(|e| e.to_string())?;
+        let of = ["--scene", &scene, "--size", "32x32", "--quiet"];
+        hemisplat(&[&["reference", "--spp", "1024", "-o", &truth][..], &of].concat())?;
+        for (pipeline, way) in [("environment", "Host"), ("environment", "Device"), ("environment-spherical", "Host")] {
+            hemisplat(&[&["render", pipeline, "--set", &format!("sky.by={way}"), "-o", &made][..], &of].concat())?;
+            let errors = metrics(&picture(Path::new(&made))?, &picture(Path::new(&truth))?, "direct")?;
+            if errors.rmse_over_mean > 0.03 || errors.bias_over_mean.abs() > 0.005 {
+                return Err(
+                    format!("{pipeline} by {way}, {material}: {:.2} %, bias {:.2} %", 100.0 * errors.rmse_over_mean, 100.0 * errors.bias_over_mean).into()
+                );
+            }
         }
     }
     Ok(())
@@ -279,6 +314,7 @@ fn main() {
         drawn("specialisation_changes_no_picture", Box::new(specialisation_changes_no_picture)),
         drawn("wrong_parameters_are_refused", Box::new(wrong_parameters_are_refused)),
         drawn("ways_of_glossy_light_agree", Box::new(ways_of_glossy_light_agree)),
+        drawn("skies_by_harmonics_are_those_of_the_reference", Box::new(skies_by_harmonics_are_those_of_the_reference)),
         drawn("lobes_on_the_device_are_those_of_the_reference", Box::new(lobes_on_the_device_are_those_of_the_reference)),
     ];
     trials.extend(pipelines().into_iter().map(|pipeline| {

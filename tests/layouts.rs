@@ -7,6 +7,7 @@ use hemisplat::passes::{
     find_misses::device_grid,
     hemisphere_tiles::{raster, sift},
     irradiance_sum::workgroup_tree,
+    lobe_coefficients,
     radiance_projection::matrix_product,
     record,
 };
@@ -21,6 +22,7 @@ fn shared() -> Vec<(&'static str, Vec<HostLayout>)> {
         ("irradiance_sum/reduce", record::LAYOUTS.to_vec()),
         ("irradiance_sum/workgroup_tree", vec![workgroup_tree::Cell::LAYOUT]),
         ("radiance_projection", vec![matrix_product::TileWall::LAYOUT]),
+        ("lobe_coefficients", vec![lobe_coefficients::device::Shape::LAYOUT]),
         ("add_records", vec![add_records::Batch::LAYOUT]),
         ("find_misses/device_grid", vec![device_grid::Grid::LAYOUT]),
         ("hemisphere_tiles/raster", vec![raster::TileView::LAYOUT, raster::TileCamera::LAYOUT, sift::SiftView::LAYOUT]),

@@ -66,11 +66,11 @@ struct Lobes {
 }
 
 impl Lobes {
-    fn new(visible: &port::VisibleLobes, order: usize) -> Self {
-        let tables: Vec<LobeTable> = visible.lobes.tables.iter().map(|table| table.in_spherical(order)).collect();
+    fn new(visible: &port::VisibleLobes, order: usize) -> Result<Self, Refusal> {
+        let tables: Vec<LobeTable> = visible.lobes.on_host()?.iter().map(|table| table.in_spherical(order)).collect();
         let mut second = tables.iter().flat_map(|table| table.values.chunks(quads(order)).skip(1).step_by(PARTS).flatten());
         let rise = second.any(|four| *four != Vec4::ZERO);
-        Self { seen: visible.seen, tables, rise }
+        Ok(Self { seen: visible.seen, tables, rise })
     }
 }
 
@@ -86,7 +86,7 @@ impl Pass for EnvironmentLight {
     fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
         let Some(gbuffer) = r.g_buffer("gbuffer").copied() else { return Ok(()) };
         let order = r.arguments.integer("order") as usize;
-        let lobes = r.visible_lobes("lobes").map(|visible| Lobes::new(visible, order));
+        let lobes = r.visible_lobes("lobes").map(|visible| Lobes::new(visible, order)).transpose()?;
         if lobes.is_none() && r.setting.needs.lobes {
             return Err(port::Lobes::missing());
         }

@@ -2,9 +2,9 @@
 //! differ between lanes take longer than the sums themselves.
 
 use super::{Radiance, Work};
-use crate::contract::{Recorder, port};
+use crate::contract::{Recorder, Refusal, port};
 use crate::math::{
-    harmonics::Tilting,
+    harmonics::{Tilting, reflection::LobeTable},
     projection::PixelRectangle,
     radiance::{Viewed, reflected, reflected_rotated},
     weight::Record,
@@ -36,9 +36,9 @@ struct Placed<'a> {
     bounds: PixelRectangle,
 }
 
-pub(super) fn record(r: &mut Recorder<'_>, work: &Work, radiance: &Radiance) {
+pub(super) fn record(r: &mut Recorder<'_>, work: &Work, radiance: &Radiance) -> Result<(), Refusal> {
     let [width, height] = r.setting.size;
-    let (gbuffer, cache, lobes, seen) = (work.gbuffer, work.cache, radiance.visible.lobes.clone(), radiance.visible.seen);
+    let (gbuffer, cache, lobes, seen) = (work.gbuffer, work.cache, radiance.visible.lobes.on_host()?.clone(), radiance.visible.seen);
     let coefficients = radiance.coefficients;
     let tilting = radiance.rotation.map(|method| Tilting::new(coefficients.order as usize, method, STEPS));
     let outputs = [Some(work.sums), work.counts].into_iter().flatten();
@@ -89,6 +89,7 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, radiance: &Radiance) {
     for (image, buffer) in uploads {
         r.compute_pixels(Program::new("splat/host").bind("values", buffer).bind("image", image), "store");
     }
+    Ok(())
 }
 
 /// Coefficients as they are computed with.
@@ -104,7 +105,7 @@ impl Pictures {
     fn contribution(
         &self,
         cache: &port::RecordCache,
-        lobes: &port::Lobes,
+        lobes: &[LobeTable],
         tilting: Option<&Tilting>,
         placed: &Placed<'_>,
         eye: Vec3,
@@ -129,7 +130,7 @@ impl Pictures {
             reflectance: Vec3::new(red, green, blue),
             azimuth: table.fract(),
         };
-        let table = &lobes.tables[table as usize];
+        let table = &lobes[table as usize];
         let radiance = match tilting {
             Some(tilting) => reflected_rotated(placed.planes, table, tilting, &viewed),
             None => reflected(placed.planes, table, &viewed),

@@ -159,10 +159,10 @@ impl Pass for Splat {
         match (r.arguments.choice("by").0, &work.radiance) {
             ("Suited", Some(radiance)) if r.setting.device == Device::Software => {
                 r.remark("radiance is splatted on the host, as the device is a driver on the same cores");
-                host_radiance::record(r, &work, radiance);
+                host_radiance::record(r, &work, radiance)?;
             }
             ("ComputeTiles" | "Suited", _) => compute_tiles::record(r, &work),
-            ("Host", Some(radiance)) => host_radiance::record(r, &work, radiance),
+            ("Host", Some(radiance)) => host_radiance::record(r, &work, radiance)?,
             ("Host", None) => host::record(r, &work),
             _ => raster_blend::record(r, &work),
         }

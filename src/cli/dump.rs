@@ -4,7 +4,10 @@
 use super::failure::{CommandError, Failure};
 use super::output::Target;
 use crate::contract::{Port, port};
-use crate::math::weight;
+use crate::math::{
+    harmonics::reflection::{PARTS, quads},
+    weight,
+};
 use crate::measure::run::{Run, image};
 use crate::measure::{Layer, Layers};
 use crate::passes::record::{Record, Request};
@@ -40,7 +43,7 @@ fn write_port(name: &str, port: &Port, plan: &Plan, run: &Run<'_>, beside: &Path
         Port::ShadowMaps(maps) => write_layers(maps_picture(maps, run)?, name, beside),
         Port::Flag(flag) => file(beside, name, "csv")?.write(format!("value\n{}\n", run.variable(*flag)).as_bytes()),
         Port::GBuffer(surfaces) => write_layers(surfaces_picture(surfaces, plan, run)?, name, beside),
-        Port::Lobes(lobes) => write_layers(lobes_picture(lobes), name, beside),
+        Port::Lobes(lobes) => write_layers(lobes_picture(lobes, run)?, name, beside),
         Port::VisibleLobes(_) | Port::Image(_) | Port::DirectLight(_) | Port::Splats(_) => {
             let Some(image) = image(port) else { return Ok(()) };
             let layer = run.layer(name, image).map_err(Failure::work)?;
@@ -63,14 +66,11 @@ fn write_layers(picture: Layers, name: &str, beside: &Path) -> Result<(), Failur
 }
 
 /// A layer a table: a row for each outgoing direction, a column for each coefficient of both parts.
-fn lobes_picture(lobes: &port::Lobes) -> Layers {
-    let width = lobes.tables.first().map_or(1, |table| 4 * table.values.len() / (table.edge * table.edge));
-    let picture = Layers::new(width as u32, lobes.edge * lobes.edge);
-    lobes
-        .tables
-        .iter()
-        .enumerate()
-        .fold(picture, |picture, (at, table)| picture.with(&format!("table{at}"), Layer::value(bytemuck::cast_slice(&table.values).to_vec())))
+fn lobes_picture(lobes: &port::Lobes, run: &Run<'_>) -> Result<Layers, Failure> {
+    let values: Vec<f32> = bytemuck::pod_collect_to_vec(&run.bytes(lobes.values).map_err(Failure::work)?);
+    let (width, height) = (4 * PARTS * quads(lobes.order as usize), (lobes.edge * lobes.edge) as usize);
+    let tables = values.chunks_exact(width * height).enumerate();
+    Ok(tables.fold(Layers::new(width as u32, height as u32), |picture, (at, table)| picture.with(&format!("table{at}"), Layer::value(table.to_vec()))))
 }
 
 fn items<T: bytemuck::AnyBitPattern + bytemuck::NoUninit>(run: &Run<'_>, buffer: Resource, count: u32) -> Result<Vec<T>, Failure> {

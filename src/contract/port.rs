@@ -315,8 +315,9 @@ pub struct Lobes {
     pub values: Resource,
     /// Buffer of u32: of each material the index of its table, or that there is none.
     pub of_material: Resource,
-    /// The same on the host.
-    pub tables: Arc<Vec<LobeTable>>,
+    /// The same on the host, where it was projected there.
+    pub tables: Option<Arc<Vec<LobeTable>>>,
+    pub harmonics: Harmonics,
     pub order: u32,
     /// Directions along an edge of the grid.
     pub edge: u32,
@@ -337,9 +338,20 @@ impl Lobes {
         Refusal::new("plan::lobes", "glossy surfaces are asked for without their lobes", "join the input `lobes` to a LobeCoefficients node")
     }
 
+    /// The tables, for passes that look lobes up on the host.
+    pub fn on_host(&self) -> Result<&Arc<Vec<LobeTable>>, Refusal> {
+        self.tables.as_ref().ok_or_else(|| {
+            Refusal::new(
+                "plan::lobes_on_device",
+                "the host is to look up lobes that the device projects",
+                "set `by` of the LobeCoefficients node to Host, or `by` of this node to a way on the device",
+            )
+        })
+    }
+
     /// Refuses lobes that the expansions of records cannot be multiplied with.
     pub fn expect_hemispherical(&self) -> Result<(), Refusal> {
-        if self.tables.iter().all(|table| table.harmonics == Harmonics::Hemispherical) {
+        if self.harmonics == Harmonics::Hemispherical {
             return Ok(());
         }
         Err(Refusal::new(

@@ -39,6 +39,7 @@ sources![
     "copy_records",
     "gbuffer",
     "surfaces",
+    "lobe_coefficients",
     "shadow_map",
     "environment_light",
     "direct_light",

@@ -30,6 +30,15 @@ const LEAST_ALPHA: f32 = 1e-3;
 const MOST_EXPONENT: f32 = 1e6;
 
 impl Shape {
+    /// As shaders have it: the kind of lobe and its numbers.
+    pub fn numbers(self) -> (u32, Vec2) {
+        match self.bounded() {
+            Self::Phong { exponent } => (1, Vec2::new(exponent, 0.0)),
+            Self::Ward { alpha } => (2, alpha),
+            Self::Microfacets { alpha } => (3, Vec2::splat(alpha)),
+        }
+    }
+
     /// Whether it depends on the azimuth around the normal.
     pub fn is_anisotropic(self) -> bool {
         matches!(self, Self::Ward { alpha } if alpha.x != alpha.y)

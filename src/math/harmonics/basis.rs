@@ -35,6 +35,11 @@ impl<T: Float> Basis<T> {
         self.order
     }
 
+    /// What the recurrences start from and how they go on, for shaders: of each m the value of degree m without the power of the sine; at `l·order + m` two factors.
+    pub fn recurrence(self) -> (Vec<T>, Vec<[T; 2]>) {
+        (self.sectoral, self.steps)
+    }
+
     /// The spherical harmonics at a unit direction: [`count`] values.
     pub fn spherical(&self, [x, y, z]: [T; 3]) -> Vec<T> {
         let mut values = vec![T::zero(); count(self.order)];

@@ -167,13 +167,18 @@ const DRAWN: usize = 64;
 /// The projections of a lobe that is alike around the normal, toward angles from the normal to the horizon in even steps.
 struct Upright(Vec<Vec<Vec<f64>>>);
 
-const STEPS: usize = 96;
+/// Steps of the projections of a lobe that is alike around the normal, from the normal to the horizon.
+pub const STEPS: usize = 96;
+
+/// Outgoing direction of a step, at azimuth 0.
+pub fn height_direction(step: usize) -> Vec3 {
+    let angle = FRAC_PI_2 * step as f32 / STEPS as f32;
+    Vec3::new(angle.sin(), 0.0, angle.cos().max(LEAST_HEIGHT))
+}
 
 impl Upright {
     fn new(projector: &Projector) -> Self {
-        let angle = |step: usize| FRAC_PI_2 * step as f32 / STEPS as f32;
-        let outgoing = |step: usize| Vec3::new(angle(step).sin(), 0.0, angle(step).cos().max(LEAST_HEIGHT));
-        Self((0..=STEPS).map(|step| projector.project(outgoing(step))).collect())
+        Self((0..=STEPS).map(|step| projector.project(height_direction(step))).collect())
     }
 
     fn toward(&self, outgoing: Vec3) -> Vec<Vec<f64>> {
@@ -200,6 +205,20 @@ struct Point<'a> {
     basis: &'a [f64],
 }
 
+/// Directions over the whole hemisphere that meet a lobe wherever it is, and what each stands for [sr]; none for narrow lobes.
+pub fn even_points(shape: Shape, order: usize) -> Vec<(Vec3, f64)> {
+    let width = match shape {
+        Shape::Phong { exponent } => (2.0 / f64::from(exponent).max(2.0)).sqrt(),
+        Shape::Ward { alpha } => f64::from(alpha.min_element()),
+        Shape::Microfacets { alpha } => f64::from(alpha),
+    };
+    if width < NARROW {
+        return Vec::new();
+    }
+    let heights = order + 16 + (8.0 / width) as usize;
+    hemisphere(heights, 2 * heights).into_iter().map(|(d, solid_angle)| (Vec3::from(d.map(|x| x as f32)), solid_angle)).collect()
+}
+
 /// What lobes are projected by.
 struct Projector {
     shape: Shape,
@@ -213,14 +232,8 @@ impl Projector {
     fn new(shape: Shape, series: Series) -> Self {
         let Series { harmonics, order, .. } = series;
         let basis = Basis::<f64>::new(order);
-        let width = match shape {
-            Shape::Phong { exponent } => (2.0 / f64::from(exponent).max(2.0)).sqrt(),
-            Shape::Ward { alpha } => f64::from(alpha.min_element()),
-            Shape::Microfacets { alpha } => f64::from(alpha),
-        };
-        let heights = order + 16 + (8.0 / width.max(NARROW)) as usize;
-        let even = if width < NARROW { Vec::new() } else { hemisphere(heights, 2 * heights) };
-        let points = even.into_iter().map(|(d, solid_angle)| (Vec3::from(d.map(|x| x as f32)), solid_angle, basis.values(harmonics, d))).collect();
+        let points =
+            even_points(shape, order).into_iter().map(|(d, solid_angle)| (d, solid_angle, basis.values(harmonics, d.to_array().map(f64::from)))).collect();
         Self { shape, series, basis, points }
     }
 

@@ -1,5 +1,7 @@
 //! The lobes of a scene as expansions.
 
+pub mod device;
+
 use crate::contract::{Arguments, Choice, Description, Need, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, port};
 use crate::math::{
     harmonics::{
@@ -74,6 +76,17 @@ static DESCRIPTION: Description = Description {
                 choices: &[
                     Choice { name: "Blur", about: "it is kept as blurred as the order makes it, with a remark", parameters: &[] },
                     Choice { name: "Refuse", about: "the scene is refused", parameters: &[] },
+                ],
+            },
+        },
+        Parameter {
+            name: "by",
+            about: "where lobes are projected",
+            unit: "",
+            kind: ParameterKind::Choice {
+                choices: &[
+                    Choice { name: "Host", about: "once, as the plan is made", parameters: &[] },
+                    Choice { name: "Device", about: "by a shader, each frame anew; then the host cannot look lobes up", parameters: &[] },
                 ],
             },
         },
@@ -175,27 +188,32 @@ impl Pass for LobeCoefficients {
         let edge = r.arguments.integer("grid") as usize;
         let bytes = shapes.len() as u64 * (edge * edge * PARTS * quads(order) * 16) as u64;
         if bytes > MOST_BYTES {
-            return Err(Refusal::of_parameter(
-                "grid",
-                "plan::lobe_tables",
-                format!("the tables of {} of lobe, {edge}×{edge} directions each, do not fit into {} MiB", plural(shapes.len(), "shape"), MOST_BYTES >> 20),
-                "lower the grid or the order, or give materials the same roughness",
-            ));
+            return Err(does_not_fit(shapes.len(), edge));
         }
         let window = if r.arguments.choice("window").0 == "Hann" { Window::Hann } else { Window::None };
         let series = Series { harmonics, order, window };
-        let tables: Vec<LobeTable> = shapes.iter().map(|used| LobeTable::new(used.shape, series, edge)).collect();
+        let lobes: Vec<Shape> = shapes.iter().map(|used| used.shape).collect();
         let indices: Vec<u32> = of_material.iter().map(|index| index.unwrap_or(u32::MAX)).collect();
-        let lobes = port::Lobes {
-            values: r.constant_buffer("values", &values_of(&tables)),
-            of_material: r.constant_buffer("of_material", bytemuck::cast_slice(&indices)),
-            tables: Arc::new(tables),
-            order: order as u32,
-            edge: edge as u32,
+        let of_material = r.constant_buffer("of_material", bytemuck::cast_slice(&indices));
+        let (values, tables) = if r.arguments.choice("by").0 == "Device" {
+            (device::record(r, &lobes, series, edge)?, None)
+        } else {
+            let tables: Vec<LobeTable> = lobes.into_iter().map(|shape| LobeTable::new(shape, series, edge)).collect();
+            (r.constant_buffer("values", &values_of(&tables)), Some(Arc::new(tables)))
         };
+        let lobes = port::Lobes { values, of_material, tables, harmonics, order: order as u32, edge: edge as u32 };
         r.output("lobes", Port::Lobes(lobes));
         Ok(())
     }
+}
+
+fn does_not_fit(shapes: usize, edge: usize) -> Refusal {
+    Refusal::of_parameter(
+        "grid",
+        "plan::lobe_tables",
+        format!("the tables of {} of lobe, {edge}×{edge} directions each, do not fit into {} MiB", plural(shapes, "shape"), MOST_BYTES >> 20),
+        "lower the grid or the order, or give materials the same roughness",
+    )
 }
 
 /// Tables as shaders read them.

@@ -1,0 +1,89 @@
+//! The same projections by a shader.
+
+use super::{MOST_BYTES, does_not_fit};
+use crate::contract::{Recorder, Refusal};
+use crate::host_struct;
+use crate::math::{
+    harmonics::{
+        Basis, Harmonics,
+        reflection::{PARTS, STEPS, Series, direction_at, even_points, height_direction, quads},
+    },
+    lobe,
+};
+use crate::recording::*;
+use glam::{Vec2, Vec4};
+
+host_struct! {
+    /// A lobe, its first outgoing direction in the list of all, and its points in that of theirs; none where directions are drawn.
+    pub struct Shape {
+        kind: u32,
+        first: u32,
+        alpha: [f32; 2],
+        first_point: u32,
+        points: u32,
+        padding: [u32; 2],
+    }
+}
+
+/// Workgroups along one axis that every adapter runs.
+const MOST_GROUPS: u32 = 65_535;
+
+/// Rounds of a shader's loops: llvmpipe ends an invocation's loops after 2¹⁶ of them.
+const MOST_ROUNDS: usize = 50_000;
+
+/// Directions that the shader draws for a narrow lobe.
+const DRAWN: u32 = 64 * 64;
+
+fn groups(count: usize) -> Groups {
+    let count = count as u32;
+    Groups::Fixed([count.min(MOST_GROUPS), count.div_ceil(MOST_GROUPS), 1])
+}
+
+/// Adds the commands that project; the buffer of all tables.
+pub(super) fn record(r: &mut Recorder<'_>, lobes: &[lobe::Shape], series: Series, edge: usize) -> Result<Resource, Refusal> {
+    let Series { harmonics, order, window } = series;
+    let mut shapes = Vec::new();
+    let [mut outgoing, mut points]: [Vec<Vec4>; 2] = Default::default();
+    for (at, lobe) in lobes.iter().enumerate() {
+        let (kind, alpha) = lobe.numbers();
+        let even = even_points(*lobe, order);
+        let first_point = points.len() as u32;
+        shapes.push(Shape { kind, first: outgoing.len() as u32, alpha: alpha.into(), first_point, points: even.len() as u32, padding: [0; 2] });
+        points.extend(even.into_iter().map(|(direction, solid_angle)| direction.extend(solid_angle as f32)));
+        let place = |cell: usize| Vec2::new((cell % edge) as f32 + 0.5, (cell / edge) as f32 + 0.5) / edge as f32;
+        if lobe.is_anisotropic() {
+            outgoing.extend((0..edge * edge).map(|cell| direction_at(place(cell)).extend(at as f32)));
+        } else {
+            outgoing.extend((0..=STEPS).map(|step| height_direction(step).extend(at as f32)));
+        }
+    }
+    let (sectoral, steps) = Basis::<f32>::new(order).recurrence();
+    let starts: Vec<[f32; 2]> = sectoral.into_iter().enumerate().map(|(l, start)| [start, window.factor(l, order) as f32]).collect();
+    let room = PARTS * quads(order);
+    let visited = shapes.iter().map(|shape: &Shape| if shape.points == 0 { DRAWN } else { shape.points }).max().unwrap_or(0);
+    let slices = (visited as usize * order).div_ceil(MOST_ROUNDS);
+    let bytes = (outgoing.len() * slices * room * size_of::<Vec4>()) as u64;
+    if bytes > MOST_BYTES {
+        return Err(does_not_fit(lobes.len(), edge));
+    }
+    let projected = r.buffer("projected", bytes);
+    let fours = lobes.len() * edge * edge * room;
+    let values = r.buffer("values", (fours * size_of::<Vec4>()) as u64);
+    let program = Program::new("lobe_coefficients")
+        .constant("ORDER", order as u32)
+        .constant("QUADS", quads(order) as u32)
+        .constant("GRID", edge as u32)
+        .constant("HEIGHTS", STEPS as u32)
+        .constant("SLICES", slices as u32)
+        .constant("SPHERICAL", (harmonics == Harmonics::Spherical) as u8)
+        .bind("shapes", r.constant_buffer("shapes", bytemuck::cast_slice(&shapes)))
+        .bind("outgoing", r.constant_buffer("outgoing", bytemuck::cast_slice(&outgoing)))
+        .bind("points", r.constant_buffer("points", bytemuck::cast_slice(&points)))
+        .bind("steps", r.constant_buffer("steps", bytemuck::cast_slice(&steps)))
+        .bind("starts", r.constant_buffer("starts", bytemuck::cast_slice(&starts)))
+        .bind("projected", projected)
+        .bind("values", values);
+    r.compute(program.clone(), "project", groups(outgoing.len() * slices));
+    r.compute(program, "lay_out", groups(fours.div_ceil(64)));
+    Ok(values)
+}

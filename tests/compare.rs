@@ -19,7 +19,9 @@ const DRAWN: &[(&str, Case)] = &[
     ("a_reference_is_kept_and_a_damaged_one_traced_anew", kept_reference),
     ("several_at_once_keep_one_reference", concurrent),
     ("a_pipeline_without_irradiance_is_judged_by_its_picture", without_irradiance),
+    ("pipelines_of_direct_light_alone_are_judged_by_it", direct_alone),
     ("a_page_holds_what_was_found", html),
+    ("a_page_shows_glossy_light", glossy),
     ("an_unfinished_variant_is_named", unfinished),
     ("an_interrupted_comparison_keeps_whole_rounds", interrupted),
 ];
@@ -202,10 +204,63 @@ fn html() -> Outcome {
     }
     check(report["differences"]["pairs"][0]["ratio"] == json["pairs"][0]["ratio"], || report["differences"].to_string())?;
     let gallery = &data["gallery"];
-    let images = [&gallery["reference"], &gallery["pictures"][1], &gallery["maps"][0]["images"][1], &gallery["maps"][1]["images"][1]];
-    check(images.iter().all(|image| image["source"].as_str().is_some_and(|source| source.starts_with("data:image/png;base64,"))), || gallery.to_string())?;
+    check(layers(gallery, "shown") == [PICTURE] && layers(gallery, "maps") == ["irradiance", PICTURE], || gallery.to_string())?;
+    images_of(gallery, 2)?;
     let text = report["beside"][1]["text"].as_str().unwrap_or_default();
     check(text.contains("accuracy: 0.5,") && text.contains("resolution: 8,"), || text.to_owned())
+}
+
+fn layers<'g>(gallery: &'g Value, sets: &str) -> Vec<&'g str> {
+    gallery[sets].as_array().into_iter().flatten().filter_map(|set| set["layer"].as_str()).collect()
+}
+
+/// Every layer has a picture of the reference and one of each variant, and so has every map but for the reference.
+fn images_of(gallery: &Value, variants: usize) -> Outcome {
+    let is_image = |image: &Value| image["source"].as_str().is_some_and(|source| source.starts_with("data:image/png;base64,"));
+    let is_whole = |set: &Value| set["images"].as_array().is_some_and(|images| images.len() == variants && images.iter().all(is_image));
+    let sets = |name: &str| gallery[name].as_array().cloned().unwrap_or_default();
+    let whole = sets("shown").iter().all(|set| is_whole(set) && is_image(&set["reference"])) && sets("maps").iter().all(is_whole);
+    check(whole, || gallery.to_string())
+}
+
+fn glossy() -> Outcome {
+    let place = Place::new()?;
+    let quick = "--set direct.emitters=Sampled(area_samples:4) --set tiles.resolution=8 --set glossy_tiles.resolution=16 --reference-spp 16";
+    place.succeed(&format!("compare radiance radiance@lobes.order=Fixed(order:4) --scene cornell-glossy --size 32x32 {quick} --runs 1 --json out.json --html out.html"))?;
+    let (data, json) = (place.page("out.html")?, place.json("out.json")?);
+    let gallery = &data["gallery"];
+    check(layers(gallery, "shown") == [PICTURE, "glossy"] && layers(gallery, "maps") == ["irradiance", PICTURE, "glossy"], || gallery.to_string())?;
+    images_of(gallery, 2)?;
+    let images = &gallery["shown"][1]["images"];
+    check(images[0]["source"] != images[1]["source"], || images.to_string())?;
+    check(json["variants"].as_array().is_some_and(|variants| variants.iter().all(|variant| variant["errors"]["direct"].is_null())), || json.to_string())
+}
+
+/// A ball under a sky.
+const SKY: &str = r#"Scene(version: 1, about: "under a sky", geometry: [
+        Quad(corners: ((-6, 0, -6), (-6, 0, 6), (6, 0, 6), (6, 0, -6)), material: "floor"),
+        Sphere(centre: (0, 1, 0), radius: 1, subdivisions: 3, material: "ball"),
+    ],
+    materials: { "floor": Diffuse(reflectance: (0.6, 0.6, 0.6)), "ball": Phong(reflectance: (0.2, 0.2, 0.2), specular: (0.7, 0.7, 0.7), exponent: 20) },
+    environment: Constant((1, 0.9, 0.8)),
+    cameras: { "main": (eye: (0, 3, 9), direction: (0, -0.22, -1), fov: 56) })"#;
+
+fn direct_alone() -> Outcome {
+    let place = Place::new()?.with("sky.ron", SKY)?;
+    let (text, _) = place
+        .succeed("compare environment environment-spherical --scene ./sky.ron --size 48x36 --reference-spp 16 --runs 1 --json out.json --csv out.csv --html out.html")?;
+    check(text.contains("\ndirect light, of pipelines that compute no other"), || text)?;
+    let (data, json) = (place.page("out.html")?, place.json("out.json")?);
+    for errors in [0, 1].map(|index| &json["variants"][index]["errors"]) {
+        let direct = errors["direct"]["rmse_over_mean"].as_f64().unwrap_or(1.0);
+        check(errors["irradiance"].is_null() && errors["glossy"].is_null() && direct < 0.5, || errors.to_string())?;
+    }
+    let (gallery, report) = (&data["gallery"], &data["report"]);
+    check(layers(gallery, "shown") == [PICTURE, "direct"] && layers(gallery, "maps") == [PICTURE, "direct"], || gallery.to_string())?;
+    images_of(gallery, 2)?;
+    check(report["sweep"]["metric"] == "direct.rmse_over_mean" && report["charts"][0]["label"] == "Direct, rmse over mean", || report.to_string())?;
+    let csv = fs::read_to_string(place.0.path().join("out.csv"))?;
+    check(csv.contains(",direct_rmse_over_mean,"), || csv)
 }
 
 fn mistakes() -> Outcome {

@@ -7,7 +7,7 @@ mod browser;
 
 use browser::Browser;
 use browser::made::{COLOURS, Made, SIZE, made, open, picture, swept, swept_report, textured, with};
-use hemisplat::measure::PICTURE;
+use hemisplat::measure::{GLOSSY, Layer, PICTURE};
 use hemisplat::measure::compare::VariantReport;
 use hemisplat::measure::criteria::Cost;
 use hemisplat::measure::metrics::fair_exposure;
@@ -27,6 +27,7 @@ const CASES: &[(&str, Case)] = &[
     ("keys_flip_swap_and_step", keys),
     ("zoom_keeps_both_sides_in_step", zoom),
     ("maps_of_errors_have_a_scale", maps),
+    ("glossy_light_is_shown_as_pictures_and_as_maps", glossy),
     ("without_a_reference_the_page_says_so", no_reference),
     ("a_point_opens_its_picture", plot),
     ("marks_that_cover_each_other_open_by_their_letters", covered),
@@ -177,6 +178,32 @@ fn maps(browser: &mut Browser) -> Outcome {
     check(text.as_str().is_some_and(|text| text.contains("≤ −10.0 %") && text.contains("≥ +10.0 %")), || text.to_string())
 }
 
+fn glossy(browser: &mut Browser) -> Outcome {
+    // A reference that knows of lobes says nothing of variants that do not.
+    let lit = |light: f32, colour: [f32; 3]| {
+        let pixels: Vec<f32> = (0..SIZE[0] * SIZE[1]).flat_map(|_| colour).collect();
+        picture(SIZE, |_, _| [0.4; 3], light).with(GLOSSY, Layer::interleaved(&["R", "G", "B"], &pixels, 3))
+    };
+    let reference = Some(lit(1.0, [0.4; 3]));
+    let options = "[...document.querySelectorAll('#layer option:enabled')].map((option) => option.value).join()";
+    let _page = with(made(2).pictures, reference.clone()).open(browser)?;
+    equals(browser, options, "shown picture,irradiance,picture")?;
+    let _page = with(vec![lit(1.0, COLOURS[0]), lit(1.0, COLOURS[2])], reference).open(browser)?;
+    equals(browser, options, "shown picture,irradiance,picture,shown glossy,glossy")?;
+    (0..3).try_for_each(|_| browser.key("e"))?;
+    equals(browser, "document.querySelector('#layer').value", "shown glossy")?;
+    shows(browser, 0.25, 0)?;
+    shows(browser, 0.75, 2)?;
+    browser.key("]")?;
+    equals(browser, "document.querySelector('#right-label').textContent", "Reference")?;
+    equals(browser, "document.querySelector('#absent').hidden", true)?;
+    browser.key("e")?;
+    equals(browser, "document.querySelector('#scale-text').textContent.includes('mean glossy light')", true)?;
+    equals(browser, "document.querySelector('#absent').textContent", "The reference has no error of its own")?;
+    browser.key("e")?;
+    equals(browser, "document.querySelector('#layer').value", "shown picture")
+}
+
 fn no_reference(browser: &mut Browser) -> Outcome {
     let pictures = made(2).pictures;
     let _page = with(pictures, None).open(browser)?;
@@ -188,7 +215,7 @@ fn no_reference(browser: &mut Browser) -> Outcome {
     says(browser, "#layer")?;
     equals(browser, "[...document.querySelectorAll('#layer option')].filter((option) => option.disabled).length", 2)?;
     browser.key("e")?;
-    equals(browser, "document.querySelector('#layer').value", "shown")?;
+    equals(browser, "document.querySelector('#layer').value", "shown picture")?;
     shows(browser, 0.25, 0)
 }
 

@@ -220,7 +220,7 @@ fn refused() -> Outcome {
     check(first["state"] == "refused" && first["because"].as_str().is_some_and(|why| why.contains("plan::batch")), || first.to_string())?;
     check(first["pareto"] == false && second["pareto"] == true && second["state"] == "measured" && json["complete"] == false, || json.to_string())?;
     let page = place.page("a.html")?;
-    let pictures = &page["gallery"]["pictures"];
+    let pictures = &page["gallery"]["shown"][0]["images"];
     check(page["report"]["sweep"] == json && pictures[0].is_null() && pictures[1].is_object(), || pictures.to_string())?;
     let csv = place.text("a.csv")?;
     let rows = csv::Reader::from_reader(csv.as_bytes()).records().collect::<Result<Vec<_>, _>>()?;
@@ -257,7 +257,7 @@ fn page() -> Outcome {
     let (json, page) = (place.json("a.json")?, place.page("a.html")?);
     let (report, gallery) = (&page["report"], &page["gallery"]);
     check(report["sweep"] == json && report["title"] == "cornell: 4 points measured", || "the page holds other numbers".into())?;
-    let sets = [&gallery["pictures"], &gallery["maps"][0]["images"], &gallery["maps"][1]["images"]].map(|set| set.as_array());
+    let sets = [&gallery["shown"][0]["images"], &gallery["maps"][0]["images"], &gallery["maps"][1]["images"]].map(|set| set.as_array());
     let source = |image: &Value| image["source"].as_str().unwrap_or_default().to_owned();
     for images in sets {
         let mut sources: Vec<String> = images.ok_or("no images")?.iter().map(source).collect();
@@ -265,7 +265,7 @@ fn page() -> Outcome {
         sources.dedup();
         check(sources.len() == 4 && sources.iter().all(|source| source.starts_with("data:image/png;base64,")), || format!("{sources:?}"))?;
     }
-    check(source(&gallery["reference"]).starts_with("data:image/png"), || "no reference".into())?;
+    check(source(&gallery["shown"][0]["reference"]).starts_with("data:image/png"), || "no reference".into())?;
     // The first plot is that of the metric asked for, with the front of the JSON.
     let chart = &report["charts"][0];
     check(chart["label"] == "picture.relmse" && chart["errors"][3] == json["points"][3]["errors"]["picture"]["relmse"], || chart["label"].to_string())?;

@@ -54,7 +54,8 @@ pub fn report(comparison: &Comparison, pipelines: Vec<String>) -> Report {
         1 => format!("{}: one pipeline measured", comparison.scene),
         variants => format!("{}: {variants} pipelines compared", comparison.scene),
     };
-    let mut report = Report::new(title, comparison.into(), &Metric::default(), &Cost::Seconds, beside);
+    let metric = Metric::that_judges(comparison.variants.iter().map(|variant| &variant.errors));
+    let mut report = Report::new(title, comparison.into(), &metric, &Cost::Seconds, beside);
     report.runs_asked = comparison.runs_asked;
     report.warnings = warnings(comparison);
     report.differences = Some(differences);
@@ -132,13 +133,17 @@ fn errors(comparison: &Comparison) -> String {
             seen("hdr_flip"),
         );
     }
-    if comparison.variants.iter().any(|variant| variant.errors.glossy.is_some()) {
-        let _ = writeln!(text, "\nindirect light that lobes reflect, over glossy surfaces");
-        for variant in &comparison.variants {
-            let _ = writeln!(text, "{}", shares(&variant.id, variant.errors.glossy.as_ref()));
-        }
+    text += &layer(comparison, "indirect light that lobes reflect, over glossy surfaces", |errors| errors.glossy.as_ref());
+    text + &layer(comparison, "direct light, of pipelines that compute no other; what their pictures are held against has all light", |errors| errors.direct.as_ref())
+}
+
+/// The shares of a layer that not every comparison has; nothing where none of the variants has it.
+fn layer(comparison: &Comparison, heading: &str, of: impl Fn(&VariantErrors) -> Option<&Errors>) -> String {
+    if comparison.variants.iter().all(|variant| of(&variant.errors).is_none()) {
+        return String::new();
     }
-    text
+    let rows: String = comparison.variants.iter().map(|variant| shares(&variant.id, of(&variant.errors)) + "\n").collect();
+    format!("\n{heading}\n{rows}")
 }
 
 /// The metrics of a layer that are shares.
@@ -337,6 +342,7 @@ pub(super) fn of_errors(judged: &VariantErrors) -> Vec<Cell> {
     let mut cells = of("irradiance", judged.irradiance.as_ref());
     cells.extend(of("picture", judged.picture.as_ref()));
     cells.extend(of("glossy", judged.glossy.as_ref()));
+    cells.extend(of("direct", judged.direct.as_ref()));
     cells.extend(SEEN.map(|name| cell(name, seen(judged, name))));
     cells
 }

@@ -6,10 +6,10 @@ use super::failure::Failure;
 use super::input::read_file;
 use super::output::Target;
 use super::sealed::{self, Unusable};
-use super::truth::{GLOSSY, IRRADIANCE};
 use crate::measure::cache::Checksum;
+use crate::measure::compare::judged;
 use crate::measure::sweep::{Measured, Outcome, Point};
-use crate::measure::{Layer, Layers, PICTURE};
+use crate::measure::{Layer, Layers};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -90,7 +90,7 @@ impl Folder {
 
 /// What a page shows of a picture, in half floats; all of it where it holds nothing of that.
 pub(super) fn shown(picture: &Layers) -> Layers {
-    let named = |name: &&str| Some((name.to_string(), picture.layers.get(*name)?.clone().as_half()));
-    let layers: BTreeMap<String, Layer> = [PICTURE, IRRADIANCE, GLOSSY].iter().filter_map(named).collect();
+    let named = |name: &'static str| Some((name.to_owned(), picture.layers.get(name)?.clone().as_half()));
+    let layers: BTreeMap<String, Layer> = judged(picture).filter_map(named).collect();
     if layers.is_empty() { picture.clone() } else { Layers { layers, ..picture.clone() } }
 }

@@ -12,17 +12,12 @@ use super::scene::View;
 use super::sealed::{self, Unusable};
 use crate::gpu::scene::camera;
 use crate::measure::cache::{Checksum, fingerprint};
-use crate::measure::compare::{ReferenceReport, VariantErrors, checksum};
-use crate::measure::{Errors, Layer, Layers, MetricsError, PICTURE, PictureError, compare};
+use crate::measure::compare::{ReferenceReport, VariantErrors, checksum, judged};
+use crate::measure::{DIRECT, Errors, GLOSSY, IRRADIANCE, Layer, Layers, MetricsError, PICTURE, PictureError, compare};
 use crate::reference::{Bounces, Settings, Stop, VERSION, check, render};
 use clap::Args;
 use etcetera::BaseStrategy;
 use std::path::{Path, PathBuf};
-
-/// The layer of indirect irradiance.
-pub const IRRADIANCE: &str = "irradiance";
-/// The layer of what lobes reflect of indirect light.
-pub const GLOSSY: &str = "glossy";
 
 #[derive(Args)]
 pub struct TruthOptions {
@@ -191,11 +186,12 @@ impl Truth {
             irradiance: self.errors(&picture, IRRADIANCE, self.variance.as_ref())?,
             picture: self.errors(&picture, PICTURE, None)?,
             glossy: self.errors(&picture, GLOSSY, None)?,
+            direct: self.errors(&picture, DIRECT, None)?,
         })
     }
 
     fn errors(&self, picture: &Layers, layer: &str, variance: Option<&Layers>) -> Result<Option<Errors>, Failure> {
-        let both = [picture, &self.picture].iter().all(|layers| layers.layers.contains_key(layer));
+        let both = judged(picture).any(|judged| judged == layer) && self.picture.layers.contains_key(layer);
         both.then(|| compare(picture, &self.picture, layer, variance)).transpose().map_err(|error| self.refuse(error))
     }
 

@@ -3,7 +3,7 @@
 //! A run is a picture from empty caches. Runs are interleaved in rounds, one of each variant a round, so that two runs of a round are a pair.
 
 use super::cache::Checksum;
-use super::layers::Layers;
+use super::layers::{DIRECT, GLOSSY, IRRADIANCE, Layers, PICTURE};
 use super::metrics::Errors;
 use super::run::{FrameReport, PassReport, Records, Run, RunError};
 use super::statistics::{Difference, Spread, runs_to_find};
@@ -224,6 +224,16 @@ pub struct VariantErrors {
     /// Of the indirect light that lobes reflect, over glossy surfaces.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub glossy: Option<Errors>,
+    /// Of direct light, where the variant computes no other.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub direct: Option<Errors>,
+}
+
+/// The layers that a picture is judged by. Direct light is one where there is no other: pipelines with indirect light need not have all of it there.
+pub fn judged(picture: &Layers) -> impl Iterator<Item = &'static str> {
+    let holds = |layer: &str| picture.layers.contains_key(layer);
+    let direct_alone = ![IRRADIANCE, "indirect"].into_iter().any(holds);
+    [IRRADIANCE, PICTURE, DIRECT, GLOSSY].into_iter().filter(move |layer| holds(layer) && (*layer != DIRECT || direct_alone))
 }
 
 /// How the times of two variants differ.

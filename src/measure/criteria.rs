@@ -22,16 +22,18 @@ enum Judged {
     Irradiance,
     Picture,
     Glossy,
+    Direct,
 }
 
 impl Judged {
-    const ALL: [Self; 3] = [Self::Irradiance, Self::Picture, Self::Glossy];
+    const ALL: [Self; 4] = [Self::Irradiance, Self::Picture, Self::Glossy, Self::Direct];
 
     fn name(self) -> &'static str {
         match self {
             Self::Irradiance => "irradiance",
             Self::Picture => "picture",
             Self::Glossy => "glossy",
+            Self::Direct => "direct",
         }
     }
 }
@@ -39,12 +41,12 @@ impl Judged {
 impl FromStr for Metric {
     type Err = String;
 
-    /// Reads `NAME` or `LAYER.NAME`; the layer is `irradiance`, `picture` or `glossy`, the first where none is said.
+    /// Reads `NAME` or `LAYER.NAME`; the layer is `irradiance`, `picture`, `glossy` or `direct`, the first where none is said.
     fn from_str(text: &str) -> Result<Self, String> {
         let (layer, name) = text.split_once('.').unwrap_or(("irradiance", text));
         let layer = Judged::ALL.into_iter().find(|known| known.name() == layer);
         let name = Errors::METRICS.into_iter().find(|known| *known == name);
-        let expected = || format!("expected a metric, of the irradiance, or as picture.METRIC or glossy.METRIC: {}", Errors::METRICS.join(", "));
+        let expected = || format!("expected a metric, of the irradiance, or as picture.METRIC, glossy.METRIC or direct.METRIC: {}", Errors::METRICS.join(", "));
         layer.zip(name).map(|(layer, name)| Self { layer, name }).ok_or_else(expected)
     }
 }
@@ -57,7 +59,7 @@ impl fmt::Display for Metric {
 
 impl Metric {
     /// Those that a page tells, in words.
-    pub const TOLD: [(Self, &str); 12] = [
+    pub const TOLD: [(Self, &str); 14] = [
         (Self::irradiance("rmse_over_mean"), "Irradiance, rmse over mean"),
         (Self::irradiance("bias_over_mean"), "Irradiance, bias over mean"),
         (Self::irradiance("rms_of_relative"), "Irradiance, rms of relative"),
@@ -70,6 +72,8 @@ impl Metric {
         (Self::picture("hdr_flip"), "Picture, HDR-ꟻLIP"),
         (Self { layer: Judged::Glossy, name: "rmse_over_mean" }, "Glossy, rmse over mean"),
         (Self { layer: Judged::Glossy, name: "rms_of_relative" }, "Glossy, rms of relative"),
+        (Self::direct("rmse_over_mean"), "Direct, rmse over mean"),
+        (Self::direct("block_p99"), "Direct, blocks, 99th percentile"),
     ];
 
     const fn irradiance(name: &'static str) -> Self {
@@ -80,12 +84,23 @@ impl Metric {
         Self { layer: Judged::Picture, name }
     }
 
+    const fn direct(name: &'static str) -> Self {
+        Self { layer: Judged::Direct, name }
+    }
+
+    /// What a comparison is judged by where nobody says: the irradiance, or the direct light where nothing else is computed.
+    pub fn that_judges<'e>(mut variants: impl Iterator<Item = &'e VariantErrors> + Clone) -> Self {
+        let is_direct = variants.clone().all(|errors| errors.irradiance.is_none()) && variants.any(|errors| errors.direct.is_some());
+        if is_direct { Self::direct("rmse_over_mean") } else { Self::default() }
+    }
+
     /// The error itself, with its sign. None where it could not be measured.
     pub fn signed(&self, errors: &VariantErrors) -> Option<f64> {
         let errors = match self.layer {
             Judged::Irradiance => &errors.irradiance,
             Judged::Picture => &errors.picture,
             Judged::Glossy => &errors.glossy,
+            Judged::Direct => &errors.direct,
         };
         errors.as_ref()?.metric(self.name).flatten()
     }

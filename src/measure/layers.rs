@@ -19,6 +19,12 @@ use thiserror::Error;
 
 /// The layer that is stored without a prefix: radiance toward the camera [W m⁻² sr⁻¹, linear Rec. 709].
 pub const PICTURE: &str = "picture";
+/// The layer of indirect irradiance.
+pub const IRRADIANCE: &str = "irradiance";
+/// The layer of what lobes reflect of indirect light.
+pub const GLOSSY: &str = "glossy";
+/// The layer of direct light.
+pub const DIRECT: &str = "direct";
 
 /// The channel of a layer that has but one, such as `weight`.
 pub const VALUE: &str = "";

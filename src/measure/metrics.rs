@@ -1,7 +1,7 @@
 //! How far a picture is from the truth: each metric has one meaning, the same in every table and file of the project.
 
 use super::flip::{flip, hdr_flip};
-use super::layers::{Layer, Layers, PICTURE, PictureError};
+use super::layers::{GLOSSY, IRRADIANCE, Layer, Layers, PICTURE, PictureError};
 use super::statistics::quantile;
 use super::tone::tone_map;
 use crate::math::colour::luminance;
@@ -125,14 +125,11 @@ pub fn compare_layers(test: Selected, reference: Selected, variance: Option<&Lay
     let stride = stride(test.picture, reference.picture)?;
     let r = values(reference, "reference")?;
     let x = every(&values(test, "tested picture")?, test.picture, stride);
-    let mut surface = surface(reference.picture, &r);
-    let own_layer = if reference.layer == "irradiance" { VARIANCE.to_owned() } else { format!("{}_{VARIANCE}", reference.layer) };
-    let own = reference.picture.layers.contains_key(&own_layer).then_some((reference.picture, own_layer.as_str()));
-    let variance = variance.map(|given| (given, VARIANCE)).or(own).map(|(picture, layer)| variances(picture, layer, reference.picture)).transpose()?;
-    let by_kind = reference.picture.layers.contains_key(GLOSSY_VARIANCE) && ["irradiance", "glossy"].contains(&reference.layer);
-    if let Some(variance) = variance.as_ref().filter(|_| own.is_some() && by_kind) {
-        surface.iter_mut().zip(variance).for_each(|(surface, variance)| *surface &= *variance > 0.0);
-    }
+    let surface = judged_surface(reference, &r)?;
+    let variance = match variance {
+        Some(given) => Some(variances(given, VARIANCE, reference.picture)?),
+        None => own_variances(reference)?,
+    };
     let samples: Vec<Sample> = (0..r.len()).filter(|&at| surface[at]).map(|at| Sample { at, x: x[at], r: r[at] }).collect();
     let mean = mean(samples.iter().map(|s| s.r)).ok_or(MetricsError::NoSurface)?;
     if mean <= 0.0 {
@@ -244,6 +241,23 @@ fn surface(reference: &Layers, luminance: &[f64]) -> Vec<bool> {
     }
 }
 
+/// Where a layer is judged. In a scene with lobes, irradiance and what lobes reflect are on the surfaces that have them, by their own variance.
+fn judged_surface(reference: Selected, luminance: &[f64]) -> Result<Vec<bool>, MetricsError> {
+    let mut surface = surface(reference.picture, luminance);
+    let by_kind = reference.picture.layers.contains_key(GLOSSY_VARIANCE) && [IRRADIANCE, GLOSSY].contains(&reference.layer);
+    if let Some(variance) = if by_kind { own_variances(reference)? } else { None } {
+        surface.iter_mut().zip(variance).for_each(|(surface, variance)| *surface &= variance > 0.0);
+    }
+    Ok(surface)
+}
+
+/// Those that the reference itself holds of a layer.
+fn own_variances(reference: Selected) -> Result<Option<Vec<f64>>, MetricsError> {
+    let layer = if reference.layer == IRRADIANCE { VARIANCE.to_owned() } else { format!("{}_{VARIANCE}", reference.layer) };
+    let holds = reference.picture.layers.contains_key(&layer);
+    holds.then(|| variances(reference.picture, &layer, reference.picture)).transpose()
+}
+
 /// Variance of each pixel's luminance. The channels of a light path rise and fall together, so their deviations add up: exact for grey,
 /// and never too small.
 fn variances(variance: &Layers, layer: &str, reference: &Layers) -> Result<Vec<f64>, MetricsError> {
@@ -350,9 +364,10 @@ pub struct ErrorMap {
 /// The error of each pixel that [`compare`] judges, by the same rules.
 pub fn error_map(test: &Layers, reference: &Layers, layer: &str) -> Result<ErrorMap, MetricsError> {
     let stride = stride(test, reference)?;
-    let r = values(Selected { picture: reference, layer }, "reference")?;
+    let selected = Selected { picture: reference, layer };
+    let r = values(selected, "reference")?;
     let x = every(&values(Selected { picture: test, layer }, "tested picture")?, test, stride);
-    let surface = surface(reference, &r);
+    let surface = judged_surface(selected, &r)?;
     let seen: Vec<f64> = (0..r.len()).filter(|&at| surface[at]).map(|at| r[at]).collect();
     let mean = mean(seen.into_iter()).ok_or(MetricsError::NoSurface)?;
     if mean <= 0.0 {

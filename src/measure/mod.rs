@@ -18,5 +18,5 @@ pub mod sweep;
 pub mod tone;
 pub mod traffic;
 
-pub use layers::{Layer, Layers, MAX_SAMPLES, PICTURE, PictureError};
+pub use layers::{DIRECT, GLOSSY, IRRADIANCE, Layer, Layers, MAX_SAMPLES, PICTURE, PictureError};
 pub use metrics::{Errors, LargestError, MetricsError, Selected, compare, compare_layers};

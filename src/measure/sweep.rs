@@ -167,7 +167,7 @@ impl From<&Comparison> for Sweep {
             traffic: None,
             pareto: false,
         };
-        let (metric, cost) = (Metric::default(), Cost::Seconds);
+        let (metric, cost) = (Metric::that_judges(comparison.variants.iter().map(|variant| &variant.errors)), Cost::Seconds);
         let mut points: Vec<Point> = comparison.variants.iter().map(point).collect();
         mark_front(&mut points, &metric, &cost);
         Self {

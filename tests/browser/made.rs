@@ -9,7 +9,7 @@ use hemisplat::measure::page::{Beside, Differences, Gallery, Report, Told, page}
 use hemisplat::measure::run::Records;
 use hemisplat::measure::statistics::Spread;
 use hemisplat::measure::sweep::{Axis, Sweep};
-use hemisplat::measure::{Layer, Layers, PICTURE, compare};
+use hemisplat::measure::{GLOSSY, Layer, Layers, PICTURE, compare};
 use libtest_mimic::Failed;
 use std::fs;
 use tempfile::TempDir;
@@ -100,7 +100,7 @@ pub fn variant(index: usize, picture: &Layers, reference: Option<&Layers>) -> Va
         pictures_repeat: true,
         peak_gpu_bytes: 50 << 20,
         passes: vec![pass("gbuffer", "GBuffer", 0.05), pass("tiles", "HemisphereTiles", 0.7), pass("splats", "Splat", 0.25)],
-        errors: VariantErrors { irradiance: errors("irradiance"), picture: errors(PICTURE), glossy: None },
+        errors: VariantErrors { irradiance: errors("irradiance"), picture: errors(PICTURE), glossy: errors(GLOSSY), direct: None },
     }
 }
 

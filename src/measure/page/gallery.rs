@@ -1,6 +1,7 @@
 //! The pictures of a page: all with one exposure, and where each is too bright or too dark. However many there are, their pixels are bounded.
 
-use crate::measure::layers::{Layer, Layers, PICTURE, PictureError};
+use crate::measure::compare::judged;
+use crate::measure::layers::{DIRECT, GLOSSY, IRRADIANCE, Layer, Layers, PICTURE, PictureError};
 use crate::measure::metrics::{ErrorMap, MetricsError, error_map, fair_exposure};
 use crate::measure::statistics::quantile;
 use base64::{Engine, engine::general_purpose::STANDARD};
@@ -9,13 +10,16 @@ use image::{ExtendedColorType, ImageEncoder};
 use serde::Serialize;
 use std::collections::BTreeMap;
 
-/// The layers whose errors are mapped, where both the variant and the reference hold them.
-const MAPPED: [&str; 2] = ["irradiance", PICTURE];
+/// The layers that are shown, where the variant is judged by them.
+const SHOWN: [&str; 3] = [PICTURE, GLOSSY, DIRECT];
+
+/// The layers whose errors are mapped, where the reference holds them too.
+const MAPPED: [&str; 4] = [IRRADIANCE, PICTURE, GLOSSY, DIRECT];
 
 /// Longest side of a map of errors [pixels]: finer ones show little but the reference's noise, and would be most of a page's weight.
 const MAP_SIDE: u32 = 256;
 
-/// Most pixels of all pictures together: what many large ones have beyond it is shown as means of blocks.
+/// Most pixels of all pictures of a layer together: what many large ones have beyond it is shown as means of blocks.
 const MOST_PIXELS: u64 = 1 << 24;
 
 /// The same of all maps of a layer.
@@ -52,8 +56,8 @@ struct Bitmap {
 
 #[derive(Default)]
 struct Shot {
-    /// None where the variant has no picture.
-    picture: Option<Bitmap>,
+    /// By layer.
+    pictures: BTreeMap<&'static str, Bitmap>,
     maps: BTreeMap<&'static str, CoarseMap>,
 }
 
@@ -72,10 +76,17 @@ struct CoarseMap {
 pub(super) struct Exhibition {
     /// Of all pictures [stops].
     exposure: f32,
-    /// One a variant; null where it has no picture.
-    pictures: Vec<Option<Image>>,
-    reference: Option<Image>,
+    shown: Vec<PictureSet>,
     maps: Vec<MapSet>,
+}
+
+/// The pictures of one layer.
+#[derive(Serialize)]
+struct PictureSet {
+    layer: &'static str,
+    /// One a variant; null where it has no such layer.
+    images: Vec<Option<Image>>,
+    reference: Option<Image>,
 }
 
 /// A PNG file as a data URI.
@@ -114,9 +125,11 @@ impl<'r> Gallery<'r> {
     pub fn add(&mut self, picture: &Layers, judge: Option<&Layers>) -> Result<(), MetricsError> {
         let shown = |error| MetricsError::Picture { which: "picture", error };
         let exposure = self.exposure_for(picture).map_err(shown)?;
-        let maps = MAPPED.into_iter().filter_map(|layer| Some((layer, self.map(picture, judge?, layer)?)));
+        let pictures = judged(picture).filter(|layer| SHOWN.contains(layer));
+        let pictures = pictures.map(|layer| Ok((layer, self.bitmap(picture, layer, exposure)?))).collect::<Result<_, _>>().map_err(shown)?;
+        let maps = judged(picture).filter_map(|layer| Some((layer, self.map(picture, judge?, layer)?)));
         let maps = maps.map(|(layer, map)| map.map(|map| (layer, map))).collect::<Result<_, _>>()?;
-        self.shots.push(Shot { picture: self.bitmap(picture, exposure).map_err(shown)?, maps });
+        self.shots.push(Shot { pictures, maps });
         Ok(())
     }
 
@@ -136,8 +149,7 @@ impl<'r> Gallery<'r> {
     }
 
     fn map(&self, picture: &Layers, judge: &Layers, layer: &str) -> Option<Result<CoarseMap, MetricsError>> {
-        let both = [picture, judge].iter().all(|layers| layers.layers.contains_key(layer));
-        both.then(|| error_map(picture, judge, layer).map(|map| self.coarse(map)))
+        judge.layers.contains_key(layer).then(|| error_map(picture, judge, layer).map(|map| self.coarse(map)))
     }
 
     fn coarse(&self, map: ErrorMap) -> CoarseMap {
@@ -146,36 +158,41 @@ impl<'r> Gallery<'r> {
         CoarseMap { size: map.size.map(|side| side.div_ceil(block)), block, stride: self.size[0].div_ceil(map.size[0].max(1)), over_mean }
     }
 
-    fn bitmap(&self, picture: &Layers, exposure: f32) -> Result<Option<Bitmap>, PictureError> {
-        if !picture.layers.contains_key(PICTURE) {
-            return Ok(None);
-        }
+    fn bitmap(&self, picture: &Layers, layer: &str, exposure: f32) -> Result<Bitmap, PictureError> {
         let whole = [picture.width, picture.height];
         let block = block(whole, u32::MAX, MOST_PIXELS / self.pictures.max(1));
         let [width, height] = whole.map(|side| side.div_ceil(block));
         let pixels = match block {
-            1 => picture.to_srgb(PICTURE, exposure)?,
+            1 => picture.to_srgb(layer, exposure)?,
             _ => {
                 let plane = |plane: &[f32]| means(whole, block, |at| Some(plane[at])).into_iter().map(Option::unwrap_or_default).collect();
-                let planes = picture.rgb(PICTURE)?.map(plane);
+                let planes = picture.rgb(layer)?.map(plane);
                 let channels = ["R", "G", "B"].map(str::to_owned).into_iter().zip(planes).collect();
                 Layers::new(width, height).with(PICTURE, Layer { channels, half: false }).to_srgb(PICTURE, exposure)?
             }
         };
-        Ok(Some(Bitmap { size: [width, height], block: block * self.size[0].div_ceil(whole[0].max(1)), pixels }))
+        Ok(Bitmap { size: [width, height], block: block * self.size[0].div_ceil(whole[0].max(1)), pixels })
     }
 
     /// Encodes all that was taken in.
     pub(super) fn show(&self) -> Result<Exhibition, PictureError> {
         let exposure = self.exposure.unwrap_or(0.0);
-        let first = self.shots.first().and_then(|shot| shot.picture.as_ref());
-        let picture = |(index, shot): (usize, &Shot)| shot.picture.as_ref().map(|picture| picture.encode(first.filter(|_| index > 0))).transpose();
-        let reference = self.reference.map_or(Ok(None), |reference| self.bitmap(reference, exposure))?;
+        let is_shown = |layer: &&str| *layer == PICTURE || self.shots.iter().any(|shot| shot.pictures.contains_key(layer));
         Ok(Exhibition {
             exposure,
-            pictures: self.shots.iter().enumerate().map(picture).collect::<Result<_, _>>()?,
-            reference: reference.map(|reference| reference.encode(None)).transpose()?,
+            shown: SHOWN.into_iter().filter(is_shown).map(|layer| self.picture_set(layer, exposure)).collect::<Result<_, _>>()?,
             maps: MAPPED.into_iter().filter_map(|layer| self.map_set(layer)).collect::<Result<_, _>>()?,
+        })
+    }
+
+    fn picture_set(&self, layer: &'static str, exposure: f32) -> Result<PictureSet, PictureError> {
+        let first = self.shots.first().and_then(|shot| shot.pictures.get(layer));
+        let image = |(index, shot): (usize, &Shot)| shot.pictures.get(layer).map(|picture| picture.encode(first.filter(|_| index > 0))).transpose();
+        let reference = self.reference.filter(|reference| reference.layers.contains_key(layer));
+        Ok(PictureSet {
+            layer,
+            images: self.shots.iter().enumerate().map(image).collect::<Result<_, _>>()?,
+            reference: reference.map(|reference| self.bitmap(reference, layer, exposure)?.encode(None)).transpose()?,
         })
     }
 
@@ -275,7 +292,7 @@ mod tests {
         let mut gallery = Gallery::new([64; 2], 3, None);
         pictures.iter().for_each(|picture| gallery.add(picture, None).unwrap());
         let shown = gallery.show().unwrap();
-        let images: Vec<&Image> = shown.pictures.iter().flatten().collect();
+        let images: Vec<&Image> = shown.shown[0].images.iter().flatten().collect();
         assert_eq!(images.iter().map(|image| image.from_first).collect::<Vec<_>>(), [false, true, false]);
         let first = decode(images[0]).into_rgb8().into_raw();
         for (image, picture) in images.iter().zip(&pictures) {
@@ -285,7 +302,7 @@ mod tests {
             }
             assert_eq!(bytes, picture.to_srgb(PICTURE, shown.exposure).unwrap());
         }
-        assert!(shown.maps.is_empty() && shown.reference.is_none());
+        assert!(shown.maps.is_empty() && shown.shown.len() == 1 && shown.shown[0].reference.is_none());
     }
 
     #[test]
@@ -293,9 +310,9 @@ mod tests {
         let (reference, dark) = (grey(4, |_| 8.0), grey(4, |_| 2.0));
         let mut gallery = Gallery::new([4; 2], 1, Some(&reference));
         gallery.add(&dark, None).unwrap();
-        let shown = gallery.show().unwrap();
+        let shown = &gallery.show().unwrap().shown[0];
         assert_eq!(decode(shown.reference.as_ref().unwrap()).into_rgb8().get_pixel(0, 0).0, [118; 3]);
-        assert!(decode(shown.pictures[0].as_ref().unwrap()).into_rgb8().get_pixel(0, 0).0[0] < 70);
+        assert!(decode(shown.images[0].as_ref().unwrap()).into_rgb8().get_pixel(0, 0).0[0] < 70);
     }
 
     #[test]
@@ -311,8 +328,28 @@ mod tests {
         assert!(set.layer == "irradiance" && (set.scale - 0.1).abs() < 1e-12 && set.block == 1, "{}", set.scale);
         let bytes = |index: usize| decode(set.images[index].as_ref().unwrap()).into_luma8().into_raw();
         assert_eq!(bytes(0), [[0; 4], [1; 4], [101; 4], [101; 4]].concat());
-        assert!(set.images[1].is_none() && shown.pictures[1].is_none());
+        assert!(set.images[1].is_none() && shown.shown[0].images[1].is_none());
         assert_eq!(bytes(2), [[0; 4], [76; 4], [76; 4], [76; 4]].concat());
+    }
+
+    #[test]
+    fn only_layers_that_a_variant_is_judged_by_are_shown() {
+        let layer = |value: f32| Layer::value(vec![value; 16]);
+        let reference = grey(4, |_| 2.0).with(GLOSSY, layer(2.0)).with(DIRECT, layer(1.0));
+        let layers = |picture: &Layers| {
+            let mut gallery = Gallery::new([4; 2], 1, Some(&reference));
+            gallery.add(picture, Some(&reference)).unwrap();
+            let shown = gallery.show().unwrap();
+            assert!(shown.shown.iter().all(|set| set.images[0].is_some() && set.reference.is_some()));
+            assert!(shown.maps.iter().all(|set| set.images[0].is_some()));
+            (shown.shown.iter().map(|set| set.layer).collect::<Vec<_>>(), shown.maps.iter().map(|set| set.layer).collect::<Vec<_>>())
+        };
+        let diffuse = grey(4, |_| 1.0).with(DIRECT, layer(1.0));
+        assert_eq!(layers(&diffuse), (vec![PICTURE], vec![IRRADIANCE, PICTURE]));
+        assert_eq!(layers(&diffuse.with(GLOSSY, layer(1.5))), (vec![PICTURE, GLOSSY], vec![IRRADIANCE, PICTURE, GLOSSY]));
+        let direct = Layers::new(4, 4).with(PICTURE, layer(1.0)).with(DIRECT, layer(1.0));
+        assert_eq!(layers(&direct), (vec![PICTURE, DIRECT], vec![PICTURE, DIRECT]));
+        assert_eq!(layers(&direct.with("indirect", layer(1.0))), (vec![PICTURE], vec![PICTURE]));
     }
 
     #[test]
@@ -331,7 +368,7 @@ mod tests {
         // Of 16384 pictures each may have 1024 pixels: 36 by 36 are 18 by 18 blocks, whose columns are 0 and 1, 2 and 3 and so on.
         let mut gallery = Gallery::new([36; 2], 1 << 14, None);
         gallery.add(&grey(36, |at| (at % 36) as f32), None).unwrap();
-        let image = &gallery.show().unwrap().pictures[0];
+        let image = &gallery.show().unwrap().shown[0].images[0];
         let image = image.as_ref().unwrap();
         assert_eq!((image.width, image.height, image.block), (18, 18, 2));
         let means = grey(18, |at| (at % 18 * 2) as f32 + 0.5);

@@ -13,17 +13,19 @@ function bitmap(layer, index) {
   return decoded.get(key);
 }
 
+/** Pictures of a layer go by its name behind `shown`, maps of its errors by its name alone. */
+const shownSet = (layer) => gallery.shown.find((set) => `shown ${set.layer}` === layer);
 const mapSet = (layer) => gallery.maps.find((set) => set.layer === layer);
 
 function imageOf(layer, index) {
-  if (layer === "shown") return index === REFERENCE ? gallery.reference : gallery.pictures[index];
-  return index === REFERENCE ? null : mapSet(layer)?.images[index];
+  const set = shownSet(layer) ?? mapSet(layer);
+  return index === REFERENCE ? set?.reference : set?.images[index];
 }
 
 async function decode(layer, image) {
   const canvas = await load(image);
-  if (layer !== "shown") return colour(canvas, mapSet(layer));
-  return image.from_first ? addTo(canvas, await load(gallery.pictures[0])) : canvas;
+  if (!shownSet(layer)) return colour(canvas, mapSet(layer));
+  return image.from_first ? addTo(canvas, await load(shownSet(layer).images[0])) : canvas;
 }
 
 async function load(image) {

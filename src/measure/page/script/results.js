@@ -79,7 +79,13 @@ function ratioText(value, variant, index) {
 
 function errorsText(reference) {
   if (!reference) return "No reference was given: there are no errors.";
-  return reference.row ? `Errors are differences from ${reference.row} at the same values.` : "Errors of the irradiance are corrected for the reference's noise.";
+  const corrected = ["irradiance", "glossy"].filter((layer) => variants.some((variant) => variant.errors?.[layer])).map((layer) => LAYERS[layer]);
+  const texts = [
+    reference.row ? `Errors are differences from ${reference.row} at the same values.` : null,
+    corrected.length && !reference.row ? `Errors of the ${corrected.join(" and of the ")} are corrected for the reference's noise.` : null,
+    mapSet("direct") ? "A pipeline that computes direct light alone is judged by that, without correction; what its picture is held against has all light." : null,
+  ];
+  return texts.filter((text) => text !== null).join(" ");
 }
 
 const sorting = { column: 0, ascending: true };

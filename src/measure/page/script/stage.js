@@ -3,11 +3,14 @@
 const stage = byId("stage");
 const canvas = byId("canvas");
 const slider = byId("slider");
-const LAYERS = ["shown", "irradiance", "picture"];
+/** Their names in the data and in words. */
+const LAYERS = { irradiance: "irradiance", picture: "picture", glossy: "glossy light", direct: "direct light" };
+/** What the stage can show: pictures and maps that are there. */
+const CHOICES = ["shown picture", "irradiance", "picture", "shown glossy", "glossy", "shown direct", "direct"].filter((layer) => shownSet(layer) || mapSet(layer));
 const VIEWS = [["slider", "Slider"], ["side", "Side by side"], ["flip", "Flip"]];
-const second = variants.length > 1 ? 1 : gallery.reference ? REFERENCE : 0;
+const second = variants.length > 1 ? 1 : imageOf("shown picture", REFERENCE) ? REFERENCE : 0;
 /** `scale`: pixels of the page a pixel of the picture, null for the whole picture; `x`, `y`: the picture's point in the middle. */
-const state = { left: 0, right: second, layer: "shown", view: "slider", split: 0.5, flipped: false, scale: null, x: WIDTH / 2, y: HEIGHT / 2, hover: null };
+const state = { left: 0, right: second, layer: "shown picture", view: "slider", split: 0.5, flipped: false, scale: null, x: WIDTH / 2, y: HEIGHT / 2, hover: null };
 
 const paneCount = () => (state.view === "side" ? 2 : 1);
 
@@ -86,8 +89,9 @@ const STATES = { refused: "was refused", open: "is not measured yet" };
 function showAbsent(indices) {
   const lacking = [...new Set(indices)].filter((index) => bitmap(state.layer, index) === null);
   const reason = (index) => {
-    if (state.layer === "shown") return `${titleOf(index)} ${STATES[variants[index]?.state] ?? "has no picture"}`;
-    return index === REFERENCE ? "The reference has no error of its own" : `${titleOf(index)} has no ${state.layer} whose error could be mapped`;
+    const shown = shownSet(state.layer);
+    if (shown) return `${titleOf(index)} ${STATES[variants[index]?.state] ?? `has no ${LAYERS[shown.layer]}`}`;
+    return index === REFERENCE ? "The reference has no error of its own" : `${titleOf(index)} has no ${LAYERS[state.layer]} whose error could be mapped`;
   };
   byId("absent").textContent = lacking.map(reason).join("; ");
   byId("absent").hidden = lacking.length === 0;
@@ -108,7 +112,7 @@ function valueAt(index, x, y) {
   const source = bitmap(state.layer, index);
   if (!source) return "–";
   const [column, row] = [x, y].map((place) => Math.floor(place / source.block));
-  if (state.layer === "shown") return [...source.getContext("2d").getImageData(column, row, 1, 1).data.slice(0, 3)].join(" ");
+  if (shownSet(state.layer)) return [...source.getContext("2d").getImageData(column, row, 1, 1).data.slice(0, 3)].join(" ");
   const set = mapSet(state.layer);
   const error = errorOf(source.levels[row * source.width + column], set);
   if (error === null) return "no surface";
@@ -122,6 +126,9 @@ function noiseOf(set) {
   return noise ? ` The reference's noise, ${percent(noise / set.block)}, is in it.` : " The reference's noise is in it.";
 }
 
+/** What else is not judged: in scenes with lobes, each kind of light has surfaces of its own. */
+const GREY = gallery.shown.some((set) => set.layer === "glossy") ? { irradiance: ", or one without a diffuse part", glossy: ", or one without a lobe" } : {};
+
 function drawScale() {
   const set = mapSet(state.layer);
   byId("scale").hidden = !set;
@@ -134,7 +141,7 @@ function drawScale() {
   const tick = (share) => `${share > 0 ? "+" : ""}${percent(share * set.scale)}`;
   byId("scale-ticks").replaceChildren(...[-1, -0.5, 0, 0.5, 1].map((share) => make("span", {}, tick(share))));
   const blocks = set.block > 1 ? `, means of ${set.block}×${set.block} pixels` : "";
-  byId("scale-text").textContent = `Too dark (blue) and too bright (red), as a share of the reference's mean ${set.layer}${blocks}. Grey: no surface.${noiseOf(set)}`;
+  byId("scale-text").textContent = `Too dark (blue) and too bright (red), as a share of the reference's mean ${LAYERS[set.layer]}${blocks}. Grey: no surface${GREY[set.layer] ?? ""}.${noiseOf(set)}`;
 }
 
 // What moves the stage
@@ -262,8 +269,7 @@ function nextRight(by) {
 }
 
 function nextLayer() {
-  const there = LAYERS.filter((layer) => layer === "shown" || mapSet(layer));
-  change({ layer: step(there, state.layer, 1) });
+  change({ layer: step(CHOICES, state.layer, 1) });
 }
 
 const KEYS = {
@@ -306,12 +312,14 @@ function fillSelect(select, options, chosen, onchange) {
 function layerOptions() {
   const because = (layer) => (sweep.reference ? `the reference and a pipeline must both hold it` : "no reference was given");
   const map = (layer, label) => [layer, mapSet(layer) ? label : `${label}: ${because(layer)}`, !mapSet(layer)];
-  return [["shown", "Pictures"], map("irradiance", "Error of the irradiance"), map("picture", "Error of the picture")];
+  const error = (layer) => map(layer, `Error of the ${LAYERS[layer]}`);
+  const others = gallery.shown.slice(1).flatMap(({ layer }) => [[`shown ${layer}`, `Pictures of the ${LAYERS[layer]}`], error(layer)]);
+  return [["shown picture", "Pictures"], error("irradiance"), error("picture"), ...others];
 }
 
 function setUpStage() {
   const sides = variants.map((_, index) => [index, titleOf(index)]);
-  if (gallery.reference) sides.push([REFERENCE, titleOf(REFERENCE)]);
+  if (imageOf("shown picture", REFERENCE)) sides.push([REFERENCE, titleOf(REFERENCE)]);
   fillSelect(byId("left"), sides, state.left, (value) => change({ left: Number(value), flipped: false }));
   fillSelect(byId("right"), sides, state.right, (value) => change({ right: Number(value), flipped: true }));
   fillSelect(byId("layer"), layerOptions(), state.layer, (layer) => change({ layer }));
@@ -324,7 +332,7 @@ function setUpStage() {
   stage.addEventListener("dblclick", (event) => (state.scale === null ? zoomTo(4 / (window.devicePixelRatio || 1), under(event)) : fitAll()));
   document.addEventListener("keydown", key);
   const exposure = `${gallery.exposure >= 0 ? "+" : "−"}${Math.abs(gallery.exposure).toFixed(2)}`;
-  const block = Math.max(...gallery.pictures.map((image) => image?.block ?? 1));
+  const block = Math.max(...gallery.shown.flatMap(({ images }) => images.map((image) => image?.block ?? 1)));
   const kept = block > 1 ? `as means of ${block}×${block} pixels: so many whole ones are too heavy for a page.` : "without further loss.";
   byId("lossless").textContent = `All pictures are tone-mapped alike, at ${exposure} stops, and kept as 8 bits a channel ${kept}`;
 }

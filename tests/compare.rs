@@ -226,7 +226,9 @@ fn images_of(gallery: &Value, variants: usize) -> Outcome {
 fn glossy() -> Outcome {
     let place = Place::new()?;
     let quick = "--set direct.emitters=Sampled(area_samples:4) --set tiles.resolution=8 --set glossy_tiles.resolution=16 --reference-spp 16";
-    place.succeed(&format!("compare radiance radiance@lobes.order=Fixed(order:4) --scene cornell-glossy --size 32x32 {quick} --runs 1 --json out.json --html out.html"))?;
+    place.succeed(&format!(
+        "compare radiance radiance@lobes.order=Fixed(order:4) --scene cornell-glossy --size 32x32 {quick} --runs 1 --json out.json --html out.html"
+    ))?;
     let (data, json) = (place.page("out.html")?, place.json("out.json")?);
     let gallery = &data["gallery"];
     check(layers(gallery, "shown") == [PICTURE, "glossy"] && layers(gallery, "maps") == ["irradiance", PICTURE, "glossy"], || gallery.to_string())?;
@@ -247,8 +249,9 @@ const SKY: &str = r#"Scene(version: 1, about: "under a sky", geometry: [
 
 fn direct_alone() -> Outcome {
     let place = Place::new()?.with("sky.ron", SKY)?;
-    let (text, _) = place
-        .succeed("compare environment environment-spherical --scene ./sky.ron --size 48x36 --reference-spp 16 --runs 1 --json out.json --csv out.csv --html out.html")?;
+    let (text, _) = place.succeed(
+        "compare environment environment-spherical --scene ./sky.ron --size 48x36 --reference-spp 16 --runs 1 --json out.json --csv out.csv --html out.html",
+    )?;
     check(text.contains("\ndirect light, of pipelines that compute no other"), || text)?;
     let (data, json) = (place.page("out.html")?, place.json("out.json")?);
     for errors in [0, 1].map(|index| &json["variants"][index]["errors"]) {

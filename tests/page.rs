@@ -7,12 +7,12 @@ mod browser;
 
 use browser::Browser;
 use browser::made::{COLOURS, Made, SIZE, made, open, picture, swept, swept_report, textured, with};
-use hemisplat::measure::{GLOSSY, Layer, PICTURE};
 use hemisplat::measure::compare::VariantReport;
 use hemisplat::measure::criteria::Cost;
 use hemisplat::measure::metrics::fair_exposure;
 use hemisplat::measure::page::{Gallery, page};
 use hemisplat::measure::sweep::{Outcome as State, front};
+use hemisplat::measure::{GLOSSY, Layer, PICTURE};
 use image::RgbImage;
 use libtest_mimic::{Arguments, Failed, Trial};
 use std::env;

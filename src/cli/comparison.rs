@@ -134,7 +134,7 @@ fn errors(comparison: &Comparison) -> String {
         );
     }
     text += &layer(comparison, "indirect light that lobes reflect, over glossy surfaces", |errors| errors.glossy.as_ref());
-    text + &layer(comparison, "direct light, of pipelines that compute no other; what their pictures are held against has all light", |errors| errors.direct.as_ref())
+    text + &layer(comparison, "direct light, of pipelines that compute no other; pictures are held against all light", |errors| errors.direct.as_ref())
 }
 
 /// The shares of a layer that not every comparison has; nothing where none of the variants has it.

@@ -86,12 +86,15 @@ function showState(border) {
 
 const STATES = { refused: "was refused", open: "is not measured yet" };
 
+/** Direct light may well be there: it is left out where a variant has indirect light to be judged by. */
+const lackOf = (layer, use = "") => (layer === "direct" ? "is not judged by direct light" : `has no ${LAYERS[layer]}${use}`);
+
 function showAbsent(indices) {
   const lacking = [...new Set(indices)].filter((index) => bitmap(state.layer, index) === null);
   const reason = (index) => {
     const shown = shownSet(state.layer);
-    if (shown) return `${titleOf(index)} ${STATES[variants[index]?.state] ?? `has no ${LAYERS[shown.layer]}`}`;
-    return index === REFERENCE ? "The reference has no error of its own" : `${titleOf(index)} has no ${LAYERS[state.layer]} whose error could be mapped`;
+    if (shown) return `${titleOf(index)} ${STATES[variants[index]?.state] ?? lackOf(shown.layer)}`;
+    return index === REFERENCE ? "The reference has no error of its own" : `${titleOf(index)} ${lackOf(state.layer, " whose error could be mapped")}`;
   };
   byId("absent").textContent = lacking.map(reason).join("; ");
   byId("absent").hidden = lacking.length === 0;

@@ -131,7 +131,7 @@ fn files() -> BTreeMap<&'static str, Vec<u8>> {
 
 /// Code and arguments, one case each, and whether a GPU is needed.
 #[rustfmt::skip]
-const CASES: [(&str, &str, bool); 53] = [
+const CASES: [(&str, &str, bool); 55] = [
     ("plan::batch", "check irradiance --scene white.ron --set tiles.resolution=512", false),
     ("plan::coarsest", "check irradiance --scene white.ron --set misses.by=DeviceGrid(coarsest:3)", false),
     ("plan::finest", "check irradiance --scene white.ron --set misses.by=DeviceGrid(finest:3)", false),
@@ -143,6 +143,8 @@ const CASES: [(&str, &str, bool); 53] = [
     ("plan::taps", "check irradiance --scene corner --set shadow.taps=5", false),
     ("plan::glossy", "check irradiance --scene glossy.ron", false),
     ("plan::lobes", "check surfaces.ron --scene glossy.ron", false),
+    ("plan::harmonics", "check radiance --scene glossy.ron --set lobes.harmonics=Spherical", false),
+    ("plan::lobes_on_device", "check radiance --scene glossy.ron --set lobes.by=Device --set reflections.by=Host", false),
     ("plan::lobe_tables", "check radiance --scene lobes.ron --set lobes.grid=128 --set lobes.order=Fixed(order:20)", false),
     ("plan::rotation", "check radiance-rotated --scene glossy.ron --set reflections.by=ComputeTiles", false),
     ("plan::too_sharp", "check radiance --scene glossy.ron --set lobes.order=Fixed(order:2) --set lobes.too_sharp=Refuse", false),

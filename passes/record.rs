@@ -2,6 +2,7 @@
 
 use crate::contract::{Recorder, port};
 use crate::host_struct;
+use crate::math::harmonics::reflection::LobeTable;
 use crate::math::{
     frame::Frame,
     hemisphere::{Edge, Table},
@@ -123,6 +124,11 @@ pub const LAYOUTS: &[HostLayout] = &[Record::LAYOUT, Request::LAYOUT, Weighting:
 
 pub const RECORD_BYTES: u64 = size_of::<Record>() as u64;
 pub const REQUEST_BYTES: u64 = size_of::<Request>() as u64;
+
+/// Tables of lobes, one after the other.
+pub fn lobe_bytes(tables: &[LobeTable]) -> Vec<u8> {
+    tables.iter().flat_map(|table| bytemuck::cast_slice::<_, u8>(&table.values).iter().copied()).collect()
+}
 
 /// A table's samples in single precision.
 pub fn sample_bytes(table: &Table) -> Vec<u8> {

@@ -2,13 +2,13 @@
 
 mod host;
 
-use super::lobe_coefficients::values_of;
 use crate::contract::{Arguments, Choice, Description, Input, Need, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, port};
 use crate::math::harmonics::{
     MOST,
     reflection::{LobeTable, PARTS, quads},
     sky,
 };
+use crate::passes::record::lobe_bytes;
 use crate::recording::*;
 use crate::scene::{Environment, needs::Needs};
 use glam::{DVec3, Vec4};
@@ -114,7 +114,7 @@ fn record_on_device(r: &mut Recorder<'_>, work: &Work) {
     let cosine_lobe = r.constant_buffer("cosine_lobe", bytemuck::cast_slice(&numbers(&sky::cosine_lobe(order))));
     let quarter_turns = r.constant_buffer("quarter_turns", bytemuck::cast_slice(&numbers(&sky::quarter_turn(order))));
     let tables: &[LobeTable] = work.lobes.as_ref().map_or(&[], |lobes| &lobes.tables);
-    let values = r.constant_buffer("lobes", &values_of(tables));
+    let values = r.constant_buffer("lobes", &lobe_bytes(tables));
     // Lobes that are absent are bound to any image and never read.
     let program = Program::new("environment_light")
         .constant("GLOSSY", work.lobes.is_some() as u8)

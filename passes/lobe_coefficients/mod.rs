@@ -10,6 +10,7 @@ use crate::math::{
     },
     lobe::Shape,
 };
+use crate::passes::record::lobe_bytes;
 use crate::scene::{
     Scene,
     needs::{Needs, used_materials},
@@ -199,7 +200,7 @@ impl Pass for LobeCoefficients {
             (device::record(r, &lobes, series, edge)?, None)
         } else {
             let tables: Vec<LobeTable> = lobes.into_iter().map(|shape| LobeTable::new(shape, series, edge)).collect();
-            (r.constant_buffer("values", &values_of(&tables)), Some(Arc::new(tables)))
+            (r.constant_buffer("values", &lobe_bytes(&tables)), Some(Arc::new(tables)))
         };
         let lobes = port::Lobes { values, of_material, tables, harmonics, order: order as u32, edge: edge as u32 };
         r.output("lobes", Port::Lobes(lobes));
@@ -214,11 +215,6 @@ fn does_not_fit(shapes: usize, edge: usize) -> Refusal {
         format!("the tables of {} of lobe, {edge}×{edge} directions each, do not fit into {} MiB", plural(shapes, "shape"), MOST_BYTES >> 20),
         "lower the grid or the order, or give materials the same roughness",
     )
-}
-
-/// Tables as shaders read them.
-pub fn values_of(tables: &[LobeTable]) -> Vec<u8> {
-    tables.iter().flat_map(|table| bytemuck::cast_slice::<_, u8>(&table.values).iter().copied()).collect()
 }
 
 fn plural(count: usize, what: &str) -> String {

@@ -2,9 +2,9 @@
 
 use crate::contract::{Recorder, port};
 use crate::host_struct;
-use crate::math::harmonics::reflection::LobeTable;
 use crate::math::{
     frame::Frame,
+    harmonics::reflection::LobeTable,
     hemisphere::{Edge, Table},
     projection::Pinhole,
     radius::Ellipse,

@@ -81,7 +81,7 @@ static DESCRIPTION: Description = Description {
             kind: ParameterKind::Choice {
                 choices: &[
                     Choice { name: "Single", about: "32 bits", parameters: &[] },
-                    Choice { name: "Half", about: "16 bits: half the memory, eleven bits of precision, radiance up to some 10⁴", parameters: &[] },
+                    Choice { name: "Half", about: "16 bits: half the memory, eleven bits of precision, in units of the record's own light", parameters: &[] },
                 ],
             },
         },

@@ -88,9 +88,9 @@ fn append(@builtin(global_invocation_id) id: vec3u) {
 // The largest half float.
 const MOST_HALF = vec4f(65504.0);
 
-fn keep(at: u32, four: vec4f) {
+fn keep(at: u32, four: vec4f, unit: f32) {
     if HALF {
-        let bounded = clamp(four, -MOST_HALF, MOST_HALF);
+        let bounded = clamp(four / unit, -MOST_HALF, MOST_HALF);
         coefficients[at] = vec2u(pack2x16float(bounded.xy), pack2x16float(bounded.zw));
     } else {
         coefficients[2u * at] = bitcast<vec2u>(four.xy);
@@ -103,7 +103,11 @@ fn append_coefficients(@builtin(workgroup_id) group: vec3u, @builtin(num_workgro
     let per = (COEFFICIENTS + 63u) / 64u;
     let linear = group.x + group.y * groups.x;
     let index = (linear % per) * 64u + lane;
-    if linear / per < batch.count && index < COEFFICIENTS {
-        keep((batch.first + linear / per) * COEFFICIENTS + index, new_coefficients[(linear / per) * COEFFICIENTS + index]);
+    let record = linear / per;
+    if record < batch.count && index < COEFFICIENTS {
+        let units = half_units(records[record]);
+        // A third of them are expansions, the rest derivatives.
+        let unit = select(units.y, units.x, 3u * index < COEFFICIENTS);
+        keep((batch.first + record) * COEFFICIENTS + index, new_coefficients[record * COEFFICIENTS + index], unit);
     }
 }

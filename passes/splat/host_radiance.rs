@@ -55,7 +55,7 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, radiance: &Radiance) -> 
     ];
     let splat = move |host: &mut dyn HostContext| {
         let records: Vec<Record> = bytemuck::pod_collect_to_vec::<u8, HostRecord>(host.read(cache.records)).iter().map(Record::from).collect();
-        let values = fours(host.read(coefficients.values), coefficients.precision);
+        let values = fours(host.read(coefficients.values), coefficients.precision, &records);
         let camera = pinhole(host);
         let pictures = Pictures { position: texels(host, gbuffer.position), normal: texels(host, gbuffer.normal), seen: texels(host, seen) };
         let placed: Vec<Placed> = records
@@ -93,11 +93,18 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, radiance: &Radiance) -> 
 }
 
 /// Coefficients as they are computed with.
-fn fours(bytes: &[u8], precision: port::Precision) -> Vec<Vec4> {
-    match precision {
-        port::Precision::Single => bytemuck::pod_collect_to_vec(bytes),
-        port::Precision::Half => bytemuck::pod_collect_to_vec::<u8, [f16; 4]>(bytes).into_iter().map(|four| Vec4::from(four.map(f16::to_f32))).collect(),
+fn fours(bytes: &[u8], precision: port::Precision, records: &[Record]) -> Vec<Vec4> {
+    if precision == port::Precision::Single {
+        return bytemuck::pod_collect_to_vec(bytes);
     }
+    let halves: Vec<[f16; 4]> = bytemuck::pod_collect_to_vec(bytes);
+    let each = halves.len() / records.len().max(1);
+    let multiples = halves.chunks_exact(each.max(1)).zip(records).flat_map(|(halves, record)| {
+        let [light, change] = record.half_units();
+        // A third of them are expansions, the rest derivatives.
+        halves.iter().zip(0..).map(move |(four, at)| Vec4::from(four.map(f16::to_f32)) * if 3 * at < each { light } else { change })
+    });
+    multiples.collect()
 }
 
 impl Pictures {

@@ -63,6 +63,19 @@ struct Stretch {
     padding_b: u32,
 }
 
+// The largest power of two that is no more than a value, within what products of two of them can hold.
+fn binade(value: f32) -> f32 {
+    return bitcast<f32>(bitcast<u32>(clamp(value, 1e-15, 1e15)) & 0x7f800000u);
+}
+
+// What half floats of a record's expansions and of their derivatives count in: no brightness and no unit of length leaves their
+// range so. math::weight has the same.
+fn half_units(record: Record) -> vec2f {
+    let light = max(record.irradiance.r, max(record.irradiance.g, record.irradiance.b));
+    let unit = binade(light);
+    return vec2f(unit, unit * binade(record.translation[0].w));
+}
+
 // How far a record's gradient may be followed: not to the corner of the nearest surface, nor until all has changed.
 fn gradient_reach(record: Record, weighting: Weighting) -> f32 {
     return min(weighting.nearest * record.minimum_distance, weighting.change / max(record.translation[0].w, 1e-30));

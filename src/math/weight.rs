@@ -49,6 +49,20 @@ pub struct Record {
     pub fineness: f32,
 }
 
+impl Record {
+    /// What half floats of a record's expansions and of their derivatives count in, powers of two: no brightness and no unit of length leaves
+    /// their range so [W/(m² sr), the same per scene unit].
+    pub fn half_units(&self) -> [f32; 2] {
+        let light = binade(self.irradiance.max_element());
+        [light, light * binade(self.relative_gradient)]
+    }
+}
+
+/// The largest power of two that is no more than a value, within what products of two of them can hold.
+fn binade(value: f32) -> f32 {
+    f32::from_bits(value.clamp(1e-15, 1e15).to_bits() & 0x7f80_0000)
+}
+
 /// How a record counts within its reach; the shaders know the kinds by these numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Weighting {

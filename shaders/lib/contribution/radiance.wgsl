@@ -97,8 +97,9 @@ fn contribution(record: Record, index: u32, weighting: Weighting, place: vec4f, 
             rise_there[channel] += dot(rise, moved_by);
         }
     }
-    let base = here * lobe.rgb + rise_here;
-    let estimate = base + there * lobe.rgb + rise_there;
+    let units = coefficient_units(record);
+    let base = (here * lobe.rgb + rise_here) * units.x;
+    let estimate = base + (there * lobe.rgb + rise_there) * units.y;
     // What the lobe of the pixel's own plane reflects in place of the record's.
     let level = vec3f(dot(toward, frame_around(facing, 0.0)[0]), dot(toward, frame_around(facing, 0.0)[1]), dot(toward, facing));
     let scale = albedo(corners_of(table, turned_about(level, -fract(lobe.w) * TURN)), lobe.rgb) / max(albedo(at, lobe.rgb), vec3f(1e-12));

@@ -140,21 +140,24 @@ impl Sky {
     }
 
     /// Cosines and sines of the multiples of the Euler angles of frames, in the order in which they turn directions.
-    fn turns(&self, frames: &[Frame; LANES]) -> [Vec<[Lanes; 2]>; 3] {
+    fn turns(&self, frames: &[Frame; LANES]) -> [Multiples; 3] {
         let angles = frames.map(|frame| euler(&frame));
         std::array::from_fn(|which| {
             let turn: [Lanes; 2] = [angles.map(|angle| angle[which].x), angles.map(|angle| angle[which].y)];
-            let mut multiples = vec![[[1.0; LANES], [0.0; LANES]]];
+            let mut multiples = [[[1.0; LANES], [0.0; LANES]]; MOST];
             for m in 1..self.order {
                 let [re, im] = multiples[m - 1];
                 let product = |a: &Lanes, b: &Lanes, c: &Lanes, d: &Lanes| std::array::from_fn(|i| a[i] * b[i] + c[i] * d[i]);
                 let minus = im.map(|v| -v);
-                multiples.push([product(&re, &turn[0], &minus, &turn[1]), product(&re, &turn[1], &im, &turn[0])]);
+                multiples[m] = [product(&re, &turn[0], &minus, &turn[1]), product(&re, &turn[1], &im, &turn[0])];
             }
             multiples
         })
     }
 }
+
+/// Cosines and sines of the multiples of an angle at each place.
+type Multiples = [[Lanes; 2]; MOST];
 
 const MOST_BAND: usize = 2 * MOST - 1;
 
@@ -170,7 +173,7 @@ fn euler(frame: &Frame) -> [Vec2; 3] {
 }
 
 /// Turns a band around z by minus the angle.
-fn turn_back(band: &mut [Colours], multiples: &[[Lanes; 2]]) {
+fn turn_back(band: &mut [Colours], multiples: &Multiples) {
     let l = band.len() / 2;
     for (m, [cosine, sine]) in multiples.iter().enumerate().take(l + 1).skip(1) {
         let (low, high) = band.split_at_mut(l + m);

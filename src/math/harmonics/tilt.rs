@@ -167,7 +167,8 @@ fn matrix(basis: &Basis<f64>, groups: &[Vec<usize>; 2], beta: f64, tilts: bool) 
             let before = at(from);
             let after = if tilts { at(from + beta) } else { before.clone() };
             for (sums, group) in sums.iter_mut().zip(groups) {
-                for (row, sums) in group.iter().zip(sums.chunks_exact_mut(group.len())) {
+                // Of order 1 nothing is odd.
+                for (row, sums) in group.iter().zip(sums.chunks_exact_mut(group.len().max(1))) {
                     let scaled = weight * after[*row];
                     sums.iter_mut().zip(group).for_each(|(sum, column)| *sum += scaled * before[*column]);
                 }
@@ -230,6 +231,17 @@ mod tests {
             let [first, beta, last] = euler_angles(rows(matrix));
             let again = turned(last) * DMat3::from_rotation_y(beta) * turned(first);
             assert!(again.abs_diff_eq(matrix, 1e-10) && (0.0..=PI).contains(&beta), "{matrix}: {again}");
+        }
+    }
+
+    #[test]
+    fn a_single_function_is_cut_by_the_horizon() {
+        // What is the same everywhere stays so; only the share of it that was below the horizon is lost.
+        for method in [Method::DigonDeletion, Method::Precomputed] {
+            let tilting = Tilting::new(1, method, 8);
+            let rows = rows(DMat3::from_rotation_y(FRAC_PI_2));
+            let found = tilting.rotate(&[1.0], rows);
+            assert!(found.len() == 1 && (found[0] - 0.5).abs() < 1e-6, "{method:?}: {found:?}");
         }
     }
 

@@ -248,6 +248,38 @@ fn ways_of_glossy_light_agree() -> Outcome {
     Ok(())
 }
 
+/// Lamps, a sky, and lobes that look for it, each with other numbers of rays than make whole words and packets.
+fn shadow_rays_of_host_and_device_agree() -> Outcome {
+    let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
+    let [pipeline, ball, host, device] =
+        ["direct.ron", "ball.ron", "host.exr", "device.exr"].map(|name| folder.path().join(name).to_string_lossy().into_owned());
+    let text = "Pipeline(version: 1, about: \"direct light\", outputs: { \"direct\": \"direct\" }, nodes: [
+        (name: \"gbuffer\", pass: GBuffer()), (name: \"direct\", pass: DirectLight(gbuffer: \"gbuffer\"))])";
+    std::fs::write(&pipeline, text).map_err(|e| e.to_string())?;
+    let brushed = "Scene(version: 1, geometry: [Sphere(centre: (0, 1, 0), radius: 1, subdivisions: 4, material: \"ball\"),
+        Quad(corners: ((-4, 0, -4), (-4, 0, 4), (4, 0, 4), (4, 0, -4)), material: \"floor\"), Quad(corners: ((-2, 3, -2), (-1, 3, -2), (-1, 3, -1), (-2, 3, -1)), material: \"lamp\")],
+        materials: { \"ball\": Ward(reflectance: (0.1, 0.1, 0.1), specular: (0.7, 0.7, 0.8), alpha: (0.1, 0.6)), \"floor\": Diffuse(reflectance: (0.5, 0.5, 0.5)),
+        \"lamp\": Emitter(radiance: (9, 9, 9)) }, normals: Smooth(degrees: 40), environment: Clear(sun: (azimuth: 60, elevation: 35), turbidity: 3),
+        cameras: { \"main\": (eye: (0, 2, 6), target: (0, 0.8, 0), fov: 36) })";
+    std::fs::write(&ball, brushed).map_err(|e| e.to_string())?;
+    for (scene, sets) in [
+        ("cornell-glossy", ["direct.emitters.area_samples=33", "direct.emitters.sky_samples=1"]),
+        ("balls", ["direct.emitters.area_samples=64", "direct.emitters.sky_samples=70"]),
+        (&ball, ["direct.emitters.area_samples=65", "direct.emitters.sky_samples=33"]),
+    ] {
+        for (way, made) in [("Host", &host), ("Device", &device)] {
+            let way = format!("direct.by={way}");
+            hemisplat(&["render", &pipeline, "--scene", scene, "--size", "96x64", "--set", sets[0], "--set", sets[1], "--set", &way, "--quiet", "-o", made])?;
+        }
+        let error = apart(&picture(Path::new(&host))?, &picture(Path::new(&device))?, "direct")?;
+        // Whether a ray along an edge meets it is for either to say.
+        if error > 5e-3 {
+            return Err(format!("{scene}: the host's is {:.3} % from the device's", 100.0 * error).into());
+        }
+    }
+    Ok(())
+}
+
 /// A ball, which hides nothing of the sky from itself: what harmonics make of the sky is what the path tracer finds, whoever turns them.
 fn skies_by_harmonics_are_those_of_the_reference() -> Outcome {
     let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
@@ -314,6 +346,7 @@ fn main() {
         drawn("specialisation_changes_no_picture", Box::new(specialisation_changes_no_picture)),
         drawn("wrong_parameters_are_refused", Box::new(wrong_parameters_are_refused)),
         drawn("ways_of_glossy_light_agree", Box::new(ways_of_glossy_light_agree)),
+        drawn("shadow_rays_of_host_and_device_agree", Box::new(shadow_rays_of_host_and_device_agree)),
         drawn("skies_by_harmonics_are_those_of_the_reference", Box::new(skies_by_harmonics_are_those_of_the_reference)),
         drawn("lobes_on_the_device_are_those_of_the_reference", Box::new(lobes_on_the_device_are_those_of_the_reference)),
     ];

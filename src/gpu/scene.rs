@@ -2,9 +2,8 @@
 
 use super::hierarchy;
 use crate::host_struct;
-use crate::math::colour::REC_709;
 use crate::recording::{HostLayout, SceneData};
-use crate::scene::{Camera, Environment, Glossy, LightKind, Scene, Triangle, bvh::Bvh, shadow_layers};
+use crate::scene::{Camera, Emitter, Environment, Glossy, LightKind, Scene, Triangle, bvh::Bvh, shadow_layers};
 use bytemuck::{bytes_of, cast_slice};
 use glam::{Vec2, Vec3};
 
@@ -263,19 +262,8 @@ fn first_lights(scene: &Scene) -> Vec<u8> {
     bytes
 }
 
-/// Area lights in the triangles' order, weighted by area × luminance.
 fn emitters(scene: &Scene) -> Vec<SceneEmitter> {
-    let mut cumulative = 0.0f64;
-    let luminance = |c: Vec3| c.dot(REC_709.as_vec3()) as f64;
-    let mut emitters = Vec::new();
-    for (index, triangle) in scene.triangles.iter().enumerate() {
-        let material = &scene.materials[triangle.material as usize];
-        if material.emits() {
-            cumulative += 0.5 * triangle.cross().length() as f64 * luminance(material.emission).max(f64::MIN_POSITIVE);
-            emitters.push(SceneEmitter { triangle: index as u32, cumulative: cumulative as f32 });
-        }
-    }
-    emitters
+    scene.emitters().into_iter().map(|Emitter { triangle, cumulative }| SceneEmitter { triangle, cumulative }).collect()
 }
 
 /// The uniform of a frame.

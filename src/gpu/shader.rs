@@ -31,6 +31,8 @@ sources![
     "lib/record",
     "lib/tile",
     "lib/sums",
+    "lib/occlusion/rays",
+    "lib/occlusion/known",
     "lib/coefficients/single",
     "lib/coefficients/half",
     "lib/contribution/irradiance",
@@ -213,16 +215,18 @@ mod tests {
 
     /// What the imports in capitals can stand for.
     const IMPORTS: [&[(&str, &str)]; 3] = [
-        &[("VISIBILITY", "lib/visibility/rays"), ("CONTRIBUTION", "lib/contribution/irradiance")],
+        &[("VISIBILITY", "lib/visibility/rays"), ("OCCLUSION", "lib/occlusion/rays"), ("CONTRIBUTION", "lib/contribution/irradiance")],
         &[
             ("VISIBILITY", "lib/visibility/shadow_maps"),
             ("SHADOW_TEXELS", "lib/visibility/texels_in_buffer"),
+            ("OCCLUSION", "lib/occlusion/rays"),
             ("CONTRIBUTION", "lib/contribution/radiance"),
             ("COEFFICIENTS", "lib/coefficients/single"),
         ],
         &[
             ("VISIBILITY", "lib/visibility/shadow_maps"),
             ("SHADOW_TEXELS", "lib/visibility/texels_in_texture"),
+            ("OCCLUSION", "lib/occlusion/known"),
             ("CONTRIBUTION", "lib/contribution/radiance"),
             ("COEFFICIENTS", "lib/coefficients/half"),
         ],

@@ -130,7 +130,8 @@ fn reflected(outgoing: Vec3, half: Vec3) -> Vec3 {
     2.0 * outgoing.dot(half) * half - outgoing
 }
 
-fn around(cosine: f32, azimuth: f32) -> Vec3 {
+/// Unit direction whose z is `cosine`.
+pub fn around(cosine: f32, azimuth: f32) -> Vec3 {
     let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
     Vec3::new(sine * azimuth.cos(), sine * azimuth.sin(), cosine)
 }

@@ -11,6 +11,7 @@ mod oracle;
 pub mod projection;
 pub mod radiance;
 pub mod radius;
+pub mod random;
 pub mod solid_angle;
 pub mod sum;
 pub mod weight;

@@ -3,6 +3,7 @@
 //! Positions are stored in single precision relative to [`Scene::origin`], which loading moves to the middle of
 //! the geometry, so that a scene far away from its file's origin keeps its digits.
 
+use crate::math::colour::luminance;
 use crate::math::frame::Frame;
 use crate::math::lobe::{Lobe, Shape};
 use glam::{DVec3, Vec2, Vec3};
@@ -225,6 +226,13 @@ impl Material {
     }
 }
 
+/// An emissive triangle, and the running sum of area × luminance up to and including it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Emitter {
+    pub triangle: u32,
+    pub cumulative: f32,
+}
+
 impl Triangle {
     /// Cross product of two edges: twice the area, along the front normal.
     pub fn cross(&self) -> Vec3 {
@@ -358,6 +366,20 @@ impl Scene {
     /// The length that every bias and limit is tied to: the diagonal of the bounds [scene units].
     pub fn extent(&self) -> f32 {
         self.bounds().diagonal()
+    }
+
+    /// Area lights in the triangles' order, weighted by area × luminance.
+    pub fn emitters(&self) -> Vec<Emitter> {
+        let mut cumulative = 0.0f64;
+        let mut emitters = Vec::new();
+        for (triangle, at) in self.triangles.iter().zip(0..) {
+            let material = &self.materials[triangle.material as usize];
+            if material.emits() {
+                cumulative += 0.5 * f64::from(triangle.cross().length()) * luminance(material.emission.as_dvec3()).max(f64::MIN_POSITIVE);
+                emitters.push(Emitter { triangle: at, cumulative: cumulative as f32 });
+            }
+        }
+        emitters
     }
 
     pub fn camera(&self, name: Option<&str>) -> Option<&Camera> {

@@ -4,8 +4,12 @@
 //!
 //! Lengths are in extents of the scene, from its centre: the unit of length does not matter.
 
+mod shadow;
+
+pub use shadow::{ShadowRays, ToDo, Until};
+
 use super::{
-    bvh::{Node, is_seen},
+    bvh::{Node, is_hole, is_seen},
     model::{Scene, Triangle, surface_offset},
     wide::{Candidate, open},
 };
@@ -15,7 +19,7 @@ use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
 /// Rays of a packet: 8×8 samples of a tile.
-const RAYS: usize = 64;
+pub const RAYS: usize = 64;
 const EDGE: u32 = 8;
 /// Triangles of a block. A leaf takes as long with one triangle as with a whole block.
 pub(super) const BLOCK: usize = 8;
@@ -49,6 +53,7 @@ struct Block {
     goes_on: bool,
     /// Whether any of the triangles is one-sided or may have holes.
     is_special: bool,
+    has_holes: bool,
 }
 
 /// The hierarchy that packets walk.
@@ -170,11 +175,9 @@ impl Packets {
                 }
             }
         }
-        let is_special = |t: &Triangle| {
-            let material = &scene.materials[t.material as usize];
-            !material.two_sided || (material.alpha_cutoff.is_some() && material.texture.is_some())
-        };
-        Block { corners, first, goes_on: false, is_special: triangles.iter().any(is_special) }
+        let mut materials = triangles.iter().map(|t| &scene.materials[t.material as usize]);
+        let has_holes = materials.clone().any(|material| material.alpha_cutoff.is_some() && material.texture.is_some());
+        Block { corners, first, goes_on: false, is_special: has_holes || materials.any(|material| !material.two_sided), has_holes }
     }
 
     /// In extents from the centre.
@@ -190,8 +193,8 @@ impl Packets {
         seen.par_chunks_exact_mut(fan.samples).zip(views).for_each_init(Vec::new, |stack, (seen, view)| {
             let start = view.position + view.frame.normal * surface_offset(1.0 / self.scale, view.position);
             let origin = self.inside(start).clamp(Vec3::splat(-FARTHEST), Vec3::splat(FARTHEST));
-            let walker = Walker { packets: self, scene, origin, frame: &view.frame };
-            dispatch!(Level::new(), simd => walker.look(simd, fan, stack, seen));
+            let walker = Walker { packets: self, scene, origin };
+            dispatch!(Level::new(), simd => walker.look(simd, &view.frame, fan, stack, seen));
         });
     }
 }
@@ -206,7 +209,6 @@ struct Walker<'a> {
     packets: &'a Packets,
     scene: &'a Scene,
     origin: Vec3,
-    frame: &'a Frame,
 }
 
 /// Eight vectors.
@@ -245,12 +247,21 @@ struct SeenBlock<S: Simd> {
     heights: f32x8<S>,
 }
 
+/// Which of a block's triangles a ray meets, a bit for each, and where.
+struct Meeting<S: Simd> {
+    lanes: u32,
+    distance: f32x8<S>,
+    v: f32x8<S>,
+    w: f32x8<S>,
+    determinant: f32x8<S>,
+}
+
 // All that runs within `dispatch!` is inlined into it, closures too: what is not would not have its vector instructions.
 impl Walker<'_> {
     #[inline(always)]
-    fn look<S: Simd>(&self, simd: S, fan: &Fan, stack: &mut Vec<Visit>, seen: &mut [u32]) {
+    fn look<S: Simd>(&self, simd: S, frame: &Frame, fan: &Fan, stack: &mut Vec<Visit>, seen: &mut [u32]) {
         for packet in &fan.packets {
-            let mut rays = self.rays(packet);
+            let mut rays = Rays::new(frame, packet);
             self.walk(simd, &mut rays, stack);
             for (&sample, &triangle) in packet.samples.iter().zip(&rays.seen) {
                 if sample != u32::MAX {
@@ -258,25 +269,6 @@ impl Walker<'_> {
                 }
             }
         }
-    }
-
-    #[inline(always)]
-    fn rays(&self, packet: &Directions) -> Rays {
-        let mut rays = Rays {
-            direction: [Vec3::ZERO; RAYS],
-            inverse: [Vec3::ZERO; RAYS],
-            middle: self.frame.to_world(packet.middle),
-            all: 0,
-            limit: [FAR_AWAY; RAYS],
-            seen: [0; RAYS],
-        };
-        let inverse = |component: f32| 1.0 / if component.abs() < LEAST_DIRECTION { LEAST_DIRECTION.copysign(component) } else { component };
-        for (ray, local) in packet.rays.iter().enumerate() {
-            rays.direction[ray] = self.frame.to_world(*local);
-            rays.inverse[ray] = rays.direction[ray].map(inverse);
-            rays.all |= ((packet.samples[ray] != u32::MAX) as u64) << ray;
-        }
-        rays
     }
 
     #[inline(always)]
@@ -371,41 +363,64 @@ impl Walker<'_> {
     /// the walk does not show.
     #[inline(always)]
     fn meet<S: Simd>(&self, simd: S, block: &Block, seen: &SeenBlock<S>, rays: &mut Rays, ray: usize) -> bool {
-        let direction = rays.direction[ray];
-        let [u, v, w] = [seen.edges[0].product(direction), seen.edges[1].product(direction), seen.edges[2].product(direction)];
-        let determinant = u + v + w;
-        let sign = determinant.to_bits() & u32x8::splat(simd, 0x8000_0000);
-        let zero = f32x8::splat(simd, 0.0);
-        let inside = changed(u, sign).min(changed(v, sign)).min(changed(w, sign)).simd_ge(zero);
-        let distance = seen.heights / determinant;
-        let met = inside & distance.simd_gt(zero) & distance.simd_le(f32x8::splat(simd, rays.limit[ray]));
-        let mut left = met.to_bitmask();
-        if left == 0 {
-            return false;
-        }
-        let distance = distance.to_array();
+        let meeting = seen.meet(simd, rays.direction[ray], rays.limit[ray]);
+        let mut left = meeting.lanes;
         let mut any = false;
         while left != 0 {
             let lane = left.trailing_zeros() as usize % BLOCK;
             left &= left - 1;
-            let (distance, number) = (distance[lane], block.first + lane as u32 + 1);
-            if distance < rays.limit[ray] || (distance == rays.limit[ray] && number < rays.seen[ray]) {
-                let candidate = || Candidate {
-                    triangle: number as usize - 1,
-                    distance,
-                    barycentric: Vec2::new(v[lane], w[lane]) / determinant[lane],
-                    front: determinant[lane] < 0.0,
-                };
-                if !block.is_special || is_seen(self.scene, &candidate()) {
-                    (rays.limit[ray], rays.seen[ray], any) = (distance, number, true);
-                }
+            let (distance, number) = (meeting.distance[lane], block.first + lane as u32 + 1);
+            let is_nearer = distance < rays.limit[ray] || (distance == rays.limit[ray] && number < rays.seen[ray]);
+            if is_nearer && (!block.is_special || is_seen(self.scene, &meeting.candidate(block, lane))) {
+                (rays.limit[ray], rays.seen[ray], any) = (distance, number, true);
             }
         }
         any
     }
 }
 
+impl<S: Simd> SeenBlock<S> {
+    /// The triangles that a ray meets no farther than `limit`.
+    #[inline(always)]
+    fn meet(&self, simd: S, direction: Vec3, limit: f32) -> Meeting<S> {
+        let [u, v, w] = [self.edges[0].product(direction), self.edges[1].product(direction), self.edges[2].product(direction)];
+        let determinant = u + v + w;
+        let sign = determinant.to_bits() & u32x8::splat(simd, 0x8000_0000);
+        let zero = f32x8::splat(simd, 0.0);
+        let inside = changed(u, sign).min(changed(v, sign)).min(changed(w, sign)).simd_ge(zero);
+        let distance = self.heights / determinant;
+        let met = inside & distance.simd_gt(zero) & distance.simd_le(f32x8::splat(simd, limit));
+        Meeting { lanes: met.to_bitmask() as u32, distance, v, w, determinant }
+    }
+}
+
+impl<S: Simd> Meeting<S> {
+    fn candidate(&self, block: &Block, lane: usize) -> Candidate {
+        Candidate {
+            triangle: block.first as usize + lane,
+            distance: self.distance[lane],
+            barycentric: Vec2::new(self.v[lane], self.w[lane]) / self.determinant[lane],
+            front: self.determinant[lane] < 0.0,
+        }
+    }
+}
+
 impl Rays {
+    fn none() -> Self {
+        Self { direction: [Vec3::ZERO; RAYS], inverse: [Vec3::ZERO; RAYS], middle: Vec3::ZERO, all: 0, limit: [FAR_AWAY; RAYS], seen: [0; RAYS] }
+    }
+
+    #[inline(always)]
+    fn new(frame: &Frame, packet: &Directions) -> Self {
+        let mut rays = Self { middle: frame.to_world(packet.middle), ..Self::none() };
+        for (ray, local) in packet.rays.iter().enumerate() {
+            rays.direction[ray] = frame.to_world(*local);
+            rays.inverse[ray] = rays.direction[ray].map(inverse);
+            rays.all |= ((packet.samples[ray] != u32::MAX) as u64) << ray;
+        }
+        rays
+    }
+
     #[inline(always)]
     fn farthest(&self) -> f32 {
         let mut farthest = 0.0f32;
@@ -437,6 +452,10 @@ impl<S: Simd> Vectors<S> {
     fn cross(self, other: Self) -> Self {
         Self { x: self.y * other.z - self.z * other.y, y: self.z * other.x - self.x * other.z, z: self.x * other.y - self.y * other.x }
     }
+}
+
+fn inverse(component: f32) -> f32 {
+    1.0 / if component.abs() < LEAST_DIRECTION { LEAST_DIRECTION.copysign(component) } else { component }
 }
 
 /// Numbers of which some have changed their signs.

@@ -1,0 +1,123 @@
+//! Direct light on the visible surfaces.
+
+mod host;
+
+use crate::contract::{
+    Choice, Description, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, port,
+    recorder::{bind_visibility, light_constants},
+};
+use crate::recording::*;
+use host::Counts;
+
+pub struct DirectLight;
+
+static DESCRIPTION: Description = Description {
+    name: "DirectLight",
+    about: "Light that reaches the visible surfaces without touching another: punctual lights, area lights, sky",
+    source: "RCS section 4, step 5",
+    parameters: &[
+        Parameter {
+            name: "emitters",
+            about: "who lights surfaces from emissive surfaces and the sky",
+            unit: "",
+            kind: ParameterKind::Choice {
+                choices: &[
+                    Choice {
+                        name: "Sampled",
+                        about: "this pass, by shadow rays; records leave emission out",
+                        parameters: &[
+                            Parameter {
+                                name: "area_samples",
+                                about: "shadow rays a pixel to area lights",
+                                unit: "rays",
+                                kind: ParameterKind::Integer { default: 64, min: 1, max: 4096 },
+                            },
+                            Parameter {
+                                name: "sky_samples",
+                                about: "shadow rays a pixel to the sky",
+                                unit: "rays",
+                                kind: ParameterKind::Integer { default: 64, min: 1, max: 4096 },
+                            },
+                        ],
+                    },
+                    Choice { name: "Records", about: "the records see emitters and sky; this pass leaves them out", parameters: &[] },
+                ],
+            },
+        },
+        Parameter {
+            name: "by",
+            about: "who casts the shadow rays to emitters and the sky",
+            unit: "",
+            kind: ParameterKind::Choice {
+                choices: &[
+                    Choice { name: "Suited", about: "the device; the host where the device is a driver on the same cores", parameters: &[] },
+                    Choice { name: "Device", about: "the shader that adds the light up, one ray after the other", parameters: &[] },
+                    Choice { name: "Host", about: "the host, 64 rays of a pixel together", parameters: &[] },
+                ],
+            },
+        },
+    ],
+    inputs: &[
+        Input { name: "gbuffer", about: "the visible surfaces", accepts: PortKind::GBuffer, required: true },
+        Input { name: "sky", about: "light of the sky that another pass computed; without it rays are traced", accepts: PortKind::Image, required: false },
+        Input { name: "shadow", about: "maps of the punctual lights; without them shadows are traced by rays", accepts: PortKind::ShadowMaps, required: false },
+    ],
+    outputs: &[Output { name: "radiance", about: "reflected direct radiance toward the camera", kind: PortKind::DirectLight }],
+};
+
+impl Pass for DirectLight {
+    fn description(&self) -> &'static Description {
+        &DESCRIPTION
+    }
+
+    fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
+        let Some(gbuffer) = r.g_buffer("gbuffer").copied() else { return Ok(()) };
+        let (emitters, arguments) = r.arguments.choice("emitters");
+        let sampled = emitters == "Sampled";
+        let sky = r.image_port("sky").map(|sky| sky.texture);
+        let samples = if sampled { [arguments.integer("area_samples"), arguments.integer("sky_samples")] } else { [0, 0] };
+        let radiance = r.image("radiance", Format::Rgba32Float);
+        let [area, rays] = samples.map(|s| s as u32);
+        let samples = [area, if sky.is_some() { 0 } else { rays }];
+        let program = light_constants(Program::new("direct_light"), r.setting.needs, samples);
+        let program = match host_counts(r, samples)? {
+            Some(counts) => program.import("OCCLUSION", "lib/occlusion/known").bind("blocked_rays", host::record(r, &gbuffer, counts)),
+            None => program.import("OCCLUSION", "lib/occlusion/rays"),
+        };
+        // A sky that is absent is bound to any image and never read.
+        let program = bind_visibility(program, r.shadow_maps("shadow"))
+            .constant("HAS_SKY", sky.is_some() as u8)
+            .bind("triangles", gbuffer.triangles)
+            .bind("sky", sky.unwrap_or(gbuffer.position))
+            .bind("radiance", radiance);
+        r.compute_pixels(program, "shade");
+        r.output("radiance", Port::DirectLight(port::DirectLight { radiance, lights_from_emitters: sampled }));
+        Ok(())
+    }
+}
+
+/// Most bytes of the bits of all shadow rays: what every device binds.
+const MOST_BYTES: u64 = 128 << 20;
+
+/// The shadow rays that the host is to cast, if it is; `samples` to area lights and to the sky.
+fn host_counts(r: &mut Recorder<'_>, [area, sky]: [u32; 2]) -> Result<Option<Counts>, Refusal> {
+    let needs = r.setting.needs;
+    let if_there = |rays: u32, is_there: bool| if is_there { rays } else { 0 };
+    let sky = if_there(sky, needs.environment);
+    let counts = Counts { area: if_there(area, needs.emissive_triangles > 0), sky, lobe: if_there(sky, needs.lobes) };
+    let (bytes, by) = (counts.bytes(r.setting.size), r.arguments.choice("by").0);
+    let is_suited = by == "Host" || (by == "Suited" && r.setting.device == Device::Software);
+    if bytes == 0 || !is_suited {
+        return Ok(None);
+    }
+    if bytes <= MOST_BYTES {
+        r.remark("the host casts the shadow rays to emitters and the sky");
+        return Ok(Some(counts));
+    }
+    let told = format!("the shadow rays of all pixels, a bit each, do not fit into {} MiB", MOST_BYTES >> 20);
+    if by == "Host" {
+        return Err(Refusal::of_parameter("by", "plan::shadow_rays", told, "draw a smaller picture, cast fewer rays a pixel, or set by to Suited"));
+    }
+    r.remark(format!("{told}: the device casts them"));
+    Ok(None)
+}

@@ -1,0 +1,32 @@
+//! Counter-based random numbers as the shaders have them: shaders/lib/random.wgsl.
+
+/// One round of the PCG output permutation (Jarzynski and Olano 2020, "pcg").
+pub fn hash(value: u32) -> u32 {
+    let state = value.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
+    let word = ((state >> ((state >> 28) + 4)) ^ state).wrapping_mul(277_803_737);
+    (word >> 22) ^ word
+}
+
+pub fn combine(a: u32, b: u32) -> u32 {
+    hash(a ^ hash(b).wrapping_add(0x9e37_79b9))
+}
+
+/// In 0..1, 1 excluded.
+pub fn unit(bits: u32) -> f32 {
+    (bits >> 8) as f32 / 16_777_216.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_uniform_and_depend_on_both_keys() {
+        let mut bins = [0u32; 16];
+        (0..160).for_each(|a| (0..100).for_each(|b| bins[(unit(combine(a, b)) * 16.0) as usize] += 1));
+        // χ² of 15 degrees of freedom stays below 37.7 with probability 0.999.
+        let chi_squared: f64 = bins.iter().map(|&n| (f64::from(n) - 1000.0).powi(2) / 1000.0).sum();
+        assert!(chi_squared < 37.7, "χ² {chi_squared}");
+        assert!(combine(1, 2) != combine(2, 1) && unit(u32::MAX) < 1.0);
+    }
+}

@@ -1,5 +1,6 @@
 #import lib/light
 #import lib/camera
+#import EMITTERS
 
 // Light that reaches the visible surfaces without touching another.
 
@@ -20,8 +21,7 @@ fn shade(@builtin(global_invocation_id) id: vec3u) {
     if triangle != 0u {
         let surface = surface_seen(triangle - 1u, camera.eye, pixel_ray(id.xy));
         let seed = combine(id.x, id.y);
-        at_pixel(id.y * camera.size.x + id.x, camera.size.x * camera.size.y);
-        light = direct_reflected(surface, seed);
+        light = punctual_reflected(surface, seed) + emitters_reflected(surface, seed, id.y * camera.size.x + id.x);
         if HAS_SKY {
             light += textureLoad(sky, id.xy, 0).rgb;
         }

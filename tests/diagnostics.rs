@@ -146,7 +146,7 @@ const CASES: [(&str, &str, bool); 56] = [
     ("plan::harmonics", "check radiance --scene glossy.ron --set lobes.harmonics=Spherical", false),
     ("plan::lobes_on_device", "check radiance --scene glossy.ron --set lobes.by=Device --set reflections.by=Host", false),
     ("plan::lobe_tables", "check radiance --scene lobes.ron --set lobes.grid=128 --set lobes.order=Fixed(order:20)", false),
-    ("plan::shadow_rays", "check irradiance --scene cornell --size 4096x4096 --set direct.by=Host --set direct.emitters.area_samples=128", false),
+    ("plan::light_by_host", "check irradiance --scene cornell --size 4096x4096 --set direct.by=Host", false),
     ("plan::rotation", "check radiance-rotated --scene glossy.ron --set reflections.by=ComputeTiles", false),
     ("plan::too_sharp", "check radiance --scene glossy.ron --set lobes.order=Fixed(order:2) --set lobes.too_sharp=Refuse", false),
     ("plan::coefficients", "check radiance --scene glossy.ron --set glossy_added.records=\"glossy_sums\"", false),

@@ -248,8 +248,8 @@ fn ways_of_glossy_light_agree() -> Outcome {
     Ok(())
 }
 
-/// Lamps, a sky, and lobes that look for it, each with other numbers of rays than make whole words and packets.
-fn shadow_rays_of_host_and_device_agree() -> Outcome {
+/// Lamps, a sky, and lobes that look for it, each with other numbers of rays than make whole packets.
+fn light_by_host_and_device_agrees() -> Outcome {
     let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
     let [pipeline, ball, host, device] =
         ["direct.ron", "ball.ron", "host.exr", "device.exr"].map(|name| folder.path().join(name).to_string_lossy().into_owned());
@@ -346,7 +346,7 @@ fn main() {
         drawn("specialisation_changes_no_picture", Box::new(specialisation_changes_no_picture)),
         drawn("wrong_parameters_are_refused", Box::new(wrong_parameters_are_refused)),
         drawn("ways_of_glossy_light_agree", Box::new(ways_of_glossy_light_agree)),
-        drawn("shadow_rays_of_host_and_device_agree", Box::new(shadow_rays_of_host_and_device_agree)),
+        drawn("light_by_host_and_device_agrees", Box::new(light_by_host_and_device_agrees)),
         drawn("skies_by_harmonics_are_those_of_the_reference", Box::new(skies_by_harmonics_are_those_of_the_reference)),
         drawn("lobes_on_the_device_are_those_of_the_reference", Box::new(lobes_on_the_device_are_those_of_the_reference)),
     ];

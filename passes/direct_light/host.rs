@@ -1,171 +1,288 @@
-//! Shadow rays to emitters and the sky, cast on the host: where the device is a driver on the same cores, each lane of it walks the hierarchy
-//! alone, while the rays of a pixel, 64 from one point, can share most of the way.
+//! Light of emissive surfaces and the sky, added up on the host: where the device is a driver on the same cores, each lane of it walks the hierarchy
+//! and looks emitters up alone, while the shadow rays of a pixel, 64 from one point, can share most of both.
 
-use crate::contract::Recorder;
-use crate::contract::port;
+use crate::contract::{Recorder, port};
 use crate::math::{
+    colour::luminance,
     frame::Frame,
-    lobe::{Lobe, around},
+    lobe::around,
     random::{combine, hash, unit},
+    vectors::Vectors,
 };
-use crate::passes::record::texels;
 use crate::recording::*;
 use crate::scene::{
-    Emitter, Scene, Triangle,
+    Rgb, Scene,
     bvh::Bvh,
     packets::{RAYS, ShadowRays, ToDo, Until},
+    surface::{Gloss, Surface},
     surface_offset,
 };
-use glam::{Vec2, Vec3};
+use fearless_simd::{Level, Simd, dispatch, f32x8, prelude::*};
+use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
-use std::f32::consts::TAU;
+use std::f32::consts::{PI, TAU};
 
 /// Pixels that are computed as one.
 const PIXELS: usize = 1024;
 
-/// Bits of a word.
-const WORD: usize = 32;
-
-/// Shadow rays of a pixel, in the order of their bits: those of each kind begin a word.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Counts {
-    pub area: u32,
-    /// To the sky, as the diffuse part reflects it.
-    pub sky: u32,
-    /// To the sky, as the lobe does.
-    pub lobe: u32,
+/// Of all pixels [bytes].
+pub(super) fn bytes([width, height]: [u32; 2]) -> u64 {
+    16 * u64::from(width) * u64::from(height)
 }
 
-impl Counts {
-    fn words(self) -> [usize; 3] {
-        [self.area, self.sky, self.lobe].map(|rays| (rays as usize).div_ceil(WORD))
-    }
-
-    /// Of all pixels [bytes].
-    pub fn bytes(self, [width, height]: [u32; 2]) -> u64 {
-        self.words().iter().sum::<usize>() as u64 * 4 * u64::from(width) * u64::from(height)
-    }
-}
-
-/// A bit for each shadow ray of each pixel: whether it is blocked. The first words of all pixels, then the second.
-pub(super) fn record(r: &mut Recorder<'_>, gbuffer: &port::GBuffer, counts: Counts) -> Resource {
-    let blocked = r.buffer("blocked", counts.bytes(r.setting.size).max(4));
-    let gbuffer = *gbuffer;
-    let is_anisotropic = r.setting.needs.anisotropic;
-    let reads = [gbuffer.triangles, gbuffer.position, gbuffer.normal].map(Read::whole);
-    r.host("cast", &reads, &[blocked], move |host| {
-        let triangles: Vec<u32> = bytemuck::pod_collect_to_vec(host.read(gbuffer.triangles));
-        let (positions, normals) = (texels(host, gbuffer.position), texels(host, gbuffer.normal));
-        let (camera, size) = host.camera();
-        let caster = Caster {
-            scene: host.scene(),
-            bvh: host.bvh(),
-            emitters: host.scene().emitters(),
-            extent: host.scene().extent(),
-            eye: camera.eye,
-            is_anisotropic,
-            counts,
-        };
-        let words = counts.words().iter().sum::<usize>();
-        let mut bits = vec![0u32; triangles.len() * words];
-        bits.par_chunks_mut(PIXELS * words.max(1)).enumerate().for_each_init(ToDo::default, |to_do, (chunk, bits)| {
-            for (at, bits) in (chunk * PIXELS..).zip(bits.chunks_exact_mut(words)) {
-                let Some(triangle) = triangles[at].checked_sub(1) else { continue };
-                let xyz = |texel: [f32; 4]| Vec3::new(texel[0], texel[1], texel[2]);
-                let seed = combine(at as u32 % size[0], at as u32 / size[0]);
-                let place = caster.place(triangle, xyz(positions[at]), xyz(normals[at]), seed);
-                caster.cast(&place, to_do, bits);
+/// A buffer of the light at each pixel, by so many shadow rays to emissive surfaces and to the sky.
+pub(super) fn record(r: &mut Recorder<'_>, gbuffer: &port::GBuffer, [area, sky]: [u32; 2]) -> Resource {
+    let light = r.buffer("light_of_emitters", bytes(r.setting.size));
+    let triangles = gbuffer.triangles;
+    r.host("light", &[Read::whole(triangles)], &[light], move |host| {
+        let seen: Vec<u32> = bytemuck::pod_collect_to_vec(host.read(triangles));
+        let ((camera, size), scene) = (host.camera(), host.scene());
+        let lamps = Lamp::all(scene);
+        // A plan for any scene does not know what this one has.
+        let (area, sky) = (if lamps.is_empty() { 0 } else { area }, if scene.environment.is_black() { 0 } else { sky });
+        let lit = Lit { scene, bvh: host.bvh(), lamps, extent: scene.extent(), area, sky };
+        let mut lights = vec![Vec4::ZERO; seen.len()];
+        lights.par_chunks_mut(PIXELS).enumerate().for_each_init(ToDo::default, |to_do, (chunk, lights)| {
+            for (at, out) in (chunk * PIXELS..).zip(lights) {
+                let Some(triangle) = seen[at].checked_sub(1) else { continue };
+                let pixel = [at as u32 % size[0], at as u32 / size[0]];
+                let ray = camera.pixel_ray(size, pixel);
+                let surface = scene.surface(triangle, scene.triangles[triangle as usize].barycentric(camera.eye, ray), ray);
+                let seed = combine(pixel[0], pixel[1]);
+                *out = dispatch!(Level::new(), simd => lit.light(simd, &surface, seed, to_do)).extend(1.0);
             }
         });
-        let planes = (0..words).flat_map(|word| bits[word..].iter().step_by(words).copied());
-        host.write(blocked, 0, bytemuck::cast_slice(&planes.collect::<Vec<u32>>()));
+        host.write(light, 0, bytemuck::cast_slice(&lights));
         Ok(())
     });
-    blocked
+    light
 }
 
-struct Caster<'a> {
+/// An emissive triangle.
+struct Lamp {
+    /// Running sum of area × luminance up to and including it.
+    cumulative: f32,
+    corner: Vec3,
+    edges: [Vec3; 2],
+    normal: Vec3,
+    two_sided: bool,
+    /// Emission over its luminance.
+    hue: Rgb,
+}
+
+impl Lamp {
+    fn all(scene: &Scene) -> Vec<Self> {
+        let lamp = |emitter: crate::scene::Emitter| {
+            let triangle = &scene.triangles[emitter.triangle as usize];
+            let material = &scene.materials[triangle.material as usize];
+            let [a, b, c] = triangle.positions;
+            Self {
+                cumulative: emitter.cumulative,
+                corner: a,
+                edges: [b - a, c - a],
+                normal: triangle.face_normal(),
+                two_sided: material.two_sided,
+                hue: material.emission / (luminance(material.emission.as_dvec3()) as f32).max(f32::MIN_POSITIVE),
+            }
+        };
+        scene.emitters().into_iter().map(lamp).collect()
+    }
+}
+
+/// Lamps side by side.
+struct Facing<S: Simd> {
+    corner: Vectors<S>,
+    edges: [Vectors<S>; 2],
+    normal: Vectors<S>,
+    /// 1 or 0.
+    two_sided: f32x8<S>,
+}
+
+/// What lights surfaces. The samples are those of shaders/lib/light.wgsl.
+struct Lit<'a> {
     scene: &'a Scene,
     bvh: &'a Bvh,
-    emitters: Vec<Emitter>,
+    lamps: Vec<Lamp>,
     extent: f32,
-    eye: Vec3,
-    is_anisotropic: bool,
-    counts: Counts,
+    /// Shadow rays of a pixel.
+    area: u32,
+    sky: u32,
 }
 
-/// What a pixel sees.
-struct Place {
-    origin: Vec3,
-    /// On the side seen, of the plane and of the shading.
-    face: Vec3,
-    normal: Vec3,
-    /// With the frame that it is in, and the unit direction to the eye in that.
-    lobe: Option<(Lobe, Frame, Vec3)>,
-    seed: u32,
+/// Points of the lamps as a place sees them, each by the number of its ray.
+struct Shining {
+    rays: ShadowRays,
+    lamps: [u32; RAYS],
+    /// The product of both cosines over the squared distance.
+    form_factors: [f32; RAYS],
 }
 
-impl Caster<'_> {
-    fn place(&self, triangle: u32, position: Vec3, normal: Vec3, seed: u32) -> Place {
-        let triangle = &self.scene.triangles[triangle as usize];
-        let toward = self.eye - position;
-        let face = triangle.face_normal();
-        let face = if face.dot(toward) < 0.0 { -face } else { face };
-        let origin = position + face * surface_offset(self.extent, position);
-        let lobe = (self.counts.lobe > 0).then(|| self.lobe(triangle, normal, toward.normalize_or(normal))).flatten();
-        Place { origin, face, normal, lobe, seed }
-    }
+/// Rays that are computed side by side.
+const LANES: usize = 8;
 
-    fn lobe(&self, triangle: &Triangle, normal: Vec3, toward: Vec3) -> Option<(Lobe, Frame, Vec3)> {
-        let material = &self.scene.materials[triangle.material as usize];
-        let lobe = material.reflection(material.reflectance).lobe?;
-        let frame = if self.is_anisotropic { triangle.tangent_frame(normal) } else { Frame::new(normal) };
-        Some((lobe, frame, frame.to_local(toward)))
-    }
-
-    /// The directions are those of shaders/lib/light.wgsl.
-    fn cast(&self, place: &Place, to_do: &mut ToDo, bits: &mut [u32]) {
-        let [area, sky, _] = self.counts.words();
-        let random = |key: u32| unit(hash(place.seed.wrapping_add(key)));
-        let shift = Vec3::new(random(0), random(1), random(2));
-        self.cast_some(place, self.counts.area, Until::TheirEnd, to_do, &mut bits[..area], |i| self.point_of_emitter(i, shift) - place.origin);
-        if self.counts.sky > 0 {
-            let (shift, frame) = (Vec2::new(random(3), random(4)), Frame::new(place.normal));
-            self.cast_some(place, self.counts.sky, Until::Forever, to_do, &mut bits[area..area + sky], |i| {
-                let [height, azimuth] = [(GOLDEN * i + shift.y).fract(), (i + shift.x) / self.counts.sky as f32];
-                frame.to_world(around((1.0 - height).sqrt(), TAU * azimuth))
-            });
+// All that runs within `dispatch!` is inlined into it: what is not would not have its instructions.
+impl Lit<'_> {
+    /// Radiance that a surface reflects.
+    #[inline(always)]
+    fn light<S: Simd>(&self, simd: S, surface: &Surface, seed: u32, to_do: &mut ToDo) -> Vec3 {
+        let random = |key: u32| unit(hash(seed.wrapping_add(key)));
+        let mut sum = Vec3::ZERO;
+        if self.area > 0 {
+            sum += self.of_lamps(simd, surface, Vec3::new(random(0), random(1), random(2)), to_do);
         }
-        if let Some((lobe, frame, outgoing)) = &place.lobe {
+        if self.sky > 0 {
+            let (shift, frame) = (Vec2::new(random(3), random(4)), Frame::new(surface.normal));
+            let to_sky = |i: f32| {
+                let [height, azimuth] = self.of_sky(i, shift);
+                Some((frame.to_world(around((1.0 - height).sqrt(), TAU * azimuth)), ()))
+            };
+            let light = self.of_the_sky(surface, to_do, to_sky, |(), direction| self.scene.environment.radiance(direction));
+            sum += light * surface.reflectance / self.sky as f32;
+        }
+        if let Some(Gloss { lobe, frame, outgoing }) = surface.glossy.filter(|_| self.sky > 0) {
             let shift = Vec2::new(random(13), random(14));
-            self.cast_some(place, self.counts.lobe, Until::Forever, to_do, &mut bits[area + sky..], |i| {
-                frame.to_world(lobe.sample(*outgoing, [(GOLDEN * i + shift.y).fract(), (i + shift.x) / self.counts.lobe as f32]))
-            });
+            let to_sky = |i: f32| {
+                let incoming = lobe.sample(outgoing, self.of_sky(i, shift));
+                (incoming.z > 0.0).then(|| (frame.to_world(incoming), incoming))
+            };
+            let reflected = |incoming: Vec3, direction: Vec3| {
+                let density = lobe.density(outgoing, incoming);
+                let share = if density > 0.0 { lobe.value(outgoing, incoming) * (incoming.z / density) } else { Vec3::ZERO };
+                share * self.scene.environment.radiance(direction)
+            };
+            sum += self.of_the_sky(surface, to_do, to_sky, reflected) / self.sky as f32;
         }
+        sum
     }
 
-    /// Rays that leave below the surface bring nothing, so they are not cast.
-    fn cast_some(&self, place: &Place, count: u32, until: Until, to_do: &mut ToDo, bits: &mut [u32], direction: impl Fn(f32) -> Vec3) {
-        for (first, bits) in (0..count).step_by(RAYS).zip(bits.chunks_mut(RAYS / WORD)) {
-            let mut rays = ShadowRays { directions: [Vec3::ZERO; RAYS], all: 0 };
-            for ray in 0..(count - first).min(RAYS as u32) {
-                let direction = direction((first + ray) as f32);
-                rays.directions[ray as usize] = direction;
-                rays.all |= u64::from(direction.dot(place.face) > 0.0 && direction.dot(place.normal) > 0.0) << ray;
+    #[inline(always)]
+    fn origin(&self, surface: &Surface) -> Vec3 {
+        surface.position + surface.face * surface_offset(self.extent, surface.position)
+    }
+
+    /// The `i`th place of the sky's samples in the unit square.
+    #[inline(always)]
+    fn of_sky(&self, i: f32, shift: Vec2) -> [f32; 2] {
+        [fraction(GOLDEN * i + shift.y), (i + shift.x) / self.sky as f32]
+    }
+
+    #[inline(always)]
+    fn of_lamps<S: Simd>(&self, simd: S, surface: &Surface, shift: Vec3, to_do: &mut ToDo) -> Vec3 {
+        let origin = self.origin(surface);
+        let (mut arriving, mut glossy) = (Vec3::ZERO, Vec3::ZERO);
+        for first in (0..self.area).step_by(RAYS) {
+            let count = (self.area - first).min(RAYS as u32);
+            let mut shining = Shining { rays: ShadowRays { directions: [Vec3::ZERO; RAYS], all: 0 }, lamps: [0; RAYS], form_factors: [0.0; RAYS] };
+            for group in (0..count).step_by(LANES) {
+                self.sample_lamps(simd, surface, origin, shift, [first, group], &mut shining);
             }
-            let hidden = self.bvh.packets(self.scene).hidden(self.scene, place.origin, &rays, until, to_do);
-            bits.iter_mut().zip([hidden as u32, (hidden >> WORD) as u32]).for_each(|(word, hidden)| *word = hidden);
+            shining.rays.all &= u64::MAX >> (RAYS as u32 - count);
+            let mut free = shining.rays.all & !self.bvh.packets(self.scene).hidden(self.scene, origin, &shining.rays, Until::TheirEnd, to_do);
+            while free != 0 {
+                let ray = free.trailing_zeros() as usize % RAYS;
+                free &= free - 1;
+                let light = self.lamps[shining.lamps[ray] as usize].hue * shining.form_factors[ray];
+                arriving += light;
+                if let Some(Gloss { lobe, frame, outgoing }) = surface.glossy {
+                    glossy += light * lobe.value(outgoing, frame.to_local(shining.rays.directions[ray].normalize()));
+                }
+            }
         }
+        (arriving * surface.reflectance / PI + glossy) * (self.weight() / self.area as f32)
     }
 
-    fn point_of_emitter(&self, i: f32, shift: Vec3) -> Vec3 {
-        let weight = self.emitters.last().map_or(0.0, |last| last.cumulative);
-        let at = (i + shift.x) / self.counts.area as f32 * weight;
-        let chosen = self.emitters.partition_point(|emitter| emitter.cumulative <= at).min(self.emitters.len() - 1);
-        let (u, v) = ((LATTICE.x * i + shift.y).fract(), (LATTICE.y * i + shift.z).fract());
-        let root = u.sqrt();
-        self.scene.triangles[self.emitters[chosen].triangle as usize].position(Vec2::new(root * (1.0 - v), root * v))
+    /// Of all lamps, area × luminance.
+    #[inline(always)]
+    fn weight(&self) -> f32 {
+        self.lamps.last().map_or(0.0, |last| last.cumulative)
     }
+
+    /// The eight samples from the `group`th of those from the `first` on: points in proportion to area × luminance, in strata of the running sum, within
+    /// the triangle by a lattice.
+    #[inline(always)]
+    fn sample_lamps<S: Simd>(&self, simd: S, surface: &Surface, origin: Vec3, shift: Vec3, [first, group]: [u32; 2], shining: &mut Shining) {
+        let group = group as usize;
+        let mut lamps = [0; LANES];
+        let mut numbers = [0.0; LANES];
+        for lane in 0..LANES {
+            numbers[lane] = first as f32 + (group + lane) as f32;
+            let at = (numbers[lane] + shift.x) / self.area as f32 * self.weight();
+            lamps[lane] = self.lamps.partition_point(|lamp| lamp.cumulative <= at).min(self.lamps.len() - 1);
+        }
+        let i = f32x8::load_array(simd, numbers);
+        let (u, v) = ((i * LATTICE.x + shift.y).fract(), (i * LATTICE.y + shift.z).fract());
+        let root = u.sqrt();
+        let Facing { corner, edges, normal, two_sided } = self.facing(simd, &lamps);
+        let point = corner.plus(edges[0].scaled(root * (1.0 - v))).plus(edges[1].scaled(root * v));
+        let way = point.minus(Vectors::splat(simd, origin));
+        let squared = way.dot(way).max(1e-30);
+        let inverse = 1.0 / squared.sqrt();
+        let leaving = -normal.dot(way) * inverse;
+        let leaving = leaving.max(leaving.abs() * two_sided);
+        let arriving = way.product(surface.normal) * inverse;
+        let zero = f32x8::splat(simd, 0.0);
+        let shines = leaving.simd_gt(zero) & arriving.simd_gt(zero) & way.product(surface.face).simd_gt(zero);
+        let [x, y, z] = [way.x.to_array(), way.y.to_array(), way.z.to_array()];
+        for lane in 0..LANES {
+            shining.rays.directions[group + lane] = Vec3::new(x[lane], y[lane], z[lane]);
+            shining.lamps[group + lane] = lamps[lane] as u32;
+        }
+        shining.form_factors[group..group + LANES].copy_from_slice(&(leaving * arriving / squared).to_array());
+        shining.rays.all |= shines.to_bitmask() << group;
+    }
+
+    /// The lamps of eight samples, which mostly are one.
+    #[inline(always)]
+    fn facing<S: Simd>(&self, simd: S, lamps: &[usize; LANES]) -> Facing<S> {
+        let mut numbers = [[0.0; LANES]; 13];
+        for lane in 0..LANES {
+            let Lamp { corner, edges: [first, second], normal, two_sided, .. } = &self.lamps[lamps[lane]];
+            for (at, vector) in [corner, first, second, normal].into_iter().enumerate() {
+                numbers[3 * at][lane] = vector.x;
+                numbers[3 * at + 1][lane] = vector.y;
+                numbers[3 * at + 2][lane] = vector.z;
+            }
+            numbers[12][lane] = f32::from(u8::from(*two_sided));
+        }
+        let vectors = |at: usize| Vectors::load(simd, &[numbers[at], numbers[at + 1], numbers[at + 2]]);
+        Facing { corner: vectors(0), edges: [vectors(3), vectors(6)], normal: vectors(9), two_sided: f32x8::load_array(simd, numbers[12]) }
+    }
+
+    /// The sum over rays to the sky of what is `reflected` of those that nothing blocks, by what `way` says of them and their directions.
+    #[inline(always)]
+    fn of_the_sky<T: Copy + Default>(
+        &self,
+        surface: &Surface,
+        to_do: &mut ToDo,
+        way: impl Fn(f32) -> Option<(Vec3, T)>,
+        reflected: impl Fn(T, Vec3) -> Vec3,
+    ) -> Vec3 {
+        let origin = self.origin(surface);
+        let mut sum = Vec3::ZERO;
+        for first in (0..self.sky).step_by(RAYS) {
+            let mut rays = ShadowRays { directions: [Vec3::ZERO; RAYS], all: 0 };
+            let mut carried = [T::default(); RAYS];
+            let count = (self.sky - first).min(RAYS as u32) as usize;
+            for (ray, carried) in carried[..count].iter_mut().enumerate() {
+                let Some((direction, what)) = way((first as usize + ray) as f32) else { continue };
+                (rays.directions[ray], *carried) = (direction, what);
+                rays.all |= u64::from(direction.dot(surface.face) > 0.0) << ray;
+            }
+            let mut free = rays.all & !self.bvh.packets(self.scene).hidden(self.scene, origin, &rays, Until::Forever, to_do);
+            while free != 0 {
+                let ray = free.trailing_zeros() as usize % RAYS;
+                free &= free - 1;
+                sum += reflected(carried[ray], rays.directions[ray]);
+            }
+        }
+        sum
+    }
+}
+
+/// Of a number ≥ 0 and below 2³¹; `f32::fract` calls a function.
+#[inline(always)]
+fn fraction(value: f32) -> f32 {
+    value - value as i32 as f32
 }
 
 const GOLDEN: f32 = 0.618_034;

@@ -7,7 +7,6 @@ use crate::contract::{
     recorder::{bind_visibility, light_constants},
 };
 use crate::recording::*;
-use host::Counts;
 
 pub struct DirectLight;
 
@@ -46,12 +45,12 @@ static DESCRIPTION: Description = Description {
         },
         Parameter {
             name: "by",
-            about: "who casts the shadow rays to emitters and the sky",
+            about: "who casts the shadow rays to emitters and the sky, and adds their light up",
             unit: "",
             kind: ParameterKind::Choice {
                 choices: &[
                     Choice { name: "Suited", about: "the device; the host where the device is a driver on the same cores", parameters: &[] },
-                    Choice { name: "Device", about: "the shader that adds the light up, one ray after the other", parameters: &[] },
+                    Choice { name: "Device", about: "a shader, one ray after the other", parameters: &[] },
                     Choice { name: "Host", about: "the host, 64 rays of a pixel together", parameters: &[] },
                 ],
             },
@@ -79,10 +78,11 @@ impl Pass for DirectLight {
         let radiance = r.image("radiance", Format::Rgba32Float);
         let [area, rays] = samples.map(|s| s as u32);
         let samples = [area, if sky.is_some() { 0 } else { rays }];
+        let by_host = light_by_host(r, samples)?;
         let program = light_constants(Program::new("direct_light"), r.setting.needs, samples);
-        let program = match host_counts(r, samples)? {
-            Some(counts) => program.import("OCCLUSION", "lib/occlusion/known").bind("blocked_rays", host::record(r, &gbuffer, counts)),
-            None => program.import("OCCLUSION", "lib/occlusion/rays"),
+        let program = match by_host {
+            Some(light) => program.import("EMITTERS", "lib/emitters/given").bind("given", host::record(r, &gbuffer, light)),
+            None => program.import("EMITTERS", "lib/emitters/traced"),
         };
         // A sky that is absent is bound to any image and never read.
         let program = bind_visibility(program, r.shadow_maps("shadow"))
@@ -96,28 +96,26 @@ impl Pass for DirectLight {
     }
 }
 
-/// Most bytes of the bits of all shadow rays: what every device binds.
+/// Most bytes of the light of all pixels: what every device binds.
 const MOST_BYTES: u64 = 128 << 20;
 
-/// The shadow rays that the host is to cast, if it is; `samples` to area lights and to the sky.
-fn host_counts(r: &mut Recorder<'_>, [area, sky]: [u32; 2]) -> Result<Option<Counts>, Refusal> {
+/// The shadow rays that the host is to cast, if it is; of `samples` to area lights and to the sky those that there is light for.
+fn light_by_host(r: &mut Recorder<'_>, [area, sky]: [u32; 2]) -> Result<Option<[u32; 2]>, Refusal> {
     let needs = r.setting.needs;
-    let if_there = |rays: u32, is_there: bool| if is_there { rays } else { 0 };
-    let sky = if_there(sky, needs.environment);
-    let counts = Counts { area: if_there(area, needs.emissive_triangles > 0), sky, lobe: if_there(sky, needs.lobes) };
-    let (bytes, by) = (counts.bytes(r.setting.size), r.arguments.choice("by").0);
+    let samples = [if needs.emissive_triangles > 0 { area } else { 0 }, if needs.environment { sky } else { 0 }];
+    let by = r.arguments.choice("by").0;
     let is_suited = by == "Host" || (by == "Suited" && r.setting.device == Device::Software);
-    if bytes == 0 || !is_suited {
+    if samples == [0; 2] || !is_suited {
         return Ok(None);
     }
-    if bytes <= MOST_BYTES {
-        r.remark("the host casts the shadow rays to emitters and the sky");
-        return Ok(Some(counts));
+    if host::bytes(r.setting.size) <= MOST_BYTES {
+        r.remark("the host adds up the light of emitters and the sky");
+        return Ok(Some(samples));
     }
-    let told = format!("the shadow rays of all pixels, a bit each, do not fit into {} MiB", MOST_BYTES >> 20);
+    let told = format!("the light of so many pixels does not fit into {} MiB", MOST_BYTES >> 20);
     if by == "Host" {
-        return Err(Refusal::of_parameter("by", "plan::shadow_rays", told, "draw a smaller picture, cast fewer rays a pixel, or set by to Suited"));
+        return Err(Refusal::of_parameter("by", "plan::light_by_host", told, "draw a smaller picture, or set by to Suited"));
     }
-    r.remark(format!("{told}: the device casts them"));
+    r.remark(format!("{told}: the device adds it up"));
     Ok(None)
 }

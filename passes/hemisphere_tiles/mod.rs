@@ -215,7 +215,6 @@ fn shade(r: &mut Recorder<'_>, work: &Work, taps: u32) -> Resource {
     let program = work.layout(light_constants(Program::new("hemisphere_tiles/shade"), r.setting.needs, SAMPLES_OF_EMITTERS));
     let maps = r.shadow_maps("shadow").map(|maps| port::ShadowMaps { taps, ..*maps });
     let program = bind_visibility(program, maps.as_ref())
-        .import("OCCLUSION", "lib/occlusion/rays")
         .constant("SEES_EMISSION", !direct_lights as u8)
         .bind("requests", work.requests.places)
         .bind("samples", work.samples)

@@ -3,16 +3,14 @@
 #import lib/lobe
 #import lib/random
 #import lib/frame
+#import lib/trace
 #import VISIBILITY
-#import OCCLUSION
 
 // Direct light that a surface point reflects: of punctual lights, area lights, sky.
 
 // Points sampled on the area lights, and rays to the sky; 0 where the scene has none.
 override AREA_SAMPLES: u32 = 1u;
 override SKY_SAMPLES: u32 = 1u;
-// Shadow rays have numbers: those to area lights, those to the sky for the diffuse part, those for the lobe; each kind begins a word of bits.
-const WORD = 32u;
 // Punctual lights; `ANY_NUMBER` where the scene's parameters tell.
 override LIGHTS: u32 = ANY_NUMBER;
 const ANY_NUMBER = 0xffffffffu;
@@ -131,15 +129,11 @@ fn area_reflected(surface: Surface, seed: u32) -> vec3f {
             leaving = abs(leaving);
         }
         let arriving = dot(surface.normal, to_light);
-        if leaving > 0.0 && arriving > 0.0 && dot(surface.face_normal, to_light) > 0.0 && !is_blocked(i, origin, d, 0.9999) {
+        if leaving > 0.0 && arriving > 0.0 && dot(surface.face_normal, to_light) > 0.0 && !trace_occluded(origin, d, 0.9999) {
             sum += response(surface, to_light) * material.emission * (arriving * leaving / squared / max(luminance(material.emission), 1e-37));
         }
     }
     return sum * (scene_parameters.emitter_weight / f32(max(AREA_SAMPLES, 1u)));
-}
-
-fn whole_words(rays: u32) -> u32 {
-    return (rays + WORD - 1u) / WORD * WORD;
 }
 
 fn is_sky_black() -> bool {
@@ -151,11 +145,10 @@ fn sky_diffused(surface: Surface, seed: u32) -> vec3f {
     let origin = surface.position + surface.face_normal * surface_offset(surface.position);
     let frame = frame_around(surface.normal, 0.0);
     let shift = vec2f(unit(hash(seed + 3u)), unit(hash(seed + 4u)));
-    let first = whole_words(AREA_SAMPLES);
     var sum = vec3f(0.0);
     for (var i = 0u; i < SKY_SAMPLES; i++) {
         let direction = frame * around(sqrt(1.0 - fract(0.6180339887 * f32(i) + shift.y)), 2.0 * PI * (f32(i) + shift.x) / f32(max(SKY_SAMPLES, 1u)));
-        if dot(direction, surface.face_normal) > 0.0 && !is_blocked(first + i, origin, direction, FAR_AWAY) {
+        if dot(direction, surface.face_normal) > 0.0 && !trace_occluded(origin, direction, FAR_AWAY) {
             sum += environment_radiance(direction);
         }
     }
@@ -167,14 +160,13 @@ fn sky_glossed(surface: Surface, seed: u32) -> vec3f {
     let origin = surface.position + surface.face_normal * surface_offset(surface.position);
     let lobe = lobe_of(surface);
     let shift = vec2f(unit(hash(seed + 13u)), unit(hash(seed + 14u)));
-    let first = whole_words(AREA_SAMPLES) + whole_words(SKY_SAMPLES);
     var sum = vec3f(0.0);
     for (var i = 0u; i < SKY_SAMPLES; i++) {
         let u = vec2f(fract(0.6180339887 * f32(i) + shift.y), (f32(i) + shift.x) / f32(max(SKY_SAMPLES, 1u)));
         let incoming = lobe_sample(lobe, surface.outgoing, u);
         let density = lobe_density(lobe, surface.outgoing, incoming);
         let direction = surface.tangent * incoming.x + surface.bitangent * incoming.y + surface.normal * incoming.z;
-        if incoming.z > 0.0 && density > 0.0 && dot(direction, surface.face_normal) > 0.0 && !is_blocked(first + i, origin, direction, FAR_AWAY) {
+        if incoming.z > 0.0 && density > 0.0 && dot(direction, surface.face_normal) > 0.0 && !trace_occluded(origin, direction, FAR_AWAY) {
             sum += environment_radiance(direction) * lobe_value(lobe, surface.outgoing, incoming) * (incoming.z / density);
         }
     }

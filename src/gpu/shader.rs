@@ -31,8 +31,8 @@ sources![
     "lib/record",
     "lib/tile",
     "lib/sums",
-    "lib/occlusion/rays",
-    "lib/occlusion/known",
+    "lib/emitters/traced",
+    "lib/emitters/given",
     "lib/coefficients/single",
     "lib/coefficients/half",
     "lib/contribution/irradiance",
@@ -215,18 +215,18 @@ mod tests {
 
     /// What the imports in capitals can stand for.
     const IMPORTS: [&[(&str, &str)]; 3] = [
-        &[("VISIBILITY", "lib/visibility/rays"), ("OCCLUSION", "lib/occlusion/rays"), ("CONTRIBUTION", "lib/contribution/irradiance")],
+        &[("VISIBILITY", "lib/visibility/rays"), ("EMITTERS", "lib/emitters/traced"), ("CONTRIBUTION", "lib/contribution/irradiance")],
         &[
             ("VISIBILITY", "lib/visibility/shadow_maps"),
             ("SHADOW_TEXELS", "lib/visibility/texels_in_buffer"),
-            ("OCCLUSION", "lib/occlusion/rays"),
+            ("EMITTERS", "lib/emitters/traced"),
             ("CONTRIBUTION", "lib/contribution/radiance"),
             ("COEFFICIENTS", "lib/coefficients/single"),
         ],
         &[
             ("VISIBILITY", "lib/visibility/shadow_maps"),
             ("SHADOW_TEXELS", "lib/visibility/texels_in_texture"),
-            ("OCCLUSION", "lib/occlusion/known"),
+            ("EMITTERS", "lib/emitters/given"),
             ("CONTRIBUTION", "lib/contribution/radiance"),
             ("COEFFICIENTS", "lib/coefficients/half"),
         ],

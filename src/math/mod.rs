@@ -14,4 +14,5 @@ pub mod radius;
 pub mod random;
 pub mod solid_angle;
 pub mod sum;
+pub mod vectors;
 pub mod weight;

@@ -21,9 +21,9 @@ mod random;
 pub use path::{Gather, Tracer};
 
 use crate::math::colour::{REC_709, luminance};
-use crate::scene::{Camera, MAX_SIDE, Rgb, Scene, bvh::Bvh};
+use crate::scene::{Camera, MAX_SIDE, Rgb, Scene, bvh::Bvh, surface::Surface};
 use glam::{DVec3, Vec3};
-use path::{Round, Surface};
+use path::Round;
 use random::Random;
 use rayon::prelude::*;
 use std::{

@@ -7,10 +7,10 @@ use super::{
     random::{Random, cosine_direction},
     variance_of_mean,
 };
-use crate::math::{frame::Frame, lobe::Lobe};
 use crate::scene::{
     bvh::Bvh,
     model::{Rgb, Scene, surface_offset},
+    surface::Surface,
 };
 use glam::{DVec3, Vec3};
 use std::f64::consts::PI;
@@ -54,29 +54,6 @@ pub struct Round {
     /// Radiance that the lobe reflects [W m⁻² sr⁻¹].
     pub glossy_direct: DVec3,
     pub glossy_indirect: DVec3,
-}
-
-/// A place on a surface, from the side that a ray saw.
-#[derive(Clone, Copy)]
-pub struct Surface {
-    pub position: Vec3,
-    /// Unit normal of the plane, on the side seen.
-    pub face: Vec3,
-    /// Unit shading normal, on the side seen.
-    pub normal: Vec3,
-    /// Of the diffuse part, toward where the ray came from.
-    pub reflectance: Rgb,
-    pub emission: Rgb,
-    pub glossy: Option<Gloss>,
-}
-
-/// The lobe of a place, and the way to where the ray came from.
-#[derive(Clone, Copy)]
-pub struct Gloss {
-    lobe: Lobe,
-    frame: Frame,
-    /// In the frame.
-    outgoing: Vec3,
 }
 
 /// What light is collected for, as the factor that a direction has beside π times its cosine, and how directions are drawn for it.
@@ -159,26 +136,7 @@ impl<'a> Tracer<'a> {
     /// The surface that a ray sees first.
     pub(super) fn surface(&self, origin: Vec3, direction: Vec3) -> Option<Surface> {
         let hit = self.bvh.closest(self.scene, origin, direction, f32::INFINITY)?;
-        let triangle = &self.scene.triangles[hit.triangle as usize];
-        let material = &self.scene.materials[triangle.material as usize];
-        let face = triangle.face_normal();
-        let side = if face.dot(direction) > 0.0 { -1.0 } else { 1.0 };
-        let texture = material.texture.map(|i| self.scene.textures[i as usize].sample(triangle.uv(hit.barycentric)).truncate());
-        let normal = triangle.normal(hit.barycentric) * side;
-        let reflection = material.reflection(material.reflectance * texture.unwrap_or(Vec3::ONE));
-        let glossy = reflection.lobe.map(|lobe| {
-            let frame = triangle.tangent_frame(normal);
-            Gloss { lobe, frame, outgoing: frame.to_local(-direction.normalize()) }
-        });
-        Some(Surface {
-            // From the corners rather than along the ray: the error stays in the plane.
-            position: triangle.position(hit.barycentric),
-            face: face * side,
-            normal,
-            reflectance: glossy.map_or(reflection.diffuse, |gloss| reflection.diffuse * gloss.lobe.leaves(gloss.outgoing.z)),
-            emission: material.emission,
-            glossy,
-        })
+        Some(self.scene.surface(hit.triangle, hit.barycentric, direction))
     }
 
     /// Where rays that leave a surface start.

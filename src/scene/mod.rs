@@ -5,6 +5,7 @@ pub mod load;
 pub mod model;
 pub mod needs;
 pub mod packets;
+pub mod surface;
 mod wide;
 
 pub use model::*;

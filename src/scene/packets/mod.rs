@@ -13,7 +13,7 @@ use super::{
     model::{Scene, Triangle, surface_offset},
     wide::{Candidate, open},
 };
-use crate::math::{frame::Frame, hemisphere::Table};
+use crate::math::{frame::Frame, hemisphere::Table, vectors::Vectors};
 use fearless_simd::{Level, Simd, dispatch, f32x8, prelude::*, u8x64, u32x8};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
@@ -209,14 +209,6 @@ struct Walker<'a> {
     packets: &'a Packets,
     scene: &'a Scene,
     origin: Vec3,
-}
-
-/// Eight vectors.
-#[derive(Clone, Copy)]
-struct Vectors<S: Simd> {
-    x: f32x8<S>,
-    y: f32x8<S>,
-    z: f32x8<S>,
 }
 
 /// The rays of a packet, each by its place.
@@ -428,29 +420,6 @@ impl Rays {
             farthest = farthest.max(if self.all & 1 << ray != 0 { self.limit[ray] } else { 0.0 });
         }
         farthest
-    }
-}
-
-impl<S: Simd> Vectors<S> {
-    #[inline(always)]
-    fn load(simd: S, axes: &[[f32; 8]; 3]) -> Self {
-        let [x, y, z] = axes;
-        Self { x: f32x8::load_array_ref(simd, x), y: f32x8::load_array_ref(simd, y), z: f32x8::load_array_ref(simd, z) }
-    }
-
-    #[inline(always)]
-    fn product(&self, other: Vec3) -> f32x8<S> {
-        self.x.mul_add(other.x, self.y.mul_add(other.y, self.z * other.z))
-    }
-
-    #[inline(always)]
-    fn minus(self, other: Self) -> Self {
-        Self { x: self.x - other.x, y: self.y - other.y, z: self.z - other.z }
-    }
-
-    #[inline(always)]
-    fn cross(self, other: Self) -> Self {
-        Self { x: self.y * other.z - self.z * other.y, y: self.z * other.x - self.x * other.z, z: self.x * other.y - self.y * other.x }
     }
 }
 

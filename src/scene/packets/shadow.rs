@@ -24,49 +24,120 @@ const ALMOST: f32 = 0.9999;
 #[derive(Default)]
 pub struct ToDo(Vec<Visit>);
 
+/// What holds all rays that have an end: multiples from 0 to `limit` of the vectors between two corners.
+struct Beam {
+    middle: Vec3,
+    half: Vec3,
+    limit: f32,
+    /// 1 over the least and the largest component along each axis.
+    inverse: [Vec3; 2],
+}
+
+/// Beams are wider by this share of their components than rounding may take.
+const WIDER: f32 = 1e-5;
+
+impl Beam {
+    fn new(rays: &ShadowRays, scale: f32) -> Self {
+        let each = (0..RAYS).filter(|ray| rays.all & 1 << ray != 0).map(|ray| rays.directions[ray]);
+        let [low, high] = each.fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], way| [low.min(way), high.max(way)]);
+        let (middle, half) = (0.5 * scale * (low + high), 0.5 * scale * (high - low));
+        let half = half + WIDER * (middle.abs() + half);
+        Self { middle, half, limit: ALMOST, inverse: [middle - half, middle + half].map(|corner| corner.map(inverse)) }
+    }
+}
+
 impl Packets {
     /// A bit for each of the rays that something blocks. A surface blocks from both of its sides, whatever its sidedness; holes of alpha-masked
     /// textures let light through.
     pub fn hidden(&self, scene: &Scene, origin: Vec3, rays: &ShadowRays, until: Until, to_do: &mut ToDo) -> u64 {
-        let (scale, limit) = match until {
-            Until::TheirEnd => (self.scale, ALMOST),
-            Until::Forever => (1.0, FAR_AWAY),
-        };
+        if rays.all == 0 || self.nodes.is_empty() {
+            return 0;
+        }
         let origin = self.inside(origin).clamp(Vec3::splat(-FARTHEST), Vec3::splat(FARTHEST));
         let walker = Walker { packets: self, scene, origin };
-        // No child is nearer than another: whichever blocks a ray first will do.
-        let mut walk = Rays { direction: rays.directions.map(|direction| direction * scale), limit: [limit; RAYS], all: rays.all, ..Rays::none() };
-        walk.inverse = walk.direction.map(|direction| direction.map(inverse));
-        dispatch!(Level::new(), simd => walker.block(simd, &mut walk, &mut to_do.0));
-        rays.all & !walk.all
+        to_do.0.clear();
+        to_do.0.push(Visit { near: 0.0, rays: rays.all, content: 0 });
+        dispatch!(Level::new(), simd => match until {
+            Until::TheirEnd => walker.block_beam(simd, rays, &mut to_do.0),
+            Until::Forever => walker.block(simd, rays, &mut to_do.0),
+        })
     }
 }
 
 impl Walker<'_> {
-    /// Leaves the rays that nothing blocks.
+    /// Rays to anywhere: each looks which children it enters.
     #[inline(always)]
-    fn block<S: Simd>(&self, simd: S, rays: &mut Rays, to_do: &mut Vec<Visit>) {
-        to_do.clear();
-        if !self.packets.nodes.is_empty() {
-            to_do.push(Visit { near: 0.0, rays: rays.all, content: 0 });
-        }
+    fn block<S: Simd>(&self, simd: S, rays: &ShadowRays, to_do: &mut Vec<Visit>) -> u64 {
+        // No child is nearer than another: whichever blocks a ray first will do.
+        let mut walk = Rays { direction: rays.directions, inverse: rays.directions.map(|direction| direction.map(inverse)), ..Rays::none() };
+        walk.all = rays.all;
         while let Some(mut visit) = to_do.pop() {
-            visit.rays &= rays.all;
+            visit.rays &= walk.all;
             if visit.content & LEAF == 0 {
-                self.enter(simd, &visit, rays, to_do);
+                self.enter(simd, &visit, &walk, to_do);
             } else {
-                self.block_in_leaf(simd, &visit, rays);
+                self.block_in_leaf(simd, &visit, None, &mut walk);
             }
         }
+        rays.all & !walk.all
+    }
+
+    /// Rays to a lamp are near each other: all enter a child if their beam does.
+    #[inline(always)]
+    fn block_beam<S: Simd>(&self, simd: S, rays: &ShadowRays, to_do: &mut Vec<Visit>) -> u64 {
+        let scale = self.packets.scale;
+        let beam = Beam::new(rays, scale);
+        let mut walk = Rays { direction: rays.directions.map(|direction| direction * scale), all: rays.all, limit: [ALMOST; RAYS], ..Rays::none() };
+        while let Some(visit) = to_do.pop() {
+            if visit.content & LEAF != 0 {
+                self.block_in_leaf(simd, &visit, Some(&beam), &mut walk);
+                if walk.all == 0 {
+                    break;
+                }
+                continue;
+            }
+            let node = &self.packets.nodes[visit.content as usize];
+            let mut slots = self.entered(simd, node, &beam);
+            while slots != 0 {
+                let slot = slots.trailing_zeros() as usize % CHILDREN;
+                slots &= slots - 1;
+                to_do.push(Visit { content: node.contents[slot], ..visit });
+            }
+        }
+        rays.all & !walk.all
+    }
+
+    /// A bit for each child that a beam enters: there is a multiple at which it is beyond the near and not beyond the far side along each axis.
+    #[inline(always)]
+    fn entered<S: Simd>(&self, simd: S, node: &Node8, beam: &Beam) -> u32 {
+        let (centre, half) = (self.relative(simd, &node.centres), Vectors::load(simd, &node.halves));
+        let (mut least, mut most) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, beam.limit));
+        let axes = [(centre.x, half.x), (centre.y, half.y), (centre.z, half.z)];
+        let [low, high] = beam.inverse.map(|corner| corner.to_array());
+        for (axis, (centre, half)) in axes.into_iter().enumerate() {
+            let (upper, lower) = ((centre + half) * low[axis], (centre - half) * high[axis]);
+            if low[axis] > 0.0 {
+                most = most.min(upper);
+            } else {
+                least = least.max(upper);
+            }
+            if high[axis] > 0.0 {
+                least = least.max(lower);
+            } else {
+                most = most.min(lower);
+            }
+        }
+        least.simd_le(most).to_bitmask() as u32
     }
 
     #[inline(always)]
-    fn block_in_leaf<S: Simd>(&self, simd: S, visit: &Visit, rays: &mut Rays) {
+    fn block_in_leaf<S: Simd>(&self, simd: S, visit: &Visit, beam: Option<&Beam>, rays: &mut Rays) {
         let mut place = (visit.content & !LEAF) as usize;
         loop {
             let block = &self.packets.blocks[place];
             let seen = self.seen_block(simd, block);
-            let mut left = visit.rays & rays.all;
+            let is_missed = beam.is_some_and(|beam| seen.is_missed(simd, beam));
+            let mut left = if is_missed { 0 } else { visit.rays & rays.all };
             while left != 0 {
                 let ray = left.trailing_zeros() as usize % RAYS;
                 left &= left - 1;
@@ -89,6 +160,25 @@ impl Walker<'_> {
             let triangle = &self.scene.triangles[candidate.triangle];
             !is_hole(triangle, &self.scene.materials[triangle.material as usize], &self.scene.textures, candidate.barycentric)
         })
+    }
+}
+
+impl<S: Simd> SeenBlock<S> {
+    /// Whether no ray of a beam meets any of the triangles: all pass an edge on one side and another edge on the other, or end before the plane.
+    #[inline(always)]
+    fn is_missed(&self, simd: S, beam: &Beam) -> bool {
+        let zero = f32x8::splat(simd, 0.0);
+        let [first, second, third] = &self.edges;
+        let middles = [first.product(beam.middle), second.product(beam.middle), third.product(beam.middle)];
+        let spreads = [first.magnitude().product(beam.half), second.magnitude().product(beam.half), third.magnitude().product(beam.half)];
+        let least = (middles[0] - spreads[0]).max(middles[1] - spreads[1]).max(middles[2] - spreads[2]);
+        let most = (middles[0] + spreads[0]).min(middles[1] + spreads[1]).min(middles[2] + spreads[2]);
+        let aside = least.simd_gt(zero) & most.simd_lt(zero);
+        // Along the plane's normal, toward the plane.
+        let sign = self.heights.to_bits() & u32x8::splat(simd, 0x8000_0000);
+        let toward = changed(middles[0] + middles[1] + middles[2], sign) + (spreads[0] + spreads[1] + spreads[2]);
+        let before = (toward * beam.limit).simd_le(self.heights.abs() * (1.0 - WIDER));
+        (aside | before).to_bitmask() as u32 == (1 << BLOCK) - 1
     }
 }
 

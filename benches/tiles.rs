@@ -78,7 +78,7 @@ impl Stage {
     fn plan(&self, sets: &[String], edge: u32) -> Result<Plan, Failure> {
         let pipeline = load_pipeline("irradiance", sets, REGISTRY, &mut |path| std::fs::read_to_string(path)).map_err(|e| e.to_string())?;
         let needs = Needs::of(&self.scene);
-        let setting = Setting { scene: &self.scene, needs: &needs, device: hemisplat::gpu::expected_device(), size: [edge, edge] };
+        let setting = Setting { scene: &self.scene, needs: &needs, device: hemisplat::gpu::expected_device(), size: [edge, edge], tables: None };
         Ok(plan(&pipeline, setting, &[], &|data| byte_size(&self.scene, data)).map_err(|e| e.to_string())?)
     }
 

@@ -18,9 +18,11 @@ impl Place {
         self
     }
 
-    /// Runs the program; its exit status, stdout and stderr.
+    /// Runs the program; its exit status, stdout and stderr. What it keeps for later stands in the folder.
     fn run(&self, arguments: &[&str]) -> (i32, String, String) {
-        let output = Command::new(env!("CARGO_BIN_EXE_hemisplat")).current_dir(self.0.path()).args(arguments).env_remove("NO_COLOR").output().unwrap();
+        let mut command = Command::new(env!("CARGO_BIN_EXE_hemisplat"));
+        command.current_dir(self.0.path()).env("XDG_CACHE_HOME", self.0.path().join("kept")).env_remove("NO_COLOR");
+        let output = command.args(arguments).output().unwrap();
         let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
         (output.status.code().unwrap(), text(output.stdout), text(output.stderr))
     }
@@ -300,4 +302,26 @@ fn stability_refuses_pipelines_and_cases_that_do_not_exist() {
     let refusal = place.refusal(&["stability", "irradiance", "--only", "nothing"]);
     assert!(refusal.contains("furnace") && refusal.contains("most-records"), "{refusal}");
     assert!(place.refusal(&["stability", "irradiance", "irradianse"]).contains("pipeline::not_found"));
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn tables_are_kept_and_made_anew_where_damaged() {
+    let place = Place::new();
+    let plan = ["explain", "radiance-rotated", "--scene", "cornell-glossy", "--set", "lobes.order=Fixed(order:3)"];
+    let (status, first, stderr) = place.run(&plan);
+    assert_eq!(status, 0, "{stderr}");
+    let kept: Vec<_> = fs::read_dir(place.0.path().join("kept/hemisplat")).unwrap().map(|entry| entry.unwrap().path()).collect();
+    let [table] = &kept[..] else { panic!("{kept:?}") };
+    let whole = fs::read(table).unwrap();
+    for damaged in [b"another thing".to_vec(), whole[..whole.len() / 2].to_vec(), vec![]] {
+        fs::write(table, damaged).unwrap();
+        let (status, again, stderr) = place.run(&plan);
+        assert_eq!((status, &again), (0, &first), "{stderr}");
+        assert!(fs::read(table).unwrap() == whole);
+    }
+    // Where nothing can be kept, a file in place of the folder, all goes on as before.
+    fs::remove_dir_all(place.0.path().join("kept")).unwrap();
+    fs::write(place.0.path().join("kept"), "").unwrap();
+    assert_eq!(place.run(&plan).1, first);
 }

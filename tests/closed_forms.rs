@@ -91,7 +91,8 @@ fn rendered<T>(gpu: &Gpu, room: &Room, size: [u32; 2], sets: &[String], look: im
     let Room { scene, bvh, needs } = room;
     let told = |e| format!("{:?}", miette::Report::new(e));
     let pipeline = load("irradiance", sets, REGISTRY, &mut |path| fs::read_to_string(path)).map_err(told)?;
-    let plan = plan(&pipeline, Setting { scene, needs, device: gpu.adapter.device(), size }, &[], &|data| byte_size(scene, data)).map_err(told)?;
+    let plan =
+        plan(&pipeline, Setting { scene, needs, device: gpu.adapter.device(), size, tables: None }, &[], &|data| byte_size(scene, data)).map_err(told)?;
     let mut run = Run::new(gpu, scene, bvh, &plan, &scene.cameras[0], size).map_err(|e| e.to_string())?;
     let report = run.frame(&|| Pace::GoOn).map_err(|e| e.to_string())?;
     check(report.complete && report.uncovered_pixels == Some(0), || format!("{report:?}"))?;

@@ -101,7 +101,7 @@ fn check_pipeline(text: &str) {
     let pipeline = expect(load_pipeline(text), text);
     let scene = expect(load::load(Path::new("corner"), &load::LoadOptions::default()), "corner");
     let needs = Needs::of(&scene);
-    let setting = Setting { scene: &scene, needs: &needs, device: hemisplat::recording::Device::Hardware, size: [32, 24] };
+    let setting = Setting { scene: &scene, needs: &needs, device: hemisplat::recording::Device::Hardware, size: [32, 24], tables: None };
     expect(pipeline::plan(&pipeline, setting, &[], &|data| byte_size(&scene, data)), text);
 }
 

@@ -84,7 +84,7 @@ fn frames(scene: &str, text: &str, count: u32) -> Result<Vec<Vec<f32>>, Failed> 
     let mut scene = load::load(&path, &load::LoadOptions { overrides, ..Default::default() }).map_err(failed)?;
     let bvh = Bvh::build(&mut scene);
     let needs = Needs::of(&scene);
-    let setting = Setting { scene: &scene, needs: &needs, device: hemisplat::gpu::expected_device(), size: SIZE };
+    let setting = Setting { scene: &scene, needs: &needs, device: hemisplat::gpu::expected_device(), size: SIZE, tables: None };
     let plan = pipeline::plan(&pipeline, setting, &[], &|data| byte_size(&scene, data)).map_err(failed)?;
     let gpu = Gpu::open().map_err(failed)?;
     let mut run = Run::new(&gpu, &scene, &bvh, &plan, &scene.cameras[0], SIZE).map_err(failed)?;

@@ -415,7 +415,7 @@ fn plan_for(pipeline: &Pipeline, scene: &Scene, dumps: &[&str]) -> Result<Plan, 
 fn plan_on(device: Device, pipeline: &Pipeline, scene: &Scene, dumps: &[&str]) -> Result<Plan, Problems> {
     let needs = Needs::of(scene);
     let dumps: Vec<String> = dumps.iter().map(|dump| dump.to_string()).collect();
-    plan(pipeline, Setting { scene, needs: &needs, device, size: [64, 48] }, &dumps, &|_| 1024)
+    plan(pipeline, Setting { scene, needs: &needs, device, size: [64, 48], tables: None }, &dumps, &|_| 1024)
 }
 
 fn planned(text: &str, shadows: bool) -> Plan {

@@ -20,7 +20,7 @@ fn loaded(name: &str, text: &str) -> Result<Pipeline, Problems> {
 fn planned(pipeline: &str, scene: &str) -> Plan {
     let scene = scenes::load(Path::new(scene), &scenes::LoadOptions::default()).unwrap();
     let needs = Needs::of(&scene);
-    let setting = Setting { scene: &scene, needs: &needs, device: hemisplat::recording::Device::Hardware, size: [64, 48] };
+    let setting = Setting { scene: &scene, needs: &needs, device: hemisplat::recording::Device::Hardware, size: [64, 48], tables: None };
     plan(&loaded(pipeline, "").unwrap(), setting, &[], &|data| byte_size(&scene, data)).unwrap()
 }
 

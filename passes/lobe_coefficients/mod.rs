@@ -199,13 +199,24 @@ impl Pass for LobeCoefficients {
         let (values, tables) = if r.arguments.choice("by").0 == "Device" {
             (device::record(r, &lobes, series, edge)?, None)
         } else {
-            let tables: Vec<LobeTable> = lobes.into_iter().map(|shape| LobeTable::new(shape, series, edge)).collect();
+            let tables: Vec<LobeTable> = lobes.into_iter().map(|shape| table(r, shape, series, edge)).collect();
             (r.constant_buffer("values", &lobe_bytes(&tables)), Some(Arc::new(tables)))
         };
         let lobes = port::Lobes { values, of_material, tables, harmonics, order: order as u32, edge: edge as u32 };
         r.output("lobes", Port::Lobes(lobes));
         Ok(())
     }
+}
+
+/// Kept where it is slow to make: lobes that are alike all around take hundredths of a second, the others up to some seconds.
+fn table(r: &Recorder<'_>, shape: Shape, series: Series, edge: usize) -> LobeTable {
+    if !shape.is_anisotropic() {
+        return LobeTable::new(shape, series, edge);
+    }
+    let name = format!("lobes {}: {shape:?} in {series:?}, {edge} directions a side", LobeTable::VERSION);
+    let count = edge * edge * PARTS * quads(series.order);
+    let values = r.table(&name, count, || LobeTable::new(shape, series, edge).values);
+    LobeTable { harmonics: series.harmonics, order: series.order, edge, values }
 }
 
 fn does_not_fit(shapes: usize, edge: usize) -> Refusal {

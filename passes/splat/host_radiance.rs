@@ -40,7 +40,8 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, radiance: &Radiance) -> 
     let [width, height] = r.setting.size;
     let (gbuffer, cache, lobes, seen) = (work.gbuffer, work.cache, radiance.visible.lobes.on_host()?.clone(), radiance.visible.seen);
     let coefficients = radiance.coefficients;
-    let tilting = radiance.rotation.map(|method| Tilting::new(coefficients.order as usize, method, STEPS));
+    let keep = |name: &str, count: usize, make: &dyn Fn() -> Vec<f32>| r.table(name, count, make);
+    let tilting = radiance.rotation.map(|method| Tilting::kept(coefficients.order as usize, method, STEPS, keep));
     let outputs = [Some(work.sums), work.counts].into_iter().flatten();
     let uploads: Vec<_> =
         outputs.zip(["sums_bytes", "counts_bytes"]).map(|(image, name)| (image, r.buffer(name, u64::from(width) * u64::from(height) * 16))).collect();

@@ -27,6 +27,7 @@ mod render;
 mod scene;
 mod sealed;
 mod stability;
+mod stored;
 mod study;
 mod survey;
 mod sweep;

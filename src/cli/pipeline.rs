@@ -3,6 +3,8 @@
 use super::failure::Failure;
 use super::input::read_file;
 use super::scene::View;
+use super::stored::Stored;
+use super::truth::cache_folder;
 use crate::contract::recorder::Setting;
 use crate::gpu::scene::byte_size;
 use crate::passes::REGISTRY;
@@ -42,7 +44,7 @@ fn read_pipeline(path: &Path) -> io::Result<String> {
 
 /// Plans a pipeline for a view of a scene and a device; `dumps` stay whole after the frame.
 pub fn plan_view(pipeline: &Pipeline, view: &View, device: Device, dumps: &[String]) -> Result<Plan, Problems> {
-    let needs = Needs::of(&view.scene);
-    let setting = Setting { scene: &view.scene, needs: &needs, device, size: view.size };
+    let (needs, stored) = (Needs::of(&view.scene), Stored::new(cache_folder()));
+    let setting = Setting { scene: &view.scene, needs: &needs, device, size: view.size, tables: Some(&stored) };
     plan(pipeline, setting, dumps, &|data| byte_size(&view.scene, data))
 }

@@ -89,7 +89,8 @@ impl TruthOptions {
     }
 }
 
-fn cache_folder() -> Option<PathBuf> {
+/// Where the user's system keeps what programs can make again.
+pub fn cache_folder() -> Option<PathBuf> {
     etcetera::choose_base_strategy().ok().map(|folders| folders.cache_dir().join("hemisplat"))
 }
 

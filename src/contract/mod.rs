@@ -3,6 +3,7 @@
 pub mod arguments;
 pub mod port;
 pub mod recorder;
+pub mod tables;
 
 pub use arguments::{Arguments, Value};
 pub use port::{Port, PortKind};

@@ -1,5 +1,6 @@
 //! What a pass sees while it records: its arguments and inputs, the scene, and the recording that it adds to.
 
+use super::tables::TableStore;
 use super::{Arguments, Port};
 use crate::recording::*;
 use crate::scene::{Scene, needs::Needs};
@@ -14,6 +15,8 @@ pub struct Setting<'a> {
     pub device: Device,
     /// Width and height of the picture [pixels].
     pub size: [u32; 2],
+    /// Where tables that are slow to make are kept, if they are.
+    pub tables: Option<&'a dyn TableStore>,
 }
 
 /// Why a pass cannot be recorded with these arguments on this scene.

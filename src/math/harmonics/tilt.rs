@@ -29,10 +29,21 @@ pub enum Tilting {
 impl Tilting {
     /// Of expansions of an order. Tables have `steps` + 1 angles from 0 to the largest.
     pub fn new(order: usize, method: Method, steps: usize) -> Self {
+        Self::kept(order, method, steps, |_, _, make| make())
+    }
+
+    /// The same with a table that `keep` may have, or have made: of a name, which tells all that it depends on, and of so many numbers.
+    pub fn kept(order: usize, method: Method, steps: usize, keep: impl FnOnce(&str, usize, &dyn Fn() -> Vec<f32>) -> Vec<f32>) -> Self {
+        let table = |largest: f64, tilts: bool| {
+            let name = format!("rotations {VERSION}: {method:?} of order {order} in {steps} steps");
+            let groups = groups(order);
+            let numbers = keep(&name, (steps + 1) * matrix_size(&groups), &|| matrices(order, &groups, steps, largest, tilts));
+            Table { steps, largest, groups, numbers }
+        };
         match method {
             Method::Conversion { spherical } => Self::Conversion(Conversion::new(order, spherical)),
-            Method::DigonDeletion => Self::DigonDeletion(Table::new(order, steps, FRAC_PI_2, false)),
-            Method::Precomputed => Self::Precomputed(Table::new(order, steps, PI, true)),
+            Method::DigonDeletion => Self::DigonDeletion(table(FRAC_PI_2, false)),
+            Method::Precomputed => Self::Precomputed(table(PI, true)),
         }
     }
 
@@ -114,21 +125,32 @@ pub struct Table {
     numbers: Vec<f32>,
 }
 
-impl Table {
-    /// Matrices that tilt, or those that only delete what a tilt by the angle would take below the horizon.
-    fn new(order: usize, steps: usize, largest: f64, tilts: bool) -> Self {
-        let groups = [true, false].map(|even| {
-            let orders = |l: usize| (-(l as isize)..=l as isize).filter(move |m| (*m >= 0) == even);
-            (0..order).flat_map(|l| orders(l).map(move |m| index(l, m))).collect::<Vec<_>>()
-        });
-        let basis = Basis::new(order);
-        let angles = (0..=steps).map(|step| largest * step as f64 / steps.max(1) as f64);
-        let numbers = angles.flat_map(|beta| matrix(&basis, &groups, beta, tilts)).map(|value| value as f32).collect();
-        Self { steps, largest, groups, numbers }
-    }
+/// Told in the names of tables: another one wherever their numbers change.
+const VERSION: u32 = 1;
 
+/// The functions even in y, then those odd in y.
+fn groups(order: usize) -> [Vec<usize>; 2] {
+    [true, false].map(|even| {
+        let orders = |l: usize| (-(l as isize)..=l as isize).filter(move |m| (*m >= 0) == even);
+        (0..order).flat_map(|l| orders(l).map(move |m| index(l, m))).collect::<Vec<_>>()
+    })
+}
+
+/// Numbers of one angle.
+fn matrix_size(groups: &[Vec<usize>; 2]) -> usize {
+    groups.iter().map(|group| group.len() * group.len()).sum()
+}
+
+/// Matrices that tilt, or those that only delete what a tilt by the angle would take below the horizon.
+fn matrices(order: usize, groups: &[Vec<usize>; 2], steps: usize, largest: f64, tilts: bool) -> Vec<f32> {
+    let basis = Basis::new(order);
+    let angles = (0..=steps).map(|step| largest * step as f64 / steps.max(1) as f64);
+    angles.flat_map(|beta| matrix(&basis, groups, beta, tilts)).map(|value| value as f32).collect()
+}
+
+impl Table {
     fn apply(&self, values: &[f64], beta: f64) -> Vec<f64> {
-        let size: usize = self.groups.iter().map(|group| group.len() * group.len()).sum();
+        let size = matrix_size(&self.groups);
         let place = (beta / self.largest).clamp(0.0, 1.0) * self.steps as f64;
         let below = (place.floor() as usize).min(self.steps.saturating_sub(1));
         let share = place - below as f64;
@@ -234,6 +256,18 @@ mod tests {
         }
     }
 
+    /// Where this fails as the numbers are meant to change, VERSION has to change too: tables are kept between runs.
+    #[test]
+    fn numbers_are_those_of_their_version() {
+        let sums = [(FRAC_PI_2, false), (PI, true)].map(|(largest, tilts)| {
+            let numbers = matrices(4, &groups(4), 5, largest, tilts);
+            numbers.iter().zip(1..).map(|(number, at)| f64::from(*number) * f64::from(at).sqrt()).sum::<f64>()
+        });
+        assert!(VERSION == 1 && (sums[0] - SUMS[0]).abs() < 1e-3 && (sums[1] - SUMS[1]).abs() < 1e-3, "{sums:?}");
+    }
+
+    const SUMS: [f64; 2] = [1140.4915, 264.2114];
+
     #[test]
     fn a_single_function_is_cut_by_the_horizon() {
         // What is the same everywhere stays so; only the share of it that was below the horizon is lost.
@@ -275,7 +309,7 @@ mod tests {
         let beta = 0.6;
         let basis = Basis::<f64>::new(ORDER);
         let function: Vec<f64> = (0..count(ORDER)).map(|k| ((k * k) as f64 * 0.37 + 0.2).sin()).collect();
-        let groups = Table::new(ORDER, 1, PI, true).groups;
+        let groups = groups(ORDER);
         let numbers = matrix(&basis, &groups, beta, true).into_iter().map(|v| v as f32).collect::<Vec<_>>();
         let table = Table { steps: 0, largest: beta, groups, numbers };
         let tilt = DMat3::from_rotation_y(beta);

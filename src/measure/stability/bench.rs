@@ -3,7 +3,7 @@
 use super::Trouble;
 use super::rooms::{Room, Stage};
 use crate::contract::Value;
-use crate::contract::recorder::Setting;
+use crate::contract::{recorder::Setting, tables::Remembered};
 use crate::gpu::{Gpu, Pace, scene::byte_size};
 use crate::math::lobe::Lobe;
 use crate::measure::layers::Layers;
@@ -39,6 +39,8 @@ pub struct Bench<'a> {
     pipeline: Pipeline,
     /// The corner as it stands, which several cases compare with.
     corner: OnceCell<Shot>,
+    /// Cases share what depends on their parameters alone.
+    tables: Remembered,
 }
 
 /// What a picture shows, checked to be finite, not negative, covered, and the same twice.
@@ -85,7 +87,7 @@ impl<'a> Bench<'a> {
     /// # Errors
     /// What is wrong with the pipeline as it stands.
     pub fn new(gpu: &'a Gpu, load: &'a LoadPipeline<'a>) -> Result<Self, Problems> {
-        Ok(Self { gpu, load, pipeline: load(&[])?, corner: OnceCell::new() })
+        Ok(Self { gpu, load, pipeline: load(&[])?, corner: OnceCell::new(), tables: Remembered::default() })
     }
 
     /// The pipeline's nodes, those of loops included.
@@ -148,7 +150,7 @@ impl<'a> Bench<'a> {
 
     fn plan(&self, stage: &Stage, changes: &[Change]) -> Result<Plan, Trouble> {
         let pipeline = (self.load)(&self.sets(&[&SMALL, changes].concat()))?;
-        let setting = Setting { scene: &stage.scene, needs: &stage.needs, device: self.gpu.adapter.device(), size: SIZE };
+        let setting = Setting { scene: &stage.scene, needs: &stage.needs, device: self.gpu.adapter.device(), size: SIZE, tables: Some(&self.tables) };
         Ok(plan(&pipeline, setting, &[], &|data| byte_size(&stage.scene, data))?)
     }
 

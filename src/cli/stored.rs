@@ -1,0 +1,79 @@
+//! Tables kept between runs in the user's cache folder, each in a file of its own: a line that says what it is, a line of all that it depends on, a
+//! checksum of the rest. Several processes may write the same one at once: it appears whole. One that is damaged is made anew.
+
+use super::input::read_file;
+use super::output::Target;
+use crate::contract::tables::TableStore;
+use crate::measure::cache::Checksum;
+use std::path::{Path, PathBuf};
+
+const FORMAT: &str = "hemisplat table 1";
+
+/// The largest table that is worth reading.
+const MOST_BYTES: u64 = 1 << 28;
+
+/// A folder of tables.
+pub struct Stored {
+    /// None where the system has no place for caches.
+    folder: Option<PathBuf>,
+}
+
+impl Stored {
+    pub fn new(folder: Option<PathBuf>) -> Self {
+        Self { folder }
+    }
+
+    fn path(&self, key: &str) -> Option<PathBuf> {
+        Some(self.folder.as_ref()?.join(format!("table-{}", Checksum::of(key.as_bytes()))))
+    }
+}
+
+fn header(key: &str, table: &[u8]) -> String {
+    format!("{FORMAT}\n{key}\n{}\n", Checksum::of(table))
+}
+
+fn read(path: &Path, key: &str) -> Option<Vec<u8>> {
+    let file = read_file(path, MOST_BYTES).ok()?;
+    let (found, table) = file.split_at_checked(header(key, &[]).len())?;
+    (found == header(key, table).as_bytes()).then(|| table.to_vec())
+}
+
+impl TableStore for Stored {
+    fn load(&self, key: &str) -> Option<Vec<u8>> {
+        read(&self.path(key)?, key)
+    }
+
+    fn save(&self, key: &str, table: &[u8]) {
+        let Some(Ok(target)) = self.path(key).map(|path| Target::new(&path)) else { return };
+        // A full disk costs the next run the time that this one took.
+        target.write(&[header(key, table).as_bytes(), table].concat()).ok();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_table_comes_back_unless_a_byte_or_its_key_differs() {
+        let folder = tempfile::tempdir().unwrap();
+        let stored = Stored::new(Some(folder.path().join("new")));
+        assert_eq!(stored.load("key"), None);
+        stored.save("key", &[1, 2, 3]);
+        assert_eq!(stored.load("key"), Some(vec![1, 2, 3]));
+        assert_eq!(stored.load("other"), None);
+        let path = stored.path("key").unwrap();
+        let whole = std::fs::read(&path).unwrap();
+        for at in 0..whole.len() {
+            let mut damaged = whole.clone();
+            damaged[at] ^= 1;
+            std::fs::write(&path, &damaged).unwrap();
+            assert_eq!(stored.load("key"), None, "{at}");
+            std::fs::write(&path, &whole[..at]).unwrap();
+            assert_eq!(stored.load("key"), None, "{at} bytes");
+        }
+        stored.save("key", &[4]);
+        assert_eq!(stored.load("key"), Some(vec![4]));
+        assert_eq!(Stored::new(None).load("key"), None);
+    }
+}

@@ -4,7 +4,7 @@ use crate::contract::{Recorder, port};
 use crate::host_struct;
 use crate::math::{
     frame::Frame,
-    harmonics::reflection::LobeTable,
+    harmonics::reflection::{LobeTable, table_fours},
     hemisphere::{Edge, Table},
     projection::Pinhole,
     radius::Ellipse,
@@ -124,6 +124,25 @@ pub const LAYOUTS: &[HostLayout] = &[Record::LAYOUT, Request::LAYOUT, Weighting:
 
 pub const RECORD_BYTES: u64 = size_of::<Record>() as u64;
 pub const REQUEST_BYTES: u64 = size_of::<Request>() as u64;
+
+host_struct! {
+    /// Where a lobe's table begins among the fours of all, and the order that it holds.
+    pub struct TablePlace {
+        first: u32,
+        order: u32,
+    }
+}
+
+/// Of tables one after the other, by their orders and the directions along an edge of their grids.
+pub fn table_places(orders: &[u32], edge: usize) -> Vec<TablePlace> {
+    let mut end = 0;
+    let places = orders.iter().map(|order| {
+        let first = end;
+        end += table_fours(*order as usize, edge) as u32;
+        TablePlace { first, order: *order }
+    });
+    places.collect()
+}
 
 /// Tables of lobes, one after the other.
 pub fn lobe_bytes(tables: &[LobeTable]) -> Vec<u8> {

@@ -137,7 +137,7 @@ impl Pass for RecordCache {
         };
         let precision = if r.arguments.choice("coefficients").0 == "Half" { port::Precision::Half } else { port::Precision::Single };
         let mut capacity = r.arguments.integer("capacity") as u32;
-        let coefficients = r.lobes("lobes").map(|lobes| lobes.order).map(|order| {
+        let coefficients = r.lobes("lobes").map(port::Lobes::order).map(|order| {
             let bytes = port::Coefficients::bytes(order, precision);
             let fits = (MOST_BYTES / bytes) as u32;
             if fits < capacity {

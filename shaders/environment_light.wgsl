@@ -21,6 +21,7 @@
 @group(0) @binding(8) var<storage, read> irradiance: array<vec4f>;
 @group(0) @binding(9) var<storage, read> glossy: array<vec4f>;
 
+override ORDER: u32 = 10u;
 // Whether any surface has a lobe.
 override GLOSSY: bool = true;
 // Whether any lobe rises toward grazing angles.
@@ -138,9 +139,9 @@ fn shade(@builtin(global_invocation_id) id: vec3u) {
             turn_back(l, &first);
             for (var i = 0; i <= 2 * l; i++) {
                 let index = u32(l * l + i);
-                flat += four(at, index / 4u)[index % 4u] * band[i];
+                flat += four(at, 0u, index / 4u)[index % 4u] * band[i];
                 if RISE {
-                    rise += four(at, QUADS + index / 4u)[index % 4u] * band[i];
+                    rise += four(at, 1u, index / 4u)[index % 4u] * band[i];
                 }
             }
         }

@@ -4,14 +4,16 @@
 // Lobes, times the cosine, on harmonics over a grid of outgoing directions: math::harmonics::reflection has the twin. Lobes that are alike around the normal are
 // projected once a height, then turned.
 
-// A lobe, its first outgoing direction in the list of all, and its points in that of theirs, none where directions are drawn: device::Shape in passes/lobe_coefficients/device.rs.
+// A lobe, its first outgoing direction in the list of all, its points in that of theirs, none where directions are drawn, where its table begins and the order
+// that this holds: device::Shape in passes/lobe_coefficients/device.rs.
 struct Shape {
     kind: u32,
     first: u32,
     alpha: vec2f,
     first_point: u32,
     points: u32,
-    padding: vec2u,
+    table: u32,
+    order: u32,
 }
 
 @group(0) @binding(0) var<storage, read> shapes: array<Shape>;
@@ -21,14 +23,17 @@ struct Shape {
 @group(0) @binding(6) var<storage, read> points: array<vec4f>;
 // How the value of degree l and order m follows from those of the two degrees before, at l · ORDER + m.
 @group(0) @binding(2) var<storage, read> steps: array<vec2f>;
-// The value of degree m and order m without the power of the sine; what the window leaves of degree m.
-@group(0) @binding(3) var<storage, read> starts: array<vec2f>;
+// The value of degree m and order m without the power of the sine.
+@group(0) @binding(3) var<storage, read> starts: array<f32>;
 // Of each outgoing direction and slice of the points both parts, QUADS fours each.
 @group(0) @binding(4) var<storage, read_write> projected: array<f32>;
 @group(0) @binding(5) var<storage, read_write> values: array<vec4f>;
 
+// The highest order, and the fours of numbers that it takes.
 override ORDER: u32 = 10u;
 override QUADS: u32 = 25u;
+// Whether terms of high degree are faded out.
+override HANN: bool = false;
 override GRID: u32 = 32u;
 override SPHERICAL: bool = false;
 // Steps from the normal to the horizon.
@@ -106,8 +111,8 @@ fn project(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups:
             let around = pow(max(place.x, 1e-10), f32(order)) * select(sin(angle), cos(angle), m >= 0);
             let factor = factors[i] * (around * scale);
             var before = 0.0;
-            var now = starts[order].x;
-            for (var l = order; l < ORDER; l++) {
+            var now = starts[order];
+            for (var l = order; l < shape.order; l++) {
                 if l > order {
                     let step = steps[l * ORDER + order];
                     let next = step.x * (place.z * now - step.y * before);
@@ -121,12 +126,18 @@ fn project(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups:
     }
     let room = 4u * QUADS;
     if is_used && entry < arrayLength(&outgoing) {
-        for (var l = order; l < ORDER; l++) {
+        for (var l = order; l < shape.order; l++) {
             let at = item * PARTS * room + u32(i32(l * l + l) + m);
-            projected[at] = sums[l].x * starts[l].y;
-            projected[at + room] = sums[l].y * starts[l].y;
+            let sum = sums[l] * window(l, shape.order);
+            projected[at] = sum.x;
+            projected[at + room] = sum.y;
         }
     }
+}
+
+// What is left of terms of degree l, as math::harmonics::reflection::Window has it.
+fn window(l: u32, order: u32) -> f32 {
+    return select(1.0, 0.5 * (1.0 + cos(PI * f32(l) / f32(order))), HANN);
 }
 
 // As math::harmonics::reflection::direction_at.
@@ -143,19 +154,25 @@ fn direction_at(place: vec2f) -> vec3f {
 @compute @workgroup_size(64)
 fn lay_out(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) lane: u32) {
     let at = (group.x + group.y * groups.x) * LANES + lane;
-    if at >= arrayLength(&values) {
+    if at >= arrayLength(&shapes) * GRID * GRID * PARTS * QUADS {
         return;
     }
     let quad = at % QUADS;
     let part = at / QUADS % PARTS;
     let direction = at / (QUADS * PARTS) % (GRID * GRID);
     let shape = shapes[at / (QUADS * PARTS * GRID * GRID)];
+    let functions = shape.order * shape.order;
+    let quads = (functions + 3u) / 4u;
+    if quad >= quads {
+        return;
+    }
+    let place = shape.table + (direction * PARTS + part) * quads + quad;
     var four = vec4f(0.0);
     if shape.kind == WARD && shape.alpha.x != shape.alpha.y {
-        for (var i = 0u; i < min(4u, ORDER * ORDER - 4u * quad); i++) {
+        for (var i = 0u; i < min(4u, functions - 4u * quad); i++) {
             four[i] = coefficient(shape.first + direction, part, 4u * quad + i);
         }
-        values[at] = four;
+        values[place] = four;
         return;
     }
     let toward = direction_at((vec2f(f32(direction % GRID), f32(direction / GRID)) + 0.5) / f32(GRID));
@@ -163,10 +180,10 @@ fn lay_out(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups:
     let base = min(u32(height), HEIGHTS - 1u);
     let share = height - f32(base);
     let azimuth = atan2(toward.y, toward.x);
-    for (var i = 0u; i < min(4u, ORDER * ORDER - 4u * quad); i++) {
+    for (var i = 0u; i < min(4u, functions - 4u * quad); i++) {
         four[i] = turned_coefficient(shape.first + base, share, part, 4u * quad + i, azimuth);
     }
-    values[at] = four;
+    values[place] = four;
 }
 
 fn coefficient(entry: u32, part: u32, index: u32) -> f32 {

@@ -28,9 +28,10 @@ fn pipelines() -> Vec<PathBuf> {
     files
 }
 
-fn hemisplat(arguments: &[&str]) -> Result<(), Failed> {
+/// What it prints.
+fn hemisplat(arguments: &[&str]) -> Result<String, Failed> {
     let done = Command::new(env!("CARGO_BIN_EXE_hemisplat")).current_dir(root()).args(arguments).output().map_err(|e| e.to_string())?;
-    if done.status.success() { Ok(()) } else { Err(String::from_utf8_lossy(&done.stderr).into_owned().into()) }
+    if done.status.success() { Ok(String::from_utf8_lossy(&done.stdout).into_owned()) } else { Err(String::from_utf8_lossy(&done.stderr).into_owned().into()) }
 }
 
 /// The scene of a pipeline's picture, and what of it is compared.
@@ -48,7 +49,7 @@ fn render(pipeline: &str, options: &[&str], into: &Path) -> Outcome {
     let (pipeline, into) = (format!("pipelines/{pipeline}.ron"), into.to_string_lossy());
     let arguments = ["render", &pipeline, "--scene", scene, "--size", SIZE, "--quiet", "-o", &into];
     let spacing: &[&str] = if scene.starts_with("cornell") { &["--set", SPACING] } else { &[] };
-    hemisplat(&[&arguments, spacing, options].concat())
+    hemisplat(&[&arguments, spacing, options].concat()).map(drop)
 }
 
 fn picture(path: &Path) -> Result<Layers, Failed> {
@@ -248,6 +249,37 @@ fn ways_of_glossy_light_agree() -> Outcome {
     Ok(())
 }
 
+/// Lobes of several orders in one picture, one of them turned around the normal: added by the host and by the device, tables made by either.
+fn lobes_have_their_own_orders() -> Outcome {
+    let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
+    let [pair, host, device] = ["pair.ron", "host.exr", "device.exr"].map(|name| folder.path().join(name).to_string_lossy().into_owned());
+    let text = "Scene(version: 1, geometry: [Sphere(centre: (-1.1, 1, 0), radius: 1, subdivisions: 3, material: \"broad\"),
+        Sphere(centre: (1.1, 1, 0), radius: 1, subdivisions: 3, material: \"sharp\"),
+        Quad(corners: ((-4, 0, -4), (-4, 0, 4), (4, 0, 4), (4, 0, -4)), material: \"floor\"), Quad(corners: ((-2, 3, -2), (-1, 3, -2), (-1, 3, -1), (-2, 3, -1)), material: \"lamp\")],
+        materials: { \"broad\": Phong(reflectance: (0.2, 0.2, 0.2), specular: (0.6, 0.6, 0.6), exponent: 3), \"sharp\": MetallicRoughness(base: (0.9, 0.7, 0.3), metallic: 0.5, roughness: 0.6),
+        \"floor\": Diffuse(reflectance: (0.5, 0.5, 0.5)), \"lamp\": Emitter(radiance: (30, 30, 30)) }, normals: Smooth(degrees: 40),
+        cameras: { \"main\": (eye: (0, 2, 6), target: (0, 0.8, 0), fov: 36) })";
+    std::fs::write(&pair, text).map_err(|e| e.to_string())?;
+    let order = "lobes.order=Enough(lost:0.02,at_most:20)";
+    for (scene, told, by) in [
+        ("balls", "order 8 for gold and plastic, order 7 for phong, order 5 for brushed", "lobes.by=Host"),
+        (&pair, "order 6 for sharp, order 3 for broad", "lobes.by=Device"),
+    ] {
+        let explained = hemisplat(&["explain", "radiance", "--scene", scene, "--set", order])?;
+        if !explained.contains(told) {
+            return Err(format!("{scene} is not explained by `{told}`: {explained}").into());
+        }
+        for (pipeline, by, made) in [("radiance", "lobes.by=Host", &host), ("radiance-device", by, &device)] {
+            hemisplat(&["render", pipeline, "--scene", scene, "--size", "96x64", "--set", order, "--set", by, "--quiet", "-o", made])?;
+        }
+        let error = apart(&picture(Path::new(&device))?, &picture(Path::new(&host))?, "glossy")?;
+        if error > 1e-3 {
+            return Err(format!("{scene}: the device's is {:.3} % from the host's", 100.0 * error).into());
+        }
+    }
+    Ok(())
+}
+
 /// Lamps, a sky, and lobes that look for it, each with other numbers of rays than make whole packets.
 fn light_by_host_and_device_agrees() -> Outcome {
     let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
@@ -346,6 +378,7 @@ fn main() {
         drawn("specialisation_changes_no_picture", Box::new(specialisation_changes_no_picture)),
         drawn("wrong_parameters_are_refused", Box::new(wrong_parameters_are_refused)),
         drawn("ways_of_glossy_light_agree", Box::new(ways_of_glossy_light_agree)),
+        drawn("lobes_have_their_own_orders", Box::new(lobes_have_their_own_orders)),
         drawn("light_by_host_and_device_agrees", Box::new(light_by_host_and_device_agrees)),
         drawn("skies_by_harmonics_are_those_of_the_reference", Box::new(skies_by_harmonics_are_those_of_the_reference)),
         drawn("lobes_on_the_device_are_those_of_the_reference", Box::new(lobes_on_the_device_are_those_of_the_reference)),

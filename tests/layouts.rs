@@ -23,6 +23,7 @@ fn shared() -> Vec<(&'static str, Vec<HostLayout>)> {
         ("irradiance_sum/workgroup_tree", vec![workgroup_tree::Cell::LAYOUT]),
         ("radiance_projection", vec![matrix_product::TileWall::LAYOUT]),
         ("lobe_coefficients", vec![lobe_coefficients::device::Shape::LAYOUT]),
+        ("environment_light", vec![record::TablePlace::LAYOUT]),
         ("add_records", vec![add_records::Batch::LAYOUT]),
         ("find_misses/device_grid", vec![device_grid::Grid::LAYOUT]),
         ("hemisphere_tiles/raster", vec![raster::TileView::LAYOUT, raster::TileCamera::LAYOUT, sift::SiftView::LAYOUT]),

@@ -8,7 +8,7 @@ use crate::math::harmonics::{
     reflection::{LobeTable, PARTS, quads},
     sky,
 };
-use crate::passes::record::lobe_bytes;
+use crate::passes::record::{lobe_bytes, table_places};
 use crate::recording::*;
 use crate::scene::{Environment, needs::Needs};
 use glam::{DVec3, Vec4};
@@ -115,12 +115,13 @@ fn record_on_device(r: &mut Recorder<'_>, work: &Work) {
     let quarter_turns = r.constant_buffer("quarter_turns", bytemuck::cast_slice(&numbers(&sky::quarter_turn(order))));
     let tables: &[LobeTable] = work.lobes.as_ref().map_or(&[], |lobes| &lobes.tables);
     let values = r.constant_buffer("lobes", &lobe_bytes(tables));
+    let edge = tables.first().map_or(1, |table| table.edge);
+    let places = r.constant_buffer("lobe_places", bytemuck::cast_slice(&table_places(&vec![order as u32; tables.len()], edge)));
     // Lobes that are absent are bound to any image and never read.
     let program = Program::new("environment_light")
         .constant("GLOSSY", work.lobes.is_some() as u8)
         .constant("ORDER", order as u32)
-        .constant("QUADS", quads(order) as u32)
-        .constant("GRID", tables.first().map_or(1, |table| table.edge as u32))
+        .constant("GRID", edge as u32)
         .constant("RISE", work.lobes.as_ref().is_some_and(|lobes| lobes.rise) as u8)
         .bind("position", work.gbuffer.position)
         .bind("normal", work.gbuffer.normal)
@@ -130,6 +131,7 @@ fn record_on_device(r: &mut Recorder<'_>, work: &Work) {
         .bind("cosine_lobe", cosine_lobe)
         .bind("quarter_turns", quarter_turns)
         .bind("lobes", values)
+        .bind("lobe_places", places)
         .bind("radiance", work.radiance);
     r.compute_pixels(program, "shade");
 }

@@ -6,22 +6,25 @@ use crate::host_struct;
 use crate::math::{
     harmonics::{
         Basis, Harmonics,
-        reflection::{PARTS, STEPS, Series, direction_at, even_points, height_direction, quads},
+        reflection::{PARTS, STEPS, Series, Window, direction_at, even_points, height_direction, quads, table_fours},
     },
     lobe,
 };
+use crate::passes::record::TablePlace;
 use crate::recording::*;
 use glam::{Vec2, Vec4};
 
 host_struct! {
-    /// A lobe, its first outgoing direction in the list of all, and its points in that of theirs; none where directions are drawn.
+    /// A lobe, its first outgoing direction in the list of all, its points in that of theirs, none where directions are drawn, where its table begins
+    /// and the order that this holds.
     pub struct Shape {
         kind: u32,
         first: u32,
         alpha: [f32; 2],
         first_point: u32,
         points: u32,
-        padding: [u32; 2],
+        table: u32,
+        order: u32,
     }
 }
 
@@ -39,16 +42,16 @@ fn groups(count: usize) -> Groups {
     Groups::Fixed([count.min(MOST_GROUPS), count.div_ceil(MOST_GROUPS), 1])
 }
 
-/// Adds the commands that project; the buffer of all tables.
-pub(super) fn record(r: &mut Recorder<'_>, lobes: &[lobe::Shape], series: Series, edge: usize) -> Result<Resource, Refusal> {
+/// Adds the commands that project each lobe to the order of its place, `series` having the highest; the buffer of all tables.
+pub(super) fn record(r: &mut Recorder<'_>, lobes: &[lobe::Shape], places: &[TablePlace], series: Series, edge: usize) -> Result<Resource, Refusal> {
     let Series { harmonics, order, window } = series;
     let mut shapes = Vec::new();
     let [mut outgoing, mut points]: [Vec<Vec4>; 2] = Default::default();
-    for (at, lobe) in lobes.iter().enumerate() {
+    for (at, (lobe, place)) in lobes.iter().zip(places).enumerate() {
         let (kind, alpha) = lobe.numbers();
-        let even = even_points(*lobe, order);
-        let first_point = points.len() as u32;
-        shapes.push(Shape { kind, first: outgoing.len() as u32, alpha: alpha.into(), first_point, points: even.len() as u32, padding: [0; 2] });
+        let even = even_points(*lobe, place.order as usize);
+        let [first, first_point] = [&outgoing, &points].map(|list| list.len() as u32);
+        shapes.push(Shape { kind, first, alpha: alpha.into(), first_point, points: even.len() as u32, table: place.first, order: place.order });
         points.extend(even.into_iter().map(|(direction, solid_angle)| direction.extend(solid_angle as f32)));
         let place = |cell: usize| Vec2::new((cell % edge) as f32 + 0.5, (cell / edge) as f32 + 0.5) / edge as f32;
         if lobe.is_anisotropic() {
@@ -58,7 +61,6 @@ pub(super) fn record(r: &mut Recorder<'_>, lobes: &[lobe::Shape], series: Series
         }
     }
     let (sectoral, steps) = Basis::<f32>::new(order).recurrence();
-    let starts: Vec<[f32; 2]> = sectoral.into_iter().enumerate().map(|(l, start)| [start, window.factor(l, order) as f32]).collect();
     let room = PARTS * quads(order);
     let visited = shapes.iter().map(|shape: &Shape| if shape.points == 0 { DRAWN } else { shape.points }).max().unwrap_or(0);
     let slices = (visited as usize * order).div_ceil(MOST_ROUNDS);
@@ -67,11 +69,12 @@ pub(super) fn record(r: &mut Recorder<'_>, lobes: &[lobe::Shape], series: Series
         return Err(does_not_fit(lobes.len(), edge));
     }
     let projected = r.buffer("projected", bytes);
-    let fours = lobes.len() * edge * edge * room;
+    let fours: usize = places.iter().map(|place| table_fours(place.order as usize, edge)).sum();
     let values = r.buffer("values", (fours * size_of::<Vec4>()) as u64);
     let program = Program::new("lobe_coefficients")
         .constant("ORDER", order as u32)
         .constant("QUADS", quads(order) as u32)
+        .constant("HANN", (window == Window::Hann) as u8)
         .constant("GRID", edge as u32)
         .constant("HEIGHTS", STEPS as u32)
         .constant("SLICES", slices as u32)
@@ -80,10 +83,10 @@ pub(super) fn record(r: &mut Recorder<'_>, lobes: &[lobe::Shape], series: Series
         .bind("outgoing", r.constant_buffer("outgoing", bytemuck::cast_slice(&outgoing)))
         .bind("points", r.constant_buffer("points", bytemuck::cast_slice(&points)))
         .bind("steps", r.constant_buffer("steps", bytemuck::cast_slice(&steps)))
-        .bind("starts", r.constant_buffer("starts", bytemuck::cast_slice(&starts)))
+        .bind("starts", r.constant_buffer("starts", bytemuck::cast_slice(&sectoral)))
         .bind("projected", projected)
         .bind("values", values);
     r.compute(program.clone(), "project", groups(outgoing.len() * slices));
-    r.compute(program, "lay_out", groups(fours.div_ceil(64)));
+    r.compute(program, "lay_out", groups((lobes.len() * edge * edge * room).div_ceil(64)));
     Ok(values)
 }

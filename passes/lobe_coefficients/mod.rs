@@ -6,16 +6,17 @@ use crate::contract::{Arguments, Choice, Description, Need, Output, Parameter, P
 use crate::math::{
     harmonics::{
         Harmonics, MOST,
-        reflection::{LobeTable, PARTS, Series, Window, energy_by_order, quads},
+        reflection::{LobeTable, Series, Window, energy_by_order, table_fours},
     },
     lobe::Shape,
 };
-use crate::passes::record::lobe_bytes;
+use crate::passes::record::{lobe_bytes, table_places};
 use crate::scene::{
     Scene,
     needs::{Needs, used_materials},
 };
-use std::sync::Arc;
+use glam::Vec4;
+use std::{cmp::Reverse, collections::BTreeMap, sync::Arc};
 
 pub struct LobeCoefficients;
 
@@ -45,7 +46,7 @@ static DESCRIPTION: Description = Description {
                 choices: &[
                     Choice {
                         name: "Enough",
-                        about: "the lowest that holds every lobe",
+                        about: "of each lobe the lowest that holds it",
                         parameters: &[
                             Parameter {
                                 name: "lost",
@@ -63,7 +64,7 @@ static DESCRIPTION: Description = Description {
                     },
                     Choice {
                         name: "Fixed",
-                        about: "the same for all scenes",
+                        about: "the same for all lobes",
                         parameters: &[Parameter { name: "order", about: "the order", unit: "", kind: ORDER }],
                     },
                 ],
@@ -142,18 +143,19 @@ fn shapes(scene: &Scene) -> (Vec<Used>, Vec<Option<u32>>) {
     (shapes, of_material)
 }
 
-/// The order for all lobes: as the parameter has it; those that it does not hold are told, or refused.
-fn chosen_order(r: &mut Recorder<'_>, harmonics: Harmonics, shapes: &[Used]) -> Result<usize, Refusal> {
+/// The order of each lobe: as the parameter has it; those that it does not hold are told, or refused.
+fn chosen_orders(r: &mut Recorder<'_>, harmonics: Harmonics, shapes: &[Used]) -> Result<Vec<u32>, Refusal> {
     let (choice, inner) = r.arguments.choice("order");
     let (lost, at_most) = match choice {
         "Enough" => (inner.float("lost"), inner.integer("at_most") as usize),
         _ => (LOST, inner.integer("order") as usize),
     };
-    let mut order = if choice == "Enough" { 1 } else { at_most };
+    let mut orders = Vec::new();
     for Used { shape, materials } in shapes {
         let held = energy_by_order(*shape, harmonics, MOST);
         let enough = held.iter().position(|held| *held >= 1.0 - lost).map(|at| at + 1);
-        order = order.max(enough.unwrap_or(at_most)).min(at_most);
+        let order = if choice == "Enough" { enough.map_or(at_most, |enough| enough.min(at_most)) } else { at_most };
+        orders.push(order as u32);
         if enough.is_some_and(|enough| enough <= at_most) {
             continue;
         }
@@ -169,8 +171,29 @@ fn chosen_order(r: &mut Recorder<'_>, harmonics: Harmonics, shapes: &[Used]) -> 
         }
         r.remark(format!("{told}: it is blurred"));
     }
-    r.remark(format!("order {order} for {} of lobe", plural(shapes.len(), "shape")));
-    Ok(order)
+    r.remark(told_orders(&orders, shapes));
+    Ok(orders)
+}
+
+/// "order 10 for gold, order 6 for slate and lead".
+fn told_orders(orders: &[u32], shapes: &[Used]) -> String {
+    let mut materials: BTreeMap<Reverse<u32>, Vec<&str>> = BTreeMap::new();
+    for (order, used) in orders.iter().zip(shapes) {
+        materials.entry(Reverse(*order)).or_default().extend(used.materials.iter().map(String::as_str));
+    }
+    let told: Vec<String> = materials.into_iter().map(|(Reverse(order), materials)| format!("order {order} for {}", listed(&materials))).collect();
+    told.join(", ")
+}
+
+/// Names that a line has room for.
+const NAMED: usize = 6;
+
+fn listed(names: &[&str]) -> String {
+    match names {
+        [all @ .., last] if !all.is_empty() && names.len() <= NAMED => format!("{} and {last}", all.join(", ")),
+        [first, .., last] if names.len() > NAMED => format!("{first} to {last}, {} materials", names.len()),
+        _ => names.join(", "),
+    }
 }
 
 impl Pass for LobeCoefficients {
@@ -185,24 +208,27 @@ impl Pass for LobeCoefficients {
     fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
         let (shapes, of_material) = shapes(r.setting.scene);
         let harmonics = if r.arguments.choice("harmonics").0 == "Spherical" { Harmonics::Spherical } else { Harmonics::Hemispherical };
-        let order = chosen_order(r, harmonics, &shapes)?;
+        let orders = chosen_orders(r, harmonics, &shapes)?;
         let edge = r.arguments.integer("grid") as usize;
-        let bytes = shapes.len() as u64 * (edge * edge * PARTS * quads(order) * 16) as u64;
-        if bytes > MOST_BYTES {
+        let fours: usize = orders.iter().map(|order| table_fours(*order as usize, edge)).sum();
+        if (fours * size_of::<Vec4>()) as u64 > MOST_BYTES {
             return Err(does_not_fit(shapes.len(), edge));
         }
         let window = if r.arguments.choice("window").0 == "Hann" { Window::Hann } else { Window::None };
-        let series = Series { harmonics, order, window };
+        let series = |order: u32| Series { harmonics, order: order as usize, window };
         let lobes: Vec<Shape> = shapes.iter().map(|used| used.shape).collect();
         let indices: Vec<u32> = of_material.iter().map(|index| index.unwrap_or(u32::MAX)).collect();
         let of_material = r.constant_buffer("of_material", bytemuck::cast_slice(&indices));
+        let table_places = table_places(&orders, edge);
+        let places = r.constant_buffer("places", bytemuck::cast_slice(&table_places));
         let (values, tables) = if r.arguments.choice("by").0 == "Device" {
-            (device::record(r, &lobes, series, edge)?, None)
+            let highest = orders.iter().copied().max().unwrap_or(1);
+            (device::record(r, &lobes, &table_places, series(highest), edge)?, None)
         } else {
-            let tables: Vec<LobeTable> = lobes.into_iter().map(|shape| table(r, shape, series, edge)).collect();
+            let tables: Vec<LobeTable> = lobes.into_iter().zip(&orders).map(|(shape, order)| table(r, shape, series(*order), edge)).collect();
             (r.constant_buffer("values", &lobe_bytes(&tables)), Some(Arc::new(tables)))
         };
-        let lobes = port::Lobes { values, of_material, tables, harmonics, order: order as u32, edge: edge as u32 };
+        let lobes = port::Lobes { values, places, of_material, tables, harmonics, orders, edge: edge as u32 };
         r.output("lobes", Port::Lobes(lobes));
         Ok(())
     }
@@ -214,8 +240,7 @@ fn table(r: &Recorder<'_>, shape: Shape, series: Series, edge: usize) -> LobeTab
         return LobeTable::new(shape, series, edge);
     }
     let name = format!("lobes {}: {shape:?} in {series:?}, {edge} directions a side", LobeTable::VERSION);
-    let count = edge * edge * PARTS * quads(series.order);
-    let values = r.table(&name, count, || LobeTable::new(shape, series, edge).values);
+    let values = r.table(&name, table_fours(series.order, edge), || LobeTable::new(shape, series, edge).values);
     LobeTable { harmonics: series.harmonics, order: series.order, edge, values }
 }
 

@@ -71,7 +71,7 @@ impl Pass for RadianceProjection {
     fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
         let (Some(weighted), Some(records), Some(lobes)) = (r.weighted_tiles("of"), r.records("records").copied(), r.lobes("lobes")) else { return Ok(()) };
         lobes.expect_hemispherical()?;
-        let order = lobes.order;
+        let order = lobes.order();
         let mut expansion = Expansion::new(&weighted.table, order as usize);
         if !r.arguments.bool("gradients") {
             expansion.walls.clear();

@@ -103,10 +103,10 @@ impl Work {
                 },
             )
             .constant("QUADS", quads(coefficients.order as usize) as u32)
-            .constant("ORDER", coefficients.order)
             .constant("GRID", visible.lobes.edge)
             .bind("coefficients", coefficients.values)
             .bind("lobes", visible.lobes.values)
+            .bind("lobe_places", visible.lobes.places)
             .bind("seen", visible.seen)
     }
 }
@@ -116,7 +116,7 @@ fn radiance(r: &Recorder<'_>, cache: &port::RecordCache) -> Result<Option<Radian
     visible.lobes.expect_hemispherical()?;
     let rotation = match r.arguments.choice("rotation").0 {
         "Precomputed" => Some(Method::Precomputed),
-        "Conversion" => Some(Method::Conversion { spherical: visible.lobes.order as usize + 4 }),
+        "Conversion" => Some(Method::Conversion { spherical: visible.lobes.order() as usize + 4 }),
         "DigonDeletion" => Some(Method::DigonDeletion),
         _ => None,
     };
@@ -131,7 +131,7 @@ fn radiance(r: &Recorder<'_>, cache: &port::RecordCache) -> Result<Option<Radian
         ));
     }
     match cache.coefficients {
-        Some(coefficients) if coefficients.order == visible.lobes.order => Ok(Some(Radiance { visible: visible.clone(), coefficients, rotation })),
+        Some(coefficients) if coefficients.order == visible.lobes.order() => Ok(Some(Radiance { visible: visible.clone(), coefficients, rotation })),
         _ => Err(Refusal::new(
             "plan::coefficients",
             "the records hold no coefficients for these lobes",

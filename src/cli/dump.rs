@@ -5,7 +5,7 @@ use super::failure::{CommandError, Failure};
 use super::output::Target;
 use crate::contract::{Port, port};
 use crate::math::{
-    harmonics::reflection::{PARTS, quads},
+    harmonics::reflection::{PARTS, quads, table_fours},
     weight,
 };
 use crate::measure::run::{Run, image};
@@ -65,12 +65,20 @@ fn write_layers(picture: Layers, name: &str, beside: &Path) -> Result<(), Failur
     super::output::PictureTarget::new(&path(beside, name, "exr"))?.write(&picture, 0.0)
 }
 
-/// A layer a table: a row for each outgoing direction, a column for each coefficient of both parts.
+/// A layer a table: a row for each outgoing direction, a column for each coefficient of both parts, 0 beyond the table's own order.
 fn lobes_picture(lobes: &port::Lobes, run: &Run<'_>) -> Result<Layers, Failure> {
     let values: Vec<f32> = bytemuck::pod_collect_to_vec(&run.bytes(lobes.values).map_err(Failure::work)?);
-    let (width, height) = (4 * PARTS * quads(lobes.order as usize), (lobes.edge * lobes.edge) as usize);
-    let tables = values.chunks_exact(width * height).enumerate();
-    Ok(tables.fold(Layers::new(width as u32, height as u32), |picture, (at, table)| picture.with(&format!("table{at}"), Layer::value(table.to_vec()))))
+    let (edge, widest) = (lobes.edge as usize, 4 * quads(lobes.order() as usize));
+    let mut picture = Layers::new((PARTS * widest) as u32, (edge * edge) as u32);
+    let mut rest = &values[..];
+    for (at, order) in lobes.orders.iter().map(|order| *order as usize).enumerate() {
+        let (table, behind) = rest.split_at(4 * table_fours(order, edge));
+        let parts = table.chunks_exact(4 * quads(order));
+        let padded = parts.flat_map(|part| part.iter().copied().chain(std::iter::repeat_n(0.0, widest - part.len())));
+        picture = picture.with(&format!("table{at}"), Layer::value(padded.collect()));
+        rest = behind;
+    }
+    Ok(picture)
 }
 
 fn items<T: bytemuck::AnyBitPattern + bytemuck::NoUninit>(run: &Run<'_>, buffer: Resource, count: u32) -> Result<Vec<T>, Failure> {

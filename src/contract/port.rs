@@ -313,12 +313,15 @@ impl Coefficients {
 pub struct Lobes {
     /// Buffer of vec4: the tables, one after the other.
     pub values: Resource,
+    /// Buffer of `TablePlace`: where each begins, and its order.
+    pub places: Resource,
     /// Buffer of u32: of each material the index of its table, or that there is none.
     pub of_material: Resource,
     /// The same on the host, where it was projected there.
     pub tables: Option<Arc<Vec<LobeTable>>>,
     pub harmonics: Harmonics,
-    pub order: u32,
+    /// Of each table.
+    pub orders: Vec<u32>,
     /// Directions along an edge of the grid.
     pub edge: u32,
 }
@@ -336,6 +339,11 @@ impl Lobes {
     /// Says that a pass is to render glossy surfaces and does not know their lobes.
     pub fn missing() -> Refusal {
         Refusal::new("plan::lobes", "glossy surfaces are asked for without their lobes", "join the input `lobes` to a LobeCoefficients node")
+    }
+
+    /// The highest, which expansions of what arrives have.
+    pub fn order(&self) -> u32 {
+        self.orders.iter().copied().max().unwrap_or(1)
     }
 
     /// The tables, for passes that look lobes up on the host.
@@ -363,6 +371,7 @@ impl Lobes {
 
     fn over(&mut self, memory: &mut dyn Memory) {
         replace(&mut self.values, memory);
+        replace(&mut self.places, memory);
         replace(&mut self.of_material, memory);
     }
 }

@@ -143,12 +143,13 @@ pub struct Viewed {
     pub azimuth: f32,
 }
 
-/// Radiance that a lobe reflects toward the viewer of what arrives at a record ([`PLANES`] expansions of [`quads`]).
+/// Radiance that a lobe reflects toward the viewer of what arrives at a record ([`PLANES`] expansions of the same length, which may hold a higher order
+/// than the lobe's).
 ///
 /// Neither expansion is rotated. The viewer is moved to where the record's own plane would mirror what the place's mirrors, so that a lobe around
 /// the mirrored direction stays where it is; what the place's plane then reflects more or less is made up for by the albedo of both.
 pub fn reflected(planes: &[Vec4], table: &LobeTable, viewed: &Viewed) -> Vec3 {
-    let quads = quads(table.order);
+    let (quads, stride) = (quads(table.order), planes.len() / PLANES);
     let (own, frame) = (Frame::new(viewed.normal), Frame::new(viewed.record_normal));
     let turned = viewed.azimuth != 0.0;
     let (angle, own_angle) = if turned { (azimuth_in(&frame, &own, viewed.azimuth), viewed.azimuth * TAU) } else { (0.0, 0.0) };
@@ -173,7 +174,7 @@ pub fn reflected(planes: &[Vec4], table: &LobeTable, viewed: &Viewed) -> Vec3 {
     let has_rise = rise.iter().any(|four| *four != Vec4::ZERO);
     let mut estimate = Vec3::ZERO;
     for channel in 0..3 {
-        let plane = |of: usize| &planes[(of * 3 + channel) * quads..][..quads];
+        let plane = |of: usize| &planes[(of * 3 + channel) * stride..][..quads];
         let (arriving, along_x, along_y) = (plane(0), plane(1), plane(2));
         let dot = |lobe: &[Vec4]| {
             let (mut here, mut there) = (Vec4::ZERO, Vec4::ZERO);
@@ -196,7 +197,7 @@ pub fn reflected(planes: &[Vec4], table: &LobeTable, viewed: &Viewed) -> Vec3 {
 
 /// The same by rotating the record's expansion into the frame of the place, as the thesis does (4.5), for comparison: it takes some hundred times as long.
 pub fn reflected_rotated(planes: &[Vec4], table: &LobeTable, tilting: &Tilting, viewed: &Viewed) -> Vec3 {
-    let quads = quads(table.order);
+    let (quads, stride) = (quads(table.order), planes.len() / PLANES);
     let (own, frame) = (Frame::new(viewed.normal), Frame::new(viewed.record_normal));
     let [mut flat, mut rise] = [[Vec4::ZERO; MOST_QUADS]; 2];
     let (flat, rise) = (&mut flat[..quads], &mut rise[..quads]);
@@ -213,9 +214,9 @@ pub fn reflected_rotated(planes: &[Vec4], table: &LobeTable, tilting: &Tilting, 
     let matrix = axes.map(|axis| frame.to_local(axis).as_dvec3().to_array());
     let mut sum = Vec3::ZERO;
     for channel in 0..3 {
-        let plane = |of: usize| &planes[(of * 3 + channel) * quads..][..quads];
+        let plane = |of: usize| &planes[(of * 3 + channel) * stride..][..stride];
         let arriving = plane(0).iter().zip(plane(1)).zip(plane(2)).flat_map(|((here, along_x), along_y)| (*here + *along_x * x + *along_y * y).to_array());
-        let arriving: Vec<f64> = arriving.map(f64::from).take(count(table.order)).collect();
+        let arriving: Vec<f64> = arriving.map(f64::from).take(count(tilting.order())).collect();
         let seen = if viewed.normal == viewed.record_normal { arriving } else { tilting.rotate(&arriving, matrix) };
         let dot = |lobe: &[f64]| lobe.iter().zip(&seen).map(|(a, b)| a * b).sum::<f64>() as f32;
         sum[channel] = viewed.reflectance[channel] * dot(&flat) + dot(&rise);
@@ -244,7 +245,12 @@ fn about(direction: Vec3, angle: f32) -> Vec3 {
 mod tests {
     use super::*;
     use crate::math::{
-        hemisphere::{Method, Shape},
+        harmonics::{
+            Harmonics,
+            reflection::{Series, Window},
+            tilt::Method,
+        },
+        hemisphere::{Method as Compensation, Shape},
         oracle::{Objects, place, tile, trace},
     };
 
@@ -260,7 +266,7 @@ mod tests {
 
     #[test]
     fn the_first_coefficients_hold_the_irradiance() {
-        let table = Table::new(Shape::Hemispherical, 96, Method::None).expect("a table");
+        let table = Table::new(Shape::Hemispherical, 96, Compensation::None).expect("a table");
         let expansion = Expansion::new(&table, 2);
         let tile = tile(&table, |direction| (1.0 + direction.x, 1.0));
         let found = expansion.project(&table, &tile, 1e-9).expect("a tile");
@@ -273,7 +279,7 @@ mod tests {
 
     #[test]
     fn frames_that_are_turned_agree() {
-        let table = Table::new(Shape::Hemispherical, 64, Method::None).expect("a table");
+        let table = Table::new(Shape::Hemispherical, 64, Compensation::None).expect("a table");
         let expansion = Expansion::new(&table, ORDER);
         let (point, _) = place(3);
         let [straight, turned] = [0.0, 1.1].map(|turn| projected(&table, &expansion, point, turn));
@@ -284,12 +290,41 @@ mod tests {
         }
     }
 
+    /// Terms that a lobe's table does not hold reflect nothing: the same as of a record of the table's own order.
+    #[test]
+    fn records_may_hold_more_than_a_lobe() {
+        let wave = |k: usize| (k as f32 * 0.7).sin();
+        for shape in [crate::math::lobe::Shape::Phong { exponent: 6.0 }, crate::math::lobe::Shape::Ward { alpha: glam::Vec2::new(0.4, 0.7) }] {
+            for (own, highest) in [(1, 2), (3, 4), (4, ORDER)] {
+                let series = Series { harmonics: Harmonics::Hemispherical, order: own, window: Window::None };
+                let table = LobeTable::new(shape, series, 8);
+                let plane = |of: usize, order: usize| fours(&(0..count(order)).map(|k| f64::from(wave(k + 31 * of))).collect::<Vec<_>>());
+                let [short, long] = [own, highest].map(|order| (0..PLANES).flat_map(|of| plane(of, order)).collect::<Vec<_>>());
+                let normal = Vec3::new(0.1, 0.2, 1.0).normalize();
+                let viewed = Viewed {
+                    toward: Vec3::new(0.48, -0.36, 0.8),
+                    normal,
+                    record_normal: normal,
+                    offset: Vec3::new(0.2, 0.1, 0.0),
+                    reflectance: Vec3::new(0.9, 0.5, 0.1),
+                    azimuth: 0.2,
+                };
+                let tilting = |order: usize| Tilting::new(order, Method::Precomputed, 1);
+                let [moved, moved_long] = [&short, &long].map(|planes| reflected(planes, &table, &viewed));
+                let [rotated, rotated_long] =
+                    [(&short, own), (&long, highest)].map(|(planes, order)| reflected_rotated(planes, &table, &tilting(order), &viewed));
+                assert!(moved != Vec3::ZERO && moved == moved_long, "{shape:?} {own}: {moved_long}, not {moved}");
+                assert!(rotated.abs_diff_eq(rotated_long, 1e-5), "{shape:?} {own}: {rotated_long}, not {rotated}");
+            }
+        }
+    }
+
     /// Against central differences of coefficients that a fine tile projects to.
     #[test]
     fn gradients_are_finite_differences() {
         for (shape, limit) in [(Shape::Hemispherical, 0.10), (Shape::Plane { fov_degrees: 126.87 }, 0.15), (Shape::Cosine, 0.10)] {
-            let table = Table::new(shape, 96, Method::BorderExtension).expect("a table");
-            let fine = Table::new(Shape::Hemispherical, 320, Method::None).expect("a table");
+            let table = Table::new(shape, 96, Compensation::BorderExtension).expect("a table");
+            let fine = Table::new(Shape::Hemispherical, 320, Compensation::None).expect("a table");
             let (expansion, truth) = (Expansion::new(&table, ORDER), Expansion::new(&fine, ORDER));
             let (mut error, mut size) = (0.0, 0.0);
             for (point, _) in (0..4).map(place) {

@@ -9,13 +9,16 @@
 // Reflectance of the lobe; its table, and as the fraction the azimuth of its first axis.
 @group(0) @binding(18) var seen: texture_2d<f32>;
 
+// Fours of numbers that an expansion of a record takes; that of a lobe may take less.
+override QUADS: u32 = 25u;
+
 // Of each record: red, green, blue, and their derivatives along both tangents.
 const PLANES = 9u;
 const TURN = 6.28318530718;
 
 // The lobe's reflectance toward a direction, up to a factor.
 fn albedo(at: Corners, reflectance: vec3f) -> vec3f {
-    return reflectance * four(at, 0u).x + four(at, QUADS).x;
+    return reflectance * four(at, 0u, 0u).x + four(at, 1u, 0u).x;
 }
 
 // One coefficient of a part, of the lobe turned around the normal.
@@ -25,19 +28,19 @@ fn one_turned(at: Corners, part: u32, index: u32, angle: f32) -> f32 {
     l = select(l, l + 1u, (l + 1u) * (l + 1u) <= index);
     let m = i32(index - l * l) - i32(l);
     let twin = u32(i32(l * l + l) - m);
-    let own = four(at, part * QUADS + index / 4u)[index % 4u];
-    let other = four(at, part * QUADS + twin / 4u)[twin % 4u];
+    let own = four(at, part, index / 4u)[index % 4u];
+    let other = four(at, part, twin / 4u)[twin % 4u];
     let turned = f32(abs(m)) * angle;
     return own * cos(turned) + other * select(sin(turned), -sin(turned), m > 0);
 }
 
 fn four_turned(at: Corners, part: u32, quad: u32, angle: f32) -> vec4f {
     if angle == 0.0 {
-        return four(at, part * QUADS + quad);
+        return four(at, part, quad);
     }
     var value = vec4f(0.0);
     for (var i = 0u; i < 4u; i++) {
-        if 4u * quad + i < ORDER * ORDER {
+        if 4u * quad + i < at.order * at.order {
             value[i] = one_turned(at, part, 4u * quad + i, angle);
         }
     }
@@ -84,7 +87,7 @@ fn contribution(record: Record, index: u32, weighting: Weighting, place: vec4f, 
     var rise_here: vec3f;
     var rise_there: vec3f;
     let first = index * PLANES * QUADS;
-    for (var quad = 0u; quad < QUADS; quad++) {
+    for (var quad = 0u; quad < at.quads; quad++) {
         let flat = four_turned(at, 0u, quad, angle);
         let rise = four_turned(at, 1u, quad, angle);
         for (var channel = 0u; channel < 3u; channel++) {

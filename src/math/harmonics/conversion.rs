@@ -37,6 +37,10 @@ impl Conversion {
         Self { hemispherical, spherical, blocks }
     }
 
+    pub fn hemispherical_order(&self) -> usize {
+        self.hemispherical
+    }
+
     pub fn spherical_order(&self) -> usize {
         self.spherical
     }

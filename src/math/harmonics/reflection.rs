@@ -25,6 +25,11 @@ pub const fn quads(order: usize) -> usize {
     count(order).div_ceil(4)
 }
 
+/// Fours of numbers that a table takes: of `edge`² directions [`PARTS`] expansions each.
+pub const fn table_fours(order: usize, edge: usize) -> usize {
+    edge * edge * PARTS * quads(order)
+}
+
 /// An expansion in fours.
 pub fn fours(values: &[f64]) -> Vec<Vec4> {
     let mut fours = vec![Vec4::ZERO; values.len().div_ceil(4)];
@@ -92,7 +97,7 @@ impl LobeTable {
         let upright = (!shape.is_anisotropic()).then(|| Upright::new(&projector));
         let places = (0..edge * edge).map(|at| (Vec2::new((at % edge) as f32, (at / edge) as f32) + 0.5) / edge as f32);
         let stride = PARTS * quads(order);
-        let mut values = vec![Vec4::ZERO; edge * edge * stride];
+        let mut values = vec![Vec4::ZERO; table_fours(order, edge)];
         for (place, out) in places.zip(values.chunks_exact_mut(stride)) {
             let outgoing = direction_at(place);
             let parts = upright.as_ref().map_or_else(|| projector.project(outgoing), |upright| upright.toward(outgoing));

@@ -47,6 +47,14 @@ impl Tilting {
         }
     }
 
+    /// Of the expansions that it tilts.
+    pub fn order(&self) -> usize {
+        match self {
+            Self::Conversion(conversion) => conversion.hemispherical_order(),
+            Self::DigonDeletion(table) | Self::Precomputed(table) => table.groups.iter().map(Vec::len).sum::<usize>().isqrt(),
+        }
+    }
+
     /// Bytes of the tables.
     pub fn memory(&self) -> usize {
         match self {

@@ -88,10 +88,13 @@ impl Metric {
         Self { layer: Judged::Direct, name }
     }
 
-    /// What a comparison is judged by where nobody says: the irradiance, or the direct light where nothing else is computed.
-    pub fn that_judges<'e>(mut variants: impl Iterator<Item = &'e VariantErrors> + Clone) -> Self {
-        let is_direct = variants.clone().all(|errors| errors.irradiance.is_none()) && variants.any(|errors| errors.direct.is_some());
-        if is_direct { Self::direct("rmse_over_mean") } else { Self::default() }
+    /// What a comparison is judged by where nobody says: of irradiance, glossy light and direct light the first in which variants differ, or else that is known.
+    pub fn that_judges<'e>(variants: impl Iterator<Item = &'e VariantErrors> + Clone) -> Self {
+        let light = [Judged::Irradiance, Judged::Glossy, Judged::Direct].map(|layer| Self { layer, name: "rmse_over_mean" });
+        let known = |metric: &Self| variants.clone().filter_map(|errors| metric.signed(errors)).collect::<Vec<_>>();
+        let differs = |metric: &&Self| known(metric).windows(2).any(|pair| pair[0] != pair[1]);
+        let telling = light.iter().find(differs).or_else(|| light.iter().find(|metric| !known(metric).is_empty()));
+        telling.copied().unwrap_or_default()
     }
 
     /// The error itself, with its sign. None where it could not be measured.
@@ -235,6 +238,7 @@ impl fmt::Display for Cost {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::measure::metrics::LargestError;
 
     #[test]
     fn metrics_have_names() {
@@ -244,6 +248,39 @@ mod tests {
         for text in ["", "rsme", "depth.relmse", "picture.", "picture"] {
             assert!(text.parse::<Metric>().unwrap_err().contains("rmse_over_mean"), "{text}");
         }
+    }
+
+    /// Errors of three layers, by their square error.
+    fn variant([irradiance, glossy, direct]: [Option<f64>; 3]) -> VariantErrors {
+        let errors = |rmse_over_mean: f64| Errors {
+            schema: 1,
+            layer: String::new(),
+            pixels: 1,
+            stride: 1,
+            reference_mean: 1.0,
+            reference_noise_over_mean: None,
+            rmse_over_mean,
+            bias_over_mean: 0.0,
+            rms_of_relative: None,
+            block_p50: None,
+            block_p99: None,
+            relmse: 0.0,
+            flip: None,
+            hdr_flip: None,
+            largest: LargestError { x: 0, y: 0, test: 1.0, reference: 1.0, over_mean: 0.0 },
+        };
+        VariantErrors { irradiance: irradiance.map(errors), picture: None, glossy: glossy.map(errors), direct: direct.map(errors) }
+    }
+
+    #[test]
+    fn variants_are_judged_by_what_differs() {
+        let judged = |variants: &[VariantErrors]| Metric::that_judges(variants.iter()).to_string();
+        let [sharp, blurred] = [0.1, 0.2].map(|glossy| variant([Some(0.03), Some(glossy), None]));
+        assert_eq!(judged(&[sharp.clone(), blurred.clone()]), "glossy.rmse_over_mean");
+        assert_eq!(judged(&[sharp.clone(), sharp]), "irradiance.rmse_over_mean");
+        assert_eq!(judged(&[blurred, variant([Some(0.04), Some(0.1), None])]), "irradiance.rmse_over_mean");
+        assert_eq!(judged(&[variant([None, None, Some(0.1)])]), "direct.rmse_over_mean");
+        assert_eq!(judged(&[variant([None; 3])]), Metric::default().to_string());
     }
 
     #[test]

@@ -281,6 +281,41 @@ fn lobes_have_their_own_orders() -> Outcome {
     Ok(())
 }
 
+/// What tiles see, lit by each kind of punctual light with maps for a cube, for a cone and for all of the scene, or without; smooth and one-sided
+/// surfaces, and holes in a texture.
+fn shading_by_host_and_device_agrees() -> Outcome {
+    let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
+    let [scene, host, device, checks] =
+        ["lights.ron", "host.exr", "device.exr", "checks.png"].map(|name| folder.path().join(name).to_string_lossy().into_owned());
+    let text = "Scene(version: 1, geometry: [Sphere(centre: (0, 1, 0), radius: 1, subdivisions: 3, material: \"ball\"), File(\"lace.obj\"),
+        Quad(corners: ((-4, 0, -4), (-4, 0, 4), (4, 0, 4), (4, 0, -4)), material: \"floor\"), Quad(corners: ((-4, 0, -2), (4, 0, -2), (4, 4, -2), (-4, 4, -2)), material: \"wall\")],
+        materials: { \"ball\": Diffuse(reflectance: (0.8, 0.7, 0.2)), \"floor\": Diffuse(reflectance: (0.5, 0.5, 0.5)), \"wall\": Diffuse(reflectance: (0.3, 0.4, 0.7)) },
+        normals: Smooth(degrees: 40),
+        lights: [Point(position: (-2, 3, 2), intensity: (30, 28, 25)), Spot(position: (3, 3, 1), direction: (-1, -1, -0.3), intensity: (40, 20, 20), inner: 10, outer: 30),
+            Spot(position: (2, 3, 2), direction: (-1, -1, -1), intensity: (5, 9, 5), inner: 20, outer: 80), Directional(direction: (1, -3, -1), irradiance: (2, 2, 1.8)),
+            Point(position: (0, 3.5, -1), intensity: (3, 3, 9), shadows: false)],
+        cameras: { \"main\": (eye: (0, 2, 6), target: (0, 0.8, 0), fov: 36) })";
+    let lace = "mtllib lace.mtl\nv -1.8 0 1\nv -0.8 0 1\nv -0.8 2 0.5\nv -1.8 2 0.5\nvt 0 0\nvt 3 0\nvt 3 6\nvt 0 6\nusemtl lace\nf 1/1 2/2 3/3 4/4\n";
+    let pixels = image::RgbaImage::from_fn(8, 8, |x, y| image::Rgba([255, 40 * (x as u8 % 4), 200, if (x + y) % 2 == 0 { 255 } else { 0 }]));
+    pixels.save(&checks).map_err(|e| e.to_string())?;
+    for (name, text) in [("lights.ron", text), ("lace.obj", lace), ("lace.mtl", "newmtl lace\nKd 0.9 0.9 0.9\nmap_Kd checks.png\nmap_d checks.png\n")] {
+        std::fs::write(folder.path().join(name), text).map_err(|e| e.to_string())?;
+    }
+    for taps in ["tiles.taps=1", "tiles.taps=9"] {
+        for (way, made) in [("Host", &host), ("Device", &device)] {
+            let way = format!("tiles.shading={way}");
+            let ways = ["--set", taps, "--set", "tiles.by=HostRayCast", "--set", &way];
+            hemisplat(&[&["render", "irradiance", "--scene", &scene, "--size", "96x64", "--quiet", "-o", made][..], &ways].concat())?;
+        }
+        let error = apart(&picture(Path::new(&host))?, &picture(Path::new(&device))?, "irradiance")?;
+        // A tap that rounding puts into the next texel is one of thousands.
+        if error > 5e-4 {
+            return Err(format!("{taps}: the host's is {:.3} % from the device's", 100.0 * error).into());
+        }
+    }
+    Ok(())
+}
+
 /// Lamps, a sky, and lobes that look for it, each with other numbers of rays than make whole packets.
 fn light_by_host_and_device_agrees() -> Outcome {
     let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
@@ -380,6 +415,7 @@ fn main() {
         drawn("wrong_parameters_are_refused", Box::new(wrong_parameters_are_refused)),
         drawn("ways_of_glossy_light_agree", Box::new(ways_of_glossy_light_agree)),
         drawn("lobes_have_their_own_orders", Box::new(lobes_have_their_own_orders)),
+        drawn("shading_by_host_and_device_agrees", Box::new(shading_by_host_and_device_agrees)),
         drawn("light_by_host_and_device_agrees", Box::new(light_by_host_and_device_agrees)),
         drawn("skies_by_harmonics_are_those_of_the_reference", Box::new(skies_by_harmonics_are_those_of_the_reference)),
         drawn("lobes_on_the_device_are_those_of_the_reference", Box::new(lobes_on_the_device_are_those_of_the_reference)),

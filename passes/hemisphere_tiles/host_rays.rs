@@ -1,24 +1,52 @@
 //! One ray a sample, in packets of neighbours, cast on the host.
 
-use super::Work;
-use crate::contract::Recorder;
+use super::{Work, host_shade};
+use crate::contract::{Recorder, port};
 use crate::math::frame::Frame;
 use crate::passes::record::{REQUEST_BYTES, Request};
 use crate::recording::*;
-use crate::scene::packets::{Fan, View};
+use crate::scene::packets::{Fan, Numbers, View};
 use glam::Vec3;
 
+/// The host finds the triangles, the device is to shade them.
 pub(super) fn record(r: &mut Recorder<'_>, work: &Work) {
     let fan = Fan::new(&work.table);
     let (requests, seen) = (work.requests, work.seen);
     let memory = r.state("triangles");
     r.host("cast", &[Read::counted(requests.places, REQUEST_BYTES, requests.count)], &[seen], move |host| {
         let places: Vec<Request> = bytemuck::pod_collect_to_vec(host.read(requests.places));
-        let views = places.iter().map(|place| View { position: place.position.into(), frame: Frame::new(Vec3::from(place.normal)).turned(place.turn) });
-        let mut triangles = host.state(memory).take().and_then(|kept| kept.downcast::<Vec<u32>>().ok()).unwrap_or_default();
-        host.bvh().packets(host.scene()).look(host.scene(), &views.collect::<Vec<_>>(), &fan, &mut triangles);
+        let mut triangles = kept::<u32>(host, memory);
+        host.bvh().packets(host.scene()).look(host.scene(), &views(&places), &fan, &Numbers, &mut triangles);
         host.write(seen, 0, bytemuck::cast_slice(&triangles));
         *host.state(memory) = Some(triangles);
         Ok(())
     });
+}
+
+/// The host shades them, too: the buffer of radiance and distance.
+pub(super) fn record_shaded(r: &mut Recorder<'_>, work: &Work, maps: Option<port::ShadowMaps>) -> Resource {
+    let fan = Fan::new(&work.table);
+    let (requests, radiance) = (work.requests, work.radiance(r));
+    let lighting = host_shade::record(r, maps);
+    let memory = r.state("samples");
+    r.host("cast_and_shade", &[Read::counted(requests.places, REQUEST_BYTES, requests.count)], &[radiance], move |host| {
+        let places: Vec<Request> = bytemuck::pod_collect_to_vec(host.read(requests.places));
+        let mut samples = kept::<glam::Vec4>(host, memory);
+        let lighting = host_shade::lighting(host, lighting)?;
+        let eye = host_shade::Shading { lighting: &lighting, scene: host.scene(), places: &places };
+        host.bvh().packets(host.scene()).look(host.scene(), &views(&places), &fan, &eye, &mut samples);
+        host.write(radiance, 0, bytemuck::cast_slice(&samples));
+        *host.state(memory) = Some(samples);
+        Ok(())
+    });
+    radiance
+}
+
+fn views(places: &[Request]) -> Vec<View> {
+    places.iter().map(|place| View { position: place.position.into(), frame: Frame::new(Vec3::from(place.normal)).turned(place.turn) }).collect()
+}
+
+/// The room of the round before.
+fn kept<T: Send + 'static>(host: &mut dyn HostContext, memory: Resource) -> Box<Vec<T>> {
+    host.state(memory).take().and_then(|kept| kept.downcast().ok()).unwrap_or_default()
 }

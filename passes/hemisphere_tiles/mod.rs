@@ -9,6 +9,7 @@ use std::sync::Arc;
 
 mod cull;
 mod host_rays;
+mod host_shade;
 pub mod raster;
 mod ray_cast;
 pub mod sift;
@@ -65,6 +66,22 @@ static DESCRIPTION: Description = Description {
                             kind: ParameterKind::Bool { default: true },
                         }],
                     },
+                ],
+            },
+        },
+        Parameter {
+            name: "shading",
+            about: "where what rays see is shaded",
+            unit: "",
+            kind: ParameterKind::Choice {
+                choices: &[
+                    Choice {
+                        name: "Suited",
+                        about: "on the host as its rays end, where it casts them and no emitter, sky or lobe is to be looked at; on the device elsewhere",
+                        parameters: &[],
+                    },
+                    Choice { name: "Device", about: "by a shader", parameters: &[] },
+                    Choice { name: "Host", about: "on the host, which has to cast the rays", parameters: &[] },
                 ],
             },
         },
@@ -133,6 +150,11 @@ impl Work {
         self.table.width * self.table.height
     }
 
+    /// A buffer of radiance and distance, a tile after the other.
+    fn radiance(&self, r: &mut Recorder<'_>) -> Resource {
+        r.buffer("radiance", self.requests.capacity as u64 * self.samples_per_tile() as u64 * 16)
+    }
+
     fn corner(&self, tile: u32) -> [u32; 2] {
         [tile % self.tiles_per_row * self.table.width, tile / self.tiles_per_row * self.table.height]
     }
@@ -160,19 +182,52 @@ impl Pass for HemisphereTiles {
             ));
         }
         let work = layout(r, requests, shape, table, by == "Raster")?;
-        match (by, r.setting.device) {
-            ("Raster", _) => raster::record(r, &work, way.bool("sift")),
-            ("Rays", Device::Software) => {
-                r.remark("rays are cast on the host, as the device is a driver on the same cores");
-                host_rays::record(r, &work);
-            }
-            ("HostRayCast", _) => host_rays::record(r, &work),
-            _ => ray_cast::record(r, &work),
+        let maps = r.shadow_maps("shadow").map(|maps| port::ShadowMaps { taps, ..*maps });
+        let on_host = by == "HostRayCast" || (by == "Rays" && r.setting.device == Device::Software);
+        if by == "Rays" && on_host {
+            r.remark("rays are cast on the host, as the device is a driver on the same cores");
         }
-        let samples = shade(r, &work, taps);
+        let samples = if is_shaded_by_host(r, on_host, maps.as_ref())? {
+            host_rays::record_shaded(r, &work, maps)
+        } else {
+            match by {
+                "Raster" => raster::record(r, &work, way.bool("sift")),
+                _ if on_host => host_rays::record(r, &work),
+                _ => ray_cast::record(r, &work),
+            }
+            shade(r, &work, maps.as_ref())
+        };
         let tiles = port::Tiles { samples, requests, shape, resolution, table: work.table, tiles_per_row: work.tiles_per_row };
         r.output("tiles", Port::Tiles(tiles));
         Ok(())
+    }
+}
+
+/// Whether the host is to shade what its rays see; it knows punctual lights, their shadow maps, and surfaces without a lobe.
+fn is_shaded_by_host(r: &mut Recorder<'_>, casts: bool, maps: Option<&port::ShadowMaps>) -> Result<bool, Refusal> {
+    let shading = r.arguments.choice("shading").0;
+    let needs = r.setting.needs;
+    let obstacles = [
+        (!casts, "its rays are not cast there"),
+        (needs.emissive_triangles > 0, "surfaces emit light"),
+        (needs.environment, "the sky is not black"),
+        (needs.lobes, "materials are glossy"),
+        (needs.shadowed_lights > 0 && maps.is_none_or(|maps| maps.pitch.is_none()), "there are no shadow maps in a buffer"),
+    ];
+    match (shading, obstacles.into_iter().find(|(holds, _)| *holds)) {
+        ("Device", _) | ("Suited", Some(_)) => Ok(false),
+        (_, Some((_, obstacle))) => Err(Refusal::of_parameter(
+            "shading",
+            "plan::shading_by_host",
+            format!("the host cannot shade what tiles see here, as {obstacle}"),
+            "set `shading` to Suited or Device",
+        )),
+        (shading, None) => {
+            if shading == "Suited" {
+                r.remark("what rays see is shaded on the host as they end");
+            }
+            Ok(true)
+        }
     }
 }
 
@@ -209,12 +264,11 @@ fn layout(r: &mut Recorder<'_>, requests: port::Requests, shape: Shape, table: T
 /// Shadow rays from what a sample sees, to area lights and to the sky: a tile holds thousands of samples.
 const SAMPLES_OF_EMITTERS: [u32; 2] = [1, 1];
 
-fn shade(r: &mut Recorder<'_>, work: &Work, taps: u32) -> Resource {
+fn shade(r: &mut Recorder<'_>, work: &Work, maps: Option<&port::ShadowMaps>) -> Resource {
     let direct_lights = r.direct_light("direct").is_some_and(|d| d.lights_from_emitters);
-    let radiance = r.buffer("radiance", work.requests.capacity as u64 * work.samples_per_tile() as u64 * 16);
+    let radiance = work.radiance(r);
     let program = work.layout(light_constants(Program::new("hemisphere_tiles/shade"), r.setting.needs, SAMPLES_OF_EMITTERS));
-    let maps = r.shadow_maps("shadow").map(|maps| port::ShadowMaps { taps, ..*maps });
-    let program = bind_visibility(program, maps.as_ref())
+    let program = bind_visibility(program, maps)
         .constant("SEES_EMISSION", !direct_lights as u8)
         .bind("requests", work.requests.places)
         .bind("samples", work.samples)

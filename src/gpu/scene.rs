@@ -3,7 +3,7 @@
 use super::hierarchy;
 use crate::host_struct;
 use crate::recording::{HostLayout, SceneData};
-use crate::scene::{Camera, Emitter, Environment, Glossy, LightKind, Scene, Triangle, bvh::Bvh, shadow_layers};
+use crate::scene::{Camera, Emitter, Environment, Glossy, LightKind, Scene, Triangle, bvh::Bvh, shadow_half, shadow_layers};
 use bytemuck::{bytes_of, cast_slice};
 use glam::{Vec2, Vec3};
 
@@ -223,7 +223,7 @@ fn materials(scene: &Scene) -> Vec<SceneMaterial> {
 }
 
 fn lights(scene: &Scene) -> Vec<SceneLight> {
-    let mut layer = 0;
+    let (mut layer, extent) = (0, scene.extent());
     scene
         .lights
         .iter()
@@ -244,11 +244,7 @@ fn lights(scene: &Scene) -> Vec<SceneLight> {
                 cos_inner: angles[0],
                 cos_outer: angles[1],
                 shadow_layers: layers,
-                shadow_half: match light.kind {
-                    LightKind::Directional { .. } => scene.extent() * 0.505,
-                    LightKind::Spot { outer, .. } if layers == 1 => outer.tan() * 1.01,
-                    _ => 1.0,
-                },
+                shadow_half: shadow_half(light, extent),
                 padding: 0,
             }
         })

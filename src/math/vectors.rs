@@ -39,6 +39,12 @@ impl<S: Simd> Vectors<S> {
         Self { x: self.x * factor, y: self.y * factor, z: self.z * factor }
     }
 
+    /// Component by component.
+    #[inline(always)]
+    pub fn times(self, other: Self) -> Self {
+        Self { x: self.x * other.x, y: self.y * other.y, z: self.z * other.z }
+    }
+
     #[inline(always)]
     pub fn magnitude(&self) -> Self {
         Self { x: self.x.abs(), y: self.y.abs(), z: self.z.abs() }

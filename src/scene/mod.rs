@@ -5,6 +5,7 @@ pub mod load;
 pub mod model;
 pub mod needs;
 pub mod packets;
+pub mod shadow_maps;
 pub mod surface;
 mod wide;
 

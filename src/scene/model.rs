@@ -106,6 +106,14 @@ pub enum LightKind {
 }
 
 impl LightKind {
+    /// Intensity [W/sr], or irradiance of a directional light [W/m²].
+    pub fn intensity(&self) -> Rgb {
+        match *self {
+            Self::Point { intensity, .. } | Self::Spot { intensity, .. } => intensity,
+            Self::Directional { irradiance, .. } => irradiance,
+        }
+    }
+
     /// The shaders' name for it.
     pub fn number(&self) -> u32 {
         match self {
@@ -393,8 +401,12 @@ impl Scene {
 /// How far rays start off a surface at `point` [scene units]: a share of the scene's extent, and enough to step
 /// over the rounding of the point's own coordinates. The shaders use the same rule.
 pub fn surface_offset(extent: f32, point: Vec3) -> f32 {
-    2e-6 * extent + 4e-7 * point.abs().max_element()
+    OFFSET_OF_EXTENT * extent + OFFSET_OF_SIZE * point.abs().max_element()
 }
+
+/// How far rays start off a surface, as shares of the scene's extent and of the largest coordinate.
+pub const OFFSET_OF_EXTENT: f32 = 2e-6;
+pub const OFFSET_OF_SIZE: f32 = 4e-7;
 
 /// Layers of the shadow maps that a light takes: six for a point light, one for the others; none without shadows.
 pub fn shadow_layers(light: &Light) -> u32 {
@@ -403,6 +415,15 @@ pub fn shadow_layers(light: &Light) -> u32 {
         LightKind::Point { .. } => 6,
         LightKind::Spot { outer, .. } if outer > WIDE_SPOT => 6,
         LightKind::Spot { .. } | LightKind::Directional { .. } => 1,
+    }
+}
+
+/// Half the width of a light's shadow map: at distance 1 where it is perspective, in scene units where it is not.
+pub fn shadow_half(light: &Light, extent: f32) -> f32 {
+    match light.kind {
+        LightKind::Directional { .. } => extent * 0.505,
+        LightKind::Spot { outer, .. } if shadow_layers(light) == 1 => outer.tan() * 1.01,
+        _ => 1.0,
     }
 }
 

@@ -185,17 +185,59 @@ impl Packets {
         (point - self.centre) * self.scale
     }
 
-    /// For each sample of each view the triangle that it sees, + 1, or 0: one-sided surfaces are seen from their front only,
+    /// For each sample of each view what `eye` makes of the triangle that it sees: one-sided surfaces are seen from their front only,
     /// holes of alpha-masked textures not at all. Samples without a ray see nothing.
-    pub fn look(&self, scene: &Scene, views: &[View], fan: &Fan, seen: &mut Vec<u32>) {
+    pub fn look<E: Eye>(&self, scene: &Scene, views: &[View], fan: &Fan, eye: &E, seen: &mut Vec<E::Seen>) {
         seen.clear();
-        seen.resize(views.len() * fan.samples, 0);
-        seen.par_chunks_exact_mut(fan.samples).zip(views).for_each_init(Vec::new, |stack, (seen, view)| {
+        seen.resize(views.len() * fan.samples, E::NOTHING);
+        seen.par_chunks_exact_mut(fan.samples).zip(views).enumerate().for_each_init(Vec::new, |stack, (index, (seen, view))| {
             let start = view.position + view.frame.normal * surface_offset(1.0 / self.scale, view.position);
             let origin = self.inside(start).clamp(Vec3::splat(-FARTHEST), Vec3::splat(FARTHEST));
             let walker = Walker { packets: self, scene, origin };
-            dispatch!(Level::new(), simd => walker.look(simd, &view.frame, fan, stack, seen));
+            let met = Met { view: index, origin: start, samples: &[u32::MAX; RAYS], directions: &[Vec3::ZERO; RAYS], triangles: &[0; RAYS] };
+            dispatch!(Level::new(), simd => walker.look(simd, &view.frame, fan, eye, met, stack, seen));
         });
+    }
+}
+
+/// What the rays of a packet met.
+#[derive(Clone, Copy)]
+pub struct Met<'a> {
+    /// Of the list of views.
+    pub view: usize,
+    /// Where the rays start.
+    pub origin: Vec3,
+    /// Which sample of the tile a ray is; `u32::MAX` for none.
+    pub samples: &'a [u32; RAYS],
+    /// Unit vectors.
+    pub directions: &'a [Vec3; RAYS],
+    /// Which triangle each met, + 1, or 0.
+    pub triangles: &'a [u32; RAYS],
+}
+
+/// What becomes of what rays meet.
+pub trait Eye: Sync {
+    type Seen: Copy + Send;
+    const NOTHING: Self::Seen;
+
+    /// Puts what a packet sees into its places of a tile. To be inlined always.
+    fn see<S: Simd>(&self, simd: S, met: &Met<'_>, tile: &mut [Self::Seen]);
+}
+
+/// Sees the numbers of triangles, + 1, or 0.
+pub struct Numbers;
+
+impl Eye for Numbers {
+    type Seen = u32;
+    const NOTHING: u32 = 0;
+
+    #[inline(always)]
+    fn see<S: Simd>(&self, _simd: S, met: &Met<'_>, tile: &mut [u32]) {
+        for (&sample, &triangle) in met.samples.iter().zip(met.triangles) {
+            if sample != u32::MAX {
+                tile[sample as usize] = triangle;
+            }
+        }
     }
 }
 
@@ -251,15 +293,11 @@ struct Meeting<S: Simd> {
 // All that runs within `dispatch!` is inlined into it, closures too: what is not would not have its vector instructions.
 impl Walker<'_> {
     #[inline(always)]
-    fn look<S: Simd>(&self, simd: S, frame: &Frame, fan: &Fan, stack: &mut Vec<Visit>, seen: &mut [u32]) {
+    fn look<S: Simd, E: Eye>(&self, simd: S, frame: &Frame, fan: &Fan, eye: &E, met: Met<'_>, stack: &mut Vec<Visit>, seen: &mut [E::Seen]) {
         for packet in &fan.packets {
             let mut rays = Rays::new(frame, packet);
             self.walk(simd, &mut rays, stack);
-            for (&sample, &triangle) in packet.samples.iter().zip(&rays.seen) {
-                if sample != u32::MAX {
-                    seen[sample as usize] = triangle;
-                }
-            }
+            eye.see(simd, &Met { samples: &packet.samples, directions: &rays.direction, triangles: &rays.seen, ..met }, seen);
         }
     }
 
@@ -454,7 +492,7 @@ mod tests {
             let fan = Fan::new(&table);
             let views: Vec<View> = scene.triangles.iter().step_by(29).map(|t| view(t.positions.iter().sum::<Vec3>() / 3.0, t.face_normal())).collect();
             let mut seen = Vec::new();
-            bvh.packets(&scene).look(&scene, &views, &fan, &mut seen);
+            bvh.packets(&scene).look(&scene, &views, &fan, &Numbers, &mut seen);
             let (mut rays, mut others) = (0, 0);
             for (view, tile) in views.iter().zip(seen.chunks(fan.samples)) {
                 let origin = view.position + view.frame.normal * surface_offset(scene.extent(), view.position);
@@ -486,7 +524,7 @@ mod tests {
         let table = table(Shape::Hemispherical, 160);
         let views: Vec<View> = (0..40).map(|k| view(Vec3::new(0.3 * (k as f32).sin(), 0.01 * k as f32, 0.2), Vec3::new((k as f32).cos(), 1.0, 0.3))).collect();
         let mut seen = Vec::new();
-        bvh.packets(&scene).look(&scene, &views, &Fan::new(&table), &mut seen);
+        bvh.packets(&scene).look(&scene, &views, &Fan::new(&table), &Numbers, &mut seen);
         let with_ray = table.samples.iter().cycle().zip(&seen).filter(|(sample, _)| sample.plain_weight > 0.0);
         assert_eq!(with_ray.filter(|(_, found)| **found == 0).count(), 0);
     }

@@ -1,0 +1,263 @@
+//! Radiance of what rays see, lit by punctual lights, on the host: `shaders/hemisphere_tiles/shade.wgsl` and `lib/light.wgsl` have the twins. Where the device
+//! is a driver on the same cores, each of its lanes loads a triangle number by number; here eight samples are computed side by side as their rays end.
+
+use crate::contract::{Recorder, port};
+use crate::math::{random::combinations, vectors::Vectors};
+use crate::passes::record::Request;
+use crate::recording::*;
+use crate::scene::{
+    LightKind, Scene, Triangle,
+    packets::{Eye, Met, RAYS},
+    shadow_maps::{Lookups, Receivers, ShadowCameras, ShadowMaps},
+};
+use fearless_simd::{Select, Simd, f32x8, mask32x8, prelude::*, u32x8};
+use glam::{Vec2, Vec3, Vec4};
+use std::f32::consts::FRAC_1_PI;
+use std::sync::Arc;
+
+/// What surfaces are lit by, as it stands when a loop starts.
+pub(super) struct Lighting {
+    lights: Vec<(LightKind, ShadowCameras)>,
+    maps: ShadowMaps,
+    /// Whether a triangle's normals differ from its plane's, and whether any surface has a texture.
+    smooth: bool,
+    textures: bool,
+}
+
+/// Adds a step before the loop that reads the maps; where it leaves the lighting.
+pub(super) fn record(r: &mut Recorder<'_>, maps: Option<port::ShadowMaps>) -> Resource {
+    let memory = r.state("lighting");
+    let (smooth, textures) = (r.setting.needs.smooth, r.setting.needs.textures);
+    let run = move |host: &mut dyn HostContext| {
+        let scene = host.scene();
+        let lights = scene.lights.iter().map(|light| light.kind).zip(ShadowCameras::all(scene)).collect();
+        let read = |maps: port::ShadowMaps| ShadowMaps {
+            depth: bytemuck::pod_collect_to_vec(host.read(maps.depth)),
+            resolution: maps.resolution,
+            pitch: maps.pitch.unwrap_or(maps.resolution),
+            taps: maps.taps.isqrt() as i32,
+        };
+        let lighting = Lighting { lights, maps: maps.map(read).unwrap_or_default(), smooth, textures };
+        *host.state(memory) = Some(Box::new(Arc::new(lighting)));
+        Ok(())
+    };
+    r.before_loop(Command::Host(Host {
+        name: "light",
+        reads: maps.iter().map(|maps| Read::whole(maps.depth)).collect(),
+        writes: Vec::new(),
+        run: Arc::new(run),
+    }));
+    memory
+}
+
+/// What [`record`] left.
+pub(super) fn lighting(host: &mut dyn HostContext, memory: Resource) -> Result<Arc<Lighting>, String> {
+    let kept = host.state(memory).as_ref().and_then(|kept| kept.downcast_ref::<Arc<Lighting>>());
+    kept.cloned().ok_or_else(|| "the lights were not read before the loop".into())
+}
+
+/// Sees radiance and distance.
+pub(super) struct Shading<'a> {
+    pub lighting: &'a Lighting,
+    pub scene: &'a Scene,
+    pub places: &'a [Request],
+}
+
+/// Samples that are computed side by side.
+const LANES: usize = 8;
+const GROUPS: usize = RAYS / LANES;
+
+/// Distance of the sky [scene units].
+const FAR_AWAY: f32 = 1e30;
+
+/// Triangles side by side, and the rays that meet them.
+struct Gathered<S: Simd> {
+    corner: Vectors<S>,
+    edges: [Vectors<S>; 2],
+    directions: Vectors<S>,
+}
+
+/// Surfaces side by side.
+struct Surfaces<S: Simd> {
+    position: Vectors<S>,
+    /// Unit normals of the planes, and those of the shading, on the side that rays came from.
+    face: Vectors<S>,
+    normal: Vectors<S>,
+    /// Red, green and blue, over π.
+    reflectance: Vectors<S>,
+    distance: f32x8<S>,
+}
+
+impl Eye for Shading<'_> {
+    type Seen = Vec4;
+    const NOTHING: Vec4 = Vec4::new(0.0, 0.0, 0.0, FAR_AWAY);
+
+    #[inline(always)]
+    fn see<S: Simd>(&self, simd: S, met: &Met<'_>, tile: &mut [Vec4]) {
+        let mut surfaces = [const { None }; GROUPS];
+        for group in 0..GROUPS {
+            let first = group * LANES;
+            if met.triangles[first..first + LANES] != [0; LANES] {
+                surfaces[group] = Some(self.surfaces(simd, met, first));
+            }
+        }
+        let mut light = [Vectors::splat(simd, Vec3::ZERO); GROUPS];
+        for (index, (kind, cameras)) in (0..).zip(&self.lighting.lights) {
+            self.add_light(simd, (index, kind, cameras), met, &surfaces, &mut light);
+        }
+        for group in 0..GROUPS {
+            let Some(surfaces) = &surfaces[group] else { continue };
+            let light = light[group].times(surfaces.reflectance);
+            let (red, green, blue, distance) = (light.x.to_array(), light.y.to_array(), light.z.to_array(), surfaces.distance.to_array());
+            for lane in 0..LANES {
+                let ray = group * LANES + lane;
+                if met.triangles[ray] != 0 && met.samples[ray] != u32::MAX {
+                    tile[met.samples[ray] as usize] = Vec4::new(red[lane], green[lane], blue[lane], distance[lane]);
+                }
+            }
+        }
+    }
+}
+
+// All that runs within `dispatch!` is inlined into it: what is not would not have its instructions.
+impl Shading<'_> {
+    /// As `surface_seen` of shaders/lib/scene.wgsl. Lanes that met nothing do as the first triangle's would.
+    #[inline(always)]
+    fn surfaces<S: Simd>(&self, simd: S, met: &Met<'_>, first: usize) -> Surfaces<S> {
+        let mut triangles = [&self.scene.triangles[0]; LANES];
+        for lane in 0..LANES {
+            triangles[lane] = &self.scene.triangles[met.triangles[first + lane].saturating_sub(1) as usize];
+        }
+        let Gathered { corner, edges: [e1, e2], directions } = gathered(simd, &triangles, met, first);
+        let (zero, one) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, 1.0));
+        let origin = Vectors::splat(simd, met.origin);
+        let p = directions.cross(e2);
+        let determinant = e1.dot(p);
+        let inverse = determinant.simd_eq(zero).select(zero, one / determinant);
+        let s = origin.minus(corner);
+        let u = (s.dot(p) * inverse).max(zero).min(one);
+        let v = (directions.dot(s.cross(e1)) * inverse).max(zero).min(one);
+        let inside = one / (u + v).max(one);
+        let (u, v) = (u * inside, v * inside);
+        let position = corner.plus(e1.scaled(u)).plus(e2.scaled(v));
+        let plane = e1.cross(e2);
+        let side = plane.dot(directions).simd_le(zero).select(one, f32x8::splat(simd, -1.0));
+        let face = plane.scaled(side / plane.dot(plane).sqrt().max(f32::MIN_POSITIVE));
+        let normal = if self.lighting.smooth { shading_normals(simd, &triangles, [u, v], side, face) } else { face };
+        let way = position.minus(origin);
+        let reflectance = self.reflectance(&triangles, [u.to_array(), v.to_array()]);
+        Surfaces { position, face, normal, reflectance: Vectors::load(simd, &reflectance), distance: way.dot(way).sqrt() }
+    }
+
+    /// Adds what surfaces receive of a light.
+    #[inline(always)]
+    fn add_light<S: Simd>(
+        &self,
+        simd: S,
+        (index, kind, cameras): (u32, &LightKind, &ShadowCameras),
+        met: &Met<'_>,
+        surfaces: &[Option<Surfaces<S>>; GROUPS],
+        light: &mut [Vectors<S>; GROUPS],
+    ) {
+        let turn = u32x8::splat(simd, self.places[met.view].turn.to_bits());
+        let (mut lookups, mut visibility, mut received) = (Lookups::new(), [0.0; RAYS], [f32x8::splat(simd, 0.0); GROUPS]);
+        for group in 0..GROUPS {
+            let Some(surfaces) = &surfaces[group] else { continue };
+            let (arriving, is_lit) = arriving(simd, kind, surfaces);
+            received[group] = arriving;
+            let first = group * LANES;
+            let (mut samples, mut met_any) = ([0; LANES], 0);
+            samples.copy_from_slice(&met.samples[first..first + LANES]);
+            for lane in 0..LANES {
+                met_any |= u32::from(met.triangles[first + lane] != 0) << lane;
+            }
+            let seeds = combinations(turn, u32x8::load_array(simd, samples)) + (5 + 2 * index);
+            let points = Receivers { position: surfaces.position, normal: surfaces.face, seeds, first };
+            self.lighting.maps.look_up(simd, cameras, &points, is_lit.to_bitmask() as u32 & met_any, &mut lookups, &mut visibility);
+        }
+        self.lighting.maps.finish(&mut lookups, &mut visibility);
+        let intensity = kind.intensity();
+        for group in 0..GROUPS {
+            let mut visible = [0.0; LANES];
+            visible.copy_from_slice(&visibility[group * LANES..(group + 1) * LANES]);
+            let received = received[group] * f32x8::load_array(simd, visible);
+            light[group] = light[group].plus(Vectors::splat(simd, intensity).scaled(received));
+        }
+    }
+
+    /// Red, green and blue, over π.
+    #[inline(always)]
+    fn reflectance(&self, triangles: &[&Triangle; LANES], [u, v]: [[f32; LANES]; 2]) -> [[f32; LANES]; 3] {
+        let mut reflectance = [[0.0; LANES]; 3];
+        for lane in 0..LANES {
+            let triangle = triangles[lane];
+            let material = &self.scene.materials[triangle.material as usize];
+            let mut colour = material.reflectance * FRAC_1_PI;
+            if let Some(texture) = material.texture.filter(|_| self.lighting.textures) {
+                colour *= self.scene.textures[texture as usize].sample(triangle.uv(Vec2::new(u[lane], v[lane]))).truncate();
+            }
+            for channel in 0..3 {
+                reflectance[channel][lane] = colour[channel];
+            }
+        }
+        reflectance
+    }
+}
+
+#[inline(always)]
+fn gathered<S: Simd>(simd: S, triangles: &[&Triangle; LANES], met: &Met<'_>, first: usize) -> Gathered<S> {
+    let [mut corner, mut first_edge, mut second_edge, mut directions] = [[[0.0; LANES]; 3]; 4];
+    for lane in 0..LANES {
+        let [a, b, c] = triangles[lane].positions;
+        for (into, vector) in [(&mut corner, a), (&mut first_edge, b - a), (&mut second_edge, c - a), (&mut directions, met.directions[first + lane])] {
+            (into[0][lane], into[1][lane], into[2][lane]) = (vector.x, vector.y, vector.z);
+        }
+    }
+    let edges = [Vectors::load(simd, &first_edge), Vectors::load(simd, &second_edge)];
+    Gathered { corner: Vectors::load(simd, &corner), edges, directions: Vectors::load(simd, &directions) }
+}
+
+/// Between the corners' normals; those of the planes where these cancel.
+#[inline(always)]
+fn shading_normals<S: Simd>(simd: S, triangles: &[&Triangle; LANES], [u, v]: [f32x8<S>; 2], side: f32x8<S>, face: Vectors<S>) -> Vectors<S> {
+    let mut corners = [[[0.0; LANES]; 3]; 3];
+    for lane in 0..LANES {
+        for (into, normal) in corners.iter_mut().zip(triangles[lane].normals) {
+            (into[0][lane], into[1][lane], into[2][lane]) = (normal.x, normal.y, normal.z);
+        }
+    }
+    let [n0, n1, n2] = [Vectors::load(simd, &corners[0]), Vectors::load(simd, &corners[1]), Vectors::load(simd, &corners[2])];
+    let normal = n0.plus(n1.minus(n0).scaled(u)).plus(n2.minus(n0).scaled(v));
+    let length = normal.dot(normal).sqrt();
+    let is_there = length.simd_gt(f32x8::splat(simd, 1e-6));
+    let unit = normal.scaled(side / length.max(f32::MIN_POSITIVE));
+    Vectors { x: is_there.select(unit.x, face.x), y: is_there.select(unit.y, face.y), z: is_there.select(unit.z, face.z) }
+}
+
+/// What surfaces receive of a light's unit intensity were nothing in the way, and where that is anything.
+#[inline(always)]
+fn arriving<S: Simd>(simd: S, kind: &LightKind, surfaces: &Surfaces<S>) -> (f32x8<S>, mask32x8<S>) {
+    let zero = f32x8::splat(simd, 0.0);
+    let (to_light, falloff) = match *kind {
+        LightKind::Point { position, .. } => from_point(simd, position, surfaces),
+        LightKind::Spot { position, direction, inner, outer, .. } => {
+            let (to_light, falloff) = from_point(simd, position, surfaces);
+            let ramp = (-to_light.product(direction) - outer.cos()) * (1.0 / (inner.cos() - outer.cos()).max(1e-4));
+            let ramp = ramp.max(zero).min(f32x8::splat(simd, 1.0));
+            (to_light, falloff * ramp * ramp)
+        }
+        LightKind::Directional { direction, .. } => (Vectors::splat(simd, -direction), f32x8::splat(simd, 1.0)),
+    };
+    let arriving = falloff * surfaces.normal.dot(to_light);
+    let is_lit = arriving.simd_gt(zero) & surfaces.face.dot(to_light).simd_gt(zero);
+    (arriving, is_lit)
+}
+
+/// Unit directions to a point, and one over the squared distances.
+#[inline(always)]
+fn from_point<S: Simd>(simd: S, point: Vec3, surfaces: &Surfaces<S>) -> (Vectors<S>, f32x8<S>) {
+    let d = Vectors::splat(simd, point).minus(surfaces.position);
+    let distance = d.dot(d).sqrt().max(1e-30);
+    let inverse = f32x8::splat(simd, 1.0) / distance;
+    (d.scaled(inverse), inverse * inverse)
+}

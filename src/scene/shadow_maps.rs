@@ -1,0 +1,284 @@
+//! Shadow maps as the host looks them up: `shaders/lib/visibility/shadow_maps.wgsl` has the twin.
+
+use super::{Light, LightKind, OFFSET_OF_EXTENT, OFFSET_OF_SIZE, Scene, shadow_half, shadow_layers};
+use crate::math::{
+    frame::Frame,
+    random::{hashes, units},
+    vectors::Vectors,
+};
+use fearless_simd::{Select, Simd, f32x8, prelude::*, u32x8};
+use glam::Vec3;
+
+/// The maps of all lights, layer by layer.
+#[derive(Default)]
+pub struct ShadowMaps {
+    /// Reverse Z.
+    pub depth: Vec<f32>,
+    /// Edge of a map [texels].
+    pub resolution: u32,
+    /// From a row to the next [texels].
+    pub pitch: u32,
+    /// Along each axis: 4 × 4 is 16-tap filtering. 1: one of the 4-tap filter's, drawn by its weight.
+    pub taps: i32,
+}
+
+/// The cameras of a light's maps: six for a cube, one, or none where it casts no shadow.
+pub struct ShadowCameras {
+    cameras: Vec<ShadowCamera>,
+    first_layer: u32,
+    position: Vec3,
+    extent: f32,
+}
+
+struct ShadowCamera {
+    origin: Vec3,
+    right: Vec3,
+    up: Vec3,
+    forward: Vec3,
+    /// Half the map's width, at distance 1 where it is perspective.
+    half: f32,
+    projection: Projection,
+}
+
+#[derive(Clone, Copy)]
+enum Projection {
+    Perspective { near: f32 },
+    Orthographic { range: f32 },
+}
+
+/// Samples that are looked up side by side.
+const LANES: usize = 8;
+
+/// Surface points with unit normals on the light's side, and what draws their taps.
+#[derive(Clone, Copy)]
+pub struct Receivers<S: Simd> {
+    pub position: Vectors<S>,
+    pub normal: Vectors<S>,
+    pub seeds: u32x8<S>,
+    /// Whose visibility the first is.
+    pub first: usize,
+}
+
+impl ShadowCameras {
+    /// Of each light of a scene.
+    pub fn all(scene: &Scene) -> Vec<Self> {
+        let (extent, centre) = (scene.extent(), scene.bounds().centre());
+        let mut layer = 0;
+        let cameras = scene.lights.iter().map(|light| {
+            let layers = shadow_layers(light);
+            layer += layers;
+            let cameras = (0..layers).map(|face| ShadowCamera::new(light, (layers == 6).then_some(face), extent, centre)).collect();
+            let position = match light.kind {
+                LightKind::Point { position, .. } | LightKind::Spot { position, .. } => position,
+                LightKind::Directional { .. } => Vec3::ZERO,
+            };
+            Self { cameras, first_layer: layer - layers, position, extent }
+        });
+        cameras.collect()
+    }
+
+    /// Which of the cameras sees each point: by the face of the cube map, +x, −x, +y, −y, +z, −z.
+    #[inline(always)]
+    fn faces<S: Simd>(&self, simd: S, points: Vectors<S>) -> [f32; LANES] {
+        if self.cameras.len() < 6 {
+            return [0.0; LANES];
+        }
+        let number = |value: f32| f32x8::splat(simd, value);
+        let d = points.minus(Vectors::splat(simd, self.position));
+        let a = d.magnitude();
+        let is_x = a.x.simd_ge(a.y) & a.x.simd_ge(a.z);
+        let is_y = a.y.simd_ge(a.z);
+        let along = is_x.select(d.x, is_y.select(d.y, d.z));
+        let axis = is_x.select(number(0.0), is_y.select(number(2.0), number(4.0)));
+        (axis + along.simd_le(number(0.0)).select(number(1.0), number(0.0))).to_array()
+    }
+}
+
+fn cube_axis(face: u32) -> Vec3 {
+    Vec3::AXES[(face / 2) as usize] * if face % 2 == 1 { -1.0 } else { 1.0 }
+}
+
+impl ShadowCamera {
+    fn new(light: &Light, face: Option<u32>, extent: f32, centre: Vec3) -> Self {
+        let half = shadow_half(light, extent);
+        let near = 1e-5 * extent;
+        let (origin, forward, projection) = match light.kind {
+            LightKind::Directional { direction, .. } => (centre - direction * half, direction, Projection::Orthographic { range: 2.0 * half }),
+            LightKind::Point { position, .. } => (position, Vec3::ZERO, Projection::Perspective { near }),
+            LightKind::Spot { position, direction, .. } => (position, direction, Projection::Perspective { near }),
+        };
+        let frame = Frame::new(face.map_or(forward, cube_axis));
+        Self { origin, right: frame.bitangent, up: frame.tangent, forward: frame.normal, half, projection }
+    }
+}
+
+/// Texels that are still to be looked at. A map is too large for caches: what is looked up one by one waits for memory one by one, what is looked up
+/// in a row waits once.
+pub struct Lookups {
+    count: usize,
+    /// Whose visibility it is.
+    of: [u32; AT_ONCE],
+    texels: [u32; AT_ONCE],
+    /// Values up to this let light through.
+    limits: [f32; AT_ONCE],
+    weights: [f32; AT_ONCE],
+}
+
+const AT_ONCE: usize = 128;
+
+impl Lookups {
+    #[inline(always)]
+    pub fn new() -> Self {
+        Self { count: 0, of: [0; AT_ONCE], texels: [0; AT_ONCE], limits: [0.0; AT_ONCE], weights: [0.0; AT_ONCE] }
+    }
+}
+
+impl ShadowMaps {
+    /// How much of a light arrives at those of eight surface points that have a bit in `lanes`, by percentage-closer filtering against the surfaces' own
+    /// planes: it is added to their visibility at once, or when the lookups are finished.
+    #[inline(always)]
+    pub fn look_up<S: Simd>(&self, simd: S, cameras: &ShadowCameras, points: &Receivers<S>, lanes: u32, lookups: &mut Lookups, visibility: &mut [f32]) {
+        let faces = cameras.faces(simd, points.position);
+        let mut left = lanes;
+        while left != 0 {
+            // Neighbours mostly fall on one face.
+            let face = faces[left.trailing_zeros() as usize % LANES];
+            let mut on_face = 0;
+            for lane in 0..LANES {
+                on_face |= u32::from(faces[lane] == face) << lane;
+            }
+            let here = left & on_face;
+            left &= !on_face;
+            match cameras.cameras.get(face as usize) {
+                Some(camera) => {
+                    let first = (cameras.first_layer + face as u32) * self.resolution * self.pitch;
+                    self.look_up_in(simd, camera, first, cameras.extent, points, here, lookups, visibility);
+                }
+                None => bits(here).for_each(|lane| visibility[points.first + lane] += 1.0),
+            }
+        }
+    }
+
+    /// In one map, from its `first` texel on.
+    #[inline(always)]
+    #[expect(clippy::too_many_arguments, reason = "what runs within `dispatch!` is no closure over them")]
+    fn look_up_in<S: Simd>(
+        &self,
+        simd: S,
+        camera: &ShadowCamera,
+        first: u32,
+        extent: f32,
+        points: &Receivers<S>,
+        lanes: u32,
+        lookups: &mut Lookups,
+        visibility: &mut [f32],
+    ) {
+        let (edge, zero, one) = (self.resolution as f32, f32x8::splat(simd, 0.0), f32x8::splat(simd, 1.0));
+        let d = points.position.minus(Vectors::splat(simd, camera.origin));
+        let depth = d.product(camera.forward);
+        let is_perspective = matches!(camera.projection, Projection::Perspective { .. });
+        let scale = if is_perspective { depth } else { one };
+        let before = scale.simd_gt(zero).to_bitmask() as u32;
+        bits(lanes & !before).for_each(|lane| visibility[points.first + lane] += 1.0);
+        let to_texels = f32x8::splat(simd, 0.5 * edge) / (scale * camera.half);
+        let [x, y] = [d.product(camera.right) * to_texels + 0.5 * edge, d.product(-camera.up) * to_texels + 0.5 * edge];
+        // A texel's width where the receiver is: what is nearer than that to the receiver does not shadow it.
+        let size = points.position.magnitude();
+        let slack = scale * (2.0 * camera.half / edge) + (size.x.max(size.y).max(size.z) * (2.0 * OFFSET_OF_SIZE) + 2.0 * OFFSET_OF_EXTENT * extent);
+        let slopes = [points.normal.product(camera.forward), points.normal.product(camera.right * camera.half), points.normal.product(camera.up * camera.half)];
+        let receiver = Receiver { depth, facing: d.dot(points.normal), slopes, slack, projection: camera.projection };
+        let (last, step) = (self.taps - 1, 2.0 / edge);
+        let shift = if self.taps == 1 {
+            [units(hashes(points.seeds)) - 0.5, units(hashes(points.seeds + 1)) - 0.5]
+        } else {
+            [f32x8::splat(simd, -0.5 * last as f32); 2]
+        };
+        let ([x, y], largest) = ([x + shift[0], y + shift[1]], f32x8::splat(simd, edge - 1.0));
+        let base = [x.floor(), y.floor()];
+        // The first tap and the last are one together.
+        let each = 1.0 / (last * last).max(1) as f32;
+        for tap in 0..self.taps * self.taps {
+            let (i, j) = (tap % self.taps, tap / self.taps);
+            let weight = self.weight(simd, i, x - base[0]) * self.weight(simd, j, y - base[1]) * each;
+            let (column, row) = ((base[0] + i as f32).max(zero).min(largest), (base[1] + j as f32).max(zero).min(largest));
+            let limit = receiver.limit(simd, (column + 0.5) * step - 1.0, (row + 0.5) * step - 1.0);
+            let texels = u32x8::truncate_from(row) * self.pitch + u32x8::truncate_from(column) + first;
+            self.add(lookups, points.first, lanes & before, texels.to_array(), limit.to_array(), weight.to_array(), visibility);
+        }
+    }
+
+    #[inline(always)]
+    fn weight<S: Simd>(&self, simd: S, tap: i32, beside: f32x8<S>) -> f32x8<S> {
+        if tap == 0 && self.taps > 1 {
+            1.0 - beside
+        } else if tap == self.taps - 1 && self.taps > 1 {
+            beside
+        } else {
+            f32x8::splat(simd, 1.0)
+        }
+    }
+
+    #[inline(always)]
+    #[expect(clippy::too_many_arguments, reason = "what runs within `dispatch!` is no closure over them")]
+    fn add(&self, lookups: &mut Lookups, first: usize, lanes: u32, texels: [u32; LANES], limits: [f32; LANES], weights: [f32; LANES], visibility: &mut [f32]) {
+        if lookups.count + LANES > AT_ONCE {
+            self.finish(lookups, visibility);
+        }
+        for lane in bits(lanes) {
+            let at = lookups.count % AT_ONCE;
+            lookups.of[at] = (first + lane) as u32;
+            lookups.texels[at] = texels[lane];
+            lookups.limits[at] = limits[lane];
+            lookups.weights[at] = weights[lane];
+            lookups.count += 1;
+        }
+    }
+
+    /// Adds what is still to be looked at.
+    #[inline(always)]
+    pub fn finish(&self, lookups: &mut Lookups, visibility: &mut [f32]) {
+        for i in 0..lookups.count.min(AT_ONCE) {
+            // No branch, which would wait for memory if it were guessed wrong.
+            let is_lit = u32::from(self.depth[lookups.texels[i] as usize] <= lookups.limits[i]);
+            visibility[lookups.of[i] as usize] += f32::from_bits(lookups.weights[i].to_bits() & is_lit.wrapping_neg());
+        }
+        lookups.count = 0;
+    }
+}
+
+/// The places of a mask's bits.
+#[inline(always)]
+fn bits(mask: u32) -> impl Iterator<Item = usize> {
+    (0..LANES).filter(move |lane| mask >> lane & 1 != 0)
+}
+
+/// Surface points before a map.
+struct Receiver<S: Simd> {
+    depth: f32x8<S>,
+    /// Height of the light's side of the surface: the origin's distance behind its plane.
+    facing: f32x8<S>,
+    /// Of the normal: along the axis, across to the right and up, by half the map.
+    slopes: [f32x8<S>; 3],
+    slack: f32x8<S>,
+    projection: Projection,
+}
+
+impl<S: Simd> Receiver<S> {
+    /// The largest value of a texel that lets light through to the receiver; its place is in −1..1, from the upper left.
+    #[inline(always)]
+    fn limit(&self, simd: S, x: f32x8<S>, y: f32x8<S>) -> f32x8<S> {
+        let (zero, [ahead, right, up]) = (f32x8::splat(simd, 0.0), self.slopes);
+        let across = right * x - up * y;
+        // Depth of the receiver's plane behind the texel.
+        let (slope, facing) = match self.projection {
+            Projection::Perspective { .. } => (ahead + across, self.facing),
+            Projection::Orthographic { .. } => (ahead, self.facing - across),
+        };
+        let plane = (slope * self.facing).simd_gt(zero).select(facing / slope, self.depth);
+        let least = plane.min(self.depth) - self.slack;
+        match self.projection {
+            Projection::Perspective { near } => least.simd_gt(zero).select(f32x8::splat(simd, near) / least, f32x8::splat(simd, f32::INFINITY)),
+            Projection::Orthographic { range } => 1.0 - least * (1.0 / range),
+        }
+    }
+}

@@ -18,7 +18,7 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work) {
         let mut triangles = kept::<u32>(host, memory);
         host.bvh().packets(host.scene()).look(host.scene(), &views(&places), &fan, &Numbers, &mut triangles);
         host.write(seen, 0, bytemuck::cast_slice(&triangles));
-        *host.state(memory) = Some(triangles);
+        *host.state(memory) = Some(Box::new(triangles));
         Ok(())
     });
 }
@@ -36,7 +36,7 @@ pub(super) fn record_shaded(r: &mut Recorder<'_>, work: &Work, maps: Option<port
         let eye = host_shade::Shading { lighting: &lighting, scene: host.scene(), places: &places };
         host.bvh().packets(host.scene()).look(host.scene(), &views(&places), &fan, &eye, &mut samples);
         host.write(radiance, 0, bytemuck::cast_slice(&samples));
-        *host.state(memory) = Some(samples);
+        *host.state(memory) = Some(Box::new(samples));
         Ok(())
     });
     radiance
@@ -47,6 +47,6 @@ fn views(places: &[Request]) -> Vec<View> {
 }
 
 /// The room of the round before.
-fn kept<T: Send + 'static>(host: &mut dyn HostContext, memory: Resource) -> Box<Vec<T>> {
-    host.state(memory).take().and_then(|kept| kept.downcast().ok()).unwrap_or_default()
+fn kept<T: Send + 'static>(host: &mut dyn HostContext, memory: Resource) -> Vec<T> {
+    host.state(memory).take().and_then(|kept| kept.downcast().ok()).map_or_else(Vec::new, |kept| *kept)
 }

@@ -8,7 +8,7 @@ use crate::recording::*;
 use crate::scene::{
     LightKind, Scene, Triangle,
     packets::{Eye, Met, RAYS},
-    shadow_maps::{Lookups, Receivers, ShadowCameras, ShadowMaps},
+    shadow_maps::{LANES, Lookups, Receivers, ShadowCameras, ShadowMaps},
 };
 use fearless_simd::{Select, Simd, f32x8, mask32x8, prelude::*, u32x8};
 use glam::{Vec2, Vec3, Vec4};
@@ -63,8 +63,7 @@ pub(super) struct Shading<'a> {
     pub places: &'a [Request],
 }
 
-/// Samples that are computed side by side.
-const LANES: usize = 8;
+/// Eight samples each, which are computed side by side.
 const GROUPS: usize = RAYS / LANES;
 
 /// Distance of the sky [scene units].
@@ -95,10 +94,10 @@ impl Eye for Shading<'_> {
     #[inline(always)]
     fn see<S: Simd>(&self, simd: S, met: &Met<'_>, tile: &mut [Vec4]) {
         let mut surfaces = [const { None }; GROUPS];
-        for group in 0..GROUPS {
+        for (group, surfaces) in surfaces.iter_mut().enumerate() {
             let first = group * LANES;
             if met.triangles[first..first + LANES] != [0; LANES] {
-                surfaces[group] = Some(self.surfaces(simd, met, first));
+                *surfaces = Some(self.surfaces(simd, met, first));
             }
         }
         let mut light = [Vectors::splat(simd, Vec3::ZERO); GROUPS];
@@ -125,8 +124,8 @@ impl Shading<'_> {
     #[inline(always)]
     fn surfaces<S: Simd>(&self, simd: S, met: &Met<'_>, first: usize) -> Surfaces<S> {
         let mut triangles = [&self.scene.triangles[0]; LANES];
-        for lane in 0..LANES {
-            triangles[lane] = &self.scene.triangles[met.triangles[first + lane].saturating_sub(1) as usize];
+        for (lane, triangle) in triangles.iter_mut().enumerate() {
+            *triangle = &self.scene.triangles[met.triangles[first + lane].saturating_sub(1) as usize];
         }
         let Gathered { corner, edges: [e1, e2], directions } = gathered(simd, &triangles, met, first);
         let (zero, one) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, 1.0));
@@ -160,7 +159,7 @@ impl Shading<'_> {
         light: &mut [Vectors<S>; GROUPS],
     ) {
         let turn = u32x8::splat(simd, self.places[met.view].turn.to_bits());
-        let (mut lookups, mut visibility, mut received) = (Lookups::new(), [0.0; RAYS], [f32x8::splat(simd, 0.0); GROUPS]);
+        let (mut lookups, mut visibility, mut received) = (Lookups::NONE, [0.0; RAYS], [f32x8::splat(simd, 0.0); GROUPS]);
         for group in 0..GROUPS {
             let Some(surfaces) = &surfaces[group] else { continue };
             let (arriving, is_lit) = arriving(simd, kind, surfaces);
@@ -250,7 +249,8 @@ fn arriving<S: Simd>(simd: S, kind: &LightKind, surfaces: &Surfaces<S>) -> (f32x
     };
     let arriving = falloff * surfaces.normal.dot(to_light);
     let is_lit = arriving.simd_gt(zero) & surfaces.face.dot(to_light).simd_gt(zero);
-    (arriving, is_lit)
+    // What is next to a light may receive more than there are numbers for; times no visibility it has to be nothing.
+    (is_lit.select(arriving.min(f32::MAX), zero), is_lit)
 }
 
 /// Unit directions to a point, and one over the squared distances.

@@ -47,7 +47,7 @@ enum Projection {
 }
 
 /// Samples that are looked up side by side.
-const LANES: usize = 8;
+pub const LANES: usize = 8;
 
 /// Surface points with unit normals on the light's side, and what draws their taps.
 #[derive(Clone, Copy)]
@@ -127,10 +127,7 @@ pub struct Lookups {
 const AT_ONCE: usize = 128;
 
 impl Lookups {
-    #[inline(always)]
-    pub fn new() -> Self {
-        Self { count: 0, of: [0; AT_ONCE], texels: [0; AT_ONCE], limits: [0.0; AT_ONCE], weights: [0.0; AT_ONCE] }
-    }
+    pub const NONE: Self = Self { count: 0, of: [0; AT_ONCE], texels: [0; AT_ONCE], limits: [0.0; AT_ONCE], weights: [0.0; AT_ONCE] };
 }
 
 impl ShadowMaps {
@@ -144,8 +141,8 @@ impl ShadowMaps {
             // Neighbours mostly fall on one face.
             let face = faces[left.trailing_zeros() as usize % LANES];
             let mut on_face = 0;
-            for lane in 0..LANES {
-                on_face |= u32::from(faces[lane] == face) << lane;
+            for (lane, other) in faces.iter().enumerate() {
+                on_face |= u32::from(*other == face) << lane;
             }
             let here = left & on_face;
             left &= !on_face;

@@ -194,14 +194,21 @@ impl Packets {
             let start = view.position + view.frame.normal * surface_offset(1.0 / self.scale, view.position);
             let origin = self.inside(start).clamp(Vec3::splat(-FARTHEST), Vec3::splat(FARTHEST));
             let walker = Walker { packets: self, scene, origin };
-            let met = Met { view: index, origin: start, samples: &[u32::MAX; RAYS], directions: &[Vec3::ZERO; RAYS], triangles: &[0; RAYS] };
-            dispatch!(Level::new(), simd => walker.look(simd, &view.frame, fan, eye, met, stack, seen));
+            let from = Start { view: index, place: start, frame: &view.frame };
+            dispatch!(Level::new(), simd => walker.look(simd, &from, fan, eye, stack, seen));
         });
     }
 }
 
+/// Where the rays of a tile start, off the surface.
+struct Start<'a> {
+    /// Of the list of views.
+    view: usize,
+    place: Vec3,
+    frame: &'a Frame,
+}
+
 /// What the rays of a packet met.
-#[derive(Clone, Copy)]
 pub struct Met<'a> {
     /// Of the list of views.
     pub view: usize,
@@ -293,11 +300,12 @@ struct Meeting<S: Simd> {
 // All that runs within `dispatch!` is inlined into it, closures too: what is not would not have its vector instructions.
 impl Walker<'_> {
     #[inline(always)]
-    fn look<S: Simd, E: Eye>(&self, simd: S, frame: &Frame, fan: &Fan, eye: &E, met: Met<'_>, stack: &mut Vec<Visit>, seen: &mut [E::Seen]) {
+    fn look<S: Simd, E: Eye>(&self, simd: S, from: &Start<'_>, fan: &Fan, eye: &E, stack: &mut Vec<Visit>, seen: &mut [E::Seen]) {
         for packet in &fan.packets {
-            let mut rays = Rays::new(frame, packet);
+            let mut rays = Rays::new(from.frame, packet);
             self.walk(simd, &mut rays, stack);
-            eye.see(simd, &Met { samples: &packet.samples, directions: &rays.direction, triangles: &rays.seen, ..met }, seen);
+            let met = Met { view: from.view, origin: from.place, samples: &packet.samples, directions: &rays.direction, triangles: &rays.seen };
+            eye.see(simd, &met, seen);
         }
     }
 

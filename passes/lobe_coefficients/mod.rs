@@ -171,7 +171,9 @@ fn chosen_orders(r: &mut Recorder<'_>, harmonics: Harmonics, shapes: &[Used]) ->
         }
         r.remark(format!("{told}: it is blurred"));
     }
-    r.remark(told_orders(&orders, shapes));
+    if !orders.is_empty() {
+        r.remark(told_orders(&orders, shapes));
+    }
     Ok(orders)
 }
 

@@ -279,7 +279,7 @@ pub trait HostContext {
     fn set(&mut self, variable: Variable, value: u32);
     /// The list of draws, as the step left it last.
     fn draws(&mut self, resource: Resource) -> &mut Vec<Draw>;
-    /// The step's own memory, empty at the start of a frame.
+    /// Memory of a node's host steps, empty at the start of a frame.
     fn state(&mut self, resource: Resource) -> &mut Option<Box<dyn Any + Send>>;
     /// Triangles and the rest, for steps that look at the scene.
     fn scene(&self) -> &crate::scene::Scene;

@@ -47,6 +47,7 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, [coarsest, finest]: [u32
         name: "start",
         reads: Vec::new(),
         writes: vec![grid],
+        only_writes: false,
         run: std::sync::Arc::new(move |host| {
             host.set(cell, coarsest);
             host.write(grid, 0, bytemuck::bytes_of(&Grid { cell: coarsest, phase: 0, capacity, start: 0 }));

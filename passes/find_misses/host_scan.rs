@@ -44,6 +44,7 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, spacing: u32) {
         name: "read_surfaces",
         reads: vec![Read::whole(gbuffer.position), Read::whole(gbuffer.normal)],
         writes: vec![],
+        only_writes: false,
         run: Arc::new(move |host| {
             let vectors = |texels: Vec<[f32; 4]>| texels.into_iter().map(Vec4::from).collect();
             let (position, normal) = (vectors(texels(host, gbuffer.position)), vectors(texels(host, gbuffer.normal)));

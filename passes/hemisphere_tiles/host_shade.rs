@@ -45,6 +45,7 @@ pub(super) fn record(r: &mut Recorder<'_>, maps: Option<port::ShadowMaps>) -> Re
         name: "light",
         reads: maps.iter().map(|maps| Read::whole(maps.depth)).collect(),
         writes: Vec::new(),
+        only_writes: false,
         run: Arc::new(run),
     }));
     memory

@@ -5,6 +5,7 @@ use crate::contract::{Choice, Description, Input, Output, Parameter, ParameterKi
 use crate::recording::*;
 
 mod cpu_readback;
+mod host;
 mod mipmap_chain;
 mod ping_pong;
 mod reduce;
@@ -35,6 +36,12 @@ static DESCRIPTION: Description = Description {
                         parameters: &[reduce::STORAGE],
                     },
                     Choice { name: "CpuReadback", about: "the tiles are read back and added on the host in double precision", parameters: &[] },
+                    Choice { name: "Suited", about: "`Host` where the host has shaded the tiles, `WorkgroupTree` elsewhere", parameters: &[] },
+                    Choice {
+                        name: "Host",
+                        about: "tiles that the host has shaded are added there, before any of them is brought to the device",
+                        parameters: &[],
+                    },
                 ],
             },
         },
@@ -104,10 +111,22 @@ impl Pass for IrradianceSum {
             ));
         }
         let work = Work { weighted, records, gradients, radius };
-        match r.arguments.choice("by") {
-            ("MipmapChain", arguments) => mipmap_chain::record(r, &work, arguments)?,
-            ("PingPong", arguments) => ping_pong::record(r, &work, arguments),
-            ("CpuReadback", _) => cpu_readback::record(r, &work),
+        match (r.arguments.choice("by"), work.weighted.tiles.on_host) {
+            (("Suited" | "Host", _), Some(tiles)) => {
+                r.remark("tiles are summed on the host, which has shaded them");
+                host::record(r, &work, tiles);
+            }
+            (("Host", _), None) => {
+                return Err(Refusal::of_parameter(
+                    "by",
+                    "plan::sum_on_host",
+                    "the host cannot sum these tiles before they are on the device, as it has not shaded them",
+                    "set `by` to CpuReadback, which reads them back, or to Suited",
+                ));
+            }
+            (("MipmapChain", arguments), _) => mipmap_chain::record(r, &work, arguments)?,
+            (("PingPong", arguments), _) => ping_pong::record(r, &work, arguments),
+            (("CpuReadback", _), _) => cpu_readback::record(r, &work),
             _ => workgroup_tree::record(r, &work),
         }
         r.output("records", Port::Records(port::Records { records, coefficients: None, count: requests.count, capacity: requests.capacity }));

@@ -28,6 +28,7 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work) {
             name: "read_surfaces",
             reads: vec![Read::whole(gbuffer.position), Read::whole(gbuffer.normal)],
             writes: vec![],
+            only_writes: false,
             run: Arc::new(move |host| {
                 let (position, normal) = (texels(host, gbuffer.position), texels(host, gbuffer.normal));
                 let empty = vec![Vec4::ZERO; position.len()];

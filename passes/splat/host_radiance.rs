@@ -86,7 +86,7 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, radiance: &Radiance) -> 
         }
         Ok(())
     };
-    r.command(Command::Host(Host { name: "reflect", reads, writes: buffers, run: Arc::new(splat) }));
+    r.command(Command::Host(Host { name: "reflect", reads, writes: buffers, only_writes: false, run: Arc::new(splat) }));
     for (image, buffer) in uploads {
         r.compute_pixels(Program::new("splat/host").bind("values", buffer).bind("image", image), "store");
     }

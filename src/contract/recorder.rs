@@ -215,7 +215,12 @@ impl<'a> Recorder<'a> {
         writes: &[Resource],
         run: impl Fn(&mut dyn HostContext) -> Result<(), String> + Send + Sync + 'static,
     ) {
-        self.command(Command::Host(Host { name, reads: reads.to_vec(), writes: writes.to_vec(), run: Arc::new(run) }));
+        self.command(Command::Host(Host { name, reads: reads.to_vec(), writes: writes.to_vec(), only_writes: false, run: Arc::new(run) }));
+    }
+
+    /// A step that brings what the host knows to the device, if any command there reads it.
+    pub fn hand_over(&mut self, to: Resource, run: impl Fn(&mut dyn HostContext) -> Result<(), String> + Send + Sync + 'static) {
+        self.command(Command::Host(Host { name: "hand_over", reads: Vec::new(), writes: vec![to], only_writes: true, run: Arc::new(run) }));
     }
 }
 

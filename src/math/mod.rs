@@ -14,5 +14,6 @@ pub mod radius;
 pub mod random;
 pub mod solid_angle;
 pub mod sum;
+pub mod sum_vectors;
 pub mod vectors;
 pub mod weight;

@@ -3,7 +3,7 @@
 use super::{
     colour::luminance,
     frame::Frame,
-    hemisphere::{Sample, Table},
+    hemisphere::{Edge, Sample, Table},
     radius::Ellipse,
     weight::Record,
 };
@@ -50,16 +50,11 @@ pub fn sum(table: &Table, radiance: &[[f32; 4]], nearest: f64) -> Result<Summed,
     for (sample, &texel) in table.samples.iter().zip(radiance).filter(|(sample, _)| sample.plain_weight > 0.0) {
         total.add(sample, colour(texel), distance(texel, nearest));
     }
-    let inverse_depth = |i: u32| 1.0 / (distance(radiance[i as usize], nearest) * table.samples[i as usize].depth_cosine);
-    let mut translation = [DVec3::ZERO; 3];
-    let mut hessian = DVec3::ZERO;
     for edge in &table.edges {
-        let inverse = inverse_depth(edge.a).max(inverse_depth(edge.b));
-        let step = (colour(radiance[edge.b as usize]) - colour(radiance[edge.a as usize])) * inverse;
-        add_outer(&mut translation, step, DVec3::from(edge.gradient));
-        hessian += DVec3::from(edge.hessian) * (luminance(step) * inverse);
+        let beside = |sample: u32| Beside::new(radiance[sample as usize], table.samples[sample as usize].depth_cosine, nearest);
+        total.add_wall(edge, &beside(edge.a), &beside(edge.b));
     }
-    Ok(total.finish(translation, hessian))
+    Ok(total.finish())
 }
 
 /// Radius of a record that sees nothing but sky [scene units].
@@ -80,15 +75,29 @@ fn add_outer(sum: &mut [DVec3; 3], channels: DVec3, gradient: DVec3) {
     }
 }
 
+/// A sample beside a wall.
+pub(super) struct Beside {
+    radiance: DVec3,
+    inverse_depth: f64,
+}
+
+impl Beside {
+    pub(super) fn new(texel: [f32; 4], depth_cosine: f64, nearest: f64) -> Self {
+        Self { radiance: colour(texel), inverse_depth: 1.0 / (distance(texel, nearest) * depth_cosine) }
+    }
+}
+
 #[derive(Default)]
-struct Total {
-    irradiance: DVec3,
-    rotation: [DVec3; 3],
+pub(super) struct Total {
+    pub irradiance: DVec3,
+    pub rotation: [DVec3; 3],
+    pub translation: [DVec3; 3],
+    pub hessian: DVec3,
     /// Weight and weight over distance, in the cosine and in the plain measure.
-    cosine: [f64; 2],
-    plain: [f64; 2],
+    pub cosine: [f64; 2],
+    pub plain: [f64; 2],
     /// 1 over the nearest distance.
-    largest_inverse: f64,
+    pub largest_inverse: f64,
 }
 
 impl Total {
@@ -102,12 +111,19 @@ impl Total {
         self.largest_inverse = self.largest_inverse.max(inverse);
     }
 
-    fn finish(self, translation: [DVec3; 3], hessian: DVec3) -> Summed {
+    pub(super) fn add_wall(&mut self, edge: &Edge, a: &Beside, b: &Beside) {
+        let inverse = a.inverse_depth.max(b.inverse_depth);
+        let step = (b.radiance - a.radiance) * inverse;
+        add_outer(&mut self.translation, step, DVec3::from(edge.gradient));
+        self.hessian += DVec3::from(edge.hessian) * (luminance(step) * inverse);
+    }
+
+    pub(super) fn finish(self) -> Summed {
         Summed {
             irradiance: self.irradiance,
             rotation: self.rotation,
-            translation,
-            hessian,
+            translation: self.translation,
+            hessian: self.hessian,
             harmonic_mean_cosine: self.cosine[0] / self.cosine[1],
             harmonic_mean_plain: self.plain[0] / self.plain[1],
             min_distance: 1.0 / self.largest_inverse,

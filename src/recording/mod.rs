@@ -1,6 +1,7 @@
 //! A plan as a value: resources and commands on proxies. Recording needs no device and can be printed.
 
 use std::any::Any;
+use std::collections::HashSet;
 use std::sync::Arc;
 
 mod difference;
@@ -257,6 +258,8 @@ pub struct Host {
     /// What is read back before the step runs, whole or `count · stride` bytes of it.
     pub reads: Vec<Read>,
     pub writes: Vec<Resource>,
+    /// Whether it does nothing but write: it is left out where nobody reads that.
+    pub only_writes: bool,
     pub run: HostFunction,
 }
 
@@ -397,6 +400,15 @@ impl Recording {
         &self.resources[resource.0 as usize]
     }
 
+    /// Leaves out host steps that only write what no command reads; `kept` is read after the last step.
+    pub fn leave_out_unread(&mut self, kept: &[Resource]) {
+        let touched = self.nodes().into_iter().flat_map(|node| &node.commands).filter(|command| !command.only_writes()).flat_map(Command::resources);
+        let read: HashSet<Resource> = touched.chain(kept.iter().copied()).collect();
+        for_each_node(&mut self.steps, &mut |node| {
+            node.commands.retain(|command| !command.only_writes() || command.resources().iter().any(|r| read.contains(r)))
+        });
+    }
+
     /// All nodes, those inside loops too, in order.
     pub fn nodes(&self) -> Vec<&Node> {
         fn collect<'a>(steps: &'a [Step], into: &mut Vec<&'a Node>) {
@@ -413,7 +425,20 @@ impl Recording {
     }
 }
 
+fn for_each_node(steps: &mut [Step], change: &mut dyn FnMut(&mut Node)) {
+    for step in steps {
+        match step {
+            Step::Node(node) => change(node),
+            Step::Repeat(repeat) => for_each_node(&mut repeat.steps, change),
+        }
+    }
+}
+
 impl Command {
+    fn only_writes(&self) -> bool {
+        matches!(self, Self::Host(host) if host.only_writes)
+    }
+
     /// Resources that the command touches, scene parts aside.
     pub fn resources(&self) -> Vec<Resource> {
         match self {

@@ -13,7 +13,7 @@ use crate::math::{
 };
 use crate::recording::*;
 use bytemuck::cast_slice;
-use glam::{Vec3, Vec4};
+use glam::Vec3;
 
 host_struct! {
     /// One irradiance record; lengths in scene units, irradiance in W/m².
@@ -213,13 +213,6 @@ impl From<&weight::Record> for Record {
             translation: gradients(record.translation, Vec3::new(record.relative_gradient, record.fineness, 0.0)),
         }
     }
-}
-
-/// A batch of tiles in the memory of the host.
-pub struct HostTiles {
-    pub places: Vec<Request>,
-    /// Tile by tile, sample by sample: radiance and distance.
-    pub samples: Vec<Vec4>,
 }
 
 /// What a record's reach is in proportion to; the shaders know them by these numbers.

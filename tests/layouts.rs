@@ -4,7 +4,7 @@ use hemisplat::gpu::{scene, shader::Shader};
 use hemisplat::host_struct;
 use hemisplat::passes::{
     add_records,
-    find_misses::device_grid,
+    find_misses::grid,
     hemisphere_tiles::{raster, sift},
     irradiance_sum::workgroup_tree,
     lobe_coefficients,
@@ -25,7 +25,7 @@ fn shared() -> Vec<(&'static str, Vec<HostLayout>)> {
         ("lobe_coefficients", vec![lobe_coefficients::device::Shape::LAYOUT]),
         ("environment_light", vec![record::TablePlace::LAYOUT]),
         ("add_records", vec![add_records::Batch::LAYOUT]),
-        ("find_misses/device_grid", vec![device_grid::Grid::LAYOUT]),
+        ("find_misses/device_grid", vec![grid::Round::LAYOUT]),
         ("hemisphere_tiles/raster", vec![raster::TileView::LAYOUT, raster::TileCamera::LAYOUT, sift::SiftView::LAYOUT]),
     ]
 }

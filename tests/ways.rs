@@ -316,7 +316,7 @@ fn summed(stage: &Stage, table: &Arc<Table>, shape: (Shape, u32), by: &str, radi
     };
     let tiles = port::Tiles {
         samples: graph.buffer("samples", bytemuck::cast_slice(&samples)),
-        on_host: None,
+        shaded_by_host: false,
         requests,
         shape: shape.0,
         resolution: shape.1,

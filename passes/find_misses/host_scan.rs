@@ -4,13 +4,12 @@
 //! the splat sums are read back as the walk begins, and once more as it ends, for what host and device round differently.
 //! In batches the sums are read back every round, and a round's records stand some pixels apart.
 
-use super::Work;
+use super::{Work, request};
 use crate::contract::Recorder;
 use crate::math::{projection::Pinhole, weight::Record, weight::Rule};
 use crate::passes::record::{Fresh, Request, pinhole, texels};
 use crate::recording::*;
 use glam::{Vec4, Vec4Swizzles};
-use std::f32::consts::TAU;
 use std::sync::Arc;
 
 /// Least distance between the records of a batch, along a row or a column [pixels].
@@ -44,7 +43,6 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, spacing: u32) {
         name: "read_surfaces",
         reads: vec![Read::whole(gbuffer.position), Read::whole(gbuffer.normal)],
         writes: vec![],
-        only_writes: false,
         run: Arc::new(move |host| {
             let vectors = |texels: Vec<[f32; 4]>| texels.into_iter().map(Vec4::from).collect();
             let (position, normal) = (vectors(texels(host, gbuffer.position)), vectors(texels(host, gbuffer.normal)));
@@ -143,21 +141,7 @@ impl Walk {
         }
     }
 
-    /// As `collect` of shaders/find_misses/device_grid.wgsl makes it.
     fn request(&self, pixel: usize) -> Request {
-        let (place, facing) = (self.position[pixel], self.normal[pixel]);
-        Request { position: place.xyz().into(), footprint: place.w, normal: facing.xyz().into(), turn: TAU * unit(hash(pixel as u32 + 1)) }
+        request(self.position[pixel], self.normal[pixel], pixel as u32)
     }
-}
-
-/// As shaders/lib/random.wgsl.
-fn hash(value: u32) -> u32 {
-    let state = value.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
-    let word = ((state >> ((state >> 28) + 4)) ^ state).wrapping_mul(277_803_737);
-    (word >> 22) ^ word
-}
-
-/// In [0, 1).
-fn unit(bits: u32) -> f32 {
-    (bits >> 8) as f32 / 16_777_216.0
 }

@@ -1,13 +1,34 @@
 //! Where records are missing.
 
-use super::record::REQUEST_BYTES;
+use super::record::{REQUEST_BYTES, Request};
 use crate::contract::{Choice, Description, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, port};
+use crate::math::random::{hash, unit};
 use crate::recording::*;
+use glam::{Vec4, Vec4Swizzles};
+use grid::Grid;
+use std::f32::consts::TAU;
 
-pub mod device_grid;
+mod device_grid;
+pub mod grid;
+mod host_grid;
 mod host_scan;
 
 pub struct FindMisses;
+
+const CELLS: &[Parameter] = &[
+    Parameter {
+        name: "coarsest",
+        about: "edge of the first cells, a power of two",
+        unit: "pixels",
+        kind: ParameterKind::Integer { default: 32, min: 1, max: 64 },
+    },
+    Parameter {
+        name: "finest",
+        about: "edge of the last cells, a power of two; where it is more than a pixel, cells are looked at once and misses are left to a later loop",
+        unit: "pixels",
+        kind: ParameterKind::Integer { default: 1, min: 1, max: 64 },
+    },
+];
 
 static DESCRIPTION: Description = Description {
     name: "FindMisses",
@@ -21,23 +42,12 @@ static DESCRIPTION: Description = Description {
             kind: ParameterKind::Choice {
                 choices: &[
                     Choice {
-                        name: "DeviceGrid",
-                        about: "on the device, from coarse cells of pixels to fine ones; only the number of requests is read back",
-                        parameters: &[
-                            Parameter {
-                                name: "coarsest",
-                                about: "edge of the first cells, a power of two",
-                                unit: "pixels",
-                                kind: ParameterKind::Integer { default: 32, min: 1, max: 64 },
-                            },
-                            Parameter {
-                                name: "finest",
-                                about: "edge of the last cells, a power of two; where it is more than a pixel, cells are looked at once and misses are left to a later loop",
-                                unit: "pixels",
-                                kind: ParameterKind::Integer { default: 1, min: 1, max: 64 },
-                            },
-                        ],
+                        name: "Grid",
+                        about: "from coarse cells of pixels to fine ones; `HostGrid` where the device is a driver on the cores of the host, `DeviceGrid` elsewhere",
+                        parameters: CELLS,
                     },
+                    Choice { name: "DeviceGrid", about: "on the device; only the number of requests is read back", parameters: CELLS },
+                    Choice { name: "HostGrid", about: "the same on the host, by all cores", parameters: CELLS },
                     Choice {
                         name: "HostScan",
                         about: "the papers' walk over the splat sums on the host, pixel by pixel in scan order (RCS)",
@@ -111,11 +121,24 @@ impl Pass for FindMisses {
         let work = Work { gbuffer, splats, requests, none: r.variable("none", false), overlap: splats.cache.rule.overlap };
         match r.arguments.choice("by") {
             ("HostScan", arguments) => host_scan::record(r, &work, arguments.integer("spacing") as u32),
-            (_, arguments) => device_grid::record(r, &work, [arguments.integer("coarsest") as u32, arguments.integer("finest") as u32])?,
+            (by, arguments) => {
+                let grid = Grid::new(r, [arguments.integer("coarsest") as u32, arguments.integer("finest") as u32])?;
+                if by == "HostGrid" || (by == "Grid" && r.setting.fills_on_host()) {
+                    host_grid::record(r, &work, grid);
+                } else {
+                    device_grid::record(r, &work, grid);
+                }
+            }
         }
         r.report_variable("new_records", made);
         r.output("requests", Port::Requests(requests));
         r.output("none", Port::Flag(work.none));
         Ok(())
     }
+}
+
+/// The request of a pixel that sees `place`, whose fourth component is the pixel's width there, and faces there like `facing`: as `ask` of
+/// shaders/find_misses/device_grid.wgsl makes it.
+fn request(place: Vec4, facing: Vec4, pixel: u32) -> Request {
+    Request { position: place.xyz().into(), footprint: place.w, normal: facing.xyz().into(), turn: TAU * unit(hash(pixel + 1)) }
 }

@@ -18,37 +18,33 @@ use std::sync::Arc;
 /// What surfaces are lit by, as it stands when a loop starts.
 pub(super) struct Lighting {
     lights: Vec<(LightKind, ShadowCameras)>,
-    maps: ShadowMaps,
     /// Whether a triangle's normals differ from its plane's, and whether any surface has a texture.
     smooth: bool,
     textures: bool,
 }
 
-/// Adds a step before the loop that reads the maps; where it leaves the lighting.
-pub(super) fn record(r: &mut Recorder<'_>, maps: Option<port::ShadowMaps>) -> Resource {
+/// Adds a step before the loop that prepares the lights; where it leaves them.
+pub(super) fn record(r: &mut Recorder<'_>) -> Resource {
     let memory = r.state("lighting");
     let (smooth, textures) = (r.setting.needs.smooth, r.setting.needs.textures);
     let run = move |host: &mut dyn HostContext| {
         let scene = host.scene();
         let lights = scene.lights.iter().map(|light| light.kind).zip(ShadowCameras::all(scene)).collect();
-        let read = |maps: port::ShadowMaps| ShadowMaps {
-            depth: bytemuck::pod_collect_to_vec(host.read(maps.depth)),
-            resolution: maps.resolution,
-            pitch: maps.pitch.unwrap_or(maps.resolution),
-            taps: maps.taps.isqrt() as i32,
-        };
-        let lighting = Lighting { lights, maps: maps.map(read).unwrap_or_default(), smooth, textures };
-        *host.state(memory) = Some(Box::new(Arc::new(lighting)));
+        *host.state(memory) = Some(Box::new(Arc::new(Lighting { lights, smooth, textures })));
         Ok(())
     };
-    r.before_loop(Command::Host(Host {
-        name: "light",
-        reads: maps.iter().map(|maps| Read::whole(maps.depth)).collect(),
-        writes: Vec::new(),
-        only_writes: false,
-        run: Arc::new(run),
-    }));
+    r.before_loop(Command::Host(Host { name: "light", reads: Vec::new(), writes: Vec::new(), run: Arc::new(run) }));
     memory
+}
+
+/// The maps, in a host step that reads them.
+pub(super) fn shadow_maps<'a>(maps: &port::ShadowMaps, host: &'a dyn HostContext) -> ShadowMaps<'a> {
+    ShadowMaps {
+        depth: bytemuck::cast_slice(host.read(maps.depth)),
+        resolution: maps.resolution,
+        pitch: maps.pitch.unwrap_or(maps.resolution),
+        taps: maps.taps.isqrt() as i32,
+    }
 }
 
 /// What [`record`] left.
@@ -60,6 +56,7 @@ pub(super) fn lighting(host: &mut dyn HostContext, memory: Resource) -> Result<A
 /// Sees radiance and distance.
 pub(super) struct Shading<'a> {
     pub lighting: &'a Lighting,
+    pub maps: ShadowMaps<'a>,
     pub scene: &'a Scene,
     pub places: &'a [Request],
 }
@@ -173,9 +170,9 @@ impl Shading<'_> {
             }
             let seeds = combinations(turn, u32x8::load_array(simd, samples)) + (5 + 2 * index);
             let points = Receivers { position: surfaces.position, normal: surfaces.face, seeds, first };
-            self.lighting.maps.look_up(simd, cameras, &points, is_lit.to_bitmask() as u32 & met_any, &mut lookups, &mut visibility);
+            self.maps.look_up(simd, cameras, &points, is_lit.to_bitmask() as u32 & met_any, &mut lookups, &mut visibility);
         }
-        self.lighting.maps.finish(&mut lookups, &mut visibility);
+        self.maps.finish(&mut lookups, &mut visibility);
         let intensity = kind.intensity();
         for group in 0..GROUPS {
             let mut visible = [0.0; LANES];

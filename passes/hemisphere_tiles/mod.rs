@@ -187,18 +187,18 @@ impl Pass for HemisphereTiles {
         if by == "Rays" && on_host {
             r.remark("rays are cast on the host, as the device is a driver on the same cores");
         }
-        let (samples, kept) = if is_shaded_by_host(r, on_host, maps.as_ref())? {
-            let [samples, kept] = host_rays::record_shaded(r, &work, maps);
-            (samples, Some(kept))
+        let shaded_by_host = is_shaded_by_host(r, on_host, maps.as_ref())?;
+        let samples = if shaded_by_host {
+            host_rays::record_shaded(r, &work, maps)
         } else {
             match by {
                 "Raster" => raster::record(r, &work, way.bool("sift")),
                 _ if on_host => host_rays::record(r, &work),
                 _ => ray_cast::record(r, &work),
             }
-            (shade(r, &work, maps.as_ref()), None)
+            shade(r, &work, maps.as_ref())
         };
-        let tiles = port::Tiles { samples, on_host: kept, requests, shape, resolution, table: work.table, tiles_per_row: work.tiles_per_row };
+        let tiles = port::Tiles { samples, shaded_by_host, requests, shape, resolution, table: work.table, tiles_per_row: work.tiles_per_row };
         r.output("tiles", Port::Tiles(tiles));
         Ok(())
     }

@@ -15,7 +15,7 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work<'_>) {
     let tile_bytes = table.samples.len() as u64 * 16;
     let reads = [Read::counted(samples, tile_bytes, requests.count), Read::counted(requests.places, REQUEST_BYTES, requests.count)];
     r.host("add", &reads, &[records], move |host| {
-        let extent = host.scene().extent();
+        let extent = host.extent();
         let places: Vec<Request> = bytemuck::pod_collect_to_vec(host.read(requests.places));
         let mut new = Vec::with_capacity(places.len());
         for (place, tile) in places.iter().zip(host.read(samples).chunks_exact(tile_bytes as usize)) {

@@ -1,30 +1,30 @@
-//! Tiles that the host has shaded are added there, eight samples side by side: nothing is brought to the device but records.
+//! Tiles are added on the host in single precision, eight samples side by side.
 
 use super::Work;
 use crate::contract::Recorder;
 use crate::math::sum_vectors::{Cells, Room, Wanted};
-use crate::passes::record::{HostTiles, Radius, Request, summed_record};
+use crate::passes::record::{REQUEST_BYTES, Radius, Request, summed_record};
 use crate::recording::*;
 use crate::scene::model::surface_offset;
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
-/// Adds up the tiles in the state `of`.
-pub(super) fn record(r: &mut Recorder<'_>, work: &Work<'_>, of: Resource) {
+pub(super) fn record(r: &mut Recorder<'_>, work: &Work<'_>) {
     let cells = Cells::new(&work.weighted.table);
-    let samples = work.weighted.table.samples.len();
+    let length = work.weighted.table.samples.len();
+    let (samples, requests) = (work.weighted.tiles.samples, work.weighted.tiles.requests);
     let (records, gradients, radius) = (work.records, work.gradients, work.radius);
     let wanted = Wanted { gradients, hessian: radius == Radius::Curvature };
-    r.host("add", &[], &[records], move |host| {
-        let extent = host.scene().extent();
-        let Some(tiles) = host.state(of).as_ref().and_then(|kept| kept.downcast_ref::<HostTiles>()) else {
-            return Err("the tiles are not on the host".into());
-        };
-        let add = |room: &mut Room, (place, tile): (&Request, &[_])| {
+    let reads = [Read::counted(samples, (length * size_of::<Vec4>()) as u64, requests.count), Read::counted(requests.places, REQUEST_BYTES, requests.count)];
+    r.host("add", &reads, &[records], move |host| {
+        let extent = host.extent();
+        let places: &[Request] = bytemuck::cast_slice(host.read(requests.places));
+        let tiles: &[Vec4] = bytemuck::cast_slice(host.read(samples));
+        let add = |room: &mut Room, (place, tile): (&Request, &[Vec4])| {
             let nearest = surface_offset(extent, Vec3::from(place.position)).max(1e-30);
             summed_record(place, &cells.sum(tile, nearest, wanted, room), gradients, radius)
         };
-        let new: Vec<_> = tiles.places.par_iter().zip(tiles.samples.par_chunks_exact(samples)).map_init(Room::default, add).collect();
+        let new: Vec<_> = places.par_iter().zip(tiles.par_chunks_exact(length)).map_init(Room::default, add).collect();
         host.write(records, 0, bytemuck::cast_slice(&new));
         Ok(())
     });

@@ -39,7 +39,7 @@ static DESCRIPTION: Description = Description {
                     Choice { name: "Suited", about: "`Host` where the host has shaded the tiles, `WorkgroupTree` elsewhere", parameters: &[] },
                     Choice {
                         name: "Host",
-                        about: "tiles that the host has shaded are added there, before any of them is brought to the device",
+                        about: "the tiles are added on the host in single precision, by its vector instructions; read back where they were shaded on the device",
                         parameters: &[],
                     },
                 ],
@@ -111,22 +111,16 @@ impl Pass for IrradianceSum {
             ));
         }
         let work = Work { weighted, records, gradients, radius };
-        match (r.arguments.choice("by"), work.weighted.tiles.on_host) {
-            (("Suited" | "Host", _), Some(tiles)) => {
+        let shaded_by_host = work.weighted.tiles.shaded_by_host;
+        match r.arguments.choice("by") {
+            ("Suited", _) if shaded_by_host => {
                 r.remark("tiles are summed on the host, which has shaded them");
-                host::record(r, &work, tiles);
+                host::record(r, &work);
             }
-            (("Host", _), None) => {
-                return Err(Refusal::of_parameter(
-                    "by",
-                    "plan::sum_on_host",
-                    "the host cannot sum these tiles before they are on the device, as it has not shaded them",
-                    "set `by` to CpuReadback, which reads them back, or to Suited",
-                ));
-            }
-            (("MipmapChain", arguments), _) => mipmap_chain::record(r, &work, arguments)?,
-            (("PingPong", arguments), _) => ping_pong::record(r, &work, arguments),
-            (("CpuReadback", _), _) => cpu_readback::record(r, &work),
+            ("Host", _) => host::record(r, &work),
+            ("MipmapChain", arguments) => mipmap_chain::record(r, &work, arguments)?,
+            ("PingPong", arguments) => ping_pong::record(r, &work, arguments),
+            ("CpuReadback", _) => cpu_readback::record(r, &work),
             _ => workgroup_tree::record(r, &work),
         }
         r.output("records", Port::Records(port::Records { records, coefficients: None, count: requests.count, capacity: requests.capacity }));

@@ -32,7 +32,7 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work<'_>, arguments: &Argument
     let mut reads = vec![Read::counted(rest, tile_bytes, requests.count), Read::counted(requests.places, REQUEST_BYTES, requests.count)];
     reads.extend(exposures.map(|exposures| Read::counted(exposures, 4, requests.count)));
     r.host("add", &reads, &[records], move |host| {
-        let extent = host.scene().extent() as f64;
+        let extent = host.extent() as f64;
         let places: Vec<Request> = bytemuck::pod_collect_to_vec(host.read(requests.places));
         let tiles = host.read(rest).chunks_exact(tile_bytes as usize);
         let exposures = exposures.map_or(vec![1.0; places.len()], |exposures| bytemuck::pod_collect_to_vec::<u8, f32>(host.read(exposures)));

@@ -105,7 +105,7 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work<'_>) {
         Read::counted(records, RECORD_BYTES, requests.count),
     ];
     r.host("project", &reads, &[values, records], move |host| {
-        let extent = host.scene().extent();
+        let extent = host.extent();
         let places: Vec<Request> = bytemuck::pod_collect_to_vec(host.read(requests.places));
         let mut heads: Vec<Record> = bytemuck::pod_collect_to_vec(host.read(records));
         let radiance: Vec<Vec4> = bytemuck::pod_collect_to_vec(host.read(samples));

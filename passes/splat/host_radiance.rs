@@ -37,16 +37,13 @@ struct Placed<'a> {
 }
 
 pub(super) fn record(r: &mut Recorder<'_>, work: &Work, radiance: &Radiance) -> Result<(), Refusal> {
-    let [width, height] = r.setting.size;
+    let width = r.setting.size[0];
     let (gbuffer, cache, lobes, seen) = (work.gbuffer, work.cache, radiance.visible.lobes.on_host()?.clone(), radiance.visible.seen);
     let coefficients = radiance.coefficients;
     let keep = |name: &str, count: usize, make: &dyn Fn() -> Vec<f32>| r.table(name, count, make);
     let tilting = radiance.rotation.map(|method| Tilting::kept(coefficients.order as usize, method, STEPS, keep));
-    let outputs = [Some(work.sums), work.counts].into_iter().flatten();
-    let uploads: Vec<_> =
-        outputs.zip(["sums_bytes", "counts_bytes"]).map(|(image, name)| (image, r.buffer(name, u64::from(width) * u64::from(height) * 16))).collect();
-    let buffers: Vec<_> = uploads.iter().map(|u| u.1).collect();
-    let written = buffers.clone();
+    let images: Vec<Resource> = [Some(work.sums), work.counts].into_iter().flatten().collect();
+    let written = images.clone();
     let reads = vec![
         Read::whole(gbuffer.position),
         Read::whole(gbuffer.normal),
@@ -81,15 +78,12 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, radiance: &Radiance) -> 
                 }
             }
         });
-        for (buffer, image) in written.iter().zip([&sums, &counts]) {
-            host.write(*buffer, 0, bytemuck::cast_slice(image));
+        for (image, contents) in written.iter().zip([sums, counts]) {
+            host.put(*image, contents, u64::MAX);
         }
         Ok(())
     };
-    r.command(Command::Host(Host { name: "reflect", reads, writes: buffers, only_writes: false, run: Arc::new(splat) }));
-    for (image, buffer) in uploads {
-        r.compute_pixels(Program::new("splat/host").bind("values", buffer).bind("image", image), "store");
-    }
+    r.command(Command::Host(Host { name: "reflect", reads, writes: images, run: Arc::new(splat) }));
     Ok(())
 }
 

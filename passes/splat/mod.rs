@@ -25,7 +25,7 @@ static DESCRIPTION: Description = Description {
                     Choice { name: "RasterBlend", about: "a screen rectangle a record, blended additively (RCS)", parameters: &[] },
                     Choice {
                         name: "Suited",
-                        about: "`Host` for radiance where the device is a driver on the cores of the host, `ComputeTiles` elsewhere",
+                        about: "`Host` where the device is a driver on the cores of the host; elsewhere `RasterBlend` for irradiance, `ComputeTiles` for radiance",
                         parameters: &[],
                     },
                     Choice {
@@ -33,7 +33,7 @@ static DESCRIPTION: Description = Description {
                         about: "binned over tiles of 16×16 pixels and added in order; needs no blending; masks of 32 MiB at most",
                         parameters: &[],
                     },
-                    Choice { name: "Host", about: "plain code on the host, for comparison; reads the surfaces back once a frame", parameters: &[] },
+                    Choice { name: "Host", about: "by all cores of the host; the surfaces are read back once", parameters: &[] },
                 ],
             },
         },
@@ -153,18 +153,25 @@ impl Pass for Splat {
         let radiance = radiance(r, &cache)?;
         let of_radiance = radiance.is_some();
         let work = Work { gbuffer, cache, sums, counts, first, radiance };
-        for target in [Some(sums), counts].into_iter().flatten() {
-            at_start(r, Command::Clear(target));
-        }
         match (r.arguments.choice("by").0, &work.radiance) {
             ("Suited", Some(radiance)) if r.setting.device == Device::Software => {
                 r.remark("radiance is splatted on the host, as the device is a driver on the same cores");
                 host_radiance::record(r, &work, radiance)?;
             }
-            ("ComputeTiles" | "Suited", _) => compute_tiles::record(r, &work),
+            ("Suited", None) if r.setting.fills_on_host() => {
+                r.remark("records are splatted on the host, as the device is a driver on the same cores");
+                host::record(r, &work);
+            }
             ("Host", Some(radiance)) => host_radiance::record(r, &work, radiance)?,
             ("Host", None) => host::record(r, &work),
-            _ => raster_blend::record(r, &work),
+            ("ComputeTiles", _) | ("Suited", Some(_)) => {
+                clear(r, &work);
+                compute_tiles::record(r, &work);
+            }
+            _ => {
+                clear(r, &work);
+                raster_blend::record(r, &work);
+            }
         }
         // Outside of a fill the sums start anew each time, and all records count again.
         if r.batch.is_some() {
@@ -175,6 +182,12 @@ impl Pass for Splat {
         }
         r.output("sums", Port::Splats(port::Splats { sums, counts, of_radiance, cache }));
         Ok(())
+    }
+}
+
+fn clear(r: &mut Recorder<'_>, work: &Work) {
+    for target in [Some(work.sums), work.counts].into_iter().flatten() {
+        at_start(r, Command::Clear(target));
     }
 }
 

@@ -234,8 +234,8 @@ pub struct Requests {
 pub struct Tiles {
     /// Buffer of vec4, `tile · samples + sample`: radiance seen, distance (a huge number for sky).
     pub samples: Resource,
-    /// The state that holds the same on the host, where they were shaded there: `passes::record::HostTiles`.
-    pub on_host: Option<Resource>,
+    /// Whether they are on the host's side.
+    pub shaded_by_host: bool,
     pub requests: Requests,
     pub shape: crate::math::hemisphere::Shape,
     /// Samples along a tile's edge, N.
@@ -387,9 +387,7 @@ impl Requests {
 }
 
 impl Tiles {
-    /// What lives on does so on the device.
     fn over(&mut self, memory: &mut dyn Memory) {
-        self.on_host = None;
         replace(&mut self.samples, memory);
         self.requests.over(memory);
     }

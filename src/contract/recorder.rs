@@ -19,6 +19,17 @@ pub struct Setting<'a> {
     pub tables: Option<&'a dyn TableStore>,
 }
 
+/// Largest picture whose surfaces and sums the host takes over [pixels]: 48 bytes each.
+const MOST_PIXELS_ON_HOST: u64 = 1 << 23;
+
+impl Setting<'_> {
+    /// Whether what fills a cache is suited to the host: the device is a driver on its cores, where loads from places that differ between lanes and
+    /// every turn from device to host and back take longer than the work itself.
+    pub fn fills_on_host(&self) -> bool {
+        self.device == Device::Software && u64::from(self.size[0]) * u64::from(self.size[1]) <= MOST_PIXELS_ON_HOST
+    }
+}
+
 /// Why a pass cannot be recorded with these arguments on this scene.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Refusal {
@@ -215,12 +226,7 @@ impl<'a> Recorder<'a> {
         writes: &[Resource],
         run: impl Fn(&mut dyn HostContext) -> Result<(), String> + Send + Sync + 'static,
     ) {
-        self.command(Command::Host(Host { name, reads: reads.to_vec(), writes: writes.to_vec(), only_writes: false, run: Arc::new(run) }));
-    }
-
-    /// A step that brings what the host knows to the device, if any command there reads it.
-    pub fn hand_over(&mut self, to: Resource, run: impl Fn(&mut dyn HostContext) -> Result<(), String> + Send + Sync + 'static) {
-        self.command(Command::Host(Host { name: "hand_over", reads: Vec::new(), writes: vec![to], only_writes: true, run: Arc::new(run) }));
+        self.command(Command::Host(Host { name, reads: reads.to_vec(), writes: writes.to_vec(), run: Arc::new(run) }));
     }
 }
 

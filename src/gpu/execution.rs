@@ -1,19 +1,22 @@
 //! Runs a recording: allocates what it declares, builds every shader pipeline once, then executes frames.
 
+use super::copies::{Copies, HostCopy};
 use super::device::{Gpu, GpuError};
 use super::programs::{Ready, layer_views};
 use super::timing::Timing;
 use super::{readback, scene as scene_data};
 use crate::recording::*;
 use crate::scene::{Camera, Scene, bvh::Bvh};
+use glam::Vec4;
 use std::any::Any;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::time::Instant;
 
 /// A recording made ready on a device. History resources live as long as the session.
 pub struct Session<'a> {
     pub(super) gpu: &'a Gpu,
     scene: &'a Scene,
+    extent: f32,
     bvh: &'a Bvh,
     pub(super) recording: &'a Recording,
     physical: Vec<Physical>,
@@ -25,6 +28,9 @@ pub struct Session<'a> {
     lists: HashMap<Resource, Vec<Draw>>,
     states: HashMap<Resource, Option<Box<dyn Any + Send>>>,
     staging: HashMap<Resource, wgpu::Buffer>,
+    copies: Copies,
+    /// What host steps hand to each other, or to their next round.
+    shared: HashSet<Resource>,
     timing: Option<Timing>,
     nodes: Vec<NodeTimes>,
     camera: (Camera, [u32; 2]),
@@ -91,6 +97,7 @@ impl<'a> Session<'a> {
         let mut session = Self {
             gpu,
             scene,
+            extent: scene.extent(),
             bvh,
             recording,
             physical: Vec::new(),
@@ -100,6 +107,8 @@ impl<'a> Session<'a> {
             lists: HashMap::new(),
             states: HashMap::new(),
             staging: HashMap::new(),
+            copies: Copies::default(),
+            shared: shared(recording),
             timing: Timing::new(gpu, recording.nodes().len()),
             nodes: Vec::new(),
             camera: (camera.clone(), size),
@@ -250,6 +259,7 @@ impl<'a> Session<'a> {
             }
         }
         self.gpu.queue.submit([encoder.finish()]);
+        self.copies.forget(|resource| matches!(recording.resource(resource).lifetime, Lifetime::History));
         self.variables.fill(0);
         self.frames = 0;
         self.gpu.wait("emptying histories")
@@ -272,16 +282,24 @@ impl<'a> Session<'a> {
 
     /// Contents of a buffer, or of a texture as rows without padding.
     pub fn read(&self, resource: Resource) -> Result<Vec<u8>, GpuError> {
+        if let Some(known) = self.copies.get(resource).and_then(|copy| copy.known(self.unpadded_bytes(resource))) {
+            return Ok(known.to_vec());
+        }
+        self.upload_ahead(resource);
         let mut pending = self.pending();
         let read = Read::whole(resource);
         let staging = readback::staging(self.gpu, self.whole_bytes(resource));
         let bytes = self.copy_out(&mut pending, read, &staging);
         self.submit(&mut pending);
-        self.finish_read(read, &staging, bytes)
+        let mut contents = HostCopy::default();
+        self.finish_read(read, &staging, bytes, &mut contents)?;
+        Ok(contents.known(self.unpadded_bytes(resource)).map_or_else(Vec::new, <[u8]>::to_vec))
     }
 
     /// Overwrites the start of a buffer.
-    pub fn write(&self, resource: Resource, bytes: &[u8]) {
+    pub fn write(&mut self, resource: Resource, bytes: &[u8]) {
+        self.catch_up(resource);
+        self.copies.forget(|other| other == resource);
         self.gpu.queue.write_buffer(self.buffer(resource), 0, bytes);
     }
 
@@ -313,10 +331,12 @@ impl<'a> Session<'a> {
         self.latest.clone_from(&self.variables);
         self.lists.clear();
         self.states.clear();
+        let recording = self.recording;
+        self.copies.forget(|resource| matches!(recording.resource(resource).lifetime, Lifetime::Transient));
         for node in &mut self.nodes {
             (node.gpu_ms, node.cpu_ms, node.runs) = (None, 0.0, 0);
         }
-        let camera = scene_data::camera(&self.camera.0, self.camera.1, self.scene.extent(), self.frames);
+        let camera = scene_data::camera(&self.camera.0, self.camera.1, self.extent, self.frames);
         for (index, resource) in self.recording.resources.iter().enumerate() {
             if matches!(resource.lifetime, Lifetime::Frame) {
                 self.write(Resource(index as u32), bytemuck::bytes_of(&camera));
@@ -392,6 +412,7 @@ impl<'a> Session<'a> {
                 self.run_host(host, node, pending)?;
                 self.nodes[index].cpu_ms += start.elapsed().as_secs_f64() * 1e3;
             } else {
+                self.catch_up_all(command, pending);
                 self.begin_timing(&mut open, index, pending)?;
                 self.encode(command, index, position, pending);
                 pending.empty = false;
@@ -544,25 +565,89 @@ impl<'a> Session<'a> {
 
     fn run_host(&mut self, host: &Host, node: &Node, pending: &mut Pending) -> Result<(), GpuError> {
         let failed = |reason: String| GpuError::HostStep { node: node.name.clone(), reason };
-        let mut copies = Vec::new();
-        for read in &host.reads {
-            let staging = self.kept_staging(read.resource);
-            copies.push((read, self.copy_out(pending, *read, &staging), staging));
-        }
         // What is written must reach the device after the commands before this step and before those after it.
-        if !copies.is_empty() || (!host.writes.is_empty() && !pending.empty) {
+        if !host.writes.is_empty() && !pending.empty {
             self.submit(pending);
         }
-        let mut contents = HashMap::new();
-        for (read, bytes, staging) in copies {
-            contents.insert(read.resource, self.finish_read(*read, &staging, bytes)?);
-        }
+        let contents = self.read_back(host, pending)?;
         let (mut lists, mut states, mut variables) = (std::mem::take(&mut self.lists), std::mem::take(&mut self.states), std::mem::take(&mut self.variables));
-        let mut latest = std::mem::take(&mut self.latest);
-        let mut view = HostView { session: self, contents, lists: &mut lists, states: &mut states, variables: &mut variables, latest: &mut latest };
+        let (mut latest, mut copies) = (std::mem::take(&mut self.latest), std::mem::take(&mut self.copies));
+        let mut view =
+            HostView { session: self, contents, copies: &mut copies, lists: &mut lists, states: &mut states, variables: &mut variables, latest: &mut latest };
         let result = (host.run)(&mut view);
-        (self.lists, self.states, self.variables, self.latest) = (lists, states, variables, latest);
+        (self.lists, self.states, self.variables) = (lists, states, variables);
+        (self.latest, self.copies) = (latest, copies);
         result.map_err(failed)
+    }
+
+    /// What a host step reads: bytes of each resource, and the contents of those that it shares with no other.
+    fn read_back(&mut self, host: &Host, pending: &mut Pending) -> Result<HashMap<Resource, Contents>, GpuError> {
+        let mut contents = HashMap::new();
+        let mut copies = Vec::new();
+        for read in &host.reads {
+            let wanted = self.wanted_bytes(*read);
+            let is_shared = self.shared.contains(&read.resource);
+            contents.insert(read.resource, Contents { bytes: wanted, own: (!is_shared).then(HostCopy::default) });
+            if self.copies.get(read.resource).is_none_or(|copy| copy.known(wanted).is_none()) && wanted > 0 {
+                self.catch_up(read.resource);
+                let staging = self.kept_staging(read.resource);
+                copies.push((*read, self.copy_out(pending, *read, &staging), staging));
+            }
+        }
+        if !copies.is_empty() {
+            self.submit(pending);
+        }
+        for (read, bytes, staging) in copies {
+            let own = contents.get_mut(&read.resource).and_then(|contents| contents.own.as_mut());
+            let mut copies = std::mem::take(&mut self.copies);
+            let result = self.finish_read(read, &staging, bytes, own.unwrap_or_else(|| copies.entry(read.resource)));
+            self.copies = copies;
+            result?;
+        }
+        Ok(contents)
+    }
+
+    /// Brings to the device what a command may look at; the host takes it for changed by the command.
+    fn catch_up_all(&mut self, command: &Command, pending: &mut Pending) {
+        for resource in command.resources() {
+            let Some(copy) = self.copies.get(resource) else { continue };
+            if copy.ahead().is_some() && !pending.empty {
+                self.submit(pending);
+            }
+            self.catch_up(resource);
+            self.copies.entry(resource).forget();
+        }
+    }
+
+    /// Brings to the device what the host alone has of a resource; commands that are not yet submitted see it.
+    fn catch_up(&mut self, resource: Resource) {
+        self.upload_ahead(resource);
+        if let Some(copy) = self.copies.get_mut(resource) {
+            copy.caught_up();
+        }
+    }
+
+    fn upload_ahead(&self, resource: Resource) {
+        let Some((offset, bytes)) = self.copies.get(resource).and_then(HostCopy::ahead) else { return };
+        match &self.physical[resource.0 as usize] {
+            Physical::Buffer(buffer) => self.gpu.queue.write_buffer(buffer, offset as u64, &padded(bytes)),
+            Physical::Texture { texture, format } => {
+                let row = (texture.width() as u64 * format.bytes()) as u32;
+                let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row), rows_per_image: Some(texture.height()) };
+                self.gpu.queue.write_texture(texture.as_image_copy(), bytes, layout, texture.size());
+            }
+            Physical::Host | Physical::Unused => {}
+        }
+    }
+
+    /// Bytes of a resource, rows of a texture without padding.
+    fn unpadded_bytes(&self, resource: Resource) -> usize {
+        self.recording.resource(resource).kind.bytes() as usize
+    }
+
+    fn wanted_bytes(&self, read: Read) -> usize {
+        let whole = self.unpadded_bytes(read.resource);
+        read.counted.map_or(whole, |(stride, count)| (stride as usize * self.variable(count) as usize).min(whole))
     }
 
     /// Bytes of a resource read back whole, rows of a texture padded.
@@ -592,15 +677,53 @@ impl<'a> Session<'a> {
         bytes
     }
 
-    fn finish_read(&self, read: Read, staging: &wgpu::Buffer, bytes: u64) -> Result<Vec<u8>, GpuError> {
+    fn finish_read(&self, read: Read, staging: &wgpu::Buffer, bytes: u64, into: &mut HostCopy) -> Result<(), GpuError> {
+        let wanted = self.wanted_bytes(read);
         if bytes == 0 {
-            return Ok(Vec::new());
+            return Ok(());
         }
         readback::look(self.gpu, staging, bytes, |contents| match &self.physical[read.resource.0 as usize] {
-            Physical::Texture { texture, format } => readback::unpadded(contents, texture.width(), *format),
-            _ => contents.to_vec(),
+            Physical::Texture { texture, format } => into.look(wanted, |rows| readback::unpad(contents, texture.width(), *format, rows)),
+            _ => into.look(wanted, |bytes| bytes.copy_from_slice(&contents[..wanted])),
         })
     }
+}
+
+/// Writes to buffers come in fours of bytes.
+fn padded(bytes: &[u8]) -> std::borrow::Cow<'_, [u8]> {
+    if bytes.len().is_multiple_of(4) {
+        return bytes.into();
+    }
+    let mut padded = bytes.to_vec();
+    padded.resize(bytes.len().next_multiple_of(4), 0);
+    padded.into()
+}
+
+/// What host steps read or write in a loop, or more than one of them: they hand it to each other, or to their next round.
+fn shared(recording: &Recording) -> HashSet<Resource> {
+    let (mut once, mut shared) = (HashSet::new(), HashSet::new());
+    fn visit(steps: &[Step], in_loop: bool, once: &mut HashSet<Resource>, shared: &mut HashSet<Resource>) {
+        for step in steps {
+            match step {
+                Step::Repeat(repeat) => visit(&repeat.steps, true, once, shared),
+                Step::Node(node) => {
+                    for host in node.commands.iter().filter(|command| matches!(command, Command::Host(_))) {
+                        let touched: HashSet<Resource> = host.resources().into_iter().collect();
+                        shared.extend(touched.into_iter().filter(|resource| !once.insert(*resource) || in_loop));
+                    }
+                }
+            }
+        }
+    }
+    visit(&recording.steps, false, &mut once, &mut shared);
+    shared
+}
+
+/// Of a resource that a host step reads.
+struct Contents {
+    bytes: usize,
+    /// None where they are among the session's copies.
+    own: Option<HostCopy>,
 }
 
 fn encode_draws(pass: &mut wgpu::RenderPass<'_>, draws: &[Draw]) {
@@ -651,7 +774,8 @@ fn merge(nodes: Vec<NodeTimes>) -> Vec<NodeTimes> {
 /// What a host step sees.
 struct HostView<'s, 'a> {
     session: &'s Session<'a>,
-    contents: HashMap<Resource, Vec<u8>>,
+    contents: HashMap<Resource, Contents>,
+    copies: &'s mut Copies,
     lists: &'s mut HashMap<Resource, Vec<Draw>>,
     states: &'s mut HashMap<Resource, Option<Box<dyn Any + Send>>>,
     variables: &'s mut Vec<u32>,
@@ -660,11 +784,25 @@ struct HostView<'s, 'a> {
 
 impl HostContext for HostView<'_, '_> {
     fn read(&self, resource: Resource) -> &[u8] {
-        self.contents.get(&resource).map_or(&[], Vec::as_slice)
+        let nothing: &[Vec4] = &[];
+        let Some(contents) = self.contents.get(&resource) else { return bytemuck::cast_slice(nothing) };
+        let copy = contents.own.as_ref().or_else(|| self.copies.get(resource));
+        copy.and_then(|copy| copy.known(contents.bytes)).unwrap_or(bytemuck::cast_slice(nothing))
     }
 
     fn write(&mut self, resource: Resource, offset: u64, bytes: &[u8]) {
-        self.session.gpu.queue.write_buffer(self.session.buffer(resource), offset, bytes);
+        let is_shared = self.session.shared.contains(&resource);
+        if !is_shared || !self.copies.entry(resource).write(offset as usize, bytes) {
+            self.session.gpu.queue.write_buffer(self.session.buffer(resource), offset, bytes);
+        }
+    }
+
+    fn take(&mut self, resource: Resource) -> Vec<Vec4> {
+        self.copies.entry(resource).take(self.session.unpadded_bytes(resource))
+    }
+
+    fn put(&mut self, resource: Resource, contents: Vec<Vec4>, bytes: u64) {
+        self.copies.entry(resource).put(contents, (bytes as usize).min(self.session.unpadded_bytes(resource)));
     }
 
     fn variable(&self, variable: Variable) -> u32 {
@@ -696,6 +834,10 @@ impl HostContext for HostView<'_, '_> {
 
     fn bvh(&self) -> &Bvh {
         self.session.bvh
+    }
+
+    fn extent(&self) -> f32 {
+        self.session.extent
     }
 
     fn camera(&self) -> (&Camera, [u32; 2]) {

@@ -29,11 +29,9 @@ pub fn staging(gpu: &Gpu, bytes: u64) -> wgpu::Buffer {
 }
 
 /// Rows without their padding.
-pub fn unpadded(rows: &[u8], width: u32, format: Format) -> Vec<u8> {
+pub fn unpad(rows: &[u8], width: u32, format: Format, into: &mut [u8]) {
     let (row, stride) = ((width as u64 * format.bytes()) as usize, format.row_bytes(width) as usize);
-    let mut all = Vec::with_capacity(rows.len() / stride * row);
-    rows.chunks_exact(stride).for_each(|padded| all.extend_from_slice(&padded[..row]));
-    all
+    into.chunks_exact_mut(row).zip(rows.chunks_exact(stride)).for_each(|(row, padded)| row.copy_from_slice(&padded[..row.len()]));
 }
 
 /// Encodes the copy of a texture, all layers, into `row_bytes · height · layers` bytes of a buffer.
@@ -61,7 +59,11 @@ mod tests {
     fn rows_lose_their_padding() {
         let (width, format) = (5, Format::R32Float);
         let padded: Vec<u8> = (0..3 * 256).map(|at| if at % 256 < 20 { (at / 256 * 20 + at % 256) as u8 } else { 255 }).collect();
-        assert_eq!(unpadded(&padded, width, format), (0..60).collect::<Vec<u8>>());
-        assert_eq!(unpadded(&[7; 512], 64, format), [7; 512]);
+        let mut rows = [0; 60];
+        unpad(&padded, width, format, &mut rows);
+        assert_eq!(rows.to_vec(), (0..60).collect::<Vec<u8>>());
+        let mut rows = [0; 512];
+        unpad(&[7; 512], 64, format, &mut rows);
+        assert_eq!(rows, [7; 512]);
     }
 }

@@ -58,7 +58,6 @@ sources![
     "add_records",
     "splat/raster_blend",
     "splat/compute_tiles",
-    "splat/host",
     "normalize",
     "combine",
 ];

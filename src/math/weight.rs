@@ -148,29 +148,65 @@ impl Rule {
         self.reach(record) / (1.0 - record.stretch.length_squared()).max(0.01).sqrt()
     }
 
+    /// What a record estimates at a point, see [`Reaching::estimate`].
+    pub fn estimate(&self, record: &Record, position: Vec3, normal: Vec3) -> Vec3 {
+        self.reaching(record).estimate(position, normal)
+    }
+
+    /// How far from the record toward a point its gradients are followed [scene units].
+    pub fn step(&self, record: &Record, position: Vec3) -> Vec3 {
+        self.reaching(record).step(position)
+    }
+
+    /// Weight of a record at a point, see [`Reaching::weight`].
+    pub fn weight(&self, record: &Record, position: Vec3, normal: Vec3) -> f32 {
+        self.reaching(record).weight(position, normal)
+    }
+
+    /// A record for many points.
+    pub fn reaching<'a>(&'a self, record: &'a Record) -> Reaching<'a> {
+        let reach = self.reach(record).max(LEAST_LENGTH);
+        Reaching { rule: self, record, reach, followed: (self.gradient_reach(record) / reach).min(1.0) }
+    }
+}
+
+/// A record and how far it reaches.
+#[derive(Debug, Clone, Copy)]
+pub struct Reaching<'a> {
+    rule: &'a Rule,
+    record: &'a Record,
+    /// Along the shorter axis [scene units].
+    reach: f32,
+    /// The share of the way to a point along which gradients are followed.
+    followed: f32,
+}
+
+impl Reaching<'_> {
     /// The record's estimate `E_k + (n_k × n)·∇r + (p − p_k)·∇t` of the irradiance at a point, per channel (Gautron 2005,
     /// equation 8, with absolute gradients), within [`EXTRAPOLATION`] times its own. A record that has to reach farther
     /// foretells at its rim what it would have where its gradient ends.
-    pub fn estimate(&self, record: &Record, position: Vec3, normal: Vec3) -> Vec3 {
+    #[inline]
+    pub fn estimate(&self, position: Vec3, normal: Vec3) -> Vec3 {
+        let record = self.record;
         let turn = record.normal.cross(normal);
-        let step = self.step(record, position);
+        let step = self.step(position);
         let change = |channel: usize| turn.dot(record.rotation[channel]) + step.dot(record.translation[channel]);
         let estimate = record.irradiance + Vec3::new(change(0), change(1), change(2));
         estimate.max(record.irradiance * EXTRAPOLATION[0]).min(record.irradiance * EXTRAPOLATION[1])
     }
 
-    /// How far from the record toward a point its gradients are followed [scene units].
-    pub fn step(&self, record: &Record, position: Vec3) -> Vec3 {
-        let share = (self.gradient_reach(record) / self.reach(record).max(LEAST_LENGTH)).min(1.0);
-        (position - record.position) * share
+    #[inline]
+    fn step(&self, position: Vec3) -> Vec3 {
+        (position - self.record.position) * self.followed
     }
 
-    /// Weight of a record at a point; 0 where it does not count: out of reach, turned too far, or in front of the point.
-    pub fn weight(&self, record: &Record, position: Vec3, normal: Vec3) -> f32 {
-        let reach = self.reach(record).max(LEAST_LENGTH);
+    /// Weight of the record at a point; 0 where it does not count: out of reach, turned too far, or in front of the point.
+    #[inline]
+    pub fn weight(&self, position: Vec3, normal: Vec3) -> f32 {
+        let (record, accuracy) = (self.record, self.rule.accuracy);
         let offset = position - record.position;
         let along = offset.dot(record.stretch);
-        let apart = (offset.length_squared() - along * along).max(0.0).sqrt() / reach;
+        let apart = (offset.length_squared() - along * along).max(0.0).sqrt() / self.reach;
         let behind = offset.dot(normal + record.normal) * 0.5;
         if apart > 1.0 || behind < -FRONT_TOLERANCE * offset.length() {
             return 0.0;
@@ -178,13 +214,13 @@ impl Rule {
         // sqrt(1 − n·n_k) as |n − n_k|/√2: exactly 0 for equal normals, where the difference of 1 and a rounded
         // product has lost its digits or its sign.
         let turned = (normal - record.normal).length() * std::f32::consts::FRAC_1_SQRT_2;
-        match self.weighting {
+        match self.rule.weighting {
             Weighting::Ward => {
-                let error = apart * self.accuracy + turned;
-                if error <= self.accuracy { 1.0 / error.max(LEAST_ERROR) } else { 0.0 }
+                let error = apart * accuracy + turned;
+                if error <= accuracy { 1.0 / error.max(LEAST_ERROR) } else { 0.0 }
             }
             Weighting::TabellionLamorlette => (1.0 - apart.max(turned / TEN_DEGREES)).max(0.0),
-            Weighting::Compact => (1.0 - apart - turned / self.accuracy).max(0.0),
+            Weighting::Compact => (1.0 - apart - turned / accuracy).max(0.0),
         }
     }
 }

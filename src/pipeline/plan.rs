@@ -425,7 +425,6 @@ impl<'a> Planner<'a> {
         kept.extend(self.reports.iter().filter_map(|(_, _, from)| if let Reported::Buffer(buffer, _) = from { Some(*buffer) } else { None }));
         let is_dumped = |port: &str| dumps.iter().any(|dump| port == dump || port.strip_prefix(dump.as_str()).is_some_and(|rest| rest.starts_with('.')));
         kept.extend(self.ports.iter().filter(|(name, _)| is_dumped(name)).flat_map(|(_, port)| port.resources()));
-        self.recording.leave_out_unread(&kept);
         let lifetimes = Lifetimes::of(&self.recording, &kept);
         let placement = Placement::of(&self.recording, &lifetimes);
         for saved in &mut self.persistent {

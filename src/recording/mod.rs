@@ -1,7 +1,7 @@
 //! A plan as a value: resources and commands on proxies. Recording needs no device and can be printed.
 
+use glam::Vec4;
 use std::any::Any;
-use std::collections::HashSet;
 use std::sync::Arc;
 
 mod difference;
@@ -258,8 +258,6 @@ pub struct Host {
     /// What is read back before the step runs, whole or `count · stride` bytes of it.
     pub reads: Vec<Read>,
     pub writes: Vec<Resource>,
-    /// Whether it does nothing but write: it is left out where nobody reads that.
-    pub only_writes: bool,
     pub run: HostFunction,
 }
 
@@ -274,10 +272,14 @@ pub type HostFunction = Arc<dyn Fn(&mut dyn HostContext) -> Result<(), String> +
 
 /// What a host step sees while it runs.
 pub trait HostContext {
-    /// Bytes of a resource that the step reads; texture rows without padding.
+    /// Bytes of a resource that the step reads, aligned to 16; texture rows without padding.
     fn read(&self, resource: Resource) -> &[u8];
-    /// Writes bytes to a buffer before the next command, from `offset` on.
+    /// Writes bytes to a buffer before the next command that looks at it, from `offset` on.
     fn write(&mut self, resource: Resource, offset: u64, bytes: &[u8]);
+    /// Takes the host's memory of a resource that the step writes, all of it and what it holds if the step also reads it, to be put back.
+    fn take(&mut self, resource: Resource) -> Vec<Vec4>;
+    /// Puts it back; whatever looks at the resource next sees its first `bytes`, or all of it where there are fewer.
+    fn put(&mut self, resource: Resource, contents: Vec<Vec4>, bytes: u64);
     fn variable(&self, variable: Variable) -> u32;
     fn set(&mut self, variable: Variable, value: u32);
     /// The list of draws, as the step left it last.
@@ -287,6 +289,8 @@ pub trait HostContext {
     /// Triangles and the rest, for steps that look at the scene.
     fn scene(&self) -> &crate::scene::Scene;
     fn bvh(&self) -> &crate::scene::bvh::Bvh;
+    /// Of the scene [scene units].
+    fn extent(&self) -> f32;
     /// Whether the round is the last one of its loop: the time given to the frame is over, or the loop's bound is reached. What
     /// the round adds for a later one would be lost.
     fn is_last_round(&self) -> bool;
@@ -400,15 +404,6 @@ impl Recording {
         &self.resources[resource.0 as usize]
     }
 
-    /// Leaves out host steps that only write what no command reads; `kept` is read after the last step.
-    pub fn leave_out_unread(&mut self, kept: &[Resource]) {
-        let touched = self.nodes().into_iter().flat_map(|node| &node.commands).filter(|command| !command.only_writes()).flat_map(Command::resources);
-        let read: HashSet<Resource> = touched.chain(kept.iter().copied()).collect();
-        for_each_node(&mut self.steps, &mut |node| {
-            node.commands.retain(|command| !command.only_writes() || command.resources().iter().any(|r| read.contains(r)))
-        });
-    }
-
     /// All nodes, those inside loops too, in order.
     pub fn nodes(&self) -> Vec<&Node> {
         fn collect<'a>(steps: &'a [Step], into: &mut Vec<&'a Node>) {
@@ -425,20 +420,7 @@ impl Recording {
     }
 }
 
-fn for_each_node(steps: &mut [Step], change: &mut dyn FnMut(&mut Node)) {
-    for step in steps {
-        match step {
-            Step::Node(node) => change(node),
-            Step::Repeat(repeat) => for_each_node(&mut repeat.steps, change),
-        }
-    }
-}
-
 impl Command {
-    fn only_writes(&self) -> bool {
-        matches!(self, Self::Host(host) if host.only_writes)
-    }
-
     /// Resources that the command touches, scene parts aside.
     pub fn resources(&self) -> Vec<Resource> {
         match self {

@@ -11,9 +11,9 @@ use glam::Vec3;
 
 /// The maps of all lights, layer by layer.
 #[derive(Default)]
-pub struct ShadowMaps {
+pub struct ShadowMaps<'a> {
     /// Reverse Z.
-    pub depth: Vec<f32>,
+    pub depth: &'a [f32],
     /// Edge of a map [texels].
     pub resolution: u32,
     /// From a row to the next [texels].
@@ -130,7 +130,7 @@ impl Lookups {
     pub const NONE: Self = Self { count: 0, of: [0; AT_ONCE], texels: [0; AT_ONCE], limits: [0.0; AT_ONCE], weights: [0.0; AT_ONCE] };
 }
 
-impl ShadowMaps {
+impl ShadowMaps<'_> {
     /// How much of a light arrives at those of eight surface points that have a bit in `lanes`, by percentage-closer filtering against the surfaces' own
     /// planes: it is added to their visibility at once, or when the lookups are finished.
     #[inline(always)]

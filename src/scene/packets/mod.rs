@@ -187,10 +187,9 @@ impl Packets {
 
     /// For each sample of each view what `eye` makes of the triangle that it sees: one-sided surfaces are seen from their front only,
     /// holes of alpha-masked textures not at all. Samples without a ray see nothing.
-    pub fn look<E: Eye>(&self, scene: &Scene, views: &[View], fan: &Fan, eye: &E, seen: &mut Vec<E::Seen>) {
-        seen.clear();
-        seen.resize(views.len() * fan.samples, E::NOTHING);
+    pub fn look<E: Eye>(&self, scene: &Scene, views: &[View], fan: &Fan, eye: &E, seen: &mut [E::Seen]) {
         seen.par_chunks_exact_mut(fan.samples).zip(views).enumerate().for_each_init(Vec::new, |stack, (index, (seen, view))| {
+            seen.fill(E::NOTHING);
             let start = view.position + view.frame.normal * surface_offset(1.0 / self.scale, view.position);
             let origin = self.inside(start).clamp(Vec3::splat(-FARTHEST), Vec3::splat(FARTHEST));
             let walker = Walker { packets: self, scene, origin };
@@ -499,7 +498,7 @@ mod tests {
             let table = table(shape, resolution);
             let fan = Fan::new(&table);
             let views: Vec<View> = scene.triangles.iter().step_by(29).map(|t| view(t.positions.iter().sum::<Vec3>() / 3.0, t.face_normal())).collect();
-            let mut seen = Vec::new();
+            let mut seen = vec![0; views.len() * fan.samples];
             bvh.packets(&scene).look(&scene, &views, &fan, &Numbers, &mut seen);
             let (mut rays, mut others) = (0, 0);
             for (view, tile) in views.iter().zip(seen.chunks(fan.samples)) {
@@ -531,8 +530,9 @@ mod tests {
         let bvh = Bvh::build(&mut scene);
         let table = table(Shape::Hemispherical, 160);
         let views: Vec<View> = (0..40).map(|k| view(Vec3::new(0.3 * (k as f32).sin(), 0.01 * k as f32, 0.2), Vec3::new((k as f32).cos(), 1.0, 0.3))).collect();
-        let mut seen = Vec::new();
-        bvh.packets(&scene).look(&scene, &views, &Fan::new(&table), &Numbers, &mut seen);
+        let fan = Fan::new(&table);
+        let mut seen = vec![0; views.len() * fan.samples];
+        bvh.packets(&scene).look(&scene, &views, &fan, &Numbers, &mut seen);
         let with_ray = table.samples.iter().cycle().zip(&seen).filter(|(sample, _)| sample.plain_weight > 0.0);
         assert_eq!(with_ray.filter(|(_, found)| **found == 0).count(), 0);
     }

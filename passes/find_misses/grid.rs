@@ -1,0 +1,100 @@
+//! Cells of pixels, from coarse to fine: what the searches on the device and on the host share.
+
+use super::Work;
+use crate::contract::{Recorder, Refusal};
+use crate::host_struct;
+use crate::recording::*;
+use std::sync::Arc;
+
+host_struct! {
+    /// Which cells a round looks at, as the device is told.
+    pub struct Round {
+        cell: u32,
+        phase: u32,
+        capacity: u32,
+        start: u32,
+    }
+}
+
+/// Edges of the first cells and of the last, and where the search stands.
+#[derive(Clone, Copy)]
+pub(super) struct Grid {
+    coarsest: u32,
+    finest: u32,
+    /// Edge of the cells.
+    pub cell: Variable,
+    /// Which of the four cells of a block.
+    pub phase: Variable,
+    /// How many phases in a row found nothing at the finest level.
+    idle: Variable,
+}
+
+/// What a round found.
+pub(super) struct Found {
+    /// Requests made, and candidates for them.
+    pub requests: u32,
+    pub candidates: u32,
+    /// One past the last block that was served.
+    pub next_block: u32,
+}
+
+impl Grid {
+    pub fn new(r: &mut Recorder<'_>, [coarsest, finest]: [u32; 2]) -> Result<Self, Refusal> {
+        if !coarsest.is_power_of_two() {
+            return Err(Refusal::of_parameter(
+                "by",
+                "plan::coarsest",
+                format!("cells of {coarsest} pixels cannot be halved down to one"),
+                "give a power of two from 1 to 64",
+            ));
+        }
+        if !finest.is_power_of_two() || finest > coarsest {
+            return Err(Refusal::of_parameter(
+                "by",
+                "plan::finest",
+                format!("cells of {coarsest} pixels cannot be halved down to {finest}"),
+                "give a power of two from 1 to the edge of the coarsest cells",
+            ));
+        }
+        let [cell, phase, idle] = ["cell", "phase", "idle"].map(|name| r.variable(name, false));
+        Ok(Self { coarsest, finest, cell, phase, idle })
+    }
+
+    /// A step before the loop; the device reads the first round, for so many requests, from a buffer.
+    pub fn record_start(self, r: &mut Recorder<'_>, round: Option<(Resource, u32)>) {
+        let run = move |host: &mut dyn HostContext| {
+            host.set(self.cell, self.coarsest);
+            if let Some((round, capacity)) = round {
+                host.write(round, 0, bytemuck::bytes_of(&Round { cell: self.coarsest, phase: 0, capacity, start: 0 }));
+            }
+            Ok(())
+        };
+        let writes = round.iter().map(|(round, _)| *round).collect();
+        r.before_loop(Command::Host(Host { name: "start", reads: Vec::new(), writes, run: Arc::new(run) }));
+    }
+
+    /// Counts what was found and goes on to the next cells; the block from which on those are looked at.
+    pub fn advance(&self, host: &mut dyn HostContext, work: &Work, found: Found) -> u32 {
+        let room = work.room(host);
+        let requests = found.requests.min(room);
+        host.set(work.requests.count, requests);
+        host.set(work.requests.made, host.variable(work.requests.made) + requests);
+        let is_finest = host.variable(self.cell) == self.finest;
+        host.set(self.idle, if is_finest && found.candidates == 0 { host.variable(self.idle) + 1 } else { 0 });
+        // Without room the records of the round before have just been splatted: nothing is left to do.
+        host.set(work.none, (host.variable(self.idle) == 4 || room == 0) as u32);
+        // What did not fit into the batch is looked for again, among what the batch leaves uncovered. Cells that have been served wait: they
+        // would ask again and again while the rest of the picture has no record at all.
+        if found.candidates > work.requests.capacity {
+            return found.next_block;
+        }
+        let next = host.variable(self.phase) + 1;
+        host.set(self.phase, next % 4);
+        if next == 4 && !is_finest {
+            host.set(self.cell, host.variable(self.cell) / 2);
+        } else if next == 4 && self.finest > 1 {
+            host.set(work.none, 1);
+        }
+        0
+    }
+}

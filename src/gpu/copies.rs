@@ -1,0 +1,144 @@
+//! What the host has of resources. Contents stay on the side that made them until the other side looks: host steps that work on one thing after another
+//! move nothing, and what only they look at never reaches the device.
+
+use crate::recording::Resource;
+use glam::Vec4;
+use std::collections::HashMap;
+use std::ops::Range;
+
+/// Copies on the host, by resource.
+#[derive(Default)]
+pub struct Copies(HashMap<Resource, HostCopy>);
+
+/// Of one resource, texture rows without padding.
+#[derive(Default)]
+pub struct HostCopy {
+    /// In vectors, so that items of up to 16 bytes are aligned.
+    contents: Vec<Vec4>,
+    /// Bytes from the start that are what the resource holds.
+    valid: usize,
+    /// Of those, the bytes that the device has not got.
+    ahead: Range<usize>,
+}
+
+impl Copies {
+    pub fn get(&self, resource: Resource) -> Option<&HostCopy> {
+        self.0.get(&resource)
+    }
+
+    pub fn get_mut(&mut self, resource: Resource) -> Option<&mut HostCopy> {
+        self.0.get_mut(&resource)
+    }
+
+    pub fn entry(&mut self, resource: Resource) -> &mut HostCopy {
+        self.0.entry(resource).or_default()
+    }
+
+    /// Forgets what resources hold that are as told, not the room for it.
+    pub fn forget(&mut self, which: impl Fn(Resource) -> bool) {
+        self.0.iter_mut().filter(|(resource, _)| which(**resource)).for_each(|(_, copy)| copy.forget());
+    }
+}
+
+impl HostCopy {
+    /// The first bytes, if they are known.
+    pub fn known(&self, bytes: usize) -> Option<&[u8]> {
+        (bytes <= self.valid).then(|| &bytemuck::cast_slice(&self.contents)[..bytes])
+    }
+
+    pub fn forget(&mut self) {
+        (self.valid, self.ahead) = (0, 0..0);
+    }
+
+    /// Takes the first bytes over from the device.
+    pub fn look(&mut self, bytes: usize, fill: impl FnOnce(&mut [u8])) {
+        self.make_room(bytes);
+        fill(&mut bytemuck::cast_slice_mut(&mut self.contents)[..bytes]);
+        (self.valid, self.ahead) = (bytes, 0..0);
+    }
+
+    /// Whether bytes at `offset` were taken; not where those before them are unknown here.
+    pub fn write(&mut self, offset: usize, bytes: &[u8]) -> bool {
+        if offset > self.valid {
+            return false;
+        }
+        let end = offset + bytes.len();
+        self.make_room(end);
+        bytemuck::cast_slice_mut(&mut self.contents)[offset..end].copy_from_slice(bytes);
+        self.changed(offset..end);
+        true
+    }
+
+    /// The room, `bytes` long at least, to be filled and given back.
+    pub fn take(&mut self, bytes: usize) -> Vec<Vec4> {
+        self.make_room(bytes);
+        std::mem::take(&mut self.contents)
+    }
+
+    /// Gives back what was taken, the first `bytes` filled.
+    pub fn put(&mut self, contents: Vec<Vec4>, bytes: usize) {
+        self.contents = contents;
+        self.changed(0..bytes);
+        self.valid = bytes;
+    }
+
+    /// What the device has not got, and where it belongs.
+    pub fn ahead(&self) -> Option<(usize, &[u8])> {
+        (!self.ahead.is_empty()).then(|| (self.ahead.start, &bytemuck::cast_slice(&self.contents)[self.ahead.clone()]))
+    }
+
+    /// From now on the device has it.
+    pub fn caught_up(&mut self) {
+        self.ahead = 0..0;
+    }
+
+    fn changed(&mut self, range: Range<usize>) {
+        self.ahead = if self.ahead.is_empty() { range.clone() } else { self.ahead.start.min(range.start)..self.ahead.end.max(range.end) };
+        self.valid = self.valid.max(range.end);
+    }
+
+    fn make_room(&mut self, bytes: usize) {
+        let vectors = bytes.div_ceil(size_of::<Vec4>());
+        if self.contents.len() < vectors {
+            self.contents.resize(vectors, Vec4::ZERO);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_ahead_is_told_once_and_all_of_it() {
+        let mut copy = HostCopy::default();
+        assert!(copy.write(0, &[1; 8]) && copy.write(4, &[2; 8]));
+        assert_eq!(copy.known(12), Some(&[1, 1, 1, 1, 2, 2, 2, 2, 2, 2, 2, 2][..]));
+        assert_eq!(copy.known(13), None);
+        assert_eq!(copy.ahead(), Some((0, &[1, 1, 1, 1, 2, 2, 2, 2, 2, 2, 2, 2][..])));
+        copy.caught_up();
+        assert_eq!(copy.ahead(), None);
+        assert!(copy.write(12, &[3; 4]));
+        assert_eq!(copy.ahead(), Some((12, &[3; 4][..])));
+    }
+
+    #[test]
+    fn a_gap_is_left_to_the_device() {
+        let mut copy = HostCopy::default();
+        assert!(!copy.write(4, &[1; 4]));
+        copy.look(8, |bytes| bytes.fill(5));
+        assert!(copy.write(8, &[1; 4]) && copy.known(12) == Some(&[5, 5, 5, 5, 5, 5, 5, 5, 1, 1, 1, 1]));
+        copy.forget();
+        assert!(copy.known(1).is_none() && copy.ahead().is_none());
+    }
+
+    #[test]
+    fn what_is_put_back_is_what_there_is() {
+        let mut copy = HostCopy::default();
+        let room = copy.take(33);
+        assert_eq!(room.len(), 3);
+        copy.put(room, 20);
+        assert!(copy.known(20).is_some() && copy.known(21).is_none());
+        assert_eq!(copy.ahead().map(|(at, bytes)| (at, bytes.len())), Some((0, 20)));
+    }
+}

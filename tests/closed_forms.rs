@@ -199,7 +199,7 @@ struct View {
 
 /// Samples along a side, where nothing else is said.
 const RESOLUTION: u32 = 64;
-const SUMS: [&str; 4] = ["WorkgroupTree", "MipmapChain", "PingPong", "CpuReadback"];
+const SUMS: [&str; 5] = ["WorkgroupTree", "MipmapChain", "PingPong", "CpuReadback", "Host"];
 /// Half width of the sampling plane at distance 1, as RCS has it.
 const HALF_WIDTH: f64 = 2.0;
 

@@ -18,15 +18,19 @@ const MAY_NAME: [(&str, &[&str]); 10] = [
 ];
 
 /// Where files may be read and threads be started; everything else has to run in a browser too. Shaders are built, tiles of rays
-/// cast, projected and splatted, skies turned side by side, where rayon has threads to do it.
-const MAY_TOUCH_THE_SYSTEM: [&str; 9] = [
+/// cast, summed and projected, records added and splatted, misses looked for, skies turned side by side, where rayon has threads to do it.
+const MAY_TOUCH_THE_SYSTEM: [&str; 13] = [
     "src/cli/",
     "src/scene/load",
     "src/scene/packets/mod.rs",
     "src/reference/",
     "src/gpu/pipelines.rs",
+    "passes/add_records.rs",
     "passes/direct_light/host.rs",
     "passes/environment_light/host.rs",
+    "passes/find_misses/host_grid.rs",
+    "passes/irradiance_sum/host.rs",
+    "passes/splat/host.rs",
     "passes/splat/host_radiance.rs",
     "passes/radiance_projection/host.rs",
 ];

@@ -34,7 +34,7 @@ type Case = fn(&Stage) -> Outcome;
 
 fn main() {
     let required = env::var("HEMISPLAT_REQUIRE").is_ok_and(|list| list.split(',').any(|item| item.trim() == "gpu"));
-    let cases: [(&str, bool, Case); 11] = [
+    let cases: [(&str, bool, Case); 12] = [
         ("sums_agree_with_double_precision", false, sums_agree),
         ("curvatures_agree_with_double_precision", false, curvatures_agree),
         ("half_precision_sums_stay_finite", false, half_sums_are_bounded),
@@ -42,6 +42,7 @@ fn main() {
         ("tiles_that_cannot_be_halved_are_refused", false, odd_tiles_are_refused),
         ("splats_agree_pixel_by_pixel", false, splats_agree),
         ("fills_cover_every_pixel_and_repeat", false, fills_cover),
+        ("fills_on_host_and_device_agree", false, fills_agree),
         ("batches_serve_each_cell_once", false, batches_serve_each_cell_once),
         ("a_sequential_walk_has_no_surplus", false, sequential_walk),
         ("weights_on_the_host_are_those_on_the_device", false, weights_agree),
@@ -277,7 +278,7 @@ const TILES: usize = 4;
 const SHAPES: [(Shape, u32); 5] =
     [(Shape::Cosine, 16), (Shape::Plane { fov_degrees: 126.87 }, 64), (Shape::Hemicube, 16), (Shape::Hemispherical, 32), (Shape::Cosine, 24)];
 
-const SUMS: [&str; 4] = ["WorkgroupTree", "MipmapChain:F32", "PingPong:F32", "CpuReadback"];
+const SUMS: [&str; 5] = ["WorkgroupTree", "MipmapChain:F32", "PingPong:F32", "CpuReadback", "Host"];
 
 /// Samples of a mild tile, of one with radiance from 1e-6 to 1e6, of one that touches a wall, and of a bit of ceiling under the sky.
 fn tiles(table: &Table, extent: f32) -> [Vec<[f32; 4]>; TILES] {
@@ -617,7 +618,7 @@ fn many_records(stage: &Stage) -> Outcome {
 // Walks
 
 /// A whole fill: irradiance, and what the nodes report by name.
-fn filled(stage: &Stage, batch: u32, sequential: bool, splat: &str, misses: &str, sum: &str) -> Result<(Vec<u8>, BTreeMap<&'static str, u32>), Failed> {
+fn filled(stage: &Stage, batch: u32, sequential: bool, [splat, misses, sum, add]: [&str; 4]) -> Result<(Vec<u8>, BTreeMap<&'static str, u32>), Failed> {
     let mut graph = Graph::new(stage, [60, 45]);
     graph.node("gbuffer", "GBuffer", &[], &[])?;
     // Closer than the default, of which a batch of 32 would fill a third of so small a picture.
@@ -628,7 +629,7 @@ fn filled(stage: &Stage, batch: u32, sequential: bool, splat: &str, misses: &str
     graph.node("tiles", "HemisphereTiles", &[("resolution", "8")], &[("at", "misses")])?;
     graph.node("closed", "Compensation", &[], &[("of", "tiles")])?;
     graph.node("records", "IrradianceSum", &[("by", sum)], &[("of", "closed")])?;
-    graph.node("added", "AddRecords", &[], &[("to", "cache"), ("records", "records")])?;
+    graph.node("added", "AddRecords", &[("by", add)], &[("to", "cache"), ("records", "records")])?;
     graph.end_loop("misses.none")?;
     graph.node("indirect", "Normalize", &[], &[("splats", "splats"), ("gbuffer", "gbuffer")])?;
     let irradiance = graph.texture("indirect.irradiance")?;
@@ -640,27 +641,45 @@ fn filled(stage: &Stage, batch: u32, sequential: bool, splat: &str, misses: &str
     Ok((session.read(irradiance).map_err(|e| e.to_string())?, reports))
 }
 
-/// A fill that covers everything, twice with the same bits; its reports.
-fn filled_twice(stage: &Stage, batch: u32, sequential: bool, splat: &str, misses: &str, sum: &str) -> Result<BTreeMap<&'static str, u32>, Failed> {
-    let runs = [filled(stage, batch, sequential, splat, misses, sum)?, filled(stage, batch, sequential, splat, misses, sum)?];
-    let name = format!("batches of {batch}, {splat}, {misses}, {sum}");
+/// A fill that covers everything, twice with the same bits; its irradiance and its reports.
+fn filled_twice(stage: &Stage, batch: u32, sequential: bool, ways: [&str; 4]) -> Result<(Vec<[f32; 4]>, BTreeMap<&'static str, u32>), Failed> {
+    let runs = [filled(stage, batch, sequential, ways)?, filled(stage, batch, sequential, ways)?];
+    let name = format!("batches of {batch}, {ways:?}");
     check(runs[0] == runs[1], || format!("{name}: two runs differ"))?;
-    let [(_, reports), _] = runs;
+    let [(irradiance, reports), _] = runs;
     println!("{name}: {reports:?}");
     let whole = reports["uncovered_pixels"] == 0 && reports["non_finite_pixels"] == 0 && reports["records"] > 50;
     check(whole, || format!("{name}: {reports:?}"))?;
-    Ok(reports)
+    Ok((bytemuck::pod_collect_to_vec(&irradiance), reports))
 }
 
 fn fills_cover(stage: &Stage) -> Outcome {
     for splat in stage.splats() {
-        filled_twice(stage, 32, false, splat, "DeviceGrid", "WorkgroupTree")?;
+        filled_twice(stage, 32, false, [splat, "DeviceGrid", "WorkgroupTree", "Device"])?;
     }
     for sum in &SUMS[1..] {
-        filled_twice(stage, 32, false, "ComputeTiles", "DeviceGrid", sum)?;
+        filled_twice(stage, 32, false, ["ComputeTiles", "DeviceGrid", sum, "Device"])?;
     }
-    let reports = filled_twice(stage, 32, false, "ComputeTiles", "HostScan", "WorkgroupTree")?;
+    let (_, reports) = filled_twice(stage, 32, false, ["ComputeTiles", "HostScan", "WorkgroupTree", "Device"])?;
     check(reports["surplus_records"] * 10 < reports["records"], || format!("a tenth of the records or more is surplus: {reports:?}"))
+}
+
+/// Whichever of the steps run on the host and hand each other what they made, and which on the device: the picture is the same but where rounding
+/// decides whether a pixel misses a record.
+fn fills_agree(stage: &Stage) -> Outcome {
+    let (expected, reports) = filled_twice(stage, 32, false, ["ComputeTiles", "DeviceGrid", "WorkgroupTree", "Device"])?;
+    let mean = expected.iter().flatten().sum::<f32>() / expected.len() as f32;
+    for choice in 1..16u32 {
+        let pick = |bit: u32, ways: [&'static str; 2]| ways[(choice >> bit & 1) as usize];
+        let ways = [pick(0, ["ComputeTiles", "Host"]), pick(1, ["DeviceGrid", "HostGrid"]), pick(2, ["WorkgroupTree", "Host"]), pick(3, ["Device", "Suited"])];
+        let (found, other) = filled_twice(stage, 32, false, ways)?;
+        let squares: f32 = found.iter().flatten().zip(expected.iter().flatten()).map(|(a, b)| (a - b).powi(2)).sum();
+        let error = (squares / expected.len() as f32).sqrt() / mean;
+        check(error < 5e-3, || format!("{ways:?}: {error} of the mean apart"))?;
+        check(other["records"].abs_diff(reports["records"]) * 50 <= reports["records"], || format!("{ways:?}: {other:?}, not {reports:?}"))?;
+        check(other["surplus_records"].abs_diff(reports["surplus_records"]) <= 3, || format!("{ways:?}: {other:?}, not {reports:?}"))?;
+    }
+    Ok(())
 }
 
 /// Batches of two among cells of 8×8 pixels: none has a second record before each has one, though no record reaches beyond its pixel.
@@ -694,7 +713,7 @@ fn batches_serve_each_cell_once(stage: &Stage) -> Outcome {
 
 fn sequential_walk(stage: &Stage) -> Outcome {
     for splat in stage.splats() {
-        let reports = filled_twice(stage, 1, true, splat, "HostScan", "WorkgroupTree")?;
+        let (_, reports) = filled_twice(stage, 1, true, [splat, "HostScan", "WorkgroupTree", "Suited"])?;
         check(reports["surplus_records"] == 0, || format!("{reports:?}"))?;
     }
     Ok(())

@@ -6,6 +6,7 @@ pub static EMBEDDED: &[(&str, &str)] = &[
     ("irradiance-compute-splat.ron", include_str!("../../pipelines/irradiance-compute-splat.ron")),
     ("irradiance-cosine.ron", include_str!("../../pipelines/irradiance-cosine.ron")),
     ("irradiance-curvature.ron", include_str!("../../pipelines/irradiance-curvature.ron")),
+    ("irradiance-device.ron", include_str!("../../pipelines/irradiance-device.ron")),
     ("irradiance-device-rays.ron", include_str!("../../pipelines/irradiance-device-rays.ron")),
     ("irradiance-emitters-in-records.ron", include_str!("../../pipelines/irradiance-emitters-in-records.ron")),
     ("irradiance-general.ron", include_str!("../../pipelines/irradiance-general.ron")),

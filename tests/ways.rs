@@ -617,8 +617,11 @@ fn many_records(stage: &Stage) -> Outcome {
 
 // Walks
 
+/// What nodes report, by name.
+type Reports = BTreeMap<&'static str, u32>;
+
 /// A whole fill: irradiance, and what the nodes report by name.
-fn filled(stage: &Stage, batch: u32, sequential: bool, [splat, misses, sum, add]: [&str; 4]) -> Result<(Vec<u8>, BTreeMap<&'static str, u32>), Failed> {
+fn filled(stage: &Stage, batch: u32, sequential: bool, [splat, misses, sum, add]: [&str; 4]) -> Result<(Vec<u8>, Reports), Failed> {
     let mut graph = Graph::new(stage, [60, 45]);
     graph.node("gbuffer", "GBuffer", &[], &[])?;
     // Closer than the default, of which a batch of 32 would fill a third of so small a picture.
@@ -642,7 +645,7 @@ fn filled(stage: &Stage, batch: u32, sequential: bool, [splat, misses, sum, add]
 }
 
 /// A fill that covers everything, twice with the same bits; its irradiance and its reports.
-fn filled_twice(stage: &Stage, batch: u32, sequential: bool, ways: [&str; 4]) -> Result<(Vec<[f32; 4]>, BTreeMap<&'static str, u32>), Failed> {
+fn filled_twice(stage: &Stage, batch: u32, sequential: bool, ways: [&str; 4]) -> Result<(Vec<[f32; 4]>, Reports), Failed> {
     let runs = [filled(stage, batch, sequential, ways)?, filled(stage, batch, sequential, ways)?];
     let name = format!("batches of {batch}, {ways:?}");
     check(runs[0] == runs[1], || format!("{name}: two runs differ"))?;

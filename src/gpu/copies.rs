@@ -26,10 +26,6 @@ impl Copies {
         self.0.get(&resource)
     }
 
-    pub fn get_mut(&mut self, resource: Resource) -> Option<&mut HostCopy> {
-        self.0.get_mut(&resource)
-    }
-
     pub fn entry(&mut self, resource: Resource) -> &mut HostCopy {
         self.0.entry(resource).or_default()
     }

@@ -298,7 +298,7 @@ impl<'a> Session<'a> {
 
     /// Overwrites the start of a buffer.
     pub fn write(&mut self, resource: Resource, bytes: &[u8]) {
-        self.catch_up(resource);
+        self.upload_ahead(resource);
         self.copies.forget(|other| other == resource);
         self.gpu.queue.write_buffer(self.buffer(resource), 0, bytes);
     }
@@ -589,7 +589,7 @@ impl<'a> Session<'a> {
             let is_shared = self.shared.contains(&read.resource);
             contents.insert(read.resource, Contents { bytes: wanted, own: (!is_shared).then(HostCopy::default) });
             if self.copies.get(read.resource).is_none_or(|copy| copy.known(wanted).is_none()) && wanted > 0 {
-                self.catch_up(read.resource);
+                self.catch_up(read.resource, pending);
                 let staging = self.kept_staging(read.resource);
                 copies.push((*read, self.copy_out(pending, *read, &staging), staging));
             }
@@ -610,20 +610,19 @@ impl<'a> Session<'a> {
     /// Brings to the device what a command may look at; the host takes it for changed by the command.
     fn catch_up_all(&mut self, command: &Command, pending: &mut Pending) {
         for resource in command.resources() {
-            let Some(copy) = self.copies.get(resource) else { continue };
-            if copy.ahead().is_some() && !pending.empty {
-                self.submit(pending);
-            }
-            self.catch_up(resource);
-            self.copies.entry(resource).forget();
+            self.catch_up(resource, pending);
+            self.copies.forget(|other| other == resource);
         }
     }
 
-    /// Brings to the device what the host alone has of a resource; commands that are not yet submitted see it.
-    fn catch_up(&mut self, resource: Resource) {
-        self.upload_ahead(resource);
-        if let Some(copy) = self.copies.get_mut(resource) {
-            copy.caught_up();
+    /// Brings to the device what the host alone has of a resource, after the commands so far: they may look at another that has the same memory.
+    fn catch_up(&mut self, resource: Resource, pending: &mut Pending) {
+        if self.copies.get(resource).is_some_and(|copy| copy.ahead().is_some()) {
+            if !pending.empty {
+                self.submit(pending);
+            }
+            self.upload_ahead(resource);
+            self.copies.entry(resource).caught_up();
         }
     }
 
@@ -699,24 +698,29 @@ fn padded(bytes: &[u8]) -> std::borrow::Cow<'_, [u8]> {
     padded.into()
 }
 
-/// What host steps read or write in a loop, or more than one of them: they hand it to each other, or to their next round.
+/// What host steps hand to each other or to their next round: what more than one of them touches, one in a loop, or one that changes it in place.
 fn shared(recording: &Recording) -> HashSet<Resource> {
     let (mut once, mut shared) = (HashSet::new(), HashSet::new());
-    fn visit(steps: &[Step], in_loop: bool, once: &mut HashSet<Resource>, shared: &mut HashSet<Resource>) {
-        for step in steps {
-            match step {
-                Step::Repeat(repeat) => visit(&repeat.steps, true, once, shared),
-                Step::Node(node) => {
-                    for host in node.commands.iter().filter(|command| matches!(command, Command::Host(_))) {
-                        let touched: HashSet<Resource> = host.resources().into_iter().collect();
-                        shared.extend(touched.into_iter().filter(|resource| !once.insert(*resource) || in_loop));
-                    }
-                }
+    share(&recording.steps, false, &mut once, &mut shared);
+    shared
+}
+
+fn share(steps: &[Step], in_loop: bool, once: &mut HashSet<Resource>, shared: &mut HashSet<Resource>) {
+    for step in steps {
+        let node = match step {
+            Step::Repeat(repeat) => {
+                share(&repeat.steps, true, once, shared);
+                continue;
+            }
+            Step::Node(node) => node,
+        };
+        for command in &node.commands {
+            if let Command::Host(host) = command {
+                let touched = host.reads.iter().map(|read| read.resource).chain(host.writes.iter().copied());
+                shared.extend(touched.filter(|resource| !once.insert(*resource) || in_loop));
             }
         }
     }
-    visit(&recording.steps, false, &mut once, &mut shared);
-    shared
 }
 
 /// Of a resource that a host step reads.
@@ -791,8 +795,8 @@ impl HostContext for HostView<'_, '_> {
     }
 
     fn write(&mut self, resource: Resource, offset: u64, bytes: &[u8]) {
-        let is_shared = self.session.shared.contains(&resource);
-        if !is_shared || !self.copies.entry(resource).write(offset as usize, bytes) {
+        let is_kept = self.session.shared.contains(&resource) || self.copies.get(resource).is_some();
+        if !is_kept || !self.copies.entry(resource).write(offset as usize, bytes) {
             self.session.gpu.queue.write_buffer(self.session.buffer(resource), offset, bytes);
         }
     }

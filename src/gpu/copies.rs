@@ -47,10 +47,11 @@ impl HostCopy {
     }
 
     /// Takes the first bytes over from the device.
-    pub fn look(&mut self, bytes: usize, fill: impl FnOnce(&mut [u8])) {
+    pub fn look<E>(&mut self, bytes: usize, fill: impl FnOnce(&mut [u8]) -> Result<(), E>) -> Result<(), E> {
         self.make_room(bytes);
-        fill(&mut bytemuck::cast_slice_mut(&mut self.contents)[..bytes]);
+        fill(&mut bytemuck::cast_slice_mut(&mut self.contents)[..bytes])?;
         (self.valid, self.ahead) = (bytes, 0..0);
+        Ok(())
     }
 
     /// Whether bytes at `offset` were taken; not where those before them are unknown here.
@@ -122,7 +123,11 @@ mod tests {
     fn a_gap_is_left_to_the_device() {
         let mut copy = HostCopy::default();
         assert!(!copy.write(4, &[1; 4]));
-        copy.look(8, |bytes| bytes.fill(5));
+        let looked: Result<(), ()> = copy.look(8, |bytes| {
+            bytes.fill(5);
+            Ok(())
+        });
+        assert!(looked.is_ok());
         assert!(copy.write(8, &[1; 4]) && copy.known(12) == Some(&[5, 5, 5, 5, 5, 5, 5, 5, 1, 1, 1, 1]));
         copy.forget();
         assert!(copy.known(1).is_none() && copy.ahead().is_none());

@@ -291,9 +291,9 @@ impl<'a> Session<'a> {
         let staging = readback::staging(self.gpu, self.whole_bytes(resource));
         let bytes = self.copy_out(&mut pending, read, &staging);
         self.submit(&mut pending);
-        let mut contents = HostCopy::default();
+        let mut contents = vec![0; self.unpadded_bytes(resource)];
         self.finish_read(read, &staging, bytes, &mut contents)?;
-        Ok(contents.known(self.unpadded_bytes(resource)).map_or_else(Vec::new, <[u8]>::to_vec))
+        Ok(contents)
     }
 
     /// Overwrites the start of a buffer.
@@ -600,7 +600,8 @@ impl<'a> Session<'a> {
         for (read, bytes, staging) in copies {
             let own = contents.get_mut(&read.resource).and_then(|contents| contents.own.as_mut());
             let mut copies = std::mem::take(&mut self.copies);
-            let result = self.finish_read(read, &staging, bytes, own.unwrap_or_else(|| copies.entry(read.resource)));
+            let copy = own.unwrap_or_else(|| copies.entry(read.resource));
+            let result = copy.look(self.wanted_bytes(read), |into| self.finish_read(read, &staging, bytes, into));
             self.copies = copies;
             result?;
         }
@@ -676,14 +677,13 @@ impl<'a> Session<'a> {
         bytes
     }
 
-    fn finish_read(&self, read: Read, staging: &wgpu::Buffer, bytes: u64, into: &mut HostCopy) -> Result<(), GpuError> {
-        let wanted = self.wanted_bytes(read);
+    fn finish_read(&self, read: Read, staging: &wgpu::Buffer, bytes: u64, into: &mut [u8]) -> Result<(), GpuError> {
         if bytes == 0 {
             return Ok(());
         }
         readback::look(self.gpu, staging, bytes, |contents| match &self.physical[read.resource.0 as usize] {
-            Physical::Texture { texture, format } => into.look(wanted, |rows| readback::unpad(contents, texture.width(), *format, rows)),
-            _ => into.look(wanted, |bytes| bytes.copy_from_slice(&contents[..wanted])),
+            Physical::Texture { texture, format } => readback::unpad(contents, texture.width(), *format, into),
+            _ => into.copy_from_slice(&contents[..into.len()]),
         })
     }
 }

@@ -73,6 +73,7 @@ impl Pass for AddRecords {
             }
         };
         if coefficients.is_none() && r.arguments.choice("by").0 == "Suited" && r.setting.fills_on_host() {
+            r.remark("records join on the host, as the device is a driver on the same cores");
             record_on_host(r, &new, &cache);
         } else {
             record_on_device(r, &new, &cache, coefficients);

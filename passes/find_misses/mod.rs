@@ -123,7 +123,11 @@ impl Pass for FindMisses {
             ("HostScan", arguments) => host_scan::record(r, &work, arguments.integer("spacing") as u32),
             (by, arguments) => {
                 let grid = Grid::new(r, [arguments.integer("coarsest") as u32, arguments.integer("finest") as u32])?;
-                if by == "HostGrid" || (by == "Grid" && r.setting.fills_on_host()) {
+                let suits_host = by == "Grid" && r.setting.fills_on_host();
+                if suits_host {
+                    r.remark("misses are looked for on the host, as the device is a driver on the same cores");
+                }
+                if by == "HostGrid" || suits_host {
                     host_grid::record(r, &work, grid);
                 } else {
                     device_grid::record(r, &work, grid);

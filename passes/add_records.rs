@@ -151,9 +151,11 @@ fn record_on_host(r: &mut Recorder<'_>, new: &port::Records, cache: &port::Recor
             record.translation[1][3] = cache.rule.fineness(&weight::Record::from(&record), level as f32);
             record
         };
-        let clamped = |record: &Record| Record { radius: if clamps { clamped_radius(record, before) } else { record.radius }, ..*record };
-        let joined: Vec<Record> = batch.par_iter().map(|record| refined(&clamped(record))).collect();
-        let unclamped: Vec<weight::Record> = batch.iter().map(|record| weight::Record::from(&refined(record))).collect();
+        let mut joined: Vec<Record> = batch.iter().map(refined).collect();
+        let unclamped: Vec<weight::Record> = joined.iter().map(weight::Record::from).collect();
+        if clamps {
+            joined.par_iter_mut().for_each(|record| record.radius = clamped_radius(record, before));
+        }
         let is_surplus = |index: &usize| {
             let place = &unclamped[*index];
             unclamped[..*index].iter().any(|other| cache.rule.weight(other, place.position, place.normal) > cache.rule.overlap)

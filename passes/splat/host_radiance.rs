@@ -1,7 +1,7 @@
 //! Radiance that lobes reflect, added to the pixels on the host: where the device is a driver on the same cores, its loads from places that
 //! differ between lanes take longer than the sums themselves.
 
-use super::{Radiance, Work};
+use super::{Radiance, Work, bands};
 use crate::contract::{Recorder, Refusal, port};
 use crate::math::{
     harmonics::{Tilting, reflection::LobeTable},
@@ -13,11 +13,7 @@ use crate::passes::record::{RECORD_BYTES, Record as HostRecord, pinhole, texels}
 use crate::recording::*;
 use glam::{Vec3, Vec4};
 use half::f16;
-use rayon::prelude::*;
 use std::sync::Arc;
-
-/// Rows of pixels that are summed as one.
-const ROWS: u32 = 8;
 
 /// Steps of tables of matrices.
 const STEPS: usize = 64;
@@ -33,7 +29,6 @@ struct Pictures {
 struct Placed<'a> {
     record: &'a Record,
     planes: &'a [Vec4],
-    bounds: PixelRectangle,
 }
 
 pub(super) fn record(r: &mut Recorder<'_>, work: &Work, radiance: &Radiance) -> Result<(), Refusal> {
@@ -56,29 +51,14 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, radiance: &Radiance) -> 
         let values = fours(host.read(coefficients.values), coefficients.precision, &records);
         let camera = pinhole(host);
         let pictures = Pictures { position: texels(host, gbuffer.position), normal: texels(host, gbuffer.normal), seen: texels(host, seen) };
-        let placed: Vec<Placed> = records
+        let placed: Vec<(PixelRectangle, Placed)> = records
             .iter()
             .zip(values.chunks_exact(port::Coefficients::fours(coefficients.order) as usize))
-            .filter_map(|(record, planes)| Some(Placed { record, planes, bounds: camera.bounds(record.position, cache.rule.longest_reach(record) * 1.0001)? }))
+            .filter_map(|(record, planes)| Some((camera.bounds(record.position, cache.rule.longest_reach(record) * 1.0001)?, Placed { record, planes })))
             .collect();
-        let mut sums = vec![Vec4::ZERO; pictures.position.len()];
-        let mut counts = vec![Vec4::ZERO; pictures.position.len()];
-        let rows = (ROWS * width) as usize;
-        sums.par_chunks_mut(rows).zip(counts.par_chunks_mut(rows)).enumerate().for_each(|(band, (sums, counts))| {
-            let first = band as u32 * ROWS;
-            for place in placed.iter().filter(|p| p.bounds.min[1] < first + ROWS && p.bounds.max[1] > first) {
-                for row in place.bounds.min[1].max(first)..place.bounds.max[1].min(first + ROWS) {
-                    for column in place.bounds.min[0]..place.bounds.max[0] {
-                        let at = ((row - first) * width + column) as usize;
-                        if let Some(value) = pictures.contribution(&cache, &lobes, tilting.as_ref(), place, camera.eye, (row * width + column) as usize) {
-                            sums[at] += value;
-                            counts[at] += Vec4::ONE;
-                        }
-                    }
-                }
-            }
-        });
-        for (image, contents) in written.iter().zip([sums, counts]) {
+        let mut images = vec![vec![Vec4::ZERO; pictures.position.len()]; written.len()];
+        bands::add(width, &placed, &mut images, |place, pixel| pictures.contribution(&cache, &lobes, tilting.as_ref(), place, camera.eye, pixel));
+        for (image, contents) in written.iter().zip(images) {
             host.put(*image, contents, u64::MAX);
         }
         Ok(())

@@ -4,6 +4,7 @@ use crate::contract::{Choice, Description, Input, Output, Parameter, ParameterKi
 use crate::math::harmonics::{Method, reflection::quads};
 use crate::recording::*;
 
+mod bands;
 mod compute_tiles;
 mod host;
 mod host_radiance;

@@ -565,11 +565,11 @@ impl<'a> Session<'a> {
 
     fn run_host(&mut self, host: &Host, node: &Node, pending: &mut Pending) -> Result<(), GpuError> {
         let failed = |reason: String| GpuError::HostStep { node: node.name.clone(), reason };
+        let contents = self.read_back(host, pending)?;
         // What is written must reach the device after the commands before this step and before those after it.
         if !host.writes.is_empty() && !pending.empty {
             self.submit(pending);
         }
-        let contents = self.read_back(host, pending)?;
         let (mut lists, mut states, mut variables) = (std::mem::take(&mut self.lists), std::mem::take(&mut self.states), std::mem::take(&mut self.variables));
         let (mut latest, mut copies) = (std::mem::take(&mut self.latest), std::mem::take(&mut self.copies));
         let mut view =

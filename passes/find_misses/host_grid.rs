@@ -18,17 +18,21 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, grid: Grid) {
     r.host("search", &reads, &[places], move |host| {
         let picture =
             Picture { position: bytemuck::cast_slice(host.read(gbuffer.position)), sums: bytemuck::cast_slice(host.read(sums)), size, overlap: work.overlap };
-        let all = picture.search(host.variable(grid.cell), host.variable(grid.phase), host.variable(start));
-        let picked = &all[..all.len().min(work.requests.capacity as usize)];
+        let most = work.requests.capacity as usize;
+        let some = picture.search(host.variable(grid.cell), host.variable(grid.phase), host.variable(start), most);
+        let picked = &some[..some.len().min(most)];
         let normals: &[Vec4] = bytemuck::cast_slice(host.read(gbuffer.normal));
         let new: Vec<Request> = picked.iter().map(|(_, pixel)| request(picture.position[*pixel as usize], normals[*pixel as usize], *pixel)).collect();
-        let found = Found { requests: picked.len() as u32, candidates: all.len() as u32, next_block: picked.last().map_or(0, |(block, _)| block + 1) };
+        let found = Found { requests: picked.len() as u32, candidates: some.len() as u32, next_block: picked.last().map_or(0, |(block, _)| block + 1) };
         host.write(places, 0, bytemuck::cast_slice(&new));
         let next = grid.advance(host, &work, found);
         host.set(start, next);
         Ok(())
     });
 }
+
+/// Blocks that are looked at side by side, before it is asked whether a batch is full.
+const STRETCH: u32 = 4096;
 
 /// What there is of each pixel.
 struct Picture<'a> {
@@ -39,14 +43,21 @@ struct Picture<'a> {
 }
 
 impl Picture<'_> {
-    /// Blocks of 2×2 cells from `start` on that miss a record in the cell of the phase, with the pixel that asks for it.
-    fn search(&self, cell: u32, phase: u32, start: u32) -> Vec<(u32, u32)> {
+    /// Blocks of 2×2 cells from `start` on that miss a record in the cell of the phase, with the pixel that asks for it: all of them, or the first
+    /// ones and more than `most`.
+    fn search(&self, cell: u32, phase: u32, start: u32, most: usize) -> Vec<(u32, u32)> {
         let [across, down] = self.size.map(|edge| edge.div_ceil(2 * cell));
         let candidate = |block: u32| {
             let corner = [(block % across * 2 + (phase & 1)) * cell, (block / across * 2 + (phase >> 1)) * cell];
             Some((block, self.first_miss(corner, cell)?))
         };
-        (start..across * down).into_par_iter().with_min_len(64).filter_map(candidate).collect()
+        let (mut found, mut blocks) = (Vec::new(), start..across * down);
+        while found.len() <= most && !blocks.is_empty() {
+            let next = blocks.end.min(blocks.start + STRETCH);
+            found.par_extend((blocks.start..next).into_par_iter().with_min_len(64).filter_map(candidate));
+            blocks.start = next;
+        }
+        found
     }
 
     /// Of a cell, from its middle outwards.

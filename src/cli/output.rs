@@ -88,7 +88,6 @@ impl Target {
         let path = self.resolved();
         let mut file = temporary(folder(&path))?;
         fill(file.as_file_mut())?;
-        file.as_file().sync_all()?;
         file.persist(&path).map_err(|error| error.error)?;
         Ok(())
     }

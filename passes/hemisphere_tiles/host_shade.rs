@@ -68,7 +68,9 @@ const GROUPS: usize = RAYS / LANES;
 const FAR_AWAY: f32 = 1e30;
 
 /// Triangles side by side, and the rays that meet them.
-struct Gathered<S: Simd> {
+struct Gathered<'a, S: Simd> {
+    triangles: [&'a Triangle; LANES],
+    materials: [u32; LANES],
     corner: Vectors<S>,
     edges: [Vectors<S>; 2],
     directions: Vectors<S>,
@@ -91,11 +93,18 @@ impl Eye for Shading<'_> {
 
     #[inline(always)]
     fn see<S: Simd>(&self, simd: S, met: &Met<'_>, tile: &mut [Vec4]) {
-        let mut surfaces = [const { None }; GROUPS];
-        for (group, surfaces) in surfaces.iter_mut().enumerate() {
+        // All of a packet's triangles are fetched before any is worked on, so that memory is waited for once.
+        let mut fetched = [const { None }; GROUPS];
+        for (group, fetched) in fetched.iter_mut().enumerate() {
             let first = group * LANES;
             if met.triangles[first..first + LANES] != [0; LANES] {
-                *surfaces = Some(self.surfaces(simd, met, first));
+                *fetched = Some(self.gathered(simd, met, first));
+            }
+        }
+        let mut surfaces = [const { None }; GROUPS];
+        for (surfaces, fetched) in surfaces.iter_mut().zip(&fetched) {
+            if let Some(fetched) = fetched {
+                *surfaces = Some(self.surfaces(simd, met.origin, fetched));
             }
         }
         let mut light = [Vectors::splat(simd, Vec3::ZERO); GROUPS];
@@ -118,16 +127,29 @@ impl Eye for Shading<'_> {
 
 // All that runs within `dispatch!` is inlined into it: what is not would not have its instructions.
 impl Shading<'_> {
-    /// As `surface_seen` of shaders/lib/scene.wgsl. Lanes that met nothing do as the first triangle's would.
+    /// What rays from the `first` on meet. Lanes that met nothing do as the first triangle's would.
     #[inline(always)]
-    fn surfaces<S: Simd>(&self, simd: S, met: &Met<'_>, first: usize) -> Surfaces<S> {
-        let mut triangles = [&self.scene.triangles[0]; LANES];
-        for (lane, triangle) in triangles.iter_mut().enumerate() {
-            *triangle = &self.scene.triangles[met.triangles[first + lane].saturating_sub(1) as usize];
+    fn gathered<S: Simd>(&self, simd: S, met: &Met<'_>, first: usize) -> Gathered<'_, S> {
+        let [mut corner, mut first_edge, mut second_edge, mut directions] = [[[0.0; LANES]; 3]; 4];
+        let (mut triangles, mut materials) = ([&self.scene.triangles[0]; LANES], [0; LANES]);
+        for lane in 0..LANES {
+            let triangle = &self.scene.triangles[met.triangles[first + lane].saturating_sub(1) as usize];
+            (triangles[lane], materials[lane]) = (triangle, triangle.material);
+            let [a, b, c] = triangle.positions;
+            for (into, vector) in [(&mut corner, a), (&mut first_edge, b - a), (&mut second_edge, c - a), (&mut directions, met.directions[first + lane])] {
+                (into[0][lane], into[1][lane], into[2][lane]) = (vector.x, vector.y, vector.z);
+            }
         }
-        let Gathered { corner, edges: [e1, e2], directions } = gathered(simd, &triangles, met, first);
+        let edges = [Vectors::load(simd, &first_edge), Vectors::load(simd, &second_edge)];
+        Gathered { triangles, materials, corner: Vectors::load(simd, &corner), edges, directions: Vectors::load(simd, &directions) }
+    }
+
+    /// As `surface_seen` of shaders/lib/scene.wgsl.
+    #[inline(always)]
+    fn surfaces<S: Simd>(&self, simd: S, origin: Vec3, fetched: &Gathered<'_, S>) -> Surfaces<S> {
+        let Gathered { corner, edges: [e1, e2], directions, .. } = *fetched;
         let (zero, one) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, 1.0));
-        let origin = Vectors::splat(simd, met.origin);
+        let origin = Vectors::splat(simd, origin);
         let p = directions.cross(e2);
         let determinant = e1.dot(p);
         let inverse = determinant.simd_eq(zero).select(zero, one / determinant);
@@ -140,9 +162,9 @@ impl Shading<'_> {
         let plane = e1.cross(e2);
         let side = plane.dot(directions).simd_le(zero).select(one, f32x8::splat(simd, -1.0));
         let face = plane.scaled(side / plane.dot(plane).sqrt().max(f32::MIN_POSITIVE));
-        let normal = if self.lighting.smooth { shading_normals(simd, &triangles, [u, v], side, face) } else { face };
+        let normal = if self.lighting.smooth { shading_normals(simd, &fetched.triangles, [u, v], side, face) } else { face };
         let way = position.minus(origin);
-        let reflectance = self.reflectance(&triangles, [u.to_array(), v.to_array()]);
+        let reflectance = self.reflectance(fetched, [u.to_array(), v.to_array()]);
         Surfaces { position, face, normal, reflectance: Vectors::load(simd, &reflectance), distance: way.dot(way).sqrt() }
     }
 
@@ -184,11 +206,11 @@ impl Shading<'_> {
 
     /// Red, green and blue, over π.
     #[inline(always)]
-    fn reflectance(&self, triangles: &[&Triangle; LANES], [u, v]: [[f32; LANES]; 2]) -> [[f32; LANES]; 3] {
+    fn reflectance<S: Simd>(&self, fetched: &Gathered<'_, S>, [u, v]: [[f32; LANES]; 2]) -> [[f32; LANES]; 3] {
         let mut reflectance = [[0.0; LANES]; 3];
         for lane in 0..LANES {
-            let triangle = triangles[lane];
-            let material = &self.scene.materials[triangle.material as usize];
+            let triangle = fetched.triangles[lane];
+            let material = &self.scene.materials[fetched.materials[lane] as usize];
             let mut colour = material.reflectance * FRAC_1_PI;
             if let Some(texture) = material.texture.filter(|_| self.lighting.textures) {
                 colour *= self.scene.textures[texture as usize].sample(triangle.uv(Vec2::new(u[lane], v[lane]))).truncate();
@@ -199,19 +221,6 @@ impl Shading<'_> {
         }
         reflectance
     }
-}
-
-#[inline(always)]
-fn gathered<S: Simd>(simd: S, triangles: &[&Triangle; LANES], met: &Met<'_>, first: usize) -> Gathered<S> {
-    let [mut corner, mut first_edge, mut second_edge, mut directions] = [[[0.0; LANES]; 3]; 4];
-    for lane in 0..LANES {
-        let [a, b, c] = triangles[lane].positions;
-        for (into, vector) in [(&mut corner, a), (&mut first_edge, b - a), (&mut second_edge, c - a), (&mut directions, met.directions[first + lane])] {
-            (into[0][lane], into[1][lane], into[2][lane]) = (vector.x, vector.y, vector.z);
-        }
-    }
-    let edges = [Vectors::load(simd, &first_edge), Vectors::load(simd, &second_edge)];
-    Gathered { corner: Vectors::load(simd, &corner), edges, directions: Vectors::load(simd, &directions) }
 }
 
 /// Between the corners' normals; those of the planes where these cancel.

@@ -282,18 +282,12 @@ impl<'a> Session<'a> {
 
     /// Contents of a buffer, or of a texture as rows without padding.
     pub fn read(&self, resource: Resource) -> Result<Vec<u8>, GpuError> {
-        if let Some(known) = self.copies.get(resource).and_then(|copy| copy.known(self.unpadded_bytes(resource))) {
-            return Ok(known.to_vec());
-        }
-        self.upload_ahead(resource);
-        let mut pending = self.pending();
-        let read = Read::whole(resource);
-        let staging = readback::staging(self.gpu, self.whole_bytes(resource));
-        let bytes = self.copy_out(&mut pending, read, &staging);
-        self.submit(&mut pending);
-        let mut contents = vec![0; self.unpadded_bytes(resource)];
-        self.finish_read(read, &staging, bytes, &mut contents)?;
-        Ok(contents)
+        self.reader().read(resource).map(<[u8]>::to_vec)
+    }
+
+    /// To read one resource after the other.
+    pub fn reader(&self) -> Reader<'_> {
+        Reader { session: self, staging: None, contents: Vec::new() }
     }
 
     /// Overwrites the start of a buffer.
@@ -685,6 +679,34 @@ impl<'a> Session<'a> {
             Physical::Texture { texture, format } => readback::unpad(contents, texture.width(), *format, into),
             _ => into.copy_from_slice(&contents[..into.len()]),
         })
+    }
+}
+
+/// Reads resources between frames, all through the same memory.
+pub struct Reader<'s> {
+    session: &'s Session<'s>,
+    staging: Option<wgpu::Buffer>,
+    contents: Vec<u8>,
+}
+
+impl Reader<'_> {
+    /// Contents of a buffer, or of a texture as rows without padding.
+    pub fn read(&mut self, resource: Resource) -> Result<&[u8], GpuError> {
+        let (session, unpadded) = (self.session, self.session.unpadded_bytes(resource));
+        if let Some(known) = session.copies.get(resource).and_then(|copy| copy.known(unpadded)) {
+            return Ok(known);
+        }
+        session.upload_ahead(resource);
+        let whole = session.whole_bytes(resource);
+        let kept = self.staging.take().filter(|staging| staging.size() >= whole);
+        let staging = kept.unwrap_or_else(|| readback::staging(session.gpu, whole));
+        let (mut pending, read) = (session.pending(), Read::whole(resource));
+        let bytes = session.copy_out(&mut pending, read, &staging);
+        session.submit(&mut pending);
+        self.contents.resize(unpadded, 0);
+        session.finish_read(read, &staging, bytes, &mut self.contents)?;
+        self.staging = Some(staging);
+        Ok(&self.contents)
     }
 }
 

@@ -6,7 +6,7 @@ use crate::contract::{
     port::{Channels, Image},
     recorder::{Persistent, Reported},
 };
-use crate::gpu::{AskPace, Frame, Gpu, GpuError, Session};
+use crate::gpu::{AskPace, Frame, Gpu, GpuError, Reader, Session};
 use crate::pipeline::Plan;
 use crate::recording::{Format, Resource, ResourceKind};
 use crate::scene::{Camera, Scene, bvh::Bvh};
@@ -150,10 +150,10 @@ impl<'a> Run<'a> {
 
     /// The layers that the pipeline outputs, checked to be finite.
     pub fn picture(&self) -> Result<Layers, RunError> {
-        let mut picture = Layers::new(self.size[0], self.size[1]);
+        let (mut picture, mut reader) = (Layers::new(self.size[0], self.size[1]), self.session.reader());
         for (layer, port) in &self.plan.outputs {
             if let Some(image) = image(port) {
-                picture.layers.insert(layer.name.clone(), self.layer(&layer.name, image)?);
+                picture.layers.insert(layer.name.clone(), self.read_layer(&mut reader, &layer.name, image)?);
             }
         }
         Ok(picture)
@@ -161,9 +161,13 @@ impl<'a> Run<'a> {
 
     /// One image as a layer.
     pub fn layer(&self, name: &str, image: Image) -> Result<Layer, RunError> {
-        let bytes = self.bytes(image.texture)?;
+        self.read_layer(&mut self.session.reader(), name, image)
+    }
+
+    fn read_layer(&self, reader: &mut Reader<'_>, name: &str, image: Image) -> Result<Layer, RunError> {
+        let bytes = reader.read(image.texture)?;
         let is_half = matches!(self.plan.recording.resource(image.texture).kind, ResourceKind::Texture { format: Format::Rgba16Float, .. });
-        let values = floats(&bytes, is_half);
+        let values = floats(bytes, is_half);
         let layer = match image.channels {
             Channels::Colour => Layer::interleaved(&["R", "G", "B"], &values, 4),
             Channels::Vector => Layer::interleaved(&["X", "Y", "Z"], &values, 4),

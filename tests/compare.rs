@@ -170,8 +170,9 @@ fn unfinished() -> Outcome {
 #[cfg(unix)]
 fn interrupted() -> Outcome {
     let place = Place::new()?;
-    let arguments = format!("compare irradiance irradiance {SMALL} --runs 256 --json out.json --csv out.csv");
-    let mut child = place.start(&arguments)?;
+    // Large enough that no machine is through with all runs when it is interrupted.
+    let arguments = "compare irradiance irradiance --scene cornell --size 160x120 --reference-spp 16 --runs 256 --json out.json --csv out.csv";
+    let mut child = place.start(arguments)?;
     std::thread::sleep(Duration::from_secs(8));
     let sent = Command::new("kill").args(["-INT", &child.id().to_string()]).status()?;
     let status = child.wait()?;

@@ -23,8 +23,9 @@ use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
 /// Shape and way of every kind of tile.
-const TILES: [(&str, &str); 7] = [
+const TILES: [(&str, &str); 8] = [
     ("Cosine", "RayCast"),
+    ("Concentric", "RayCast"),
     ("Plane", "RayCast"),
     ("Plane", "Raster"),
     ("Hemicube", "RayCast"),

@@ -217,6 +217,8 @@ fn views() -> Vec<View> {
         ("Hemispherical", "HostRayCast"),
         ("Cosine", "RayCast"),
         ("Cosine", "HostRayCast"),
+        ("Concentric", "RayCast"),
+        ("Concentric", "HostRayCast"),
     ];
     let methods = |shape| if shape == "Plane" { &["BorderExtension", "CoverageRatio", "None"][..] } else { &["None"] };
     shapes.into_iter().flat_map(|(shape, by)| methods(shape).iter().map(move |method| View { shape, by, method })).collect()

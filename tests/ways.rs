@@ -275,8 +275,14 @@ impl Numbers {
 const TILES: usize = 4;
 
 /// The shapes with a resolution that can be halved to the end, and one that leaves three texels a side.
-const SHAPES: [(Shape, u32); 5] =
-    [(Shape::Cosine, 16), (Shape::Plane { fov_degrees: 126.87 }, 64), (Shape::Hemicube, 16), (Shape::Hemispherical, 32), (Shape::Cosine, 24)];
+const SHAPES: [(Shape, u32); 6] = [
+    (Shape::Concentric, 16),
+    (Shape::Cosine, 16),
+    (Shape::Plane { fov_degrees: 126.87 }, 64),
+    (Shape::Hemicube, 16),
+    (Shape::Hemispherical, 32),
+    (Shape::Cosine, 24),
+];
 
 const SUMS: [&str; 5] = ["WorkgroupTree", "MipmapChain:F32", "PingPong:F32", "CpuReadback", "Host"];
 
@@ -462,7 +468,7 @@ fn seen(stage: &Stage, shape: &str, by: &str) -> Result<Vec<[f32; 4]>, Failed> {
 
 fn rays_agree(stage: &Stage) -> Outcome {
     let holed = Stage::with_holes()?;
-    for (stage, shape) in [(stage, "Hemispherical"), (stage, "Hemicube"), (&holed, "Hemispherical"), (&holed, "Cosine")] {
+    for (stage, shape) in [(stage, "Hemispherical"), (stage, "Hemicube"), (stage, "Concentric"), (&holed, "Hemispherical"), (&holed, "Cosine")] {
         let [device, host] = [seen(stage, shape, "RayCast")?, seen(stage, shape, "HostRayCast")?];
         let same = || device.iter().zip(&host).filter(|(a, b)| (a[3] - b[3]).abs() <= 1e-4 * a[3].max(b[3]));
         let apart = device.len() - same().count();
@@ -483,7 +489,7 @@ fn odd_tiles_are_refused(stage: &Stage) -> Outcome {
     let table = table(shape)?;
     let refused = summed(stage, &table, shape, "MipmapChain:F32", Radius::HarmonicMean).err().and_then(|e| e.message().map(String::from)).unwrap_or_default();
     check(refused.contains("22×22"), || format!("a mipmap chain of 22×22 samples was not refused: {refused}"))?;
-    for shape in [(Shape::Cosine, 22), (Shape::Cosine, 21), (Shape::Hemispherical, 5), (Shape::Plane { fov_degrees: 90.0 }, 33)] {
+    for shape in [(Shape::Cosine, 22), (Shape::Cosine, 21), (Shape::Concentric, 7), (Shape::Hemispherical, 5), (Shape::Plane { fov_degrees: 90.0 }, 33)] {
         let table = self::table(shape)?;
         let expected = expected(&table, stage.scene.extent(), Radius::HarmonicMean)?;
         for by in ["PingPong:F32", "WorkgroupTree", "CpuReadback"] {

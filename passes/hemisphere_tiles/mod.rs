@@ -39,6 +39,7 @@ static DESCRIPTION: Description = Description {
                         }],
                     },
                     Choice { name: "Hemicube", about: "five rasters, nothing left out", parameters: &[] },
+                    Choice { name: "Concentric", about: "strata of equal cosine-weighted solid angle, nearly square; for rays", parameters: &[] },
                     Choice { name: "Hemispherical", about: "x and y of the unit direction, projected per vertex", parameters: &[] },
                 ],
             },
@@ -177,7 +178,7 @@ impl Pass for HemisphereTiles {
             return Err(Refusal::of_parameter(
                 "by",
                 "plan::raster_shape",
-                "the shape Cosine cannot be rasterised",
+                format!("the shape {} cannot be rasterised", r.arguments.choice("shape").0),
                 "cast rays, or choose Plane, Hemicube or Hemispherical",
             ));
         }
@@ -237,6 +238,7 @@ fn shape(r: &Recorder<'_>) -> Shape {
         ("Plane", arguments) => Shape::Plane { fov_degrees: arguments.float("fov") },
         ("Hemicube", _) => Shape::Hemicube,
         ("Hemispherical", _) => Shape::Hemispherical,
+        ("Concentric", _) => Shape::Concentric,
         _ => Shape::Cosine,
     }
 }

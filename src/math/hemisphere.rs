@@ -11,6 +11,8 @@
 //! `−δ·n/r` when the point moves by δ, so that it adds `(L_b − L_a) ∫ cosθ n/r dℓ` to the gradient, r the distance of
 //! the nearer surface. On a raster plane `r = depth·√(1+u²+v²)`, and the integral becomes `∫ dv/(1+u²+v²)²`.
 
+mod concentric;
+
 use super::solid_angle::{
     Interval, disc_moment, disc_solid_angle, disc_wall, line_moment, polygon_moment, polygon_solid_angle, rectangle_moment, rectangle_solid_angle,
 };
@@ -37,6 +39,9 @@ pub enum Shape {
     /// N×N strata of equal cosine-weighted solid angle, rows by sin²θ from the normal down, columns by azimuth.
     /// For rays; has no raster view.
     Cosine,
+    /// N×N strata of equal cosine-weighted solid angle, squares of the square that Shirley and Chiu (1997) map to the unit
+    /// disc: nearly as wide as high, and none is cut by the horizon. Rays are shifted within their strata. For rays; has no raster view.
+    Concentric,
 }
 
 /// How an incomplete shape makes up for the directions it leaves out. Complete shapes need none and ignore it.
@@ -144,6 +149,7 @@ impl Table {
             Shape::Hemicube => Ok(hemicube(resolution)),
             Shape::Hemispherical => Ok(hemispherical(resolution)),
             Shape::Cosine => Ok(cosine(resolution)),
+            Shape::Concentric => Ok(concentric::table(resolution)),
         }
     }
 }
@@ -527,7 +533,7 @@ mod tests {
     use proptest::prelude::*;
 
     const FOV: f64 = 126.869_897_645_844_03;
-    const COMPLETE: [Shape; 3] = [Shape::Hemicube, Shape::Hemispherical, Shape::Cosine];
+    const COMPLETE: [Shape; 4] = [Shape::Hemicube, Shape::Hemispherical, Shape::Cosine, Shape::Concentric];
     const PLANE: Shape = Shape::Plane { fov_degrees: FOV };
 
     fn table(shape: Shape, resolution: u32, method: Method) -> Table {
@@ -633,7 +639,7 @@ mod tests {
             }
             assert!(seen.iter().all(|&count| count == 1), "each sample belongs to one view");
         }
-        assert!(table(Shape::Cosine, 8, Method::None).views.is_empty());
+        assert!([Shape::Cosine, Shape::Concentric].iter().all(|&shape| table(shape, 8, Method::None).views.is_empty()));
     }
 
     /// Every sample's direction lies within what the sample stands for.
@@ -651,8 +657,10 @@ mod tests {
     /// Strata and discs are made so that the cosine measure is uniform.
     #[test]
     fn uniform_shapes_have_uniform_weights() {
-        for sample in &table(Shape::Cosine, 16, Method::None).samples {
-            assert_near(sample.cosine_weight, PI / 256.0, 1e-15, "stratum");
+        for (shape, resolution) in [(Shape::Cosine, 16), (Shape::Concentric, 16), (Shape::Concentric, 9)] {
+            for sample in &table(shape, resolution, Method::None).samples {
+                assert_near(sample.cosine_weight, PI / f64::from(resolution * resolution), 1e-14, shape);
+            }
         }
         let disc = table(Shape::Hemispherical, 16, Method::None);
         assert_near(disc.samples[8 * 16 + 8].cosine_weight, 4.0 / 256.0, 1e-14, "pixel");
@@ -661,7 +669,7 @@ mod tests {
 
     #[test]
     fn edges_are_sorted_and_between_used_samples() {
-        for shape in [PLANE, Shape::Hemicube, Shape::Hemispherical, Shape::Cosine] {
+        for shape in COMPLETE.into_iter().chain([PLANE]) {
             let table = table(shape, 16, Method::BorderExtension);
             assert!(table.edges.windows(2).all(|e| (e[0].a, e[0].b) < (e[1].a, e[1].b)), "{shape:?}");
             for edge in &table.edges {
@@ -693,6 +701,36 @@ mod tests {
             .sum();
         let integral = integral * ((high - low) / f64::from(steps)) * (TAU / 16.0 / f64::from(steps));
         assert!(around.abs_diff_eq(integral, 1e-6), "{around} {integral}");
+    }
+
+    /// The same of squares beside a diagonal, on it, at the middle and on the way from one sector to the next, whose moments tell the integral:
+    /// `∫ (z − 3 cosθ ω) dω` is what the walls' components along the normal add to, `2π` times the mean of `1 − 3 cos²θ`.
+    #[test]
+    fn the_walls_of_concentric_squares_close() {
+        for resolution in [8, 9] {
+            let table = table(Shape::Concentric, resolution, Method::None);
+            for (row, column) in grid(resolution, resolution).filter(|&(row, column)| [row, column].iter().all(|&i| i > 0 && i + 1 < resolution)) {
+                let index = row * resolution + column;
+                let beside = table.edges.iter().filter(|edge| edge.a == index || edge.b == index);
+                let around: DVec3 = beside.clone().map(|edge| DVec3::from(edge.gradient) * if edge.a == index { 1.0 } else { -1.0 }).sum();
+                assert_eq!(beside.count(), 4, "{row} {column}");
+                let integral = integral_over_square(resolution, row, column);
+                assert!(around.abs_diff_eq(integral, 1e-5), "{row} {column}: {around} {integral}");
+            }
+        }
+    }
+
+    /// `∫ (z − 3 cosθ ω) dω` by the midpoint rule over the square that is mapped.
+    fn integral_over_square(resolution: u32, row: u32, column: u32) -> DVec3 {
+        let steps = 200;
+        let at = |cell: u32, step: u32| (2.0 * (f64::from(cell) + (f64::from(step) + 0.5) / f64::from(steps)) / f64::from(resolution)) - 1.0;
+        let points = grid(steps, steps).map(|(i, j)| {
+            let (x, y) = (at(column, i), at(row, j));
+            let disc = if x.abs() > y.abs() { DVec2::from_angle(PI / 4.0 * y / x) * x } else { DVec2::from_angle(PI / 2.0 - PI / 4.0 * x / y) * y };
+            let cosine = (1.0 - disc.length_squared()).sqrt();
+            (DVec3::Z - disc.extend(cosine) * (3.0 * cosine)) / cosine
+        });
+        points.sum::<DVec3>() * (PI / (f64::from(resolution * resolution) * f64::from(steps * steps)))
     }
 
     proptest! {
@@ -728,7 +766,7 @@ mod tests {
 
         #[test]
         fn complete_shapes_of_any_size_add_to_the_hemisphere(half_resolution in 2..40u32) {
-            for (shape, resolution) in [(Shape::Hemicube, 2 * half_resolution), (Shape::Hemispherical, 2 * half_resolution + 1), (Shape::Cosine, 2 * half_resolution + 1)] {
+            for (shape, resolution) in [(Shape::Hemicube, 2 * half_resolution), (Shape::Hemispherical, 2 * half_resolution + 1), (Shape::Cosine, 2 * half_resolution + 1), (Shape::Concentric, half_resolution + 2)] {
                 let [cosine, plain, _] = totals(&table(shape, resolution, Method::None));
                 prop_assert!((cosine - PI).abs() < 1e-9 && (plain - TAU).abs() < 1e-9);
             }

@@ -322,7 +322,7 @@ mod tests {
     /// Against central differences of coefficients that a fine tile projects to.
     #[test]
     fn gradients_are_finite_differences() {
-        for (shape, limit) in [(Shape::Hemispherical, 0.10), (Shape::Plane { fov_degrees: 126.87 }, 0.15), (Shape::Cosine, 0.10)] {
+        for (shape, limit) in [(Shape::Hemispherical, 0.10), (Shape::Plane { fov_degrees: 126.87 }, 0.15), (Shape::Cosine, 0.10), (Shape::Concentric, 0.10)] {
             let table = Table::new(shape, 96, Compensation::BorderExtension).expect("a table");
             let fine = Table::new(Shape::Hemispherical, 320, Compensation::None).expect("a table");
             let (expansion, truth) = (Expansion::new(&table, ORDER), Expansion::new(&fine, ORDER));

@@ -289,6 +289,8 @@ mod tests {
             (Shape::Hemicube, 10),
             (Shape::Plane { fov_degrees: 126.87 }, 20),
             (Shape::Cosine, 4),
+            (Shape::Concentric, 16),
+            (Shape::Concentric, 13),
         ];
         let wanted = Wanted { gradients: true, hessian: true };
         for (shape, resolution) in shapes {

@@ -490,9 +490,9 @@ mod tests {
 
     #[test]
     fn packets_see_what_single_rays_see() {
-        for (scale, shape, resolution) in
-            [(1.0, Shape::Hemispherical, 40), (1e-3, Shape::Cosine, 13), (1e6, Shape::Hemicube, 16), (1.0, Shape::Plane { fov_degrees: 126.87 }, 20)]
-        {
+        let plane = Shape::Plane { fov_degrees: 126.87 };
+        let cases = [(1.0, Shape::Hemispherical, 40), (1e-3, Shape::Cosine, 13), (1e6, Shape::Hemicube, 16), (1.0, plane, 20), (1.0, Shape::Concentric, 18)];
+        for (scale, shape, resolution) in cases {
             let mut scene = clutter(scale);
             let bvh = Bvh::build(&mut scene);
             let table = table(shape, resolution);

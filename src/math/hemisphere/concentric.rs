@@ -1,0 +1,146 @@
+//! Squares of a square that is mapped to the disc under the hemisphere (Shirley and Chiu 1997).
+//!
+//! The square's diagonals part it into four sectors. In the first, a ≥ |b|, the point (a, b) has the radius a and the azimuth φ = π/4 · b/a; a quarter turn
+//! takes a sector to the next. Areas keep their proportion, `dA = π/4 da db`: squares are strata of equal cosine-weighted solid angle. A ring of squares has arcs
+//! for its inner and outer walls, where `a` is constant; the spokes between its squares, where `b` is, wind a little. What has no closed form is a smooth integral
+//! over θ = asin a.
+
+use super::{Builder, Table, Wall, grid};
+use crate::math::harmonics::quadrature::gauss_legendre;
+use crate::math::solid_angle::Interval;
+use glam::{DVec2, DVec3};
+use std::f64::consts::FRAC_PI_4;
+
+/// Points of the rule of Gauss and Legendre: enough for the widest ring, half the hemisphere.
+const POINTS: usize = 24;
+/// The golden ratio's fraction, whose multiples spread best.
+const GOLDEN: f64 = 0.618_033_988_749_894_9;
+
+pub(super) fn table(resolution: u32) -> Table {
+    let mut builder = Builder::new(resolution, resolution);
+    let rule = gauss_legendre(POINTS);
+    for (row, column) in grid(resolution, resolution) {
+        builder.place(row * resolution + column, sample(resolution, column, row), 1.0);
+    }
+    for quarter_turns in 0..4 {
+        let sector = Sector { resolution, quarter_turns, rule: &rule };
+        (resolution / 2..resolution).for_each(|ring| sector.add_ring(&mut builder, ring));
+    }
+    builder.finish()
+}
+
+/// Where the ray of a square goes. Through the middles of all, rays would have N/2 heights above the horizon, and none would be near it: a contact with
+/// a wall would go unseen, and edges that run along a ring would be half of a ring off. So columns are shifted by golden fractions from row to row, and rows from
+/// column to column: no two of a tile's rows or columns have the same place in their squares.
+fn sample(resolution: u32, column: u32, row: u32) -> DVec3 {
+    let at = |square: u32, across: u32| 2.0 * (f64::from(square) + ((f64::from(across) + 0.5) * GOLDEN).fract()) / f64::from(resolution) - 1.0;
+    let (x, y) = (at(column, row), at(row, column));
+    // Each sector is a quarter turn of another; opposite ones are each other's negatives.
+    if x.abs() >= y.abs() {
+        direction(x, y)
+    } else {
+        let across = direction(y, -x);
+        DVec3::new(-across.y, across.x, across.z)
+    }
+}
+
+/// One of the four sectors; its squares are counted by a and b.
+struct Sector<'a> {
+    resolution: u32,
+    quarter_turns: u32,
+    rule: &'a [[f64; 2]],
+}
+
+impl Sector<'_> {
+    /// A ring's part in this sector. What a diagonal cuts belongs to two sectors, the square in the middle to all.
+    fn add_ring(&self, builder: &mut Builder, ring: u32) {
+        let a = self.bounds(ring).map(|a| a.max(0.0));
+        let first = self.resolution - 1 - ring;
+        for column in first..=ring {
+            let (b, index) = (self.bounds(column), self.index(ring, column));
+            let (moment, solid_angle) = self.region(a, b);
+            builder.region(index, self.turned(moment), solid_angle);
+            if ring + 1 < self.resolution {
+                builder.wall(index, self.index(ring + 1, column), self.turned_wall(arc(a[1], b)));
+            }
+            if column > first {
+                builder.wall(self.index(ring, column - 1), index, self.turned_wall(self.spoke(a, b[0])));
+            }
+        }
+    }
+
+    fn bounds(&self, square: u32) -> Interval {
+        [square, square + 1].map(|line| 2.0 * f64::from(line) / f64::from(self.resolution) - 1.0)
+    }
+
+    /// The sample that a square is: rows grow with y, and a quarter turn takes (x, y) to (−y, x).
+    fn index(&self, ring: u32, column: u32) -> u32 {
+        let turn = |[x, y]: [u32; 2], _| [self.resolution - 1 - y, x];
+        let [x, y] = (0..self.quarter_turns).fold([ring, column], turn);
+        y * self.resolution + x
+    }
+
+    fn turned(&self, v: DVec3) -> DVec3 {
+        (0..self.quarter_turns).fold(v, |v, _| DVec3::new(-v.y, v.x, v.z))
+    }
+
+    fn turned_wall(&self, wall: Wall) -> Wall {
+        Wall { gradient: self.turned(wall.gradient), ends: wall.ends.map(|end| self.turned(end)) }
+    }
+
+    /// `∫ f(sinθ, cosθ) dθ` over an interval of sines.
+    fn integral<T: std::ops::Mul<f64, Output = T> + std::iter::Sum>(&self, sines: Interval, f: impl Fn(f64, f64) -> T) -> T {
+        let [from, to] = sines.map(f64::asin);
+        let at = |&[t, weight]: &[f64; 2]| {
+            let (sine, cosine) = (from + t * (to - from)).sin_cos();
+            f(sine, cosine) * (weight * (to - from))
+        };
+        self.rule.iter().map(at).sum()
+    }
+
+    /// Moment and solid angle of what lies within the bounds and the sector: with `∫ (cosφ, sinφ) db = 4a/π (sinφ, −cosφ)` and `da = cosθ dθ`,
+    /// the moment is `∫ ∫ (a cosφ, a sinφ, cosθ) π/4 db dθ`.
+    fn region(&self, a: Interval, b: Interval) -> (DVec3, f64) {
+        let across = |a: f64| [b[0].max(-a), b[1].min(a)];
+        let moment = self.integral(a, |a, cosine| {
+            let [low, high] = across(a);
+            let [from, to] = [low, high].map(|b| DVec2::from_angle(azimuth(a, b)));
+            (-(to - from).perp() * (a * a)).extend(FRAC_PI_4 * (high - low) * cosine)
+        });
+        let solid_angle = self.integral(a, |a, _| {
+            let [low, high] = across(a);
+            FRAC_PI_4 * (high - low)
+        });
+        (moment, solid_angle)
+    }
+
+    /// The wall where b is constant, towards larger b: `∫ cosθ p × dp` along p = (q, cosθ). With q = a (cosφ, sinφ) and
+    /// a dφ/da = −φ, `dq/da` is (cosφ, sinφ) turned by nothing and, −φ as long, by a right angle.
+    fn spoke(&self, a: Interval, b: f64) -> Wall {
+        let gradient = self.integral(a, |a, cosine| {
+            let azimuth = azimuth(a, b);
+            let along = DVec2::from_angle(azimuth);
+            let slope = along - along.perp() * azimuth;
+            let flat = (slope * (cosine * cosine) + along * (a * a)).perp();
+            flat.extend(-cosine * FRAC_PI_4 * b) * cosine
+        });
+        Wall { gradient, ends: a.map(|a| direction(a, b)) }
+    }
+}
+
+/// The wall where a is constant, outward.
+fn arc(a: f64, b: Interval) -> Wall {
+    let cosine = (1.0 - a * a).max(0.0).sqrt();
+    let [from, to] = b.map(|b| azimuth(a, b));
+    let along = -(DVec2::from_angle(to) - DVec2::from_angle(from)).perp();
+    let gradient = (along * cosine).extend(-a * (to - from)) * (cosine * a);
+    Wall { gradient, ends: b.map(|b| direction(a, b)) }
+}
+
+fn azimuth(a: f64, b: f64) -> f64 {
+    if a == 0.0 { 0.0 } else { FRAC_PI_4 * b / a }
+}
+
+fn direction(a: f64, b: f64) -> DVec3 {
+    (DVec2::from_angle(azimuth(a, b)) * a).extend((1.0 - a * a).max(0.0).sqrt())
+}

@@ -282,7 +282,7 @@ impl<'a> Session<'a> {
 
     /// Contents of a buffer, or of a texture as rows without padding.
     pub fn read(&self, resource: Resource) -> Result<Vec<u8>, GpuError> {
-        self.reader().read(resource).map(<[u8]>::to_vec)
+        self.reader().look(resource, <[u8]>::to_vec)
     }
 
     /// To read one resource after the other.
@@ -690,11 +690,11 @@ pub struct Reader<'s> {
 }
 
 impl Reader<'_> {
-    /// Contents of a buffer, or of a texture as rows without padding.
-    pub fn read(&mut self, resource: Resource) -> Result<&[u8], GpuError> {
+    /// Looks at the contents of a buffer, or of a texture as rows without padding: where they lie, if they have none there.
+    pub fn look<T>(&mut self, resource: Resource, look: impl FnOnce(&[u8]) -> T) -> Result<T, GpuError> {
         let (session, unpadded) = (self.session, self.session.unpadded_bytes(resource));
         if let Some(known) = session.copies.get(resource).and_then(|copy| copy.known(unpadded)) {
-            return Ok(known);
+            return Ok(look(known));
         }
         session.upload_ahead(resource);
         let whole = session.whole_bytes(resource);
@@ -703,10 +703,15 @@ impl Reader<'_> {
         let (mut pending, read) = (session.pending(), Read::whole(resource));
         let bytes = session.copy_out(&mut pending, read, &staging);
         session.submit(&mut pending);
-        self.contents.resize(unpadded, 0);
-        session.finish_read(read, &staging, bytes, &mut self.contents)?;
+        let seen = if bytes == unpadded as u64 && bytes > 0 {
+            readback::look(session.gpu, &staging, bytes, look)?
+        } else {
+            self.contents.resize(unpadded, 0);
+            session.finish_read(read, &staging, bytes, &mut self.contents)?;
+            look(&self.contents)
+        };
         self.staging = Some(staging);
-        Ok(&self.contents)
+        Ok(seen)
     }
 }
 

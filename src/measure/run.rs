@@ -165,15 +165,16 @@ impl<'a> Run<'a> {
     }
 
     fn read_layer(&self, reader: &mut Reader<'_>, name: &str, image: Image) -> Result<Layer, RunError> {
-        let bytes = reader.read(image.texture)?;
         let is_half = matches!(self.plan.recording.resource(image.texture).kind, ResourceKind::Texture { format: Format::Rgba16Float, .. });
-        let values = floats(bytes, is_half);
-        let layer = match image.channels {
-            Channels::Colour => Layer::interleaved(&["R", "G", "B"], &values, 4),
-            Channels::Vector => Layer::interleaved(&["X", "Y", "Z"], &values, 4),
-            Channels::Single => Layer::interleaved(&[VALUE], &values, 4),
-            Channels::Fourth => Layer::value(values.chunks_exact(4).map(|pixel| pixel[3]).collect()),
-        };
+        let layer = reader.look(image.texture, |bytes| {
+            let values = floats(bytes, is_half);
+            match image.channels {
+                Channels::Colour => Layer::interleaved(&["R", "G", "B"], &values, 4),
+                Channels::Vector => Layer::interleaved(&["X", "Y", "Z"], &values, 4),
+                Channels::Single => Layer::interleaved(&[VALUE], &values, 4),
+                Channels::Fourth => Layer::value(values.chunks_exact(4).map(|pixel| pixel[3]).collect()),
+            }
+        })?;
         let bad = layer.channels.values().map(|plane| plane.iter().filter(|v| !v.is_finite()).count()).max().unwrap_or(0);
         if bad > 0 {
             return Err(RunError::NonFinite { layer: name.into(), pixels: bad as u32 });

@@ -703,8 +703,7 @@ mod tests {
         assert!(around.abs_diff_eq(integral, 1e-6), "{around} {integral}");
     }
 
-    /// The same of squares beside a diagonal, on it, at the middle and on the way from one sector to the next, whose moments tell the integral:
-    /// `∫ (z − 3 cosθ ω) dω` is what the walls' components along the normal add to, `2π` times the mean of `1 − 3 cos²θ`.
+    /// The same of all squares but those at the horizon: on a diagonal, beside it, in the middle.
     #[test]
     fn the_walls_of_concentric_squares_close() {
         for resolution in [8, 9] {

@@ -115,7 +115,7 @@ impl Sector<'_> {
     }
 
     /// The wall where b is constant, towards larger b: `∫ cosθ p × dp` along p = (q, cosθ). With q = a (cosφ, sinφ) and
-    /// a dφ/da = −φ, `dq/da` is (cosφ, sinφ) turned by nothing and, −φ as long, by a right angle.
+    /// a dφ/da = −φ, `dq/da` is (cosφ, sinφ) − φ (−sinφ, cosφ).
     fn spoke(&self, a: Interval, b: f64) -> Wall {
         let gradient = self.integral(a, |a, cosine| {
             let azimuth = azimuth(a, b);

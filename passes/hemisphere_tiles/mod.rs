@@ -19,7 +19,7 @@ pub struct HemisphereTiles;
 static DESCRIPTION: Description = Description {
     name: "HemisphereTiles",
     about: "Radiance and distance over the hemisphere of every request: one tile each, in an atlas; every visible sample is shaded once",
-    source: "RCS section 5.2; hemispherical projection: STOCH; hemicube: Cohen and Greenberg 1985; strata: Ward and Heckbert 1992",
+    source: "RCS section 5.2; hemispherical projection: STOCH; hemicube: Cohen and Greenberg 1985; strata: Ward and Heckbert 1992, Shirley and Chiu 1997",
     parameters: &[
         Parameter {
             name: "shape",

@@ -212,6 +212,15 @@ struct Wall {
 }
 
 impl Wall {
+    /// Along the circle of a polar angle (sine, cosine), between two azimuths (cosine, sine) so far apart, away from the normal.
+    fn along_parallel(polar: DVec2, azimuths: [DVec2; 2], width: f64) -> Self {
+        let (DVec2 { x: sine, y: cosine }, [from, to]) = (polar, azimuths);
+        // ∫ (cosφ, sinφ) dφ
+        let azimuth = -(to - from).perp();
+        let gradient = (azimuth * cosine).extend(-sine * width) * (cosine * sine);
+        Self { gradient, ends: azimuths.map(|azimuth| (azimuth * sine).extend(cosine)) }
+    }
+
     /// xx, xy, yy of the second derivatives along the surface, per step of radiance across the wall: those of Lambert's
     /// formula `E = ½ ΔL θ ĉ·n` for the segment from r₀ to r₁, with `θ ĉ = r₀×r₁ / (|r₀||r₁|)` as θ is small. `r₀×r₁`
     /// is linear in the point, so that only the lengths are differentiated twice: no arc cosine, no differences of
@@ -492,9 +501,7 @@ fn cosine(resolution: u32) -> Table {
         let gradient = to.perp().extend(0.0) * (strip.lower.x - strip.upper.x);
         builder.wall(index, next, Wall { gradient, ends: [meridian(strip.upper), meridian(strip.lower)] });
         if row + 1 < resolution {
-            let DVec2 { x: sine, y: cosine } = strip.lower;
-            let gradient = (azimuth * cosine).extend(-sine * width) * (cosine * sine);
-            builder.wall(index, index + resolution, Wall { gradient, ends: [from, to].map(|azimuth| (azimuth * sine).extend(cosine)) });
+            builder.wall(index, index + resolution, Wall::along_parallel(strip.lower, [from, to], width));
         }
     }
     builder.finish()
@@ -527,13 +534,13 @@ impl Strip {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::math::solid_angle::ROTATION_TOTAL;
     use proptest::prelude::*;
 
     const FOV: f64 = 126.869_897_645_844_03;
-    const COMPLETE: [Shape; 4] = [Shape::Hemicube, Shape::Hemispherical, Shape::Cosine, Shape::Concentric];
+    pub(in crate::math) const COMPLETE: [Shape; 4] = [Shape::Hemicube, Shape::Hemispherical, Shape::Cosine, Shape::Concentric];
     const PLANE: Shape = Shape::Plane { fov_degrees: FOV };
 
     fn table(shape: Shape, resolution: u32, method: Method) -> Table {
@@ -679,14 +686,22 @@ mod tests {
         }
     }
 
+    fn beside(table: &Table, sample: u32) -> impl Iterator<Item = &Edge> {
+        table.edges.iter().filter(move |edge| edge.a == sample || edge.b == sample)
+    }
+
+    /// What the walls around a sample add up to, outward.
+    fn around(table: &Table, sample: u32) -> DVec3 {
+        beside(table, sample).map(|edge| DVec3::from(edge.gradient) * if edge.a == sample { 1.0 } else { -1.0 }).sum()
+    }
+
     /// The walls around a sample are the whole boundary of its region. By the divergence theorem on the sphere,
     /// `∮ cosθ n dℓ = ∫ (∇cosθ − 2 cosθ ω) dω` for the outward n, and `∇cosθ = z − cosθ ω`.
     #[test]
     fn the_walls_of_a_stratum_close() {
         let table = table(Shape::Cosine, 16, Method::None);
         let index = 5 * 16 + 3;
-        let around: DVec3 =
-            table.edges.iter().filter(|e| e.a == index || e.b == index).map(|e| DVec3::from(e.gradient) * if e.a == index { 1.0 } else { -1.0 }).sum();
+        let around = around(&table, index);
         let steps = 400;
         let (low, high) = (5.0 / 16.0, 6.0 / 16.0);
         let integral: DVec3 = (0..steps * steps)
@@ -710,10 +725,8 @@ mod tests {
             let table = table(Shape::Concentric, resolution, Method::None);
             for (row, column) in grid(resolution, resolution).filter(|&(row, column)| [row, column].iter().all(|&i| i > 0 && i + 1 < resolution)) {
                 let index = row * resolution + column;
-                let beside = table.edges.iter().filter(|edge| edge.a == index || edge.b == index);
-                let around: DVec3 = beside.clone().map(|edge| DVec3::from(edge.gradient) * if edge.a == index { 1.0 } else { -1.0 }).sum();
-                assert_eq!(beside.count(), 4, "{row} {column}");
-                let integral = integral_over_square(resolution, row, column);
+                assert_eq!(beside(&table, index).count(), 4, "{row} {column}");
+                let (around, integral) = (around(&table, index), integral_over_square(resolution, row, column));
                 assert!(around.abs_diff_eq(integral, 1e-5), "{row} {column}: {around} {integral}");
             }
         }

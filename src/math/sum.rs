@@ -167,13 +167,12 @@ impl Summed {
 mod tests {
     use super::*;
     use crate::math::{
-        hemisphere::{Method, Shape},
+        hemisphere::{Method, Shape, tests::COMPLETE},
         oracle::{GradientErrors, Objects, gather, gradient_errors, hessian_error, tile},
     };
     use std::f64::consts::PI;
 
     const PLANE: Shape = Shape::Plane { fov_degrees: 126.869_897_645_844_03 };
-    const COMPLETE: [Shape; 4] = [Shape::Hemicube, Shape::Hemispherical, Shape::Cosine, Shape::Concentric];
 
     fn table(shape: Shape, resolution: u32, method: Method) -> Table {
         Table::new(shape, resolution, method).expect("a table")
@@ -203,8 +202,8 @@ mod tests {
         for shape in COMPLETE {
             let summed = gather(&table(shape, 128, Method::None), |direction| (1.0, height / direction.z));
             assert_near(summed.harmonic_mean_cosine / height, 1.5, 2e-3, shape);
-            // A stratum at the horizon has much of the plain solid angle, and one ray that passes anywhere in it.
-            assert_near(summed.harmonic_mean_plain / height, 2.0, 3e-2, shape);
+            // A stratum at the horizon has much of the plain solid angle; a ray that is shifted passes anywhere in it.
+            assert_near(summed.harmonic_mean_plain / height, 2.0, if shape == Shape::Concentric { 3e-2 } else { 2e-2 }, shape);
             assert_near(summed.min_distance / height, 1.0, 5e-3, shape);
         }
         let plane = |method: Method| gather(&table(PLANE, 128, method), |direction| (1.0, height / direction.z)).harmonic_mean_cosine / height;

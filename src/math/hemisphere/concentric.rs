@@ -36,12 +36,7 @@ fn sample(resolution: u32, column: u32, row: u32) -> DVec3 {
     let at = |square: u32, across: u32| 2.0 * (f64::from(square) + ((f64::from(across) + 0.5) * GOLDEN).fract()) / f64::from(resolution) - 1.0;
     let (x, y) = (at(column, row), at(row, column));
     // Each sector is a quarter turn of another; opposite ones are each other's negatives.
-    if x.abs() >= y.abs() {
-        direction(x, y)
-    } else {
-        let across = direction(y, -x);
-        DVec3::new(-across.y, across.x, across.z)
-    }
+    if x.abs() >= y.abs() { direction(x, y) } else { quarter_turn(direction(y, -x)) }
 }
 
 /// One of the four sectors; its squares are counted by a and b.
@@ -81,7 +76,7 @@ impl Sector<'_> {
     }
 
     fn turned(&self, v: DVec3) -> DVec3 {
-        (0..self.quarter_turns).fold(v, |v, _| DVec3::new(-v.y, v.x, v.z))
+        (0..self.quarter_turns).fold(v, |v, _| quarter_turn(v))
     }
 
     fn turned_wall(&self, wall: Wall) -> Wall {
@@ -130,11 +125,12 @@ impl Sector<'_> {
 
 /// The wall where a is constant, outward.
 fn arc(a: f64, b: Interval) -> Wall {
-    let cosine = (1.0 - a * a).max(0.0).sqrt();
-    let [from, to] = b.map(|b| azimuth(a, b));
-    let along = -(DVec2::from_angle(to) - DVec2::from_angle(from)).perp();
-    let gradient = (along * cosine).extend(-a * (to - from)) * (cosine * a);
-    Wall { gradient, ends: b.map(|b| direction(a, b)) }
+    let azimuths = b.map(|b| azimuth(a, b));
+    Wall::along_parallel(DVec2::new(a, (1.0 - a * a).max(0.0).sqrt()), azimuths.map(DVec2::from_angle), azimuths[1] - azimuths[0])
+}
+
+fn quarter_turn(v: DVec3) -> DVec3 {
+    DVec3::new(-v.y, v.x, v.z)
 }
 
 fn azimuth(a: f64, b: f64) -> f64 {

@@ -1,14 +1,24 @@
 //! What the host has of resources. Contents stay on the side that made them until the other side looks: host steps that work on one thing after another
-//! move nothing, and what only they look at never reaches the device.
+//! move nothing, and what only they look at never reaches the device. Resources that share memory on the device share room here.
 
-use crate::recording::Resource;
+use crate::recording::{Placement, Resource};
 use glam::Vec4;
 use std::collections::HashMap;
 use std::ops::Range;
 
-/// Copies on the host, by resource.
+/// Copies on the host.
 #[derive(Default)]
-pub struct Copies(HashMap<Resource, HostCopy>);
+pub struct Copies {
+    /// The allocation that a resource lives in, or else itself.
+    rooms: HashMap<Resource, Room>,
+    copies: HashMap<Room, (Resource, HostCopy)>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+enum Room {
+    Shared(u32),
+    Own(Resource),
+}
 
 /// Of one resource, texture rows without padding.
 #[derive(Default)]
@@ -22,17 +32,31 @@ pub struct HostCopy {
 }
 
 impl Copies {
-    pub fn get(&self, resource: Resource) -> Option<&HostCopy> {
-        self.0.get(&resource)
+    pub fn new(placement: &Placement) -> Self {
+        let shared = (0..).map(Resource).zip(&placement.slots).filter_map(|(resource, slot)| slot.map(|slot| (resource, Room::Shared(slot))));
+        Self { rooms: shared.collect(), copies: HashMap::new() }
     }
 
+    pub fn get(&self, resource: Resource) -> Option<&HostCopy> {
+        self.copies.get(&self.room(resource)).filter(|(owner, _)| *owner == resource).map(|(_, copy)| copy)
+    }
+
+    /// Takes the room over from a resource that had it before: nobody looks at that any more, as nobody does on the device.
     pub fn entry(&mut self, resource: Resource) -> &mut HostCopy {
-        self.0.entry(resource).or_default()
+        let (owner, copy) = self.copies.entry(self.room(resource)).or_insert_with(|| (resource, HostCopy::default()));
+        if std::mem::replace(owner, resource) != resource {
+            copy.forget();
+        }
+        copy
     }
 
     /// Forgets what resources hold that are as told, not the room for it.
     pub fn forget(&mut self, which: impl Fn(Resource) -> bool) {
-        self.0.iter_mut().filter(|(resource, _)| which(**resource)).for_each(|(_, copy)| copy.forget());
+        self.copies.values_mut().filter(|(resource, _)| which(*resource)).for_each(|(_, copy)| copy.forget());
+    }
+
+    fn room(&self, resource: Resource) -> Room {
+        self.rooms.get(&resource).copied().unwrap_or(Room::Own(resource))
     }
 }
 
@@ -117,6 +141,19 @@ mod tests {
         assert_eq!(copy.ahead(), None);
         assert!(copy.write(12, &[3; 4]));
         assert_eq!(copy.ahead(), Some((12, &[3; 4][..])));
+    }
+
+    #[test]
+    fn resources_that_share_memory_share_room() {
+        let placement = Placement { slots: vec![Some(0), None, Some(0)], allocations: Vec::new() };
+        let mut copies = Copies::new(&placement);
+        let [first, other, second] = [0, 1, 2].map(Resource);
+        assert!(copies.entry(first).write(0, &[1; 64]) && copies.entry(other).write(0, &[2; 4]));
+        assert!(copies.get(second).is_none());
+        let room = copies.entry(first).contents.as_ptr();
+        let copy = copies.entry(second);
+        assert_eq!((copy.known(1), copy.ahead(), copy.contents.as_ptr()), (None, None, room));
+        assert!(copies.get(first).is_none() && copies.get(other).is_some_and(|copy| copy.known(4) == Some(&[2; 4][..])));
     }
 
     #[test]

@@ -107,7 +107,7 @@ impl<'a> Session<'a> {
             lists: HashMap::new(),
             states: HashMap::new(),
             staging: HashMap::new(),
-            copies: Copies::default(),
+            copies: Copies::new(placement),
             shared: shared(recording),
             timing: Timing::new(gpu, recording.nodes().len()),
             nodes: Vec::new(),

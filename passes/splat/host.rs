@@ -1,13 +1,18 @@
-//! Irradiance added to the pixels on the host.
+//! Irradiance added to the pixels on the host, eight neighbours side by side.
 
-use super::{Work, bands};
+use super::{
+    Work,
+    bands::{self, Band, Contribution},
+};
 use crate::contract::Recorder;
 use crate::math::projection::PixelRectangle;
+use crate::math::vectors::{Vectors, apart, together};
 use crate::math::weight::{Reaching, Record};
 use crate::passes::record::{RECORD_BYTES, Record as HostRecord, pinhole};
 use crate::recording::*;
-use glam::{Vec4, Vec4Swizzles};
-use std::sync::Arc;
+use fearless_simd::{Simd, prelude::*};
+use glam::Vec4;
+use std::{ops::Range, sync::Arc};
 
 pub(super) fn record(r: &mut Recorder<'_>, work: &Work) {
     let images: Vec<Resource> = [Some(work.sums), work.counts].into_iter().flatten().collect();
@@ -34,16 +39,44 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work) {
             .iter()
             .filter_map(|record| Some((camera.bounds(record.position, cache.rule.longest_reach(record) * 1.0001)?, cache.rule.reaching(record))))
             .collect();
-        let (positions, normals): (&[Vec4], &[Vec4]) = (bytemuck::cast_slice(host.read(gbuffer.position)), bytemuck::cast_slice(host.read(gbuffer.normal)));
-        bands::add(width, &placed, &mut images, |record, pixel| {
-            let (place, normal) = (positions[pixel], normals[pixel].xyz());
-            let weight = record.weight(place.xyz(), normal);
-            (weight > 0.0 && place.w > 0.0).then(|| record.estimate(place.xyz(), normal).extend(1.0) * weight)
-        });
+        let positions = bytemuck::cast_slice(host.read(gbuffer.position));
+        let seen = Seen { positions, normals: bytemuck::cast_slice(host.read(gbuffer.normal)) };
+        bands::add(width, &placed, &mut images, &seen);
         for (image, contents) in written.iter().zip(images) {
             host.put(*image, contents, u64::MAX);
         }
         Ok(())
     };
     r.command(Command::Host(Host { name: "splat", reads, writes: images, run: Arc::new(splat) }));
+}
+
+/// Pixels side by side.
+const LANES: usize = 8;
+
+/// What pixels see.
+struct Seen<'a> {
+    positions: &'a [Vec4],
+    normals: &'a [Vec4],
+}
+
+impl<'a> Contribution for Seen<'a> {
+    type Record = Reaching<'a>;
+
+    #[inline(always)]
+    fn add<S: Simd>(&self, simd: S, record: &Reaching<'a>, pixels: Range<usize>, band: &mut Band<'_>) {
+        for from in pixels.clone().step_by(LANES) {
+            let lanes = (pixels.end - from).min(LANES);
+            let [x, y, z, is_there] = apart(simd, self.positions, from);
+            let [a, b, c, _] = apart(simd, self.normals, from);
+            let (position, normal) = (Vectors { x, y, z }, Vectors { x: a, y: b, z: c });
+            let weight = record.weights(simd, position, normal);
+            let which = (weight.simd_gt(0.0) & is_there.simd_gt(0.0)).to_bitmask();
+            if which & ((1 << lanes) - 1) == 0 {
+                continue;
+            }
+            let light = record.estimates(simd, position, normal).scaled(weight);
+            let added = together(simd, [light.x, light.y, light.z, weight]);
+            (0..lanes).filter(|lane| which & 1 << lane != 0).for_each(|lane| band.add(from + lane, added[lane]));
+        }
+    }
 }

@@ -1,7 +1,7 @@
 //! Eight vectors at a time, for what runs within `dispatch!`.
 
 use fearless_simd::{Simd, f32x8, prelude::*};
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 
 /// Eight vectors.
 #[derive(Clone, Copy)]
@@ -63,5 +63,53 @@ impl<S: Simd> Vectors<S> {
     #[inline(always)]
     pub fn cross(self, other: Self) -> Self {
         Self { x: self.y * other.z - self.z * other.y, y: self.z * other.x - self.x * other.z, z: self.x * other.y - self.y * other.x }
+    }
+}
+
+/// Eight items of a list from a place on, by component; zeros beyond its end.
+#[inline(always)]
+pub fn apart<S: Simd>(simd: S, items: &[Vec4], from: usize) -> [f32x8<S>; 4] {
+    let items = &items[from..];
+    let mut padded = [Vec4::ZERO; 8];
+    let eight = items.first_chunk().unwrap_or_else(|| {
+        padded[..items.len()].copy_from_slice(items);
+        &padded
+    });
+    let [low, high] = bytemuck::cast_ref::<[Vec4; 8], [[f32; 16]; 2]>(eight);
+    let [[a, b, c, d], [e, f, g, h]] = [simd.load_four_interleaved_f32x4(low), simd.load_four_interleaved_f32x4(high)];
+    [a.combine(e), b.combine(f), c.combine(g), d.combine(h)]
+}
+
+/// Eight items of their components.
+#[inline(always)]
+pub fn together<S: Simd>(simd: S, components: [f32x8<S>; 4]) -> [Vec4; 8] {
+    let mut items = [[0.0; 16]; 2];
+    let [[a, e], [b, f], [c, g], [d, h]] = [components[0], components[1], components[2], components[3]].map(|component| {
+        let (low, high) = component.split();
+        [low, high]
+    });
+    simd.store_four_interleaved_f32x4([a, b, c, d], &mut items[0]);
+    simd.store_four_interleaved_f32x4([e, f, g, h], &mut items[1]);
+    bytemuck::cast(items)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use fearless_simd::{Level, dispatch};
+
+    #[test]
+    fn what_is_taken_apart_goes_together_again() {
+        let items: Vec<Vec4> = (0..13).map(|k| Vec4::new(k as f32, 0.5, -(k as f32), 2.0 * k as f32)).collect();
+        dispatch!(Level::new(), simd => {
+            for from in 0..13 {
+                let components = apart(simd, &items, from);
+                assert_eq!(components[0].to_array()[0], from as f32);
+                let again = together(simd, components);
+                let there = (items.len() - from).min(8);
+                assert_eq!(again[..there], items[from..from + there]);
+                assert!(again[there..].iter().all(|item| *item == Vec4::ZERO));
+            }
+        });
     }
 }

@@ -2,6 +2,8 @@
 //! `shaders/lib/record.wgsl` computes it; a test on the device compares the two.
 
 use super::colour::luminance;
+use super::vectors::Vectors;
+use fearless_simd::{Select, Simd, f32x8, prelude::*};
 use glam::Vec3;
 
 /// The least error that Ward's weight divides by: it bounds the weight at the record's own place to 1000, far above
@@ -223,11 +225,53 @@ impl Reaching<'_> {
             Weighting::Compact => (1.0 - apart - turned / accuracy).max(0.0),
         }
     }
+
+    /// [`Reaching::estimate`] at eight points.
+    #[inline(always)]
+    pub fn estimates<S: Simd>(&self, simd: S, positions: Vectors<S>, normals: Vectors<S>) -> Vectors<S> {
+        let record = self.record;
+        let turn = Vectors::splat(simd, record.normal).cross(normals);
+        let step = positions.minus(Vectors::splat(simd, record.position)).scaled(f32x8::splat(simd, self.followed));
+        let [rotation, translation] = [&record.rotation, &record.translation];
+        let change = Vectors {
+            x: turn.product(rotation[0]) + step.product(translation[0]),
+            y: turn.product(rotation[1]) + step.product(translation[1]),
+            z: turn.product(rotation[2]) + step.product(translation[2]),
+        };
+        let [least, most] = EXTRAPOLATION.map(|factor| record.irradiance * factor);
+        let estimate = Vectors::splat(simd, record.irradiance).plus(change);
+        Vectors { x: estimate.x.max(least.x).min(most.x), y: estimate.y.max(least.y).min(most.y), z: estimate.z.max(least.z).min(most.z) }
+    }
+
+    /// [`Reaching::weight`] at eight points.
+    #[inline(always)]
+    pub fn weights<S: Simd>(&self, simd: S, positions: Vectors<S>, normals: Vectors<S>) -> f32x8<S> {
+        let (record, accuracy) = (self.record, self.rule.accuracy);
+        let zero = f32x8::splat(simd, 0.0);
+        let normal = Vectors::splat(simd, record.normal);
+        let offset = positions.minus(Vectors::splat(simd, record.position));
+        let (along, square) = (offset.product(record.stretch), offset.dot(offset));
+        let apart = (square - along * along).max(zero).sqrt() / self.reach;
+        let behind = offset.dot(normals.plus(normal)) * 0.5;
+        let counts = apart.simd_le(1.0) & behind.simd_ge(square.sqrt() * -FRONT_TOLERANCE);
+        let difference = normals.minus(normal);
+        let turned = difference.dot(difference).sqrt() * std::f32::consts::FRAC_1_SQRT_2;
+        let weight = match self.rule.weighting {
+            Weighting::Ward => {
+                let error = apart * accuracy + turned;
+                error.simd_le(accuracy).select(1.0 / error.max(LEAST_ERROR), zero)
+            }
+            Weighting::TabellionLamorlette => (1.0 - apart.max(turned / TEN_DEGREES)).max(zero),
+            Weighting::Compact => (1.0 - apart - turned / accuracy).max(zero),
+        };
+        counts.select(weight, zero)
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use fearless_simd::{Level, dispatch};
     use glam::Quat;
     use proptest::prelude::*;
 
@@ -277,6 +321,42 @@ mod tests {
         assert!(near(rule.reach(&Record { radius: 0.0, ..record() }), 0.015));
         let tabellion = super::tests::rule(Weighting::TabellionLamorlette);
         assert!(near(tabellion.reach(&record()), 0.075));
+    }
+
+    #[test]
+    fn eight_points_are_as_eight_times_one() {
+        let records = [record(), Record { stretch: Vec3::new(0.6, 0.3, 0.0), relative_gradient: 20.0, ..record() }];
+        for (record, weighting) in records.iter().flat_map(|r| [Weighting::Ward, Weighting::TabellionLamorlette, Weighting::Compact].map(|w| (r, w))) {
+            let rule = Rule { accuracy: 0.3, ..rule(weighting) };
+            let reaching = rule.reaching(record);
+            let mut counted = 0;
+            for eight in 0..400 {
+                let points: [(Vec3, Vec3); 8] = std::array::from_fn(|lane| scattered(record, 8 * eight + lane as u32));
+                let axis = |of: &dyn Fn(&(Vec3, Vec3)) -> f32| points.each_ref().map(of);
+                let positions = [axis(&|p| p.0.x), axis(&|p| p.0.y), axis(&|p| p.0.z)];
+                let normals = [axis(&|p| p.1.x), axis(&|p| p.1.y), axis(&|p| p.1.z)];
+                let (weights, estimates) = dispatch!(Level::new(), simd => {
+                    let (positions, normals) = (Vectors::load(simd, &positions), Vectors::load(simd, &normals));
+                    let estimates = reaching.estimates(simd, positions, normals);
+                    (reaching.weights(simd, positions, normals).to_array(), [estimates.x.to_array(), estimates.y.to_array(), estimates.z.to_array()])
+                });
+                for (lane, (position, normal)) in points.into_iter().enumerate() {
+                    let (weight, estimate) = (reaching.weight(position, normal), reaching.estimate(position, normal));
+                    assert!(near(weights[lane], weight), "{} instead of {weight} by {weighting:?} at {position}", weights[lane]);
+                    assert!((0..3).all(|channel| near(estimates[channel][lane], estimate[channel])), "{estimate} by {weighting:?} at {position}");
+                    counted += u32::from(weight > 0.0);
+                }
+            }
+            assert!((50..2900).contains(&counted), "{counted} of 3200 points count by {weighting:?}");
+        }
+    }
+
+    /// The k-th of points around a record, and its normal.
+    fn scattered(record: &Record, k: u32) -> (Vec3, Vec3) {
+        let at = |prime: f32| 2.0 * (k as f32 * prime).fract() - 1.0;
+        let offset = Vec3::new(at(0.754_877_7), at(0.569_840_3), 0.1 * at(0.430_159_7));
+        let normal = record.normal + 0.1 * Vec3::new(at(0.618_034), at(0.324_718), at(0.414_214));
+        (record.position + 0.8 * offset, normal.normalize())
     }
 
     #[test]

@@ -37,7 +37,6 @@ impl Pass for Combine {
             refuse_lobes(r.setting.needs)?;
         }
         let picture = r.image("picture", Format::Rgba32Float);
-        let all = r.image("indirect", Format::Rgba32Float);
         // A part that is absent is bound to any image and never read.
         let program = Program::new("combine")
             .constant("TEXTURES", r.setting.needs.textures as u8)
@@ -49,9 +48,16 @@ impl Pass for Combine {
             .bind("direct", direct.unwrap_or(gbuffer.position))
             .bind("indirect", indirect.unwrap_or(gbuffer.position))
             .bind("glossy", glossy.unwrap_or(gbuffer.position))
-            .bind("picture", picture)
-            .bind("all_indirect", all);
-        r.compute_pixels(program, "combine_parts");
+            .bind("picture", picture);
+        // One part alone is all of it.
+        let all = if let (Some(part), None) | (None, Some(part)) = (indirect, glossy) {
+            r.compute_pixels(program, "combine_parts");
+            part
+        } else {
+            let all = r.image("indirect", Format::Rgba32Float);
+            r.compute_pixels(program.bind("all_indirect", all), "combine_and_keep_indirect");
+            all
+        };
         r.output("picture", Port::Image(port::Image { texture: picture, channels: port::Channels::Colour }));
         r.output("indirect", Port::Image(port::Image { texture: all, channels: port::Channels::Colour }));
         Ok(())

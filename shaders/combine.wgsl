@@ -16,27 +16,40 @@ override HAS_GLOSSY: bool = true;
 
 @compute @workgroup_size(8, 8)
 fn combine_parts(@builtin(global_invocation_id) id: vec3u) {
-    if any(id.xy >= camera.size) {
-        return;
+    if all(id.xy < camera.size) {
+        textureStore(picture, id.xy, combined(id.xy, reflected(id.xy)));
     }
-    var reflected = vec3f(0.0);
+}
+
+@compute @workgroup_size(8, 8)
+fn combine_and_keep_indirect(@builtin(global_invocation_id) id: vec3u) {
+    if all(id.xy < camera.size) {
+        let indirect_light = reflected(id.xy);
+        textureStore(all_indirect, id.xy, vec4f(indirect_light, 1.0));
+        textureStore(picture, id.xy, combined(id.xy, indirect_light));
+    }
+}
+
+fn reflected(pixel: vec2u) -> vec3f {
+    var light = vec3f(0.0);
     if HAS_INDIRECT {
-        reflected += textureLoad(indirect, id.xy, 0).rgb;
+        light += textureLoad(indirect, pixel, 0).rgb;
     }
     if HAS_GLOSSY {
-        reflected += textureLoad(glossy, id.xy, 0).rgb;
+        light += textureLoad(glossy, pixel, 0).rgb;
     }
-    textureStore(all_indirect, id.xy, vec4f(reflected, 1.0));
-    let triangle = textureLoad(triangles, id.xy, 0).x;
-    let ray = pixel_ray(id.xy);
-    var radiance: vec3f;
+    return light;
+}
+
+fn combined(pixel: vec2u, indirect_light: vec3f) -> vec4f {
+    let triangle = textureLoad(triangles, pixel, 0).x;
+    let ray = pixel_ray(pixel);
     if triangle == 0u {
-        radiance = environment_radiance(normalize(ray));
-    } else {
-        radiance = surface_seen(triangle - 1u, camera.eye, ray).emission + reflected;
-        if HAS_DIRECT {
-            radiance += textureLoad(direct, id.xy, 0).rgb;
-        }
+        return vec4f(environment_radiance(normalize(ray)), 1.0);
     }
-    textureStore(picture, id.xy, vec4f(radiance, 1.0));
+    var radiance = surface_seen(triangle - 1u, camera.eye, ray).emission + indirect_light;
+    if HAS_DIRECT {
+        radiance += textureLoad(direct, pixel, 0).rgb;
+    }
+    return vec4f(radiance, 1.0);
 }

@@ -7,7 +7,7 @@ use crate::math::{
     frame::Frame,
     lobe::around,
     random::{combine, hash, unit},
-    vectors::Vectors,
+    vectors::{LANES, Vectors},
 };
 use crate::recording::*;
 use crate::scene::{
@@ -116,9 +116,6 @@ struct Shining {
     /// The product of both cosines over the squared distance.
     form_factors: [f32; RAYS],
 }
-
-/// Rays that are computed side by side.
-const LANES: usize = 8;
 
 // All that runs within `dispatch!` is inlined into it: what is not would not have its instructions.
 impl Lit<'_> {

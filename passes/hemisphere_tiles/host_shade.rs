@@ -2,13 +2,16 @@
 //! is a driver on the same cores, each of its lanes loads a triangle number by number; here eight samples are computed side by side as their rays end.
 
 use crate::contract::{Recorder, port};
-use crate::math::{random::combinations, vectors::Vectors};
+use crate::math::{
+    random::combinations,
+    vectors::{LANES, Vectors},
+};
 use crate::passes::record::Request;
 use crate::recording::*;
 use crate::scene::{
     LightKind, Scene, Triangle,
     packets::{Eye, Met, RAYS},
-    shadow_maps::{LANES, Lookups, Receivers, ShadowCameras, ShadowMaps},
+    shadow_maps::{Lookups, Receivers, ShadowCameras, ShadowMaps},
 };
 use fearless_simd::{Select, Simd, f32x8, mask32x8, prelude::*, u32x8};
 use glam::{Vec2, Vec3, Vec4};

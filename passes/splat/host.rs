@@ -6,7 +6,7 @@ use super::{
 };
 use crate::contract::Recorder;
 use crate::math::projection::PixelRectangle;
-use crate::math::vectors::{Vectors, apart, together};
+use crate::math::vectors::{LANES, Vectors, apart, together};
 use crate::math::weight::{Reaching, Record};
 use crate::passes::record::{RECORD_BYTES, Record as HostRecord, pinhole};
 use crate::recording::*;
@@ -49,9 +49,6 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work) {
     };
     r.command(Command::Host(Host { name: "splat", reads, writes: images, run: Arc::new(splat) }));
 }
-
-/// Pixels side by side.
-const LANES: usize = 8;
 
 /// What pixels see.
 struct Seen<'a> {

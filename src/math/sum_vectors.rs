@@ -4,12 +4,10 @@ use super::{
     colour::REC_709,
     hemisphere::{Edge, Table},
     sum::{Beside, Summed, Total},
-    vectors::Vectors,
+    vectors::{LANES, Vectors, apart},
 };
 use fearless_simd::{Level, Select, Simd, dispatch, f32x8, prelude::*};
 use glam::{DVec3, Vec4};
-
-const LANES: usize = 8;
 
 /// A table as it is summed with.
 pub struct Cells {
@@ -212,15 +210,11 @@ impl<S: Simd> Sums<S> {
 
     #[inline(always)]
     fn add_samples(&mut self, simd: S, group: &Group, samples: &[Vec4], nearest: f32, wanted: Wanted) -> Seen<S> {
-        let mut columns = [[0.0; LANES]; 4];
-        for (lane, sample) in samples.iter().enumerate() {
-            (columns[0][lane], columns[1][lane], columns[2][lane], columns[3][lane]) = (sample.x, sample.y, sample.z, sample.w);
-        }
+        let [red, green, blue, distance] = apart(simd, samples, 0);
         let [zero, steepness] = [f32x8::splat(simd, 0.0), f32x8::load_array_ref(simd, &group.steepness)];
         let is_used = steepness.simd_gt(zero);
-        let of = |column: &[f32; LANES]| is_used.select(f32x8::load_array_ref(simd, column), zero);
-        let inverse = is_used.select(1.0 / f32x8::load_array_ref(simd, &columns[3]).max(nearest), zero);
-        let radiance = Vectors { x: of(&columns[0]), y: of(&columns[1]), z: of(&columns[2]) };
+        let inverse = is_used.select(1.0 / distance.max(nearest), zero);
+        let radiance = Vectors { x: is_used.select(red, zero), y: is_used.select(green, zero), z: is_used.select(blue, zero) };
         let [cosine, plain] = [f32x8::load_array_ref(simd, &group.cosine_weight), f32x8::load_array_ref(simd, &group.plain_weight)];
         self.irradiance = self.irradiance.plus(radiance.scaled(cosine));
         self.cosine = [self.cosine[0] + cosine, inverse.mul_add(cosine, self.cosine[1])];

@@ -3,6 +3,9 @@
 use fearless_simd::{Simd, f32x8, prelude::*};
 use glam::{Vec3, Vec4};
 
+/// How many are computed side by side.
+pub const LANES: usize = 8;
+
 /// Eight vectors.
 #[derive(Clone, Copy)]
 pub struct Vectors<S: Simd> {
@@ -13,7 +16,7 @@ pub struct Vectors<S: Simd> {
 
 impl<S: Simd> Vectors<S> {
     #[inline(always)]
-    pub fn load(simd: S, axes: &[[f32; 8]; 3]) -> Self {
+    pub fn load(simd: S, axes: &[[f32; LANES]; 3]) -> Self {
         let [x, y, z] = axes;
         Self { x: f32x8::load_array_ref(simd, x), y: f32x8::load_array_ref(simd, y), z: f32x8::load_array_ref(simd, z) }
     }
@@ -70,19 +73,19 @@ impl<S: Simd> Vectors<S> {
 #[inline(always)]
 pub fn apart<S: Simd>(simd: S, items: &[Vec4], from: usize) -> [f32x8<S>; 4] {
     let items = &items[from..];
-    let mut padded = [Vec4::ZERO; 8];
+    let mut padded = [Vec4::ZERO; LANES];
     let eight = items.first_chunk().unwrap_or_else(|| {
         padded[..items.len()].copy_from_slice(items);
         &padded
     });
-    let [low, high] = bytemuck::cast_ref::<[Vec4; 8], [[f32; 16]; 2]>(eight);
+    let [low, high] = bytemuck::cast_ref::<[Vec4; LANES], [[f32; 16]; 2]>(eight);
     let [[a, b, c, d], [e, f, g, h]] = [simd.load_four_interleaved_f32x4(low), simd.load_four_interleaved_f32x4(high)];
     [a.combine(e), b.combine(f), c.combine(g), d.combine(h)]
 }
 
 /// Eight items of their components.
 #[inline(always)]
-pub fn together<S: Simd>(simd: S, components: [f32x8<S>; 4]) -> [Vec4; 8] {
+pub fn together<S: Simd>(simd: S, components: [f32x8<S>; 4]) -> [Vec4; LANES] {
     let mut items = [[0.0; 16]; 2];
     let [[a, e], [b, f], [c, g], [d, h]] = [components[0], components[1], components[2], components[3]].map(|component| {
         let (low, high) = component.split();
@@ -106,7 +109,7 @@ mod tests {
                 let components = apart(simd, &items, from);
                 assert_eq!(components[0].to_array()[0], from as f32);
                 let again = together(simd, components);
-                let there = (items.len() - from).min(8);
+                let there = (items.len() - from).min(LANES);
                 assert_eq!(again[..there], items[from..from + there]);
                 assert!(again[there..].iter().all(|item| *item == Vec4::ZERO));
             }

@@ -4,7 +4,7 @@ use super::{Light, LightKind, OFFSET_OF_EXTENT, OFFSET_OF_SIZE, Scene, shadow_ha
 use crate::math::{
     frame::Frame,
     random::{hashes, units},
-    vectors::Vectors,
+    vectors::{LANES, Vectors},
 };
 use fearless_simd::{Select, Simd, f32x8, prelude::*, u32x8};
 use glam::Vec3;
@@ -45,9 +45,6 @@ enum Projection {
     Perspective { near: f32 },
     Orthographic { range: f32 },
 }
-
-/// Samples that are looked up side by side.
-pub const LANES: usize = 8;
 
 /// Surface points with unit normals on the light's side, and what draws their taps.
 #[derive(Clone, Copy)]

@@ -2,7 +2,6 @@
 
 use crate::contract::{Description, Input, Output, Pass, Port, PortKind, Recorder, Refusal, port};
 use crate::recording::*;
-use crate::scene::needs::Needs;
 
 pub struct Combine;
 
@@ -28,14 +27,15 @@ impl Pass for Combine {
         &DESCRIPTION
     }
 
+    /// A picture of direct light alone lacks nothing.
+    fn lacks_lobes(&self, joined: &[&str]) -> bool {
+        joined.contains(&"indirect") && !joined.contains(&"glossy")
+    }
+
     fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
         let Some(gbuffer) = r.g_buffer("gbuffer").copied() else { return Ok(()) };
         let direct = r.direct_light("direct").map(|d| d.radiance);
         let [indirect, glossy] = ["indirect", "glossy"].map(|part| r.image_port(part).map(|i| i.texture));
-        // A picture of direct light alone lacks nothing of the lobes.
-        if glossy.is_none() && indirect.is_some() {
-            refuse_lobes(r.setting.needs)?;
-        }
         let picture = r.image("picture", Format::Rgba32Float);
         // A part that is absent is bound to any image and never read.
         let program = Program::new("combine")
@@ -62,16 +62,4 @@ impl Pass for Combine {
         r.output("indirect", Port::Image(port::Image { texture: all, channels: port::Channels::Colour }));
         Ok(())
     }
-}
-
-/// Without what lobes reflect a picture of glossy surfaces would lack their light.
-fn refuse_lobes(needs: &Needs) -> Result<(), Refusal> {
-    if needs.glossy.is_empty() {
-        return Ok(());
-    }
-    Err(Refusal::new(
-        "plan::glossy",
-        format!("the materials {} are glossy, which this pipeline cannot render", needs.glossy.join(", ")),
-        "use a pipeline for glossy light, such as radiance, or make the materials diffuse in a scene file",
-    ))
 }

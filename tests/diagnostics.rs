@@ -2,7 +2,7 @@
 //! no input brings it about.
 
 use assert_cmd::Command;
-use hemisplat::measure::{Layer, Layers};
+use hemisplat::measure::{Layer, Layers, PICTURE};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
@@ -34,11 +34,12 @@ const BEYOND_INPUT: [(&str, &str); 23] = [
     ("scene::unreadable", "a file that is there but cannot be read; as the super-user all can"),
 ];
 
-/// A camera and a box of this material.
+/// A camera and a box of this material, under a white sky.
 fn scene(material: &str) -> String {
     let camera = "(eye: (3, 3, 3), target: (0, 0, 0), fov: 40, size: (8, 8))";
     format!(
-        "Scene(version: 1, geometry: [Box(min: (0, 0, 0), max: (1, 1, 1))], materials: {{ \"*\": {material} }}, cameras: {{ \"a\": {camera}, \"b\": {camera} }})"
+        "Scene(version: 1, geometry: [Box(min: (0, 0, 0), max: (1, 1, 1))], materials: {{ \"*\": {material} }}, environment: Constant((1, 1, 1)), \
+         cameras: {{ \"a\": {camera}, \"b\": {camera} }})"
     )
 }
 
@@ -70,7 +71,7 @@ fn lobes(count: usize) -> Vec<u8> {
     let quads: String = names().map(|name| format!("Quad(corners: ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)), material: \"{name}\"), ")).collect();
     let materials: String =
         names().enumerate().map(|(i, name)| format!("\"{name}\": Phong(reflectance: (0, 0, 0), specular: (0.5, 0.5, 0.5), exponent: {}), ", i + 2)).collect();
-    format!("Scene(version: 1, geometry: [{quads}], materials: {{ {materials} }}, cameras: {{ \"main\": (eye: (0, 0, 3), direction: (0, 0, -1), up: (0, 1, 0), fov: 40, size: (8, 8)) }})").into_bytes()
+    format!("Scene(version: 1, geometry: [{quads}], materials: {{ {materials} }}, environment: Constant((1, 1, 1)), cameras: {{ \"main\": (eye: (0, 0, 3), direction: (0, 0, -1), up: (0, 1, 0), fov: 40, size: (8, 8)) }})").into_bytes()
 }
 
 /// Glossy surfaces without their lobes.
@@ -102,11 +103,14 @@ fn study(from: &str, to: &str) -> Vec<u8> {
 fn files() -> BTreeMap<&'static str, Vec<u8>> {
     let exr = |picture: Layers| picture.to_exr().unwrap();
     let grey = || exr(picture(Layer::value(vec![1.0, 2.0])));
+    let colour = || Layer::interleaved(&["R", "G", "B"], &[1.0; 6], 3);
     BTreeMap::from([
         ("white.ron", scene("Diffuse(reflectance: (0.5, 0.5, 0.5))").into_bytes()),
         ("glossy.ron", scene("Phong(reflectance: (0.5, 0.5, 0.5), specular: (0.1, 0.1, 0.1), exponent: 10)").into_bytes()),
         ("lobes.ron", lobes(4)),
         ("grey.exr", grey()),
+        ("whole.exr", exr(picture(Layer::value(vec![1.0, 2.0])).with(PICTURE, colour()))),
+        ("nameless.exr", exr(Layers::new(2, 1).with(PICTURE, colour()))),
         ("black.exr", exr(picture(Layer::value(vec![0.0, 0.0])))),
         ("nothing.exr", exr(picture(Layer::value(vec![1.0, 2.0])).with("depth", Layer::value(vec![0.0, 0.0])))),
         ("vectors.exr", exr(picture(Layer::interleaved(&["X", "Y", "Z"], &[1.0; 6], 3)))),
@@ -131,7 +135,7 @@ fn files() -> BTreeMap<&'static str, Vec<u8>> {
 
 /// Code and arguments, one case each, and whether a GPU is needed.
 #[rustfmt::skip]
-const CASES: [(&str, &str, bool); 57] = [
+const CASES: [(&str, &str, bool); 60] = [
     ("plan::batch", "check irradiance --scene white.ron --set tiles.resolution=512", false),
     ("plan::coarsest", "check irradiance --scene white.ron --set misses.by=DeviceGrid(coarsest:3)", false),
     ("plan::finest", "check irradiance --scene white.ron --set misses.by=DeviceGrid(finest:3)", false),
@@ -141,7 +145,7 @@ const CASES: [(&str, &str, bool); 57] = [
     ("plan::spacing", "check irradiance --scene white.ron --set cache.minimum_spacing=9 --set cache.maximum_spacing=1", false),
     ("plan::tile", "check irradiance-hemicube --scene white.ron --set tiles.resolution=5", false),
     ("plan::taps", "check irradiance --scene corner --set shadow.taps=5", false),
-    ("plan::glossy", "check irradiance --scene glossy.ron", false),
+    ("plan::glossy", "check irradiance --scene glossy.ron --strict", false),
     ("plan::lobes", "check surfaces.ron --scene glossy.ron", false),
     ("plan::harmonics", "check radiance --scene glossy.ron --set lobes.harmonics=Spherical", false),
     ("plan::lobes_on_device", "check radiance --scene glossy.ron --set lobes.by=Device --set reflections.by=Host", false),
@@ -153,6 +157,9 @@ const CASES: [(&str, &str, bool); 57] = [
     ("plan::coefficients", "check radiance --scene glossy.ron --set glossy_added.records=\"glossy_sums\"", false),
     ("cli::unknown_pass", "passes Splatt", false),
     ("cli::unknown_camera", "explain irradiance --scene white.ron --camera c", false),
+    ("cli::target_in_eye", "explain irradiance --scene white.ron --eye 1,2,3 --target 1,2,3", false),
+    ("cli::up_along_view", "explain irradiance --scene white.ron --eye 0,3,0 --target 0,0,0 --up 0,2,0", false),
+    ("cli::nameless_layer", "diff whole.exr nameless.exr", false),
     ("cli::several_cameras", "explain irradiance --scene white.ron --camera a --camera b", false),
     ("cli::write", "reference --scene white.ron --spp 4 --quiet -o white.ron/out.exr", false),
     ("cli::unknown_format", "reference --scene white.ron -o picture.gif", false),

@@ -214,10 +214,8 @@ impl Shading<'_> {
         for lane in 0..LANES {
             let triangle = fetched.triangles[lane];
             let material = &self.scene.materials[fetched.materials[lane] as usize];
-            let mut colour = material.reflectance * FRAC_1_PI;
-            if let Some(texture) = material.texture.filter(|_| self.lighting.textures) {
-                colour *= self.scene.textures[texture as usize].sample(triangle.uv(Vec2::new(u[lane], v[lane]))).truncate();
-            }
+            let sample = |texture: u32| self.scene.textures[texture as usize].sample(triangle.uv(Vec2::new(u[lane], v[lane]))).truncate();
+            let colour = material.albedo(material.texture.filter(|_| self.lighting.textures).map(sample)) * FRAC_1_PI;
             for channel in 0..3 {
                 reflectance[channel][lane] = colour[channel];
             }

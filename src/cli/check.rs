@@ -2,7 +2,7 @@
 
 use super::console::Console;
 use super::failure::Failure;
-use super::pipeline::{check_pipeline, plan_view};
+use super::pipeline::{check_pipeline, expect_exact, plan_view};
 use super::scene::{SceneOptions, View, ViewOptions};
 use crate::gpu::expected_device;
 use crate::pipeline::embedded::EMBEDDED;
@@ -27,6 +27,9 @@ pub struct Options {
     scene: Option<PathBuf>,
     #[command(flatten)]
     view: ViewOptions,
+    /// Refuse a pipeline that would show the scene otherwise than it is, such as glossy materials as diffuse
+    #[arg(long, requires = "scene")]
+    strict: bool,
 }
 
 pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
@@ -48,8 +51,12 @@ fn check(name: &str, options: &Options, view: Option<&View>) -> Result<String, P
     let pipeline = check_pipeline(name, &options.sets)?;
     let Some(view) = view else { return Ok(summary(&pipeline)) };
     let plan = plan_view(&pipeline, view, expected_device(), &[])?;
+    if options.strict {
+        expect_exact(&plan)?;
+    }
     let dropped: Vec<String> = plan.dropped.iter().map(|dropped| format!(", drops {}: {}", dropped.node, dropped.because)).collect();
-    Ok(format!("{}{}", summary(&pipeline), dropped.concat()))
+    let approximated: Vec<String> = plan.approximated().into_iter().map(|what| format!("; {what}")).collect();
+    Ok(format!("{}{}{}", summary(&pipeline), dropped.concat(), approximated.concat()))
 }
 
 fn summary(pipeline: &Pipeline) -> String {

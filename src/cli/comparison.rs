@@ -23,7 +23,7 @@ pub fn text(comparison: &Comparison) -> String {
 
 /// What a reader must know before trusting the numbers.
 pub fn warnings(comparison: &Comparison) -> Vec<String> {
-    let mut warnings = Vec::new();
+    let mut warnings: Vec<String> = comparison.approximated().iter().map(|what| format!("note: {what}")).collect();
     for variant in &comparison.variants {
         if !variant.complete {
             let gap = match variant.uncovered_pixels.unwrap_or(0) {

@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 #[derive(Args)]
 #[command(after_help = "Example: hemisplat diff out/cornell.exr out/cornell-reference.exr:irradiance --fail-above rmse_over_mean=0.05
 
-Without a name, the layer `irradiance` is compared, or `picture` where one file lacks it. A file of one layer need not name it.")]
+Without a name, the layer `irradiance` is compared, or `picture` where one file lacks it. Where a file has one layer without a name, say which layer of the other it is.")]
 pub struct Options {
     /// The picture to judge, and which of its layers
     #[arg(value_name = "A.exr[:LAYER]")]
@@ -90,6 +90,11 @@ impl Input {
         Ok(Self { path, picture, layer })
     }
 
+    /// Whether the file holds one colour and does not say of what, as many programs write it.
+    fn is_nameless(&self) -> bool {
+        self.picture.layers.len() == 1 && self.picture.layers.contains_key(PICTURE)
+    }
+
     fn layers(&self) -> String {
         self.picture.layers.keys().cloned().collect::<Vec<_>>().join(", ")
     }
@@ -102,10 +107,17 @@ fn choose_layers<'a>(test: &'a Input, reference: &'a Input) -> Result<[&'a str; 
         (Some(test), Some(reference)) => Ok([test, reference]),
         (Some(layer), None) | (None, Some(layer)) => Ok([layer, layer]),
         (None, None) => match ["irradiance", PICTURE].into_iter().find(both) {
+            Some(PICTURE) if test.is_nameless() != reference.is_nameless() => Err(ambiguous(test, reference)),
             Some(layer) => Ok([layer, layer]),
             None => Err(Failure::input(CommandError::NoCommonLayer { test: test.layers(), reference: reference.layers() })),
         },
     }
+}
+
+/// One of the files does not say what its only layer is, and the other has several that it could be.
+fn ambiguous(test: &Input, reference: &Input) -> Failure {
+    let (nameless, named) = if test.is_nameless() { (test, reference) } else { (reference, test) };
+    Failure::input(CommandError::NamelessLayer { nameless: nameless.path.clone(), named: named.path.clone(), held: named.layers() })
 }
 
 fn table(test: &Path, reference: &Path, errors: &Errors) -> String {

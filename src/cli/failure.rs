@@ -72,6 +72,9 @@ pub enum CommandError {
     #[error("the two pictures share no layer: one holds {test}, the other {reference}")]
     #[diagnostic(code(cli::no_common_layer), help("name one for each: A.exr:LAYER B.exr:LAYER"))]
     NoCommonLayer { test: String, reference: String },
+    #[error("{} has one layer without a name: it could be the picture, or the irradiance, or another", nameless.display())]
+    #[diagnostic(code(cli::nameless_layer), help("say which layer of {} it is to be compared with, as {}:LAYER; it has {held}", named.display(), named.display()))]
+    NamelessLayer { nameless: PathBuf, named: PathBuf, held: String },
     #[error("{}", failed.join("; "))]
     #[diagnostic(code(cli::over_threshold))]
     OverThreshold { failed: Vec<String> },
@@ -81,6 +84,12 @@ pub enum CommandError {
     #[error("the scene has no camera `{name}`")]
     #[diagnostic(code(cli::unknown_camera), help("its cameras: {known}"))]
     UnknownCamera { name: String, known: String },
+    #[error("the camera's eye is where it is to look")]
+    #[diagnostic(code(cli::target_in_eye), help("give --eye and --target different places; without --target it is the middle of the scene"))]
+    TargetInEye,
+    #[error("the camera looks along its own up")]
+    #[diagnostic(code(cli::up_along_view), help("give an --up that is no multiple of the way from --eye to --target"))]
+    UpAlongView,
     #[error("the result cannot be written as JSON: {reason}")]
     #[diagnostic(code(cli::json))]
     Json { reason: String },

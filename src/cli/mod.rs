@@ -1,15 +1,18 @@
 //! The program: one file a command, and what the commands share.
 
 mod adapters;
+mod camera;
 mod check;
 mod compare;
 mod comparison;
 mod completions;
 mod console;
+mod daylight;
 mod diff;
 mod dump;
 mod exhibited;
 mod explain;
+mod exposure;
 mod failure;
 mod graph;
 mod input;
@@ -73,7 +76,11 @@ enum Command {
 
 /// What is to be seen of a scene says nothing where no scene is given.
 fn of_scene(argument: Arg) -> Arg {
-    if ["cameras", "size", "search", "set"].contains(&argument.get_id().as_str()) { argument.requires("scene") } else { argument }
+    if ["cameras", "size", "search", "set", "eye", "target", "up", "fov", "print_camera", "sky", "sun"].contains(&argument.get_id().as_str()) {
+        argument.requires("scene")
+    } else {
+        argument
+    }
 }
 
 impl Command {

@@ -1,5 +1,6 @@
 //! Files out. A written file appears whole or not at all.
 
+use super::console::Console;
 use super::failure::{CommandError, Failure};
 use super::interrupt::Shelter;
 use crate::measure::page::{Gallery, Report, page};
@@ -8,9 +9,6 @@ use serde::Serialize;
 use std::fs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
-
-/// The largest exposure, up or down: its factor is a number of single precision.
-const MOST_STOPS: f32 = 100.0;
 
 /// A file to be written later, checked now, so that no work is done for a place that cannot hold its result.
 pub struct Target {
@@ -123,6 +121,11 @@ impl PictureTarget {
         self.target.path()
     }
 
+    /// Whether its picture depends on an exposure.
+    pub fn is_exposed(&self) -> bool {
+        matches!(self.format, Format::Png)
+    }
+
     /// Writes all layers as EXR, or the picture as PNG (tone-mapped after a factor of 2^`exposure`) or HDR.
     pub fn write(&self, picture: &Layers, exposure: f32) -> Result<(), Failure> {
         let bytes = match self.format {
@@ -131,6 +134,14 @@ impl PictureTarget {
             Format::Hdr => picture.to_hdr(PICTURE),
         };
         self.target.write(&bytes.map_err(|error| Failure::work(CommandError::BadPicture { path: self.path().to_owned(), error }))?)
+    }
+}
+
+/// Says why a picture without any light may be black.
+pub fn warn_of_black(picture: &Layers, console: &Console) {
+    let is_black = picture.layers.get(PICTURE).is_some_and(|layer| layer.channels.values().flatten().all(|value| *value == 0.0));
+    if is_black {
+        console.note("warning: the picture is black: no light reaches what the camera sees; is it in a closed room, or does it look away? --eye and --target move it, --sky and --sun light the scene");
     }
 }
 
@@ -145,12 +156,6 @@ pub fn expect_distinct(written: &[&Path], read: &[&Path]) -> Result<(), Failure>
         taken.push(place(path));
     }
     Ok(())
-}
-
-/// Reads the exposure of an argument [stops].
-pub fn exposure(text: &str) -> Result<f32, String> {
-    let stops = text.parse().ok().filter(|stops| (-MOST_STOPS..=MOST_STOPS).contains(stops));
-    stops.ok_or_else(|| format!("expected a number of stops from -{MOST_STOPS} to {MOST_STOPS}"))
 }
 
 /// Whether something stands there that is no plain file, such as a device.

@@ -1,5 +1,6 @@
 //! What the commands that take a pipeline share.
 
+use super::console::Console;
 use super::failure::Failure;
 use super::input::read_file;
 use super::scene::View;
@@ -7,6 +8,7 @@ use super::stored::Stored;
 use super::truth::cache_folder;
 use crate::contract::recorder::Setting;
 use crate::gpu::scene::byte_size;
+use crate::measure::compare::approximations;
 use crate::passes::REGISTRY;
 use crate::pipeline::syntax::Place;
 use crate::pipeline::{Pipeline, Plan, Problem, Problems, Set, load, load_with, plan};
@@ -40,6 +42,18 @@ pub fn check_with(name: &str, place: Option<&Place>, sets: &[Set]) -> Result<Pip
 fn read_pipeline(path: &Path) -> io::Result<String> {
     let bytes = read_file(path, MOST_PIPELINE_BYTES)?;
     String::from_utf8(bytes).map_err(|_| io::Error::new(io::ErrorKind::InvalidData, "it is no text in UTF-8"))
+}
+
+/// Says what plans show otherwise than the scene has it.
+pub fn note_approximations<'p>(plans: impl IntoIterator<Item = &'p Plan>, console: &Console) {
+    approximations(plans.into_iter().map(Plan::approximated)).iter().for_each(|sentence| console.note(&format!("note: {sentence}")));
+}
+
+/// Refuses a plan that shows something otherwise than the scene has it.
+pub fn expect_exact(plan: &Plan) -> Result<(), Problems> {
+    let problem = |what| Problem::new("plan::glossy", what).help("use a pipeline for glossy light, such as radiance, or leave --strict away");
+    let problems: Vec<Problem> = plan.approximated().into_iter().map(problem).collect();
+    if problems.is_empty() { Ok(()) } else { Err(Problems(problems)) }
 }
 
 /// Plans a pipeline for a view of a scene and a device; `dumps` stay whole after the frame.

@@ -1,9 +1,10 @@
 //! `hemisplat reference`
 
 use super::console::Console;
+use super::exposure::{Exposure, ExposureOptions};
 use super::failure::Failure;
 use super::interrupt::{self, Shelter};
-use super::output::{PictureTarget, expect_distinct, exposure};
+use super::output::{PictureTarget, expect_distinct, warn_of_black};
 use super::progress::Progress;
 use super::scene::{SceneOptions, View};
 use crate::measure::{Layer, Layers, PICTURE};
@@ -35,9 +36,8 @@ pub struct Options {
     /// Another seed is an independent estimate
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
-    /// Brightens PNG files by 2^EV
-    #[arg(long, value_name = "EV", default_value_t = 0.0, allow_negative_numbers = true, value_parser = exposure)]
-    exposure: f32,
+    #[command(flatten)]
+    exposure: ExposureOptions,
     /// Where to write: .exr, .png or .hdr; may be repeated
     #[arg(long, short, value_name = "FILE", required = true)]
     output: Vec<PathBuf>,
@@ -59,7 +59,9 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     }
     let reference = result.map_err(Failure::input)?;
     let picture = layers(&reference, attributes(options, &view, &reference));
-    targets.iter().try_for_each(|target| target.write(&picture, options.exposure))?;
+    let exposure = Exposure::new(&options.exposure, console).of(&picture, &targets)?;
+    targets.iter().try_for_each(|target| target.write(&picture, exposure))?;
+    warn_of_black(&picture, console);
     if interrupt::requested() {
         return Err(Failure::interrupted(&targets.iter().map(PictureTarget::path).collect::<Vec<_>>()));
     }

@@ -2,11 +2,12 @@
 
 use super::console::Console;
 use super::dump;
+use super::exposure::{Exposure, ExposureOptions};
 use super::failure::{CommandError, Failure};
 use super::input::{peak_host_bytes, read_file};
 use super::interrupt::{self, Shelter};
-use super::output::{PictureTarget, Target, expect_distinct, exposure};
-use super::pipeline::BOUNCES;
+use super::output::{PictureTarget, Target, expect_distinct, warn_of_black};
+use super::pipeline::{BOUNCES, expect_exact, note_approximations};
 use super::progress::Progress;
 use super::scene::{SceneOptions, View};
 use super::timeline::{Frame, Plans, Timeline, TimelineOptions, camera_of_frame};
@@ -40,15 +41,14 @@ pub struct Options {
     /// Loads records from this file where it exists, and saves them to it
     #[arg(long, value_name = "FILE")]
     cache: Option<PathBuf>,
-    /// Fail, with status 1, when a pixel of a frame is left without a record; its picture is written all the same
+    /// Fail, with status 1, when a pixel of a frame is left without a record; its picture is written all the same. Refuse, with status 2, to take glossy materials as diffuse
     #[arg(long)]
     strict: bool,
     /// After so many seconds of a frame its loops end with the round that they are in, and the picture is made of what is there
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     time: Option<Duration>,
-    /// Brightens PNG files by 2^EV
-    #[arg(long, value_name = "EV", default_value_t = 0.0, allow_negative_numbers = true, value_parser = exposure)]
-    exposure: f32,
+    #[command(flatten)]
+    exposure: ExposureOptions,
     /// Where to write: .exr, .png or .hdr; may be repeated
     #[arg(long, short, value_name = "FILE", required = true)]
     output: Vec<PathBuf>,
@@ -86,7 +86,12 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     let view = view?;
     let (plans, planned) =
         timed(|| Plans::of(&options.pipeline, &timeline, &view, gpu.as_ref().map_or(Device::Hardware, |gpu| gpu.adapter.device()), &options.dump));
-    let (plans, gpu) = (plans?, gpu.map_err(Failure::work)?);
+    let plans = plans?;
+    if options.strict {
+        expect_exact(plans.first()).map_err(Failure::input)?;
+    }
+    note_approximations([plans.first()], console);
+    let gpu = gpu.map_err(Failure::work)?;
     let start = Instant::now();
     let mut run = Run::new(&gpu, &view.scene, &view.bvh, plans.first(), &view.camera, view.size).map_err(Failure::work)?;
     if let Some(records) = &records {
@@ -95,7 +100,8 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     let start_up = StartUp { load, plan: planned, device, shaders: start.elapsed().as_secs_f64() };
 
     let _shelter = Shelter::new();
-    let mut film = Film { options, console, view: &view, frames: Vec::new(), gaps: Vec::new(), is_faulty: false, kept: Vec::new() };
+    let exposure = Exposure::new(&options.exposure, console);
+    let mut film = Film { options, console, view: &view, exposure, frames: Vec::new(), gaps: Vec::new(), is_faulty: false, kept: Vec::new() };
     let result = timeline.frames.iter().zip(&targets).try_for_each(|(frame, targets)| film.expose(frame, targets, &plans, &mut run));
     let is_interrupted = result.as_ref().is_err_and(|failure| failure.status == 130);
     let finished = film.finish(&run, records.as_ref(), stats.as_ref(), &start_up, &gpu, result.is_ok());
@@ -145,6 +151,7 @@ struct Film<'o> {
     options: &'o Options,
     console: &'o Console,
     view: &'o View,
+    exposure: Exposure<'o>,
     /// Reports of the frames that are whole, as in the file of statistics.
     frames: Vec<Value>,
     gaps: Vec<CommandError>,
@@ -167,7 +174,9 @@ impl<'o> Film<'o> {
         // Records that a faulty frame leaves are not for other runs; those of one that was given up are whole.
         self.is_faulty = matches!(&drawn, Err(error) if !matches!(error, RunError::Gpu(GpuError::Interrupted)));
         let (report, picture) = drawn.map_err(Failure::of_run)?;
-        targets.write(self.options, self.view, run, frame, picture)?;
+        let exposure = self.exposure.of(&picture, &targets.0)?;
+        warn_of_black(&picture, self.console);
+        targets.write(self.options, self.view, run, frame, picture, exposure)?;
         self.kept.extend(targets.0.iter().map(PictureTarget::path));
         self.console.print(&text(self.options, frame.number, &report))?;
         self.note_gap(frame, &report);
@@ -263,9 +272,9 @@ impl Targets {
         options.output.iter().map(|path| PictureTarget::new(&numbered(path, number))).collect::<Result<_, _>>().map(Self)
     }
 
-    fn write(&self, options: &Options, view: &View, run: &Run<'_>, frame: &Frame, mut picture: Layers) -> Result<(), Failure> {
+    fn write(&self, options: &Options, view: &View, run: &Run<'_>, frame: &Frame, mut picture: Layers, exposure: f32) -> Result<(), Failure> {
         picture.attributes = attributes(options, view, run.plan(), frame);
-        self.0.iter().try_for_each(|target| target.write(&picture, options.exposure))?;
+        self.0.iter().try_for_each(|target| target.write(&picture, exposure))?;
         let Some(first) = self.0.first() else { return Ok(()) };
         options.dump.iter().try_for_each(|name| dump::write(name, run.plan(), run, first.path()))
     }
@@ -340,7 +349,7 @@ fn statistics(film: &Film<'_>, run: &Run<'_>, gpu: &Gpu, start_up: &StartUp, com
         },
         "peak_gpu_bytes": run.gpu_bytes(),
         "peak_host_bytes": peak_host_bytes(),
-        "plan": { "dropped": dropped(plan) },
+        "plan": { "dropped": dropped(plan), "approximated": plan.approximated() },
     })
 }
 

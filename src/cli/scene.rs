@@ -1,6 +1,8 @@
 //! The options of every command that takes a scene.
 
+use super::camera::{CameraOptions, to_ron};
 use super::console::Console;
+use super::daylight::DaylightOptions;
 use super::failure::{CommandError, Failure};
 use crate::scene::bvh::Bvh;
 use crate::scene::load::{LoadOptions, load};
@@ -36,6 +38,10 @@ pub struct ViewOptions {
     /// A parameter of the scene's generator; may be repeated
     #[arg(long = "scene-set", value_name = "KEY=VALUE", value_parser = key_and_value)]
     set: Vec<(String, String)>,
+    #[command(flatten)]
+    camera: CameraOptions,
+    #[command(flatten)]
+    daylight: DaylightOptions,
 }
 
 /// A scene that is ready for rays, and the view of it.
@@ -85,9 +91,13 @@ impl SceneOptions {
         let options = LoadOptions { search: self.view.search.clone(), overrides: self.view.set.clone() }.with_environment();
         let mut scene = load(&self.scene, &options).map_err(Failure::input)?;
         scene.notes.iter().for_each(|note| console.note(&format!("note: {note}")));
+        self.view.daylight.light(&mut scene, console)?;
         let cameras = self.pick_cameras(&scene)?;
         let camera = cameras[0].clone();
         let size = self.view.size.or(camera.size).unwrap_or(DEFAULT_SIZE);
+        if self.view.camera.print_camera {
+            cameras.iter().try_for_each(|camera| console.print(&to_ron(&scene, camera, size)))?;
+        }
         let bvh = Bvh::build(&mut scene);
         Ok(View { scene, bvh, camera, cameras, size })
     }
@@ -103,11 +113,17 @@ impl SceneOptions {
             ("camera", camera.name.clone()),
             ("size", format!("{width}x{height}")),
         ];
-        attributes.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
+        attributes.into_iter().chain(self.view.daylight.attributes()).map(|(name, value)| (name.to_owned(), value)).collect()
+    }
+
+    /// Those that are looked through, with what the command line says of them. Never empty.
+    fn pick_cameras(&self, scene: &Scene) -> Result<Vec<Camera>, Failure> {
+        let cameras = self.named_or_all(scene)?;
+        if self.view.camera.is_given() { Ok(vec![self.view.camera.apply(scene, &cameras[0])?]) } else { Ok(cameras) }
     }
 
     /// Never empty.
-    fn pick_cameras(&self, scene: &Scene) -> Result<Vec<Camera>, Failure> {
+    fn named_or_all(&self, scene: &Scene) -> Result<Vec<Camera>, Failure> {
         let unknown = |name: &str| {
             let known = scene.cameras.iter().map(|camera| camera.name.as_str()).collect::<Vec<_>>().join(", ");
             Failure::input(CommandError::UnknownCamera { name: name.to_owned(), known })

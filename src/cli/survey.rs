@@ -16,7 +16,7 @@ use super::{exhibited, swept, tables};
 use crate::gpu::{AskPace, Gpu, Pace};
 use crate::measure::Layers;
 use crate::measure::cache::Checksum;
-use crate::measure::compare::{self, About, Contender, ReferenceReport, VariantErrors};
+use crate::measure::compare::{self, About, Contender, ReferenceReport, VariantErrors, approximations};
 use crate::measure::plot::{Paper, svg};
 use crate::measure::run::{Run, RunError};
 use crate::measure::survey::Survey;
@@ -101,7 +101,7 @@ pub(super) fn run(survey: &Survey, scene: &SceneOptions, reference: &Reference, 
         result?;
     }
     let (points, judge, _shelter) = (work.points, work.judge, work.shelter);
-    let sweep = sweep(survey, &view, &gpu, judge.report(), points);
+    let sweep = sweep(survey, &view, &gpu, judge.report(), approximations(plans.iter().flatten().map(Plan::approximated)), points);
     swept::warnings(&sweep, survey).iter().for_each(|warning| console.note(warning));
     console.print(&[swept::text(&sweep, survey), tables::markdown(&sweep, survey)].join("\n"))?;
     targets.write(&sweep, survey)?;
@@ -310,7 +310,7 @@ fn with_code(error: &RunError) -> String {
     error.code().map_or(error.to_string(), |code| format!("{code}: {error}"))
 }
 
-fn sweep(survey: &Survey, view: &View, gpu: &Gpu, reference: Option<ReferenceReport>, mut points: Vec<Point>) -> Sweep {
+fn sweep(survey: &Survey, view: &View, gpu: &Gpu, reference: Option<ReferenceReport>, approximated: Vec<String>, mut points: Vec<Point>) -> Sweep {
     mark_front(&mut points, &survey.metric, &survey.cost);
     Sweep {
         schema: 1,
@@ -322,6 +322,7 @@ fn sweep(survey: &Survey, view: &View, gpu: &Gpu, reference: Option<ReferenceRep
         runs: usize::from(survey.runs),
         complete: points.iter().all(|point| point.measured().is_some_and(|measured| measured.complete)),
         reference,
+        approximated,
         metric: survey.metric.to_string(),
         cost: survey.cost.to_string(),
         over: survey.axes(),

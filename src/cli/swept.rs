@@ -71,7 +71,8 @@ pub fn warnings(sweep: &Sweep, survey: &Survey) -> Vec<String> {
     let untimed = measured().filter(|(_, measured)| cost.of(measured).is_none()).count();
     let untimed =
         (untimed > 0).then(|| format!("note: {untimed} points have no {cost}: the adapter tells no time of nodes; they are left out of front and plot"));
-    unfinished.chain(other).chain(unjudged).chain(untimed).collect()
+    let approximated = sweep.approximated.iter().map(|what| format!("note: {what}"));
+    approximated.chain(unfinished).chain(other).chain(unjudged).chain(untimed).collect()
 }
 
 /// What the page shows; pipelines and plans are those of the points.

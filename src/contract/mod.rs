@@ -21,6 +21,12 @@ pub trait Pass: Send + Sync {
         Need::Kept
     }
 
+    /// Whether what a node makes of all light lacks what lobes reflect; `joined` are its inputs that have a source. Then the whole plan takes
+    /// surfaces by their albedo.
+    fn lacks_lobes(&self, _joined: &[&str]) -> bool {
+        false
+    }
+
     /// Declares the node's resources and commands. Called once per plan, needs no device.
     fn record(&self, recorder: &mut Recorder<'_>) -> Result<(), Refusal>;
 }

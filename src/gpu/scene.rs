@@ -3,7 +3,7 @@
 use super::hierarchy;
 use crate::host_struct;
 use crate::recording::{HostLayout, SceneData};
-use crate::scene::{Camera, Emitter, Environment, Glossy, LightKind, Scene, Triangle, bvh::Bvh, shadow_half, shadow_layers};
+use crate::scene::{Camera, Emitter, Environment, Glossy, LightKind, Material, Scene, Triangle, bvh::Bvh, shadow_half, shadow_layers};
 use bytemuck::{bytes_of, cast_slice};
 use glam::{Vec2, Vec3};
 
@@ -114,7 +114,7 @@ pub fn byte_size(scene: &Scene, data: SceneData) -> u64 {
         SceneData::Corners => triangles * 48,
         SceneData::Attributes => triangles * 64,
         SceneData::Nodes => hierarchy::most_elements(triangles) * 16,
-        SceneData::Materials => (scene.materials.len() * size_of::<SceneMaterial>()) as u64,
+        SceneData::Materials | SceneData::Albedos => (scene.materials.len() * size_of::<SceneMaterial>()) as u64,
         SceneData::Texels => scene.textures.iter().map(|t| t.texels.len() as u64 * 4).sum(),
         SceneData::Lights => (scene.lights.len() * size_of::<SceneLight>()) as u64,
         SceneData::FirstLights => (FIRST_LIGHTS * size_of::<SceneLight>()) as u64,
@@ -136,6 +136,7 @@ pub fn bytes(scene: &Scene, bvh: &Bvh, data: SceneData) -> Vec<u8> {
         SceneData::Attributes => scene.triangles.iter().flat_map(|t| bytes_of(&attributes(t)).to_vec()).collect(),
         SceneData::Nodes => cast_slice(&hierarchy::packed(&bvh.nodes(), &bvh.ranges(), &scene.triangles)).to_vec(),
         SceneData::Materials => cast_slice(&materials(scene)).to_vec(),
+        SceneData::Albedos => cast_slice(&albedos(scene)).to_vec(),
         SceneData::Texels => scene.textures.iter().flat_map(|t| cast_slice::<_, u8>(&t.texels).iter().copied()).collect(),
         SceneData::Lights => cast_slice(&lights(scene)).to_vec(),
         SceneData::FirstLights => first_lights(scene),
@@ -220,6 +221,16 @@ fn materials(scene: &Scene) -> Vec<SceneMaterial> {
             }
         })
         .collect()
+}
+
+/// Materials by [`Material::albedo`], without lobes.
+fn albedos(scene: &Scene) -> Vec<SceneMaterial> {
+    let diffuse = |(glossy, material): (SceneMaterial, &Material)| {
+        // A texture multiplies the diffuse part alone.
+        let flags = if material.albedo(Some(Vec3::ZERO)) == Vec3::ZERO { glossy.flags } else { glossy.flags & !TEXTURED };
+        SceneMaterial { reflectance: material.albedo(None).into(), flags, lobe: 0, ..glossy }
+    };
+    materials(scene).into_iter().zip(&scene.materials).map(diffuse).collect()
 }
 
 fn lights(scene: &Scene) -> Vec<SceneLight> {

@@ -65,6 +65,7 @@ impl<'a> Contender<'a> {
             pipeline: plan.pipeline.clone(),
             set: about.set,
             dropped: dropped(plan),
+            approximated: plan.approximated(),
             start_up: VariantStartUp { plan_seconds: about.plan_seconds, shaders_seconds: about.shaders_seconds, warm_up_seconds: self.warm_up_seconds },
             seconds: Spread::of(&seconds)?,
             seconds_of_runs: seconds,
@@ -165,6 +166,8 @@ pub struct VariantReport {
     pub pipeline: String,
     pub set: Vec<String>,
     pub dropped: Vec<DroppedNode>,
+    /// What it shows otherwise than the scene has it, in words.
+    pub approximated: Vec<String>,
     pub start_up: VariantStartUp,
     /// Of a run: a picture from empty caches.
     pub seconds: Spread,
@@ -284,6 +287,24 @@ pub fn checksum(picture: &Layers) -> String {
         }
     }
     checksum.finish()
+}
+
+/// What several plans show otherwise than the scene has it, each sentence once.
+pub fn approximations(of_each: impl IntoIterator<Item = Vec<String>>) -> Vec<String> {
+    let mut all: Vec<String> = Vec::new();
+    for sentence in of_each.into_iter().flatten() {
+        if !all.contains(&sentence) {
+            all.push(sentence);
+        }
+    }
+    all
+}
+
+impl Comparison {
+    /// What its variants show otherwise than the scene has it, each sentence once.
+    pub fn approximated(&self) -> Vec<String> {
+        approximations(self.variants.iter().map(|variant| variant.approximated.clone()))
+    }
 }
 
 /// What the plan left out of the pipeline.

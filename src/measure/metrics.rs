@@ -321,7 +321,9 @@ fn flips(test: Selected, reference: Selected) -> Result<[Option<f64>; 2], Metric
         return Ok([None; 2]);
     }
     let pictures = [test, reference].map(|selected| selected.picture);
-    let whole = test.layer == reference.layer && pictures.iter().all(|picture| picture.layers.contains_key(PICTURE));
+    // A file of one layer without a name holds what it is compared with, and no picture beside it.
+    let holds_both = |picture: &&Layers| [PICTURE, test.layer].iter().all(|layer| picture.layers.contains_key(*layer));
+    let whole = test.layer == reference.layer && pictures.iter().all(holds_both);
     let layer = |selected: &Selected| if whole { PICTURE.to_owned() } else { selected.layer.to_owned() };
     let colours = |selected: Selected, which| -> Result<Vec<[f32; 3]>, MetricsError> {
         let [r, g, b] = selected.picture.rgb(&layer(&selected)).map_err(|error| MetricsError::Picture { which, error })?;

@@ -3,6 +3,7 @@
 pub mod cache;
 pub mod compare;
 pub mod criteria;
+pub mod exposure;
 pub mod flip;
 mod labels;
 pub mod layers;

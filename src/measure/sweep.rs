@@ -46,6 +46,8 @@ pub struct Sweep {
     /// Whether every point is measured, with all its pixels covered.
     pub complete: bool,
     pub reference: Option<ReferenceReport>,
+    /// What pipelines show otherwise than the scene has it, in words, each once.
+    pub approximated: Vec<String>,
     /// The error of the front and the plot.
     pub metric: String,
     /// What the front and the plot hold that error against.
@@ -180,6 +182,7 @@ impl From<&Comparison> for Sweep {
             runs: comparison.runs,
             complete: comparison.complete,
             reference: comparison.reference.clone(),
+            approximated: comparison.approximated(),
             metric: metric.to_string(),
             cost: cost.to_string(),
             over: Vec::new(),

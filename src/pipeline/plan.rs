@@ -5,6 +5,7 @@ use super::{Edge, Layer, Loop, Node, Pipeline, Problem, Problems, When, Work, gr
 use crate::contract::recorder::{Persistent, Recorded, Recorder, Reported, Setting};
 use crate::contract::{Need, Port, Refusal};
 use crate::recording::*;
+use crate::scene::needs::Needs;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 
@@ -34,6 +35,8 @@ pub struct Plan {
     pub ports: BTreeMap<String, Port>,
     /// In the order in which they would have run.
     pub dropped: Vec<Dropped>,
+    /// Materials with a lobe that the pipeline takes by their [albedo](crate::scene::Material::albedo), as it cannot render lobes.
+    pub by_albedo: Vec<String>,
     /// Node and what was adapted.
     pub remarks: Vec<(String, String)>,
     /// Node, name and place of the numbers that a run reports.
@@ -72,9 +75,10 @@ pub struct Absent {
 /// # Errors
 /// What passes refuse, each underlined in the document.
 pub fn plan(pipeline: &Pipeline, setting: Setting<'_>, dumps: &[String], scene_bytes: &dyn Fn(SceneData) -> u64) -> Result<Plan, Problems> {
-    let unspecialised = setting.needs.unspecialised();
-    let setting = if pipeline.specialise { setting } else { Setting { needs: &unspecialised, ..setting } };
     let members = members(pipeline);
+    let needs = needs(pipeline, &members, setting.needs);
+    let by_albedo = if needs.lobes { Vec::new() } else { setting.needs.glossy.clone() };
+    let setting = Setting { needs: &needs, ..setting };
     let mut problems = Vec::new();
     let dump_nodes: Vec<&str> = dumps.iter().filter_map(|dump| find_dump(&members, dump, &mut problems)).collect();
     let mut dropped = drop_unneeded(&members, setting);
@@ -89,11 +93,21 @@ pub fn plan(pipeline: &Pipeline, setting: Setting<'_>, dumps: &[String], scene_b
         let planner = Planner::of(pipeline, setting, &dropped, &shapes, scene_bytes);
         let found = planner.shapes(&earlier);
         if found == shapes {
-            return planner.finish(pipeline, &members, &earlier, dumps);
+            return planner.finish(pipeline, &members, &earlier, dumps, by_albedo);
         }
         shapes = found;
     }
     Err(Problems(earlier.iter().map(|(node, edge)| refuse_growth(node, edge)).collect()))
+}
+
+/// What the scene requires of this pipeline.
+fn needs(pipeline: &Pipeline, members: &[Member<'_>], of_scene: &Needs) -> Needs {
+    let needs = if pipeline.specialise { of_scene.clone() } else { of_scene.unspecialised() };
+    let lacks_lobes = |node: &Node| match &node.work {
+        Work::Pass(pass) => pass.lacks_lobes(&node.inputs.iter().map(|edge| edge.input).collect::<Vec<_>>()),
+        Work::Loop(..) => false,
+    };
+    if members.iter().any(|member| lacks_lobes(member.node)) { needs.without_lobes() } else { needs }
 }
 
 fn refuse_growth(node: &Node, edge: &Edge) -> Problem {
@@ -252,6 +266,7 @@ impl<'a> Planner<'a> {
     fn new(setting: Setting<'a>, dropped: &'a BTreeMap<&'a str, String>, scene_bytes: &dyn Fn(SceneData) -> u64) -> Self {
         let mut recording = Recording::default();
         for data in SceneData::ALL {
+            let data = if data == SceneData::Materials && !setting.needs.lobes { SceneData::Albedos } else { data };
             let kind = ResourceKind::Buffer { bytes: scene_bytes(data) };
             recording.resources.push(ResourceDescription { name: data.name().into(), kind, lifetime: Lifetime::Scene(data) });
         }
@@ -410,7 +425,14 @@ impl<'a> Planner<'a> {
         }
     }
 
-    fn finish(mut self, pipeline: &Pipeline, members: &[Member<'_>], earlier: &[(&Node, &Edge)], dumps: &[String]) -> Result<Plan, Problems> {
+    fn finish(
+        mut self,
+        pipeline: &Pipeline,
+        members: &[Member<'_>],
+        earlier: &[(&Node, &Edge)],
+        dumps: &[String],
+        by_albedo: Vec<String>,
+    ) -> Result<Plan, Problems> {
         self.refuse_missing_earlier(earlier);
         let (outputs, absent) = self.outputs(pipeline);
         if self.problems.is_empty() && outputs.is_empty() {
@@ -430,6 +452,7 @@ impl<'a> Planner<'a> {
         for saved in &mut self.persistent {
             let node = members.iter().find(|member| member.node.name == saved.node).map(|member| member.node);
             node.into_iter().for_each(|node| provenance(node, members, &self.ports, &mut saved.made_by));
+            saved.made_by.extend((!by_albedo.is_empty()).then(|| "glossy surfaces by their albedo".to_owned()));
         }
         let because = |node: &Node| Some(Dropped { node: node.name.clone(), because: self.dropped.get(node.name.as_str())?.clone() });
         Ok(Plan {
@@ -437,6 +460,7 @@ impl<'a> Planner<'a> {
             about: pipeline.about.clone(),
             specialised: pipeline.specialise,
             dropped: members.iter().filter_map(|member| because(member.node)).collect(),
+            by_albedo,
             recording: self.recording,
             lifetimes,
             placement,
@@ -521,6 +545,9 @@ impl Plan {
         for dropped in &self.dropped {
             let _ = writeln!(text, "dropped {} because {}", dropped.node, dropped.because);
         }
+        for approximation in self.approximated() {
+            let _ = writeln!(text, "approximated: {approximation}");
+        }
         for (node, remark) in &self.remarks {
             let _ = writeln!(text, "remark {node}: {remark}");
         }
@@ -538,6 +565,17 @@ impl Plan {
         );
         text.push_str(&self.recording.to_text(&self.lifetimes, &self.placement));
         text
+    }
+
+    /// What the plan shows otherwise than the scene has it, a sentence each.
+    pub fn approximated(&self) -> Vec<String> {
+        const SHOWN: usize = 4;
+        let names: Vec<String> = self.by_albedo.iter().take(SHOWN).map(|name| format!("`{name}`")).collect();
+        let more = self.by_albedo.len().saturating_sub(SHOWN);
+        let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+        let of_lobes =
+            format!("{} takes glossy materials as diffuse, by their albedo ({}{more}); `radiance` renders their lobes", self.pipeline, names.join(", "));
+        (!self.by_albedo.is_empty()).then_some(of_lobes).into_iter().collect()
     }
 
     /// Bytes on the device by lifetime.

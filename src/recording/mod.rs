@@ -87,6 +87,8 @@ pub enum SceneData {
     Attributes,
     Nodes,
     Materials,
+    /// The materials without lobes, in their place: bound by the same name.
+    Albedos,
     Texels,
     Lights,
     /// The first few of them again, as a uniform.
@@ -342,6 +344,7 @@ impl Program {
 }
 
 impl SceneData {
+    /// Those of a plan that renders lobes; one that does not has [`SceneData::Albedos`] in the place of [`SceneData::Materials`].
     pub const ALL: [Self; 11] = [
         Self::Parameters,
         Self::Positions,
@@ -364,7 +367,7 @@ impl SceneData {
             Self::Corners => "scene_corners",
             Self::Attributes => "scene_attributes",
             Self::Nodes => "scene_nodes",
-            Self::Materials => "scene_materials",
+            Self::Materials | Self::Albedos => "scene_materials",
             Self::Texels => "scene_texels",
             Self::Lights => "scene_lights",
             Self::FirstLights => "scene_first_lights",

@@ -76,6 +76,13 @@ pub enum Glossy {
     Ward { reflectance: Rgb, alpha: Vec2 },
 }
 
+impl Glossy {
+    /// The lobe of a glTF material; none where it is no metal and as rough as can be.
+    pub fn metallic_roughness(metallic: f32, roughness: f32) -> Option<Self> {
+        (metallic != 0.0 || roughness != 1.0).then_some(Self::MetallicRoughness { metallic, roughness })
+    }
+}
+
 /// An image with sRGB colour and linear alpha, 8 bits a channel, rows from the top, repeated in both directions.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Texture {
@@ -210,6 +217,15 @@ impl Material {
             }
         };
         Reflection { diffuse, lobe: Some(lobe).filter(|lobe| lobe.reflectance != Vec3::ZERO) }
+    }
+
+    /// What stands for the material where nothing renders lobes: its diffuse reflectance, the base colour of metals, the colour of the lobe where there is
+    /// nothing else. `texture` multiplies what a texture multiplies.
+    pub fn albedo(&self, texture: Option<Rgb>) -> Rgb {
+        match self.glossy {
+            Some(Glossy::Phong { reflectance, .. } | Glossy::Ward { reflectance, .. }) if self.reflectance == Vec3::ZERO => reflectance,
+            _ => texture.map_or(self.reflectance, |texture| self.reflectance * texture),
+        }
     }
 
     /// Scales a diffuse part and a lobe down that together would reflect more than arrives; says whether they did.

@@ -55,6 +55,11 @@ impl Needs {
         }
     }
 
+    /// Of the same scene, with [`Material::albedo`] in place of every lobe.
+    pub fn without_lobes(&self) -> Self {
+        Self { glossy: Vec::new(), lobes: false, anisotropic: false, diffuse: true, ..self.clone() }
+    }
+
     /// Of the same scene, taken as if it had all that a scene can have: nothing is left out for its sake.
     pub fn unspecialised(&self) -> Self {
         Self {

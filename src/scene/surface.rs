@@ -30,26 +30,40 @@ pub struct Gloss {
 impl Scene {
     /// What a ray along `direction` sees where it meets a triangle.
     pub fn surface(&self, triangle: u32, barycentric: Vec2, direction: Vec3) -> Surface {
+        let (plain, texture) = self.without_lobe(triangle, barycentric, direction);
+        let triangle = &self.triangles[triangle as usize];
+        let material = &self.materials[triangle.material as usize];
+        let reflection = material.reflection(material.reflectance * texture.unwrap_or(Vec3::ONE));
+        let glossy = reflection.lobe.map(|lobe| {
+            let frame = if lobe.shape.is_anisotropic() { triangle.tangent_frame(plain.normal) } else { Frame::new(plain.normal) };
+            Gloss { lobe, frame, outgoing: frame.to_local(-direction.normalize()) }
+        });
+        let reflectance = glossy.map_or(reflection.diffuse, |gloss| reflection.diffuse * gloss.lobe.leaves(gloss.outgoing.z));
+        Surface { reflectance, glossy, ..plain }
+    }
+
+    /// The same where nothing renders lobes: [`Material::albedo`](super::Material::albedo) stands for them.
+    pub fn diffuse_surface(&self, triangle: u32, barycentric: Vec2, direction: Vec3) -> Surface {
+        self.without_lobe(triangle, barycentric, direction).0
+    }
+
+    /// The surface by its albedo, and what its texture holds there.
+    fn without_lobe(&self, triangle: u32, barycentric: Vec2, direction: Vec3) -> (Surface, Option<Rgb>) {
         let triangle = &self.triangles[triangle as usize];
         let material = &self.materials[triangle.material as usize];
         let face = triangle.face_normal();
         let side = if face.dot(direction) > 0.0 { -1.0 } else { 1.0 };
         let texture = material.texture.map(|i| self.textures[i as usize].sample(triangle.uv(barycentric)).truncate());
-        let normal = triangle.normal(barycentric) * side;
-        let reflection = material.reflection(material.reflectance * texture.unwrap_or(Vec3::ONE));
-        let glossy = reflection.lobe.map(|lobe| {
-            let frame = if lobe.shape.is_anisotropic() { triangle.tangent_frame(normal) } else { Frame::new(normal) };
-            Gloss { lobe, frame, outgoing: frame.to_local(-direction.normalize()) }
-        });
-        Surface {
+        let surface = Surface {
             // From the corners rather than along the ray: the error stays in the plane.
             position: triangle.position(barycentric),
             face: face * side,
-            normal,
-            reflectance: glossy.map_or(reflection.diffuse, |gloss| reflection.diffuse * gloss.lobe.leaves(gloss.outgoing.z)),
+            normal: triangle.normal(barycentric) * side,
+            reflectance: material.albedo(texture),
             emission: material.emission,
-            glossy,
-        }
+            glossy: None,
+        };
+        (surface, texture)
     }
 }
 

@@ -87,6 +87,7 @@ pub fn variant(index: usize, picture: &Layers, reference: Option<&Layers>) -> Va
         pipeline: "pipelines/irradiance.ron".into(),
         set: vec![],
         dropped: vec![],
+        approximated: vec![],
         start_up: VariantStartUp { plan_seconds: 0.01, shaders_seconds: 0.1, warm_up_seconds: 0.5 },
         seconds: Spread::of(&seconds).unwrap(),
         seconds_of_runs: seconds.clone(),

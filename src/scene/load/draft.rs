@@ -5,7 +5,7 @@ use super::{
     image::{self, TextureSource},
 };
 use crate::scene::model::*;
-use glam::{DMat3, DMat4, DVec3, Vec2, Vec3};
+use glam::{BVec3, DMat3, DMat4, DVec3, Vec2, Vec3};
 use std::collections::HashMap;
 
 /// The most triangles that a scene may have.
@@ -329,16 +329,22 @@ fn too_far(what: &str) -> SceneError {
     SceneError::new(Problem::NonFinite, format!("the position of {what} is no finite number")).help("give it a place near the geometry")
 }
 
-/// A camera outside the bounds that holds all of them.
+/// A camera outside the bounds that holds all of them, in a picture as high as wide or wider.
 fn framing_camera(bounds: Bounds) -> Camera {
+    /// How much of the picture's height and width the bounds may take.
+    const FILLED: f32 = 0.9;
     let angle = 50_f32.to_radians();
     let direction = Vec3::new(-0.5, -0.35, -1.0).normalize();
-    let distance = 1.02 * bounds.diagonal() / 2.0 / (angle / 2.0).sin();
+    let up = Vec3::Y.reject_from_normalized(direction).normalize();
+    let (right, slope) = (direction.cross(up), FILLED * (angle / 2.0).tan());
+    // Each corner of the bounds has to lie within the slopes of the view.
+    let corners = (0..8).map(|corner| Vec3::select(BVec3::new(corner & 1 != 0, corner & 2 != 0, corner & 4 != 0), bounds.max, bounds.min) - bounds.centre());
+    let distances = corners.map(|corner| corner.dot(right).abs().max(corner.dot(up).abs()) / slope - corner.dot(direction));
     Camera {
         name: "whole scene".to_owned(),
-        eye: bounds.centre() - direction * distance,
+        eye: bounds.centre() - direction * distances.fold(0.0, f32::max),
         direction,
-        up: Vec3::Y.reject_from_normalized(direction).normalize(),
+        up,
         field_of_view: FieldOfView::Vertical(angle),
         size: None,
     }

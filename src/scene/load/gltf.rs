@@ -286,7 +286,7 @@ impl Reader<'_> {
             emission: if material.emissive_texture().is_some() { Vec3::ZERO } else { emission },
             two_sided: material.double_sided(),
             alpha_cutoff,
-            glossy: (metallic != 0.0 || roughness != 1.0).then_some(Glossy::MetallicRoughness { metallic, roughness }),
+            glossy: Glossy::metallic_roughness(metallic, roughness),
             ..Material::diffuse(name, Vec3::new(r, g, b))
         }))
     }

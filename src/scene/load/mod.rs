@@ -3,6 +3,7 @@
 //! Every loader gathers a draft in double precision and the file's own coordinates; one place turns it into a
 //! [`Scene`]: recentred, cleaned and in single precision.
 
+mod daylight;
 mod draft;
 mod error;
 mod generate;
@@ -14,6 +15,7 @@ mod ron;
 mod sky;
 mod teapot;
 
+pub use daylight::{Daylight, Sky, Sun};
 pub use draft::MAX_TRIANGLES;
 pub use error::{Problem, SceneError};
 

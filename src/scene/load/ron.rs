@@ -19,7 +19,7 @@ use serde::{
     de::{MapAccess, Visitor},
 };
 use std::{
-    collections::BTreeSet,
+    collections::{BTreeMap, BTreeSet},
     fmt,
     marker::PhantomData,
     ops::{Range, RangeInclusive},
@@ -232,6 +232,24 @@ enum Surface<'a> {
         metallic: Raw<'a, f64>,
         #[serde(borrow)]
         roughness: Raw<'a, f64>,
+    },
+    /// What differs from a file's material; all else of it stays, textures included.
+    Change {
+        /// The factor of the texture, where there is one.
+        #[serde(borrow, default)]
+        reflectance: Option<Raw<'a, Triple>>,
+        #[serde(borrow, default)]
+        radiance: Option<Raw<'a, Triple>>,
+        #[serde(borrow, default)]
+        specular: Option<Raw<'a, Triple>>,
+        #[serde(borrow, default)]
+        exponent: Option<Raw<'a, f64>>,
+        #[serde(borrow, default)]
+        metallic: Option<Raw<'a, f64>>,
+        #[serde(borrow, default)]
+        roughness: Option<Raw<'a, f64>>,
+        #[serde(borrow, default)]
+        two_sided: Option<Raw<'a, bool>>,
     },
 }
 
@@ -485,9 +503,10 @@ impl<'a> Source<'a> {
         })
     }
 
-    fn surface(&self, name: &str, raw: Raw<'a, Surface<'a>>) -> Result<Material, SceneError> {
+    /// The whole material that an entry describes; None where it changes those of files.
+    fn surface(&self, name: &str, raw: Raw<'a, Surface<'a>>) -> Result<Option<Material>, SceneError> {
         let diffuse = |reflectance| Ok::<_, SceneError>(Material::diffuse(name, self.reflectance(reflectance)?));
-        Ok(match self.get(raw)? {
+        Ok(Some(match self.get(raw)? {
             Surface::Diffuse { reflectance } => diffuse(reflectance)?,
             Surface::Emitter { radiance, reflectance } => {
                 let reflectance = reflectance.map_or(Ok(Vec3::ZERO), |raw| self.reflectance(raw))?;
@@ -504,11 +523,82 @@ impl<'a> Source<'a> {
                 Material { glossy: Some(Glossy::Ward { reflectance: self.reflectance(specular)?, alpha }), ..diffuse(reflectance)? }
             }
             Surface::MetallicRoughness { base, metallic, roughness } => {
-                let share = |raw| Ok::<_, SceneError>(self.number_in(raw, "0 to 1", |n| (0.0..=1.0).contains(&n))? as f32);
-                let glossy = Glossy::MetallicRoughness { metallic: share(metallic)?, roughness: share(roughness)? };
+                let glossy = Glossy::MetallicRoughness { metallic: self.share(metallic)?, roughness: self.share(roughness)? };
                 Material { glossy: Some(glossy), ..diffuse(base)? }
             }
+            Surface::Change { .. } => return Ok(None),
+        }))
+    }
+
+    fn share(&self, raw: Raw<'a, f64>) -> Result<f32, SceneError> {
+        Ok(self.number_in(raw, "0 to 1", |n| (0.0..=1.0).contains(&n))? as f32)
+    }
+
+    /// A file's material with what a `Change` says.
+    fn changed(&self, file: Material, raw: Raw<'a, Surface<'a>>) -> Result<Material, SceneError> {
+        let Surface::Change { reflectance, radiance, specular, exponent, metallic, roughness, two_sided } = self.get(raw)? else { return Ok(file) };
+        let metals = if metallic.is_some() || roughness.is_some() { Some([metallic, roughness]) } else { None };
+        let phong = if specular.is_some() || exponent.is_some() { Some((specular, exponent)) } else { None };
+        let glossy = match (metals, phong) {
+            (None, None) => file.glossy,
+            (Some(metals), None) => self.changed_metal(&file, metals, raw)?,
+            (None, Some((specular, exponent))) => self.changed_phong(&file, specular, exponent, raw)?,
+            (Some(_), Some(_)) => {
+                return Err(self.other_model(&file.name, raw, "a material has either `metallic` and `roughness` or `specular` and `exponent`"));
+            }
+        };
+        Ok(Material {
+            reflectance: reflectance.map_or(Ok(file.reflectance), |raw| self.reflectance(raw))?,
+            emission: radiance.map_or(Ok(file.emission), |raw| self.radiance(raw))?,
+            two_sided: two_sided.map_or(Ok(file.two_sided), |raw| self.get(raw))?,
+            glossy,
+            ..file
         })
+    }
+
+    /// A surface without a lobe is no metal and as rough as can be.
+    fn changed_metal(
+        &self,
+        file: &Material,
+        [metallic, roughness]: [Option<Raw<'a, f64>>; 2],
+        raw: Raw<'a, Surface<'a>>,
+    ) -> Result<Option<Glossy>, SceneError> {
+        let [mut metal, mut rough] = match file.glossy {
+            None => [0.0, 1.0],
+            Some(Glossy::MetallicRoughness { metallic, roughness }) => [metallic, roughness],
+            Some(Glossy::Phong { .. } | Glossy::Ward { .. }) => {
+                return Err(self.other_model(&file.name, raw, "the file's lobe has `specular`, not `metallic` and `roughness`"));
+            }
+        };
+        for (value, raw) in [(&mut metal, metallic), (&mut rough, roughness)] {
+            *value = raw.map_or(Ok(*value), |raw| self.share(raw))?;
+        }
+        Ok(Glossy::metallic_roughness(metal, rough))
+    }
+
+    fn changed_phong(
+        &self,
+        file: &Material,
+        specular: Option<Raw<'a, Triple>>,
+        exponent: Option<Raw<'a, f64>>,
+        raw: Raw<'a, Surface<'a>>,
+    ) -> Result<Option<Glossy>, SceneError> {
+        let specular = specular.map(|raw| self.reflectance(raw)).transpose()?;
+        let exponent = exponent.map(|raw| self.number_in(raw, "0 or more", |n| n >= 0.0)).transpose()?.map(|n| n as f32);
+        match (file.glossy, specular, exponent) {
+            (Some(Glossy::Phong { reflectance, exponent: of_file }), ..) => {
+                Ok(Some(Glossy::Phong { reflectance: specular.unwrap_or(reflectance), exponent: exponent.unwrap_or(of_file) }))
+            }
+            (Some(Glossy::Ward { alpha, .. }), Some(reflectance), None) => Ok(Some(Glossy::Ward { reflectance, alpha })),
+            (None, Some(reflectance), Some(exponent)) => Ok(Some(Glossy::Phong { reflectance, exponent })),
+            (None, ..) => Err(self.other_model(&file.name, raw, "the file's material has no lobe: a new one needs both `specular` and `exponent`")),
+            _ => Err(self.other_model(&file.name, raw, "the file's lobe has `metallic` and `roughness`, not `specular` and `exponent`")),
+        }
+    }
+
+    fn other_model(&self, name: &str, raw: Raw<'a, Surface<'a>>, why: &str) -> SceneError {
+        let message = format!("the material `{name}` cannot be changed so: {why}");
+        self.error(Problem::Format, raw, message, "does not fit the file's material").help("change what the file's material has, or describe all of it")
     }
 }
 
@@ -530,7 +620,9 @@ fn trim_span(text: &str, span: Range<usize>) -> Range<usize> {
 struct PaletteEntry<'a> {
     name: String,
     place: Raw<'a, String>,
-    material: u32,
+    surface: Raw<'a, Surface<'a>>,
+    /// None for one that changes materials of files.
+    material: Option<u32>,
     used: bool,
 }
 
@@ -551,9 +643,8 @@ impl<'a> Reader<'a> {
             if self.palette.iter().any(|entry| entry.name == name) {
                 return Err(self.twice(place, "material"));
             }
-            let material = self.draft.materials.len() as u32;
-            self.draft.materials.push(self.source.surface(&name, surface)?);
-            self.palette.push(PaletteEntry { name, place, material, used: false });
+            let material = self.source.surface(&name, surface)?.map(|whole| self.add_material(whole));
+            self.palette.push(PaletteEntry { name, place, surface, material, used: false });
         }
         Ok(())
     }
@@ -562,11 +653,31 @@ impl<'a> Reader<'a> {
         self.source.error(Problem::Format, place, format!("the {what} {} is given twice", place.text), "the second one").help("give it another name")
     }
 
+    fn add_material(&mut self, material: Material) -> u32 {
+        self.draft.materials.push(material);
+        self.draft.materials.len() as u32 - 1
+    }
+
     /// The entry of a name, or that of all others.
-    fn find_material(&mut self, name: &str) -> Option<u32> {
+    fn find_entry(&mut self, name: &str) -> Option<&PaletteEntry<'a>> {
         let at = self.palette.iter().position(|entry| entry.name == name).or_else(|| self.palette.iter().position(|entry| entry.name == ANY))?;
         self.palette[at].used = true;
-        Some(self.palette[at].material)
+        Some(&self.palette[at])
+    }
+
+    /// The whole material of a name.
+    fn find_material(&mut self, name: &str) -> Option<u32> {
+        self.find_entry(name)?.material
+    }
+
+    /// What stands for a file's material: the entry's, the file's own with its changes, or the file's own.
+    fn material_of_file(&mut self, material: Material) -> Result<u32, SceneError> {
+        let material = match self.find_entry(&material.name) {
+            Some(PaletteEntry { material: Some(whole), .. }) => return Ok(*whole),
+            Some(&PaletteEntry { surface, .. }) => self.source.changed(material, surface)?,
+            None => material,
+        };
+        Ok(self.add_material(material))
     }
 
     /// The material that a primitive names; without a name, the one for all that are not named.
@@ -577,6 +688,12 @@ impl<'a> Reader<'a> {
             return Ok(material);
         }
         let help = suggestion(&name, self.palette.iter().map(|entry| entry.name.as_str()));
+        if known {
+            let message = format!("the entry `{name}` changes materials of files: a shape of the document needs a whole one");
+            let place = raw.map_or(primitive.text, |raw| raw.text);
+            let error = SceneError::new(Problem::UnknownMaterial, message).at(&self.source.text, self.source.span(place), "has no file");
+            return Err(error.help("give the shape a material of its own, such as Diffuse(reflectance: (0.7, 0.7, 0.7))"));
+        }
         Err(match raw {
             Some(raw) => self.source.error(Problem::UnknownMaterial, raw, format!("there is no material `{name}`"), "not among `materials`").help(help),
             None => self
@@ -725,27 +842,19 @@ impl<'a> Reader<'a> {
 
     fn add_file(&mut self, raw: Raw<'a, String>, map: &DMat4) -> Result<(), SceneError> {
         let path = self.find_file(raw)?;
-        let covered: Vec<String> = self.palette.iter().map(|entry| entry.name.clone()).collect();
-        let all = covered.iter().any(|name| name == ANY);
+        // Of materials that the document replaces, textures are not even looked for.
+        let replaced: BTreeMap<String, bool> = self.palette.iter().map(|entry| (entry.name.clone(), entry.material.is_some())).collect();
+        let wanted = |name: &str| !replaced.get(name).or(replaced.get(ANY)).copied().unwrap_or(false);
         let mut file = Draft::default();
-        load_geometry(&path, &mut file, &|name| !all && !covered.iter().any(|known| known == name))?;
+        load_geometry(&path, &mut file, &wanted)?;
         self.absorb(file, map)
     }
 
     /// Takes over a file's triangles, and those of its materials that the document does not replace.
     fn absorb(&mut self, file: Draft, map: &DMat4) -> Result<(), SceneError> {
         let first_texture = self.draft.textures.len() as u32;
-        let numbers: Vec<u32> = file
-            .materials
-            .into_iter()
-            .map(|mut material| {
-                self.find_material(&material.name).unwrap_or_else(|| {
-                    material.texture = material.texture.map(|texture| texture + first_texture);
-                    self.draft.materials.push(material);
-                    self.draft.materials.len() as u32 - 1
-                })
-            })
-            .collect();
+        let renumbered = |material: Material| Material { texture: material.texture.map(|texture| texture + first_texture), ..material };
+        let numbers: Vec<u32> = file.materials.into_iter().map(|material| self.material_of_file(renumbered(material))).collect::<Result<_, _>>()?;
         self.draft.textures.extend(file.textures);
         self.draft.notes.extend(file.notes);
         if !file.lights.is_empty() || !file.cameras.is_empty() {
@@ -868,7 +977,7 @@ impl<'a> Source<'a> {
         let elevation = self.number_in(sun.elevation, "0 to 90 degrees", |d| (0.0..=90.0).contains(&d))?.to_radians();
         let (least, most) = (sky::TURBIDITY.start(), sky::TURBIDITY.end());
         let holds = |t: f64| sky::TURBIDITY.contains(&t);
-        let turbidity = turbidity.map_or(Ok(3.0), |raw| self.number_in(raw, &format!("{least} to {most}"), holds))?;
+        let turbidity = turbidity.map_or(Ok(sky::USUAL_TURBIDITY), |raw| self.number_in(raw, &format!("{least} to {most}"), holds))?;
         Ok(Clear::new(azimuth, elevation, turbidity))
     }
 

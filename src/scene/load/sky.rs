@@ -16,6 +16,15 @@ pub(super) const GROUND: DVec3 = DVec3::splat(0.2);
 /// The turbidities for which the daylight model was fitted: from very clear air to haze.
 pub(super) const TURBIDITY: std::ops::RangeInclusive<f64> = 2.0..=10.0;
 
+/// The turbidity where nobody says: clear air.
+pub(super) const USUAL_TURBIDITY: f64 = 3.0;
+
+/// Illuminance of the sun outside of the atmosphere [klx], and its chromaticities x and y.
+const SUN: [f64; 3] = [133.0, 0.3233, 0.3326];
+
+/// Wavelengths that stand for red, green and blue light on its way through the air [µm].
+const WAVELENGTHS: DVec3 = dvec3(0.610, 0.550, 0.465);
+
 /// Five coefficients of Perez' distribution, A to E.
 type Perez = [f64; 5];
 
@@ -52,7 +61,7 @@ pub(super) struct Clear {
 impl Clear {
     /// The sun stands `azimuth` from −z towards +x and `elevation`, 0 to π/2, over the horizon [radians]; turbidity is in [`TURBIDITY`].
     pub fn new(azimuth: f64, elevation: f64, turbidity: f64) -> Self {
-        let sun = dvec3(elevation.cos() * azimuth.sin(), elevation.sin(), -elevation.cos() * azimuth.cos());
+        let sun = toward_sun(azimuth, elevation);
         let sun_angle = FRAC_PI_2 - elevation;
         let distributions = DISTRIBUTION.map(|lines| lines.map(|[slope, constant]| slope * turbidity + constant));
         let [x, y] = ZENITH_CHROMATICITY.map(|rows| polynomial(&rows.map(|row| polynomial(&row, sun_angle)), turbidity));
@@ -68,6 +77,22 @@ impl Clear {
         };
         to_rgb(value(0), value(1), value(2)).max(DVec3::ZERO)
     }
+}
+
+/// Unit vector to a sun that stands `azimuth` from −z towards +x and `elevation` over the horizon [radians].
+pub(super) fn toward_sun(azimuth: f64, elevation: f64) -> DVec3 {
+    dvec3(elevation.cos() * azimuth.sin(), elevation.sin(), -elevation.cos() * azimuth.cos())
+}
+
+/// Illuminance of a plane that faces the sun [klx], as linear Rec. 709: what is left of it after the scattering by air and by haze. `elevation` is 0 to π/2
+/// [radians]. Preetham, Shirley and Smits 1999, appendix A.1, without absorption by gases.
+pub(super) fn sun(elevation: f64, turbidity: f64) -> DVec3 {
+    let angle = FRAC_PI_2 - elevation;
+    // Thickness of the air along the way, of that straight up: Kasten's formula.
+    let mass = 1.0 / (angle.cos() + 0.15 * (93.885 - angle.to_degrees()).powf(-1.253));
+    let haze = 0.046_08 * turbidity - 0.045_86;
+    let left = |wavelength: f64| (-mass * (0.008_735 * wavelength.powf(-4.08) + haze * wavelength.powf(-1.3))).exp();
+    to_rgb(SUN[0], SUN[1], SUN[2]) * dvec3(left(WAVELENGTHS.x), left(WAVELENGTHS.y), left(WAVELENGTHS.z))
 }
 
 /// Luminance of the zenith [kcd/m²].
@@ -97,9 +122,14 @@ pub(super) fn overcast(zenith: DVec3, direction: DVec3) -> DVec3 {
 
 /// The image of a sky over a ground that reflects `ground` of the sky's irradiance, evenly in all directions.
 pub(super) fn bake(ground: DVec3, sky: impl Fn(DVec3) -> DVec3) -> Environment {
+    bake_with_sun(ground, DVec3::ZERO, sky)
+}
+
+/// The same over a ground that gets `sun` besides: the irradiance of the level ground by a sun that is not in the image.
+pub(super) fn bake_with_sun(ground: DVec3, sun: DVec3, sky: impl Fn(DVec3) -> DVec3) -> Environment {
     let [width, height] = SIZE;
     let rows: Vec<Vec<DVec3>> = (0..height / 2).map(|row| (0..width).map(|column| sky(direction(column, row))).collect()).collect();
-    let below = ground * horizontal_irradiance(&rows) / PI;
+    let below = ground * (horizontal_irradiance(&rows) + sun) / PI;
     let above = rows.iter().flatten().map(|radiance| radiance.as_vec3());
     let texels = above.chain(std::iter::repeat_n(below.as_vec3(), (width * (height - height / 2)) as usize)).collect();
     Environment::LatLong { width, height, texels }
@@ -185,6 +215,16 @@ mod tests {
             let away = clear.radiance(dvec3(-clear.sun.x, clear.sun.y.max(0.3), -clear.sun.z).normalize());
             assert!(away.z > 1.2 * away.x, "{azimuth}°, {elevation}°: {away}");
         }
+    }
+
+    #[test]
+    fn the_sun_is_as_bright_as_it_is_measured() {
+        // 100 klx at noon, some 20 klx five degrees over the horizon, and redder there.
+        let [high, low] = [60.0, 5.0].map(|elevation: f64| sun(elevation.to_radians(), 2.5));
+        assert!((90.0..110.0).contains(&luminance(high)), "{high}");
+        assert!((8.0..30.0).contains(&luminance(low)), "{low}");
+        assert!(low.x / low.z > 2.0 * high.x / high.z, "{low}, {high}");
+        assert!(sun(0.0, 10.0).is_finite() && sun(0.0, 10.0).cmpge(DVec3::ZERO).all());
     }
 
     #[test]

@@ -1,0 +1,162 @@
+//! What the command line says of a scene: its light, its camera, how bright it is shown, and what a pipeline makes of lobes that it cannot render.
+
+mod place;
+
+use hemisplat::measure::{IRRADIANCE, Layers, PICTURE};
+use libtest_mimic::{Arguments, Failed};
+use place::{Case, Outcome, Place, check};
+use std::fs;
+
+fn main() {
+    place::run(&Arguments::from_args(), DRAWN, TRACED);
+}
+
+const DRAWN: &[(&str, Case)] = &[("lobes_are_taken_by_their_albedo_where_nothing_renders_them", lobes_by_albedo), ("a_png_is_exposed_by_itself", exposed)];
+
+const TRACED: &[(&str, Case)] = &[
+    ("a_scene_without_light_gets_a_sky_and_a_note", dark),
+    ("a_sky_and_a_sun_light_a_scene", skies),
+    ("a_camera_comes_from_the_command_line_and_is_printed", camera),
+    ("options_of_a_view_are_checked", refused),
+];
+
+/// A floor and a box: materials of both, and what else the scene has.
+fn scene(materials: &str, more: &str) -> String {
+    format!(
+        "Scene(version: 1, geometry: [
+            Quad(corners: ((-2, 0, -2), (-2, 0, 2), (2, 0, 2), (2, 0, -2)), material: \"floor\"),
+            Box(min: (-0.5, 0, -0.5), max: (0.5, 1, 0.5), material: \"box\"),
+        ], materials: {{ {materials} }}, {more}
+        cameras: {{ \"main\": (eye: (2, 2, 3), target: (0, 0.4, 0), fov: 50, size: (32, 24)) }})"
+    )
+}
+
+const DIFFUSE: &str = "\"floor\": Diffuse(reflectance: (0.6, 0.5, 0.4)), \"box\": Diffuse(reflectance: (0.2, 0.4, 0.7))";
+
+/// A metal, and a lobe without a diffuse part.
+const GLOSSY: &str = "\"floor\": MetallicRoughness(base: (0.6, 0.5, 0.4), metallic: 0.8, roughness: 0.3), \
+                      \"box\": Phong(reflectance: (0, 0, 0), specular: (0.2, 0.4, 0.7), exponent: 30)";
+
+const LAMP: &str = "lights: [Point(position: (1, 3, 1), intensity: (20, 20, 20))], environment: Constant((0.3, 0.4, 0.5)),";
+
+fn place(files: &[(&str, String)]) -> Result<Place, Failed> {
+    let place = Place::new()?;
+    files.iter().try_for_each(|(name, text)| fs::write(place.0.path().join(name), text))?;
+    Ok(place)
+}
+
+fn layers(place: &Place, name: &str) -> Result<Layers, Failed> {
+    Ok(Layers::read(&fs::read(place.0.path().join(name))?)?)
+}
+
+/// The mean luminance of the picture.
+fn mean(place: &Place, name: &str) -> Result<f64, Failed> {
+    let luminance = layers(place, name)?.luminance(PICTURE)?;
+    Ok(luminance.iter().sum::<f64>() / luminance.len() as f64)
+}
+
+/// Device, host and the shaders for any scene take the glossy scene as the diffuse one of the same albedo, to the bit.
+fn lobes_by_albedo() -> Outcome {
+    let place = place(&[("glossy.ron", scene(GLOSSY, LAMP)), ("diffuse.ron", scene(DIFFUSE, LAMP))])?;
+    for pipeline in ["irradiance", "irradiance-device", "irradiance-general"] {
+        let render = |scene: &str| place.succeed(&format!("render {pipeline} --scene {scene}.ron -o {scene}.exr --stats {scene}.json"));
+        let ((_, said), (_, silent)) = (render("glossy")?, render("diffuse")?);
+        let note = "takes glossy materials as diffuse, by their albedo (`floor`, `box`); `radiance` renders their lobes";
+        check(said.matches(note).count() == 1 && !silent.contains("glossy"), || format!("{said}\n{silent}"))?;
+        check(place.json("glossy.json")?["plan"]["approximated"][0].as_str().is_some_and(|what| what.contains(note)), || "not in the statistics".into())?;
+        for layer in [PICTURE, IRRADIANCE, "direct"] {
+            let [glossy, diffuse] = ["glossy.exr", "diffuse.exr"].map(|name| layers(&place, name).map(|picture| picture.layers[layer].clone()));
+            check(glossy? == diffuse?, || format!("{pipeline}: {layer} differs"))?;
+        }
+    }
+    let (status, _, message) = place.run("render irradiance --scene glossy.ron --strict -o strict.exr")?;
+    check(status == 2 && message.contains("plan::glossy"), || message)?;
+    let (_, said) = place.succeed("render radiance --scene glossy.ron --quiet -o lobes.exr")?;
+    check(said.is_empty() && layers(&place, "lobes.exr")?.layers.contains_key("glossy"), || said)
+}
+
+/// The same room under a thousandth of the light looks the same, unless told otherwise.
+fn exposed() -> Outcome {
+    let dim = LAMP.replace("20, 20, 20", "0.02, 0.02, 0.02").replace("0.3, 0.4, 0.5", "0.0003, 0.0004, 0.0005");
+    let place = place(&[("bright.ron", scene(DIFFUSE, LAMP)), ("dim.ron", scene(DIFFUSE, &dim))])?;
+    let shown = |scene: &str, more: &str| -> Result<(f64, String), Failed> {
+        let (_, said) = place.succeed(&format!("render irradiance --scene {scene}.ron -o {scene}.png{more}"))?;
+        let bytes = image::open(place.0.path().join(format!("{scene}.png")))?.into_luma8().into_raw();
+        Ok((bytes.iter().map(|byte| f64::from(*byte)).sum::<f64>() / bytes.len() as f64, said))
+    };
+    let ((bright, said), (dim, _), (dark, silent)) = (shown("bright", "")?, shown("dim", "")?, shown("dim", " --exposure 0")?);
+    check((bright - dim).abs() < 2.0 && (70.0..180.0).contains(&bright) && dark < 10.0, || format!("{bright}, {dim}, {dark}"))?;
+    check(said.contains("bright.png is exposed by ") && !silent.contains("exposed by"), || format!("{said}\n{silent}"))
+}
+
+fn trace(place: &Place, arguments: &str) -> Result<String, Failed> {
+    Ok(place.succeed(&format!("reference --spp 4 -o out.exr --scene {arguments}"))?.1)
+}
+
+fn dark() -> Outcome {
+    let place = place(&[("dark.ron", scene(DIFFUSE, "")), ("lit.ron", scene(DIFFUSE, LAMP))])?;
+    let said = trace(&place, "dark.ron")?;
+    check(said.contains("the scene has no light: it gets a white overcast sky") && mean(&place, "out.exr")? > 0.1, || said)?;
+    let said = trace(&place, "lit.ron")?;
+    check(!said.contains("no light"), || said)?;
+    let said = trace(&place, "dark.ron --sky none")?;
+    check(said.contains("the picture is black") && mean(&place, "out.exr")? == 0.0, || said)
+}
+
+fn skies() -> Outcome {
+    let place = place(&[("dark.ron", scene(DIFFUSE, "")), ("lit.ron", scene(DIFFUSE, LAMP))])?;
+    for sky in ["clear", "overcast", "white"] {
+        let said = trace(&place, &format!("dark.ron --sky {sky}"))?;
+        check(!said.contains("no light") && mean(&place, "out.exr")? > 0.1, || format!("{sky}: {said}"))?;
+        let stated = layers(&place, "out.exr")?.attributes.get("sky").cloned();
+        check(stated.as_deref() == Some(sky), || format!("{stated:?}"))?;
+    }
+    // A sun on top of the lights that are there.
+    trace(&place, "lit.ron")?;
+    let before = mean(&place, "out.exr")?;
+    trace(&place, "lit.ron --sun -135,40")?;
+    check(mean(&place, "out.exr")? > 1.5 * before, || "the sun adds no light".into())?;
+    // What a program wrote as a sky lights the scene.
+    trace(&place, "dark.ron --sky white")?;
+    let white = mean(&place, "out.exr")?;
+    let image = image::Rgb32FImage::from_pixel(8, 4, image::Rgb([1.0, 1.0, 1.0]));
+    image::DynamicImage::from(image).save(place.0.path().join("sky.hdr"))?;
+    trace(&place, "dark.ron --sky sky.hdr")?;
+    let found = mean(&place, "out.exr")?;
+    check((found / white - 1.0).abs() < 0.02, || format!("{found} is not {white}"))
+}
+
+/// What is printed can be pasted into the scene, and shows the same.
+fn camera() -> Outcome {
+    let place = place(&[("a.ron", scene(DIFFUSE, LAMP))])?;
+    let options = "--eye 1.5,0.7,-2.25 --target 0.1,0.2,0.3 --fov 35";
+    let (printed, _) = place.succeed(&format!("reference --spp 4 -o moved.exr --scene a.ron --print-camera {options}"))?;
+    check(printed.starts_with("\"main --eye 1.5,0.7,-2.25 --target 0.1,0.2,0.3 --fov 35\": (eye: (1.5, 0.7, -2.25), "), || printed.clone())?;
+    let pasted = scene(DIFFUSE, LAMP).replace("cameras: {", &format!("cameras: {{ {printed}"));
+    fs::write(place.0.path().join("pasted.ron"), pasted)?;
+    trace(&place, "pasted.ron")?;
+    let depth = |name: &str| -> Result<Vec<f32>, Failed> { Ok(layers(&place, name)?.layers["depth"].channels.values().next().cloned().unwrap_or_default()) };
+    let (moved, pasted) = (depth("moved.exr")?, depth("out.exr")?);
+    check(moved.iter().any(|depth| *depth > 0.0), || "it sees nothing".into())?;
+    check(moved.iter().zip(&pasted).all(|(a, b)| (a - b).abs() < 1e-3), || "the pasted camera sees something else".into())?;
+    // An eye alone looks at the middle of the scene, whatever is up there.
+    let (printed, _) = place.succeed("reference --spp 4 -o out.exr --scene a.ron --print-camera --eye 0,9,0")?;
+    check(printed.contains("direction: (0, -1, 0), up: (0, 0, -1)"), || printed)
+}
+
+fn refused() -> Outcome {
+    let place = place(&[("a.ron", scene(DIFFUSE, LAMP))])?;
+    for (arguments, expected) in [
+        ("--eye 1,2", "expected three numbers, such as 0,1.6,4"),
+        ("--eye 1,2,inf", "expected three numbers, such as 0,1.6,4"),
+        ("--fov 180", "expected an angle above 0 and below 180 degrees, such as 60"),
+        ("--sun 90,91", "expected two angles in degrees, such as 135,40"),
+        ("--sky blue", "expected clear, overcast, white, none, or an image that ends in .exr or .hdr"),
+        ("--sky missing.hdr", "`missing.hdr` cannot be read"),
+    ] {
+        let (status, _, message) = place.run(&format!("reference --scene a.ron -o out.exr {arguments}"))?;
+        let said = message.split_whitespace().collect::<Vec<_>>().join(" ");
+        check(status == 2 && said.contains(expected), || format!("{arguments}: status {status}\n{message}"))?;
+    }
+    Ok(())
+}

@@ -13,7 +13,7 @@ pub struct AddRecords;
 static DESCRIPTION: Description = Description {
     name: "AddRecords",
     about: "Appends the new records to the cache and counts those that their own batch already covered",
-    source: "RCS section 4, step 4; neighbour clamping: Krivanek and others 2006",
+    source: "RCS section 4, step 4; neighbour clamping: Křivánek and others 2006",
     parameters: &[
         Parameter {
             name: "by",
@@ -168,7 +168,7 @@ fn record_on_host(r: &mut Recorder<'_>, new: &port::Records, cache: &port::Recor
     r.report_variable("surplus_records", surplus);
 }
 
-/// The radius may not jump over what a neighbour has seen (Krivanek 2006).
+/// The radius may not jump over what a neighbour has seen (Křivánek 2006).
 fn clamped_radius(record: &Record, others: &[Record]) -> f32 {
     let (position, normal) = (Vec3::from(record.position), Vec3::from(record.normal));
     let facing_alike = others.iter().filter(|other| Vec3::from(other.normal).dot(normal) > 0.7);

@@ -8,7 +8,7 @@ pub struct RecordCache;
 static DESCRIPTION: Description = Description {
     name: "RecordCache",
     about: "The irradiance records so far, kept between rounds, frames and views, and the rule by which they count",
-    source: "RCS sections 2 and 4; limits in pixels: Tabellion and Lamorlette 2004; compact weights: Krivanek and others",
+    source: "RCS sections 2 and 4; limits in pixels, weights that end at a rim: Tabellion and Lamorlette 2004",
     parameters: &[
         Parameter {
             name: "accuracy",

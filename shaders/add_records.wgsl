@@ -27,7 +27,7 @@ struct Batch {
 
 override COEFFICIENTS: u32 = 1u;
 override HALF: bool = false;
-// Whether the radius may not jump over what a neighbour has seen (Krivanek 2006).
+// Whether the radius may not jump over what a neighbour has seen (Křivánek 2006).
 override NEIGHBOUR_CLAMPING: bool = true;
 
 // The first records tell what the picture's irradiance is: they stand far apart.

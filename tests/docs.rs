@@ -36,7 +36,7 @@ fn pages() -> Vec<Page> {
     let book = fs::read_dir(root().join("docs")).unwrap().map(|entry| Path::new("docs").join(entry.unwrap().file_name()));
     let mut paths: Vec<PathBuf> = book.filter(|path| path.extension().is_some_and(|ending| ending == "md")).collect();
     paths.sort();
-    paths.push("README.md".into());
+    paths.extend(["README.md", "CHANGELOG.md", "CONTRIBUTING.md"].map(PathBuf::from));
     paths.into_iter().map(|path| Page { text: fs::read_to_string(root().join(&path)).unwrap(), path }).collect()
 }
 
@@ -207,6 +207,35 @@ fn quoted_code_stands_in_the_file_named() {
     assert!(seen > 0);
 }
 
+/// The anchors of a page's headings, as GitHub makes them.
+fn anchors(text: &str) -> BTreeSet<String> {
+    let lines = text.split("```").step_by(2).flat_map(str::lines).filter(|line| line.starts_with('#'));
+    let kept = |letter: &char| letter.is_alphanumeric() || [' ', '-', '_'].contains(letter);
+    lines.map(|line| line.trim_start_matches('#').trim().to_lowercase().chars().filter(kept).collect::<String>().replace(' ', "-")).collect()
+}
+
+#[test]
+fn links_lead_to_headings() {
+    for page in pages() {
+        for (file, anchor) in page.text.split("](").skip(1).filter_map(|rest| rest.split(')').next()?.split_once('#')) {
+            if file.contains("://") || !(file.is_empty() || file.ends_with(".md")) {
+                continue;
+            }
+            let path = if file.is_empty() { page.path.clone() } else { page.path.parent().unwrap().join(file) };
+            let text = fs::read_to_string(root().join(&path)).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+            assert!(anchors(&text).contains(anchor), "{}: {file} has no heading `{anchor}`", page.path.display());
+        }
+    }
+}
+
+#[test]
+fn terms_are_in_alphabetical_order() {
+    let page = fs::read_to_string(root().join("docs/terms.md")).unwrap();
+    let terms: Vec<String> = page.split("\n- **").skip(1).filter_map(|item| Some(item.split("**").next()?.to_lowercase())).collect();
+    assert!(terms.len() > 50);
+    assert!(terms.is_sorted(), "{:?}", terms.windows(2).find(|pair| pair[0] > pair[1]));
+}
+
 #[test]
 fn links_lead_to_files_and_the_contents_name_every_page() {
     let mut listed = BTreeSet::new();
@@ -239,6 +268,114 @@ fn the_codes_of_scenes_are_those_that_the_loader_has() {
     let codes = scene_codes(&page, '`');
     assert!(codes.contains("not_found"));
     assert_eq!(codes, scene_codes(&source, '"'));
+}
+
+/// What docs/sources.md has of one source, and the names in bold by which it is cited.
+struct Source {
+    names: Vec<String>,
+    text: String,
+}
+
+fn sources() -> Vec<Source> {
+    let page = fs::read_to_string(root().join("docs/sources.md")).unwrap();
+    let names = |item: &str| item.split("**").skip(1).step_by(2).map(|name| name.split_whitespace().collect::<Vec<_>>().join(" ")).collect();
+    page.split("\n- ").skip(1).filter(|item| item.starts_with("**")).map(|item| Source { names: names(item), text: item.into() }).collect()
+}
+
+/// What is wrong with the value of a `source`: a part that names no source of the page, or one that the page lacks.
+fn unlisted<'t>(source: &'t str, names: &[String]) -> Vec<&'t str> {
+    let is_listed = |part: &&str| {
+        let rest = names.iter().fold((*part).to_owned(), |rest, name| rest.replace(name, ""));
+        let is_own = ["our own", "this project's"].iter().any(|own| part.contains(own));
+        let is_unknown = |word: &str| year(word).is_some() || word.len() > 2 && word.chars().all(|letter| letter.is_ascii_uppercase());
+        (is_own || rest != *part) && !rest.split(|letter: char| !letter.is_alphanumeric()).any(is_unknown)
+    };
+    source.split(';').filter(|part| !is_listed(part)).collect()
+}
+
+fn year(word: &str) -> Option<&str> {
+    let digits = word.trim_matches(|letter: char| !letter.is_alphanumeric());
+    (digits.len() == 4 && digits.parse().is_ok_and(|year| (1850..2040).contains(&year))).then_some(digits)
+}
+
+/// Every `Author 1234`, `Author and others (1234)` of a text, as the last name and the year.
+fn citations(text: &str) -> Vec<[&str; 2]> {
+    let words: Vec<&str> = text.split_whitespace().filter(|word| !["//", "///", "//!"].contains(word)).collect();
+    let is_link = |word: &&&str| ["and", "others", "et", "al."].contains(&word.trim_end_matches(','));
+    let mut found = Vec::new();
+    for (index, word) in words.iter().enumerate() {
+        let before = words[..index].iter().rev().find(|word| !is_link(word));
+        let name = before.and_then(|before| before.trim_matches(|letter: char| !letter.is_alphabetic()).split(['\'', '’']).next());
+        let is_name = |name: &&str| name.starts_with(char::is_uppercase) && name.chars().all(|letter| letter.is_alphabetic() || letter == '-');
+        found.extend(name.filter(is_name).zip(year(word)).map(|(name, year)| [name, year]));
+    }
+    found
+}
+
+/// Files below a folder of the project, with what they hold.
+fn files_below(folder: &Path) -> Vec<(PathBuf, String)> {
+    let entries = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    entries
+        .flat_map(|path| match path.is_dir() {
+            true => files_below(&path),
+            false => fs::read_to_string(&path).map(|text| (path, text)).into_iter().collect(),
+        })
+        .collect()
+}
+
+#[test]
+fn sources_of_passes_pipelines_and_studies_are_listed() {
+    let names: Vec<String> = sources().into_iter().flat_map(|source| source.names).collect();
+    let of_passes = REGISTRY.iter().map(|pass| (pass.description().name.to_owned(), pass.description().source.to_owned()));
+    let files = ["pipelines", "studies"].iter().flat_map(|folder| files_below(&root().join(folder)));
+    let of_files = files.flat_map(|(path, text)| {
+        let values = text.split("source: \"").skip(1).filter_map(|rest| rest.split('"').next());
+        values.map(|value| (path.display().to_string(), value.to_owned())).collect::<Vec<_>>()
+    });
+    let all: Vec<(String, String)> = of_passes.chain(of_files).collect();
+    assert!(all.len() > REGISTRY.len() + 5, "{}", all.len());
+    for (of, source) in all {
+        let wrong = unlisted(&source, &names);
+        assert!(wrong.is_empty(), "docs/sources.md does not list what {of} cites: {wrong:?}");
+    }
+}
+
+#[test]
+fn sources_that_files_cite_are_listed() {
+    let sources = sources();
+    let folders = ["docs", "passes", "pipelines", "scenes", "shaders", "src", "studies"];
+    let files = folders.iter().flat_map(|folder| files_below(&root().join(folder)));
+    let mut seen = 0;
+    for (path, text) in files.filter(|(path, _)| !path.ends_with("docs/sources.md")) {
+        for [author, year] in citations(&text) {
+            let is_listed = sources.iter().any(|source| source.text.contains(author) && source.text.contains(year));
+            assert!(is_listed, "docs/sources.md does not list `{author} {year}` of {} (write a number with a comma: 1,900)", path.display());
+            seen += 1;
+        }
+    }
+    assert!(seen > 50, "{seen}");
+}
+
+#[test]
+fn a_source_that_is_not_listed_is_found() {
+    let names = ["RCS", "Heitz 2018", "Ward and Heckbert 1992"].map(String::from);
+    for good in ["RCS section 4, step 5", "facets: Heitz 2018; RCS 1", "strata: Ward and Heckbert 1992", "the order of records: our own"] {
+        assert_eq!(unlisted(good, &names), [""; 0], "{good}");
+    }
+    for bad in ["PHOTON section 4", "RCS 4 and Heitz 2014", "textbooks", ""] {
+        assert_eq!(unlisted(bad, &names), [bad]);
+    }
+    assert_eq!(unlisted("RCS 4; textbooks", &names), [" textbooks"]);
+    let text = "(Heitz 2018), after Mara and\n/// McGuire 2013; Ward et al. 1988, Newell's (1975), from 1900 on, 2048 texels, Gautron and others, 2005";
+    assert_eq!(citations(text), [["Heitz", "2018"], ["McGuire", "2013"], ["Ward", "1988"], ["Newell", "1975"], ["Gautron", "2005"]]);
+}
+
+#[test]
+fn the_citation_and_the_changelog_have_the_version_of_the_package() {
+    let version = env!("CARGO_PKG_VERSION");
+    let [citation, changelog] = ["CITATION.cff", "CHANGELOG.md"].map(|path| fs::read_to_string(root().join(path)).unwrap());
+    assert!(citation.lines().any(|line| line == format!("version: {version}")));
+    assert!(changelog.contains(&format!("\n## {version}")));
 }
 
 #[test]

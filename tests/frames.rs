@@ -43,6 +43,8 @@ const CASES: &[(&str, Case)] = &[
     ("what_cannot_change_between_frames_is_refused", refused_per_frame),
     ("a_frame_ends_when_its_time_is_up", time_is_up),
     ("a_full_cache_ends_the_fill", full_cache),
+    ("each_end_of_a_fill_with_work_left_tells_its_reason", reasons),
+    ("a_fill_whose_records_cover_nothing_ends_soon", no_progress),
     ("an_interrupted_sequence_keeps_what_is_whole", interrupted),
     ("a_run_that_fails_leaves_earlier_files_as_they_are", failing_runs),
     ("every_kind_of_resource_can_be_dumped", dumps),
@@ -497,6 +499,54 @@ fn full_cache() -> Outcome {
     for misses in ["DeviceGrid", "HostScan"] {
         let stats = place.rendered(&["--set", "cache.capacity=30", "--set", &format!("misses.by={misses}"), "-o", "out.exr"])?;
         check(number(&stats, 0, "/records/irradiance")? == 30 && stats["complete"] == false, || format!("{misses}: {stats}"))?;
+    }
+    Ok(())
+}
+
+/// With its messages in one line.
+fn unwrapped((status, text): Ended) -> Ended {
+    (status, text.split_whitespace().filter(|word| *word != "│").collect::<Vec<_>>().join(" "))
+}
+
+/// What stops a fill, in the warning and in the statistics.
+fn reasons() -> Outcome {
+    let place = Place::new()?;
+    let cases = [
+        (["--set", "cache.capacity=30"], "cache_full", "`fill` ended because the cache is full", "`capacity`"),
+        (["--set", "misses.at_most=20"], "frame_limit", "`fill` ended because a frame may add no more records", "`at_most`"),
+        (["--set", "fill.max_rounds=3"], "rounds", "`fill` ended because it had no round left", "`max_rounds`"),
+        (["--time", "0"], "time", "`fill` ended because the time was up", "--time"),
+    ];
+    for (more, because, sentence, help) in cases {
+        let ended = place.render(&[&more[..], &["-o", "out.exr"]].concat())?;
+        let ended = unwrapped(ended);
+        is(&ended, 0, sentence)?;
+        is(&ended, 0, help)?;
+        let told = &place.stats()?["frames"][0]["unfinished"];
+        check(*told == serde_json::json!([{ "loop": "fill", "because": because }]), || format!("{because}: {told}"))?;
+    }
+    let whole = place.rendered(&["-o", "out.exr"])?;
+    check(whole["frames"][0]["unfinished"] == serde_json::json!([]), || format!("{whole}"))
+}
+
+/// Records are made where another search asks for them, and that search asks for one.
+fn no_progress() -> Outcome {
+    let place = Place::new()?;
+    for (order, by) in
+        [("Batched(at_most: 8)", "HostGrid"), ("Batched(at_most: 8)", "DeviceGrid"), ("Batched(at_most: 8)", "HostScan"), ("Sequential", "HostScan")]
+    {
+        let variant = format!(
+            r#"Variant(version: 1, about: "test", of: "irradiance.ron",
+                add: {{ "misses": [(name: "others", pass: FindMisses(gbuffer: "gbuffer", splats: "splats", at_most: 1))] }},
+                set: {{ "fill.order": {order}, "misses.by": {by}, "tiles.at": "others" }})"#
+        );
+        fs::write(place.path("stuck.ron"), variant).map_err(failed)?;
+        let ended = place.render_by("stuck.ron", "cornell.ron", &["--strict", "-o", "out.exr"])?;
+        is(&unwrapped(ended), 1, "new records did not cover the pixels that they were made for")?;
+        let stats = place.stats()?;
+        let told = &stats["frames"][0]["unfinished"];
+        check(*told == serde_json::json!([{ "loop": "fill", "because": "no_progress" }]), || format!("{by}: {told}"))?;
+        check(number(&stats, 0, "/fill_rounds")? < 100 && number(&stats, 0, "/records/irradiance")? == 1, || format!("{by}: {stats}"))?;
     }
     Ok(())
 }

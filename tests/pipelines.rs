@@ -264,6 +264,67 @@ fn each_error_has_its_code_and_underlines_its_cause() {
     }
 }
 
+/// Variants of the pipeline that ships, in each of which no round of the fill can cover what the one before left.
+#[rustfmt::skip]
+const STANDSTILLS: [(&str, &str); 6] = [
+    ("nothing_is_added", r#"remove: ["added"]"#),
+    ("another_cache_grows", r#"add: { "cache": [(name: "other", pass: RecordCache())] }, set: { "added.to": "other" }"#),
+    ("records_from_outside", r#"add: { "cache": [
+        (name: "first_splats", pass: Splat(records: "cache", gbuffer: "gbuffer")),
+        (name: "first_misses", pass: FindMisses(gbuffer: "gbuffer", splats: "first_splats")),
+        (name: "first_tiles", pass: HemisphereTiles(at: "first_misses")),
+        (name: "first_closed", pass: Compensation(of: "first_tiles")),
+        (name: "first", pass: IrradianceSum(of: "first_closed")),
+    ] }, set: { "added.records": "first" }"#),
+    ("requests_from_outside", r#"add: { "cache": [
+        (name: "first_splats", pass: Splat(records: "cache", gbuffer: "gbuffer")),
+        (name: "first_misses", pass: FindMisses(gbuffer: "gbuffer", splats: "first_splats")),
+    ] }, set: { "tiles.at": "first_misses" }"#),
+    ("splats_from_outside", r#"add: { "cache": [(name: "first", pass: Splat(records: "cache", gbuffer: "gbuffer"))] }, set: { "misses.splats": "first" }"#),
+    ("records_of_the_frame_before", r#"set: { "splats.records": PreviousFrame("added") }"#),
+];
+
+fn variant(changes: &str) -> Result<Pipeline, Problems> {
+    let text = format!("Variant(\n    version: 1,\n    about: \"test\",\n    of: \"irradiance.ron\",\n    {changes},\n)\n");
+    load_files("test.ron", &[("test.ron", &text)], &[], REGISTRY)
+}
+
+#[test]
+fn a_fill_in_which_nothing_changes_is_refused() {
+    for (name, changes) in STANDSTILLS {
+        let problems = problems(variant(changes));
+        let found: Vec<_> = problems.0.iter().map(|problem| problem.code).collect();
+        assert_eq!(found, ["pipeline::no_progress"], "{name}\n{}", rendered(&problems));
+        insta::assert_snapshot!(format!("no_progress_{name}"), rendered(&problems));
+    }
+}
+
+#[test]
+fn a_fill_that_goes_on_is_accepted() {
+    let accepted = [
+        // The cache under its name after the records joined it.
+        r#"add: { "cache": [(name: "old", pass: AddRecords(to: "cache", records: PreviousFrame("records")))] }, set: { "splats.records": "old", "added.to": "old" }"#,
+        r#"set: { "misses.splats": PreviousRound("splats") }"#,
+        r#"set: { "added.records": PreviousRound("records") }"#,
+        // A second cache besides.
+        r#"add: { "cache": [(name: "other", pass: RecordCache())], "added": [(name: "also", pass: AddRecords(to: "other", records: "records"))] }"#,
+        // One loop in the other.
+        r#"replace: { "fill": Fill(until: "misses.none", nodes: [
+            (name: "splats",  pass: Splat(records: "cache", gbuffer: "gbuffer")),
+            (name: "misses",  pass: FindMisses(gbuffer: "gbuffer", splats: "splats")),
+            (name: "once", repeat: Iterate(rounds: 1, nodes: [
+                (name: "tiles",   pass: HemisphereTiles(at: "misses")),
+                (name: "closed",  pass: Compensation(of: "tiles")),
+                (name: "records", pass: IrradianceSum(of: "closed")),
+                (name: "added",   pass: AddRecords(to: "cache", records: "records")),
+            ])),
+        ]) }"#,
+    ];
+    for changes in accepted {
+        variant(changes).unwrap_or_else(|e| panic!("{changes}\n{}", rendered(&e)));
+    }
+}
+
 /// Names and texts.
 type Files = &'static [(&'static str, &'static str)];
 

@@ -16,6 +16,7 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, grid: Grid) {
     let picked = r.buffer("picked", 4 * work.requests.capacity as u64);
     let capacity = work.requests.capacity;
     grid.record_start(r, Some((round, capacity)));
+    r.before_loop(Command::Clear(counts));
     let [lanes, blocks] = ["lanes", "blocks"].map(|name| r.variable(name, false));
     r.host("size", &[], &[], move |host| {
         let edge = 2 * host.variable(grid.cell);
@@ -42,7 +43,7 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, grid: Grid) {
     let work = *work;
     r.host("advance", &[Read::whole(counts)], &[round], move |host| {
         let numbers: Vec<u32> = bytemuck::pod_collect_to_vec(host.read(counts));
-        let start = grid.advance(host, &work, Found { requests: numbers[0], candidates: numbers[1], next_block: numbers[2] });
+        let start = grid.advance(host, &work, Found { requests: numbers[0], candidates: numbers[1], next_block: numbers[2], uncovered: numbers[3] });
         let next = Round { cell: host.variable(grid.cell), phase: host.variable(grid.phase), capacity, start };
         host.write(round, 0, bytemuck::bytes_of(&next));
         Ok(())

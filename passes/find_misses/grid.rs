@@ -36,6 +36,8 @@ pub(super) struct Found {
     pub candidates: u32,
     /// One past the last block that was served.
     pub next_block: u32,
+    /// How many pixels of the batch before miss a record still.
+    pub uncovered: u32,
 }
 
 impl Grid {
@@ -75,7 +77,7 @@ impl Grid {
 
     /// Counts what was found and goes on to the next cells; the block from which on those are looked at.
     pub fn advance(&self, host: &mut dyn HostContext, work: &Work, found: Found) -> u32 {
-        let room = work.room(host);
+        let room = work.room(host, found.uncovered);
         let requests = found.requests.min(room);
         host.set(work.requests.count, requests);
         host.set(work.requests.made, host.variable(work.requests.made) + requests);

@@ -11,19 +11,24 @@ use rayon::prelude::*;
 pub(super) fn record(r: &mut Recorder<'_>, work: &Work, grid: Grid) {
     let size = r.setting.size;
     let start = r.variable("start", false);
+    let asked = r.state("asked");
     grid.record_start(r, None);
     let work = *work;
     let (gbuffer, sums, places) = (work.gbuffer, work.splats.sums, work.requests.places);
     let reads = [Read::whole(gbuffer.position), Read::whole(gbuffer.normal), Read::whole(sums)];
     r.host("search", &reads, &[places], move |host| {
+        let before = host.state(asked).take().and_then(|pixels| pixels.downcast::<Vec<u32>>().ok()).unwrap_or_default();
         let picture =
             Picture { position: bytemuck::cast_slice(host.read(gbuffer.position)), sums: bytemuck::cast_slice(host.read(sums)), size, overlap: work.overlap };
         let most = work.requests.capacity as usize;
         let some = picture.search(host.variable(grid.cell), host.variable(grid.phase), host.variable(start), most);
+        let uncovered = before.iter().filter(|pixel| picture.misses(**pixel)).count() as u32;
         let picked = &some[..some.len().min(most)];
         let normals: &[Vec4] = bytemuck::cast_slice(host.read(gbuffer.normal));
         let new: Vec<Request> = picked.iter().map(|(_, pixel)| request(picture.position[*pixel as usize], normals[*pixel as usize], *pixel)).collect();
-        let found = Found { requests: picked.len() as u32, candidates: some.len() as u32, next_block: picked.last().map_or(0, |(block, _)| block + 1) };
+        let next_block = picked.last().map_or(0, |(block, _)| block + 1);
+        let found = Found { requests: picked.len() as u32, candidates: some.len() as u32, next_block, uncovered };
+        *host.state(asked) = Some(Box::new(picked.iter().map(|(_, pixel)| *pixel).collect::<Vec<u32>>()));
         host.write(places, 0, bytemuck::cast_slice(&new));
         let next = grid.advance(host, &work, found);
         host.set(start, next);
@@ -60,6 +65,11 @@ impl Picture<'_> {
         found
     }
 
+    /// Whether a pixel sees a surface and no record covers it.
+    fn misses(&self, pixel: u32) -> bool {
+        self.sums[pixel as usize].w <= self.overlap && self.position[pixel as usize].w > 0.0
+    }
+
     /// Of a cell, from its middle outwards.
     fn first_miss(&self, [left, top]: [u32; 2], cell: u32) -> Option<u32> {
         let [right, bottom] = [(left + cell).min(self.size[0]), (top + cell).min(self.size[1])];
@@ -67,7 +77,7 @@ impl Picture<'_> {
         for y in top..bottom {
             for x in left..right {
                 let pixel = y * self.size[0] + x;
-                if self.sums[pixel as usize].w <= self.overlap && self.position[pixel as usize].w > 0.0 {
+                if self.misses(pixel) {
                     let rank = rank([x - left, y - top], cell);
                     first = first.filter(|(other, _)| *other < rank).or(Some((rank, pixel)));
                 }

@@ -25,6 +25,8 @@ struct Walk {
     weights: Vec<f32>,
     /// The pixel that the walk goes on from.
     next: usize,
+    /// Pixels that the round before made records for.
+    asked: Vec<usize>,
     /// Distance between the records of a batch [pixels].
     spacing: u32,
     /// A pixel whose weights add up to this or less misses a record.
@@ -46,7 +48,8 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, spacing: u32) {
         run: Arc::new(move |host| {
             let vectors = |texels: Vec<[f32; 4]>| texels.into_iter().map(Vec4::from).collect();
             let (position, normal) = (vectors(texels(host, gbuffer.position)), vectors(texels(host, gbuffer.normal)));
-            *host.state(walk) = Some(Box::new(Walk { width: width as usize, position, normal, weights: Vec::new(), next: 0, spacing, overlap }));
+            *host.state(walk) =
+                Some(Box::new(Walk { width: width as usize, position, normal, weights: Vec::new(), next: 0, asked: Vec::new(), spacing, overlap }));
             host.set(look, 1);
             Ok(())
         }),
@@ -67,17 +70,20 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, spacing: u32) {
         let looked = host.variable(look) > 0;
         let device_weights: Vec<f32> = bytemuck::pod_collect_to_vec(host.read(weights));
         let (records, camera) = (fresh.records(host), pinhole(host));
-        let free = work.room(host);
-        let room = requests.capacity.min(free) as usize;
-        let state = host.state(walk).as_mut().and_then(|s| s.downcast_mut::<Walk>());
-        let walk = state.ok_or("the surfaces were not read before the walk")?;
+        let walked = host.state(walk).take().and_then(|state| state.downcast::<Walk>().ok());
+        let mut surfaces = walked.ok_or("the surfaces were not read before the walk")?;
         if looked {
-            (walk.weights, walk.next) = (device_weights, 0);
+            (surfaces.weights, surfaces.next) = (device_weights, 0);
         }
         for record in &records {
-            walk.splat(record, &cache.rule, &camera);
+            surfaces.splat(record, &cache.rule, &camera);
         }
-        let new = if sequential { walk.first_miss().into_iter().take(room).collect() } else { walk.misses(room) };
+        let uncovered = surfaces.asked.iter().filter(|pixel| surfaces.misses_at(**pixel)).count() as u32;
+        let free = work.room(host, uncovered);
+        let room = requests.capacity.min(free) as usize;
+        surfaces.asked = if sequential { surfaces.first_miss().into_iter().take(room).collect() } else { surfaces.misses(room) };
+        let new: Vec<Request> = surfaces.asked.iter().map(|pixel| surfaces.request(*pixel)).collect();
+        *host.state(walk) = Some(surfaces);
         host.write(requests.places, 0, bytemuck::cast_slice(&new));
         host.set(requests.count, new.len() as u32);
         host.set(seen, host.variable(cache.count));
@@ -107,15 +113,15 @@ impl Walk {
         (0.0..=self.overlap).contains(&self.weights[pixel])
     }
 
-    /// The next pixel in scan order that misses a record.
-    fn first_miss(&mut self) -> Option<Request> {
+    /// The next pixel in scan order that misses a record. The walk goes on behind it: another record there would cover no more.
+    fn first_miss(&mut self) -> Option<usize> {
         let found = (self.next..self.weights.len()).find(|pixel| self.misses_at(*pixel));
-        self.next = found.unwrap_or(self.weights.len());
-        found.map(|pixel| self.request(pixel))
+        self.next = found.map_or(self.weights.len(), |pixel| pixel + 1);
+        found
     }
 
     /// Misses in scan order, `room` at most, that stand apart; closer next time when these did not fill the room.
-    fn misses(&mut self, room: usize) -> Vec<Request> {
+    fn misses(&mut self, room: usize) -> Vec<usize> {
         let mut found = Vec::new();
         let mut taken = vec![false; self.weights.len()];
         for pixel in 0..self.weights.len() {
@@ -123,7 +129,7 @@ impl Walk {
                 return found;
             }
             if self.misses_at(pixel) && !taken[pixel] {
-                found.push(self.request(pixel));
+                found.push(pixel);
                 self.take(&mut taken, pixel);
             }
         }

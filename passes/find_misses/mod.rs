@@ -79,6 +79,10 @@ static DESCRIPTION: Description = Description {
     ],
 };
 
+/// Rounds in a row that may cover no pixel of those that they made records for: enough for a search to come from its first cells to
+/// single pixels, so that a few such pixels keep no other from its record.
+const STALLED_ROUNDS: u32 = 64;
+
 /// What the ways of finding misses share.
 #[derive(Clone, Copy)]
 struct Work {
@@ -86,17 +90,36 @@ struct Work {
     splats: port::Splats,
     requests: port::Requests,
     none: Variable,
+    /// Rounds in a row that covered no pixel of those that they made records for.
+    stalled: Variable,
     /// A pixel whose weights add up to this or less misses a record.
     overlap: f32,
 }
 
 impl Work {
-    /// How many more records there may be: this frame's limit, the cache and the time given to the frame set bounds.
-    fn room(&self, host: &dyn HostContext) -> u32 {
+    /// How many more records there may be: this frame's limit, the cache, the time given to the frame and what the round before has brought
+    /// set bounds. Of the pixels that asked for a record then, `uncovered` miss one still. Without room the loop must end.
+    fn room(&self, host: &mut dyn HostContext, uncovered: u32) -> u32 {
         let cache = self.splats.cache;
         let unasked = self.requests.at_most.saturating_sub(host.variable(self.requests.made));
-        let room = unasked.min(cache.capacity.saturating_sub(host.variable(cache.count)));
-        if host.is_last_round() { 0 } else { room }
+        let free = cache.capacity.saturating_sub(host.variable(cache.count));
+        self.count_stalled(host, uncovered);
+        let shortfall = match () {
+            () if host.is_last_round() => None,
+            () if host.variable(self.stalled) >= STALLED_ROUNDS => Some(Shortfall::NoProgress),
+            () if free == 0 => Some(Shortfall::CacheFull),
+            () if unasked == 0 => Some(Shortfall::FrameLimit),
+            () => return unasked.min(free),
+        };
+        shortfall.into_iter().for_each(|because| host.cut_short(self.none, because));
+        0
+    }
+
+    fn count_stalled(&self, host: &mut dyn HostContext, uncovered: u32) {
+        let asked = host.variable(self.requests.count);
+        if asked > 0 {
+            host.set(self.stalled, if uncovered >= asked { host.variable(self.stalled) + 1 } else { 0 });
+        }
     }
 }
 
@@ -118,7 +141,8 @@ impl Pass for FindMisses {
         };
         let places = r.buffer("requests", u64::from(capacity) * REQUEST_BYTES);
         let requests = port::Requests { places, count: r.variable("count", false), capacity, made, at_most };
-        let work = Work { gbuffer, splats, requests, none: r.variable("none", false), overlap: splats.cache.rule.overlap };
+        let work =
+            Work { gbuffer, splats, requests, none: r.variable("none", false), stalled: r.variable("stalled", false), overlap: splats.cache.rule.overlap };
         match r.arguments.choice("by") {
             ("HostScan", arguments) => host_scan::record(r, &work, arguments.integer("spacing") as u32),
             (by, arguments) => {

@@ -21,7 +21,7 @@ struct Round {
 @group(0) @binding(3) var sums: texture_2d<f32>;
 // Per block of 2×2 cells: pixel index + 1 of the cell's request, or 0.
 @group(0) @binding(4) var<storage, read_write> candidates: array<u32>;
-// Requests made, candidates found, one past the last block that was served.
+// Requests made, candidates found, one past the last block that was served, pixels of the batch before that miss a record still.
 @group(0) @binding(5) var<storage, read_write> counts: array<u32, 4>;
 @group(0) @binding(6) var<storage, read_write> requests: array<Request>;
 // Pixel index + 1 of each request.
@@ -101,7 +101,18 @@ fn search_small(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) gr
     candidates[block] = candidate;
 }
 
+// How many pixels of the batch before miss a record still, of those that a lane looks at.
+fn uncovered(lane: u32) -> u32 {
+    var missing = 0u;
+    for (var i = lane; i < counts[0]; i += 256u) {
+        let pixel = picked[i] - 1u;
+        missing += u32(textureLoad(sums, vec2u(pixel % camera.size.x, pixel / camera.size.x), 0).w <= OVERLAP);
+    }
+    return missing;
+}
+
 var<workgroup> starts: array<u32, 256>;
+var<workgroup> missing: atomic<u32>;
 
 // Picks candidates in their order, so that every run picks the same: one workgroup, each lane a stretch.
 @compute @workgroup_size(256)
@@ -116,6 +127,9 @@ fn collect(@builtin(local_invocation_index) lane: u32) {
         mine += select(0u, 1u, candidates[i] != 0u);
     }
     starts[lane] = mine;
+    atomicAdd(&missing, uncovered(lane));
+    // What the batch before picked has been looked at once all lanes are here.
+    storageBarrier();
     workgroupBarrier();
     for (var step = 1u; step < 256u; step *= 2u) {
         let before = select(0u, starts[max(lane, step) - step], lane >= step);
@@ -139,6 +153,7 @@ fn collect(@builtin(local_invocation_index) lane: u32) {
     if lane == 255u {
         counts[0] = min(starts[255], grid.capacity);
         counts[1] = starts[255];
+        counts[3] = atomicLoad(&missing);
     }
 }
 

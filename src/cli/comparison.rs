@@ -2,6 +2,7 @@
 
 use crate::measure::compare::{Comparison, Pair, PassSpread, VariantErrors, VariantReport, WORTH_FINDING};
 use crate::measure::criteria::{Cost, Metric};
+use crate::measure::gap::Gap;
 use crate::measure::metrics::{Errors, block_side};
 use crate::measure::page::{Beside, Differences, Report, Told};
 use crate::measure::statistics::{Spread, least_runs};
@@ -26,11 +27,8 @@ pub fn warnings(comparison: &Comparison) -> Vec<String> {
     let mut warnings: Vec<String> = comparison.approximated().iter().map(|what| format!("note: {what}")).collect();
     for variant in &comparison.variants {
         if !variant.complete {
-            let gap = match variant.uncovered_pixels.unwrap_or(0) {
-                0 => format!("`{}` ended before it was done", variant.unfinished.join("`, `")),
-                pixels => format!("{pixels} pixels see a surface that no record covers"),
-            };
-            warnings.push(format!("warning: {} {}: {gap}; its times are those of unfinished pictures", variant.id, variant.name));
+            let gap = Gap::of(variant.uncovered_pixels, &variant.unfinished);
+            warnings.push(format!("warning: {} {}: {}; its times are those of unfinished pictures", variant.id, variant.name, gap.what));
         }
         if !variant.pictures_repeat {
             warnings.push(format!("warning: {} {}: its runs did not make the same picture to the bit", variant.id, variant.name));

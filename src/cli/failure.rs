@@ -93,12 +93,9 @@ pub enum CommandError {
     #[error("the result cannot be written as JSON: {reason}")]
     #[diagnostic(code(cli::json))]
     Json { reason: String },
-    #[error("frame {frame}: {gap}")]
-    #[diagnostic(
-        code(render::incomplete),
-        help("the loop ended early: raise the cache's capacity, the most records of a frame, the bound of the loop or --time, or render more frames")
-    )]
-    Incomplete { frame: u32, gap: String },
+    #[error("frame {frame}: {what}")]
+    #[diagnostic(code(render::incomplete), help("{help}"))]
+    Incomplete { frame: u32, what: String, help: String },
     #[error("frame {frame} cannot share memory and shaders with the frames before it: {what}")]
     #[diagnostic(
         code(render::other_plan),

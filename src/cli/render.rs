@@ -13,6 +13,7 @@ use super::scene::{SceneOptions, View};
 use super::timeline::{Frame, Plans, Timeline, TimelineOptions, camera_of_frame};
 use crate::gpu::{Gpu, GpuError, Pace};
 use crate::measure::compare::{AdapterReport, dropped};
+use crate::measure::gap::Gap;
 use crate::measure::run::{FrameReport, Run, RunError};
 use crate::measure::{Layers, cache};
 use crate::pipeline::Plan;
@@ -208,11 +209,8 @@ impl<'o> Film<'o> {
         if report.complete {
             return;
         }
-        let gap = match report.uncovered_pixels.unwrap_or(0) {
-            0 => format!("`{}` ended before it was done", report.unfinished.join("`, `")),
-            pixels => format!("{pixels} pixels see a surface that no record covers"),
-        };
-        let gap = CommandError::Incomplete { frame: frame.number, gap };
+        let Gap { what, help } = Gap::of(report.uncovered_pixels, &report.unfinished);
+        let gap = CommandError::Incomplete { frame: frame.number, what, help };
         if !self.options.strict {
             self.console.report(&gap);
         }

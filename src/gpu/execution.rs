@@ -8,6 +8,7 @@ use super::{readback, scene as scene_data};
 use crate::recording::*;
 use crate::scene::{Camera, Scene, bvh::Bvh};
 use glam::Vec4;
+use serde::Serialize;
 use std::any::Any;
 use std::collections::{HashMap, HashSet};
 use std::time::Instant;
@@ -39,6 +40,8 @@ pub struct Session<'a> {
     time_is_up: bool,
     /// Whether the innermost loop ends with the round that it is in.
     is_last_round: bool,
+    /// Why loops end that have work left, by the variables that end them.
+    cut_short: HashMap<Variable, Shortfall>,
     /// Bytes of all buffers and textures.
     pub gpu_bytes: u64,
 }
@@ -50,8 +53,19 @@ pub struct Frame {
     pub nodes: Vec<NodeTimes>,
     /// Rounds of the loops that run until they are done.
     pub fill_rounds: Option<u32>,
-    /// Loops that ended before they were done, by name.
-    pub unfinished: Vec<String>,
+    /// Loops that ended before they were done.
+    pub unfinished: Vec<Unfinished>,
+}
+
+/// A loop that ended before it was done.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Unfinished {
+    #[serde(rename = "loop")]
+    pub name: String,
+    pub because: Shortfall,
+    /// Whether work is left for sure. If not, the loop could do no more and did not look whether it had to.
+    #[serde(skip)]
+    pub is_certain: bool,
 }
 
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -115,6 +129,7 @@ impl<'a> Session<'a> {
             frames: 0,
             time_is_up: false,
             is_last_round: false,
+            cut_short: HashMap::new(),
             gpu_bytes: 0,
         };
         session.allocate(placement)?;
@@ -370,7 +385,10 @@ impl<'a> Session<'a> {
         let mut rounds = 0;
         let outer = self.is_last_round;
         let is_done = |session: &Self, rounds| repeat.until.map_or(rounds == repeat.at_most, |until| session.variable(until) != 0);
-        repeat.until.into_iter().for_each(|until| self.set_variable(until, 0));
+        if let Some(until) = repeat.until {
+            self.set_variable(until, 0);
+            self.cut_short.remove(&until);
+        }
         while !is_done(self, rounds) && rounds < repeat.at_most {
             match pace() {
                 Pace::GoOn => {}
@@ -386,14 +404,20 @@ impl<'a> Session<'a> {
                 break;
             }
         }
+        frame.unfinished.extend(self.shortfall(repeat, is_done(self, rounds)));
         self.is_last_round = outer;
-        if !is_done(self, rounds) {
-            frame.unfinished.push(repeat.name.clone());
-        }
         if repeat.until.is_some() {
             *frame.fill_rounds.get_or_insert(0) += rounds;
         }
         Ok(next)
+    }
+
+    /// Why a loop ended that was not done, or may not have been.
+    fn shortfall(&self, repeat: &Repeat, is_done: bool) -> Option<Unfinished> {
+        let bound = if self.time_is_up { Shortfall::Time } else { Shortfall::Rounds };
+        let told = repeat.until.and_then(|until| self.cut_short.get(&until).copied());
+        let because = told.or_else(|| (!is_done || self.is_last_round).then_some(bound))?;
+        Some(Unfinished { name: repeat.name.clone(), because, is_certain: !is_done || because == Shortfall::NoProgress })
     }
 
     fn run_node(&mut self, node: &Node, index: usize, pending: &mut Pending) -> Result<(), GpuError> {
@@ -566,11 +590,20 @@ impl<'a> Session<'a> {
         }
         let (mut lists, mut states, mut variables) = (std::mem::take(&mut self.lists), std::mem::take(&mut self.states), std::mem::take(&mut self.variables));
         let (mut latest, mut copies) = (std::mem::take(&mut self.latest), std::mem::take(&mut self.copies));
-        let mut view =
-            HostView { session: self, contents, copies: &mut copies, lists: &mut lists, states: &mut states, variables: &mut variables, latest: &mut latest };
+        let mut cut_short = std::mem::take(&mut self.cut_short);
+        let mut view = HostView {
+            session: self,
+            contents,
+            copies: &mut copies,
+            lists: &mut lists,
+            states: &mut states,
+            variables: &mut variables,
+            latest: &mut latest,
+            cut_short: &mut cut_short,
+        };
         let result = (host.run)(&mut view);
         (self.lists, self.states, self.variables) = (lists, states, variables);
-        (self.latest, self.copies) = (latest, copies);
+        (self.latest, self.copies, self.cut_short) = (latest, copies, cut_short);
         result.map_err(failed)
     }
 
@@ -811,6 +844,7 @@ struct HostView<'s, 'a> {
     states: &'s mut HashMap<Resource, Option<Box<dyn Any + Send>>>,
     variables: &'s mut Vec<u32>,
     latest: &'s mut Vec<u32>,
+    cut_short: &'s mut HashMap<Variable, Shortfall>,
 }
 
 impl HostContext for HostView<'_, '_> {
@@ -857,6 +891,10 @@ impl HostContext for HostView<'_, '_> {
 
     fn is_last_round(&self) -> bool {
         self.session.is_last_round
+    }
+
+    fn cut_short(&mut self, until: Variable, because: Shortfall) {
+        self.cut_short.insert(until, because);
     }
 
     fn scene(&self) -> &Scene {

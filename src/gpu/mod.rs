@@ -13,4 +13,4 @@ pub mod spirv;
 mod timing;
 
 pub use device::{Adapter, Gpu, GpuError, expected_device};
-pub use execution::{AskPace, Frame, NodeTimes, Pace, Reader, Session};
+pub use execution::{AskPace, Frame, NodeTimes, Pace, Reader, Session, Unfinished};

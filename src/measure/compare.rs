@@ -7,9 +7,9 @@ use super::layers::{DIRECT, GLOSSY, IRRADIANCE, Layers, PICTURE};
 use super::metrics::Errors;
 use super::run::{FrameReport, PassReport, Records, Run, RunError};
 use super::statistics::{Difference, Spread, runs_to_find};
-use crate::gpu::{Adapter, AskPace};
+use crate::gpu::{Adapter, AskPace, Unfinished};
 use crate::pipeline::Plan;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, Serializer};
 
 /// The difference that a number of runs is recommended for: a variant that takes 5 % longer.
 pub const WORTH_FINDING: f64 = 0.05;
@@ -179,14 +179,19 @@ pub struct VariantReport {
     pub fill_rounds: Option<u32>,
     pub uncovered_pixels: Option<u32>,
     pub complete: bool,
-    /// Loops that ended before they were done.
-    pub unfinished: Vec<String>,
+    /// Loops that ended before they were done, by name.
+    #[serde(serialize_with = "names")]
+    pub unfinished: Vec<Unfinished>,
     /// Whether every run made the picture of the warm-up to the bit.
     pub pictures_repeat: bool,
     /// All buffers and textures of the variant, its copy of the scene too.
     pub peak_gpu_bytes: u64,
     pub passes: Vec<PassSpread>,
     pub errors: VariantErrors,
+}
+
+fn names<S: Serializer>(unfinished: &[Unfinished], serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_seq(unfinished.iter().map(|ended| &ended.name))
 }
 
 /// What a variant takes before its first run; no part of its times.

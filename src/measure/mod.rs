@@ -5,6 +5,7 @@ pub mod compare;
 pub mod criteria;
 pub mod exposure;
 pub mod flip;
+pub mod gap;
 mod labels;
 pub mod layers;
 pub mod metrics;

@@ -6,7 +6,7 @@ use crate::contract::{
     port::{Channels, Image},
     recorder::{Persistent, Reported},
 };
-use crate::gpu::{AskPace, Frame, Gpu, GpuError, Reader, Session};
+use crate::gpu::{AskPace, Frame, Gpu, GpuError, Reader, Session, Unfinished};
 use crate::pipeline::Plan;
 use crate::recording::{Format, Resource, ResourceKind};
 use crate::scene::{Camera, Scene, bvh::Bvh};
@@ -37,9 +37,8 @@ pub struct FrameReport {
     pub passes: Vec<PassReport>,
     /// Whether every loop came to its end and every pixel is covered.
     pub complete: bool,
-    /// Loops that did not come to their end.
-    #[serde(skip)]
-    pub unfinished: Vec<String>,
+    /// Loops that ended before they were done, and why.
+    pub unfinished: Vec<Unfinished>,
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -241,6 +240,8 @@ fn most(numbers: &[Number<'_>], name: &str) -> Option<u32> {
 fn report(frame: Frame, numbers: &[Number<'_>]) -> FrameReport {
     let of_node = |node: &str| numbers.iter().filter(|number| number.node == node).map(|number| (number.name, number.value)).collect();
     let uncovered_pixels = most(numbers, "uncovered_pixels");
+    let has_gap = uncovered_pixels.unwrap_or(0) > 0;
+    let unfinished: Vec<Unfinished> = frame.unfinished.into_iter().filter(|ended| ended.is_certain || has_gap).collect();
     FrameReport {
         seconds: frame.seconds,
         records: Records { irradiance: total(numbers, "records"), radiance: total(numbers, "radiance_records") },
@@ -254,8 +255,8 @@ fn report(frame: Frame, numbers: &[Number<'_>]) -> FrameReport {
             .into_iter()
             .map(|n| PassReport { numbers: of_node(&n.node), node: n.node, pass: n.pass, gpu_ms: n.gpu_ms, cpu_ms: n.cpu_ms, runs: n.runs })
             .collect(),
-        complete: frame.unfinished.is_empty() && uncovered_pixels.unwrap_or(0) == 0,
-        unfinished: frame.unfinished,
+        complete: unfinished.is_empty() && !has_gap,
+        unfinished,
     }
 }
 
@@ -263,7 +264,7 @@ fn report(frame: Frame, numbers: &[Number<'_>]) -> FrameReport {
 mod tests {
     use super::*;
     use crate::gpu::NodeTimes;
-    use crate::recording::Variable;
+    use crate::recording::{Shortfall, Variable};
 
     fn number(node: &'static str, name: &'static str, place: u32, value: u32) -> Number<'static> {
         Number { node, name, place: Reported::Variable(Variable(place)), value }
@@ -284,7 +285,20 @@ mod tests {
         let report = report(frame, &numbers);
         assert_eq!((report.uncovered_pixels, report.complete), (Some(7), false));
         assert_eq!((report.records.irradiance, report.new_records), (Some(110), None));
+        assert!(report.unfinished.is_empty());
         let own: Vec<_> = report.passes.iter().map(|pass| pass.numbers["uncovered_pixels"]).collect();
         assert_eq!(own, [7, 0]);
+    }
+
+    /// A loop that could do no more had to do no more where every pixel is covered.
+    #[test]
+    fn a_loop_without_room_is_unfinished_where_pixels_are_uncovered() {
+        let ended = |is_certain| Unfinished { name: "fill".into(), because: Shortfall::CacheFull, is_certain };
+        let unfinished = |pixels, is_certain| {
+            let frame = Frame { seconds: 1.0, nodes: Vec::new(), fill_rounds: Some(1), unfinished: vec![ended(is_certain)] };
+            let report = report(frame, &[number("light", "uncovered_pixels", 0, pixels)]);
+            (report.unfinished.len(), report.complete)
+        };
+        assert_eq!([unfinished(0, false), unfinished(1, false), unfinished(0, true)], [(0, true), (1, false), (1, false)]);
     }
 }

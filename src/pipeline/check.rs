@@ -3,7 +3,7 @@
 use super::diagnostics::{Problem, known};
 use super::document::{self, Document, Override};
 use super::syntax::{Body, Field, Place, Value as Written, ValueKind, Word};
-use super::{Edge, Layer, Loop, Node, Origin, Pipeline, When, Work, graph};
+use super::{Edge, Layer, Loop, Node, Origin, Pipeline, When, Work, graph, progress};
 use crate::contract::{Arguments, Choice, Description, Input, Output, Parameter, ParameterKind, Pass, PortKind, Registry, Value, find};
 use std::collections::BTreeMap;
 
@@ -27,6 +27,10 @@ pub fn check(document: &Document, registry: &Registry, problems: &mut Vec<Proble
             return None;
         }
     };
+    // Where a node could not be read, it may be the one that adds records.
+    if problems.is_empty() {
+        problems.extend(progress::refuse_standstills(&nodes));
+    }
     let (name, about, reference) = (document.name.clone(), document.about.clone(), document.reference.clone());
     problems.is_empty().then(|| Pipeline { name, about, reference, nodes, outputs, specialise: document.specialise, place: document.place.clone() })
 }

@@ -13,6 +13,7 @@ mod history;
 mod loops;
 pub mod per_frame;
 pub mod plan;
+mod progress;
 pub mod set;
 pub mod syntax;
 pub mod values;

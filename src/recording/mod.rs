@@ -1,6 +1,7 @@
 //! A plan as a value: resources and commands on proxies. Recording needs no device and can be printed.
 
 use glam::Vec4;
+use serde::Serialize;
 use std::any::Any;
 use std::sync::Arc;
 
@@ -128,6 +129,22 @@ pub struct Repeat {
     pub round: Variable,
     pub at_most: u32,
     pub steps: Vec<Step>,
+}
+
+/// Why a loop ends although work is left.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Shortfall {
+    /// The time given to the frame is over.
+    Time,
+    /// The loop's bound is reached.
+    Rounds,
+    /// The cache takes no more records.
+    CacheFull,
+    /// A frame may make no more records.
+    FrameLimit,
+    /// The last rounds changed nothing, so that more would not either.
+    NoProgress,
 }
 
 #[derive(PartialEq)]
@@ -296,8 +313,34 @@ pub trait HostContext {
     /// Whether the round is the last one of its loop: the time given to the frame is over, or the loop's bound is reached. What
     /// the round adds for a later one would be lost.
     fn is_last_round(&self) -> bool;
+    /// Tells why the step ends the loop that `until` ends although work is left.
+    fn cut_short(&mut self, until: Variable, because: Shortfall);
     /// The camera of the frame and the picture's size.
     fn camera(&self) -> (&crate::scene::Camera, [u32; 2]);
+}
+
+impl Shortfall {
+    /// Completes "the loop ended because …".
+    pub fn phrase(self) -> &'static str {
+        match self {
+            Self::Time => "the time was up",
+            Self::Rounds => "it had no round left",
+            Self::CacheFull => "the cache is full",
+            Self::FrameLimit => "a frame may add no more records",
+            Self::NoProgress => "new records did not cover the pixels that they were made for",
+        }
+    }
+
+    /// What to do about it.
+    pub fn help(self) -> &'static str {
+        match self {
+            Self::Time => "raise --time, or keep the records with --cache and render again",
+            Self::Rounds => "raise `max_rounds` of the loop, or set it to 0 for as many as there are pixels",
+            Self::CacheFull => "raise `capacity` of the RecordCache, or its `accuracy`, so that fewer records are needed",
+            Self::FrameLimit => "raise `at_most` of the FindMisses, or render more frames",
+            Self::NoProgress => "make the loop's records at the requests of the FindMisses that ends it, and add them to the cache that its splats read",
+        }
+    }
 }
 
 impl Command {

@@ -186,10 +186,47 @@ fn many_errors_in_a_line_without_end_are_a_short_report() {
 #[test]
 #[cfg(unix)]
 fn what_never_ends_is_not_read_to_its_end() {
-    for arguments in [&["diff", "/dev/zero", "/dev/zero"][..], &["check", "/dev/zero"]] {
-        let message = Place::new().refusal(arguments);
-        assert!(message.contains("longer than the limit"), "{message}");
+    let place = Place::new();
+    assert!(std::process::Command::new("mkfifo").arg(place.0.path().join("pipe")).status().unwrap().success());
+    for endless in ["/dev/zero", "pipe"] {
+        for arguments in [&["diff", endless, endless][..], &["check", endless], &["explain", "irradiance", "--scene", endless]] {
+            let message = place.refusal(arguments);
+            assert!(message.contains("not a regular file"), "{message}");
+        }
     }
+}
+
+/// Names in files, and those of files, may hold what a terminal obeys: none of it gets there.
+#[test]
+fn escape_sequences_reach_no_terminal() {
+    let place = Place::new();
+    let write = |name: &str, text: &str| fs::write(place.0.path().join(name), text).unwrap();
+    const SQUARE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n";
+    write("named.obj", &format!("usemtl \u{1b}]0;title\u{7}red\u{9b}31m\n{SQUARE}"));
+    write("\u{1b}[2Jfile.obj", "v 0 0\u{1b}[31m\n");
+    write("scene.ron", r#"Scene(version: 1, geometry: [Box(min: (0, 0, 0), max: (1, 1, 1), material: "a\u{1b}[31m\rb")])"#);
+    write("raw.ron", "Scene(version: 1, geometry: [Box(min: (0, 0, 0), max: (1, 1, 1), \u{1b}[31m \r material: \"a\")])");
+    write("nodes.ron", r#"Pipeline(version: 1, about: "", nodes: [(name: "a\u{1b}[31mb", pass: GBuffer())], outputs: {"picture": "a\u{1b}[31mb"})"#);
+    let explained: [&[&str]; 8] = [
+        &["explain", "irradiance", "--scene", "named.obj"],
+        &["explain", "irradiance", "--scene", "\u{1b}[2Jfile.obj"],
+        &["explain", "irradiance", "--scene", "scene.ron"],
+        &["explain", "irradiance", "--scene", "raw.ron"],
+        &["explain", "irradiance", "--scene", "furnace", "--camera", "a\u{1b}[31m\rb"],
+        &["explain", "irradiance", "--scene", "furnace", "--size", "a\u{1b}[31m\rb"],
+        &["graph", "nodes.ron"],
+        &["check", "nodes.ron"],
+    ];
+    for arguments in explained {
+        let (_, stdout, stderr) = place.run(arguments);
+        for text in [stdout, stderr] {
+            assert!(!text.contains(|letter: char| letter.is_control() && letter != '\n'), "{arguments:?}: {text:?}");
+        }
+    }
+    let (_, _, notes) = place.run(explained[0]);
+    assert!(notes.contains(r"reflect 0.7: \u{1b}]0;title\u{7}red\u{9b}31m"), "{notes}");
+    let message = place.refusal(explained[1]);
+    assert!(message.contains(r"\u{1b}[2Jfile.obj:1:") && message.contains("v 0 0?[31m"), "{message}");
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! What the user sees: results on stdout, messages on stderr.
 
 use super::failure::Failure;
-use super::legible::Legible;
+use super::legible::{Legible, clean};
 use clap::{Args, ValueEnum};
 use miette::{Diagnostic, GraphicalReportHandler, GraphicalTheme};
 use std::io::{self, IsTerminal, Write};
@@ -46,7 +46,7 @@ impl Console {
     /// Prints a result. A reader that has closed its end, such as `head`, is no failure.
     pub fn print(&self, result: &str) -> Result<(), Failure> {
         let mut stdout = io::stdout().lock();
-        match stdout.write_all(result.as_bytes()).and_then(|()| stdout.flush()) {
+        match stdout.write_all(clean(result).as_bytes()).and_then(|()| stdout.flush()) {
             Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(Failure::write(Path::new("standard output"), error)),
             _ => Ok(()),
         }
@@ -55,7 +55,7 @@ impl Console {
     /// Says something that is not a result, unless told to be quiet.
     pub fn note(&self, message: &str) {
         if !self.quiet {
-            self.say(message);
+            self.say(&clean(message));
         }
     }
 

@@ -42,6 +42,9 @@ mod truth;
 use clap::{Arg, CommandFactory, Parser, Subcommand};
 use console::{Console, ConsoleOptions};
 use failure::Failure;
+use legible::clean;
+use std::borrow::Cow;
+use std::io::{self, Write};
 use std::process::ExitCode;
 
 /// Global illumination on the GPU by caching irradiance: pipelines of passes, wired in RON, measured for speed against accuracy.
@@ -115,8 +118,7 @@ pub fn run() -> ExitCode {
     let program = match Program::try_parse() {
         Ok(program) => program,
         Err(usage) => {
-            // Nothing is left to do where even the usage cannot be printed.
-            let _ = usage.print();
+            tell(&usage);
             return ExitCode::from(usage.exit_code() as u8);
         }
     };
@@ -129,6 +131,17 @@ pub fn run() -> ExitCode {
             ExitCode::from(failure.status)
         }
     }
+}
+
+/// Prints help or wrong usage. Where an argument holds what a terminal might obey, without colours.
+fn tell(usage: &clap::Error) {
+    let text = usage.render().to_string();
+    // Nothing is left to do where even the usage cannot be printed.
+    let _ = match clean(&text) {
+        _ if std::env::args_os().all(|argument| matches!(clean(&argument.to_string_lossy()), Cow::Borrowed(_))) => usage.print(),
+        text if usage.use_stderr() => io::stderr().write_all(text.as_bytes()),
+        text => io::stdout().write_all(text.as_bytes()),
+    };
 }
 
 #[cfg(test)]

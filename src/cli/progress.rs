@@ -2,6 +2,7 @@
 
 use super::console::Console;
 use super::interrupt;
+use super::legible::clean;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
@@ -34,7 +35,7 @@ impl Progress {
     }
 
     fn with_template(console: &Console, what: &str, template: &'static str) -> Self {
-        Self { what: what.into(), template, quiet: console.quiet, started: Instant::now(), bar: OnceLock::new() }
+        Self { what: clean(what).into_owned(), template, quiet: console.quiet, started: Instant::now(), bar: OnceLock::new() }
     }
 
     /// Takes note of the share that is done, 0..1, from any thread. False once the user asked to stop.
@@ -49,7 +50,7 @@ impl Progress {
     pub fn tell(&self, doing: impl FnOnce() -> String) {
         if !self.quiet && self.started.elapsed() > PATIENCE {
             let bar = self.bar.get_or_init(|| self.draw());
-            bar.set_message(format!("{}, {}", self.what, doing()));
+            bar.set_message(clean(&format!("{}, {}", self.what, doing())).into_owned());
             bar.tick();
         }
     }

@@ -2,6 +2,7 @@
 
 use super::{
     error::{Problem, SceneError},
+    files::Files,
     image::{self, TextureSource},
 };
 use crate::scene::model::*;
@@ -111,7 +112,7 @@ impl Draft {
     ///
     /// # Errors
     /// Nothing to show, an extent that single precision cannot hold, textures beyond the limits.
-    pub fn finish(mut self, name: &str, normals: Normals) -> Result<Scene, SceneError> {
+    pub fn finish(mut self, name: &str, normals: Normals, files: &Files) -> Result<Scene, SceneError> {
         let (low, high) = self.bounds(name)?;
         let origin = choose_origin(low, high);
         self.keep_used_materials();
@@ -124,9 +125,9 @@ impl Draft {
         let candidates: Vec<Triangle> = self.faces.iter().zip(normals).map(|(face, normals)| to_triangle(face, normals, origin)).collect();
         let triangles = clean(candidates, &self.materials, &mut self.notes);
         if triangles.is_empty() {
-            return Err(no_triangles(name));
+            return Err(no_triangles(name, &self.notes));
         }
-        let textures = image::decode_all(&self.textures, &mut self.materials, &mut self.notes)?;
+        let textures = image::decode_all(&self.textures, files, &mut self.materials, &mut self.notes)?;
         let lights = self.lights.into_iter().map(|(light, at)| place_light(light, at - origin)).collect::<Result<_, _>>()?;
         let mut cameras = self.cameras.into_iter().map(|(camera, at)| place_camera(camera, at - origin)).collect::<Result<Vec<_>, _>>()?;
         if cameras.is_empty() {
@@ -141,11 +142,11 @@ impl Draft {
         let corners = self.faces.iter().flat_map(|face| face.positions);
         let (low, high) = corners.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)));
         if self.faces.is_empty() {
-            return Err(no_triangles(name));
+            return Err(no_triangles(name, &self.notes));
         }
         let extent = low.distance(high);
         if extent == 0.0 {
-            return Err(no_triangles(name));
+            return Err(no_triangles(name, &self.notes));
         }
         if !EXTENT_RANGE.contains(&extent) {
             let (least, most) = (EXTENT_RANGE.start(), EXTENT_RANGE.end());
@@ -179,8 +180,10 @@ impl Draft {
     }
 }
 
-fn no_triangles(name: &str) -> SceneError {
-    SceneError::new(Problem::NoTriangles, format!("`{name}` has no triangle with an area")).help("a scene needs at least one surface")
+/// What the file had in place of triangles stands in the notes.
+fn no_triangles(name: &str, notes: &[String]) -> SceneError {
+    let help = std::iter::once("a scene needs at least one surface").chain(notes.iter().map(String::as_str)).collect::<Vec<_>>().join("\n");
+    SceneError::new(Problem::NoTriangles, format!("`{name}` has no triangle with an area")).help(help)
 }
 
 fn renumber(used: &[bool]) -> Vec<u32> {

@@ -12,7 +12,7 @@ pub enum Problem {
     Unreadable,
     /// A file breaks the rules of its format.
     Format,
-    /// A scene document of a version that this program does not know.
+    /// A scene document or a glTF file of a version that this program does not read.
     Version,
     /// A key, variant, parameter or name that does not exist.
     UnknownKey,

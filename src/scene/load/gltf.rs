@@ -1,39 +1,55 @@
 //! glTF 2.0, as text or binary: what diffuse light transport needs of it, and notes about the rest.
 
+mod document;
+
 use super::{
     MAX_TRIANGLES,
     draft::{Draft, Face, normal_map},
     error::{Problem, SceneError},
+    files::{Bytes, Files},
     guard,
     image::{Content, TextureSource},
-    list, read_bytes,
+    list,
 };
 use crate::scene::model::*;
 use ::gltf::{
-    Accessor, Document, Gltf, Node, Primitive, Semantic,
+    Accessor, Document, Node, Primitive, Semantic,
     accessor::{DataType, Dimensions, sparse::IndexType},
     buffer, image, khr_lights_punctual as punctual,
     material::AlphaMode,
     mesh::Mode,
     texture::WrappingMode,
 };
+use base64::{
+    Engine, alphabet,
+    engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig},
+};
+use document::{EXTENSIONS, Opened};
 use glam::{DMat4, DQuat, DVec3, Vec2, Vec3};
 use std::{
     collections::{BTreeMap, HashMap},
-    path::Path,
+    path::{Path, PathBuf},
 };
 
-/// The extensions that are read here. Quantised meshes need nothing but integer attributes.
-const EXTENSIONS: [&str; 4] = ["KHR_lights_punctual", "KHR_materials_emissive_strength", "KHR_texture_transform", "KHR_mesh_quantization"];
+/// An extension that holds the geometry of a primitive in place of its accessors.
+const DRACO: &str = "KHR_draco_mesh_compression";
+
+/// What is missing from a scene without an extension, where its name does not say it.
+const SUPPLIES: [(&str, &str); 4] = [
+    ("EXT_mesh_gpu_instancing", "instances of meshes"),
+    ("KHR_texture_basisu", "textures"),
+    ("EXT_texture_webp", "textures"),
+    ("MSFT_texture_dds", "textures"),
+];
 
 /// The most elements of an accessor without a buffer: a few bytes of text must not become gigabytes.
 const MAX_ZEROS: usize = 1 << 20;
 
 /// Reads the default scene of a glTF file.
-pub(super) fn read(path: &Path, draft: &mut Draft, wanted: &dyn Fn(&str) -> bool) -> Result<(), SceneError> {
-    let bytes = read_bytes(path)?;
+pub(super) fn read(path: &Path, files: &Files, draft: &mut Draft, wanted: &dyn Fn(&str) -> bool) -> Result<(), SceneError> {
+    let bytes = files.read(path)?;
     // The crate checks a document before use; should a check be missing, its panic ends here.
-    guard(|| read_document(path, &bytes, draft, wanted)).unwrap_or_else(|| Err(broken(path, "its structure is inconsistent")))
+    guard(|| read_document(path, files, &bytes, draft, wanted)).unwrap_or_else(|| Err(broken(path, "its structure is inconsistent")))
 }
 
 fn broken(path: &Path, why: &str) -> SceneError {
@@ -41,13 +57,13 @@ fn broken(path: &Path, why: &str) -> SceneError {
         .help("export it again, or see what Khronos' glTF-Validator says")
 }
 
-fn read_document(path: &Path, bytes: &[u8], draft: &mut Draft, wanted: &dyn Fn(&str) -> bool) -> Result<(), SceneError> {
-    let Gltf { document, blob } = Gltf::from_slice_without_validation(bytes).map_err(|error| broken(path, &error.to_string()))?;
-    let document = checked(path, document)?;
-    let folder = path.parent().unwrap_or(Path::new(""));
-    let buffers = read_buffers(path, folder, &document, blob)?;
-    let mut reader = Reader { path, folder, buffers, draft, wanted, materials: HashMap::new(), textures: HashMap::new(), ignored: BTreeMap::new() };
-    reader.note_unread(&document);
+fn read_document(path: &Path, files: &Files, bytes: &Bytes, draft: &mut Draft, wanted: &dyn Fn(&str) -> bool) -> Result<(), SceneError> {
+    let Opened { document, blob, animations, skins } = document::open(path, bytes)?;
+    let buffers = read_buffers(path, files, &document, blob)?;
+    let mut reader = Reader { path, buffers, draft, wanted, materials: HashMap::new(), textures: HashMap::new(), ignored: BTreeMap::new() };
+    reader.ignore_all(animations, "animations");
+    reader.ignore_all(skins, "skins");
+    document.extensions_used().filter(|name| !EXTENSIONS.contains(name)).for_each(|name| reader.ignore(unread(name)));
     reader.walk(&document)?;
     let ignored: Vec<String> = reader.ignored.into_iter().map(|(what, count)| if count > 1 { format!("{what} ({count})") } else { what }).collect();
     if !ignored.is_empty() {
@@ -56,23 +72,18 @@ fn read_document(path: &Path, bytes: &[u8], draft: &mut Draft, wanted: &dyn Fn(&
     Ok(())
 }
 
-/// The document after the crate's checks, with required extensions judged by what is read here.
-fn checked(path: &Path, document: Document) -> Result<Document, SceneError> {
-    let mut root = document.into_json();
-    let unknown: Vec<String> = root.extensions_required.iter().filter(|name| !EXTENSIONS.contains(&name.as_str())).cloned().collect();
-    if !unknown.is_empty() {
-        return Err(SceneError::new(Problem::Unsupported, format!("`{}` requires glTF extensions that are not supported: {}", path.display(), list(&unknown)))
-            .help(format!("export it without them; supported are {}", EXTENSIONS.join(", "))));
+fn unread(extension: &str) -> String {
+    match SUPPLIES.iter().find(|(name, _)| *name == extension) {
+        Some((_, what)) => format!("extension {extension}, which supplies {what}"),
+        None => format!("extension {extension}"),
     }
-    root.extensions_required.clear();
-    Document::from_json(root).map_err(|error| broken(path, &error.to_string()))
 }
 
-fn read_buffers(path: &Path, folder: &Path, document: &Document, mut blob: Option<Vec<u8>>) -> Result<Vec<Vec<u8>>, SceneError> {
+fn read_buffers(path: &Path, files: &Files, document: &Document, mut blob: Option<Bytes>) -> Result<Vec<Bytes>, SceneError> {
     let read = |buffer: buffer::Buffer| {
         let bytes = match buffer.source() {
-            buffer::Source::Bin => blob.take().ok_or_else(|| broken(path, "the binary chunk is missing"))?,
-            buffer::Source::Uri(uri) => read_uri(path, folder, uri)?,
+            buffer::Source::Bin => blob.take().ok_or_else(|| without_bytes(path, &buffer))?,
+            buffer::Source::Uri(uri) => read_uri(path, files, uri)?,
         };
         let (there, stated) = (bytes.len(), buffer.length());
         if there < stated {
@@ -83,16 +94,47 @@ fn read_buffers(path: &Path, folder: &Path, document: &Document, mut blob: Optio
     document.buffers().map(read).collect()
 }
 
-/// The bytes behind a data URI or a relative path.
-fn read_uri(path: &Path, folder: &Path, uri: &str) -> Result<Vec<u8>, SceneError> {
-    if uri.starts_with("data:") {
-        let data = buffer::Data::from_source(buffer::Source::Uri(uri), Some(folder));
-        return data.map(|data| data.0).map_err(|error| broken(path, &format!("a data URI cannot be decoded: {error}")));
+fn without_bytes(path: &Path, buffer: &buffer::Buffer) -> SceneError {
+    match names(buffer.extensions()) {
+        Some(names) => {
+            SceneError::new(Problem::Unsupported, format!("buffer {} of `{}` is supplied by {names}, which is not read", buffer.index(), path.display()))
+                .help("export the file without this extension")
+        }
+        None => broken(path, &format!("buffer {} names no file, and there is no binary chunk for it", buffer.index())),
     }
-    read_bytes(&folder.join(percent_decoded(uri)))
 }
 
-fn percent_decoded(uri: &str) -> String {
+/// The names of the extensions of a part of the file; None where there are none.
+fn names(extensions: Option<&serde_json::Map<String, serde_json::Value>>) -> Option<String> {
+    let names: Vec<&str> = extensions?.keys().map(String::as_str).collect();
+    (!names.is_empty()).then(|| names.join(", "))
+}
+
+/// The bytes behind a data URI or a relative path.
+fn read_uri(path: &Path, files: &Files, uri: &str) -> Result<Bytes, SceneError> {
+    match uri.strip_prefix("data:") {
+        Some(data) => decode_data(data).map(Bytes::from).ok_or_else(|| broken(path, "a data URI cannot be decoded")),
+        None => files.read(&beside(path, uri)),
+    }
+}
+
+/// What a data URI holds: base64, with its padding or without, or else text with escapes.
+fn decode_data(uri: &str) -> Option<Vec<u8>> {
+    const CONFIG: GeneralPurposeConfig = GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent);
+    let (kind, data) = uri.split_once(',')?;
+    if kind.ends_with(";base64") { GeneralPurpose::new(&alphabet::STANDARD, CONFIG).decode(data).ok() } else { Some(percent_decoded(data)) }
+}
+
+fn data_content(data: &str) -> Content {
+    decode_data(data).map_or_else(|| Content::Missing("its data URI cannot be decoded".to_owned()), |bytes| Content::Bytes(bytes.into()))
+}
+
+/// The file that a URI names, relative to the one that says it.
+fn beside(path: &Path, uri: &str) -> PathBuf {
+    path.parent().unwrap_or(Path::new("")).join(String::from_utf8_lossy(&percent_decoded(uri)).as_ref())
+}
+
+fn percent_decoded(uri: &str) -> Vec<u8> {
     let mut bytes = Vec::with_capacity(uri.len());
     let mut rest = uri.as_bytes();
     while let [first, tail @ ..] = rest {
@@ -100,17 +142,17 @@ fn percent_decoded(uri: &str) -> String {
         bytes.push(escaped.unwrap_or(*first));
         rest = if escaped.is_some() { &tail[2..] } else { tail };
     }
-    String::from_utf8_lossy(&bytes).into_owned()
+    bytes
 }
 
 struct Reader<'a> {
     path: &'a Path,
-    folder: &'a Path,
-    buffers: Vec<Vec<u8>>,
+    buffers: Vec<Bytes>,
     draft: &'a mut Draft,
     wanted: &'a dyn Fn(&str) -> bool,
     /// Numbers by glTF index; `None` is the default material.
     materials: HashMap<Option<usize>, u32>,
+    /// Likewise, by image.
     textures: HashMap<usize, u32>,
     /// What was met and left out, and how often.
     ignored: BTreeMap<String, usize>,
@@ -128,11 +170,8 @@ impl Reader<'_> {
         *self.ignored.entry(what.into()).or_default() += 1;
     }
 
-    fn note_unread(&mut self, document: &Document) {
-        (0..document.animations().count()).for_each(|_| self.ignore("animations"));
-        for name in document.extensions_used().filter(|name| !EXTENSIONS.contains(name)) {
-            self.ignore(format!("extension {name}"));
-        }
+    fn ignore_all(&mut self, count: usize, what: &str) {
+        (0..count).for_each(|_| self.ignore(what));
     }
 
     /// Visits the nodes of the default scene, or all of a file without scenes, depth first.
@@ -160,9 +199,6 @@ impl Reader<'_> {
     }
 
     fn add_node(&mut self, node: &Node, map: &DMat4) -> Result<(), SceneError> {
-        if node.skin().is_some() {
-            self.ignore("skins");
-        }
         if let Some(mesh) = node.mesh() {
             let name = node.name().or(mesh.name()).map_or(format!("mesh {}", mesh.index()), |name| format!("mesh `{name}`"));
             for primitive in mesh.primitives() {
@@ -189,8 +225,9 @@ impl Reader<'_> {
         if primitive.get(&Semantic::Colors(0)).is_some() {
             self.ignore("vertex colours");
         }
+        let Some(positions) = self.positions(primitive) else { return Ok(()) };
         let Some(material) = self.material(&primitive.material())? else { return Ok(()) };
-        let vertices = self.read_vertices(primitive, name)?;
+        let vertices = self.read_vertices(primitive, &positions)?;
         let indices = match primitive.indices() {
             Some(accessor) => self.read_indices(&accessor)?,
             None => (0..vertices.positions.len() as u32).collect(),
@@ -209,9 +246,19 @@ impl Reader<'_> {
         Ok(())
     }
 
-    fn read_vertices(&self, primitive: &Primitive, name: &str) -> Result<Vertices, SceneError> {
-        let missing = || broken(self.path, &format!("{name} has no positions"));
-        let positions = self.read_vectors::<3>(&primitive.get(&Semantic::Positions).ok_or_else(missing)?)?;
+    /// Where a primitive's positions are; None where the file has none, or only in a form that is not read.
+    fn positions<'d>(&mut self, primitive: &Primitive<'d>) -> Option<Accessor<'d>> {
+        let positions = primitive.get(&Semantic::Positions);
+        if positions.as_ref().is_some_and(|accessor| accessor.view().is_some() || accessor.sparse().is_some()) {
+            return positions;
+        }
+        let is_compressed = primitive.extension_value(DRACO).is_some();
+        self.ignore(if is_compressed { format!("geometry that {DRACO} holds") } else { "meshes without positions".to_owned() });
+        None
+    }
+
+    fn read_vertices(&self, primitive: &Primitive, positions: &Accessor) -> Result<Vertices, SceneError> {
+        let positions = self.read_vectors::<3>(positions)?;
         let normals = primitive.get(&Semantic::Normals).map(|accessor| self.read_vectors::<3>(&accessor)).transpose()?.unwrap_or_default();
         let texture = primitive.material().pbr_metallic_roughness().base_color_texture();
         let (set, transform) = match &texture {
@@ -259,7 +306,7 @@ impl Reader<'_> {
             return Err(self.out_of_range(&format!("the emission of material `{name}`"), "0 or more"));
         }
         let texture = match surface.base_color_texture() {
-            Some(info) if (self.wanted)(&name) => self.texture(&info.texture()),
+            Some(info) if (self.wanted)(&name) => Some(self.texture(&info.texture())),
             _ => None,
         };
         let alpha_cutoff = match material.alpha_mode() {
@@ -303,38 +350,39 @@ impl Reader<'_> {
         SceneError::new(Problem::Range, format!("{what} in `{}` is out of range", self.path.display())).help(format!("the range is {range}"))
     }
 
-    fn texture(&mut self, texture: &::gltf::Texture) -> Option<u32> {
+    fn texture(&mut self, texture: &::gltf::Texture) -> u32 {
         if [texture.sampler().wrap_s(), texture.sampler().wrap_t()].iter().any(|mode| *mode != WrappingMode::Repeat) {
             self.ignore("texture wrapping other than repetition");
         }
-        let image = texture.source();
+        let Some(image) = texture.source() else { return self.absent_texture(texture) };
         if let Some(&number) = self.textures.get(&image.index()) {
-            return Some(number);
+            return number;
         }
-        let number = self.draft.textures.len() as u32;
         let (name, content) = match image.source() {
-            image::Source::Uri { uri, .. } if uri.starts_with("data:") => (format!("image {}", image.index()), self.data_content(uri)),
-            image::Source::Uri { uri, .. } => (uri.to_owned(), Content::File(self.folder.join(percent_decoded(uri)))),
+            image::Source::Uri { uri, .. } if uri.starts_with("data:") => (format!("image {}", image.index()), data_content(&uri["data:".len()..])),
+            image::Source::Uri { uri, .. } => (uri.to_owned(), Content::File(beside(self.path, uri))),
             image::Source::View { view, .. } => (format!("image {}", image.index()), self.view_content(&view)),
         };
-        let name = image.name().map_or(name, str::to_owned);
-        self.draft.textures.push(TextureSource { name, content });
+        let number = self.add_texture(image.name().map_or(name, str::to_owned), content);
         self.textures.insert(image.index(), number);
-        Some(number)
+        number
     }
 
-    fn data_content(&self, uri: &str) -> Content {
-        match read_uri(self.path, self.folder, uri) {
-            Ok(bytes) => Content::Bytes(bytes),
-            Err(error) => Content::Missing(error.to_string()),
-        }
+    /// A texture that names no image, or one that only an extension describes.
+    fn absent_texture(&mut self, texture: &::gltf::Texture) -> u32 {
+        let name = texture.name().map_or_else(|| format!("texture {}", texture.index()), str::to_owned);
+        let why = names(texture.extensions()).map_or("it names no image".to_owned(), |names| format!("its image is supplied by {names}, which is not read"));
+        self.add_texture(name, Content::Missing(why))
+    }
+
+    fn add_texture(&mut self, name: String, content: Content) -> u32 {
+        self.draft.textures.push(TextureSource { name, content });
+        self.draft.textures.len() as u32 - 1
     }
 
     fn view_content(&self, view: &buffer::View) -> Content {
-        match self.view_bytes(view) {
-            Some(bytes) => Content::Bytes(bytes.to_vec()),
-            None => Content::Missing("it reaches past its buffer".to_owned()),
-        }
+        let part = view.offset().checked_add(view.length()).and_then(|end| self.buffers.get(view.buffer().index())?.part(view.offset()..end));
+        part.map_or_else(|| Content::Missing("it reaches past its buffer".to_owned()), Content::Bytes)
     }
 
     fn add_light(&mut self, light: &punctual::Light, node: &Node, map: &DMat4) -> Result<(), SceneError> {
@@ -415,7 +463,7 @@ impl Reader<'_> {
         let decode = |bytes: &[u8]| std::array::from_fn(|axis| number(&bytes[axis * kind.size()..], kind, normalised));
         let mut vectors: Vec<[f32; N]> = match accessor.view() {
             Some(view) => self.elements(accessor, &view, accessor.offset(), size, accessor.count())?.into_iter().map(decode).collect(),
-            None => self.zeros(accessor)?,
+            None => self.zeros(accessor, [0.0; N])?,
         };
         if let Some(sparse) = accessor.sparse() {
             let (indices, values) = (sparse.indices(), sparse.values());
@@ -435,9 +483,9 @@ impl Reader<'_> {
     }
 
     /// The elements of an accessor that no bytes of the file stand for.
-    fn zeros<const N: usize>(&self, accessor: &Accessor) -> Result<Vec<[f32; N]>, SceneError> {
+    fn zeros<T: Clone>(&self, accessor: &Accessor, zero: T) -> Result<Vec<T>, SceneError> {
         if accessor.count() <= MAX_ZEROS {
-            return Ok(vec![[0.0; N]; accessor.count()]);
+            return Ok(vec![zero; accessor.count()]);
         }
         let (index, count, path) = (accessor.index(), accessor.count(), self.path.display());
         Err(SceneError::new(Problem::TooLarge, format!("accessor {index} of `{path}` has {count} elements without a buffer; the limit is {MAX_ZEROS}"))
@@ -450,7 +498,7 @@ impl Reader<'_> {
             return Err(broken(self.path, &format!("accessor {} has to hold indices", accessor.index())));
         }
         self.expect_count(accessor)?;
-        let view = accessor.view().ok_or_else(|| broken(self.path, &format!("accessor {} has no buffer", accessor.index())))?;
+        let Some(view) = accessor.view() else { return self.zeros(accessor, 0) };
         let elements = self.elements(accessor, &view, accessor.offset(), kind.size(), accessor.count())?;
         Ok(elements.into_iter().map(|bytes| whole_number(bytes, kind)).collect())
     }

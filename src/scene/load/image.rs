@@ -2,7 +2,8 @@
 
 use super::{
     error::{Problem, SceneError},
-    guard, list, read_bytes,
+    files::{Bytes, Files},
+    guard, list,
 };
 use crate::scene::model::{Environment, Material, Rgb, Texture};
 use ::image::{DynamicImage, ImageReader};
@@ -31,7 +32,7 @@ pub(super) struct TextureSource {
 #[derive(Debug, Clone)]
 pub(super) enum Content {
     File(PathBuf),
-    Bytes(Vec<u8>),
+    Bytes(Bytes),
     /// Known to be out of reach, and why.
     Missing(String),
 }
@@ -40,11 +41,11 @@ pub(super) enum Content {
 ///
 /// # Errors
 /// Images beyond the limits, found before their pixels are allocated.
-pub(super) fn decode_all(sources: &[TextureSource], materials: &mut [Material], notes: &mut Vec<String>) -> Result<Vec<Texture>, SceneError> {
+pub(super) fn decode_all(sources: &[TextureSource], files: &Files, materials: &mut [Material], notes: &mut Vec<String>) -> Result<Vec<Texture>, SceneError> {
     let (mut textures, mut failures, mut budget) = (Vec::new(), Vec::new(), MAX_BYTES);
     let mut numbers = vec![None; sources.len()];
     for (source, number) in sources.iter().zip(&mut numbers) {
-        match decode(source, &mut budget)? {
+        match decode(source, files, &mut budget)? {
             Ok(texture) => {
                 *number = Some(textures.len() as u32);
                 textures.push(texture);
@@ -63,13 +64,17 @@ pub(super) fn decode_all(sources: &[TextureSource], materials: &mut [Material], 
 }
 
 /// Outer error: over the limits. Inner error: unreadable, which a scene survives.
-fn decode(source: &TextureSource, budget: &mut u64) -> Result<Result<Texture, String>, SceneError> {
+fn decode(source: &TextureSource, files: &Files, budget: &mut u64) -> Result<Result<Texture, String>, SceneError> {
     let bytes = match &source.content {
-        Content::File(path) => match read_bytes(path) {
-            Ok(bytes) => Cow::Owned(bytes),
-            Err(error) => return Ok(Err(if error.problem() == Problem::NotFound { "missing" } else { "unreadable" }.to_owned())),
+        Content::File(path) => match files.read(path) {
+            Ok(bytes) => bytes,
+            Err(error) => match error.problem() {
+                Problem::TooLarge => return Err(error),
+                Problem::NotFound => return Ok(Err("missing".to_owned())),
+                _ => return Ok(Err(error.to_string())),
+            },
         },
-        Content::Bytes(bytes) => Cow::Borrowed(bytes.as_slice()),
+        Content::Bytes(bytes) => bytes.clone(),
         Content::Missing(why) => return Ok(Err(why.clone())),
     };
     let Some((width, height)) = dimensions(&bytes) else { return Ok(Err("not an image of a known format".to_owned())) };
@@ -118,10 +123,10 @@ fn expect_sky(name: &str, width: u32, height: u32) -> Result<(), SceneError> {
 ///
 /// # Errors
 /// A file that is unreadable, too large, or holds a negative or non-finite radiance.
-pub(super) fn load_sky(path: &Path, scale: f32, rotation: f64) -> Result<Environment, SceneError> {
+pub(super) fn load_sky(path: &Path, files: &Files, scale: f32, rotation: f64) -> Result<Environment, SceneError> {
     let name = path.display().to_string();
     let is_exr = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("exr"));
-    let bytes = read_bytes(path)?;
+    let bytes = files.read(path)?;
     let (width, height, texels) = if is_exr { decode_exr(&bytes, &name)? } else { decode_hdr(&bytes, &name)? };
     if texels.is_empty() {
         return Err(undecodable(&name));
@@ -136,10 +141,20 @@ pub(super) fn load_sky(path: &Path, scale: f32, rotation: f64) -> Result<Environ
 type Radiance = (u32, u32, Vec<Rgb>);
 
 fn decode_hdr(bytes: &[u8], name: &str) -> Result<Radiance, SceneError> {
+    let bytes = &signed(bytes);
     let (width, height) = dimensions(bytes).ok_or_else(|| undecodable(name))?;
     expect_sky(name, width, height)?;
     let image = decode_pixels(bytes).ok_or_else(|| undecodable(name))?.into_rgb32f();
     Ok((width, height, image.pixels().map(|pixel| Vec3::from(pixel.0)).collect()))
+}
+
+/// A Radiance file under the name that its decoder knows: each program may sign with its own, such as `#?RGBE`.
+fn signed(bytes: &[u8]) -> Cow<'_, [u8]> {
+    const KNOWN: &[u8] = b"#?RADIANCE";
+    match bytes.iter().position(|&byte| byte == b'\n') {
+        Some(end) if bytes.starts_with(b"#?") && !bytes.starts_with(KNOWN) => Cow::Owned([KNOWN, &bytes[end..]].concat()),
+        _ => Cow::Borrowed(bytes),
+    }
 }
 
 fn decode_exr(bytes: &[u8], name: &str) -> Result<Radiance, SceneError> {

@@ -6,6 +6,7 @@
 mod daylight;
 mod draft;
 mod error;
+mod files;
 mod generate;
 mod gltf;
 mod image;
@@ -18,10 +19,12 @@ mod teapot;
 pub use daylight::{Daylight, Sky, Sun};
 pub use draft::MAX_TRIANGLES;
 pub use error::{Problem, SceneError};
+pub use files::read_file;
 
 use super::model::Scene;
 use draft::{Draft, Normals};
 use error::suggestion;
+use files::Files;
 use std::{
     cell::Cell,
     panic::{AssertUnwindSafe, catch_unwind},
@@ -31,9 +34,6 @@ use std::{
 
 /// The variable that names folders with scenes, separated as in PATH.
 pub const SEARCH_VARIABLE: &str = "HEMISPLAT_SCENES";
-
-/// The largest file that is read [bytes].
-const MAX_FILE: u64 = 4 << 30;
 
 /// The scenes that ship, by file name.
 const EMBEDDED: [(&str, &str); 12] = [
@@ -85,10 +85,11 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene, SceneError> {
         return load_file(path, options);
     }
     if let Some((name, text)) = find_embedded(path) {
-        return load_document(Path::new(name), text, None, options);
+        return load_document(Path::new(name), text, None, &Files::default(), options);
     }
     match options.search.iter().map(|folder| folder.join(path)).find(|candidate| candidate.is_file()) {
         Some(found) => load_file(&found, options),
+        None if path.exists() => Err(files::unreadable(path, &std::io::ErrorKind::InvalidInput.into())),
         None => Err(scene_not_found(path, options)),
     }
 }
@@ -99,29 +100,30 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene, SceneError> {
 /// # Errors
 /// As those of [`load`].
 pub fn load_text(name: &str, text: &str) -> Result<Scene, SceneError> {
-    load_document(Path::new(name), text, None, &LoadOptions::default())
+    load_document(Path::new(name), text, None, &Files::default(), &LoadOptions::default())
 }
 
 fn load_file(path: &Path, options: &LoadOptions) -> Result<Scene, SceneError> {
+    let files = Files::default();
     if extension(path) == "ron" {
-        return load_document(path, &read_text(path)?, path.parent(), options);
+        return load_document(path, &files.read_text(path)?, path.parent(), &files, options);
     }
     refuse_overrides(options, &[])?;
     let mut draft = Draft::default();
-    load_geometry(path, &mut draft, &|_| true)?;
-    draft.finish(&stem(path), Normals::File)
+    load_geometry(path, &files, &mut draft, &|_| true)?;
+    draft.finish(&stem(path), Normals::File, &files)
 }
 
-fn load_document(path: &Path, text: &str, folder: Option<&Path>, options: &LoadOptions) -> Result<Scene, SceneError> {
-    let (draft, normals) = ron::read(path, text, folder, options)?;
-    draft.finish(&stem(path), normals)
+fn load_document(path: &Path, text: &str, folder: Option<&Path>, files: &Files, options: &LoadOptions) -> Result<Scene, SceneError> {
+    let (draft, normals) = ron::read(path, text, folder, files, options)?;
+    draft.finish(&stem(path), normals, files)
 }
 
 /// Adds what a geometry file holds to a draft; `wanted` says which of its materials need their textures.
-fn load_geometry(path: &Path, draft: &mut Draft, wanted: &dyn Fn(&str) -> bool) -> Result<(), SceneError> {
+fn load_geometry(path: &Path, files: &Files, draft: &mut Draft, wanted: &dyn Fn(&str) -> bool) -> Result<(), SceneError> {
     match extension(path).as_str() {
-        "obj" => obj::read(path, draft, wanted),
-        "gltf" | "glb" => gltf::read(path, draft, wanted),
+        "obj" => obj::read(path, files, draft, wanted),
+        "gltf" | "glb" => gltf::read(path, files, draft, wanted),
         "ron" => Err(SceneError::new(Problem::Format, format!("`{}` is a document, and a document cannot hold another", path.display()))
             .help("`File` takes .gltf, .glb and .obj files; copy the other document's geometry")),
         other => Err(SceneError::new(Problem::Format, format!("`{}`: no scene format has the extension `{other}`", path.display()))
@@ -164,27 +166,6 @@ fn extension(path: &Path) -> String {
 
 fn stem(path: &Path) -> String {
     path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
-}
-
-/// Reads a whole file.
-fn read_bytes(path: &Path) -> Result<Vec<u8>, SceneError> {
-    let unreadable = |error: std::io::Error| {
-        let problem = if error.kind() == std::io::ErrorKind::NotFound { Problem::NotFound } else { Problem::Unreadable };
-        SceneError::new(problem, format!("`{}` cannot be read: {}", path.display(), error.kind())).help("check the path and its permissions")
-    };
-    let size = std::fs::metadata(path).map_err(unreadable)?.len();
-    if size > MAX_FILE {
-        return Err(SceneError::new(Problem::TooLarge, format!("`{}` has {size} bytes; the limit is {MAX_FILE}", path.display())).help("split the file"));
-    }
-    std::fs::read(path).map_err(unreadable)
-}
-
-/// Reads a text file; bytes that are no UTF-8, as in old names, become replacement characters. A mark of the byte order, as some
-/// editors write it, is left out.
-fn read_text(path: &Path) -> Result<String, SceneError> {
-    let bytes = read_bytes(path)?;
-    let bytes = bytes.strip_prefix("\u{feff}".as_bytes()).unwrap_or(&bytes);
-    Ok(String::from_utf8_lossy(bytes).into_owned())
 }
 
 /// The first few of many, separated by commas.

@@ -6,8 +6,9 @@
 use super::{
     draft::{Draft, Face},
     error::{Problem, SceneError, SourceText},
+    files::Files,
     image::{Content, TextureSource},
-    list, read_text,
+    list,
 };
 use crate::scene::model::{Glossy, Material};
 use glam::{DVec3, Vec2, Vec3};
@@ -22,8 +23,8 @@ const PLAIN: f32 = 0.7;
 const UNNAMED: &str = "default";
 
 /// Reads an OBJ file and the material libraries that it names.
-pub(super) fn read(path: &Path, draft: &mut Draft, wanted: &dyn Fn(&str) -> bool) -> Result<(), SceneError> {
-    let mut text = read_text(path)?;
+pub(super) fn read(path: &Path, files: &Files, draft: &mut Draft, wanted: &dyn Fn(&str) -> bool) -> Result<(), SceneError> {
+    let mut text = files.read_text(path)?;
     if text.contains("\\\n") || text.contains("\\\r\n") {
         // A backslash joins two lines; blanks in its place keep every offset.
         text = text.replace("\\\r\n", "   ").replace("\\\n", "  ");
@@ -32,8 +33,7 @@ pub(super) fn read(path: &Path, draft: &mut Draft, wanted: &dyn Fn(&str) -> bool
     for line in text.lines() {
         reader.read_line(line)?;
     }
-    reader.finish(wanted);
-    Ok(())
+    reader.finish(files, wanted)
 }
 
 struct Reader<'a, 'd> {
@@ -176,13 +176,13 @@ impl<'a, 'd> Reader<'a, 'd> {
     }
 
     /// Fills in the materials from their libraries, and says what was missing.
-    fn finish(self, wanted: &dyn Fn(&str) -> bool) {
+    fn finish(self, files: &Files, wanted: &dyn Fn(&str) -> bool) -> Result<(), SceneError> {
         let Self { source, draft, libraries, materials, slivers, .. } = self;
         let file = source.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         if slivers > 0 {
             draft.notes.push(format!("{file}: {slivers} faces have fewer than three corners and were left out"));
         }
-        let described = read_libraries(source.path, &libraries, &file, draft);
+        let described = read_libraries(source.path, files, &libraries, &file, draft)?;
         let mut plain = Vec::new();
         let mut textures = HashMap::new();
         let mut ordered: Vec<(&str, u32)> = materials.into_iter().collect();
@@ -200,6 +200,7 @@ impl<'a, 'd> Reader<'a, 'd> {
         if !plain.is_empty() {
             draft.notes.push(format!("{file}: materials that no library describes reflect {PLAIN}: {}", list(&plain)));
         }
+        Ok(())
     }
 }
 
@@ -231,7 +232,7 @@ struct Described {
 }
 
 /// All materials of the libraries that are there. The one beside the OBJ file steps in for one that is not.
-fn read_libraries(path: &Path, names: &[&str], file: &str, draft: &mut Draft) -> HashMap<String, Described> {
+fn read_libraries(path: &Path, files: &Files, names: &[&str], file: &str, draft: &mut Draft) -> Result<HashMap<String, Described>, SceneError> {
     let folder = path.parent().unwrap_or(Path::new(""));
     let beside = path.with_extension("mtl");
     let mut described = HashMap::new();
@@ -246,12 +247,13 @@ fn read_libraries(path: &Path, names: &[&str], file: &str, draft: &mut Draft) ->
             draft.notes.push(format!("{file}: material library `{name}` is missing"));
             continue;
         };
-        match read_text(&found) {
+        match files.read_text(&found) {
             Ok(text) => read_library(&text, found.parent().unwrap_or(folder), &mut described, &mut draft.notes),
+            Err(error) if error.problem() == Problem::TooLarge => return Err(error),
             Err(error) => draft.notes.push(format!("{file}: {error}")),
         }
     }
-    described
+    Ok(described)
 }
 
 fn read_library(text: &str, folder: &Path, described: &mut HashMap<String, Described>, notes: &mut Vec<String>) {

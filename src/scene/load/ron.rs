@@ -7,6 +7,7 @@ use super::{
     LoadOptions, Normals,
     draft::{Draft, Face, normal_map},
     error::{Problem, SceneError, SourceText, suggestion},
+    files::Files,
     generate, image, list, load_geometry, primitives, refuse_overrides,
     sky::{self, Clear},
     teapot,
@@ -368,7 +369,7 @@ struct CameraEntry<'a> {
 }
 
 /// Reads a document; `folder` is what its files are relative to, besides the search folders.
-pub(super) fn read(path: &Path, text: &str, folder: Option<&Path>, options: &LoadOptions) -> Result<(Draft, Normals), SceneError> {
+pub(super) fn read(path: &Path, text: &str, folder: Option<&Path>, files: &Files, options: &LoadOptions) -> Result<(Draft, Normals), SceneError> {
     let source = Source { text: SourceText { path, text } };
     let document: Document = source.parse(text)?;
     let version = source.get(document.version)?;
@@ -377,7 +378,7 @@ pub(super) fn read(path: &Path, text: &str, folder: Option<&Path>, options: &Loa
             .error(Problem::Version, document.version, format!("scene documents of version {version} are not known"), "this program reads version 1")
             .help("write `version: 1`, or use a program as new as the document"));
     }
-    let mut reader = Reader { source, folder, options, draft: Draft::default(), palette: Vec::new(), parameters: BTreeSet::new() };
+    let mut reader = Reader { source, folder, files, options, draft: Draft::default(), palette: Vec::new(), parameters: BTreeSet::new() };
     reader.read_materials(&document.materials)?;
     for &geometry in &document.geometry {
         reader.add_geometry(geometry, &DMat4::IDENTITY)?;
@@ -629,6 +630,7 @@ struct PaletteEntry<'a> {
 struct Reader<'a> {
     source: Source<'a>,
     folder: Option<&'a Path>,
+    files: &'a Files,
     options: &'a LoadOptions,
     draft: Draft,
     palette: Vec<PaletteEntry<'a>>,
@@ -846,7 +848,7 @@ impl<'a> Reader<'a> {
         let replaced: BTreeMap<String, bool> = self.palette.iter().map(|entry| (entry.name.clone(), entry.material.is_some())).collect();
         let wanted = |name: &str| !replaced.get(name).or(replaced.get(ANY)).copied().unwrap_or(false);
         let mut file = Draft::default();
-        load_geometry(&path, &mut file, &wanted)?;
+        load_geometry(&path, self.files, &mut file, &wanted)?;
         self.absorb(file, map)
     }
 
@@ -965,7 +967,7 @@ impl<'a> Reader<'a> {
             Sky::LatLong { file, scale, rotation } => {
                 let scale = scale.map_or(Ok(1.0), |raw| self.source.number_in(raw, "0 or more", |s| s >= 0.0))?;
                 let rotation = rotation.map_or(Ok(0.0), |raw| self.source.number(raw))?;
-                image::load_sky(&self.find_file(file)?, scale as f32, rotation.to_radians())?
+                image::load_sky(&self.find_file(file)?, self.files, scale as f32, rotation.to_radians())?
             }
         })
     }

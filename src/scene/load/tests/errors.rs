@@ -79,6 +79,12 @@ fn faults_outside_documents_are_told() {
             br#"{"asset": {"version": "2.0"}, "extensionsUsed": ["KHR_draco_mesh_compression"], "extensionsRequired": ["KHR_draco_mesh_compression"]}"#,
         )],
     );
+    problem_of("gltf_old", Problem::Version, &[("a.gltf", br#"{"asset": {"version": "1.0"}, "meshes": {}}"#)]);
+    problem_of("gltf_old_binary", Problem::Version, &[("a.glb", b"glTF\x01\0\0\0\x20\0\0\0")]);
+    problem_of("gltf_part", Problem::Format, &[("a.gltf", br#"{"asset": {"version": "2.0"}, "scenes": [{"nodes": [7]}], "meshes": [{"primitives": [{}]}]}"#)]);
+    problem_of("gltf_index", Problem::Format, &[("a.gltf", br#"{"asset": {"version": "2.0"}, "scenes": [{"nodes": [7]}]}"#)]);
+    let line = br#"{"asset": {"version": "2.0"}, "nodes": [{"mesh": 0}], "meshes": [{"primitives": [{"mode": 1, "attributes": {}}]}]}"#;
+    problem_of("gltf_lines", Problem::NoTriangles, &[("a.gltf", line)]);
     problem_of("gltf_buffer", Problem::NotFound, &[("a.gltf", br#"{"asset": {"version": "2.0"}, "buffers": [{"byteLength": 4, "uri": "gone.bin"}]}"#)]);
 }
 
@@ -109,6 +115,6 @@ fn scenes_and_parameters_that_do_not_exist_are_told() {
     let unreadable = load(&folder.path().join("a.obj"), &LoadOptions::default()).unwrap_err();
     assert_eq!(unreadable.problem(), Problem::NotFound);
     std::fs::create_dir(folder.path().join("b.obj")).unwrap();
-    let unreadable = super::super::read_bytes(&folder.path().join("b.obj")).unwrap_err();
+    let unreadable = Files::default().read(&folder.path().join("b.obj")).err().unwrap();
     assert_eq!(unreadable.problem(), Problem::Unreadable);
 }

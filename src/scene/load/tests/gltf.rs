@@ -1,7 +1,7 @@
 //! glTF files made here, feature by feature.
 
 use super::*;
-use crate::scene::{FieldOfView, Glossy, LightKind};
+use crate::scene::{FieldOfView, Glossy, LightKind, load::Problem};
 use glam::{Vec2, Vec3};
 use serde_json::{Value, json};
 
@@ -247,5 +247,81 @@ fn counts_without_bytes_are_refused() {
     let positions = builder.accessor(zeros);
     builder.root["meshes"] = json!([{"primitives": [{"attributes": {"POSITION": positions}}]}]);
     let error = load_glb(&builder).unwrap_err();
-    assert_eq!(error.problem(), crate::scene::load::Problem::TooLarge, "{error}");
+    assert_eq!(error.problem(), Problem::TooLarge, "{error}");
+}
+
+/// The square in a scene, and what stands in place of a part of its file.
+fn changed(pointer: &str, value: Value) -> Builder {
+    let mut builder = complete();
+    let (parent, key) = pointer.rsplit_once('/').unwrap();
+    builder.root.pointer_mut(parent).unwrap()[key] = value;
+    builder
+}
+
+#[test]
+fn what_is_not_read_breaks_no_file() {
+    let whole = load_glb(&complete()).unwrap().triangles;
+    let target = json!({"path": "pointer", "extensions": {"KHR_animation_pointer": {"pointer": "/nodes/0/scale"}}});
+    let changes = [
+        ("/animations", json!([{"channels": [{"sampler": 0, "target": target}], "samplers": [{"input": 99, "output": 99}]}])),
+        ("/extensionsRequired", json!(["KHR_animation_pointer", "KHR_materials_variants"])),
+        ("/skins", json!([{"joints": [99]}])),
+        ("/samplers", json!([{"minFilter": 1}])),
+        ("/accessors/0/min", json!([0])),
+        ("/accessors/0/max", Value::Null),
+        ("/meshes/0/extras", json!({"any": [1, {"thing": null}]})),
+        ("/images/0/mimeType", json!("image/unheard-of")),
+    ];
+    for (pointer, value) in changes {
+        let scene = load_glb(&changed(pointer, value)).unwrap_or_else(|error| panic!("{pointer}: {error}"));
+        assert_eq!((scene.triangles, scene.textures.len()), (whole.clone(), 1), "{pointer}");
+    }
+    let (text, bytes) = complete().finish_as_text("a.bin");
+    let scene = load_files(&[("thing.gltf", format!("\u{feff}{text}").as_bytes()), ("a.bin", &bytes)]).unwrap();
+    assert_eq!(scene.triangles, whole);
+}
+
+/// Such a scene shows nothing, but its file is in order.
+#[test]
+fn a_scene_without_nodes_or_positions_has_no_triangles() {
+    for (pointer, value) in [("/scenes", json!([{"name": "empty"}])), ("/meshes/0/primitives/0/attributes", json!({}))] {
+        let error = load_glb(&changed(pointer, value)).unwrap_err();
+        assert_eq!(error.problem(), Problem::NoTriangles, "{error}");
+    }
+}
+
+#[test]
+fn what_an_extension_would_supply_is_named() {
+    let notes = |builder: &Builder| load_glb(builder).unwrap().notes.join("\n");
+    let basis = json!([{"name": "bark", "extensions": {"KHR_texture_basisu": {"source": 0}}}]);
+    let scene = load_glb(&changed("/textures", basis)).unwrap();
+    assert_eq!((scene.materials[0].texture, scene.materials[0].reflectance), (None, Vec3::new(0.5, 0.25, 1.0)));
+    let expected = "their surfaces keep the plain colour: bark (its image is supplied by KHR_texture_basisu, which is not read)";
+    assert!(scene.notes.iter().any(|note| note.contains(expected)), "{:?}", scene.notes);
+    assert!(notes(&changed("/textures", json!([{}]))).contains("texture 0 (it names no image)"));
+    assert!(notes(&changed("/images", json!([{}]))).contains("texture 0 (it names no image)"));
+    assert!(notes(&changed("/extensionsUsed", json!(["EXT_mesh_gpu_instancing"]))).contains("EXT_mesh_gpu_instancing, which supplies instances of meshes"));
+
+    let mut compressed = complete();
+    let positions = compressed.accessor(json!({"componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 1]}));
+    let draco = json!({"attributes": {"POSITION": positions}, "extensions": {"KHR_draco_mesh_compression": {}}});
+    compressed.root["meshes"][0]["primitives"].as_array_mut().unwrap().push(draco);
+    assert!(notes(&compressed).contains("geometry that KHR_draco_mesh_compression holds"));
+
+    let fallback = br#"{"asset": {"version": "2.0"}, "buffers": [{"byteLength": 9, "extensions": {"EXT_meshopt_compression": {"fallback": true}}}]}"#;
+    let (error, _) = load_files(&[("thing.gltf", fallback)]).unwrap_err();
+    assert_eq!(error.problem(), Problem::Unsupported);
+    assert!(error.to_string().contains("buffer 0") && error.to_string().contains("EXT_meshopt_compression"), "{error}");
+}
+
+#[test]
+fn data_uris_need_no_padding() {
+    let (text, bytes) = complete().finish_as_text("URI");
+    let encode = |engine: base64::engine::GeneralPurpose| base64::Engine::encode(&engine, &bytes);
+    let escaped: String = bytes.iter().map(|byte| format!("%{byte:02x}")).collect();
+    let (padded, bare) = (encode(base64::engine::general_purpose::STANDARD), encode(base64::engine::general_purpose::STANDARD_NO_PAD));
+    for uri in [format!("data:application/octet-stream;base64,{padded}"), format!("data:;base64,{bare}"), format!("data:,{escaped}")] {
+        let scene = load_files(&[("thing.gltf", text.replace("URI", &uri).as_bytes())]).unwrap();
+        assert_eq!(scene.triangles, load_glb(&complete()).unwrap().triangles);
+    }
 }

@@ -2,17 +2,18 @@
 
 mod cleaning;
 mod errors;
+mod files;
 mod fuzz;
 mod gltf;
 mod obj;
 mod sky;
 
-use super::{LoadOptions, Scene, SceneError, load, load_document};
+use super::{Files, LoadOptions, Scene, SceneError, load, load_document};
 use std::path::Path;
 
 /// Loads a document that has no folder of its own.
 fn load_text(text: &str) -> Result<Scene, SceneError> {
-    load_document(Path::new("scene.ron"), text, None, &LoadOptions::default())
+    load_document(Path::new("scene.ron"), text, None, &Files::default(), &LoadOptions::default())
 }
 
 /// Writes files into a new folder and loads the first.

@@ -26,3 +26,20 @@ fn faces_materials_and_faults_are_taken_as_they_are() {
     assert_eq!(scene.triangles[0].uvs[1], Vec2::new(1.0, 0.75));
     insta::assert_snapshot!("notes_of_an_obj", scene.notes.join("\n"));
 }
+
+/// Classic Mac OS ended lines so, and Windows has editors that write UTF-16.
+#[test]
+fn files_of_other_systems_are_read() {
+    const SQUARE: &str = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nusemtl red\nf 1 2 3 4\n";
+    const RED: &str = "newmtl red\nKd 0.5 0 0\n";
+    let wide = |text: &str| text.encode_utf16().flat_map(u16::to_be_bytes).collect::<Vec<u8>>();
+    let returns = |text: &str| text.replace('\n', "\r").into_bytes();
+    for (object, library) in [
+        (returns(SQUARE), returns(RED)),
+        (returns(SQUARE), RED.replace('\n', "\r\n").into_bytes()),
+        ([b"\xfe\xff".to_vec(), wide(SQUARE)].concat(), RED.into()),
+    ] {
+        let scene = load_files(&[("a.obj", &object), ("a.mtl", &library)]).unwrap();
+        assert_eq!((scene.triangles.len(), scene.materials[0].reflectance), (2, Vec3::new(0.5, 0.0, 0.0)));
+    }
+}

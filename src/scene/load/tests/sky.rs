@@ -77,8 +77,12 @@ fn skies_that_cannot_be_are_refused() {
 fn radiance_files_are_read() {
     let mut bytes = Vec::new();
     image::codecs::hdr::HdrEncoder::new(&mut bytes).encode(&[image::Rgb([1.0, 2.0, 4.0]); 8], 4, 2).unwrap();
-    let sky = load_sky(&DOCUMENT.replace("sky.exr", "sky.hdr"), "sky.hdr", &bytes).unwrap();
-    assert_eq!(sky.radiance(Vec3::X), Vec3::new(2.0, 4.0, 8.0));
+    // Mitsuba signs such files as `RGBE`, others in other ways.
+    let signed = |name: &[u8]| [b"#?", name, bytes.strip_prefix(b"#?RADIANCE").unwrap()].concat();
+    for bytes in [signed(b"RADIANCE"), signed(b"RGBE"), signed(b"AUTOPANO")] {
+        let sky = load_sky(&DOCUMENT.replace("sky.exr", "sky.hdr"), "sky.hdr", &bytes).unwrap();
+        assert_eq!(sky.radiance(Vec3::X), Vec3::new(2.0, 4.0, 8.0));
+    }
 }
 
 /// The file with another size in its header, and no more pixels than before.

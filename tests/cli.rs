@@ -362,3 +362,43 @@ fn tables_are_kept_and_made_anew_where_damaged() {
     fs::write(place.0.path().join("kept"), "").unwrap();
     assert_eq!(place.run(&plan).1, first);
 }
+
+/// The first words of the lines.
+fn names(lines: &str) -> Vec<&str> {
+    lines.lines().filter_map(|line| line.split_whitespace().next()).collect()
+}
+
+#[test]
+fn what_ships_is_listed_and_printed_to_start_from() {
+    let place = Place::new();
+    let (status, pipelines, stderr) = place.run(&["pipelines"]);
+    assert_eq!((status, stderr.as_str()), (0, ""));
+    let ward = pipelines.lines().find(|line| line.starts_with("irradiance-ward ")).unwrap();
+    assert!(ward.ends_with("Ward's weights of 1988 and 1992 instead of compact ones (a variant of irradiance)"), "{ward}");
+    assert_eq!(names(&pipelines).len(), hemisplat::pipeline::embedded::EMBEDDED.len());
+    let (_, scenes, _) = place.run(&["scenes"]);
+    assert!(scenes.lines().any(|line| line.starts_with("furnace ") && line.contains(" A white furnace: ")), "{scenes}");
+    assert_eq!(names(&scenes).len(), hemisplat::scene::load::embedded_scenes().count());
+    for list in [&pipelines, &scenes] {
+        assert!(list.lines().all(|line| line.split_once("  ").is_some_and(|(_, about)| !about.trim().is_empty())), "{list}");
+    }
+    for (kind, name) in names(&pipelines).iter().map(|name| ("pipelines", name)).chain(names(&scenes).iter().map(|name| ("scenes", name))) {
+        let shipped = fs::read_to_string(format!("{}/{kind}/{name}.ron", env!("CARGO_MANIFEST_DIR"))).unwrap();
+        assert_eq!(place.run(&[kind, name]), (0, shipped, String::new()));
+    }
+    fs::write(place.0.path().join("mine.ron"), place.run(&["pipelines", "irradiance-ward"]).1).unwrap();
+    assert_eq!(place.run(&["check", "mine.ron"]).0, 0, "a variant finds the pipeline that it changes");
+    assert!(place.refusal(&["scenes", "cornel"]).contains("cornell"));
+}
+
+#[test]
+fn passes_are_written_as_markdown() {
+    let place = Place::new();
+    let (status, one, stderr) = place.run(&["passes", "Splat", "--markdown"]);
+    assert_eq!((status, stderr.as_str()), (0, ""));
+    assert!(one.starts_with("## Splat\n\n") && one.contains("\n### Parameters\n\n- `"), "{one}");
+    let (_, all, _) = place.run(&["passes", "--markdown"]);
+    assert!(all.contains(&one));
+    let chapters: Vec<&str> = all.lines().filter_map(|line| line.strip_prefix("## ")).collect();
+    assert_eq!(chapters, names(&place.run(&["passes"]).1));
+}

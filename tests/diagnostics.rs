@@ -135,7 +135,7 @@ fn files() -> BTreeMap<&'static str, Vec<u8>> {
 
 /// Code and arguments, one case each, and whether a GPU is needed.
 #[rustfmt::skip]
-const CASES: [(&str, &str, bool); 60] = [
+const CASES: [(&str, &str, bool); 61] = [
     ("plan::batch", "check irradiance --scene white.ron --set tiles.resolution=512", false),
     ("plan::coarsest", "check irradiance --scene white.ron --set misses.by=DeviceGrid(coarsest:3)", false),
     ("plan::finest", "check irradiance --scene white.ron --set misses.by=DeviceGrid(finest:3)", false),
@@ -156,6 +156,7 @@ const CASES: [(&str, &str, bool); 60] = [
     ("plan::too_sharp", "check radiance --scene glossy.ron --set lobes.order=Fixed(order:2) --set lobes.too_sharp=Refuse", false),
     ("plan::coefficients", "check radiance --scene glossy.ron --set glossy_added.records=\"glossy_sums\"", false),
     ("cli::unknown_pass", "passes Splatt", false),
+    ("cli::not_shipped", "pipelines iradiance", false),
     ("cli::unknown_camera", "explain irradiance --scene white.ron --camera c", false),
     ("cli::target_in_eye", "explain irradiance --scene white.ron --eye 1,2,3 --target 1,2,3", false),
     ("cli::up_along_view", "explain irradiance --scene white.ron --eye 0,3,0 --target 0,0,0 --up 0,2,0", false),

@@ -23,12 +23,15 @@ mod legible;
 mod output;
 mod passes;
 mod pipeline;
+mod pipelines;
 mod points;
 mod progress;
 mod reference;
 mod render;
 mod scene;
+mod scenes;
 mod sealed;
+mod shipped;
 mod stability;
 mod stored;
 mod study;
@@ -73,6 +76,8 @@ enum Command {
     Check(check::Options),
     Explain(explain::Options),
     Graph(graph::Options),
+    Pipelines(pipelines::Options),
+    Scenes(scenes::Options),
     Passes(passes::Options),
     Completions(completions::Options),
 }
@@ -100,6 +105,8 @@ impl Command {
             Self::Check(options) => check::run(&options, console),
             Self::Explain(options) => explain::run(&options, console),
             Self::Graph(options) => graph::run(&options, console),
+            Self::Pipelines(options) => pipelines::run(&options, console),
+            Self::Scenes(options) => scenes::run(&options, console),
             Self::Passes(options) => passes::run(&options, console),
             Self::Completions(options) => completions::run::<Program>(&options, console),
         }

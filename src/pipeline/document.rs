@@ -29,6 +29,8 @@ pub struct Document {
     /// The file as the user named it.
     pub name: String,
     pub about: String,
+    /// What it is a variant of, in its own words.
+    pub of: Option<String>,
     /// Where the method is from.
     pub reference: String,
     pub nodes: Vec<Node>,
@@ -168,7 +170,7 @@ impl Reader<'_, '_> {
         self.complete &= nodes.is_some();
         let outputs = self.grammar.required(&keys, "outputs").map_or(Vec::new(), |value| self.outputs(value));
         let nodes = nodes.unwrap_or_default();
-        Some(Document { name, about, reference, nodes, outputs, specialise, place: head.place.clone(), complete: self.complete })
+        Some(Document { name, about, of: None, reference, nodes, outputs, specialise, place: head.place.clone(), complete: self.complete })
     }
 
     fn variant(&mut self, name: String, head: &Word, fields: &[Field]) -> Option<Document> {
@@ -186,6 +188,7 @@ impl Reader<'_, '_> {
         let mut document = self.base(&of)?;
         document.name = name;
         document.about = about;
+        document.of = Some(of.text);
         document.place = head.place.clone();
         if keys.found.contains_key("source") {
             document.reference = self.grammar.text(&keys, "source", false);

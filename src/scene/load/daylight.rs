@@ -1,6 +1,6 @@
 //! Light from outside of a scene's file: a sky in place of its own, and the sun.
 
-use super::{error::SceneError, image, sky};
+use super::{error::SceneError, files::Files, image, sky};
 use crate::scene::model::{Environment, Light, LightKind, Scene};
 use glam::{DVec3, Vec3};
 use std::path::PathBuf;
@@ -66,7 +66,7 @@ impl Daylight {
 
 fn environment(sky: &Sky, sun: Sun) -> Result<Environment, SceneError> {
     Ok(match sky {
-        Sky::File(path) => image::load_sky(path, 1.0, 0.0)?,
+        Sky::File(path) => image::load_sky(path, &Files::default(), 1.0, 0.0)?,
         Sky::Clear => {
             let clear = sky::Clear::new(sun.azimuth.to_radians(), sun.elevation.to_radians(), sky::USUAL_TURBIDITY);
             let of_sun = sun_irradiance(sun) * sun.elevation.to_radians().sin();

@@ -16,6 +16,7 @@ mod ron;
 mod sky;
 mod teapot;
 
+pub use self::ron::about;
 pub use daylight::{Daylight, Sky, Sun};
 pub use draft::MAX_TRIANGLES;
 pub use error::{Problem, SceneError};
@@ -131,7 +132,8 @@ fn load_geometry(path: &Path, files: &Files, draft: &mut Draft, wanted: &dyn Fn(
     }
 }
 
-fn find_embedded(path: &Path) -> Option<(&'static str, &'static str)> {
+/// The file name and the text of a scene that ships.
+pub fn find_embedded(path: &Path) -> Option<(&'static str, &'static str)> {
     let name = path.strip_prefix("scenes").unwrap_or(path).to_str()?;
     EMBEDDED.into_iter().find(|(known, _)| *known == name || known.strip_suffix(".ron") == Some(name))
 }

@@ -88,9 +88,9 @@ type Triple = [f64; 3];
 struct Document<'a> {
     #[serde(borrow)]
     version: Raw<'a, u32>,
-    /// What the scene is for; for readers of the file.
-    #[serde(default, rename = "about")]
-    _about: Option<String>,
+    /// What the scene is for; for readers of the file and of the list of scenes.
+    #[serde(default)]
+    about: Option<String>,
     /// Who made it, and its licence; for readers of the file.
     #[serde(default, rename = "source")]
     _source: Option<String>,
@@ -366,6 +366,12 @@ struct CameraEntry<'a> {
     fov: Raw<'a, f64>,
     #[serde(borrow, default)]
     size: Option<Raw<'a, [u32; 2]>>,
+}
+
+/// What a scene document says about itself.
+pub fn about(text: &str) -> Option<String> {
+    let source = Source { text: SourceText { path: Path::new(""), text } };
+    source.parse::<Document>(text).ok()?.about
 }
 
 /// Reads a document; `folder` is what its files are relative to, besides the search folders.

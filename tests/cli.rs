@@ -198,6 +198,7 @@ fn what_never_ends_is_not_read_to_its_end() {
 
 /// Names in files, and those of files, may hold what a terminal obeys: none of it gets there.
 #[test]
+#[cfg(unix)]
 fn escape_sequences_reach_no_terminal() {
     let place = Place::new();
     let write = |name: &str, text: &str| fs::write(place.0.path().join(name), text).unwrap();

@@ -3,7 +3,7 @@
 mod document;
 
 use super::{
-    MAX_TRIANGLES,
+    MAX_TRIANGLES, count_up,
     draft::{Draft, Face, normal_map},
     error::{Problem, SceneError},
     files::{Bytes, Files},
@@ -65,9 +65,9 @@ fn read_document(path: &Path, files: &Files, bytes: &Bytes, draft: &mut Draft, w
     reader.ignore_all(skins, "skins");
     document.extensions_used().filter(|name| !EXTENSIONS.contains(name)).for_each(|name| reader.ignore(unread(name)));
     reader.walk(&document)?;
-    let ignored: Vec<String> = reader.ignored.into_iter().map(|(what, count)| if count > 1 { format!("{what} ({count})") } else { what }).collect();
+    let ignored = count_up(&reader.ignored);
     if !ignored.is_empty() {
-        draft.notes.push(format!("not read from the glTF file: {}", ignored.join(", ")));
+        draft.notes.push(format!("not read from the glTF file: {ignored}"));
     }
     Ok(())
 }

@@ -11,6 +11,7 @@ mod generate;
 mod gltf;
 mod image;
 mod obj;
+mod polygon;
 mod primitives;
 mod ron;
 mod sky;
@@ -28,6 +29,7 @@ use error::suggestion;
 use files::Files;
 use std::{
     cell::Cell,
+    collections::BTreeMap,
     panic::{AssertUnwindSafe, catch_unwind},
     path::{Path, PathBuf},
     sync::Once,
@@ -175,6 +177,12 @@ fn list(items: &[String]) -> String {
     const SHOWN: usize = 4;
     let shown = items.iter().take(SHOWN).map(String::as_str).collect::<Vec<_>>().join(", ");
     if items.len() > SHOWN { format!("{shown} and {} more", items.len() - SHOWN) } else { shown }
+}
+
+/// What was met, in alphabetical order, and how often where that was more than once.
+fn count_up(met: &BTreeMap<String, usize>) -> String {
+    let count_one = |(what, &count): (&String, &usize)| if count > 1 { format!("{what} ({count})") } else { what.clone() };
+    met.iter().map(count_one).collect::<Vec<_>>().join(", ")
 }
 
 /// Runs a decoder that others wrote; `None` where it panics, without a word on the terminal.

@@ -1,19 +1,21 @@
-//! Wavefront OBJ and MTL: positions in double precision, polygons as fans, every surface two-sided.
+//! Wavefront OBJ and MTL: positions in double precision, polygons of any shape, every surface two-sided.
 //!
 //! Read here rather than by a crate, so that an error names its line, a material keeps its name where its library is
 //! missing, and no file can panic.
 
 use super::{
+    count_up,
     draft::{Draft, Face},
     error::{Problem, SceneError, SourceText},
     files::Files,
     image::{Content, TextureSource},
     list,
+    polygon::{Cut, MAX_CORNERS, cut},
 };
 use crate::scene::model::{Glossy, Material};
 use glam::{DVec3, Vec2, Vec3};
 use std::{
-    collections::HashMap,
+    collections::{BTreeMap, BTreeSet, HashMap},
     path::{Path, PathBuf},
 };
 
@@ -21,6 +23,16 @@ use std::{
 const PLAIN: f32 = 0.7;
 /// The name of the material of faces that name none.
 const UNNAMED: &str = "default";
+
+/// Words of material libraries that change how a surface looks, and are not read.
+const UNREAD: [&str; 19] = [
+    "bump", "map_Bump", "norm", "disp", "decal", "refl", "map_d", "map_Tr", "map_Ks", "map_Ns", "map_Pr", "map_Pm", "map_Ps", "Pr", "Pm", "Ps", "Pc", "aniso",
+    "Tf",
+];
+/// A factor alone, where a texture says which parts shine, would make the whole surface a lamp.
+const EMISSIVE: &str = "emissive textures (`map_Ke`), with their emission";
+/// Those of them that say nothing with a value of 0, and with one of 1.
+const NEUTRAL: ([&str; 4], [&str; 1]) = (["Pm", "Ps", "Pc", "aniso"], ["Tf"]);
 
 /// Reads an OBJ file and the material libraries that it names.
 pub(super) fn read(path: &Path, files: &Files, draft: &mut Draft, wanted: &dyn Fn(&str) -> bool) -> Result<(), SceneError> {
@@ -48,8 +60,14 @@ struct Reader<'a, 'd> {
     materials: HashMap<&'a str, u32>,
     material: Option<u32>,
     corners: Vec<Corner>,
+    /// Whether the faces that follow are meant to look smooth.
+    is_smooth: bool,
     /// Faces of one or two corners.
     slivers: usize,
+    /// Polygons whose inside is not clear.
+    unclear: usize,
+    /// What was met and left out, and how often.
+    unread: BTreeMap<String, usize>,
 }
 
 #[derive(Clone, Copy)]
@@ -72,15 +90,22 @@ impl<'a, 'd> Reader<'a, 'd> {
             materials: HashMap::new(),
             material: None,
             corners: Vec::new(),
+            is_smooth: false,
             slivers: 0,
+            unclear: 0,
+            unread: BTreeMap::new(),
         }
     }
 
     fn read_line(&mut self, line: &'a str) -> Result<(), SceneError> {
-        let line = line.split('#').next().unwrap_or_default().trim();
-        let (word, rest) = split_word(line);
+        let (word, rest) = statement(line);
         match word {
-            "v" => self.read_numbers::<3>(line, rest).map(|p| self.positions.push(p.into())),
+            "v" => {
+                if rest.split_ascii_whitespace().nth(5).is_some() {
+                    self.leave_out("vertex colours");
+                }
+                self.read_numbers::<3>(line, rest).map(|p| self.positions.push(p.into()))
+            }
             "vn" => self.read_numbers::<3>(line, rest).map(|n| self.normals.push(DVec3::from(n).as_vec3())),
             // Rows of OBJ images run from the bottom.
             "vt" => self.read_numbers::<1>(line, rest).map(|[u]| {
@@ -100,8 +125,19 @@ impl<'a, 'd> Reader<'a, 'd> {
                 self.libraries.push(rest);
                 Ok(())
             }
-            _ => Ok(()),
+            "s" => {
+                self.is_smooth = !matches!(rest, "off" | "0");
+                Ok(())
+            }
+            _ => {
+                unread_statement(word).into_iter().for_each(|what| self.leave_out(what));
+                Ok(())
+            }
         }
+    }
+
+    fn leave_out(&mut self, what: &str) {
+        *self.unread.entry(what.to_owned()).or_default() += 1;
     }
 
     /// The first `N` numbers of a line; more may follow.
@@ -129,14 +165,22 @@ impl<'a, 'd> Reader<'a, 'd> {
             Some(material) => material,
             None => self.material_number(UNNAMED),
         };
-        let first = self.corners[0];
-        for pair in self.corners[1..].windows(2) {
-            let corners = [first, pair[0], pair[1]];
-            let face = Face { positions: corners.map(|c| c.position), normals: corners.map(|c| c.normal), uvs: corners.map(|c| c.uv), material };
-            let (object, path) = (self.object, self.source.path);
-            self.draft.push(face, || format!("object `{object}` of `{}`", path.display()))?;
+        if self.is_smooth && self.corners.iter().all(|corner| corner.normal == Vec3::ZERO) {
+            self.leave_out("smoothing of faces without normals");
         }
-        Ok(())
+        let cut = cut(self.corners.len(), |i| self.corners[i].position);
+        self.unclear += usize::from(cut == Cut::Unclear);
+        match cut {
+            Cut::Triangles(triangles) => triangles.into_iter().try_for_each(|corners| self.push_triangle(corners, material)),
+            Cut::Fan | Cut::Unclear => (1..self.corners.len() - 1).try_for_each(|i| self.push_triangle([0, i, i + 1], material)),
+        }
+    }
+
+    fn push_triangle(&mut self, corners: [usize; 3], material: u32) -> Result<(), SceneError> {
+        let corners = corners.map(|corner| self.corners[corner]);
+        let face = Face { positions: corners.map(|c| c.position), normals: corners.map(|c| c.normal), uvs: corners.map(|c| c.uv), material };
+        let (object, path) = (self.object, self.source.path);
+        self.draft.push(face, || format!("object `{object}` of `{}`", path.display()))
     }
 
     /// `position`, `position/uv`, `position//normal` or `position/uv/normal`.
@@ -177,10 +221,16 @@ impl<'a, 'd> Reader<'a, 'd> {
 
     /// Fills in the materials from their libraries, and says what was missing.
     fn finish(self, files: &Files, wanted: &dyn Fn(&str) -> bool) -> Result<(), SceneError> {
-        let Self { source, draft, libraries, materials, slivers, .. } = self;
+        let Self { source, draft, libraries, materials, slivers, unclear, mut unread, .. } = self;
         let file = source.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         if slivers > 0 {
             draft.notes.push(format!("{file}: {slivers} faces have fewer than three corners and were left out"));
+        }
+        if unclear > 0 {
+            draft.notes.push(format!(
+                "{file}: {unclear} polygons are twisted, cross themselves or have more than {MAX_CORNERS} corners: \
+                 they were filled as fans, which may cover more than the polygon"
+            ));
         }
         let described = read_libraries(source.path, files, &libraries, &file, draft)?;
         let mut plain = Vec::new();
@@ -191,17 +241,40 @@ impl<'a, 'd> Reader<'a, 'd> {
             match described.get(name) {
                 Some(found) => {
                     let texture = found.texture.as_ref().filter(|_| wanted(name)).map(|path| texture_number(draft, &mut textures, path));
+                    let met = found.unread.iter().filter(|_| wanted(name));
+                    met.for_each(|what| *unread.entry(what.clone()).or_default() += 1);
                     draft.materials[number as usize] = Material { texture, ..found.material.clone() };
                 }
                 None if wanted(name) => plain.push(name.to_owned()),
                 None => {}
             }
         }
-        if !plain.is_empty() {
+        if !unread.is_empty() {
+            draft.notes.push(format!("not read from {file} and its libraries: {}", count_up(&unread)));
+        }
+        if !plain.is_empty() && !draft.faces.is_empty() {
             draft.notes.push(format!("{file}: materials that no library describes reflect {PLAIN}: {}", list(&plain)));
         }
         Ok(())
     }
+}
+
+/// What a statement that is not read would have added to the scene; None where it would not be seen.
+fn unread_statement(word: &str) -> Option<&'static str> {
+    match word {
+        "l" | "p" => Some("lines and points"),
+        "curv" | "curv2" | "surf" => Some("curves and surfaces"),
+        "" | "vp" | "cstype" | "deg" | "bmat" | "step" | "parm" | "trim" | "hole" | "scrv" | "sp" | "end" | "con" | "mg" => None,
+        _ => Some("other statements"),
+    }
+}
+
+/// The word that begins a line and what follows it, without a comment. Names may hold a `#`: in them a comment has blanks around its sign.
+fn statement(line: &str) -> (&str, &str) {
+    let (word, rest) = split_word(line.trim());
+    let is_name = matches!(word, "usemtl" | "newmtl" | "mtllib" | "o" | "g") || word.starts_with("map_");
+    let comment = if is_name { rest.find(" # ") } else { rest.find('#') };
+    if word.starts_with('#') { ("", "") } else { (word, rest[..comment.unwrap_or(rest.len())].trim()) }
 }
 
 fn split_word(line: &str) -> (&str, &str) {
@@ -229,6 +302,10 @@ struct Described {
     specular: Vec3,
     exponent: f32,
     illumination: i32,
+    opacity: Option<f32>,
+    transparency: f32,
+    /// What it says that is left out.
+    unread: BTreeSet<String>,
 }
 
 /// All materials of the libraries that are there. The one beside the OBJ file steps in for one that is not.
@@ -236,7 +313,7 @@ fn read_libraries(path: &Path, files: &Files, names: &[&str], file: &str, draft:
     let folder = path.parent().unwrap_or(Path::new(""));
     let beside = path.with_extension("mtl");
     let mut described = HashMap::new();
-    for name in names {
+    for name in names.iter().flat_map(|names| library_names(folder, names)) {
         let named = folder.join(name.replace('\\', "/"));
         let found = if named.is_file() {
             named
@@ -256,6 +333,13 @@ fn read_libraries(path: &Path, files: &Files, names: &[&str], file: &str, draft:
     Ok(described)
 }
 
+/// A statement names one library, with blanks or without, or several.
+fn library_names<'n>(folder: &Path, names: &'n str) -> Vec<&'n str> {
+    let is_there = |name: &&str| folder.join(name.replace('\\', "/")).is_file();
+    let parts: Vec<&str> = names.split_ascii_whitespace().collect();
+    if is_there(&names) || !parts.iter().any(is_there) { vec![names] } else { parts }
+}
+
 fn read_library(text: &str, folder: &Path, described: &mut HashMap<String, Described>, notes: &mut Vec<String>) {
     let mut current: Option<Described> = None;
     let mut odd = Vec::new();
@@ -265,14 +349,13 @@ fn read_library(text: &str, folder: &Path, described: &mut HashMap<String, Descr
         }
     };
     for line in text.lines() {
-        let line = line.split('#').next().unwrap_or_default().trim();
-        let (word, rest) = split_word(line);
+        let (word, rest) = statement(line);
         if word == "newmtl" {
             store(current.replace(Described::new(rest)));
         } else if let Some(entry) = &mut current
             && !entry.set(word, rest, folder)
         {
-            odd.push(format!("`{line}`"));
+            odd.push(format!("`{word} {rest}`"));
         }
     }
     store(current);
@@ -283,36 +366,74 @@ fn read_library(text: &str, folder: &Path, described: &mut HashMap<String, Descr
 
 impl Described {
     fn new(name: &str) -> Self {
-        let material = Material::diffuse(name, Vec3::splat(PLAIN));
-        Self { material, texture: None, specular: Vec3::ZERO, exponent: 0.0, illumination: 2 }
+        Self {
+            material: Material::diffuse(name, Vec3::splat(PLAIN)),
+            texture: None,
+            specular: Vec3::ZERO,
+            exponent: 0.0,
+            illumination: 2,
+            opacity: None,
+            transparency: 0.0,
+            unread: BTreeSet::new(),
+        }
     }
 
     /// Takes in one line; false where its value makes no sense.
     fn set(&mut self, word: &str, rest: &str, folder: &Path) -> bool {
         let in_unit = |c: &Vec3| c.cmple(Vec3::ONE).all();
-        match word {
-            "Kd" => colour(rest).filter(in_unit).map(|c| self.material.reflectance = c).is_some(),
-            "Ks" => colour(rest).filter(in_unit).map(|c| self.specular = c).is_some(),
-            "Ke" => colour(rest).map(|c| self.material.emission = c).is_some(),
-            "Ns" => rest.parse().ok().filter(|n: &f32| n.is_finite() && *n >= 0.0).map(|n| self.exponent = n).is_some(),
+        match word.to_ascii_lowercase().as_str() {
+            "kd" => colour(rest).filter(in_unit).map(|c| self.material.reflectance = c).is_some(),
+            "ks" => colour(rest).filter(in_unit).map(|c| self.specular = c).is_some(),
+            "ke" => colour(rest).map(|c| self.material.emission = c).is_some(),
+            "ns" => rest.parse().ok().filter(|n: &f32| n.is_finite() && *n >= 0.0).map(|n| self.exponent = n).is_some(),
             "illum" => rest.parse().map(|model| self.illumination = model).is_ok(),
-            "map_Kd" => {
+            // An option may stand before the number.
+            "d" => last_word(rest).parse().map(|opacity| self.opacity = Some(opacity)).is_ok(),
+            "tr" => rest.parse().map(|transparency| self.transparency = transparency).is_ok(),
+            "map_ke" => {
+                self.unread.insert(EMISSIVE.to_owned());
+                true
+            }
+            "map_kd" => {
                 // Options stand before the name; without any, the name may hold blanks.
-                let name = if rest.starts_with('-') { rest.split_ascii_whitespace().last().unwrap_or_default() } else { rest };
+                let has_options = rest.starts_with('-');
+                let name = if has_options { last_word(rest) } else { rest };
+                self.unread.extend(has_options.then(|| "options of `map_Kd`".to_owned()));
                 self.texture = (!name.is_empty()).then(|| folder.join(name.replace('\\', "/")));
                 true
             }
-            _ => true,
+            _ => {
+                self.unread.extend(unread_word(word, rest));
+                true
+            }
         }
     }
 
-    /// A highlight counts where the illumination model has one.
+    /// A highlight counts where the illumination model has one, an emission where no texture says which parts shine.
     fn settled(mut self) -> Self {
         if self.illumination >= 2 && self.specular != Vec3::ZERO {
             self.material.glossy = Some(Glossy::Phong { reflectance: self.specular, exponent: self.exponent });
         }
+        if self.unread.contains(EMISSIVE) {
+            self.material.emission = Vec3::ZERO;
+        }
+        if self.opacity.map_or(self.transparency > 0.0, |opacity| opacity < 1.0) {
+            self.unread.insert("transparency (`d` or `Tr`)".to_owned());
+        }
         self
     }
+}
+
+/// A word of a library that is not read, unless its value means that there is nothing to read.
+fn unread_word(word: &str, rest: &str) -> Option<String> {
+    let name = UNREAD.into_iter().find(|name| name.eq_ignore_ascii_case(word))?;
+    let is_all = |value: f32| rest.split_ascii_whitespace().all(|word| word.parse() == Ok(value));
+    let says_nothing = NEUTRAL.0.contains(&name) && is_all(0.0) || NEUTRAL.1.contains(&name) && is_all(1.0);
+    (!says_nothing).then(|| format!("`{name}`"))
+}
+
+fn last_word(text: &str) -> &str {
+    text.split_ascii_whitespace().last().unwrap_or_default()
 }
 
 /// Three numbers, or one for all channels; none negative.

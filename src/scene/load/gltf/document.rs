@@ -121,8 +121,8 @@ fn mend(root: &mut Value) -> (usize, usize) {
     (animations, skins)
 }
 
-fn for_each(list: Option<&mut Value>, mut change: impl FnMut(&mut serde_json::Map<String, Value>)) {
-    list.and_then(Value::as_array_mut).into_iter().flatten().filter_map(Value::as_object_mut).for_each(|item| change(item));
+fn for_each(list: Option<&mut Value>, change: impl FnMut(&mut serde_json::Map<String, Value>)) {
+    list.and_then(Value::as_array_mut).into_iter().flatten().filter_map(Value::as_object_mut).for_each(change);
 }
 
 /// The crate's own checks, without those that only matter to what is not read.

@@ -17,8 +17,8 @@ const DOCUMENT: &str = r#"Scene(version: 1, about: "all of it", source: "here", 
     Directional(direction: (0, -1, 0.1), irradiance: (1, 1, 1))],
     cameras: { "main": (eye: (3, 3, 3), direction: (-1, -1, -1), up: (0, 1, 0), fov: 60, size: (64, 64)) })"#;
 
-const OBJECT: &str = "mtllib a.mtl\no a\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0.5\nvt 0 1\nvt 0.5 0.25\nvn 0 0 1\nusemtl red\nf 1/1/1 2/2/1 3//1 -1\nf 1 2 4\n";
-const LIBRARY: &str = "newmtl red\nKd 0.5 0.1 0.1\nKs 0.1 0.1 0.1\nNs 20\nillum 2\nKe 1 1 1\nmap_Kd gone.png\n";
+const OBJECT: &str = "mtllib a.mtl\no a\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0.5\nvt 0 1\nvt 0.5 0.25\nvn 0 0 1\nusemtl red\nf 1/1/1 2/2/1 3//1 -1\nf 1 2 4\ns 1\nf 1 2 4 3\nl 1 2\n";
+const LIBRARY: &str = "newmtl red\nKd 0.5 0.1 0.1\nKs 0.1 0.1 0.1\nNs 20\nillum 2\nKe 1 1 1\nmap_Kd gone.png\nd 0.5\nbump b.png\n";
 
 /// A linear congruential generator: the same tries on every machine.
 struct Random(u64);

@@ -43,3 +43,47 @@ fn files_of_other_systems_are_read() {
         assert_eq!((scene.triangles.len(), scene.materials[0].reflectance), (2, Vec3::new(0.5, 0.0, 0.0)));
     }
 }
+
+#[test]
+fn concave_polygons_cover_what_is_inside_them() {
+    let corners = [[0, 0], [3, 0], [3, 3], [2, 3], [2, 1], [1, 1], [1, 3], [0, 3]];
+    let positions: String = corners.iter().map(|[x, y]| format!("v {x} {y} 5\nvt {x} {y}\n")).collect();
+    let object = format!("{positions}f 1/1 2/2 3/3 4/4 5/5 6/6 7/7 8/8\n");
+    let document = r#"Scene(version: 1, geometry: [File("a.obj")])"#;
+    for files in [&[("a.obj", object.as_bytes())][..], &[("a.ron", document.as_bytes()), ("a.obj", object.as_bytes())]] {
+        let scene = load_files(files).unwrap();
+        expect_sound(&scene);
+        let area: f32 = scene.triangles.iter().map(|t| t.cross().length() / 2.0).sum();
+        assert!((area - 7.0).abs() < 1e-5, "{area}");
+        let kept = scene.triangles.iter().flat_map(|t| t.positions.into_iter().zip(t.uvs)).all(|(at, uv)| uv == Vec2::new(at.x, 1.0 - at.y));
+        assert!(kept, "{:?}", scene.triangles);
+    }
+    let bow = load_files(&[("a.obj", b"v 0 0 0\nv 1 1 0\nv 1 0 0\nv 0 1 0\nf 1 2 3 4\n")]).unwrap();
+    assert!(bow.notes[0].contains("1 polygons are twisted, cross themselves"), "{:?}", bow.notes);
+}
+
+#[test]
+fn what_is_left_out_is_counted_in_one_note() {
+    let library = "newmtl glass\nd 0.5\nTr 0.5\nmap_d a.png\nbump -bm 2 b.png\nPr 0.2\nPm 0\nTf 1 1 1\n\
+        newmtl lit\nKe 1 1 1\nmap_ke lit.png\nmap_BUMP b.png\nPm 1.0\nd 1\nmap_Kd -s 2 2 2 c.png\n\
+        newmtl unused\nTr 1\ndisp d.png\n";
+    let object = "mtllib a.mtl b.mtl\nv 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 0 1 0\ns 1\nusemtl glass\nf 1 2 3\ns off\nusemtl lit\nf 3 2 1\n\
+        l 1 2\np 1\ncurv 0 1 1 2\nlod 3\n";
+    let files: [(&str, &[u8]); 3] = [("a.obj", object.as_bytes()), ("a.mtl", library.as_bytes()), ("b.mtl", b"newmtl other\n")];
+    let scene = load_files(&files).unwrap();
+    assert_eq!(scene.materials[1].emission, Vec3::ZERO);
+    insta::assert_snapshot!("unread_parts_of_an_obj", scene.notes.join("\n"));
+    // A document that describes a material in place of the file has nothing to leave out of it.
+    let document = br#"Scene(version: 1, geometry: [File("a.obj")], materials: { "*": Diffuse(reflectance: (0.5, 0.5, 0.5)) })"#;
+    let scene = load_files(&[&[("a.ron", &document[..])], &files[..]].concat()).unwrap();
+    assert!(!scene.notes[0].contains("glass") && !scene.notes[0].contains("map_d") && scene.notes[0].contains("vertex colours (2)"), "{:?}", scene.notes);
+}
+
+/// 3ds Max numbers its materials so.
+#[test]
+fn names_may_hold_number_signs() {
+    let library = b"newmtl Material #1\nKd 0.1 0.1 0.1 # dark\nnewmtl Material #2 # a comment\nKd 0.2 0.2 0.2\n";
+    let object = b"mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl Material #1\nf 1 2 3 #first\nusemtl Material #2\nf 3 2 1\n# end\n";
+    let scene = load_files(&[("a.obj", object), ("a.mtl", library)]).unwrap();
+    assert_eq!(scene.materials.iter().map(|m| m.reflectance.x).collect::<Vec<_>>(), [0.1, 0.2]);
+}

@@ -263,6 +263,8 @@ fn reference_writes_layers_that_can_be_compared_and_attributes_to_run_it_again()
     let mean = direct.iter().sum::<f32>() / direct.len() as f32;
     assert!((mean - std::f32::consts::PI).abs() < 0.02, "{mean}");
     assert!(indirect.iter().all(|value| *value == 0.0));
+    assert!(picture.layers[PICTURE].channels["A"].iter().all(|alpha| *alpha == 1.0), "the box is closed");
+    assert!(picture.projection.is_some());
     for (name, value) in
         [("bounces", "1"), ("stride", "1"), ("spp", "256"), ("seed", "0"), ("size", "16x12"), ("scene", "furnace.ron"), ("command", "reference")]
     {
@@ -402,4 +404,86 @@ fn passes_are_written_as_markdown() {
     assert!(all.contains(&one));
     let chapters: Vec<&str> = all.lines().filter_map(|line| line.strip_prefix("## ")).collect();
     assert_eq!(chapters, names(&place.run(&["passes"]).1));
+}
+
+#[test]
+fn options_of_other_renderers_are_answered_with_what_there_is() {
+    let place = Place::new();
+    let refusal = |more: [&str; 2]| place.refusal(&[&["render", "irradiance", "--scene", "furnace", "-o", "x.exr"], &more[..]].concat());
+    for option in ["--spp", "--samples"] {
+        assert!(refusal([option, "64"]).contains("--set tiles.resolution=N"));
+    }
+    assert!(refusal(["--bounces", "3"]).contains("hemisplat reference --bounces N"));
+    assert!(!place.run(&["render", "--help"]).1.contains("--spp <"), "they are not offered");
+}
+
+#[test]
+fn a_file_called_minus_is_standard_output() {
+    let place = two_pictures();
+    let (status, stdout, stderr) = place.run(&["diff", "a.exr", "b.exr", "--json", "-"]);
+    assert_eq!(status, 0);
+    let json: serde_json::Value = serde_json::from_str(&stdout).unwrap();
+    assert_eq!(json["layer"], "irradiance");
+    assert!(stderr.contains("rmse_over_mean"), "the table goes to stderr");
+    assert_eq!(place.run(&["diff", "a.exr", "b.exr", "--json", "-", "--quiet"]), (0, stdout, String::new()));
+    assert!(!place.0.path().join("-").exists());
+}
+
+#[test]
+fn the_environment_is_told_by_the_help() {
+    let (_, help, _) = Place::new().run(&["--help"]);
+    for variable in ["HEMISPLAT_SCENES", "WGPU_ADAPTER_NAME", "VK_DRIVER_FILES", "RAYON_NUM_THREADS", "XDG_CACHE_HOME", "NO_COLOR"] {
+        assert!(help.contains(&format!("\n  {variable} ")), "{variable}");
+    }
+}
+
+/// What a command says where it runs under a shell's limits.
+#[cfg(target_os = "linux")]
+fn limited(program: &str, arguments: &[&str], command: &[&str]) -> (Option<i32>, String) {
+    let place = Place::new();
+    let mut limited = std::process::Command::new(program);
+    limited.current_dir(place.0.path()).env_remove("XDG_RUNTIME_DIR").args(arguments).arg(env!("CARGO_BIN_EXE_hemisplat")).args(command);
+    let output = limited.output().unwrap();
+    (output.status.code(), String::from_utf8(output.stderr).unwrap())
+}
+
+#[cfg(target_os = "linux")]
+const RENDER: [&str; 8] = ["render", "irradiance", "--scene", "cornell", "--size", "512x512", "-o", "x.exr"];
+
+#[test]
+#[cfg(target_os = "linux")]
+fn drivers_do_not_speak_of_folders_that_nobody_asked_for() {
+    let (_, message) = limited("env", &[], &["explain", "irradiance", "--scene", "furnace"]);
+    assert_eq!(message, "");
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn little_memory_is_an_error_in_words() {
+    for kibibytes in ["400000", "1060000"] {
+        let (status, message) = limited("sh", &["-c", &format!("ulimit -v {kibibytes}; exec \"$0\" \"$@\"")], &RENDER);
+        assert_eq!(status, Some(1), "{message}");
+        assert!(message.contains("cli::little_memory") && message.contains("ulimit -v"), "{message}");
+    }
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn few_threads_are_an_error_in_words_or_enough() {
+    // Limits on processes do not hold for the super-user.
+    let is_root = fs::read_to_string("/proc/self/status").unwrap().contains("\nUid:\t0\t");
+    let nobody = ["--reuid=65534", "--regid=65534", "--clear-groups", "prlimit", "--nproc=4"];
+    let program = if is_root { "setpriv" } else { "prlimit" };
+    let arguments = if is_root { &nobody[..] } else { &nobody[4..] };
+    if std::process::Command::new(program).arg("--version").output().is_err() {
+        return eprintln!("skipped: there is no {program}");
+    }
+    let (status, message) = limited(program, arguments, &RENDER);
+    if message.contains("failed to execute") {
+        return eprintln!("skipped: the program cannot be run by nobody: {message}");
+    }
+    assert_eq!(status, Some(1), "{message}");
+    // A user with other processes gets not even the thread that listens to Ctrl-C.
+    assert!(message.contains("cli::few_threads") || message.contains("cli::signal"), "{message}");
+    assert!(message.contains("ulimit -u"), "{message}");
 }

@@ -8,9 +8,13 @@ use std::fs;
 use std::path::Path;
 
 /// Codes that no input brings about on every machine.
-const BEYOND_INPUT: [(&str, &str); 23] = [
+const BEYOND_INPUT: [(&str, &str); 27] = [
+    ("cli::fault", "a fault of the program"),
+    ("cli::few_threads", "needs a limit of the system; tests/cli.rs sets one"),
     ("cli::interrupted", "needs Ctrl-C at the right moment"),
     ("cli::json", "results hold nothing that JSON cannot"),
+    ("cli::little_memory", "needs a limit of the system; tests/cli.rs sets one"),
+    ("cli::no_threads", "threads are granted and then refused"),
     ("cli::signal", "the system refuses a handler"),
     ("compare::no_cache", "needs a system that knows no home folder"),
     ("gpu::driver", "a fault of the driver or of a shader"),

@@ -9,6 +9,7 @@ use super::interrupt::Shelter;
 use super::output::{Target, expect_distinct};
 use super::pipeline::{check_pipeline, plan_view};
 use super::progress::Progress;
+use super::resources::expect_memory;
 use super::scene::{SceneOptions, View};
 use super::truth::{Truth, TruthOptions};
 use crate::gpu::{Gpu, Pace, expected_device};
@@ -48,10 +49,10 @@ pub struct Options {
     runs: Option<u16>,
     #[command(flatten)]
     truth: TruthOptions,
-    /// Write everything that was found as JSON
+    /// Write everything that was found as JSON; - is standard output
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Write a row for each variant as CSV
+    /// Write a row for each variant as CSV; - is standard output
     #[arg(long, value_name = "FILE")]
     csv: Option<PathBuf>,
     /// Write a page with the pictures, maps of their errors, plots and tables as HTML
@@ -68,6 +69,7 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     let plans = plan_all(&pipelines, &view)?;
     let (given, given_seconds) = timed(|| options.truth.given(&view))?;
     let keeper = options.truth.keeper(&view)?;
+    expect_memory(plans.iter().map(|(plan, _)| plan), &view)?;
     warn_of_few_runs(options, console);
     let (gpu, device_seconds) = timed(|| Gpu::open().map_err(Failure::work))?;
     let runs = plans.iter().map(|(plan, _)| timed(|| ready(&gpu, &view, plan))).collect::<Result<Vec<_>, _>>()?;

@@ -10,6 +10,15 @@ use std::path::Path;
 /// Columns of a report where no terminal says how wide it is.
 const WIDTH: usize = 120;
 
+/// Writes a result to standard output, whose reader may have closed its end.
+pub fn write_stdout(result: &[u8]) -> io::Result<()> {
+    let mut stdout = io::stdout().lock();
+    match stdout.write_all(result).and_then(|()| stdout.flush()) {
+        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
+        other => other,
+    }
+}
+
 #[derive(Args)]
 pub struct ConsoleOptions {
     /// Say nothing but errors on stderr
@@ -28,28 +37,32 @@ enum Colour {
 }
 
 /// Where messages go, and how.
+#[derive(Clone, Copy)]
 pub struct Console {
     pub quiet: bool,
     colour: bool,
+    /// Whether standard output is for a file named `-` alone.
+    has_file: bool,
 }
 
 impl Console {
-    pub fn new(options: &ConsoleOptions) -> Self {
+    /// Where `has_file` says so, tables for people go to stderr: standard output is one of the files to be written.
+    pub fn new(options: &ConsoleOptions, has_file: bool) -> Self {
         let colour = match options.color {
             Colour::Auto => io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty()),
             Colour::Always => true,
             Colour::Never => false,
         };
-        Self { quiet: options.quiet, colour }
+        Self { quiet: options.quiet, colour, has_file }
     }
 
     /// Prints a result. A reader that has closed its end, such as `head`, is no failure.
     pub fn print(&self, result: &str) -> Result<(), Failure> {
-        let mut stdout = io::stdout().lock();
-        match stdout.write_all(clean(result).as_bytes()).and_then(|()| stdout.flush()) {
-            Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(Failure::write(Path::new("standard output"), error)),
-            _ => Ok(()),
+        if self.has_file {
+            self.note(result.trim_end());
+            return Ok(());
         }
+        write_stdout(clean(result).as_bytes()).map_err(|error| Failure::write(Path::new("standard output"), error))
     }
 
     /// Says something that is not a result, unless told to be quiet.

@@ -25,7 +25,7 @@ pub struct Options {
     /// The variance of the reference's pixels; the reference's own layer `variance` if not given
     #[arg(long, value_name = "FILE")]
     variance: Option<PathBuf>,
-    /// Write what was found as JSON
+    /// Write what was found as JSON; - is standard output
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
     /// Fail with status 1 if a metric is larger, signed ones by their size

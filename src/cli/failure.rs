@@ -135,10 +135,25 @@ pub enum CommandError {
     #[error("nothing is called `{name}` in this plan")]
     #[diagnostic(code(render::unknown_dump), help("it has: {known}"))]
     UnknownDump { name: String, known: String },
+    #[error("the system lets this program start {granted} threads more; it needs {wanted}")]
+    #[diagnostic(code(cli::few_threads), help("raise the limit on processes: `ulimit -u`, or that of the container; RAYON_NUM_THREADS=1 needs fewer"))]
+    FewThreads { granted: usize, wanted: usize },
+    #[error("the threads that share the work cannot be started: {reason}")]
+    #[diagnostic(code(cli::no_threads), help("raise the limit on processes: `ulimit -u`, or that of the container"))]
+    NoThreads { reason: String },
+    #[error("the limit on memory is {limit} MiB; this needs about {wanted} MiB")]
+    #[diagnostic(
+        code(cli::little_memory),
+        help("raise the limit with `ulimit -v`, or make the picture, the batch of the fill or the scene smaller. What a driver reserves counts, used or not")
+    )]
+    LittleMemory { limit: u64, wanted: u64 },
+    #[error("a fault of hemisplat: {message}, at {place}")]
+    #[diagnostic(code(cli::fault), help("please report it with the command and its files; with RUST_BACKTRACE=1 it tells more"))]
+    Fault { message: String, place: String },
     #[error("interrupted; {kept}")]
     #[diagnostic(code(cli::interrupted))]
     Interrupted { kept: String },
     #[error("Ctrl-C cannot be listened to: {reason}")]
-    #[diagnostic(code(cli::signal))]
+    #[diagnostic(code(cli::signal), help("where no thread can be started for it, raise the limit on processes: `ulimit -u`, or that of the container"))]
     Signal { reason: String },
 }

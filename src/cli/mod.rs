@@ -14,6 +14,7 @@ mod exhibited;
 mod explain;
 mod exposure;
 mod failure;
+mod fault;
 mod graph;
 mod input;
 mod interrupt;
@@ -28,6 +29,7 @@ mod points;
 mod progress;
 mod reference;
 mod render;
+mod resources;
 mod scene;
 mod scenes;
 mod sealed;
@@ -42,12 +44,14 @@ mod tables;
 mod timeline;
 mod truth;
 
-use clap::{Arg, CommandFactory, Parser, Subcommand};
+use clap::{Arg, ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
 use console::{Console, ConsoleOptions};
 use failure::Failure;
 use legible::clean;
+use resources::Need;
 use std::borrow::Cow;
 use std::io::{self, Write};
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// Global illumination on the GPU by caching irradiance: pipelines of passes, wired in RON, measured for speed against accuracy.
@@ -60,7 +64,20 @@ struct Program {
     command: Command,
 }
 
-const STATUSES: &str = "Exit status: 0 done; 2 bad usage or bad input; 1 any other failure; 130 interrupted.";
+const STATUSES: &str = "\
+Environment:
+  HEMISPLAT_SCENES   Folders with scenes, separated as in PATH; --scenes comes first
+  WGPU_ADAPTER_NAME  Part of the name of the adapter to use; `hemisplat adapters` lists them
+  WGPU_BACKEND       The graphics API: vulkan, metal or dx12
+  VK_DRIVER_FILES    The Vulkan driver to load, a file .json
+  RAYON_NUM_THREADS  How many threads share the work; all cores if not given
+  XDG_CACHE_HOME     Where tables and references are kept between runs; ~/.cache if not given
+  NO_COLOR           No colours in messages
+
+Exit status: 0 done; 2 bad usage or bad input; 1 any other failure; 130 interrupted.";
+
+/// Options whose value `-` means standard output.
+const FILES: [&str; 6] = ["json", "csv", "stats", "svg", "markdown", "html"];
 
 #[derive(Subcommand)]
 enum Command {
@@ -92,6 +109,14 @@ fn of_scene(argument: Arg) -> Arg {
 }
 
 impl Command {
+    fn need(&self) -> Need {
+        match self {
+            Self::Render(_) | Self::Compare(_) | Self::Sweep(_) | Self::Study(_) | Self::Stability(_) => Need::Driver,
+            Self::Reference(_) | Self::Diff(_) | Self::Check(_) | Self::Explain(_) => Need::Cores,
+            Self::Adapters(_) | Self::Graph(_) | Self::Pipelines(_) | Self::Scenes(_) | Self::Passes(_) | Self::Completions(_) => Need::Little,
+        }
+    }
+
     fn run(self, console: &Console) -> Result<(), Failure> {
         match self {
             Self::Render(options) => render::run(&options, console),
@@ -122,21 +147,28 @@ pub fn command() -> clap::Command {
 ///
 /// Status: 0 done; 2 bad usage or bad input; 1 any other failure; 130 interrupted. Results go to stdout or to named files, messages to stderr.
 pub fn run() -> ExitCode {
-    let program = match Program::try_parse() {
-        Ok(program) => program,
-        Err(usage) => {
-            tell(&usage);
-            return ExitCode::from(usage.exit_code() as u8);
+    without_wayland(|| {
+        let parsed = Program::command().try_get_matches().and_then(|matches| Ok((Program::from_arg_matches(&matches)?, writes_to_stdout(&matches))));
+        match parsed {
+            Ok((program, has_file)) => obey(program, has_file),
+            Err(usage) => {
+                tell(&usage);
+                ExitCode::from(usage.exit_code() as u8)
+            }
         }
-    };
-    let console = Console::new(&program.console);
-    let result = interrupt::listen().and_then(|()| program.command.run(&console));
-    match result {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(failure) => {
+    })
+}
+
+fn obey(program: Program, has_file: bool) -> ExitCode {
+    let console = Console::new(&program.console, has_file);
+    let work = || interrupt::listen().and_then(|()| resources::prepare(program.command.need())).and_then(|()| program.command.run(&console));
+    match fault::guard(&console, work) {
+        Some(Ok(())) => ExitCode::SUCCESS,
+        Some(Err(failure)) => {
             console.report(&*failure.report);
             ExitCode::from(failure.status)
         }
+        None => ExitCode::FAILURE,
     }
 }
 
@@ -149,6 +181,20 @@ fn tell(usage: &clap::Error) {
         text if usage.use_stderr() => io::stderr().write_all(text.as_bytes()),
         text => io::stdout().write_all(text.as_bytes()),
     };
+}
+
+/// Whether one of the files to be written is standard output.
+fn writes_to_stdout(matches: &ArgMatches) -> bool {
+    let is_stdout = |matches: &ArgMatches, id| matches!(matches.try_get_one::<PathBuf>(id), Ok(Some(path)) if path == Path::new(output::STDOUT));
+    matches.subcommand().is_some_and(|(_, matches)| FILES.iter().any(|id| is_stdout(matches, id)))
+}
+
+/// Vulkan's layer that chooses among Mesa's devices asks Wayland for one, whose library complains on stderr where there is no folder for it. With a folder
+/// that is not there it finds nothing and says nothing. To be called before there are threads.
+fn without_wayland<T>(run: impl FnOnce() -> T) -> T {
+    const FOLDER: &str = "XDG_RUNTIME_DIR";
+    let is_there = std::env::var_os(FOLDER).is_some_and(|folder| Path::new(&folder).is_absolute());
+    if is_there || !cfg!(target_os = "linux") { run() } else { temp_env::with_var(FOLDER, Some("/nonexistent"), run) }
 }
 
 #[cfg(test)]

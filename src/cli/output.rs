@@ -1,6 +1,6 @@
 //! Files out. A written file appears whole or not at all.
 
-use super::console::Console;
+use super::console::{Console, write_stdout};
 use super::failure::{CommandError, Failure};
 use super::interrupt::Shelter;
 use crate::measure::page::{Gallery, Report, page};
@@ -9,6 +9,9 @@ use serde::Serialize;
 use std::fs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
+
+/// The name that stands for standard output.
+pub const STDOUT: &str = "-";
 
 /// A file to be written later, checked now, so that no work is done for a place that cannot hold its result.
 pub struct Target {
@@ -24,6 +27,9 @@ impl Target {
     }
 
     fn probe(&self) -> io::Result<()> {
+        if self.is_stdout() {
+            return Ok(());
+        }
         if self.path.is_dir() {
             return Err(io::Error::from(io::ErrorKind::IsADirectory));
         }
@@ -39,6 +45,10 @@ impl Target {
 
     pub fn path(&self) -> &Path {
         &self.path
+    }
+
+    fn is_stdout(&self) -> bool {
+        self.path == Path::new(STDOUT)
     }
 
     /// Writes all bytes to a temporary file in the same folder, then gives it its name. Devices and pipes are written to directly.
@@ -73,6 +83,9 @@ impl Target {
     }
 
     fn try_write(&self, bytes: &[u8]) -> io::Result<()> {
+        if self.is_stdout() {
+            return write_stdout(bytes);
+        }
         let path = self.resolved();
         if is_special(&path) {
             return fs::OpenOptions::new().write(true).open(&path)?.write_all(bytes);

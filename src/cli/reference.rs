@@ -58,7 +58,7 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
         return Err(Failure::interrupted(&[]));
     }
     let reference = result.map_err(Failure::input)?;
-    let picture = layers(&reference, attributes(options, &view, &reference));
+    let picture = layers(&reference, attributes(options, &view, &reference)).seen_through(&view.camera, &view.scene, view.size);
     let exposure = Exposure::new(&options.exposure, console).of(&picture, &targets)?;
     targets.iter().try_for_each(|target| target.write(&picture, exposure))?;
     warn_of_black(&picture, console);

@@ -9,6 +9,7 @@ use super::interrupt::{self, Shelter};
 use super::output::{PictureTarget, Target, expect_distinct, warn_of_black};
 use super::pipeline::{BOUNCES, expect_exact, note_approximations};
 use super::progress::Progress;
+use super::resources::expect_memory;
 use super::scene::{SceneOptions, View};
 use super::timeline::{Frame, Plans, Timeline, TimelineOptions, camera_of_frame};
 use crate::gpu::{Gpu, GpuError, Pace};
@@ -53,12 +54,27 @@ pub struct Options {
     /// Where to write: .exr, .png or .hdr; may be repeated
     #[arg(long, short, value_name = "FILE", required = true)]
     output: Vec<PathBuf>,
-    /// Where to write what was measured
+    /// Where to write what was measured; - is standard output
     #[arg(long, value_name = "FILE.json")]
     stats: Option<PathBuf>,
     /// Writes what this node, or node.output, made, beside the first output; may be repeated
     #[arg(long, value_name = "NODE")]
     dump: Vec<String>,
+    #[arg(long = "spp", hide = true, alias = "samples", value_name = "N", value_parser = no_samples)]
+    _spp: Option<String>,
+    #[arg(long = "bounces", hide = true, value_name = "N", value_parser = no_bounces)]
+    _bounces: Option<String>,
+}
+
+/// What other renderers have, and what is there instead.
+fn no_samples(_: &str) -> Result<String, String> {
+    Err("a pipeline traces rays for records, not for pixels: `--set tiles.resolution=N` sets the rays of each record, and \
+        `--set cache.accuracy=A` how many records there are; `hemisplat reference --spp N` traces rays per pixel"
+        .to_owned())
+}
+
+fn no_bounces(_: &str) -> Result<String, String> {
+    Err("a pipeline computes one bounce of indirect light; `hemisplat reference --bounces N` traces more".to_owned())
 }
 
 /// Seconds from the command to the first frame, and of what they are made; the device is opened while the scene loads.
@@ -93,6 +109,7 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     }
     note_approximations([plans.first()], console);
     let gpu = gpu.map_err(Failure::work)?;
+    expect_memory([plans.first()], &view)?;
     let start = Instant::now();
     let mut run = Run::new(&gpu, &view.scene, &view.bvh, plans.first(), &view.camera, view.size).map_err(Failure::work)?;
     if let Some(records) = &records {
@@ -270,8 +287,9 @@ impl Targets {
         options.output.iter().map(|path| PictureTarget::new(&numbered(path, number))).collect::<Result<_, _>>().map(Self)
     }
 
-    fn write(&self, options: &Options, view: &View, run: &Run<'_>, frame: &Frame, mut picture: Layers, exposure: f32) -> Result<(), Failure> {
-        picture.attributes = attributes(options, view, run.plan(), frame);
+    fn write(&self, options: &Options, view: &View, run: &Run<'_>, frame: &Frame, picture: Layers, exposure: f32) -> Result<(), Failure> {
+        let picture = picture.seen_through(camera_of_frame(view, frame), &view.scene, view.size);
+        let picture = Layers { attributes: attributes(options, view, run.plan(), frame), ..picture };
         self.0.iter().try_for_each(|target| target.write(&picture, exposure))?;
         let Some(first) = self.0.first() else { return Ok(()) };
         options.dump.iter().try_for_each(|name| dump::write(name, run.plan(), run, first.path()))

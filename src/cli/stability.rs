@@ -28,7 +28,7 @@ pub struct Options {
     /// Only this case; may be repeated
     #[arg(long, value_name = "CASE", value_parser = clap::builder::PossibleValuesParser::new(CASES.iter().map(|case| case.name)))]
     only: Vec<String>,
-    /// Write everything that was found as JSON
+    /// Write everything that was found as JSON; - is standard output
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
 }

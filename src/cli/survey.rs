@@ -10,6 +10,7 @@ use super::kept::{self, Folder};
 use super::output::{Target, expect_distinct};
 use super::points::{check, expect_none_refused, listed, planned, weigh};
 use super::progress::Progress;
+use super::resources::expect_memory;
 use super::scene::{SceneOptions, View};
 use super::truth::{Truth, TruthOptions, content};
 use super::{exhibited, swept, tables};
@@ -38,10 +39,10 @@ pub struct SurveyOptions {
     /// Points that are in memory together and run in turn; an interruption loses no more than these
     #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u16).range(1..=64))]
     together: u16,
-    /// Write all points as JSON
+    /// Write all points as JSON; - is standard output
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Write a row for each point as CSV
+    /// Write a row for each point as CSV; - is standard output
     #[arg(long, value_name = "FILE")]
     csv: Option<PathBuf>,
     /// Draw error over cost, with the Pareto front
@@ -77,6 +78,7 @@ pub(super) fn run(survey: &Survey, scene: &SceneOptions, reference: &Reference, 
     let (mut points, pipelines) = check(survey)?;
     let view = scene.load(console)?;
     let plans: Vec<Option<Plan>> = pipelines.iter().zip(&mut points).map(|(pipeline, point)| planned(pipeline, &view, point)).collect();
+    plans.iter().flatten().try_for_each(|plan| expect_memory([plan], &view))?;
     weigh(&survey.moved, &plans, &mut points)?;
     let axes = survey.axes();
     if options.dry_run {

@@ -2,16 +2,15 @@
 //!
 //! A picture is a set of named layers of equal size, each a few named planes of floats, rows from the top. In an EXR file the
 //! layer [`PICTURE`] is stored as `R`, `G`, `B`; a layer of one nameless plane, such as `weight`, under the layer's name; any
-//! other as `layer.channel`, such as `irradiance.R` or `normal.X`.
+//! other as `layer.channel`, such as `irradiance.R` or `normal.X`. Attributes tell the primaries, the units and the camera.
 
+use super::blocks::{self, Plane};
+use super::projection::Projection;
 use crate::math::colour::luminance;
-use exr::block::lines::LineRefMut;
-use exr::image::write::samples::{SamplesWriter, WritableSamples};
-use exr::math::RoundingMode;
-use exr::meta::attribute::{LevelMode, SampleType};
+use exr::meta::BlockDescription;
 use exr::meta::header::Header;
 use exr::prelude::*;
-use glam::Vec3;
+use glam::{Mat4, Vec3};
 use miette::Diagnostic;
 use std::collections::BTreeMap;
 use std::io::{BufWriter, Cursor, Seek, Write};
@@ -28,6 +27,8 @@ pub const DIRECT: &str = "direct";
 
 /// The channel of a layer that has but one, such as `weight`.
 pub const VALUE: &str = "";
+/// The channel that says where a picture shows something.
+pub const ALPHA: &str = "A";
 
 /// The most samples, over all channels, that are read from one file: 4 GiB of floats.
 pub const MAX_SAMPLES: usize = 1 << 30;
@@ -35,8 +36,12 @@ pub const MAX_SAMPLES: usize = 1 << 30;
 /// The attribute of an EXR file that holds [`Layers::attributes`] as one JSON object.
 const ATTRIBUTES: &str = "hemisplat";
 
-/// The largest finite half float.
-const HALF_MAX: f32 = 65504.0;
+/// The attribute that tells the units of the layers in words.
+const UNITS: &str = "units";
+
+/// Primaries and white of Rec. 709.
+const REC_709: attribute::Chromaticities =
+    attribute::Chromaticities { red: Vec2(0.64, 0.33), green: Vec2(0.3, 0.6), blue: Vec2(0.15, 0.06), white: Vec2(0.3127, 0.329) };
 
 /// A picture of several layers, and what made it.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -49,6 +54,8 @@ pub struct Layers {
     pub layers: BTreeMap<String, Layer>,
     /// Text by name: enough to make the picture again.
     pub attributes: BTreeMap<String, String>,
+    /// Where points of the scene are in the picture, where that is known.
+    pub projection: Option<Projection>,
 }
 
 /// Planes of one meaning.
@@ -116,10 +123,10 @@ impl Layer {
         Self { half: true, ..self }
     }
 
-    /// The planes red, green, blue; a single plane stands for all three. `None` for any other set of channels.
+    /// The planes red, green, blue; a single plane stands for all three. Alpha beside them is left out. `None` for any other set of channels.
     pub fn rgb(&self) -> Option<[&[f32]; 3]> {
-        if self.channels.len() == 1 {
-            return self.channels.values().next().map(|plane| [plane.as_slice(); 3]);
+        if let Some(plane) = self.single() {
+            return Some([plane; 3]);
         }
         let plane = |name| self.channels.get(name).map(Vec::as_slice);
         Some([plane("R")?, plane("G")?, plane("B")?])
@@ -127,11 +134,17 @@ impl Layer {
 
     /// Rec. 709 luminance of each pixel, or the values of a single plane. `None` for any other set of channels.
     pub fn luminance(&self) -> Option<Vec<f64>> {
-        let [r, g, b] = self.rgb()?;
-        if self.channels.len() == 1 {
-            return Some(r.iter().map(|&value| value.into()).collect());
+        if let Some(plane) = self.single() {
+            return Some(plane.iter().map(|&value| value.into()).collect());
         }
+        let [r, g, b] = self.rgb()?;
         Some((0..r.len()).map(|i| luminance(Vec3::new(r[i], g[i], b[i]).as_dvec3())).collect())
+    }
+
+    /// The only plane, apart from alpha.
+    fn single(&self) -> Option<&[f32]> {
+        let mut planes = self.channels.iter().filter(|(name, _)| *name != ALPHA || self.channels.len() == 1).map(|(_, plane)| plane.as_slice());
+        planes.next().filter(|_| planes.next().is_none())
     }
 
     fn channel_names(&self) -> String {
@@ -227,9 +240,13 @@ impl Layers {
             entry.half = half;
             entry.channels.insert(name, plane);
         }
+        picture.part_lone_alpha();
+        picture.projection = read_projection(&image.layer_data.attributes);
         let attributes = image.attributes.other.into_iter().chain(image.layer_data.attributes.other);
         for (name, value) in attributes {
-            if let AttributeValue::Text(text) = value {
+            if let AttributeValue::Text(text) = value
+                && name != *UNITS
+            {
                 picture.add_attribute(name.to_string(), text.to_string());
             }
         }
@@ -243,31 +260,52 @@ impl Layers {
         Ok(bytes.into_inner())
     }
 
-    /// Writes the picture as an EXR file: scan lines, the same bytes for the same picture, not compressed: floats of light hardly
-    /// shrink without filters that cost more time than the disk. Takes little memory beside the planes.
+    /// Writes the picture as an EXR file: scan lines, the same bytes for the same picture, compressed without loss. Takes little memory beside the planes.
     pub fn write_exr(&self, to: impl Write + Seek) -> std::result::Result<(), PictureError> {
         self.validate()?;
         if self.layers.is_empty() || self.width == 0 || self.height == 0 {
             return Err(PictureError::Encoding { reason: "the picture is empty".to_owned() });
         }
-        let mut channels = SmallVec::new();
+        let mut planes = Vec::new();
         for (layer, content) in &self.layers {
             for (channel, plane) in &content.channels {
-                channels.push(AnyChannel::new(text(&join_name(layer, channel))?, Plane::of(plane, content.half)));
+                planes.push((text(&join_name(layer, channel))?, Plane::of(plane, content.half)));
             }
         }
-        let encoding = Encoding { compression: Compression::Uncompressed, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
-        let size = (self.width as usize, self.height as usize);
-        let part = exr::prelude::Layer::new(size, LayerAttributes::default(), encoding, AnyChannels::sort(channels));
-        let mut image = Image::from_layer(part);
-        // One attribute for all: the order of several would differ from run to run.
-        image.attributes.other.insert(text(ATTRIBUTES)?, AttributeValue::Text(text(&ascii_json(&self.attributes)?)?));
+        planes.sort_by(|(a, _), (b, _)| a.cmp(b));
+        let channels = planes.iter().map(|(name, plane)| ChannelDescription::named(name.clone(), plane.sample_type())).collect();
+        let (header, planes) = (self.header(channels)?, planes.into_iter().map(|(_, plane)| plane).collect::<Vec<_>>());
+        let size = [self.width as usize, self.height as usize];
         let mut to = BufWriter::new(to);
-        image.write().non_parallel().to_buffered(&mut to).map_err(|error| match error {
+        exr::block::write(&mut to, smallvec::smallvec![header], true, |_, writer| blocks::write(&planes, size, writer)).map_err(|error| match error {
             exr::error::Error::Io(error) => PictureError::Unwritable(error),
             error => PictureError::Encoding { reason: error.to_string() },
         })?;
         Ok(to.flush()?)
+    }
+
+    fn header(&self, channels: SmallVec<[ChannelDescription; 5]>) -> std::result::Result<Header, PictureError> {
+        let size = (self.width as usize, self.height as usize);
+        let mut image = ImageAttributes::with_size(size);
+        image.chromaticities = Some(REC_709);
+        let mut part = LayerAttributes::default();
+        if let Some(projection) = &self.projection {
+            // Columns of what multiplies columns are the rows of what multiplies rows, as the format has it.
+            part.world_to_camera = Some(projection.world_to_camera.to_cols_array());
+            part.world_to_normalized_device = Some(projection.world_to_ndc.to_cols_array());
+            part.screen_window_width = projection.width;
+        }
+        // One of this project's attributes to each set: the order of several would differ from run to run.
+        image.other.insert(text(ATTRIBUTES)?, AttributeValue::Text(text(&ascii_json(&self.attributes)?)?));
+        part.other.insert(text(UNITS)?, AttributeValue::Text(text(&self.units())?));
+        let header = Header::new(text("")?, size, channels).with_shared_attributes(image).with_attributes(part);
+        Ok(header.with_encoding(Compression::ZIP16, BlockDescription::ScanLines, LineOrder::Increasing))
+    }
+
+    /// Of the layers whose meaning is fixed, in words.
+    fn units(&self) -> String {
+        let told = |name: &String| Some(format!("{name}: {}", unit(name)?));
+        self.layers.keys().filter_map(told).collect::<Vec<_>>().join("; ")
     }
 
     fn from_other(bytes: &[u8]) -> std::result::Result<Self, PictureError> {
@@ -286,6 +324,17 @@ impl Layers {
         match serde_json::from_str::<BTreeMap<String, String>>(&value) {
             Ok(map) if name == ATTRIBUTES => self.attributes.extend(map),
             _ => drop(self.attributes.insert(name, value)),
+        }
+    }
+
+    /// Alpha without colours is a layer like any other, not a picture.
+    fn part_lone_alpha(&mut self) {
+        let is_lone = |layer: &Layer| layer.channels.len() == 1 && layer.channels.contains_key(ALPHA);
+        if self.layers.get(PICTURE).is_some_and(is_lone)
+            && let Some(layer) = self.layers.remove(PICTURE)
+        {
+            let channels = layer.channels.into_values().map(|plane| (VALUE.to_owned(), plane)).collect();
+            self.layers.insert(ALPHA.to_owned(), Layer { channels, ..layer });
         }
     }
 
@@ -316,48 +365,24 @@ fn corrupt(error: exr::error::Error) -> PictureError {
     PictureError::CorruptExr { reason: error.to_string() }
 }
 
-/// A plane as it is written, in lines.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Plane<'p> {
-    values: &'p [f32],
-    is_half: bool,
+/// The unit of a layer; None where this project gives the name no meaning.
+fn unit(layer: &str) -> Option<&'static str> {
+    Some(match layer {
+        PICTURE | DIRECT | "indirect" | GLOSSY => "radiance, W m^-2 sr^-1",
+        IRRADIANCE | "direct_irradiance" => "irradiance, W m^-2",
+        "variance" => "variance of irradiance, W^2 m^-4",
+        "glossy_variance" => "variance of radiance, W^2 m^-4 sr^-2",
+        "depth" => "distance along the camera's axis, units of the scene",
+        "normal" => "unit vector in the scene's axes",
+        "weight" => "sum of the records' weights, no unit",
+        _ => return None,
+    })
 }
 
-impl<'p> Plane<'p> {
-    fn of(values: &'p [f32], half: bool) -> Self {
-        Self { values, is_half: half && values.iter().all(|value| value.abs() <= HALF_MAX) }
-    }
-}
-
-impl<'p> WritableSamples<'_> for Plane<'p> {
-    type Writer = Lines<'p>;
-
-    fn sample_type(&self) -> SampleType {
-        if self.is_half { SampleType::F16 } else { SampleType::F32 }
-    }
-
-    fn infer_level_modes(&self) -> (LevelMode, RoundingMode) {
-        (LevelMode::Singular, RoundingMode::Down)
-    }
-
-    fn create_samples_writer(&self, header: &Header) -> Lines<'p> {
-        Lines { plane: *self, width: header.layer_size.width() }
-    }
-}
-
-struct Lines<'p> {
-    plane: Plane<'p>,
-    width: usize,
-}
-
-impl SamplesWriter for Lines<'_> {
-    fn extract_line(&self, line: LineRefMut<'_>) {
-        let at = line.location.position;
-        let first = at.y() * self.width + at.x();
-        let values = &self.plane.values[first..first + line.location.sample_count];
-        let written = if self.plane.is_half { line.write_samples(|i| f16::from_f32(values[i])) } else { line.write_samples_from_slice(values) };
-        written.expect("a line has room for its samples");
-    }
+fn read_projection(part: &LayerAttributes) -> Option<Projection> {
+    let matrix = |columns: Option<[f32; 16]>| columns.map(|columns| Mat4::from_cols_array(&columns));
+    let (world_to_camera, world_to_ndc) = (matrix(part.world_to_camera)?, matrix(part.world_to_normalized_device)?);
+    Some(Projection { world_to_camera, world_to_ndc, width: part.screen_window_width })
 }
 
 fn text(value: &str) -> std::result::Result<Text, PictureError> {
@@ -375,7 +400,7 @@ fn ascii_json(attributes: &BTreeMap<String, String>) -> std::result::Result<Stri
 fn split_name(name: &str) -> (String, String) {
     match name.rsplit_once('.') {
         Some((layer, channel)) => (layer.to_owned(), channel.to_owned()),
-        None if matches!(name, "R" | "G" | "B" | "A") => (PICTURE.to_owned(), name.to_owned()),
+        None if matches!(name, "R" | "G" | "B" | ALPHA) => (PICTURE.to_owned(), name.to_owned()),
         None => (name.to_owned(), VALUE.to_owned()),
     }
 }
@@ -404,11 +429,94 @@ mod tests {
             .with_attribute("scene", "Höhle \u{1f40c}.ron")
     }
 
+    /// As a renderer writes it: with alpha, and the camera.
+    fn seen() -> Layers {
+        let mut picture = picture();
+        picture.layers.get_mut(PICTURE).unwrap().channels.insert(ALPHA.to_owned(), vec![1.0; 12]);
+        let matrix = |scale: f32| Mat4::from_cols_array(&std::array::from_fn(|at| at as f32 * scale));
+        Layers { projection: Some(Projection { world_to_camera: matrix(1.0), world_to_ndc: matrix(2.0), width: 1.5 }), ..picture }
+    }
+
     #[test]
     fn exr_returns_what_was_written() {
         let picture = picture();
         let bytes = picture.to_exr().unwrap();
         assert_eq!(Layers::read(&bytes).unwrap(), picture);
+        assert_eq!(Layers::read(&seen().to_exr().unwrap()).unwrap(), seen());
+    }
+
+    #[test]
+    fn every_bit_of_every_float_returns_from_several_blocks() {
+        let floats = |seed: u32| {
+            let mut state = seed;
+            let mut next = || {
+                state = state.wrapping_mul(1664525).wrapping_add(1013904223);
+                f32::from_bits(state ^ state >> 15)
+            };
+            std::iter::from_fn(move || Some(next())).filter(|value| value.is_finite()).take(37 * 53).collect::<Vec<f32>>()
+        };
+        let zero = vec![0.0; 37 * 53];
+        let noise = Layers::new(37, 53).with("noise", Layer::value(floats(1))).with("more", Layer::value(floats(2)));
+        for picture in [noise.clone(), noise.with("zero", Layer::value(zero)), Layers::new(37, 53).with("half", Layer::value(vec![0.5; 37 * 53]).as_half())] {
+            let back = Layers::read(&picture.to_exr().unwrap()).unwrap();
+            let bits = |picture: &Layers| -> Vec<u32> {
+                picture.layers.values().flat_map(|layer| layer.channels[VALUE].iter().map(|value| value.to_bits())).collect()
+            };
+            assert!(bits(&back) == bits(&picture));
+        }
+    }
+
+    #[test]
+    fn what_does_not_change_takes_no_room() {
+        let grey = Layers::new(200, 200).with(PICTURE, Layer::interleaved(&["R", "G", "B"], &[0.25; 120_000], 3)).with("zero", Layer::value(vec![0.0; 40_000]));
+        let bytes = grey.to_exr().unwrap().len();
+        assert!(bytes < 10_000, "{bytes}");
+    }
+
+    /// Pictures of other programs: of each compression without loss, with alpha, with lone alpha.
+    #[test]
+    fn other_programs_files_are_read_bit_by_bit() {
+        use Compression::*;
+        let value = |x: usize, y: usize| (x * 31 + y * 17) as f32 * 0.1234567;
+        for compression in [Uncompressed, RLE, ZIP1, ZIP16, PIZ] {
+            let encoding = Encoding { compression, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
+            let channels = SpecificChannels::rgba(|Vec2(x, y)| (value(x, y), 2.0, 3.0, 0.5_f32));
+            let mut bytes = Cursor::new(Vec::new());
+            let part = exr::prelude::Layer::new((19, 23), LayerAttributes::default(), encoding, channels);
+            Image::from_layer(part).write().to_buffered(&mut bytes).unwrap();
+            let back = Layers::read(bytes.get_ref()).unwrap();
+            let [red, green, _] = back.rgb(PICTURE).unwrap();
+            assert!((0..19 * 23).all(|at| red[at] == value(at % 19, at / 19) && green[at] == 2.0), "{compression}");
+            assert_eq!(back.layers[PICTURE].channels[ALPHA], [0.5; 19 * 23]);
+        }
+    }
+
+    #[test]
+    fn alpha_is_neither_a_colour_nor_a_picture() {
+        let grey = Layer { channels: [(ALPHA, 0.5), ("Y", 2.0)].map(|(name, value)| (name.to_owned(), vec![value])).into(), half: false };
+        assert_eq!((grey.rgb().unwrap()[0][0], grey.luminance().unwrap()[0]), (2.0, 2.0));
+        assert_eq!(seen().luminance(PICTURE).unwrap(), picture().luminance(PICTURE).unwrap());
+        let matte = Layers::new(1, 1)
+            .with(PICTURE, Layer { channels: [(ALPHA.to_owned(), vec![0.5])].into(), half: false })
+            .with("irradiance", Layer::value(vec![2.0]));
+        let back = Layers::read(&matte.to_exr().unwrap()).unwrap();
+        assert_eq!(back.layers.keys().collect::<Vec<_>>(), [ALPHA, "irradiance"]);
+    }
+
+    #[test]
+    fn a_file_tells_its_primaries_units_and_camera() {
+        let bytes = seen().to_exr().unwrap();
+        let header = MetaData::read_from_buffered(bytes.as_slice(), false).unwrap().headers.remove(0);
+        assert_eq!(header.shared_attributes.chromaticities, Some(REC_709));
+        assert_eq!(header.shared_attributes.pixel_aspect, 1.0);
+        let part = &header.own_attributes;
+        assert_eq!((part.screen_window_width, part.screen_window_center), (1.5, Vec2(0.0, 0.0)));
+        assert_eq!(part.world_to_camera, Some(std::array::from_fn(|at| at as f32)));
+        let units = part.other[&text(UNITS).unwrap()].to_text().unwrap().to_string();
+        assert_eq!(
+            units,
+            "irradiance: irradiance, W m^-2; normal: unit vector in the scene's axes; picture: radiance, W m^-2 sr^-1; weight: sum of the records' weights, no unit"
+        );
     }
 
     #[test]
@@ -420,7 +528,7 @@ mod tests {
 
     #[test]
     fn the_same_picture_gives_the_same_bytes() {
-        assert_eq!(picture().to_exr().unwrap(), picture().to_exr().unwrap());
+        assert_eq!(seen().to_exr().unwrap(), seen().to_exr().unwrap());
     }
 
     #[test]
@@ -429,7 +537,7 @@ mod tests {
         let meta = MetaData::read_from_buffered(bytes.as_slice(), false).unwrap();
         let names: Vec<String> = meta.headers[0].channels.list.iter().map(|channel| channel.name.to_string()).collect();
         assert_eq!(names, ["B", "G", "R", "irradiance.B", "irradiance.G", "irradiance.R", "normal.X", "normal.Y", "normal.Z", "weight"]);
-        assert_eq!(meta.headers[0].compression, Compression::Uncompressed);
+        assert_eq!(meta.headers[0].compression, Compression::ZIP16);
     }
 
     #[test]

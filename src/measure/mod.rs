@@ -1,5 +1,6 @@
 //! What came out, and how good it is: layered pictures, the curve that shows them, and the errors against a reference.
 
+mod blocks;
 pub mod cache;
 pub mod compare;
 pub mod criteria;
@@ -11,6 +12,7 @@ pub mod layers;
 pub mod metrics;
 pub mod page;
 pub mod plot;
+pub mod projection;
 pub mod run;
 pub mod stability;
 pub mod statistics;

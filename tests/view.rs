@@ -69,6 +69,13 @@ fn lobes_by_albedo() -> Outcome {
             check(glossy? == diffuse?, || format!("{pipeline}: {layer} differs"))?;
         }
     }
+    // Against the truth of metals alone, which has no irradiance, pictures are judged.
+    fs::write(place.0.path().join("metal.ron"), scene(&GLOSSY.replace("metallic: 0.8", "metallic: 1"), LAMP))?;
+    let arguments = "compare irradiance radiance --scene metal.ron --runs 1 --reference-spp 4 --reference-cache kept --json compared.json";
+    place.succeed(arguments)?;
+    let compared = &place.json("compared.json")?["variants"];
+    check(compared[0]["errors"]["irradiance"].is_null() && compared[0]["errors"]["picture"]["rmse_over_mean"].is_f64(), || compared.to_string())?;
+    check(compared[0]["approximated"][0].is_string() && compared[1]["approximated"] == serde_json::json!([]), || compared.to_string())?;
     let (status, _, message) = place.run("render irradiance --scene glossy.ron --strict -o strict.exr")?;
     check(status == 2 && message.contains("plan::glossy"), || message)?;
     let (_, said) = place.succeed("render radiance --scene glossy.ron --quiet -o lobes.exr")?;

@@ -193,7 +193,11 @@ impl Truth {
 
     fn errors(&self, picture: &Layers, layer: &str, variance: Option<&Layers>) -> Result<Option<Errors>, Failure> {
         let both = judged(picture).any(|judged| judged == layer) && self.picture.layers.contains_key(layer);
-        both.then(|| compare(picture, &self.picture, layer, variance)).transpose().map_err(|error| self.refuse(error))
+        match both.then(|| compare(picture, &self.picture, layer, variance)) {
+            // Where every surface is a metal the truth has no irradiance; it judges by the picture and by what lobes reflect.
+            Some(Err(MetricsError::NoSurface)) if layer == IRRADIANCE && self.picture.layers.contains_key(GLOSSY) => Ok(None),
+            judged => judged.transpose().map_err(|error| self.refuse(error)),
+        }
     }
 
     fn lacks(&self, layer: &str) -> PictureError {

@@ -71,10 +71,10 @@ impl Page {
     }
 }
 
-/// The words of a line as a shell would split it, without its comment.
+/// The words of a line as a shell would split it, without its comment and without the file that its result goes to.
 fn words(line: &str) -> Vec<String> {
     let (mut words, mut word, mut quoted) = (Vec::new(), String::new(), false);
-    for letter in line.split(" #").next().unwrap_or_default().chars() {
+    for letter in line.split(" #").flat_map(|part| part.split(" > ")).next().unwrap_or_default().chars() {
         match letter {
             '\'' => quoted = !quoted,
             ' ' if !quoted => words.push(std::mem::take(&mut word)),
@@ -381,4 +381,5 @@ fn the_citation_and_the_changelog_have_the_version_of_the_package() {
 #[test]
 fn lines_are_split_as_by_a_shell() {
     assert_eq!(words("a  'b c=1' d   # e"), ["a", "b c=1", "d"]);
+    assert_eq!(words("a b > c # d"), ["a", "b"]);
 }

@@ -18,13 +18,15 @@ const MAY_NAME: [(&str, &[&str]); 10] = [
 ];
 
 /// Where files may be read and threads be started; everything else has to run in a browser too. Shaders are built, tiles of rays
-/// cast, summed and projected, records added and splatted, misses looked for, skies turned side by side, where rayon has threads to do it.
-const MAY_TOUCH_THE_SYSTEM: [&str; 12] = [
+/// cast, summed and projected, records added and splatted, misses looked for, skies turned, blocks of files compressed side by side, where rayon has
+/// threads to do it.
+const MAY_TOUCH_THE_SYSTEM: [&str; 13] = [
     "src/cli/",
     "src/scene/load",
     "src/scene/packets/mod.rs",
     "src/reference/",
     "src/gpu/pipelines.rs",
+    "src/measure/blocks.rs",
     "passes/add_records.rs",
     "passes/direct_light/host.rs",
     "passes/environment_light/host.rs",

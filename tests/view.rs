@@ -146,6 +146,15 @@ fn camera() -> Outcome {
     let (moved, pasted) = (depth("moved.exr")?, depth("out.exr")?);
     check(moved.iter().any(|depth| *depth > 0.0), || "it sees nothing".into())?;
     check(moved.iter().zip(&pasted).all(|(a, b)| (a - b).abs() < 1e-3), || "the pasted camera sees something else".into())?;
+    // The camera of a scene without one holds all of it, whatever the picture's shape: no pixel of its border sees a surface.
+    fs::write(place.0.path().join("b.ron"), scene(DIFFUSE, LAMP).split("cameras:").next().unwrap_or_default().to_owned() + ")")?;
+    for [width, height] in [[40, 40], [60, 20], [20, 60]] {
+        trace(&place, &format!("b.ron --size {width}x{height}"))?;
+        let seen: Vec<bool> = depth("out.exr")?.into_iter().map(|depth| depth > 0.0).collect();
+        let is_border = |at: usize| at < width || at >= width * (height - 1) || at % width == 0 || at % width == width - 1;
+        check((0..seen.len()).all(|at| !(seen[at] && is_border(at))), || format!("{width}×{height}: cut off"))?;
+        check(seen.iter().filter(|seen| **seen).count() > width.min(height).pow(2) / 8, || format!("{width}×{height}: small"))?;
+    }
     // An eye alone looks at the middle of the scene, whatever is up there.
     let (printed, _) = place.succeed("reference --spp 4 -o out.exr --scene a.ron --print-camera --eye 0,9,0")?;
     check(printed.contains("direction: (0, -1, 0), up: (0, 0, -1)"), || printed)

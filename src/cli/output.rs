@@ -152,7 +152,7 @@ impl PictureTarget {
 
 /// Says why a picture without any light may be black.
 pub fn warn_of_black(picture: &Layers, console: &Console) {
-    let is_black = picture.layers.get(PICTURE).is_some_and(|layer| layer.channels.values().flatten().all(|value| *value == 0.0));
+    let is_black = picture.rgb(PICTURE).is_ok_and(|colour| colour.iter().all(|channel| channel.iter().all(|value| *value == 0.0)));
     if is_black {
         console.note("warning: the picture is black: no light reaches what the camera sees; is it in a closed room, or does it look away? --eye and --target move it, --sky and --sun light the scene");
     }

@@ -15,7 +15,7 @@ const SURFACES: f64 = 0.02;
 const LEFT_OUT: [f64; 2] = [0.05, 0.1];
 
 /// The exposure that shows the picture well [stops]: the geometric mean of the luminance of its surfaces, without the darkest and the brightest, comes out as middle
-/// grey on [the curve](super::tone::tone_map). The mean of logarithms is that of photographic tone reproduction (Reinhard et al. 2002): a lamp or a bright sky
+/// grey on [the curve](super::tone::tone_map). The mean of logarithms is that of photographic tone reproduction (Reinhard and others 2002): a lamp or a bright sky
 /// in the picture does not make the rest dark. Where much is far brighter than that mean it is less, so that it keeps its colours. 0 for a black picture.
 pub fn automatic_exposure(picture: &Layers) -> Result<f32, PictureError> {
     picture.validate()?;

@@ -161,22 +161,22 @@ pub struct Camera {
 pub enum FieldOfView {
     Horizontal(f32),
     Vertical(f32),
+    /// That of the shorter side of the picture.
+    Shorter(f32),
 }
 
 impl Camera {
     /// Half width and half height of the picture plane at distance 1, for a picture of `size` pixels.
     pub fn half_extent(&self, size: [u32; 2]) -> Vec2 {
         let aspect = size[0] as f32 / size[1] as f32;
-        match self.field_of_view {
-            FieldOfView::Horizontal(angle) => {
-                let x = (angle / 2.0).tan();
-                Vec2::new(x, x / aspect)
-            }
-            FieldOfView::Vertical(angle) => {
-                let y = (angle / 2.0).tan();
-                Vec2::new(y * aspect, y)
-            }
-        }
+        let is_horizontal = match self.field_of_view {
+            FieldOfView::Horizontal(_) => true,
+            FieldOfView::Vertical(_) => false,
+            FieldOfView::Shorter(_) => aspect < 1.0,
+        };
+        let (FieldOfView::Horizontal(angle) | FieldOfView::Vertical(angle) | FieldOfView::Shorter(angle)) = self.field_of_view;
+        let half = (angle / 2.0).tan();
+        if is_horizontal { Vec2::new(half, half / aspect) } else { Vec2::new(half * aspect, half) }
     }
 
     /// Unit vector to the right of the picture.

@@ -332,7 +332,7 @@ fn too_far(what: &str) -> SceneError {
     SceneError::new(Problem::NonFinite, format!("the position of {what} is no finite number")).help("give it a place near the geometry")
 }
 
-/// A camera outside the bounds that holds all of them, in a picture as high as wide or wider.
+/// A camera outside the bounds that holds all of them, in pictures of any shape.
 fn framing_camera(bounds: Bounds) -> Camera {
     /// How much of the picture's height and width the bounds may take.
     const FILLED: f32 = 0.9;
@@ -348,7 +348,7 @@ fn framing_camera(bounds: Bounds) -> Camera {
         eye: bounds.centre() - direction * distances.fold(0.0, f32::max),
         direction,
         up,
-        field_of_view: FieldOfView::Vertical(angle),
+        field_of_view: FieldOfView::Shorter(angle),
         size: None,
     }
 }

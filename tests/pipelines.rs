@@ -656,10 +656,10 @@ fn drawings_show_every_node_and_output() {
     insta::assert_snapshot!("graph_dot", export(&pipeline, Format::Dot));
     insta::assert_snapshot!("graph_mermaid", export(&pipeline, Format::Mermaid));
     let svg = export(&pipeline, Format::Svg);
-    for name in ["surfaces: Surfaces", "fill: Fill, Batched(at_most: 8) until seek.none", ">picture<"] {
+    for name in [">surfaces<", ">Surfaces<", ">fill<", ">Fill, Batched(at_most: 8)<", ">until seek.none<", ">picture<"] {
         assert!(svg.contains(name), "{name}");
     }
-    assert_eq!(svg.matches("<path d=\"M").count(), 1 + 7, "the arrow's head and one line an edge");
+    assert_eq!(svg.matches("<path fill=").count(), 7, "an arrow's head an edge");
 }
 
 // Pipelines that ship.

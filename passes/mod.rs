@@ -5,6 +5,7 @@ use crate::contract::Registry;
 pub mod add_records;
 pub mod combine;
 pub mod compensation;
+pub mod contribution;
 pub mod direct_light;
 pub mod environment_light;
 pub mod find_misses;

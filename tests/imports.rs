@@ -18,8 +18,8 @@ const MAY_NAME: [(&str, &[&str]); 10] = [
 ];
 
 /// Where files may be read and threads be started; everything else has to run in a browser too. Shaders are built, tiles of rays
-/// cast, summed and projected, records added and splatted, misses looked for, skies turned, blocks of files compressed side by side, where rayon has
-/// threads to do it.
+/// cast, summed and projected, records added and splatted, their gaps closed, misses looked for, skies turned, blocks of files compressed side by side,
+/// where rayon has threads to do it.
 const MAY_TOUCH_THE_SYSTEM: [&str; 13] = [
     "src/cli/",
     "src/scene/load",
@@ -32,7 +32,8 @@ const MAY_TOUCH_THE_SYSTEM: [&str; 13] = [
     "passes/environment_light/host.rs",
     "passes/find_misses/host_grid.rs",
     "passes/irradiance_sum/host.rs",
-    "passes/splat/bands.rs",
+    "passes/normalize/coarser.rs",
+    "passes/contribution/bands.rs",
     "passes/radiance_projection/host.rs",
 ];
 

@@ -913,7 +913,14 @@ fn random_steps(random: &mut Random, resources: usize, depth: usize) -> Vec<Step
     let step = |random: &mut Random| {
         if depth > 0 && random.below(4) == 0 {
             let steps = random_steps(random, resources, depth - 1);
-            return Step::Repeat(Repeat { name: "loop".into(), until: Some(Variable(0)), round: Variable(0), at_most: 3, steps });
+            return Step::Repeat(Repeat {
+                name: "loop".into(),
+                until: Some(Variable(0)),
+                round: Variable(0),
+                at_most: 3,
+                steps,
+                turn: Turn { at_least: 0, records: None, caches: 1 },
+            });
         }
         let commands = (0..random.below(3)).map(|_| Command::Clear(Resource(random.below(resources) as u32))).collect();
         Step::Node(Node { name: "node".into(), pass: "Pass", commands })

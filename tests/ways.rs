@@ -186,7 +186,14 @@ impl<'a> Graph<'a> {
         let until = *until;
         let round = self.variable("round");
         let steps = std::mem::take(&mut self.looped);
-        self.recording.steps.push(Step::Repeat(Repeat { name: "fill".into(), until: Some(until), round, at_most: 100_000, steps }));
+        self.recording.steps.push(Step::Repeat(Repeat {
+            name: "fill".into(),
+            until: Some(until),
+            round,
+            at_most: 100_000,
+            steps,
+            turn: Turn { at_least: 0, records: None, caches: 1 },
+        }));
         self.batch = None;
         Ok(())
     }

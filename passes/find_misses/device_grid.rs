@@ -31,7 +31,7 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, grid: Grid) {
         .bind("grid", round)
         .bind("position", work.gbuffer.position)
         .bind("normal", work.gbuffer.normal)
-        .bind("sums", work.splats.sums)
+        .bind("sums", work.sums)
         .bind("candidates", candidates)
         .bind("counts", counts)
         .bind("requests", work.requests.places)

@@ -14,7 +14,7 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, grid: Grid) {
     let asked = r.state("asked");
     grid.record_start(r, None);
     let work = *work;
-    let (gbuffer, sums, places) = (work.gbuffer, work.splats.sums, work.requests.places);
+    let (gbuffer, sums, places) = (work.gbuffer, work.sums, work.requests.places);
     let reads = [Read::whole(gbuffer.position), Read::whole(gbuffer.normal), Read::whole(sums)];
     r.host("search", &reads, &[places], move |host| {
         let before = host.state(asked).take().and_then(|pixels| pixels.downcast::<Vec<u32>>().ok()).unwrap_or_default();

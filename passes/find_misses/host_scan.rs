@@ -3,6 +3,7 @@
 //! In a sequential fill each record is sampled and splatted on the host's copy of the weights before the walk goes on;
 //! the splat sums are read back as the walk begins, and once more as it ends, for what host and device round differently.
 //! In batches the sums are read back every round, and a round's records stand some pixels apart.
+//! In a frame of limited time the walk does not go row by row but from pixels far apart to those between them: wherever it ends, all of the picture is served.
 
 use super::{Work, request};
 use crate::contract::Recorder;
@@ -23,7 +24,9 @@ struct Walk {
     normal: Vec<Vec4>,
     /// Σ w; −1 where no surface is seen.
     weights: Vec<f32>,
-    /// The pixel that the walk goes on from.
+    /// The pixels in another order than row by row.
+    order: Option<Vec<u32>>,
+    /// Place in the order that the walk goes on from.
     next: usize,
     /// Pixels that the round before made records for.
     asked: Vec<usize>,
@@ -48,13 +51,13 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, spacing: u32) {
         run: Arc::new(move |host| {
             let vectors = |texels: Vec<[f32; 4]>| texels.into_iter().map(Vec4::from).collect();
             let (position, normal) = (vectors(texels(host, gbuffer.position)), vectors(texels(host, gbuffer.normal)));
-            *host.state(walk) =
-                Some(Box::new(Walk { width: width as usize, position, normal, weights: Vec::new(), next: 0, asked: Vec::new(), spacing, overlap }));
+            let walk_from = Walk { width: width as usize, position, normal, weights: Vec::new(), order: None, next: 0, asked: Vec::new(), spacing, overlap };
+            *host.state(walk) = Some(Box::new(walk_from));
             host.set(look, 1);
             Ok(())
         }),
     }));
-    let cache = work.splats.cache;
+    let cache = work.cache;
     r.host("look", &[], &[], move |host| {
         if host.variable(look) > 0 {
             host.set(seen, host.variable(cache.count));
@@ -62,7 +65,7 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, spacing: u32) {
         Ok(())
     });
     let weights = r.buffer("weights", pixels as u64 * 4);
-    let program = Program::new("find_misses/host_scan").bind("position", gbuffer.position).bind("sums", work.splats.sums).bind("weights", weights);
+    let program = Program::new("find_misses/host_scan").bind("position", gbuffer.position).bind("sums", work.sums).bind("weights", weights);
     r.compute(program, "look", Groups::Counted { count: look, divisor: 1, per: pixels.div_ceil(64) });
     let fresh = Fresh::record(r, &cache, seen, work.requests.capacity);
     let (work, requests) = (*work, work.requests);
@@ -72,6 +75,9 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, spacing: u32) {
         let (records, camera) = (fresh.records(host), pinhole(host));
         let walked = host.state(walk).take().and_then(|state| state.downcast::<Walk>().ok());
         let mut surfaces = walked.ok_or("the surfaces were not read before the walk")?;
+        if host.is_timed() && surfaces.order.is_none() {
+            surfaces.order = Some(from_far_apart([width, height]));
+        }
         if looked {
             (surfaces.weights, surfaces.next) = (device_weights, 0);
         }
@@ -95,6 +101,26 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, spacing: u32) {
     });
 }
 
+/// Distance of the pixels that come first of those from far apart, a power of two: there are 64 to 256 of them in a square picture.
+pub(super) fn widest_spacing([width, height]: [u32; 2]) -> usize {
+    1 << (width.max(height) / 8).max(1).ilog2()
+}
+
+/// All pixels: those of a wide grid, those that halve its spacing, and so on.
+fn from_far_apart([width, height]: [u32; 2]) -> Vec<u32> {
+    let widest = widest_spacing([width, height]);
+    let mut order = Vec::with_capacity((width * height) as usize);
+    let mut spacing = widest;
+    while spacing > 0 {
+        for row in (0..height).step_by(spacing) {
+            let is_new = |column: &u32| spacing == widest || !row.is_multiple_of(2 * spacing as u32) || !column.is_multiple_of(2 * spacing as u32);
+            order.extend((0..width).step_by(spacing).filter(is_new).map(|column| row * width + column));
+        }
+        spacing /= 2;
+    }
+    order
+}
+
 impl Walk {
     /// Adds a record's weight to the pixels that it covers.
     fn splat(&mut self, record: &Record, rule: &Rule, camera: &Pinhole) {
@@ -113,18 +139,23 @@ impl Walk {
         (0.0..=self.overlap).contains(&self.weights[pixel])
     }
 
-    /// The next pixel in scan order that misses a record. The walk goes on behind it: another record there would cover no more.
-    fn first_miss(&mut self) -> Option<usize> {
-        let found = (self.next..self.weights.len()).find(|pixel| self.misses_at(*pixel));
-        self.next = found.map_or(self.weights.len(), |pixel| pixel + 1);
-        found
+    /// The pixel at a place in the order.
+    fn pixel_at(&self, place: usize) -> usize {
+        self.order.as_ref().map_or(place, |order| order[place] as usize)
     }
 
-    /// Misses in scan order, `room` at most, that stand apart; closer next time when these did not fill the room.
+    /// The next pixel of the order that misses a record. The walk goes on behind it: another record there would cover no more.
+    fn first_miss(&mut self) -> Option<usize> {
+        let found = (self.next..self.weights.len()).find(|place| self.misses_at(self.pixel_at(*place)));
+        self.next = found.map_or(self.weights.len(), |place| place + 1);
+        found.map(|place| self.pixel_at(place))
+    }
+
+    /// Misses in their order, `room` at most, that stand apart; closer next time when these did not fill the room.
     fn misses(&mut self, room: usize) -> Vec<usize> {
         let mut found = Vec::new();
         let mut taken = vec![false; self.weights.len()];
-        for pixel in 0..self.weights.len() {
+        for pixel in (0..self.weights.len()).map(|place| self.pixel_at(place)) {
             if found.len() == room {
                 return found;
             }
@@ -137,13 +168,14 @@ impl Walk {
         found
     }
 
-    /// Marks the pixels after `pixel` in scan order that are too close to it.
+    /// Marks the pixels that are too close to this one; above it, row by row, the walk has been already.
     fn take(&self, taken: &mut [bool], pixel: usize) {
         let spacing = self.spacing as usize;
         let (row, column) = (pixel / self.width, pixel % self.width);
-        for below in row..(row + spacing).min(taken.len() / self.width) {
+        let above = if self.order.is_some() { row.saturating_sub(spacing - 1) } else { row };
+        for row in above..(row + spacing).min(taken.len() / self.width) {
             let columns = column.saturating_sub(spacing - 1)..(column + spacing).min(self.width);
-            taken[below * self.width..][columns].fill(true);
+            taken[row * self.width..][columns].fill(true);
         }
     }
 

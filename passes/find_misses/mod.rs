@@ -87,7 +87,9 @@ const STALLED_ROUNDS: u32 = 64;
 #[derive(Clone, Copy)]
 struct Work {
     gbuffer: port::GBuffer,
-    splats: port::Splats,
+    /// Σ w as the fourth channel.
+    sums: Resource,
+    cache: port::RecordCache,
     requests: port::Requests,
     none: Variable,
     /// Rounds in a row that covered no pixel of those that they made records for.
@@ -100,7 +102,7 @@ impl Work {
     /// How many more records there may be: this frame's limit, the cache, the time given to the frame and what the round before has brought
     /// set bounds. Of the pixels that asked for a record then, `uncovered` miss one still. Without room the loop must end.
     fn room(&self, host: &mut dyn HostContext, uncovered: u32) -> u32 {
-        let cache = self.splats.cache;
+        let cache = self.cache;
         let unasked = self.requests.at_most.saturating_sub(host.variable(self.requests.made));
         let free = cache.capacity.saturating_sub(host.variable(cache.count));
         self.count_stalled(host, uncovered);
@@ -129,7 +131,7 @@ impl Pass for FindMisses {
     }
 
     fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
-        let (Some(gbuffer), Some(splats)) = (r.g_buffer("gbuffer").copied(), r.splats("splats").copied()) else { return Ok(()) };
+        let (Some(gbuffer), Some(splats)) = (r.g_buffer("gbuffer").copied(), r.splats("splats")) else { return Ok(()) };
         let capacity = r.batch.unwrap_or(1);
         let limit = match r.arguments.integer("at_most") {
             0 => u32::MAX,
@@ -141,8 +143,13 @@ impl Pass for FindMisses {
         };
         let places = r.buffer("requests", u64::from(capacity) * REQUEST_BYTES);
         let requests = port::Requests { places, count: r.variable("count", false), capacity, made, at_most };
-        let work =
-            Work { gbuffer, splats, requests, none: r.variable("none", false), stalled: r.variable("stalled", false), overlap: splats.cache.rule.overlap };
+        let (sums, cache) = (splats.sums, splats.cache);
+        let [none, stalled] = ["none", "stalled"].map(|name| r.variable(name, false));
+        let work = Work { gbuffer, sums, cache, requests, none, stalled, overlap: cache.rule.overlap };
+        // A loop that goes on where another has ended may be left out.
+        if r.requests("after").is_none() {
+            r.run_at_least(first_cells(r).div_ceil(capacity));
+        }
         match r.arguments.choice("by") {
             ("HostScan", arguments) => host_scan::record(r, &work, arguments.integer("spacing") as u32),
             (by, arguments) => {
@@ -163,6 +170,15 @@ impl Pass for FindMisses {
         r.output("none", Port::Flag(work.none));
         Ok(())
     }
+}
+
+/// Cells that are served whatever the time: those that the first round of a search looks at, spread over the whole picture.
+fn first_cells(r: &Recorder<'_>) -> u32 {
+    let edge = match r.arguments.choice("by") {
+        ("HostScan", _) => host_scan::widest_spacing(r.setting.size) as u32,
+        (_, arguments) => 2 * arguments.integer("coarsest") as u32,
+    };
+    r.setting.size.map(|pixels| pixels.div_ceil(edge)).iter().product()
 }
 
 /// The request of a pixel that sees `place`, whose fourth component is the pixel's width there, and faces there like `facing`: as `ask` of

@@ -1,18 +1,14 @@
-//! Irradiance added to the pixels on the host, eight neighbours side by side.
+//! Irradiance added to the pixels on the host.
 
-use super::{
-    Work,
-    bands::{self, Band, Contribution},
-};
+use super::Work;
 use crate::contract::Recorder;
 use crate::math::projection::PixelRectangle;
-use crate::math::vectors::{LANES, Vectors, apart, together};
 use crate::math::weight::{Reaching, Record};
+use crate::passes::contribution::{bands, irradiance::Seen};
 use crate::passes::record::{RECORD_BYTES, Record as HostRecord, pinhole};
 use crate::recording::*;
-use fearless_simd::{Simd, prelude::*};
 use glam::Vec4;
-use std::{ops::Range, sync::Arc};
+use std::sync::Arc;
 
 pub(super) fn record(r: &mut Recorder<'_>, work: &Work) {
     let images: Vec<Resource> = [Some(work.sums), work.counts].into_iter().flatten().collect();
@@ -48,32 +44,4 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work) {
         Ok(())
     };
     r.command(Command::Host(Host { name: "splat", reads, writes: images, run: Arc::new(splat) }));
-}
-
-/// What pixels see.
-struct Seen<'a> {
-    positions: &'a [Vec4],
-    normals: &'a [Vec4],
-}
-
-impl<'a> Contribution for Seen<'a> {
-    type Record = Reaching<'a>;
-
-    #[inline(always)]
-    fn add<S: Simd>(&self, simd: S, record: &Reaching<'a>, pixels: Range<usize>, band: &mut Band<'_>) {
-        for from in pixels.clone().step_by(LANES) {
-            let lanes = (pixels.end - from).min(LANES);
-            let [x, y, z, is_there] = apart(simd, self.positions, from);
-            let [a, b, c, _] = apart(simd, self.normals, from);
-            let (position, normal) = (Vectors { x, y, z }, Vectors { x: a, y: b, z: c });
-            let weight = record.weights(simd, position, normal);
-            let which = (weight.simd_gt(0.0) & is_there.simd_gt(0.0)).to_bitmask();
-            if which & ((1 << lanes) - 1) == 0 {
-                continue;
-            }
-            let light = record.estimates(simd, position, normal).scaled(weight);
-            let added = together(simd, [light.x, light.y, light.z, weight]);
-            (0..lanes).filter(|lane| which & 1 << lane != 0).for_each(|lane| band.add(from + lane, added[lane]));
-        }
-    }
 }

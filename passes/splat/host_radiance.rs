@@ -1,45 +1,21 @@
 //! Radiance that lobes reflect, added to the pixels on the host: where the device is a driver on the same cores, its loads from places that
 //! differ between lanes take longer than the sums themselves.
 
-use super::{
-    Radiance, Work,
-    bands::{self, Band, Contribution},
-};
+use super::{Radiance, Work};
 use crate::contract::{Recorder, Refusal, port};
-use crate::math::{
-    harmonics::{Tilting, reflection::LobeTable},
-    projection::PixelRectangle,
-    radiance::{Viewed, reflected, reflected_rotated},
-    weight::Record,
+use crate::math::{harmonics::Tilting, projection::PixelRectangle, weight::Record};
+use crate::passes::contribution::{
+    bands,
+    radiance::{Placed, Reflection, fours},
 };
-use crate::passes::record::{RECORD_BYTES, Record as HostRecord, pinhole, texels};
+use crate::passes::record::{RECORD_BYTES, Record as HostRecord, pinhole};
 use crate::recording::*;
-use fearless_simd::Simd;
-use glam::{Vec3, Vec4};
-use half::f16;
-use std::{ops::Range, sync::Arc};
+use bytemuck::cast_slice;
+use glam::Vec4;
+use std::sync::Arc;
 
 /// Steps of tables of matrices.
 const STEPS: usize = 64;
-
-/// What lobes reflect of records.
-struct Reflection<'a> {
-    /// What pixels see.
-    position: Vec<[f32; 4]>,
-    normal: Vec<[f32; 4]>,
-    seen: Vec<[f32; 4]>,
-    eye: Vec3,
-    cache: &'a port::RecordCache,
-    lobes: &'a [LobeTable],
-    /// None where the viewer is moved in place of it.
-    tilting: Option<&'a Tilting>,
-}
-
-/// A record that covers some of the picture.
-struct Placed<'a> {
-    record: &'a Record,
-    planes: &'a [Vec4],
-}
 
 pub(super) fn record(r: &mut Recorder<'_>, work: &Work, radiance: &Radiance) -> Result<(), Refusal> {
     let width = r.setting.size[0];
@@ -61,20 +37,22 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, radiance: &Radiance) -> 
         let values = fours(host.read(coefficients.values), coefficients.precision, &records);
         let camera = pinhole(host);
         let reflection = Reflection {
-            position: texels(host, gbuffer.position),
-            normal: texels(host, gbuffer.normal),
-            seen: texels(host, seen),
+            positions: cast_slice(host.read(gbuffer.position)),
+            normals: cast_slice(host.read(gbuffer.normal)),
+            seen: cast_slice(host.read(seen)),
             eye: camera.eye,
-            cache: &cache,
             lobes: &lobes,
             tilting: tilting.as_ref(),
         };
         let placed: Vec<(PixelRectangle, Placed)> = records
             .iter()
             .zip(values.chunks_exact(port::Coefficients::fours(coefficients.order) as usize))
-            .filter_map(|(record, planes)| Some((camera.bounds(record.position, cache.rule.longest_reach(record) * 1.0001)?, Placed { record, planes })))
+            .filter_map(|(record, planes)| {
+                let bounds = camera.bounds(record.position, cache.rule.longest_reach(record) * 1.0001)?;
+                Some((bounds, Placed { record: cache.rule.reaching(record), planes }))
+            })
             .collect();
-        let mut images = vec![vec![Vec4::ZERO; reflection.position.len()]; written.len()];
+        let mut images = vec![vec![Vec4::ZERO; reflection.positions.len()]; written.len()];
         bands::add(width, &placed, &mut images, &reflection);
         for (image, contents) in written.iter().zip(images) {
             host.put(*image, contents, u64::MAX);
@@ -83,63 +61,4 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, radiance: &Radiance) -> 
     };
     r.command(Command::Host(Host { name: "reflect", reads, writes: images, run: Arc::new(splat) }));
     Ok(())
-}
-
-/// Coefficients as they are computed with.
-fn fours(bytes: &[u8], precision: port::Precision, records: &[Record]) -> Vec<Vec4> {
-    if precision == port::Precision::Single {
-        return bytemuck::pod_collect_to_vec(bytes);
-    }
-    let halves: Vec<[f16; 4]> = bytemuck::pod_collect_to_vec(bytes);
-    let each = halves.len() / records.len().max(1);
-    let multiples = halves.chunks_exact(each.max(1)).zip(records).flat_map(|(halves, record)| {
-        let [light, change] = record.half_units();
-        // A third of them are expansions, the rest derivatives.
-        halves.iter().zip(0..).map(move |(four, at)| Vec4::from(four.map(f16::to_f32)) * if 3 * at < each { light } else { change })
-    });
-    multiples.collect()
-}
-
-impl<'a> Contribution for Reflection<'a> {
-    type Record = Placed<'a>;
-
-    #[inline(always)]
-    fn add<S: Simd>(&self, _simd: S, record: &Placed<'a>, pixels: Range<usize>, band: &mut Band<'_>) {
-        for pixel in pixels {
-            if let Some(added) = self.contribution(record, pixel) {
-                band.add(pixel, added);
-            }
-        }
-    }
-}
-
-impl Reflection<'_> {
-    /// Weighted radiance and weight of a record at a pixel, if it counts there.
-    fn contribution(&self, placed: &Placed<'_>, pixel: usize) -> Option<Vec4> {
-        let [x, y, z, footprint] = self.position[pixel];
-        if footprint <= 0.0 {
-            return None;
-        }
-        let [a, b, c, _] = self.normal[pixel];
-        let (position, normal) = (Vec3::new(x, y, z), Vec3::new(a, b, c));
-        let weight = self.cache.rule.weight(placed.record, position, normal);
-        if weight <= 0.0 {
-            return None;
-        }
-        let [red, green, blue, table] = self.seen[pixel];
-        let viewed = Viewed {
-            toward: (self.eye - position).normalize_or(normal),
-            normal,
-            record_normal: placed.record.normal,
-            offset: self.cache.rule.step(placed.record, position),
-            reflectance: Vec3::new(red, green, blue),
-            azimuth: table.fract(),
-        };
-        let table = &self.lobes[table as usize];
-        let radiance = match self.tilting {
-            Some(tilting) => reflected_rotated(placed.planes, table, tilting, &viewed),
-            None => reflected(placed.planes, table, &viewed),
-        };
-        Some(radiance.extend(1.0) * weight)
-    }
 }

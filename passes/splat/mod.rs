@@ -4,7 +4,6 @@ use crate::contract::{Choice, Description, Input, Output, Parameter, ParameterKi
 use crate::math::harmonics::{Method, reflection::quads};
 use crate::recording::*;
 
-mod bands;
 mod compute_tiles;
 mod host;
 mod host_radiance;
@@ -152,7 +151,6 @@ impl Pass for Splat {
         let counts = r.arguments.bool("count").then(|| r.image("counts", Format::Rgba32Float));
         let first = r.variable("splatted", false);
         let radiance = radiance(r, &cache)?;
-        let of_radiance = radiance.is_some();
         let work = Work { gbuffer, cache, sums, counts, first, radiance };
         match (r.arguments.choice("by").0, &work.radiance) {
             ("Suited", Some(radiance)) if r.setting.device == Device::Software => {
@@ -181,7 +179,8 @@ impl Pass for Splat {
                 Ok(())
             });
         }
-        r.output("sums", Port::Splats(port::Splats { sums, counts, of_radiance, cache }));
+        let lobes = work.radiance.map(|radiance| radiance.visible);
+        r.output("sums", Port::Splats(port::Splats { sums, counts, lobes, cache }));
         Ok(())
     }
 }

@@ -27,7 +27,7 @@ pub fn warnings(comparison: &Comparison) -> Vec<String> {
     let mut warnings: Vec<String> = comparison.approximated().iter().map(|what| format!("note: {what}")).collect();
     for variant in &comparison.variants {
         if !variant.complete {
-            let gap = Gap::of(variant.uncovered_pixels, &variant.unfinished);
+            let gap = Gap::of(variant.uncovered_pixels, None, &variant.unfinished);
             warnings.push(format!("warning: {} {}: {}; its times are those of unfinished pictures", variant.id, variant.name, gap.what));
         }
         if !variant.pictures_repeat {

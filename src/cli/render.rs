@@ -46,7 +46,7 @@ pub struct Options {
     /// Fail, with status 1, when a pixel of a frame is left without a record; its picture is written all the same. Refuse, with status 2, to take glossy materials as diffuse
     #[arg(long)]
     strict: bool,
-    /// After so many seconds of a frame its loops end with the round that they are in, and the picture is made of what is there
+    /// Keep each frame within this time; pixels that no record has been made for by then are interpolated from farther ones
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     time: Option<Duration>,
     #[command(flatten)]
@@ -205,18 +205,15 @@ impl<'o> Film<'o> {
     /// The frame's numbers and layers, all of them finite.
     fn draw(&self, frame: &Frame, run: &mut Run<'_>) -> Result<(FrameReport, Layers), RunError> {
         let start = Instant::now();
-        let time_is_up = || self.options.time.is_some_and(|time| start.elapsed() >= time);
         let progress = Progress::open_ended(self.console, &format!("frame {}", frame.number));
         let rounds = Cell::new(0);
         let pace = || {
             progress.tell(|| format!("round {}", rounds.get()));
             rounds.set(rounds.get() + 1);
-            if interrupt::requested() {
-                Pace::Stop
-            } else if time_is_up() {
-                Pace::Finish
-            } else {
-                Pace::GoOn
+            match self.options.time {
+                _ if interrupt::requested() => Pace::Stop,
+                Some(time) => Pace::Within(time.saturating_sub(start.elapsed())),
+                None => Pace::GoOn,
             }
         };
         Ok((run.frame(&pace)?, run.picture()?))
@@ -226,7 +223,8 @@ impl<'o> Film<'o> {
         if report.complete {
             return;
         }
-        let Gap { what, help } = Gap::of(report.uncovered_pixels, &report.unfinished);
+        let coarse = report.coarse_pixels.zip(report.coarsest);
+        let Gap { what, help } = Gap::of(report.uncovered_pixels, coarse, &report.unfinished);
         let gap = CommandError::Incomplete { frame: frame.number, what, help };
         if !self.options.strict {
             self.console.report(&gap);
@@ -333,7 +331,8 @@ fn text(options: &Options, frame: u32, report: &FrameReport) -> String {
         ("rounds", report.fill_rounds),
         ("uncovered pixels", report.uncovered_pixels),
     ];
-    for (name, number) in numbers {
+    let coarse = report.coarse_pixels.filter(|pixels| *pixels > 0);
+    for (name, number) in numbers.into_iter().chain([("coarse pixels", coarse)]) {
         if let Some(number) = number {
             text += &format!(", {number} {name}");
         }

@@ -94,14 +94,14 @@ impl Port {
             Self::ShadowMaps(p) => vec![p.depth],
             Self::DirectLight(p) => vec![p.radiance],
             Self::Image(p) => vec![p.texture],
-            Self::Splats(p) => [p.sums, p.cache.records].into_iter().chain(p.counts).collect(),
+            Self::Splats(p) => [p.sums, p.cache.records].into_iter().chain(p.counts).chain(p.lobes.iter().flat_map(VisibleLobes::resources)).collect(),
             Self::Requests(p) => vec![p.places],
             Self::Tiles(p) => vec![p.samples, p.requests.places],
             Self::WeightedTiles(p) => vec![p.tiles.samples, p.tiles.requests.places],
             Self::Records(p) => [p.records].into_iter().chain(p.coefficients.map(|c| c.values)).collect(),
             Self::RecordCache(p) => [p.records].into_iter().chain(p.coefficients.map(|c| c.values)).collect(),
             Self::Lobes(p) => vec![p.values],
-            Self::VisibleLobes(p) => vec![p.seen, p.lobes.values],
+            Self::VisibleLobes(p) => p.resources().to_vec(),
             Self::Flag(_) => Vec::new(),
         }
     }
@@ -117,6 +117,7 @@ impl Port {
             Self::Splats(p) => {
                 replace(&mut p.sums, memory);
                 p.counts.iter_mut().for_each(|r| replace(r, memory));
+                p.lobes.iter_mut().for_each(|lobes| lobes.over(memory));
                 p.cache.over(memory);
             }
             Self::Requests(p) => p.over(memory),
@@ -129,10 +130,7 @@ impl Port {
             }
             Self::RecordCache(p) => p.over(memory),
             Self::Lobes(p) => p.over(memory),
-            Self::VisibleLobes(p) => {
-                replace(&mut p.seen, memory);
-                p.lobes.over(memory);
-            }
+            Self::VisibleLobes(p) => p.over(memory),
             Self::Flag(variable) => *variable = memory.variable(*variable),
         }
         port
@@ -205,14 +203,14 @@ pub enum Channels {
 }
 
 /// Weighted sums over the records that count at each pixel.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Splats {
     /// RGBA32F: Σ w E_k(p) per channel, Σ w.
     pub sums: Resource,
     /// Number of records that count, as f32 in the first channel; absent unless asked for.
     pub counts: Option<Resource>,
-    /// Whether the sums are of radiance toward the camera in place of irradiance.
-    pub of_radiance: bool,
+    /// The lobes that turn records into radiance toward the camera, which the sums are of then in place of irradiance.
+    pub lobes: Option<VisibleLobes>,
     pub cache: RecordCache,
 }
 
@@ -375,6 +373,17 @@ impl Lobes {
         replace(&mut self.values, memory);
         replace(&mut self.places, memory);
         replace(&mut self.of_material, memory);
+    }
+}
+
+impl VisibleLobes {
+    fn resources(&self) -> [Resource; 2] {
+        [self.seen, self.lobes.values]
+    }
+
+    fn over(&mut self, memory: &mut dyn Memory) {
+        replace(&mut self.seen, memory);
+        self.lobes.over(memory);
     }
 }
 

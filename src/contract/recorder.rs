@@ -79,6 +79,8 @@ pub struct Recorded {
     pub reports: Vec<(&'static str, Reported)>,
     /// Histories that `--cache` saves and loads.
     pub persistent: Vec<Persistent>,
+    /// Rounds that the loop must run whatever the time.
+    pub at_least: u32,
 }
 
 /// Where a number of the report stands after a frame.
@@ -203,6 +205,11 @@ impl<'a> Recorder<'a> {
     /// A command for each time that the innermost loop which holds this node starts.
     pub fn before_loop(&mut self, command: Command) {
         self.recorded.prologue.push(command);
+    }
+
+    /// Makes the innermost loop that holds the node run so many rounds, even if no time is left for them.
+    pub fn run_at_least(&mut self, rounds: u32) {
+        self.recorded.at_least = rounds;
     }
 
     pub fn clear(&mut self, resource: Resource) {

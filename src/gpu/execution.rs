@@ -1,5 +1,6 @@
 //! Runs a recording: allocates what it declares, builds every shader pipeline once, then executes frames.
 
+use super::clock::{Clock, Rounds};
 use super::copies::{Copies, HostCopy};
 use super::device::{Gpu, GpuError};
 use super::programs::{Ready, layer_views};
@@ -11,7 +12,7 @@ use glam::Vec4;
 use serde::Serialize;
 use std::any::Any;
 use std::collections::{HashMap, HashSet};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// A recording made ready on a device. History resources live as long as the session.
 pub struct Session<'a> {
@@ -36,8 +37,11 @@ pub struct Session<'a> {
     nodes: Vec<NodeTimes>,
     camera: (Camera, [u32; 2]),
     frames: u32,
-    /// Whether the frame's loops must end with the round that they are in.
-    time_is_up: bool,
+    clock: Clock,
+    /// Whether the time of the frame is limited.
+    is_timed: bool,
+    /// Whether a loop of the frame has ended early, as its time was up.
+    is_cut: bool,
     /// Whether the innermost loop ends with the round that it is in.
     is_last_round: bool,
     /// Why loops end that have work left, by the variables that end them.
@@ -127,7 +131,9 @@ impl<'a> Session<'a> {
             nodes: Vec::new(),
             camera: (camera.clone(), size),
             frames: 0,
-            time_is_up: false,
+            clock: Clock::new(),
+            is_timed: false,
+            is_cut: false,
             is_last_round: false,
             cut_short: HashMap::new(),
             gpu_bytes: 0,
@@ -229,8 +235,8 @@ impl<'a> Session<'a> {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Pace {
     GoOn,
-    /// Loops end with the round that starts now, what comes after them is done: time is up.
-    Finish,
+    /// So much time is left to the frame: its loops end in time for what comes after them.
+    Within(Duration),
     /// The frame is given up.
     Stop,
 }
@@ -336,7 +342,8 @@ impl<'a> Session<'a> {
                 *variable = 0;
             }
         }
-        (self.time_is_up, self.is_last_round) = (false, false);
+        (self.clock, self.is_timed) = (Clock::new(), false);
+        (self.is_cut, self.is_last_round) = (false, false);
         self.latest.clone_from(&self.variables);
         self.lists.clear();
         self.states.clear();
@@ -382,7 +389,7 @@ impl<'a> Session<'a> {
 
     fn run_loop(&mut self, repeat: &Repeat, first: usize, pending: &mut Pending, frame: &mut Frame, pace: AskPace) -> Result<usize, GpuError> {
         let mut next = first;
-        let mut rounds = 0;
+        let (mut rounds, mut pacing) = (0, Rounds::default());
         let outer = self.is_last_round;
         let is_done = |session: &Self, rounds| repeat.until.map_or(rounds == repeat.at_most, |until| session.variable(until) != 0);
         if let Some(until) = repeat.until {
@@ -390,21 +397,25 @@ impl<'a> Session<'a> {
             self.cut_short.remove(&until);
         }
         while !is_done(self, rounds) && rounds < repeat.at_most {
-            match pace() {
-                Pace::GoOn => {}
-                Pace::Finish => self.time_is_up = true,
+            let is_over = match pace() {
+                Pace::GoOn => false,
+                Pace::Within(left) => {
+                    self.is_timed = true;
+                    pacing.are_over(&mut self.clock, left, &repeat.turn) && self.may_end(&repeat.turn, rounds)
+                }
                 Pace::Stop => return Err(GpuError::Interrupted),
-            }
+            };
+            self.is_cut |= is_over;
             self.set_variable(repeat.round, rounds);
             // A loop of so many rounds has nothing to leave for later ones; one with an end to reach must not.
-            self.is_last_round = self.time_is_up || (repeat.until.is_some() && rounds + 1 == repeat.at_most);
+            self.is_last_round = is_over || (repeat.until.is_some() && rounds + 1 == repeat.at_most);
             next = self.run(&repeat.steps, first, pending, frame, pace)?;
             rounds += 1;
-            if self.time_is_up {
+            if is_over {
                 break;
             }
         }
-        frame.unfinished.extend(self.shortfall(repeat, is_done(self, rounds)));
+        frame.unfinished.extend(self.shortfall(repeat, rounds, is_done(self, rounds)));
         self.is_last_round = outer;
         if repeat.until.is_some() {
             *frame.fill_rounds.get_or_insert(0) += rounds;
@@ -412,9 +423,14 @@ impl<'a> Session<'a> {
         Ok(next)
     }
 
-    /// Why a loop ended that was not done, or may not have been.
-    fn shortfall(&self, repeat: &Repeat, is_done: bool) -> Option<Unfinished> {
-        let bound = if self.time_is_up { Shortfall::Time } else { Shortfall::Rounds };
+    /// Whether a loop has made enough for the picture to be made of it, after so many rounds.
+    fn may_end(&self, turn: &Turn, rounds: u32) -> bool {
+        rounds >= turn.at_least && turn.records.is_none_or(|records| self.variable(records) > 0)
+    }
+
+    /// Why a loop ended that was not done after so many rounds, or may not have been.
+    fn shortfall(&self, repeat: &Repeat, rounds: u32, is_done: bool) -> Option<Unfinished> {
+        let bound = if rounds < repeat.at_most { Shortfall::Time } else { Shortfall::Rounds };
         let told = repeat.until.and_then(|until| self.cut_short.get(&until).copied());
         let because = told.or_else(|| (!is_done || self.is_last_round).then_some(bound))?;
         Some(Unfinished { name: repeat.name.clone(), because, is_certain: !is_done || because == Shortfall::NoProgress })
@@ -424,7 +440,10 @@ impl<'a> Session<'a> {
         self.nodes[index].runs += 1;
         let mut open = false;
         for (position, command) in node.commands.iter().enumerate() {
-            if let Command::Host(host) = command {
+            if matches!(command, Command::Late(_)) && !self.is_cut {
+                continue;
+            }
+            if let Command::Host(host) | Command::Late(host) = command {
                 self.end_timing(&mut open, pending)?;
                 let start = Instant::now();
                 self.run_host(host, node, pending)?;
@@ -613,9 +632,10 @@ impl<'a> Session<'a> {
         let mut copies = Vec::new();
         for read in &host.reads {
             let wanted = self.wanted_bytes(*read);
-            let is_shared = self.shared.contains(&read.resource);
+            let is_known = self.copies.get(read.resource).is_some_and(|copy| copy.known(wanted).is_some());
+            let is_shared = is_known || self.shared.contains(&read.resource);
             contents.insert(read.resource, Contents { bytes: wanted, own: (!is_shared).then(HostCopy::default) });
-            if self.copies.get(read.resource).is_none_or(|copy| copy.known(wanted).is_none()) && wanted > 0 {
+            if !is_known && wanted > 0 {
                 self.catch_up(read.resource, pending);
                 let staging = self.kept_staging(read.resource);
                 copies.push((*read, self.copy_out(pending, *read, &staging), staging));
@@ -891,6 +911,10 @@ impl HostContext for HostView<'_, '_> {
 
     fn is_last_round(&self) -> bool {
         self.session.is_last_round
+    }
+
+    fn is_timed(&self) -> bool {
+        self.session.is_timed
     }
 
     fn cut_short(&mut self, until: Variable, because: Shortfall) {

@@ -1,5 +1,6 @@
 //! Executing recordings on a device.
 
+mod clock;
 mod copies;
 pub mod device;
 pub mod execution;

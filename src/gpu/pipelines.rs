@@ -37,7 +37,7 @@ impl Pipelines {
             match command {
                 Command::Compute(compute) => _ = computes.insert(key_of_compute(compute), compute),
                 Command::Raster(raster) => _ = rasters.insert(key_of_raster(recording, raster), raster),
-                Command::Clear(_) | Command::Copy { .. } | Command::Unroll { .. } | Command::Host(_) => {}
+                Command::Clear(_) | Command::Copy { .. } | Command::Unroll { .. } | Command::Host(_) | Command::Late(_) => {}
             }
         }
         let modules = sources.into_par_iter().map(|source| Ok((source, module(gpu, source)?))).collect::<Result<Modules<'_>, GpuError>>()?;

@@ -41,7 +41,7 @@ impl Session<'_> {
     fn prepare(&self, command: &Command, pipelines: &Pipelines) -> Result<Ready, GpuError> {
         match command {
             Command::Clear(resource) => Ok(self.prepare_clear(*resource)),
-            Command::Copy { .. } | Command::Unroll { .. } | Command::Host(_) => Ok(Ready::Plain),
+            Command::Copy { .. } | Command::Unroll { .. } | Command::Host(_) | Command::Late(_) => Ok(Ready::Plain),
             Command::Compute(compute) => {
                 let built = pipelines.of_compute(compute);
                 Ok(Ready::Compute { pipeline: built.pipeline.clone(), groups: self.bind(&compute.program, built)? })

@@ -53,7 +53,7 @@ fn entries(command: &Command) -> Vec<(&Program, ShaderStage, &'static str)> {
             let fragment = raster.fragment.map(|entry| (&raster.program, ShaderStage::Fragment, entry));
             std::iter::once((&raster.program, ShaderStage::Vertex, raster.vertex)).chain(fragment).collect()
         }
-        Command::Clear(_) | Command::Copy { .. } | Command::Unroll { .. } | Command::Host(_) => Vec::new(),
+        Command::Clear(_) | Command::Copy { .. } | Command::Unroll { .. } | Command::Host(_) | Command::Late(_) => Vec::new(),
     }
 }
 

@@ -52,6 +52,11 @@ pub struct Record {
 }
 
 impl Record {
+    /// Its reach along the shorter axis over that along the longer one.
+    fn roundness(&self) -> f32 {
+        (1.0 - self.stretch.length_squared()).max(0.01).sqrt()
+    }
+
     /// What half floats of a record's expansions and of their derivatives count in, powers of two: no brightness and no unit of length leaves
     /// their range so [W/(m² sr), the same per scene unit].
     pub fn half_units(&self) -> [f32; 2] {
@@ -147,17 +152,12 @@ impl Rule {
 
     /// How far a record reaches along the longer axis [scene units].
     pub fn longest_reach(&self, record: &Record) -> f32 {
-        self.reach(record) / (1.0 - record.stretch.length_squared()).max(0.01).sqrt()
+        self.reach(record) / record.roundness()
     }
 
     /// What a record estimates at a point, see [`Reaching::estimate`].
     pub fn estimate(&self, record: &Record, position: Vec3, normal: Vec3) -> Vec3 {
         self.reaching(record).estimate(position, normal)
-    }
-
-    /// How far from the record toward a point its gradients are followed [scene units].
-    pub fn step(&self, record: &Record, position: Vec3) -> Vec3 {
-        self.reaching(record).step(position)
     }
 
     /// Weight of a record at a point, see [`Reaching::weight`].
@@ -166,21 +166,34 @@ impl Rule {
     }
 
     /// A record for many points.
-    pub fn reaching<'a>(&'a self, record: &'a Record) -> Reaching<'a> {
+    pub fn reaching<'a>(&self, record: &'a Record) -> Reaching<'a> {
         let reach = self.reach(record).max(LEAST_LENGTH);
-        Reaching { rule: self, record, reach, followed: (self.gradient_reach(record) / reach).min(1.0) }
+        let followed = (self.gradient_reach(record) / reach).min(1.0);
+        Reaching { record, reach, followed, weighting: self.weighting, accuracy: self.accuracy, front: FRONT_TOLERANCE }
+    }
+
+    /// A record by a coarser accuracy, `times` this one: all limits of its reach are so many times as far, normals may differ by so much more, and
+    /// it may stand so much farther in front. Its gradient is followed no farther, and its weight falls to 0 at the rim, whatever the weighting.
+    pub fn coarsely<'a>(&self, record: &'a Record, times: f32) -> Reaching<'a> {
+        let fine = self.reaching(record);
+        let reach = fine.reach * times;
+        let followed = (self.gradient_reach(record) / reach).min(1.0);
+        Reaching { record, reach, followed, weighting: Weighting::Compact, accuracy: fine.accuracy * times, front: fine.front * times }
     }
 }
 
 /// A record and how far it reaches.
 #[derive(Debug, Clone, Copy)]
 pub struct Reaching<'a> {
-    rule: &'a Rule,
     record: &'a Record,
     /// Along the shorter axis [scene units].
     reach: f32,
     /// The share of the way to a point along which gradients are followed.
     followed: f32,
+    weighting: Weighting,
+    accuracy: f32,
+    /// How far in front of a point the record may stand: see [`FRONT_TOLERANCE`].
+    front: f32,
 }
 
 impl Reaching<'_> {
@@ -197,26 +210,37 @@ impl Reaching<'_> {
         estimate.max(record.irradiance * EXTRAPOLATION[0]).min(record.irradiance * EXTRAPOLATION[1])
     }
 
+    /// How far from the record toward a point its gradients are followed [scene units].
     #[inline]
-    fn step(&self, position: Vec3) -> Vec3 {
+    pub fn step(&self, position: Vec3) -> Vec3 {
         (position - self.record.position) * self.followed
+    }
+
+    /// The record that reaches so far.
+    pub fn record(&self) -> &Record {
+        self.record
+    }
+
+    /// How far it reaches along the longer axis [scene units].
+    pub fn longest_reach(&self) -> f32 {
+        self.reach / self.record.roundness()
     }
 
     /// Weight of the record at a point; 0 where it does not count: out of reach, turned too far, or in front of the point.
     #[inline]
     pub fn weight(&self, position: Vec3, normal: Vec3) -> f32 {
-        let (record, accuracy) = (self.record, self.rule.accuracy);
+        let (record, accuracy) = (self.record, self.accuracy);
         let offset = position - record.position;
         let along = offset.dot(record.stretch);
         let apart = (offset.length_squared() - along * along).max(0.0).sqrt() / self.reach;
         let behind = offset.dot(normal + record.normal) * 0.5;
-        if apart > 1.0 || behind < -FRONT_TOLERANCE * offset.length() {
+        if apart > 1.0 || behind < -self.front * offset.length() {
             return 0.0;
         }
         // sqrt(1 − n·n_k) as |n − n_k|/√2: exactly 0 for equal normals, where the difference of 1 and a rounded
         // product has lost its digits or its sign.
         let turned = (normal - record.normal).length() * std::f32::consts::FRAC_1_SQRT_2;
-        match self.rule.weighting {
+        match self.weighting {
             Weighting::Ward => {
                 let error = apart * accuracy + turned;
                 if error <= accuracy { 1.0 / error.max(LEAST_ERROR) } else { 0.0 }
@@ -246,17 +270,17 @@ impl Reaching<'_> {
     /// [`Reaching::weight`] at eight points.
     #[inline(always)]
     pub fn weights<S: Simd>(&self, simd: S, positions: Vectors<S>, normals: Vectors<S>) -> f32x8<S> {
-        let (record, accuracy) = (self.record, self.rule.accuracy);
+        let (record, accuracy) = (self.record, self.accuracy);
         let zero = f32x8::splat(simd, 0.0);
         let normal = Vectors::splat(simd, record.normal);
         let offset = positions.minus(Vectors::splat(simd, record.position));
         let (along, square) = (offset.product(record.stretch), offset.dot(offset));
         let apart = (square - along * along).max(zero).sqrt() / self.reach;
         let behind = offset.dot(normals.plus(normal)) * 0.5;
-        let counts = apart.simd_le(1.0) & behind.simd_ge(square.sqrt() * -FRONT_TOLERANCE);
+        let counts = apart.simd_le(1.0) & behind.simd_ge(square.sqrt() * -self.front);
         let difference = normals.minus(normal);
         let turned = difference.dot(difference).sqrt() * std::f32::consts::FRAC_1_SQRT_2;
-        let weight = match self.rule.weighting {
+        let weight = match self.weighting {
             Weighting::Ward => {
                 let error = apart * accuracy + turned;
                 error.simd_le(accuracy).select(1.0 / error.max(LEAST_ERROR), zero)

@@ -14,10 +14,12 @@ pub struct Gap {
 }
 
 impl Gap {
-    /// Of pixels without a record and loops that ended before they were done.
-    pub fn of(uncovered_pixels: Option<u32>, unfinished: &[Unfinished]) -> Self {
+    /// Of pixels without a record, of those with the light of farther ones and how coarse it is, and of loops that ended before they were done.
+    pub fn of(uncovered_pixels: Option<u32>, coarse: Option<(u32, u32)>, unfinished: &[Unfinished]) -> Self {
         let pixels = match uncovered_pixels.unwrap_or(0) {
-            0 => None,
+            0 => coarse.filter(|(pixels, _)| *pixels > 0).map(|(pixels, times)| {
+                format!("{pixels} pixels are interpolated from farther records, with an accuracy of up to {times} times the stated one")
+            }),
             1 => Some("1 pixel sees a surface that no record covers".to_owned()),
             pixels => Some(format!("{pixels} pixels see a surface that no record covers")),
         };
@@ -44,14 +46,14 @@ mod tests {
 
     #[test]
     fn loops_that_ended_for_one_reason_share_a_sentence() {
-        let gap = Gap::of(Some(1), &[ended("a", Shortfall::CacheFull), ended("b", Shortfall::Time), ended("c", Shortfall::CacheFull)]);
+        let gap = Gap::of(Some(1), None, &[ended("a", Shortfall::CacheFull), ended("b", Shortfall::Time), ended("c", Shortfall::CacheFull)]);
         assert_eq!(gap.what, "1 pixel sees a surface that no record covers: `b` ended because the time was up; `a` and `c` ended because the cache is full");
         assert_eq!(gap.help.matches(';').count(), 1, "{}", gap.help);
-        assert_eq!(Gap::of(None, &[ended("a", Shortfall::Rounds)]).what, "`a` ended because it had no round left");
+        assert_eq!(Gap::of(None, None, &[ended("a", Shortfall::Rounds)]).what, "`a` ended because it had no round left");
     }
 
     #[test]
     fn a_gap_that_no_loop_explains_has_a_help() {
-        assert!(Gap::of(Some(2), &[]).help.contains("finest: 1"));
+        assert!(Gap::of(Some(2), None, &[]).help.contains("finest: 1"));
     }
 }

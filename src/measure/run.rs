@@ -33,9 +33,13 @@ pub struct FrameReport {
     pub surplus_records: Option<u32>,
     pub fill_rounds: Option<u32>,
     pub uncovered_pixels: Option<u32>,
+    /// Pixels that miss a record, as time was up, and have the light of farther ones.
+    pub coarse_pixels: Option<u32>,
+    /// How many times the stated accuracy the coarsest of them has; 0 where there is none.
+    pub coarsest: Option<u32>,
     pub non_finite_pixels: Option<u32>,
     pub passes: Vec<PassReport>,
-    /// Whether every loop came to its end and every pixel is covered.
+    /// Whether every loop came to its end and every pixel is covered at the stated accuracy.
     pub complete: bool,
     /// Loops that ended before they were done, and why.
     pub unfinished: Vec<Unfinished>,
@@ -239,8 +243,8 @@ fn most(numbers: &[Number<'_>], name: &str) -> Option<u32> {
 
 fn report(frame: Frame, numbers: &[Number<'_>]) -> FrameReport {
     let of_node = |node: &str| numbers.iter().filter(|number| number.node == node).map(|number| (number.name, number.value)).collect();
-    let uncovered_pixels = most(numbers, "uncovered_pixels");
-    let has_gap = uncovered_pixels.unwrap_or(0) > 0;
+    let [uncovered_pixels, coarse_pixels, coarsest] = ["uncovered_pixels", "coarse_pixels", "coarsest"].map(|name| most(numbers, name));
+    let has_gap = [uncovered_pixels, coarse_pixels].into_iter().flatten().any(|pixels| pixels > 0);
     let unfinished: Vec<Unfinished> = frame.unfinished.into_iter().filter(|ended| ended.is_certain || has_gap).collect();
     FrameReport {
         seconds: frame.seconds,
@@ -249,6 +253,8 @@ fn report(frame: Frame, numbers: &[Number<'_>]) -> FrameReport {
         surplus_records: total(numbers, "surplus_records"),
         fill_rounds: frame.fill_rounds,
         uncovered_pixels,
+        coarse_pixels,
+        coarsest,
         non_finite_pixels: most(numbers, "non_finite_pixels"),
         passes: frame
             .nodes

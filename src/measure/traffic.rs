@@ -58,6 +58,7 @@ fn of_command(recording: &Recording, command: &Command, tiles: f64) -> Result<Op
         }
         Command::Compute(compute) => Some(of_dispatch(recording, compute, tiles)?),
         Command::Host(host) => Some(of_host(host, &bytes)),
+        Command::Late(_) => Some(Traffic::default()),
         Command::Raster(_) => None,
     })
 }

@@ -234,6 +234,8 @@ struct Within {
 struct Level {
     prologue: Vec<Step>,
     steps: Vec<Step>,
+    /// Rounds that the level's loop must run whatever the time.
+    at_least: u32,
 }
 
 struct Planner<'a> {
@@ -258,6 +260,7 @@ impl<'a> Planner<'a> {
         planner.earlier = shapes.iter().map(|(key, shape)| (key.clone(), shape.declare(key, &mut planner.recording))).collect();
         let level = planner.record_level(&pipeline.nodes, Within::default());
         planner.recording.steps = level.prologue.into_iter().chain(level.steps).collect();
+        share_time(&mut planner.recording.steps, &mut Vec::new());
         let keep = planner.keep_earlier(|key| key.when == When::PreviousFrame);
         planner.recording.steps.extend(step("end of frame", "PreviousFrame", keep));
         planner
@@ -322,14 +325,23 @@ impl<'a> Planner<'a> {
         }
         let pass = kind.description().name;
         level.steps.extend(step(&node.name, pass, self.keep_earlier(is_mine)));
-        if let Some(repeat) = self.repeat(node, kind, level.steps) {
+        let turn = Turn { at_least: level.at_least, records: self.filled_cache(inner), caches: 1 };
+        if let Some(repeat) = self.repeat(node, kind, level.steps, turn) {
             steps.extend(step(&node.name, pass, start));
             steps.append(&mut level.prologue);
             steps.push(Step::Repeat(repeat));
         }
     }
 
-    fn repeat(&mut self, node: &Node, kind: Loop, steps: Vec<Step>) -> Option<Repeat> {
+    /// The number of records of the cache that these nodes add to.
+    fn filled_cache(&self, nodes: &[Node]) -> Option<Variable> {
+        nodes.iter().find_map(|node| match self.ports.get(&format!("{}.cache", node.name)) {
+            Some(Port::RecordCache(cache)) => Some(cache.count),
+            _ => None,
+        })
+    }
+
+    fn repeat(&mut self, node: &Node, kind: Loop, steps: Vec<Step>, turn: Turn) -> Option<Repeat> {
         let until = node.inputs.iter().find_map(|edge| match self.ports.get(&edge.from.to_string()) {
             Some(Port::Flag(variable)) => Some(*variable),
             _ => None,
@@ -349,7 +361,7 @@ impl<'a> Planner<'a> {
             0 => u32::try_from(pixels + IDLE_ROUNDS).unwrap_or(u32::MAX),
             rounds => u32::try_from(rounds).unwrap_or(u32::MAX),
         };
-        Some(Repeat { name: node.name.clone(), until, round, at_most, steps })
+        Some(Repeat { name: node.name.clone(), until, round, at_most, steps, turn })
     }
 
     fn record(&mut self, node: &Node, within: Within, level: &mut Level) {
@@ -380,6 +392,7 @@ impl<'a> Planner<'a> {
         let pass = node.description().name;
         prologue.extend(step(&node.name, pass, recorded.prologue));
         level.steps.extend(step(&node.name, pass, recorded.commands));
+        level.at_least = level.at_least.max(recorded.at_least);
         self.ports.extend(recorded.outputs.into_iter().map(|(output, port)| (format!("{}.{output}", node.name), port)));
         self.remarks.extend(recorded.remarks.into_iter().map(|remark| (node.name.clone(), remark)));
         self.reports.extend(recorded.reports.into_iter().map(|(name, from)| (node.name.clone(), name, from)));
@@ -508,6 +521,16 @@ fn provenance(node: &Node, members: &[Member<'_>], ports: &BTreeMap<String, Port
                 source.into_iter().for_each(|member| provenance(member.node, members, ports, made_by));
             }
         }
+    }
+}
+
+/// Tells each loop among how many caches the time that is left is shared out, from the last loop to the first; `later` are the caches after these steps.
+fn share_time(steps: &mut [Step], later: &mut Vec<Variable>) {
+    for step in steps.iter_mut().rev() {
+        let Step::Repeat(repeat) = step else { continue };
+        share_time(&mut repeat.steps, later);
+        later.extend(repeat.turn.records.filter(|cache| !later.contains(cache)));
+        repeat.turn.caches = later.len().max(1) as u32;
     }
 }
 

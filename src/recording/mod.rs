@@ -129,6 +129,18 @@ pub struct Repeat {
     pub round: Variable,
     pub at_most: u32,
     pub steps: Vec<Step>,
+    pub turn: Turn,
+}
+
+/// What a loop has of the time that is given to a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Turn {
+    /// Rounds that run whatever the time.
+    pub at_least: u32,
+    /// The number of records that the loop adds to: it runs on, whatever the time, while there is none.
+    pub records: Option<Variable>,
+    /// Among how many caches the time that is left is shared out: the one that the loop fills, and those of later loops.
+    pub caches: u32,
 }
 
 /// Why a loop ends although work is left.
@@ -165,6 +177,8 @@ pub enum Command {
     Compute(Compute),
     Raster(Raster),
     Host(Host),
+    /// Is run only where a loop has ended early, as the time of the frame was up.
+    Late(Host),
 }
 
 /// A shader entry point with its specialisation and bindings, by the names in its text.
@@ -313,6 +327,8 @@ pub trait HostContext {
     /// Whether the round is the last one of its loop: the time given to the frame is over, or the loop's bound is reached. What
     /// the round adds for a later one would be lost.
     fn is_last_round(&self) -> bool;
+    /// Whether the time of the frame is limited, known from the first round of a loop on.
+    fn is_timed(&self) -> bool;
     /// Tells why the step ends the loop that `until` ends although work is left.
     fn cut_short(&mut self, until: Variable, because: Shortfall);
     /// The camera of the frame and the picture's size.
@@ -349,7 +365,7 @@ impl Command {
         match self {
             Self::Compute(compute) => Some(&compute.program),
             Self::Raster(raster) => Some(&raster.program),
-            Self::Clear(_) | Self::Copy { .. } | Self::Unroll { .. } | Self::Host(_) => None,
+            Self::Clear(_) | Self::Copy { .. } | Self::Unroll { .. } | Self::Host(_) | Self::Late(_) => None,
         }
     }
 }
@@ -485,7 +501,7 @@ impl Command {
                 }
                 all
             }
-            Self::Host(host) => host.reads.iter().map(|r| r.resource).chain(host.writes.iter().copied()).collect(),
+            Self::Host(host) | Self::Late(host) => host.reads.iter().map(|r| r.resource).chain(host.writes.iter().copied()).collect(),
         }
     }
 }

@@ -1,6 +1,6 @@
 //! A recording as text: what `explain` shows and what tests compare.
 
-use super::{Command, Draws, Groups, Lifetime, Lifetimes, Placement, Recording, ResourceKind, Step};
+use super::{Command, Draws, Groups, Host, Lifetime, Lifetimes, Placement, Recording, ResourceKind, Step};
 use std::fmt::Write;
 
 impl Recording {
@@ -65,11 +65,14 @@ impl Recording {
                 let depth = r.depth.map(|d| format!(" and {} layer {}", self.resource(d.texture).name, d.layer)).unwrap_or_default();
                 format!("raster {}:{} to [{}]{depth}, {draws}", r.program.shader, r.vertex, targets.join(", "))
             }
-            Command::Host(h) => {
-                let reads: Vec<_> = h.reads.iter().map(|r| self.resource(r.resource).name.clone()).collect();
-                format!("host {} reads [{}]", h.name, reads.join(", "))
-            }
+            Command::Host(host) => self.host_to_text(host),
+            Command::Late(host) => format!("if time is up: {}", self.host_to_text(host)),
         }
+    }
+
+    fn host_to_text(&self, host: &Host) -> String {
+        let reads: Vec<_> = host.reads.iter().map(|r| self.resource(r.resource).name.clone()).collect();
+        format!("host {} reads [{}]", host.name, reads.join(", "))
     }
 
     fn groups_to_text(&self, groups: &Groups) -> String {

@@ -6,8 +6,11 @@
 use assert_cmd::Command;
 use hemisplat::{
     contract::recorder::Setting,
-    gpu::{Gpu, Pace, scene::byte_size},
-    measure::{Layers, run::Run},
+    gpu::{AskPace, Gpu, Pace, scene::byte_size},
+    measure::{
+        Layers,
+        run::{FrameReport, Run},
+    },
     passes::REGISTRY,
     pipeline,
     scene::{bvh::Bvh, load, needs::Needs},
@@ -15,8 +18,10 @@ use hemisplat::{
 use libtest_mimic::{Arguments, Failed, Trial};
 use serde_json::Value;
 use std::{
+    cell::Cell,
     env, fs, io,
     path::{Path, PathBuf},
+    time::Duration,
 };
 use tempfile::TempDir;
 
@@ -42,6 +47,10 @@ const CASES: &[(&str, Case)] = &[
     ("an_accuracy_changes_between_frames_and_records_stay", accuracy_per_frame),
     ("what_cannot_change_between_frames_is_refused", refused_per_frame),
     ("a_frame_ends_when_its_time_is_up", time_is_up),
+    ("a_frame_without_time_has_irradiance_everywhere", || no_time("irradiance", "cornell", "irradiance", 0.5)),
+    ("a_frame_without_time_has_reflections_everywhere", || no_time("radiance", "cornell-glossy", "glossy", 0.8)),
+    ("every_way_of_filling_covers_the_picture_without_time", ways_without_time),
+    ("an_error_shrinks_as_rounds_are_added", rounds_in_time),
     ("a_full_cache_ends_the_fill", full_cache),
     ("each_end_of_a_fill_with_work_left_tells_its_reason", reasons),
     ("a_fill_whose_records_cover_nothing_ends_soon", no_progress),
@@ -79,6 +88,17 @@ fn document(nodes: &str, output: &str) -> String {
 
 /// The layer `picture` of each of so many frames of a pipeline on a scene that ships.
 fn frames(scene: &str, text: &str, count: u32) -> Result<Vec<Vec<f32>>, Failed> {
+    made_ready(scene, text, |run| (0..count).map(|_| Ok(frame(run, &|| Pace::GoOn)?.1)).collect())
+}
+
+/// What a frame reports, and its layer `picture`.
+fn frame(run: &mut Run<'_>, pace: AskPace) -> Result<(FrameReport, Vec<f32>), Failed> {
+    let report = run.frame(pace).map_err(failed)?;
+    Ok((report, run.picture().map_err(failed)?.rgb("picture").map_err(failed)?.concat()))
+}
+
+/// Works with a pipeline on a scene that ships.
+fn made_ready<T>(scene: &str, text: &str, work: impl FnOnce(&mut Run<'_>) -> Result<T, Failed>) -> Result<T, Failed> {
     let mut read = |path: &Path| if path == Path::new("test.ron") { Ok(text.to_owned()) } else { Err(io::Error::from(io::ErrorKind::NotFound)) };
     let pipeline = pipeline::load("test.ron", &[], REGISTRY, &mut read).map_err(failed)?;
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(scene);
@@ -89,12 +109,7 @@ fn frames(scene: &str, text: &str, count: u32) -> Result<Vec<Vec<f32>>, Failed> 
     let setting = Setting { scene: &scene, needs: &needs, device: hemisplat::gpu::expected_device(), size: SIZE, tables: None };
     let plan = pipeline::plan(&pipeline, setting, &[], &|data| byte_size(&scene, data)).map_err(failed)?;
     let gpu = Gpu::open().map_err(failed)?;
-    let mut run = Run::new(&gpu, &scene, &bvh, &plan, &scene.cameras[0], SIZE).map_err(failed)?;
-    let mut frame = || {
-        run.frame(&|| Pace::GoOn)?;
-        run.picture()
-    };
-    (0..count).map(|_| Ok(frame().map_err(failed)?.rgb("picture").map_err(failed)?.concat())).collect()
+    work(&mut Run::new(&gpu, &scene, &bvh, &plan, &scene.cameras[0], SIZE).map_err(failed)?)
 }
 
 /// The light that the sums add up: every pixel of the furnace emits 1.
@@ -369,7 +384,8 @@ fn bad_records() -> Outcome {
 fn bounded_fill() -> Outcome {
     let place = Place::new()?;
     let bounded = place.rendered(&["--set", "fill.max_rounds=6", "--cache", "records", "-o", "bounded.exr"])?;
-    let again = place.rendered(&["--time", "0", "--cache", "records", "-o", "again.exr"])?;
+    // A first round is the last one, too, and adds nothing.
+    let again = place.rendered(&["--set", "fill.max_rounds=1", "--cache", "records", "-o", "again.exr"])?;
     check(number(&bounded, 0, "/fill_rounds")? == 6 && new_records(&bounded, 0)? > 0 && new_records(&again, 0)? == 0, || format!("{bounded} {again}"))?;
     check(number(&bounded, 0, "/uncovered_pixels")? == number(&again, 0, "/uncovered_pixels")?, || format!("{bounded} {again}"))?;
     place.same("bounded.exr", "again.exr")
@@ -478,12 +494,9 @@ fn refused_per_frame() -> Outcome {
 
 fn time_is_up() -> Outcome {
     let place = Place::new()?;
-    let stats = place.rendered(&["--time", "0", "-o", "none.exr"])?;
-    check(new_records(&stats, 0)? == 0 && stats["complete"] == false, || format!("{stats}"))?;
-    let picture = place.picture("none.exr")?;
-    check(picture.attributes["time"] == "0" && picture.rgb("irradiance").map_err(failed)?.concat().iter().all(|v| *v == 0.0), || {
-        "no light without records".into()
-    })?;
+    is(&place.render(&["--time", "0", "-o", "none.exr"])?, 0, "time was up")?;
+    is(&place.render(&["--time", "0", "-o", "none.exr", "--strict"])?, 1, "render::incomplete")?;
+    check(place.picture("none.exr")?.attributes["time"] == "0", || "the time is not told".into())?;
     let stats = place.rendered(&["--time", "1e4", "-o", "all.exr"])?;
     check(stats["complete"] == true, || format!("{stats}"))?;
     place.rendered(&["-o", "untimed.exr"])?;
@@ -492,6 +505,65 @@ fn time_is_up() -> Outcome {
         is(&place.render(&[&format!("--time={wrong}"), "-o", "x.exr"])?, 2, "seconds")?;
     }
     Ok(())
+}
+
+/// Pixels that see a surface and have no light in a layer.
+fn dark_pixels(picture: &Layers, layer: &str, is_lit: impl Fn(usize) -> bool) -> Result<usize, Failed> {
+    let light = picture.luminance(layer).map_err(failed)?;
+    Ok((0..light.len()).filter(|pixel| is_lit(*pixel) && light[*pixel] <= 0.0).count())
+}
+
+/// A picture of the few records that are made whatever the time is near the whole one, in a layer.
+fn no_time(pipeline: &str, scene: &str, layer: &str, most: f64) -> Outcome {
+    let place = Place::new()?;
+    let scene = format!("{scene}.ron");
+    is(&place.render_by(pipeline, &scene, &["-o", "whole.exr"])?, 0, "")?;
+    is(&place.render_by(pipeline, &scene, &["--time", "0", "-o", "none.exr"])?, 0, "time was up")?;
+    let stats = place.stats()?;
+    let [frame, told] = [&stats["frames"][0], &stats["frames"][0]["coarse_pixels"]];
+    let told = told.as_u64().is_some_and(|pixels| pixels > 0) && frame["coarsest"].as_u64().is_some_and(|times| times > 1);
+    check(stats["complete"] == false && frame["complete"] == false && frame["uncovered_pixels"] == 0 && told, || format!("{stats}"))?;
+    let [whole, none] = [place.picture("whole.exr")?, place.picture("none.exr")?];
+    let [truth, found] = [whole.luminance(layer).map_err(failed)?, none.luminance(layer).map_err(failed)?];
+    check(dark_pixels(&none, layer, |pixel| truth[pixel] > 0.0)? == 0, || format!("{layer} is dark where it is lit with time"))?;
+    let squares: f64 = truth.iter().zip(&found).map(|(a, b)| (a - b).powi(2)).sum();
+    let error = (squares * truth.len() as f64).sqrt() / truth.iter().sum::<f64>();
+    println!("{pipeline}, {layer}: {error} of the mean");
+    check(error < most, || format!("{error} of the mean apart"))
+}
+
+/// By host and device, in batches and one by one, in two loops, with other weights.
+fn ways_without_time() -> Outcome {
+    let place = Place::new()?;
+    let fills = ["irradiance-two-rates", "irradiance-device", "irradiance-compute-splat", "irradiance-host-scan", "irradiance-sequential", "irradiance-ward"];
+    for pipeline in fills.into_iter().chain(["radiance-blend", "radiance-half"]) {
+        let stats = place.rendered_by(pipeline, &["--time", "0", "-o", "none.exr"])?;
+        let picture = place.picture("none.exr")?;
+        let depth = picture.luminance("depth").map_err(failed)?;
+        let dark = dark_pixels(&picture, "irradiance", |pixel| depth[pixel] > 0.0)?;
+        check(dark == 0 && number(&stats, 0, "/uncovered_pixels")? == 0, || format!("{pipeline}: {dark} pixels are dark: {stats}"))?;
+        check(number(&stats, 0, "/coarse_pixels")? > 0 && stats["complete"] == false, || format!("{pipeline}: {stats}"))?;
+    }
+    Ok(())
+}
+
+/// Time that ends after one more round and one more: the pixels that miss a record become fewer, and the picture comes nearer to the whole one.
+fn rounds_in_time() -> Outcome {
+    let errors: Vec<(u32, f32)> = made_ready("cornell.ron", &filled(&FILL.replace("at_most: 64", "at_most: 4"), "", "indirect.irradiance"), |run| {
+        let whole = frame(run, &|| Pace::GoOn)?.1;
+        let mean = whole.iter().sum::<f32>() / whole.len() as f32;
+        let error = |found: &[f32]| (found.iter().zip(&whole).map(|(a, b)| (a - b).powi(2)).sum::<f32>() / whole.len() as f32).sqrt() / mean;
+        let with_rounds = |rounds: u32| {
+            run.forget().map_err(failed)?;
+            let asked = Cell::new(0);
+            let pace = || Pace::Within(Duration::from_secs(if asked.replace(asked.get() + 1) < rounds { 3600 } else { 0 }));
+            let (report, found) = frame(run, &pace)?;
+            Ok((report.coarse_pixels.ok_or("no number of pixels")?, error(&found)))
+        };
+        [0, 30, 1000].into_iter().map(with_rounds).collect()
+    })?;
+    println!("pixels without a record near enough, and error: {errors:?}");
+    check(errors.windows(2).all(|pair| pair[0].0 > pair[1].0 && pair[0].1 > pair[1].1) && errors[2] == (0, 0.0), || format!("{errors:?}"))
 }
 
 fn full_cache() -> Outcome {

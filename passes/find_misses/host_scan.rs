@@ -183,3 +183,20 @@ impl Walk {
         request(self.position[pixel], self.normal[pixel], pixel as u32)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn from_far_apart_each_pixel_comes_once() {
+        for size in [[1, 1], [7, 3], [40, 30], [128, 65]] {
+            let mut order = from_far_apart(size);
+            let spacing = widest_spacing(size) as u32;
+            let first = size.map(|pixels| pixels.div_ceil(spacing)).iter().product::<u32>() as usize;
+            assert!(order[..first].iter().all(|pixel| (pixel % size[0]).is_multiple_of(spacing) && (pixel / size[0]).is_multiple_of(spacing)));
+            order.sort();
+            assert!(order.into_iter().eq(0..size[0] * size[1]), "{size:?}");
+        }
+    }
+}

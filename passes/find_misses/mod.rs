@@ -148,7 +148,7 @@ impl Pass for FindMisses {
         let work = Work { gbuffer, sums, cache, requests, none, stalled, overlap: cache.rule.overlap };
         // A loop that goes on where another has ended may be left out.
         if r.requests("after").is_none() {
-            r.run_at_least(first_cells(r).div_ceil(capacity));
+            r.run_at_least(first_rounds(r, capacity));
         }
         match r.arguments.choice("by") {
             ("HostScan", arguments) => host_scan::record(r, &work, arguments.integer("spacing") as u32),
@@ -172,13 +172,28 @@ impl Pass for FindMisses {
     }
 }
 
-/// Cells that are served whatever the time: those that the first round of a search looks at, spread over the whole picture.
-fn first_cells(r: &Recorder<'_>) -> u32 {
-    let edge = match r.arguments.choice("by") {
-        ("HostScan", _) => host_scan::widest_spacing(r.setting.size) as u32,
-        (_, arguments) => 2 * arguments.integer("coarsest") as u32,
-    };
-    r.setting.size.map(|pixels| pixels.div_ceil(edge)).iter().product()
+/// Places, spread over the whole picture, that are looked at whatever the time.
+const FIRST_PLACES: u32 = 64;
+
+/// Rounds that look at the first places.
+fn first_rounds(r: &Recorder<'_>, capacity: u32) -> u32 {
+    let places = |apart: u32| r.setting.size.map(|pixels| pixels.div_ceil(apart)).iter().product::<u32>();
+    match r.arguments.choice("by") {
+        ("HostScan", _) => places(host_scan::widest_spacing(r.setting.size) as u32).div_ceil(capacity),
+        (_, arguments) => {
+            // Four phases of cells of each edge, each of every second cell along both axes.
+            let phases = (0..).flat_map(|halvings| [places(2 * (arguments.integer("coarsest") as u32 >> halvings).max(1)); 4]);
+            let [mut looked_at, mut rounds] = [0, 0];
+            for cells in phases {
+                looked_at += cells;
+                rounds += cells.div_ceil(capacity);
+                if looked_at >= FIRST_PLACES.min(r.setting.size.iter().product()) {
+                    break;
+                }
+            }
+            rounds
+        }
+    }
 }
 
 /// The request of a pixel that sees `place`, whose fourth component is the pixel's width there, and faces there like `facing`: as `ask` of

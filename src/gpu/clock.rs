@@ -44,7 +44,7 @@ impl Rounds {
             // Rounds that find little to do are short; the one that follows may not be.
             self.expected = (now - last).max(self.expected / 2);
         }
-        let end = *self.end.get_or_insert_with(|| now + clock.share(left, turn, now));
+        let end = (*self.end.get_or_insert_with(|| now + clock.share(left, turn, now))).min(now + left);
         now + self.expected >= end
     }
 }

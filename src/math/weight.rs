@@ -348,6 +348,19 @@ mod tests {
     }
 
     #[test]
+    fn a_coarser_accuracy_reaches_farther_and_extrapolates_no_farther() {
+        let (record, rule) = (Record { translation: [Vec3::X; 3], ..record() }, Rule { change: 0.3, ..rule(Weighting::Compact) });
+        let (fine, coarse) = (rule.reaching(&record), rule.coarsely(&record, 4.0));
+        let at = |x: f32| record.position + Vec3::X * x;
+        assert_eq!(rule.coarsely(&record, 1.0).weight(at(0.1), Vec3::Z), fine.weight(at(0.1), Vec3::Z));
+        assert!(fine.weight(at(0.301), Vec3::Z) == 0.0 && near(coarse.weight(at(0.6), Vec3::Z), 0.5) && coarse.weight(at(1.201), Vec3::Z) == 0.0);
+        assert!(near(coarse.step(at(1.2)).x, 0.3) && near(fine.step(at(0.3)).x, 0.3));
+        // Other normals and other sides count in the end: no place is left without light.
+        let upside_down = rule.coarsely(&record, 1e6).weight(record.position + Vec3::Z * 1e3, Vec3::NEG_Z);
+        assert!(upside_down > 0.9, "{upside_down}");
+    }
+
+    #[test]
     fn eight_points_are_as_eight_times_one() {
         let records = [record(), Record { stretch: Vec3::new(0.6, 0.3, 0.0), relative_gradient: 20.0, ..record() }];
         for (record, weighting) in records.iter().flat_map(|r| [Weighting::Ward, Weighting::TabellionLamorlette, Weighting::Compact].map(|w| (r, w))) {

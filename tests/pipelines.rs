@@ -683,6 +683,20 @@ fn every_shipped_pipeline_is_embedded_and_plans_the_same_twice() {
     }
 }
 
+#[test]
+fn caches_share_the_time_and_loops_of_one_cache_do_not() {
+    let shares = |file| {
+        let mut pipeline = load_files(file, &[], &[], REGISTRY).unwrap_or_else(|e| panic!("{}", rendered(&e)));
+        pipeline.specialise = false;
+        let plan = plan_for(&pipeline, &scene(true), &[]).unwrap_or_else(|e| panic!("{}", rendered(&e)));
+        let share =
+            |step: &Step| if let Step::Repeat(repeat) = step { Some((repeat.name.clone(), repeat.time.caches, repeat.time.at_least > 0)) } else { None };
+        plan.recording.steps.iter().filter_map(share).collect::<Vec<_>>()
+    };
+    assert_eq!(shares("radiance.ron"), [("fill".into(), 2, true), ("glossy_fill".into(), 1, true)]);
+    assert_eq!(shares("irradiance-two-rates.ron"), [("fill".into(), 1, true), ("details".into(), 1, false)]);
+}
+
 // The program.
 
 /// Exit status, stdout and stderr, run in an empty folder.
@@ -919,7 +933,7 @@ fn random_steps(random: &mut Random, resources: usize, depth: usize) -> Vec<Step
                 round: Variable(0),
                 at_most: 3,
                 steps,
-                turn: Turn { at_least: 0, records: None, caches: 1 },
+                time: TimeShare { at_least: 0, records: None, caches: 1 },
             });
         }
         let commands = (0..random.below(3)).map(|_| Command::Clear(Resource(random.below(resources) as u32))).collect();

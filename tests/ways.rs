@@ -192,7 +192,7 @@ impl<'a> Graph<'a> {
             round,
             at_most: 100_000,
             steps,
-            turn: Turn { at_least: 0, records: None, caches: 1 },
+            time: TimeShare { at_least: 0, records: None, caches: 1 },
         }));
         self.batch = None;
         Ok(())

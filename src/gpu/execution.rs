@@ -401,7 +401,7 @@ impl<'a> Session<'a> {
                 Pace::GoOn => false,
                 Pace::Within(left) => {
                     self.is_timed = true;
-                    pacing.are_over(&mut self.clock, left, &repeat.turn) && self.may_end(&repeat.turn, rounds)
+                    pacing.are_over(&mut self.clock, left, &repeat.time) && self.may_end(&repeat.time, rounds)
                 }
                 Pace::Stop => return Err(GpuError::Interrupted),
             };
@@ -424,8 +424,8 @@ impl<'a> Session<'a> {
     }
 
     /// Whether a loop has made enough for the picture to be made of it, after so many rounds.
-    fn may_end(&self, turn: &Turn, rounds: u32) -> bool {
-        rounds >= turn.at_least && turn.records.is_none_or(|records| self.variable(records) > 0)
+    fn may_end(&self, time: &TimeShare, rounds: u32) -> bool {
+        rounds >= time.at_least && time.records.is_none_or(|records| self.variable(records) > 0)
     }
 
     /// Why a loop ended that was not done after so many rounds, or may not have been.

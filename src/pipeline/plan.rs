@@ -325,8 +325,8 @@ impl<'a> Planner<'a> {
         }
         let pass = kind.description().name;
         level.steps.extend(step(&node.name, pass, self.keep_earlier(is_mine)));
-        let turn = Turn { at_least: level.at_least, records: self.filled_cache(inner), caches: 1 };
-        if let Some(repeat) = self.repeat(node, kind, level.steps, turn) {
+        let time = TimeShare { at_least: level.at_least, records: self.filled_cache(inner), caches: 1 };
+        if let Some(repeat) = self.repeat(node, kind, level.steps, time) {
             steps.extend(step(&node.name, pass, start));
             steps.append(&mut level.prologue);
             steps.push(Step::Repeat(repeat));
@@ -341,7 +341,7 @@ impl<'a> Planner<'a> {
         })
     }
 
-    fn repeat(&mut self, node: &Node, kind: Loop, steps: Vec<Step>, turn: Turn) -> Option<Repeat> {
+    fn repeat(&mut self, node: &Node, kind: Loop, steps: Vec<Step>, time: TimeShare) -> Option<Repeat> {
         let until = node.inputs.iter().find_map(|edge| match self.ports.get(&edge.from.to_string()) {
             Some(Port::Flag(variable)) => Some(*variable),
             _ => None,
@@ -361,7 +361,7 @@ impl<'a> Planner<'a> {
             0 => u32::try_from(pixels + IDLE_ROUNDS).unwrap_or(u32::MAX),
             rounds => u32::try_from(rounds).unwrap_or(u32::MAX),
         };
-        Some(Repeat { name: node.name.clone(), until, round, at_most, steps, turn })
+        Some(Repeat { name: node.name.clone(), until, round, at_most, steps, time })
     }
 
     fn record(&mut self, node: &Node, within: Within, level: &mut Level) {
@@ -529,8 +529,8 @@ fn share_time(steps: &mut [Step], later: &mut Vec<Variable>) {
     for step in steps.iter_mut().rev() {
         let Step::Repeat(repeat) = step else { continue };
         share_time(&mut repeat.steps, later);
-        later.extend(repeat.turn.records.filter(|cache| !later.contains(cache)));
-        repeat.turn.caches = later.len().max(1) as u32;
+        later.extend(repeat.time.records.filter(|cache| !later.contains(cache)));
+        repeat.time.caches = later.len().max(1) as u32;
     }
 }
 

@@ -129,12 +129,12 @@ pub struct Repeat {
     pub round: Variable,
     pub at_most: u32,
     pub steps: Vec<Step>,
-    pub turn: Turn,
+    pub time: TimeShare,
 }
 
 /// What a loop has of the time that is given to a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Turn {
+pub struct TimeShare {
     /// Rounds that run whatever the time.
     pub at_least: u32,
     /// The number of records that the loop adds to: it runs on, whatever the time, while there is none.

@@ -138,8 +138,8 @@ fn camera() -> Outcome {
     let place = place(&[("a.ron", scene(DIFFUSE, LAMP))])?;
     let options = "--eye 1.5,0.7,-2.25 --target 0.1,0.2,0.3 --fov 35";
     let (printed, _) = place.succeed(&format!("reference --spp 4 -o moved.exr --scene a.ron --print-camera {options}"))?;
-    check(printed.starts_with("\"main --eye 1.5,0.7,-2.25 --target 0.1,0.2,0.3 --fov 35\": (eye: (1.5, 0.7, -2.25), "), || printed.clone())?;
-    let pasted = scene(DIFFUSE, LAMP).replace("cameras: {", &format!("cameras: {{ {printed}"));
+    check(printed.starts_with("\"main\": (eye: (1.5, 0.7, -2.25), "), || printed.clone())?;
+    let pasted = scene(DIFFUSE, LAMP).replace("\"main\":", &format!("{printed} \"other\":"));
     fs::write(place.0.path().join("pasted.ron"), pasted)?;
     trace(&place, "pasted.ron")?;
     let depth = |name: &str| -> Result<Vec<f32>, Failed> { Ok(layers(&place, name)?.layers["depth"].channels.values().next().cloned().unwrap_or_default()) };

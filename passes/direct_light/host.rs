@@ -33,7 +33,7 @@ pub(super) fn bytes([width, height]: [u32; 2]) -> u64 {
 /// A buffer of the light at each pixel, by so many shadow rays to emissive surfaces and to the sky.
 pub(super) fn record(r: &mut Recorder<'_>, gbuffer: &port::GBuffer, [area, sky]: [u32; 2]) -> Resource {
     let light = r.buffer("light_of_emitters", bytes(r.setting.size));
-    let (triangles, lobes) = (gbuffer.triangles, r.setting.needs.lobes);
+    let (triangles, by_albedo) = (gbuffer.triangles, r.setting.needs.by_albedo);
     r.host("light", &[Read::whole(triangles)], &[light], move |host| {
         let seen: Vec<u32> = bytemuck::pod_collect_to_vec(host.read(triangles));
         let ((camera, size), scene) = (host.camera(), host.scene());
@@ -48,7 +48,7 @@ pub(super) fn record(r: &mut Recorder<'_>, gbuffer: &port::GBuffer, [area, sky]:
                 let pixel = [at as u32 % size[0], at as u32 / size[0]];
                 let ray = camera.pixel_ray(size, pixel);
                 let barycentric = scene.triangles[triangle as usize].barycentric(camera.eye, ray);
-                let surface = if lobes { scene.surface(triangle, barycentric, ray) } else { scene.diffuse_surface(triangle, barycentric, ray) };
+                let surface = if by_albedo { scene.diffuse_surface(triangle, barycentric, ray) } else { scene.surface(triangle, barycentric, ray) };
                 let seed = combine(pixel[0], pixel[1]);
                 *out = dispatch!(Level::new(), simd => lit.light(simd, &surface, seed, to_do)).extend(1.0);
             }

@@ -81,7 +81,9 @@ pub fn to_ron(scene: &Scene, camera: &Camera, [width, height]: [u32; 2]) -> Stri
     let fov = (fov * 1e4).round() / 1e4;
     let eye = triple((camera.eye.as_dvec3() + scene.origin).map(|x| format!("{}", x as f32).parse().unwrap_or(x)));
     let (direction, up) = (short(camera.direction), short(camera.up));
-    format!("{:?}: (eye: {eye}, direction: {direction}, up: {up}, fov: {fov}, size: ({width}, {height})),\n", camera.name)
+    // Without the options that made it.
+    let name = camera.name.split(" --").next().unwrap_or_default();
+    format!("{name:?}: (eye: {eye}, direction: {direction}, up: {up}, fov: {fov}, size: ({width}, {height})),\n")
 }
 
 fn triple(text: &str) -> Result<DVec3, String> {

@@ -72,9 +72,17 @@ impl Console {
         }
     }
 
-    /// Shows an error or a warning with its code, its source and what helps.
+    /// Shows an error with its code, its source and what helps.
     pub fn report(&self, diagnostic: &dyn Diagnostic) {
-        let diagnostic = &Legible::new(diagnostic);
+        self.show(&Legible::new(diagnostic));
+    }
+
+    /// Shows a warning in the same way.
+    pub fn warn(&self, diagnostic: &dyn Diagnostic) {
+        self.show(&Legible::new(diagnostic).as_warning());
+    }
+
+    fn show(&self, diagnostic: &Legible<'_>) {
         let theme = if self.colour { GraphicalTheme::unicode() } else { GraphicalTheme::unicode_nocolor() };
         let mut text = String::new();
         match GraphicalReportHandler::new_themed(theme).with_links(false).with_width(WIDTH).render_report(&mut text, diagnostic) {

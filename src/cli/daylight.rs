@@ -9,10 +9,10 @@ use std::path::PathBuf;
 
 #[derive(Args, Clone, Default)]
 pub struct DaylightOptions {
-    /// A sky in place of the scene's own: a latitude-longitude image (.exr, .hdr), clear (with the sun), overcast, white or none; a scene without any light gets overcast
+    /// A sky in place of the scene's own: a latitude-longitude image (.exr, .hdr), clear (with the sun), overcast, white or none. A scene without any light gets overcast
     #[arg(long, value_name = "FILE|clear|overcast|white|none", value_parser = sky)]
     sky: Option<Sky>,
-    /// The sun: degrees from -z towards +x, and over the horizon; in a clear sky where the scene has none
+    /// The sun: degrees from -z towards +x, and over the horizon. A scene without a sky gets a clear one with it
     #[arg(long, value_name = "AZIMUTH,ELEVATION", value_parser = sun, allow_hyphen_values = true)]
     sun: Option<Sun>,
 }

@@ -12,7 +12,7 @@ const MOST_STOPS: f32 = 100.0;
 
 #[derive(Args)]
 pub struct ExposureOptions {
-    /// Brightens PNG files by 2^EV; if not given, their surfaces come out as middle grey in the mean
+    /// Brightens PNG files by 2^EV; if not given, the exposure is chosen from the picture
     #[arg(long, value_name = "EV", allow_negative_numbers = true, value_parser = stops)]
     exposure: Option<f32>,
 }

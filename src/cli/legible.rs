@@ -1,7 +1,7 @@
 //! Text as a terminal can hold it: no control characters, of many causes a few, and no lines of source that are too wide to underline
 //! anything in.
 
-use miette::{Diagnostic, LabeledSpan, NamedSource, SourceCode, SourceSpan};
+use miette::{Diagnostic, LabeledSpan, NamedSource, Severity, SourceCode, SourceSpan};
 use std::borrow::Cow;
 use std::fmt;
 
@@ -75,6 +75,7 @@ pub struct Legible<'d> {
     cause: Option<Box<Cause>>,
     causes: Vec<Legible<'d>>,
     more: usize,
+    severity: Option<Severity>,
 }
 
 impl<'d> Legible<'d> {
@@ -83,7 +84,12 @@ impl<'d> Legible<'d> {
         let causes = all.by_ref().take(CAUSES).map(Self::new).collect();
         let place = place_of_wide_source(inner);
         let source = inner.source_code().filter(|_| place.is_none()).and_then(clean_source);
-        Self { inner, place, source, cause: Cause::of(inner.source()), causes, more: all.count() }
+        Self { inner, place, source, cause: Cause::of(inner.source()), causes, more: all.count(), severity: inner.severity() }
+    }
+
+    /// The same as something that the user should know, and that ends nothing.
+    pub fn as_warning(self) -> Self {
+        Self { severity: Some(Severity::Warning), ..self }
     }
 }
 
@@ -119,6 +125,10 @@ impl std::error::Error for Legible<'_> {
 impl Diagnostic for Legible<'_> {
     fn code<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
         self.inner.code()
+    }
+
+    fn severity(&self) -> Option<Severity> {
+        self.severity
     }
 
     fn help<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {

@@ -150,11 +150,14 @@ impl PictureTarget {
     }
 }
 
-/// Says why a picture without any light may be black.
-pub fn warn_of_black(picture: &Layers, console: &Console) {
-    let is_black = picture.rgb(PICTURE).is_ok_and(|colour| colour.iter().all(|channel| channel.iter().all(|value| *value == 0.0)));
-    if is_black {
-        console.note("warning: the picture is black: no light reaches what the camera sees; is it in a closed room, or does it look away? --eye and --target move it, --sky and --sun light the scene");
+/// Says why a picture may show nothing.
+pub fn warn_of_nothing(picture: &Layers, console: &Console) {
+    let is_zero = |channel: &[f32]| channel.iter().all(|value| *value == 0.0);
+    if picture.layers.get("depth").is_some_and(|depth| depth.channels.values().all(|channel| is_zero(channel))) {
+        console
+            .note("warning: the camera sees no surface: is it inside of something that it sees from behind, or does it look away? --eye and --target move it");
+    } else if picture.rgb(PICTURE).is_ok_and(|colour| colour.iter().all(|channel| is_zero(channel))) {
+        console.note("warning: the picture is black: no light reaches what the camera sees; is it in a closed room? --eye and --target move it, --sky and --sun light the scene");
     }
 }
 

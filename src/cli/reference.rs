@@ -4,7 +4,7 @@ use super::console::Console;
 use super::exposure::{Exposure, ExposureOptions};
 use super::failure::Failure;
 use super::interrupt::{self, Shelter};
-use super::output::{PictureTarget, expect_distinct, warn_of_black};
+use super::output::{PictureTarget, expect_distinct, warn_of_nothing};
 use super::progress::Progress;
 use super::scene::{SceneOptions, View};
 use crate::measure::{Layer, Layers, PICTURE};
@@ -24,7 +24,7 @@ pub struct Options {
     /// How many surfaces indirect light touches: 1 is the papers' first bounce
     #[arg(long, value_name = "1|N|all", default_value = "1")]
     bounces: Bounces,
-    /// Rays per pixel
+    /// Rays per pixel, rounded up to whole rounds of strata
     #[arg(long, value_name = "N", default_value_t = 1024, conflicts_with = "error")]
     spp: u32,
     /// Stop when the standard deviation of the irradiance is below this share of its mean, instead of after so many rays
@@ -61,7 +61,7 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     let picture = layers(&reference, attributes(options, &view, &reference)).seen_through(&view.camera, &view.scene, view.size);
     let exposure = Exposure::new(&options.exposure, console).of(&picture, &targets)?;
     targets.iter().try_for_each(|target| target.write(&picture, exposure))?;
-    warn_of_black(&picture, console);
+    warn_of_nothing(&picture, console);
     if interrupt::requested() {
         return Err(Failure::interrupted(&targets.iter().map(PictureTarget::path).collect::<Vec<_>>()));
     }

@@ -6,7 +6,7 @@ use super::exposure::{Exposure, ExposureOptions};
 use super::failure::{CommandError, Failure};
 use super::input::{peak_host_bytes, read_file};
 use super::interrupt::{self, Shelter};
-use super::output::{PictureTarget, Target, expect_distinct, warn_of_black};
+use super::output::{PictureTarget, Target, expect_distinct, warn_of_nothing};
 use super::pipeline::{BOUNCES, expect_exact, note_approximations};
 use super::progress::Progress;
 use super::resources::expect_memory;
@@ -193,7 +193,7 @@ impl<'o> Film<'o> {
         self.is_faulty = matches!(&drawn, Err(error) if !matches!(error, RunError::Gpu(GpuError::Interrupted)));
         let (report, picture) = drawn.map_err(Failure::of_run)?;
         let exposure = self.exposure.of(&picture, &targets.0)?;
-        warn_of_black(&picture, self.console);
+        warn_of_nothing(&picture, self.console);
         targets.write(self.options, self.view, run, frame, picture, exposure)?;
         self.kept.extend(targets.0.iter().map(PictureTarget::path));
         self.console.print(&text(self.options, frame.number, &report))?;
@@ -227,7 +227,7 @@ impl<'o> Film<'o> {
         let Gap { what, help } = Gap::of(report.uncovered_pixels, coarse, &report.unfinished);
         let gap = CommandError::Incomplete { frame: frame.number, what, help };
         if !self.options.strict {
-            self.console.report(&gap);
+            self.console.warn(&gap);
         }
         self.gaps.push(gap);
     }

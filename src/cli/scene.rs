@@ -26,7 +26,7 @@ pub struct SceneOptions {
 /// What is to be seen of a scene.
 #[derive(Args, Clone)]
 pub struct ViewOptions {
-    /// One of the scene's cameras; its first if not given. Frames take several: may be repeated there
+    /// One of the scene's cameras; its first if not given. `render` takes several, one a frame
     #[arg(long = "camera", value_name = "NAME")]
     cameras: Vec<String>,
     /// The picture's size in pixels; the scene's own if not given

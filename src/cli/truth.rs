@@ -30,7 +30,7 @@ pub struct TruthOptions {
     /// Measure times alone
     #[arg(long, conflicts_with = "reference")]
     no_reference: bool,
-    /// Rays per pixel of a reference that is traced
+    /// Rays per pixel of a reference that is traced, rounded up to whole rounds of strata
     #[arg(long, value_name = "N", default_value_t = 256, conflicts_with_all = ["reference", "no_reference"])]
     reference_spp: u32,
     /// Trace only every K-th pixel of each row and column; without every pixel there is no `flip`

@@ -125,11 +125,9 @@ impl Reader<'_, '_> {
             }
         }
         let (file, text) = embedded::find(name).ok_or_else(|| {
-            Problem::new("pipeline::not_found", format!("there is no pipeline `{name}`")).help(known(
-                name,
-                embedded::EMBEDDED.iter().map(|(file, _)| *file),
-                "besides files, these ship",
-            ))
+            // As the name was written: with the ending, or without.
+            let shipped = embedded::EMBEDDED.iter().map(|(file, _)| if name.ends_with(".ron") { *file } else { file.trim_end_matches(".ron") });
+            Problem::new("pipeline::not_found", format!("there is no pipeline `{name}`")).help(known(name, shipped, "besides files, these ship"))
         })?;
         Ok(Found { location: Location::Embedded(file), name: format!("pipelines/{file}"), text: text.into() })
     }

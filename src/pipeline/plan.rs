@@ -77,7 +77,7 @@ pub struct Absent {
 pub fn plan(pipeline: &Pipeline, setting: Setting<'_>, dumps: &[String], scene_bytes: &dyn Fn(SceneData) -> u64) -> Result<Plan, Problems> {
     let members = members(pipeline);
     let needs = needs(pipeline, &members, setting.needs);
-    let by_albedo = if needs.lobes { Vec::new() } else { setting.needs.glossy.clone() };
+    let by_albedo = if needs.by_albedo { setting.needs.glossy.clone() } else { Vec::new() };
     let setting = Setting { needs: &needs, ..setting };
     let mut problems = Vec::new();
     let dump_nodes: Vec<&str> = dumps.iter().filter_map(|dump| find_dump(&members, dump, &mut problems)).collect();
@@ -102,12 +102,12 @@ pub fn plan(pipeline: &Pipeline, setting: Setting<'_>, dumps: &[String], scene_b
 
 /// What the scene requires of this pipeline.
 fn needs(pipeline: &Pipeline, members: &[Member<'_>], of_scene: &Needs) -> Needs {
-    let needs = if pipeline.specialise { of_scene.clone() } else { of_scene.unspecialised() };
     let lacks_lobes = |node: &Node| match &node.work {
         Work::Pass(pass) => pass.lacks_lobes(&node.inputs.iter().map(|edge| edge.input).collect::<Vec<_>>()),
         Work::Loop(..) => false,
     };
-    if members.iter().any(|member| lacks_lobes(member.node)) { needs.without_lobes() } else { needs }
+    let needs = if members.iter().any(|member| lacks_lobes(member.node)) { of_scene.without_lobes() } else { of_scene.clone() };
+    if pipeline.specialise { needs } else { needs.unspecialised() }
 }
 
 fn refuse_growth(node: &Node, edge: &Edge) -> Problem {
@@ -269,7 +269,7 @@ impl<'a> Planner<'a> {
     fn new(setting: Setting<'a>, dropped: &'a BTreeMap<&'a str, String>, scene_bytes: &dyn Fn(SceneData) -> u64) -> Self {
         let mut recording = Recording::default();
         for data in SceneData::ALL {
-            let data = if data == SceneData::Materials && !setting.needs.lobes { SceneData::Albedos } else { data };
+            let data = if data == SceneData::Materials && setting.needs.by_albedo { SceneData::Albedos } else { data };
             let kind = ResourceKind::Buffer { bytes: scene_bytes(data) };
             recording.resources.push(ResourceDescription { name: data.name().into(), kind, lifetime: Lifetime::Scene(data) });
         }

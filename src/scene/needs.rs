@@ -24,6 +24,8 @@ pub struct Needs {
     pub glossy: Vec<String>,
     /// Whether any surface has one.
     pub lobes: bool,
+    /// Whether [`Material::albedo`] stands for every lobe.
+    pub by_albedo: bool,
     /// Whether any lobe depends on the azimuth around the normal.
     pub anisotropic: bool,
     /// Whether any surface has a diffuse part, or emits and nothing else.
@@ -49,6 +51,7 @@ impl Needs {
             smooth: scene.triangles.iter().any(is_smooth),
             glossy: materials().filter(|m| has_lobe(m)).map(|m| m.name.clone()).collect(),
             lobes: materials().any(has_lobe),
+            by_albedo: false,
             anisotropic: materials().any(|m| m.reflection(m.reflectance).lobe.is_some_and(|lobe| lobe.shape.is_anisotropic())),
             diffuse: materials().any(|m| !has_lobe(m) || m.reflection(m.reflectance).diffuse != glam::Vec3::ZERO),
             extent: scene.extent(),
@@ -57,7 +60,7 @@ impl Needs {
 
     /// Of the same scene, with [`Material::albedo`] in place of every lobe.
     pub fn without_lobes(&self) -> Self {
-        Self { glossy: Vec::new(), lobes: false, anisotropic: false, diffuse: true, ..self.clone() }
+        Self { glossy: Vec::new(), lobes: false, by_albedo: true, anisotropic: false, diffuse: true, ..self.clone() }
     }
 
     /// Of the same scene, taken as if it had all that a scene can have: nothing is left out for its sake.

@@ -151,7 +151,7 @@ fn camera() -> Outcome {
     for [width, height] in [[40, 40], [60, 20], [20, 60]] {
         trace(&place, &format!("b.ron --size {width}x{height}"))?;
         let seen: Vec<bool> = depth("out.exr")?.into_iter().map(|depth| depth > 0.0).collect();
-        let is_border = |at: usize| at < width || at >= width * (height - 1) || at % width == 0 || at % width == width - 1;
+        let is_border = |at: usize| at < width || at >= width * (height - 1) || at.is_multiple_of(width) || (at + 1).is_multiple_of(width);
         check((0..seen.len()).all(|at| !(seen[at] && is_border(at))), || format!("{width}×{height}: cut off"))?;
         check(seen.iter().filter(|seen| **seen).count() > width.min(height).pow(2) / 8, || format!("{width}×{height}: small"))?;
     }
@@ -163,9 +163,11 @@ fn camera() -> Outcome {
 fn refused() -> Outcome {
     let place = place(&[("a.ron", scene(DIFFUSE, LAMP))])?;
     for (arguments, expected) in [
-        ("--eye 1,2", "expected three numbers, such as 0,1.6,4"),
-        ("--eye 1,2,inf", "expected three numbers, such as 0,1.6,4"),
-        ("--fov 180", "expected an angle above 0 and below 180 degrees, such as 60"),
+        ("--eye 1,2", "expected three numbers from -4e9 to 4e9, such as 0,1.6,4"),
+        ("--eye 1,2,inf", "expected three numbers from -4e9 to 4e9, such as 0,1.6,4"),
+        ("--eye 1,2,3e38", "expected three numbers from -4e9 to 4e9, such as 0,1.6,4"),
+        ("--fov 179.99999999", "expected an angle of 0.001 to 179.9 degrees, such as 60"),
+        ("--fov 1e-44", "expected an angle of 0.001 to 179.9 degrees, such as 60"),
         ("--sun 90,91", "expected two angles in degrees, such as 135,40"),
         ("--sky blue", "expected clear, overcast, white, none, or an image that ends in .exr or .hdr"),
         ("--sky missing.hdr", "`missing.hdr` cannot be read"),

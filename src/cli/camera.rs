@@ -86,15 +86,18 @@ pub fn to_ron(scene: &Scene, camera: &Camera, [width, height]: [u32; 2]) -> Stri
     format!("{name:?}: (eye: {eye}, direction: {direction}, up: {up}, fov: {fov}, size: ({width}, {height})),\n")
 }
 
+/// The farthest place, as for scenes [scene units].
+const FARTHEST: f64 = 4e9;
+
 fn triple(text: &str) -> Result<DVec3, String> {
-    let numbers: Option<Vec<f64>> = text.split(',').map(|number| number.trim().parse().ok().filter(|x: &f64| (*x as f32).is_finite())).collect();
+    let numbers: Option<Vec<f64>> = text.split(',').map(|number| number.trim().parse().ok().filter(|x: &f64| x.abs() <= FARTHEST)).collect();
     match numbers.as_deref() {
         Some(&[x, y, z]) => Ok(DVec3::new(x, y, z)),
-        _ => Err("expected three numbers, such as 0,1.6,4".to_owned()),
+        _ => Err("expected three numbers from -4e9 to 4e9, such as 0,1.6,4".to_owned()),
     }
 }
 
 fn angle(text: &str) -> Result<f64, String> {
-    let degrees = text.parse().ok().filter(|degrees: &f64| *degrees > 0.0 && *degrees < 180.0);
-    degrees.ok_or_else(|| "expected an angle above 0 and below 180 degrees, such as 60".to_owned())
+    let degrees = text.parse().ok().filter(|degrees: &f64| (0.001..=179.9).contains(degrees));
+    degrees.ok_or_else(|| "expected an angle of 0.001 to 179.9 degrees, such as 60".to_owned())
 }

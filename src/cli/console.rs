@@ -79,7 +79,7 @@ impl Console {
 
     /// Shows a warning in the same way.
     pub fn warn(&self, diagnostic: &dyn Diagnostic) {
-        self.show(&Legible::new(diagnostic).as_warning());
+        self.show(&Legible::new(diagnostic).into_warning());
     }
 
     fn show(&self, diagnostic: &Legible<'_>) {

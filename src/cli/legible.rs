@@ -88,7 +88,7 @@ impl<'d> Legible<'d> {
     }
 
     /// The same as something that the user should know, and that ends nothing.
-    pub fn as_warning(self) -> Self {
+    pub fn into_warning(self) -> Self {
         Self { severity: Some(Severity::Warning), ..self }
     }
 }

@@ -22,6 +22,9 @@ pub enum Need {
 /// Threads beside one a core for a driver on the cores of the host: those of a queue and of its caches, and the one that opens it.
 const OTHER_THREADS: usize = 4;
 
+/// Threads that share work, at most.
+const MOST_THREADS: usize = 1024;
+
 /// More cores than these a driver does not use.
 const MOST_DRIVER_THREADS: usize = 32;
 
@@ -47,7 +50,7 @@ pub fn prepare(need: Need) -> Result<(), Failure> {
     }
     let pool = ThreadPoolBuilder::new();
     let pool = match granted {
-        _ if granted >= wanted => pool,
+        _ if granted >= wanted => pool.num_threads(cores),
         // Threads that have just ended may still count.
         2.. => pool.num_threads(granted / 2),
         _ => pool.num_threads(1).use_current_thread(),
@@ -86,7 +89,7 @@ fn processors() -> usize {
 /// How many threads share work unless told otherwise.
 fn rayon_threads() -> usize {
     let asked = std::env::var("RAYON_NUM_THREADS").ok().and_then(|threads| threads.parse().ok());
-    asked.filter(|threads| *threads > 0).unwrap_or_else(processors)
+    asked.filter(|threads| *threads > 0).unwrap_or_else(processors).min(MOST_THREADS)
 }
 
 /// How many of so many threads the system lets run at once: all that it does wait until the last is there.

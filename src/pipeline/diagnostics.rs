@@ -127,7 +127,7 @@ pub fn known<'a>(unknown: &str, names: impl IntoIterator<Item = &'a str>, what: 
     let nearest = names.iter().map(|name| (distance(name), *name)).min().filter(|(distance, name)| *distance <= (name.len() / 3).max(1));
     match (nearest, names.is_empty()) {
         (Some((_, name)), _) => format!("did you mean `{name}`?"),
-        (None, true) => format!("there are no {what}"),
+        (None, true) => format!("{what}: none"),
         (None, false) => format!("{what}: {}", names.join(", ")),
     }
 }

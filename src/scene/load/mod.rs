@@ -38,6 +38,9 @@ use std::{
 /// The variable that names folders with scenes, separated as in PATH.
 pub const SEARCH_VARIABLE: &str = "HEMISPLAT_SCENES";
 
+/// The longest scene document that is read [bytes].
+const MAX_DOCUMENT: u64 = 256 << 20;
+
 /// The scenes that ship, by file name.
 const EMBEDDED: [(&str, &str); 12] = [
     ("balls.ron", include_str!("../../../scenes/balls.ron")),
@@ -109,12 +112,23 @@ pub fn load_text(name: &str, text: &str) -> Result<Scene, SceneError> {
 fn load_file(path: &Path, options: &LoadOptions) -> Result<Scene, SceneError> {
     let files = Files::default();
     if extension(path) == "ron" {
+        expect_document(path)?;
         return load_document(path, &files.read_text(path)?, path.parent(), &files, options);
     }
     refuse_overrides(options, &[])?;
     let mut draft = Draft::default();
     load_geometry(path, &files, &mut draft, &|_| true)?;
     draft.finish(&stem(path), Normals::File, &files)
+}
+
+/// Refuses a document before it is read that only a program can have written: a document names its geometry.
+fn expect_document(path: &Path) -> Result<(), SceneError> {
+    let bytes = std::fs::metadata(path).map_or(0, |metadata| metadata.len());
+    if bytes <= MAX_DOCUMENT {
+        return Ok(());
+    }
+    let message = format!("the document `{}` is larger than {} MiB, the limit for one", path.display(), MAX_DOCUMENT >> 20);
+    Err(SceneError::new(Problem::TooLarge, message).help("put its triangles into an .obj, .gltf or .glb file, and name that with File(…)"))
 }
 
 fn load_document(path: &Path, text: &str, folder: Option<&Path>, files: &Files, options: &LoadOptions) -> Result<Scene, SceneError> {

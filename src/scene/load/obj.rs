@@ -10,7 +10,7 @@ use super::{
     files::Files,
     image::{Content, TextureSource},
     list,
-    polygon::{Cut, MAX_CORNERS, cut},
+    polygon::{Cut, MAX_CORNERS, MAX_WORK, cut},
 };
 use crate::scene::model::{Glossy, Material};
 use glam::{DVec3, Vec2, Vec3};
@@ -66,6 +66,8 @@ struct Reader<'a, 'd> {
     slivers: usize,
     /// Polygons whose inside is not clear.
     unclear: usize,
+    /// What may still be spent on cutting polygons.
+    work: u64,
     /// What was met and left out, and how often.
     unread: BTreeMap<String, usize>,
 }
@@ -93,6 +95,7 @@ impl<'a, 'd> Reader<'a, 'd> {
             is_smooth: false,
             slivers: 0,
             unclear: 0,
+            work: MAX_WORK,
             unread: BTreeMap::new(),
         }
     }
@@ -168,7 +171,7 @@ impl<'a, 'd> Reader<'a, 'd> {
         if self.is_smooth && self.corners.iter().all(|corner| corner.normal == Vec3::ZERO) {
             self.leave_out("smoothing of faces without normals");
         }
-        let cut = cut(self.corners.len(), |i| self.corners[i].position);
+        let cut = cut(self.corners.len(), |i| self.corners[i].position, &mut self.work);
         self.unclear += usize::from(cut == Cut::Unclear);
         match cut {
             Cut::Triangles(triangles) => triangles.into_iter().try_for_each(|corners| self.push_triangle(corners, material)),
@@ -228,7 +231,7 @@ impl<'a, 'd> Reader<'a, 'd> {
         }
         if unclear > 0 {
             draft.notes.push(format!(
-                "{file}: {unclear} polygons are twisted, cross themselves or have more than {MAX_CORNERS} corners: \
+                "{file}: {unclear} polygons are twisted, cross themselves, have more than {MAX_CORNERS} corners, or are too many of thousands of corners: \
                  they were filled as fans, which may cover more than the polygon"
             ));
         }

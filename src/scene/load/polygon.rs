@@ -6,6 +6,9 @@ use glam::DVec3;
 /// The most corners of a polygon that is cut at its ears: the time that it takes grows with their square.
 pub(super) const MAX_CORNERS: usize = 4096;
 
+/// Squared corners of all polygons of a file that are cut at their ears, at most: so that no file takes minutes.
+pub(super) const MAX_WORK: u64 = 1 << 30;
+
 /// What is nothing beside a polygon's area: single precision would not show it.
 const NOTHING: f64 = 1e-7;
 
@@ -16,12 +19,12 @@ pub(super) enum Cut {
     Fan,
     /// The numbers of each triangle's corners, in the polygon's order.
     Triangles(Vec<[usize; 3]>),
-    /// Seen along its normal it crosses itself, or it has too many corners. A fan covers it and may cover more.
+    /// Seen along its normal it crosses itself, or it has too many corners, or no work is left. A fan covers it and may cover more.
     Unclear,
 }
 
-/// Cuts a polygon of `count` corners, which need not lie in a plane: its mean plane decides (Newell).
-pub(super) fn cut(count: usize, corner: impl Fn(usize) -> DVec3) -> Cut {
+/// Cuts a polygon of `count` corners, which need not lie in a plane: its mean plane decides (Newell). What cutting takes is taken off `work`.
+pub(super) fn cut(count: usize, corner: impl Fn(usize) -> DVec3, work: &mut u64) -> Cut {
     if count <= 3 {
         return Cut::Fan;
     }
@@ -37,9 +40,8 @@ pub(super) fn cut(count: usize, corner: impl Fn(usize) -> DVec3) -> Cut {
     if fan().all(|cross| cross.dot(normal) >= -nothing) {
         return Cut::Fan;
     }
-    if count > MAX_CORNERS {
-        return Cut::Unclear;
-    }
+    let Some(left) = work.checked_sub((count * count) as u64).filter(|_| count <= MAX_CORNERS) else { return Cut::Unclear };
+    *work = left;
     let (right, up) = normal.any_orthonormal_pair();
     let flat: Vec<[f64; 2]> = (0..count).map(|i| corner(i) - origin).map(|at| [at.dot(right), at.dot(up)].map(|x| x / total.sqrt())).collect();
     cut_ears(&flat, sum.length() / total).map_or(Cut::Unclear, Cut::Triangles)
@@ -76,7 +78,7 @@ mod tests {
 
     fn cut_placed(corners: &[[f64; 2]]) -> (Cut, f64) {
         let placed = placed(corners);
-        let cut = cut(placed.len(), |i| placed[i]);
+        let cut = cut(placed.len(), |i| placed[i], &mut MAX_WORK.clone());
         let fan: Vec<[usize; 3]> = (1..placed.len() - 1).map(|i| [0, i, i + 1]).collect();
         let triangles = if let Cut::Triangles(triangles) = &cut { triangles } else { &fan };
         let area = triangles.iter().map(|t| (placed[t[1]] - placed[t[0]]).cross(placed[t[2]] - placed[t[0]]).length() / 2.0).sum();
@@ -101,7 +103,7 @@ mod tests {
     #[test]
     fn triangles_keep_the_side_of_their_polygon() {
         let placed = placed(&U);
-        let Cut::Triangles(triangles) = cut(placed.len(), |i| placed[i]) else { panic!("not cut") };
+        let Cut::Triangles(triangles) = cut(placed.len(), |i| placed[i], &mut MAX_WORK.clone()) else { panic!("not cut") };
         let cross = |t: &[usize; 3]| (placed[t[1]] - placed[t[0]]).cross(placed[t[2]] - placed[t[0]]);
         let first = cross(&triangles[0]);
         assert!(triangles.iter().all(|triangle| cross(triangle).dot(first) > 0.0), "{triangles:?}");
@@ -116,7 +118,7 @@ mod tests {
             assert_eq!(cut_placed(corners).0, Cut::Fan, "{corners:?}");
         }
         let folded = [DVec3::ZERO, DVec3::X, DVec3::new(1.0, 1.0, 0.4), DVec3::Y];
-        assert_eq!(cut(4, |i| folded[i]), Cut::Fan);
+        assert_eq!(cut(4, |i| folded[i], &mut MAX_WORK.clone()), Cut::Fan);
     }
 
     #[test]
@@ -129,6 +131,13 @@ mod tests {
     }
 
     /// A square with a hole, its border one line that goes in and out along a bridge.
+    #[test]
+    fn work_on_polygons_ends() {
+        let (placed, mut work) = (placed(&U), 100);
+        let mut of_many = std::iter::repeat_with(|| cut(placed.len(), |i| placed[i], &mut work)).take(3);
+        assert!(matches!(of_many.next(), Some(Cut::Triangles(_))) && of_many.all(|cut| cut == Cut::Unclear));
+    }
+
     #[test]
     fn polygons_that_touch_themselves_are_cut() {
         let keyhole = [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0], [0.0, 0.0], [1.0, 1.0], [1.0, 3.0], [3.0, 3.0], [3.0, 1.0], [1.0, 1.0]];

@@ -6,6 +6,15 @@ use crate::scene::load::{Draft, Problem, load_geometry, read_file};
 const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
 
 #[test]
+fn a_document_that_is_no_document_is_not_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("long.ron");
+    std::fs::File::create(&path).unwrap().set_len(1 << 32).unwrap();
+    let error = load(&path, &LoadOptions::default()).unwrap_err();
+    assert!(error.problem() == Problem::TooLarge && error.to_string().contains("larger than 256 MiB"), "{error}");
+}
+
+#[test]
 fn a_file_is_read_up_to_its_limit() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a");

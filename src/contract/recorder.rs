@@ -190,7 +190,7 @@ impl<'a> Recorder<'a> {
 
     /// A part of the scene, for what is not bound by its name alone, such as vertices.
     pub fn scene_data(&mut self, data: SceneData) -> Resource {
-        let found = self.recording.resources.iter().position(|r| matches!(r.lifetime, Lifetime::Scene(d) if d == data));
+        let found = self.recording.resources.iter().position(|r| matches!(r.lifetime, Lifetime::Scene(d) if d.name() == data.name()));
         found.map(|i| Resource(i as u32)).unwrap_or_else(|| unreachable!("{data:?} is declared before any pass records"))
     }
 

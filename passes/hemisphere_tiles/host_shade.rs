@@ -9,7 +9,7 @@ use crate::math::{
 use crate::passes::record::Request;
 use crate::recording::*;
 use crate::scene::{
-    LightKind, Scene, Triangle,
+    LightKind, Rgb, Scene, Triangle,
     packets::{Eye, Met, RAYS},
     shadow_maps::{Lookups, Receivers, ShadowCameras, ShadowMaps},
 };
@@ -21,9 +21,10 @@ use std::sync::Arc;
 /// What surfaces are lit by, as it stands when a loop starts.
 pub(super) struct Lighting {
     lights: Vec<(LightKind, ShadowCameras)>,
-    /// Whether a triangle's normals differ from its plane's, and whether any surface has a texture.
+    /// Of each material the albedo and the texture that multiplies it: a short table, as each sample looks into it.
+    albedos: Vec<(Rgb, Option<u32>)>,
+    /// Whether a triangle's normals differ from its plane's.
     smooth: bool,
-    textures: bool,
 }
 
 /// Adds a step before the loop that prepares the lights; where it leaves them.
@@ -32,8 +33,10 @@ pub(super) fn record(r: &mut Recorder<'_>) -> Resource {
     let (smooth, textures) = (r.setting.needs.smooth, r.setting.needs.textures);
     let run = move |host: &mut dyn HostContext| {
         let scene = host.scene();
+        let untextured = |(albedo, texture): (Rgb, Option<u32>)| (albedo, texture.filter(|_| textures));
+        let albedos = scene.materials.iter().map(|material| untextured(material.albedo())).collect();
         let lights = scene.lights.iter().map(|light| light.kind).zip(ShadowCameras::all(scene)).collect();
-        *host.state(memory) = Some(Box::new(Arc::new(Lighting { lights, smooth, textures })));
+        *host.state(memory) = Some(Box::new(Arc::new(Lighting { lights, albedos, smooth })));
         Ok(())
     };
     r.before_loop(Command::Host(Host { name: "light", reads: Vec::new(), writes: Vec::new(), run: Arc::new(run) }));
@@ -213,9 +216,11 @@ impl Shading<'_> {
         let mut reflectance = [[0.0; LANES]; 3];
         for lane in 0..LANES {
             let triangle = fetched.triangles[lane];
-            let material = &self.scene.materials[fetched.materials[lane] as usize];
-            let sample = |texture: u32| self.scene.textures[texture as usize].sample(triangle.uv(Vec2::new(u[lane], v[lane]))).truncate();
-            let colour = material.albedo(material.texture.filter(|_| self.lighting.textures).map(sample)) * FRAC_1_PI;
+            let (mut colour, texture) = self.lighting.albedos[fetched.materials[lane] as usize];
+            if let Some(texture) = texture {
+                colour *= self.scene.textures[texture as usize].sample(triangle.uv(Vec2::new(u[lane], v[lane]))).truncate();
+            }
+            colour *= FRAC_1_PI;
             for channel in 0..3 {
                 reflectance[channel][lane] = colour[channel];
             }

@@ -8,7 +8,6 @@ use super::stored::Stored;
 use super::truth::cache_folder;
 use crate::contract::recorder::Setting;
 use crate::gpu::scene::byte_size;
-use crate::measure::compare::approximations;
 use crate::passes::REGISTRY;
 use crate::pipeline::syntax::Place;
 use crate::pipeline::{Pipeline, Plan, Problem, Problems, Set, load, load_with, plan};
@@ -44,9 +43,9 @@ fn read_pipeline(path: &Path) -> io::Result<String> {
     String::from_utf8(bytes).map_err(|_| io::Error::new(io::ErrorKind::InvalidData, "it is no text in UTF-8"))
 }
 
-/// Says what plans show otherwise than the scene has it.
-pub fn note_approximations<'p>(plans: impl IntoIterator<Item = &'p Plan>, console: &Console) {
-    approximations(plans.into_iter().map(Plan::approximated)).iter().for_each(|sentence| console.note(&format!("note: {sentence}")));
+/// Says what a plan shows otherwise than the scene has it.
+pub fn note_approximations(plan: &Plan, console: &Console) {
+    plan.approximated().iter().for_each(|what| console.note(&format!("note: {what}")));
 }
 
 /// Refuses a plan that shows something otherwise than the scene has it.

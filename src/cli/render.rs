@@ -107,7 +107,7 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     if options.strict {
         expect_exact(plans.first()).map_err(Failure::input)?;
     }
-    note_approximations([plans.first()], console);
+    note_approximations(plans.first(), console);
     let gpu = gpu.map_err(Failure::work)?;
     expect_memory([plans.first()], &view)?;
     let start = Instant::now();

@@ -226,9 +226,9 @@ fn materials(scene: &Scene) -> Vec<SceneMaterial> {
 /// Materials by [`Material::albedo`], without lobes.
 fn albedos(scene: &Scene) -> Vec<SceneMaterial> {
     let diffuse = |(glossy, material): (SceneMaterial, &Material)| {
-        // A texture multiplies the diffuse part alone.
-        let flags = if material.albedo(Some(Vec3::ZERO)) == Vec3::ZERO { glossy.flags } else { glossy.flags & !TEXTURED };
-        SceneMaterial { reflectance: material.albedo(None).into(), flags, lobe: 0, ..glossy }
+        let (reflectance, texture) = material.albedo();
+        let flags = if texture.is_some() { glossy.flags } else { glossy.flags & !TEXTURED };
+        SceneMaterial { reflectance: reflectance.into(), flags, lobe: 0, ..glossy }
     };
     materials(scene).into_iter().zip(&scene.materials).map(diffuse).collect()
 }

@@ -1,6 +1,7 @@
 //! How bright to show a picture.
 
 use super::layers::{Layers, PICTURE, PictureError};
+use super::tone::light_shown_as;
 
 /// What the middle of a picture's brightness is shown as: linear, 0..1.
 const MIDDLE: f64 = 0.25;
@@ -28,14 +29,10 @@ pub fn automatic_exposure(picture: &Layers) -> Result<f32, PictureError> {
     let pixels = (surfaces.len() + sky.len()) as f64;
     let is_sky_alone = (surfaces.len() as f64) < SURFACES * pixels;
     let Some([middle, brightest]) = brightness(if is_sky_alone { [surfaces, sky.clone()].concat() } else { surfaces }) else { return Ok(0.0) };
+    let shown_as = |grey: f64| light_shown_as(grey).log2();
     let stops = (shown_as(MIDDLE) - middle).min(shown_as(BRIGHTEST) - brightest);
     let of_sky = if sky.len() as f64 >= SKY * pixels { brightness(sky) } else { None };
     Ok(of_sky.map_or(stops, |[middle, _]| stops.min(shown_as(BRIGHTEST_SKY) - middle)) as f32)
-}
-
-/// The binary logarithm of what the curve shows as this.
-fn shown_as(linear: f64) -> f64 {
-    (-(-linear).ln_1p()).log2()
 }
 
 /// Geometric mean and maximum of what counts, as binary logarithms; None where all is black.

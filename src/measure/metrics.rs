@@ -3,7 +3,7 @@
 use super::flip::{flip, hdr_flip};
 use super::layers::{GLOSSY, IRRADIANCE, Layer, Layers, PICTURE, PictureError};
 use super::statistics::quantile;
-use super::tone::tone_map;
+use super::tone::{light_shown_as, tone_map};
 use crate::math::colour::luminance;
 use glam::{DVec3, Vec3};
 use miette::Diagnostic;
@@ -343,8 +343,7 @@ fn flips(test: Selected, reference: Selected) -> Result<[Option<f64>; 2], Metric
 
 /// The exposure that brings a mean luminance to middle grey [stops].
 fn exposure_of(mean: f64) -> f32 {
-    // −ln(1 − g) is what the curve maps to g.
-    (-(-MIDDLE_GREY).ln_1p() / mean).log2() as f32
+    (light_shown_as(MIDDLE_GREY) / mean).log2() as f32
 }
 
 /// The exposure that shows a layer well [stops]: its mean luminance on middle grey, as for `flip`; 0 for a black one.

@@ -14,6 +14,11 @@ pub fn tone_map(colour: [f32; 3], exposure: f32) -> [f32; 3] {
     if largest == 0.0 { [0.0; 3] } else { colour.map(|channel| channel / largest * -(-largest).exp_m1()) }
 }
 
+/// The light that the curve shows as a grey of 0..1.
+pub fn light_shown_as(grey: f64) -> f64 {
+    -(-grey).ln_1p()
+}
+
 /// The sRGB encoding of a linear value in 0..1.
 pub fn srgb_encode(linear: f32) -> f32 {
     if linear <= 0.003_130_8 { linear * 12.92 } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }

@@ -219,12 +219,12 @@ impl Material {
         Reflection { diffuse, lobe: Some(lobe).filter(|lobe| lobe.reflectance != Vec3::ZERO) }
     }
 
-    /// What stands for the material where nothing renders lobes: its diffuse reflectance, the base colour of metals, the colour of the lobe where there is
-    /// nothing else. `texture` multiplies what a texture multiplies.
-    pub fn albedo(&self, texture: Option<Rgb>) -> Rgb {
+    /// What stands for the material where nothing renders lobes, and the texture that multiplies it: the diffuse reflectance, which is the base colour of metals;
+    /// the colour of the lobe where there is nothing else, which no texture multiplies.
+    pub fn albedo(&self) -> (Rgb, Option<u32>) {
         match self.glossy {
-            Some(Glossy::Phong { reflectance, .. } | Glossy::Ward { reflectance, .. }) if self.reflectance == Vec3::ZERO => reflectance,
-            _ => texture.map_or(self.reflectance, |texture| self.reflectance * texture),
+            Some(Glossy::Phong { reflectance, .. } | Glossy::Ward { reflectance, .. }) if self.reflectance == Vec3::ZERO => (reflectance, None),
+            _ => (self.reflectance, self.texture),
         }
     }
 

@@ -54,12 +54,13 @@ impl Scene {
         let face = triangle.face_normal();
         let side = if face.dot(direction) > 0.0 { -1.0 } else { 1.0 };
         let texture = material.texture.map(|i| self.textures[i as usize].sample(triangle.uv(barycentric)).truncate());
+        let (albedo, multiplied) = material.albedo();
         let surface = Surface {
             // From the corners rather than along the ray: the error stays in the plane.
             position: triangle.position(barycentric),
             face: face * side,
             normal: triangle.normal(barycentric) * side,
-            reflectance: material.albedo(texture),
+            reflectance: albedo * texture.filter(|_| multiplied.is_some()).unwrap_or(Vec3::ONE),
             emission: material.emission,
             glossy: None,
         };

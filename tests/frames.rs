@@ -36,14 +36,14 @@ const CASES: &[(&str, Case)] = &[
     ("a_second_frame_of_the_same_view_adds_nothing_and_looks_the_same", same_view),
     ("a_second_view_reuses_records", second_view),
     ("saved_records_give_the_same_picture_bit_by_bit", || saved_records("irradiance")),
-    ("saved_records_of_two_loops_give_the_same_picture_bit_by_bit", || saved_records("irradiance-two-rates")),
+    ("saved_records_of_two_loops_give_the_same_picture_bit_by_bit", || saved_records("irradiance")),
     ("a_file_of_records_that_does_not_fit_is_refused_and_kept", bad_records),
     ("a_fill_that_ends_at_its_bound_splats_what_it_has_made", bounded_fill),
     ("a_frame_that_fails_keeps_records_and_statistics_of_those_before_it", failing_frame),
     ("work_that_takes_long_is_shown_on_a_terminal_only", progress),
     ("a_gap_is_a_warning_or_a_failure_and_the_picture_is_written", gaps),
     ("frames_share_out_a_bounded_number_of_new_records", || bounded_frames("irradiance")),
-    ("two_loops_share_out_one_number_of_new_records", || bounded_frames("irradiance-two-rates")),
+    ("two_loops_share_out_one_number_of_new_records", || bounded_frames("irradiance")),
     ("an_accuracy_changes_between_frames_and_records_stay", accuracy_per_frame),
     ("what_cannot_change_between_frames_is_refused", refused_per_frame),
     ("a_frame_ends_when_its_time_is_up", time_is_up),
@@ -535,7 +535,7 @@ fn no_time(pipeline: &str, scene: &str, layer: &str, most: f64) -> Outcome {
 /// By host and device, in batches and one by one, in two loops, with other weights.
 fn ways_without_time() -> Outcome {
     let place = Place::new()?;
-    let fills = ["irradiance-two-rates", "irradiance-device", "irradiance-compute-splat", "irradiance-host-scan", "irradiance-sequential", "irradiance-ward"];
+    let fills = ["irradiance", "irradiance-device", "irradiance-compute-splat", "irradiance-host-scan", "irradiance-sequential", "irradiance-ward"];
     for pipeline in fills.into_iter().chain(["radiance-blend", "radiance-half"]) {
         let stats = place.rendered_by(pipeline, &["--time", "0", "-o", "none.exr"])?;
         let picture = place.picture("none.exr")?;

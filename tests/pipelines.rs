@@ -694,7 +694,7 @@ fn caches_share_the_time_and_loops_of_one_cache_do_not() {
         plan.recording.steps.iter().filter_map(share).collect::<Vec<_>>()
     };
     assert_eq!(shares("radiance.ron"), [("fill".into(), 2, true), ("glossy_fill".into(), 1, true)]);
-    assert_eq!(shares("irradiance-two-rates.ron"), [("fill".into(), 1, true), ("details".into(), 1, false)]);
+    assert_eq!(shares("irradiance.ron"), [("fill".into(), 1, true), ("details".into(), 1, false)]);
 }
 
 // The program.

@@ -95,7 +95,7 @@ mod the_settings {
     #[test]
     fn the_full_list_has_what_ships_without_any_change() {
         let race = Race::read(&text("race.ron")).unwrap();
-        let shipped = |start| Hemisplat { pipeline: "irradiance-two-rates".into(), set: vec![], start };
+        let shipped = |start| Hemisplat { pipeline: "irradiance".into(), set: vec![], start };
         assert!([Start::Warm, Start::Cold].iter().all(|start| race.hemisplat.contains(&shipped(*start))));
     }
 

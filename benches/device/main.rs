@@ -124,7 +124,7 @@ struct Stage {
     bvh: Bvh,
 }
 
-const PIPELINE: &str = "irradiance-two-rates";
+const PIPELINE: &str = "irradiance";
 const STILL: u32 = 1000;
 const SMALL: u32 = 512;
 /// Some 4,000 records: details and contacts, which ask for more, are passed over.

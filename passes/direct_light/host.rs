@@ -14,7 +14,7 @@ use crate::scene::{
     Rgb, Scene,
     bvh::Bvh,
     packets::{RAYS, ShadowRays, ToDo, Until},
-    surface::{Gloss, Surface},
+    surface::{Gloss, Ray, Surface},
     surface_offset,
 };
 use fearless_simd::{Level, Simd, dispatch, f32x8, prelude::*};
@@ -46,8 +46,8 @@ pub(super) fn record(r: &mut Recorder<'_>, gbuffer: &port::GBuffer, [area, sky]:
             for (at, out) in (chunk * PIXELS..).zip(lights) {
                 let Some(triangle) = seen[at].checked_sub(1) else { continue };
                 let pixel = [at as u32 % size[0], at as u32 / size[0]];
-                let ray = camera.pixel_ray(size, pixel);
-                let barycentric = scene.triangles[triangle as usize].barycentric(camera.eye, ray);
+                let ray = Ray { origin: camera.eye, direction: camera.pixel_ray(size, pixel) };
+                let barycentric = scene.triangles[triangle as usize].barycentric(ray);
                 let surface = if by_albedo { scene.diffuse_surface(triangle, barycentric, ray) } else { scene.surface(triangle, barycentric, ray) };
                 let seed = combine(pixel[0], pixel[1]);
                 *out = dispatch!(Level::new(), simd => lit.light(simd, &surface, seed, to_do)).extend(1.0);

@@ -1,4 +1,4 @@
-//! Light for pixels that miss a record as the time of a frame is up. No record depends on the accuracy, so the same ones are splatted there by coarser and
+//! Light for pixels that miss a record as the time of a frame is up, or as no record covers them. No record depends on the accuracy, so the same ones are splatted there by coarser and
 //! coarser ones, each twice the one before, until every pixel is covered.
 //!
 //! Each accuracy hands over to the next as its weights fade out, so that no rim of a record shows. Pixels that miss nothing keep their light.

@@ -9,7 +9,7 @@ pub struct Normalize;
 
 static DESCRIPTION: Description = Description {
     name: "Normalize",
-    about: "Divides the sums of the splat by their weight; counts uncovered and non-finite pixels. Where time was up, records reach farther for pixels that miss one",
+    about: "Divides the sums of the splat by their weight; counts uncovered and non-finite pixels. Where a loop ended early, records reach farther for pixels that miss one",
     source: "RCS 1 and section 4, step 5",
     parameters: &[],
     inputs: &[

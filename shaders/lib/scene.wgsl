@@ -180,6 +180,55 @@ fn intersect_plane(triangle: u32, origin: vec3f, direction: vec3f) -> PlaneHit {
     return PlaneHit(dot(e2, q) * inverse, vec2f(dot(s, p), dot(direction, q)) * inverse, determinant);
 }
 
+// As Triangle::place: see scene/surface.rs.
+const BESIDE_RAY = vec2f(5e-7, 2.5e-7);
+const SLIVER = 1e-4;
+const GRAZING = 1e-5;
+
+// The part of a way along a ray.
+fn along_ray(way: vec3f, direction: vec3f) -> vec3f {
+    return direction * (dot(way, direction) / dot(direction, direction));
+}
+
+fn place(corner: vec3f, e1: vec3f, e2: vec3f, barycentric: vec2f, origin: vec3f, direction: vec3f) -> vec3f {
+    let position = corner + e1 * barycentric.x + e2 * barycentric.y;
+    let magnitude = abs(position);
+    let rounding = BESIDE_RAY.x * distance(position, origin) + BESIDE_RAY.y * max(magnitude.x, max(magnitude.y, magnitude.z));
+    let foot = origin + along_ray(position - origin, direction);
+    if distance(position, foot) <= rounding {
+        return position;
+    }
+    let plane = cross(e1, e2);
+    let longest = max(length(e1), max(length(e2), distance(e1, e2)));
+    let facing = dot(plane, direction);
+    if length(plane) > SLIVER * longest * longest && abs(facing) > GRAZING * length(plane) * length(direction) {
+        let way = direction * (dot(plane, position - foot) / facing);
+        if length(way) <= longest {
+            return foot + way;
+        }
+    }
+    return beside_edge(corner, e1, e2, origin, direction);
+}
+
+// As Triangle::beside_edge.
+fn beside_edge(corner: vec3f, e1: vec3f, e2: vec3f, origin: vec3f, direction: vec3f) -> vec3f {
+    var best = nearest_of_edge(corner, e1, origin, direction);
+    let second = nearest_of_edge(corner + e1, e2 - e1, origin, direction);
+    best = select(best, second, second.w < best.w);
+    let third = nearest_of_edge(corner + e2, -e2, origin, direction);
+    best = select(best, third, third.w < best.w);
+    return origin + along_ray(best.xyz - origin, direction);
+}
+
+// The point of an edge that is nearest to a ray, and its squared distance from it.
+fn nearest_of_edge(corner: vec3f, edge: vec3f, origin: vec3f, direction: vec3f) -> vec4f {
+    let start = corner - origin - along_ray(corner - origin, direction);
+    let across = edge - along_ray(edge, direction);
+    let share = clamp(-dot(start, across) / max(dot(across, across), 1e-37), 0.0, 1.0);
+    let beside = start + across * share;
+    return vec4f(corner + edge * share, dot(beside, beside));
+}
+
 // The surface that a ray, known to meet the triangle, sees. What rounding puts outside is moved to the edge.
 fn surface_seen(triangle: u32, origin: vec3f, direction: vec3f) -> Surface {
     let hit = intersect_plane(triangle, origin, direction);
@@ -192,7 +241,7 @@ fn surface_seen(triangle: u32, origin: vec3f, direction: vec3f) -> Surface {
     let side = select(-1.0, 1.0, dot(plane, direction) <= 0.0);
     let material = scene_materials[bitcast<u32>(a.w)];
     var surface: Surface;
-    surface.position = a.xyz + e1 * b.x + e2 * b.y;
+    surface.position = place(a.xyz, e1, e2, b, origin, direction);
     surface.face_normal = plane * (side / max(length(plane), 1e-37));
     surface.normal = surface.face_normal;
     if SMOOTH {

@@ -2,7 +2,7 @@
 
 use super::console::Console;
 use super::failure::Failure;
-use super::pipeline::{check_pipeline, expect_exact, plan_view};
+use super::pipeline::{check_pipeline, expect_exact, note_names, plan_view};
 use super::scene::{SceneOptions, View, ViewOptions};
 use crate::gpu::expected_device;
 use crate::pipeline::embedded::EMBEDDED;
@@ -39,7 +39,7 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     let names: Vec<String> = if options.pipelines.is_empty() { shipped() } else { options.pipelines.clone() };
     let mut problems = Vec::new();
     for name in &names {
-        match check(name, options, view.as_ref()) {
+        match check(name, options, view.as_ref(), console) {
             Ok(summary) => console.print(&format!("{name}: {summary}\n"))?,
             Err(found) => problems.extend(found.0),
         }
@@ -47,8 +47,9 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     if problems.is_empty() { Ok(()) } else { Err(Failure::input(Problems(unique(problems)))) }
 }
 
-fn check(name: &str, options: &Options, view: Option<&View>) -> Result<String, Problems> {
+fn check(name: &str, options: &Options, view: Option<&View>, console: &Console) -> Result<String, Problems> {
     let pipeline = check_pipeline(name, &options.sets)?;
+    note_names([&pipeline], console);
     let Some(view) = view else { return Ok(summary(&pipeline)) };
     let plan = plan_view(&pipeline, view, expected_device(), &[])?;
     if options.strict {

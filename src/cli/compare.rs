@@ -7,7 +7,7 @@ use super::failure::{CommandError, Failure};
 use super::input::peak_host_bytes;
 use super::interrupt::Shelter;
 use super::output::{Target, expect_distinct};
-use super::pipeline::{check_pipeline, plan_view};
+use super::pipeline::{check_pipeline, note_names, plan_view};
 use super::progress::Progress;
 use super::resources::expect_memory;
 use super::scene::{SceneOptions, View};
@@ -65,6 +65,7 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     // Anything wrong with a pipeline is told before a large scene is loaded.
     let variants = options.variants.iter().map(|text| Variant::parse(text, &options.sets)).collect::<Result<Vec<_>, _>>()?;
     let pipelines = all(variants.iter().map(|variant| check_pipeline(&variant.pipeline, &variant.sets)))?;
+    note_names(&pipelines, console);
     let (view, load_seconds) = timed(|| options.scene.load(console))?;
     let plans = plan_all(&pipelines, &view)?;
     let (given, given_seconds) = timed(|| options.truth.given(&view))?;

@@ -2,7 +2,7 @@
 
 use super::console::Console;
 use super::failure::Failure;
-use super::pipeline::{load_pipeline, plan_view};
+use super::pipeline::{load_pipeline, note_names, plan_view};
 use super::scene::SceneOptions;
 use crate::gpu::{expected_device, spirv};
 use clap::Args;
@@ -24,6 +24,7 @@ pub struct Options {
 
 pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     let pipeline = load_pipeline(&options.pipeline, &options.sets)?;
+    note_names([&pipeline], console);
     let view = options.scene.load(console)?;
     let plan = plan_view(&pipeline, &view, expected_device(), &[]).map_err(Failure::input)?;
     let sizes = spirv::sizes(&plan.recording).map_err(Failure::work)?;

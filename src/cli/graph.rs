@@ -2,7 +2,7 @@
 
 use super::console::Console;
 use super::failure::Failure;
-use super::pipeline::load_pipeline;
+use super::pipeline::{load_pipeline, note_names};
 use crate::pipeline::{self, export};
 use clap::{Args, ValueEnum};
 
@@ -33,5 +33,7 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
         Format::Mermaid => pipeline::Format::Mermaid,
         Format::Svg => pipeline::Format::Svg,
     };
-    console.print(&export(&load_pipeline(&options.pipeline, &options.sets)?, format))
+    let pipeline = load_pipeline(&options.pipeline, &options.sets)?;
+    note_names([&pipeline], console);
+    console.print(&export(&pipeline, format))
 }

@@ -13,6 +13,7 @@ use crate::pipeline::syntax::Place;
 use crate::pipeline::{Pipeline, Plan, Problem, Problems, Set, load, load_with, plan};
 use crate::recording::Device;
 use crate::scene::needs::Needs;
+use std::collections::BTreeSet;
 use std::io;
 use std::path::Path;
 
@@ -41,6 +42,12 @@ pub fn check_with(name: &str, place: Option<&Place>, sets: &[Set]) -> Result<Pip
 fn read_pipeline(path: &Path) -> io::Result<String> {
     let bytes = read_file(path, MOST_PIPELINE_BYTES)?;
     String::from_utf8(bytes).map_err(|_| io::Error::new(io::ErrorKind::InvalidData, "it is no text in UTF-8"))
+}
+
+/// Says what whoever named these pipelines should know.
+pub fn note_names<'p>(pipelines: impl IntoIterator<Item = &'p Pipeline>, console: &Console) {
+    let notes: BTreeSet<&String> = pipelines.into_iter().flat_map(|pipeline| &pipeline.notes).collect();
+    notes.into_iter().for_each(|note| console.note(&format!("note: {note}")));
 }
 
 /// Says what a plan shows otherwise than the scene has it.

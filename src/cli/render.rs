@@ -7,7 +7,7 @@ use super::failure::{CommandError, Failure};
 use super::input::{peak_host_bytes, read_file};
 use super::interrupt::{self, Shelter};
 use super::output::{PictureTarget, Target, expect_distinct, warn_of_nothing};
-use super::pipeline::{BOUNCES, expect_exact, note_approximations};
+use super::pipeline::{BOUNCES, expect_exact, load_pipeline, note_approximations, note_names};
 use super::progress::Progress;
 use super::resources::expect_memory;
 use super::scene::{SceneOptions, View};
@@ -94,7 +94,7 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     let records = options.cache.as_deref().map(RecordsFile::open).transpose()?;
 
     // Anything wrong with the pipeline is told before a large scene is loaded.
-    super::pipeline::load_pipeline(&options.pipeline, &timeline.frames[0].sets)?;
+    note_names([&load_pipeline(&options.pipeline, &timeline.frames[0].sets)?], console);
     let ((gpu, device), (view, load)) = thread::scope(|scope| {
         let gpu = scope.spawn(|| timed(Gpu::open));
         let view = timed(|| options.scene.load_timeline(console));

@@ -8,6 +8,7 @@ use super::interrupt::Shelter;
 use super::judge::Judge;
 use super::kept::{self, Folder};
 use super::output::{Target, expect_distinct};
+use super::pipeline::note_names;
 use super::points::{check, expect_none_refused, listed, planned, weigh};
 use super::progress::Progress;
 use super::resources::expect_memory;
@@ -76,6 +77,7 @@ pub(super) fn run(survey: &Survey, scene: &SceneOptions, reference: &Reference, 
     let targets = Targets::new(options, &outside.files())?;
     // Anything wrong with a pipeline is told before a large scene is loaded.
     let (mut points, pipelines) = check(survey)?;
+    note_names(&pipelines, console);
     let view = scene.load(console)?;
     let plans: Vec<Option<Plan>> = pipelines.iter().zip(&mut points).map(|(pipeline, point)| planned(pipeline, &view, point)).collect();
     plans.iter().flatten().try_for_each(|plan| expect_memory([plan], &view))?;

@@ -40,7 +40,7 @@ pub struct Session<'a> {
     clock: Clock,
     /// Whether the time of the frame is limited.
     is_timed: bool,
-    /// Whether a loop of the frame has ended early, as its time was up.
+    /// Whether a loop of the frame has ended early, as its time was up or its rounds led nowhere.
     is_cut: bool,
     /// Whether the innermost loop ends with the round that it is in.
     is_last_round: bool,
@@ -415,7 +415,9 @@ impl<'a> Session<'a> {
                 break;
             }
         }
-        frame.unfinished.extend(self.shortfall(repeat, rounds, is_done(self, rounds)));
+        let shortfall = self.shortfall(repeat, rounds, is_done(self, rounds));
+        self.is_cut |= shortfall.as_ref().is_some_and(|short| short.because == Shortfall::NoProgress);
+        frame.unfinished.extend(shortfall);
         self.is_last_round = outer;
         if repeat.until.is_some() {
             *frame.fill_rounds.get_or_insert(0) += rounds;

@@ -32,7 +32,16 @@ pub fn check(document: &Document, registry: &Registry, problems: &mut Vec<Proble
         problems.extend(progress::refuse_standstills(&nodes));
     }
     let (name, about, reference) = (document.name.clone(), document.about.clone(), document.reference.clone());
-    problems.is_empty().then(|| Pipeline { name, about, reference, nodes, outputs, specialise: document.specialise, place: document.place.clone() })
+    problems.is_empty().then(|| Pipeline {
+        name,
+        about,
+        reference,
+        nodes,
+        outputs,
+        specialise: document.specialise,
+        place: document.place.clone(),
+        notes: document.notes.clone(),
+    })
 }
 
 /// A node of the document, wherever it stands.

@@ -40,6 +40,8 @@ pub struct Document {
     pub specialise: bool,
     /// The name before the parentheses.
     pub place: Place,
+    /// Names by which it was found, or what it is a variant of, that stand for others now: in words.
+    pub notes: Vec<String>,
     /// Whether every node could be read: if not, a name that is not found may be that of a node that is wrong otherwise.
     pub complete: bool,
 }
@@ -72,7 +74,7 @@ pub struct Override {
 /// Reads a pipeline by its path or the name of one that ships, follows its variants, applies `sets`.
 /// Where some parts cannot be read, the others come with the problems.
 pub fn read(name: &str, sets: &[Set], read_file: &mut ReadFile<'_>) -> (Option<Document>, Vec<Problem>) {
-    let mut reader = Reader { read_file, grammar: Grammar::default(), chain: Vec::new(), complete: true };
+    let mut reader = Reader { read_file, grammar: Grammar::default(), chain: Vec::new(), notes: Vec::new(), complete: true };
     let mut document = match reader.find(name, None) {
         Ok(found) => reader.document(found),
         Err(problem) => {
@@ -83,6 +85,7 @@ pub fn read(name: &str, sets: &[Set], read_file: &mut ReadFile<'_>) -> (Option<D
     if let Some(document) = &mut document {
         sets.iter().for_each(|set| reader.set(document, &set.key, set.value.clone()));
         document.complete = reader.complete;
+        document.notes = reader.notes;
     }
     (document, reader.grammar.problems)
 }
@@ -105,6 +108,8 @@ struct Reader<'r, 'f> {
     grammar: Grammar,
     /// The documents that led here, each of which is a variant of the next.
     chain: Vec<Location>,
+    /// See [`Document::notes`].
+    notes: Vec<String>,
     /// See [`Document::complete`].
     complete: bool,
 }
@@ -129,6 +134,9 @@ impl Reader<'_, '_> {
             let shipped = embedded::EMBEDDED.iter().map(|(file, _)| if name.ends_with(".ron") { *file } else { file.trim_end_matches(".ron") });
             Problem::new("pipeline::not_found", format!("there is no pipeline `{name}`")).help(known(name, shipped, "besides files, these ship"))
         })?;
+        if let Some(new) = embedded::replaced(name) {
+            self.notes.push(format!("`{name}` is called `{new}` now"));
+        }
         Ok(Found { location: Location::Embedded(file), name: format!("pipelines/{file}"), text: text.into() })
     }
 
@@ -168,7 +176,7 @@ impl Reader<'_, '_> {
         self.complete &= nodes.is_some();
         let outputs = self.grammar.required(&keys, "outputs").map_or(Vec::new(), |value| self.outputs(value));
         let nodes = nodes.unwrap_or_default();
-        Some(Document { name, about, of: None, reference, nodes, outputs, specialise, place: head.place.clone(), complete: self.complete })
+        Some(Document { name, about, of: None, reference, nodes, outputs, specialise, place: head.place.clone(), notes: Vec::new(), complete: self.complete })
     }
 
     fn variant(&mut self, name: String, head: &Word, fields: &[Field]) -> Option<Document> {

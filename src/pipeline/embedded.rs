@@ -16,6 +16,7 @@ pub static EMBEDDED: &[(&str, &str)] = &[
     ("irradiance-host-splat.ron", include_str!("../../pipelines/irradiance-host-splat.ron")),
     ("irradiance-mipmap.ron", include_str!("../../pipelines/irradiance-mipmap.ron")),
     ("irradiance-no-gradients.ron", include_str!("../../pipelines/irradiance-no-gradients.ron")),
+    ("irradiance-one-rate.ron", include_str!("../../pipelines/irradiance-one-rate.ron")),
     ("irradiance-ping-pong.ron", include_str!("../../pipelines/irradiance-ping-pong.ron")),
     ("irradiance-plane.ron", include_str!("../../pipelines/irradiance-plane.ron")),
     ("irradiance-plane-coverage.ron", include_str!("../../pipelines/irradiance-plane-coverage.ron")),
@@ -23,7 +24,6 @@ pub static EMBEDDED: &[(&str, &str)] = &[
     ("irradiance-readback.ron", include_str!("../../pipelines/irradiance-readback.ron")),
     ("irradiance-sequential.ron", include_str!("../../pipelines/irradiance-sequential.ron")),
     ("irradiance-tabellion.ron", include_str!("../../pipelines/irradiance-tabellion.ron")),
-    ("irradiance-two-rates.ron", include_str!("../../pipelines/irradiance-two-rates.ron")),
     ("irradiance-ward.ron", include_str!("../../pipelines/irradiance-ward.ron")),
     ("radiance.ron", include_str!("../../pipelines/radiance.ron")),
     ("radiance-blend.ron", include_str!("../../pipelines/radiance-blend.ron")),
@@ -37,9 +37,21 @@ pub static EMBEDDED: &[(&str, &str)] = &[
     ("environment-spherical.ron", include_str!("../../pipelines/environment-spherical.ron")),
 ];
 
-/// Finds a pipeline by "pipelines/irradiance.ron", "irradiance.ron" or "irradiance".
+/// Names that pipelines had before, and what stands in their place.
+static REPLACED: &[(&str, &str)] = &[("irradiance-two-rates", "irradiance")];
+
+/// Finds a pipeline by "pipelines/irradiance.ron", "irradiance.ron" or "irradiance", also by a name that it had before.
 pub fn find(name: &str) -> Option<(&'static str, &'static str)> {
+    let stem = replaced(name).unwrap_or(stem(name));
+    EMBEDDED.iter().copied().find(|(file, _)| file.strip_suffix(".ron") == Some(stem))
+}
+
+/// The pipeline that stands in the place of one of this name, if there is none of it any more.
+pub fn replaced(name: &str) -> Option<&'static str> {
+    REPLACED.iter().find(|(old, _)| *old == stem(name)).map(|(_, new)| *new)
+}
+
+fn stem(name: &str) -> &str {
     let name = name.strip_prefix("pipelines/").unwrap_or(name);
-    let name = name.strip_suffix(".ron").unwrap_or(name);
-    EMBEDDED.iter().copied().find(|(file, _)| file.strip_suffix(".ron") == Some(name))
+    name.strip_suffix(".ron").unwrap_or(name)
 }

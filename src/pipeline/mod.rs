@@ -46,6 +46,8 @@ pub struct Pipeline {
     pub specialise: bool,
     /// Where the document begins.
     pub place: Place,
+    /// What whoever names it should know, in words.
+    pub notes: Vec<String>,
 }
 
 /// An output: the name of a layer and what it shows.

@@ -177,7 +177,7 @@ pub enum Command {
     Compute(Compute),
     Raster(Raster),
     Host(Host),
-    /// Is run only where a loop has ended early, as the time of the frame was up.
+    /// Is run only where a loop has ended early, as the time of the frame was up or its rounds led nowhere.
     Late(Host),
 }
 

@@ -66,7 +66,7 @@ impl Recording {
                 format!("raster {}:{} to [{}]{depth}, {draws}", r.program.shader, r.vertex, targets.join(", "))
             }
             Command::Host(host) => self.host_to_text(host),
-            Command::Late(host) => format!("if time is up: {}", self.host_to_text(host)),
+            Command::Late(host) => format!("if a loop ends early: {}", self.host_to_text(host)),
         }
     }
 

@@ -10,7 +10,7 @@ use super::{
 use crate::scene::{
     bvh::Bvh,
     model::{Rgb, Scene, surface_offset},
-    surface::Surface,
+    surface::{Ray, Surface},
 };
 use glam::{DVec3, Vec3};
 use std::f64::consts::PI;
@@ -136,7 +136,7 @@ impl<'a> Tracer<'a> {
     /// The surface that a ray sees first.
     pub(super) fn surface(&self, origin: Vec3, direction: Vec3) -> Option<Surface> {
         let hit = self.bvh.closest(self.scene, origin, direction, f32::INFINITY)?;
-        Some(self.scene.surface(hit.triangle, hit.barycentric, direction))
+        Some(self.scene.surface(hit.triangle, hit.barycentric, Ray { origin, direction }))
     }
 
     /// Where rays that leave a surface start.

@@ -4,6 +4,25 @@ use super::{Rgb, Scene, Triangle};
 use crate::math::{frame::Frame, lobe::Lobe};
 use glam::{Vec2, Vec3};
 
+/// Where a ray starts, and where it goes; of any length.
+#[derive(Clone, Copy)]
+pub struct Ray {
+    pub origin: Vec3,
+    pub direction: Vec3,
+}
+
+impl Ray {
+    /// The nearest point on the ray's line.
+    fn nearest(&self, point: Vec3) -> Vec3 {
+        self.origin + self.along(point - self.origin)
+    }
+
+    /// The part of a way along the ray.
+    fn along(&self, way: Vec3) -> Vec3 {
+        self.direction * (way.dot(self.direction) / self.direction.length_squared())
+    }
+}
+
 /// A place on a surface, from the side that a ray saw.
 #[derive(Clone, Copy)]
 pub struct Surface {
@@ -27,37 +46,45 @@ pub struct Gloss {
     pub outgoing: Vec3,
 }
 
+/// How far beside its ray a point may be by rounding alone: so much of its distance, and of its largest coordinate.
+const BESIDE_RAY: [f32; 2] = [5e-7, 2.5e-7];
+
+/// A triangle whose area is less than this share of its longest edge squared, doubled, is an edge: rounding turns its plane around it.
+const SLIVER: f32 = 1e-4;
+
+/// The sine between a plane and a ray below which rounding decides where they meet.
+const GRAZING: f32 = 1e-5;
+
 impl Scene {
-    /// What a ray along `direction` sees where it meets a triangle.
-    pub fn surface(&self, triangle: u32, barycentric: Vec2, direction: Vec3) -> Surface {
-        let (plain, texture) = self.without_lobe(triangle, barycentric, direction);
+    /// What a ray sees where it meets a triangle.
+    pub fn surface(&self, triangle: u32, barycentric: Vec2, ray: Ray) -> Surface {
+        let (plain, texture) = self.without_lobe(triangle, barycentric, ray);
         let triangle = &self.triangles[triangle as usize];
         let material = &self.materials[triangle.material as usize];
         let reflection = material.reflection(material.reflectance * texture.unwrap_or(Vec3::ONE));
         let glossy = reflection.lobe.map(|lobe| {
             let frame = if lobe.shape.is_anisotropic() { triangle.tangent_frame(plain.normal) } else { Frame::new(plain.normal) };
-            Gloss { lobe, frame, outgoing: frame.to_local(-direction.normalize()) }
+            Gloss { lobe, frame, outgoing: frame.to_local(-ray.direction.normalize()) }
         });
         let reflectance = glossy.map_or(reflection.diffuse, |gloss| reflection.diffuse * gloss.lobe.leaves(gloss.outgoing.z));
         Surface { reflectance, glossy, ..plain }
     }
 
     /// The same where nothing renders lobes: [`Material::albedo`](super::Material::albedo) stands for them.
-    pub fn diffuse_surface(&self, triangle: u32, barycentric: Vec2, direction: Vec3) -> Surface {
-        self.without_lobe(triangle, barycentric, direction).0
+    pub fn diffuse_surface(&self, triangle: u32, barycentric: Vec2, ray: Ray) -> Surface {
+        self.without_lobe(triangle, barycentric, ray).0
     }
 
     /// The surface by its albedo, and what its texture holds there.
-    fn without_lobe(&self, triangle: u32, barycentric: Vec2, direction: Vec3) -> (Surface, Option<Rgb>) {
+    fn without_lobe(&self, triangle: u32, barycentric: Vec2, ray: Ray) -> (Surface, Option<Rgb>) {
         let triangle = &self.triangles[triangle as usize];
         let material = &self.materials[triangle.material as usize];
         let face = triangle.face_normal();
-        let side = if face.dot(direction) > 0.0 { -1.0 } else { 1.0 };
+        let side = if face.dot(ray.direction) > 0.0 { -1.0 } else { 1.0 };
         let texture = material.texture.map(|i| self.textures[i as usize].sample(triangle.uv(barycentric)).truncate());
         let (albedo, multiplied) = material.albedo();
         let surface = Surface {
-            // From the corners rather than along the ray: the error stays in the plane.
-            position: triangle.position(barycentric),
+            position: triangle.place(barycentric, ray),
             face: face * side,
             normal: triangle.normal(barycentric) * side,
             reflectance: albedo * texture.filter(|_| multiplied.is_some()).unwrap_or(Vec3::ONE),
@@ -70,13 +97,136 @@ impl Scene {
 
 impl Triangle {
     /// Barycentric weights of corners 1 and 2 where a ray, known to meet the triangle, meets it. What rounding puts outside is moved to the edge.
-    pub fn barycentric(&self, origin: Vec3, direction: Vec3) -> Vec2 {
+    pub fn barycentric(&self, ray: Ray) -> Vec2 {
         let [a, b, c] = self.positions;
-        let (e1, e2, s) = (b - a, c - a, origin - a);
-        let p = direction.cross(e2);
+        let (e1, e2, s) = (b - a, c - a, ray.origin - a);
+        let p = ray.direction.cross(e2);
         let determinant = e1.dot(p);
         let inverse = if determinant == 0.0 { 0.0 } else { 1.0 / determinant };
-        let weights = (Vec2::new(s.dot(p), direction.dot(s.cross(e1))) * inverse).clamp(Vec2::ZERO, Vec2::ONE);
+        let weights = (Vec2::new(s.dot(p), ray.direction.dot(s.cross(e1))) * inverse).clamp(Vec2::ZERO, Vec2::ONE);
         weights / weights.element_sum().max(1.0)
+    }
+
+    /// The point at these weights, as the ray meets it. Weights of slivers, and of triangles far larger than the way to them, are rounded so that their point is
+    /// beside the ray, by pixels; such a point moves onto the ray.
+    pub fn place(&self, barycentric: Vec2, ray: Ray) -> Vec3 {
+        // From the corners rather than along the ray: the error stays in the plane.
+        let position = self.position(barycentric);
+        let rounding = BESIDE_RAY[0] * position.distance(ray.origin) + BESIDE_RAY[1] * position.abs().max_element();
+        let foot = ray.nearest(position);
+        if position.distance(foot) <= rounding { position } else { self.on_plane(position, foot, ray).unwrap_or_else(|| self.beside_edge(ray)) }
+    }
+
+    /// Where the ray meets the plane through a point of it, whose foot on the ray is known. None where the triangle is too thin to have a plane, or seen along it.
+    fn on_plane(&self, point: Vec3, foot: Vec3, ray: Ray) -> Option<Vec3> {
+        let [a, b, c] = self.positions;
+        let (plane, longest) = ((b - a).cross(c - a), a.distance(b).max(b.distance(c)).max(c.distance(a)));
+        let facing = plane.dot(ray.direction);
+        let has_plane = plane.length() > SLIVER * longest * longest && facing.abs() > GRAZING * plane.length() * ray.direction.length();
+        let way = ray.direction * (plane.dot(point - foot) / facing);
+        (has_plane && way.length() <= longest).then(|| foot + way)
+    }
+
+    /// Where the ray is nearest to one of the edges.
+    fn beside_edge(&self, ray: Ray) -> Vec3 {
+        let [a, b, c] = self.positions;
+        let nearest = |[from, to]: [Vec3; 2]| {
+            let aside = |way: Vec3| way - ray.along(way);
+            let (start, edge) = (aside(from - ray.origin), aside(to - from));
+            let share = (-start.dot(edge) / edge.length_squared().max(f32::MIN_POSITIVE)).clamp(0.0, 1.0);
+            ((start + edge * share).length_squared(), from + (to - from) * share)
+        };
+        let [first, second, third] = [[a, b], [b, c], [c, a]].map(nearest);
+        let (_, point) = [second, third].into_iter().fold(first, |best, next| if next.0 < best.0 { next } else { best });
+        ray.nearest(point)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::{DVec2, DVec3};
+    use proptest::prelude::*;
+
+    /// A hundredth of a pixel of a picture that is 1,000 pixels and 60 degrees wide [radians].
+    const HUNDREDTH: f64 = 0.01 * 1.05 / 1000.0;
+
+    /// How a triangle lies and from where it is seen.
+    #[derive(Debug, Clone, Copy)]
+    struct Setting {
+        /// Along its longest edge, across that in its plane, and toward the eye; unit vectors.
+        along: DVec3,
+        across: DVec3,
+        toward: DVec3,
+        /// Of the point that is seen.
+        weights: DVec2,
+    }
+
+    /// Seen at a sine of `least` or more from its plane.
+    fn setting(least: f64) -> impl Strategy<Value = Setting> {
+        let turn = || 0.0..std::f64::consts::TAU;
+        (turn(), turn(), -1.0..1.0, least..1.0, turn(), [0.0..1.0, 0.0..1.0f64]).prop_map(|(about, roll, height, facing, from, weights)| {
+            let flat = (1.0 - height * height).sqrt();
+            let normal = DVec3::new(flat * about.cos(), flat * about.sin(), height);
+            let (x, y) = normal.any_orthonormal_pair();
+            let around = |turn: f64| x * turn.cos() + y * turn.sin();
+            let weights = DVec2::from_array(weights);
+            let weights = if weights.element_sum() > 1.0 { 1.0 - weights } else { weights };
+            let toward = normal * facing + around(from) * (1.0 - facing * facing).sqrt();
+            Setting { along: around(roll), across: normal.cross(around(roll)), toward, weights }
+        })
+    }
+
+    impl Setting {
+        /// A triangle of a length and a width, the ray from an eye so far away to a point of it, and that point.
+        fn seen(self, length: f64, width: f64, away: f64) -> (Triangle, Ray, DVec3) {
+            let corners = [DVec3::ZERO, self.along * length, self.along * (0.4 * length) + self.across * width].map(|corner| corner.as_vec3());
+            let [a, b, c] = corners.map(|corner| corner.as_dvec3());
+            let point = a + (b - a) * self.weights.x + (c - a) * self.weights.y;
+            let origin = (point + self.toward * away).as_vec3();
+            let triangle = Triangle { positions: corners, normals: [Vec3::ZERO; 3], uvs: [Vec2::ZERO; 3], material: 0 };
+            (triangle, Ray { origin, direction: (point - origin.as_dvec3()).as_vec3() }, point)
+        }
+    }
+
+    proptest! {
+        /// Slivers down to nothing, triangles far larger than the way to them, and far smaller: what a pixel sees is on its ray.
+        #[test]
+        fn places_are_on_their_ray(length in -4.0..6.0f64, thin in -9.0..0.0f64, away in -4.0..4.0f64, setting in setting(0.0)) {
+            let length = 10f64.powf(length);
+            let (triangle, ray, _) = setting.seen(length, length * 10f64.powf(thin), length * 10f64.powf(away));
+            let place = triangle.place(triangle.barycentric(ray), ray);
+            let [way, direction] = [place.as_dvec3() - ray.origin.as_dvec3(), ray.direction.as_dvec3()];
+            let beside = way.cross(direction).length() / direction.length();
+            // Nothing is nearer than its coordinates can say.
+            let rounding = 5e-7 * f64::from(place.abs().max_element().max(ray.origin.abs().max_element()));
+            prop_assert!(beside <= HUNDREDTH * way.length() + rounding, "{beside} beside at {}", way.length());
+        }
+
+        /// Where the plane is sound and is not seen along it, the place is also at the right distance.
+        #[test]
+        fn places_are_on_their_triangle(thin in -3.0..0.0f64, away in -2.0..2.0f64, setting in setting(0.1)) {
+            let (triangle, ray, point) = setting.seen(1.0, 10f64.powf(thin), 10f64.powf(away));
+            let distance = triangle.place(triangle.barycentric(ray), ray).as_dvec3().distance(point);
+            prop_assert!(distance < 3e-6 * 10f64.powf(away).max(1.0) / 10f64.powf(thin), "{distance} apart");
+        }
+    }
+
+    /// A sliver whose weights, clamped, are those of another place of it: seen in Sibenik, where such a pixel asked for records without end.
+    #[test]
+    fn a_sliver_is_seen_where_it_is() {
+        let triangle = |width: f32| {
+            let positions = [Vec3::new(-3.0, 0.37, 11.0), Vec3::new(4.0, 0.61, 9.0), Vec3::new(0.5, 0.49 + width, 10.0)];
+            Triangle { positions, normals: [Vec3::ZERO; 3], uvs: [Vec2::ZERO; 3], material: 0 }
+        };
+        for width in [0.0, 1e-7, 1e-6, 1e-5, 1e-4] {
+            let triangle = triangle(width);
+            for share in [0.1, 0.3, 0.5, 0.7, 0.9] {
+                let point = triangle.positions[0].lerp(triangle.positions[1], share);
+                let ray = Ray { origin: Vec3::new(0.3, 0.2, 0.1), direction: point - Vec3::new(0.3, 0.2, 0.1) };
+                let place = triangle.place(triangle.barycentric(ray), ray);
+                assert!(place.distance(point) < 1e-3 + 2.0 * width, "{width}, {share}: {place} instead of {point}");
+            }
+        }
     }
 }

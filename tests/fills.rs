@@ -77,7 +77,7 @@ fn main() {
                 println!("SKIPPED: {test}: {why}");
             }
             let (gpu, ignored) = (gpu.clone(), is_long || skipped.is_some());
-            trials.push(Trial::test(test, move || look_around(&gpu?, name, views)).with_ignored_flag(ignored));
+            trials.push(Trial::test(test, move || look_around(&*gpu?, name, views)).with_ignored_flag(ignored));
         }
     }
     libtest_mimic::run(&arguments, trials).exit()
@@ -155,8 +155,8 @@ fn planned(gpu: &Gpu, scene: &Scene, size: [u32; 2]) -> Result<Plan, Failed> {
 
 /// Looks at the views of one size after the other.
 fn look_around(gpu: &Gpu, name: &str, views: usize) -> Outcome {
-    let scene = scene(name)?;
-    let bvh = Bvh::new(&scene);
+    let mut scene = scene(name)?;
+    let bvh = Bvh::build(&mut scene);
     let alone = env::var("HEMISPLAT_VIEW").ok();
     let chosen = |number: usize| alone.as_ref().is_none_or(|alone| *alone == format!("{name} {number}"));
     let mut wrong = Vec::new();

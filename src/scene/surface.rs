@@ -165,7 +165,7 @@ mod tests {
     /// Seen at a sine of `least` or more from its plane.
     fn setting(least: f64) -> impl Strategy<Value = Setting> {
         let turn = || 0.0..std::f64::consts::TAU;
-        (turn(), turn(), -1.0..1.0, least..1.0, turn(), [0.0..1.0, 0.0..1.0f64]).prop_map(|(about, roll, height, facing, from, weights)| {
+        (turn(), turn(), -1.0..1.0f64, least..1.0, turn(), [0.0..1.0, 0.0..1.0f64]).prop_map(|(about, roll, height, facing, from, weights)| {
             let flat = (1.0 - height * height).sqrt();
             let normal = DVec3::new(flat * about.cos(), flat * about.sin(), height);
             let (x, y) = normal.any_orthonormal_pair();

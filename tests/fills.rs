@@ -44,15 +44,14 @@ const PIPELINE: &str = r#"Variant(
     },
 )"#;
 
-/// Pixels for each of which there may be a record, beside a few that any view has.
-const PIXELS_A_RECORD: u32 = 3;
-const FEW_RECORDS: u32 = 64;
+/// Most records over pixels: leaves and needles need one for every second pixel of a small picture.
+const MOST_RECORDS: f64 = 0.75;
 
 /// As many as a fill has that looks at all cells in batches; those of one pixel at a time are thousands.
 const MOST_ROUNDS: u32 = 400;
 
-/// Of a view: a hundred times what it takes on two free cores.
-const MOST_SECONDS: f64 = 30.0;
+/// Of a view, many times what the slowest takes on two free cores: a fill without end takes minutes.
+const MOST_SECONDS: f64 = 120.0;
 
 /// How far a place may be from its pixel's centre [pixels].
 const BESIDE: f64 = 0.01;
@@ -188,7 +187,7 @@ fn faults(report: &FrameReport, seconds: f64, picture: &Layers) -> Vec<String> {
     let checks = [
         (!report.complete, format!("unfinished: {:?}, {:?} uncovered", report.unfinished.len(), report.uncovered_pixels)),
         (black > 0, format!("{black} pixels without light")),
-        (records > pixels / PIXELS_A_RECORD + FEW_RECORDS, format!("{records} records")),
+        (f64::from(records) > MOST_RECORDS * f64::from(pixels), format!("{records} records")),
         (rounds > MOST_ROUNDS, format!("{rounds} rounds")),
         (seconds > MOST_SECONDS, format!("{seconds:.1} s")),
     ];

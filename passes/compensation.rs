@@ -38,6 +38,9 @@ impl Pass for Compensation {
             "None" => Method::None,
             _ => Method::BorderExtension,
         };
+        if !tiles.shape.is_incomplete() {
+            r.idle("method", "the tiles leave nothing out");
+        }
         let table = Arc::new(
             Table::new(tiles.shape, tiles.resolution, method).map_err(|e| Refusal::new("plan::tile", e.to_string(), "choose another shape or resolution"))?,
         );

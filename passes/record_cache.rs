@@ -146,6 +146,9 @@ impl Pass for RecordCache {
             }
             port::Coefficients { values: r.history_buffer("coefficients", u64::from(capacity) * bytes), order, precision }
         });
+        if coefficients.is_none() {
+            r.idle("coefficients", "records hold irradiance alone");
+        }
         let cache = port::RecordCache {
             records: r.history_buffer("records", capacity as u64 * RECORD_BYTES),
             coefficients,

@@ -35,14 +35,14 @@ const CASES: &[(&str, Case)] = &[
     ("an_earlier_cache_and_earlier_shadow_maps_are_whole", earlier_memory),
     ("a_second_frame_of_the_same_view_adds_nothing_and_looks_the_same", same_view),
     ("a_second_view_reuses_records", second_view),
-    ("saved_records_give_the_same_picture_bit_by_bit", || saved_records("irradiance")),
+    ("saved_records_give_the_same_picture_bit_by_bit", || saved_records("irradiance-one-rate")),
     ("saved_records_of_two_loops_give_the_same_picture_bit_by_bit", || saved_records("irradiance")),
     ("a_file_of_records_that_does_not_fit_is_refused_and_kept", bad_records),
     ("a_fill_that_ends_at_its_bound_splats_what_it_has_made", bounded_fill),
     ("a_frame_that_fails_keeps_records_and_statistics_of_those_before_it", failing_frame),
     ("work_that_takes_long_is_shown_on_a_terminal_only", progress),
     ("a_gap_is_a_warning_or_a_failure_and_the_picture_is_written", gaps),
-    ("frames_share_out_a_bounded_number_of_new_records", || bounded_frames("irradiance")),
+    ("frames_share_out_a_bounded_number_of_new_records", || bounded_frames("irradiance-one-rate")),
     ("two_loops_share_out_one_number_of_new_records", || bounded_frames("irradiance")),
     ("an_accuracy_changes_between_frames_and_records_stay", accuracy_per_frame),
     ("what_cannot_change_between_frames_is_refused", refused_per_frame),
@@ -369,6 +369,10 @@ fn bad_records() -> Outcome {
         ("records.gradients=false", "were made by IrradianceSum("),
         ("closed.method=None", "were made by Compensation("),
         ("direct.emitters=Records", "were made by direct: lights from emitters: true"),
+        // Of the loop that adds to what another one has left.
+        ("detail_tiles.resolution=16", "were made by HemisphereTiles("),
+        ("detail_closed.method=None", "were made by Compensation("),
+        ("detail_records.gradients=false", "were made by IrradianceSum("),
     ] {
         is(&place.render(&["--cache", "records", "--set", set, "-o", "out.exr"])?, 2, theirs)?;
     }

@@ -78,6 +78,7 @@ impl Pass for DirectLight {
         let radiance = r.image("radiance", Format::Rgba32Float);
         let [area, rays] = samples.map(|s| s as u32);
         let samples = [area, if sky.is_some() { 0 } else { rays }];
+        tell_idle(r, sampled, sky.is_some());
         let by_host = light_by_host(r, samples)?;
         let program = light_constants(Program::new("direct_light"), r.setting.needs, samples);
         let program = match by_host {
@@ -94,6 +95,20 @@ impl Pass for DirectLight {
         r.output("radiance", Port::DirectLight(port::DirectLight { radiance, lights_from_emitters: sampled }));
         Ok(())
     }
+}
+
+/// Tells what has no effect where there is no such light.
+fn tell_idle(r: &mut Recorder<'_>, sampled: bool, has_sky: bool) {
+    let needs = r.setting.needs;
+    let (emits, shines) = (needs.emissive_triangles > 0, needs.environment);
+    let idle = [
+        (!emits && !shines, "emitters", "no surface emits light and the sky is black"),
+        (!emits && !shines, "by", "no surface emits light and the sky is black"),
+        (sampled && shines && !emits, "emitters.area_samples", "no surface emits light"),
+        (sampled && emits && !shines, "emitters.sky_samples", "the sky is black"),
+        (sampled && shines && has_sky, "emitters.sky_samples", "another pass computes the light of the sky"),
+    ];
+    idle.into_iter().filter(|(holds, ..)| *holds).for_each(|(_, parameter, because)| r.idle(parameter, because));
 }
 
 /// Most bytes of the light of all pixels: what every device binds.

@@ -172,6 +172,9 @@ impl Pass for HemisphereTiles {
         let resolution = r.arguments.integer("resolution") as u32;
         let (by, way) = r.arguments.choice("by");
         let taps = shadow_taps(r.arguments)?;
+        if r.setting.needs.shadowed_lights == 0 {
+            r.idle("taps", "no punctual light casts shadows");
+        }
         let table = Table::new(shape, resolution, crate::math::hemisphere::Method::None)
             .map_err(|e| Refusal::of_parameter("resolution", "plan::tile", e.to_string(), "choose another shape or resolution"))?;
         if by == "Raster" && table.views.is_empty() {

@@ -151,6 +151,9 @@ impl Pass for Splat {
         let counts = r.arguments.bool("count").then(|| r.image("counts", Format::Rgba32Float));
         let first = r.variable("splatted", false);
         let radiance = radiance(r, &cache)?;
+        if radiance.is_none() {
+            r.idle("rotation", "records hold irradiance alone");
+        }
         let work = Work { gbuffer, cache, sums, counts, first, radiance };
         match (r.arguments.choice("by").0, &work.radiance) {
             ("Suited", Some(radiance)) if r.setting.device == Device::Software => {

@@ -2,7 +2,7 @@
 
 use super::console::Console;
 use super::failure::Failure;
-use super::pipeline::{check_pipeline, expect_exact, note_names, plan_view};
+use super::pipeline::{check_pipeline, expect_exact, note_idle, note_names, plan_view};
 use super::scene::{SceneOptions, View, ViewOptions};
 use crate::gpu::expected_device;
 use crate::pipeline::embedded::EMBEDDED;
@@ -52,6 +52,7 @@ fn check(name: &str, options: &Options, view: Option<&View>, console: &Console) 
     note_names([&pipeline], console);
     let Some(view) = view else { return Ok(summary(&pipeline)) };
     let plan = plan_view(&pipeline, view, expected_device(), &[])?;
+    note_idle(&plan, &options.sets, console);
     if options.strict {
         expect_exact(&plan)?;
     }

@@ -7,7 +7,7 @@ use super::failure::{CommandError, Failure};
 use super::input::peak_host_bytes;
 use super::interrupt::Shelter;
 use super::output::{Target, expect_distinct};
-use super::pipeline::{check_pipeline, note_names, plan_view};
+use super::pipeline::{check_pipeline, note_idle, note_names, plan_view};
 use super::progress::Progress;
 use super::resources::expect_memory;
 use super::scene::{SceneOptions, View};
@@ -68,6 +68,7 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     note_names(&pipelines, console);
     let (view, load_seconds) = timed(|| options.scene.load(console))?;
     let plans = plan_all(&pipelines, &view)?;
+    variants.iter().zip(&plans).for_each(|(variant, (plan, _))| note_idle(plan, &variant.sets, console));
     let (given, given_seconds) = timed(|| options.truth.given(&view))?;
     let keeper = options.truth.keeper(&view)?;
     expect_memory(plans.iter().map(|(plan, _)| plan), &view)?;

@@ -2,7 +2,7 @@
 
 use super::console::Console;
 use super::failure::Failure;
-use super::pipeline::{load_pipeline, note_names, plan_view};
+use super::pipeline::{load_pipeline, note_idle, note_names, plan_view};
 use super::scene::SceneOptions;
 use crate::gpu::{expected_device, spirv};
 use clap::Args;
@@ -27,6 +27,7 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     note_names([&pipeline], console);
     let view = options.scene.load(console)?;
     let plan = plan_view(&pipeline, &view, expected_device(), &[]).map_err(Failure::input)?;
+    note_idle(&plan, &options.sets, console);
     let sizes = spirv::sizes(&plan.recording).map_err(Failure::work)?;
     console.print(&(plan.explain() + &spirv::to_text(&sizes)))
 }

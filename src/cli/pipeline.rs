@@ -55,6 +55,14 @@ pub fn note_approximations(plan: &Plan, console: &Console) {
     plan.approximated().iter().for_each(|what| console.note(&format!("note: {what}")));
 }
 
+/// Says which of the parameters that were set, `NODE.PARAM=VALUE`, change nothing.
+pub fn note_idle(plan: &Plan, sets: &[String], console: &Console) {
+    let keys: BTreeSet<&str> = sets.iter().filter_map(|set| Some(set.split_once('=')?.0.trim())).collect();
+    for (key, because) in keys.into_iter().filter_map(|key| Some((key, plan.why_idle(key)?))) {
+        console.note(&format!("note: {key} has no effect here, as {because}"));
+    }
+}
+
 /// Refuses a plan that shows something otherwise than the scene has it.
 pub fn expect_exact(plan: &Plan) -> Result<(), Problems> {
     let problem = |what| Problem::new("plan::glossy", what).help("use a pipeline for glossy light, such as radiance, or leave --strict away");

@@ -7,7 +7,7 @@ use super::failure::{CommandError, Failure};
 use super::input::{peak_host_bytes, read_file};
 use super::interrupt::{self, Shelter};
 use super::output::{PictureTarget, Target, expect_distinct, warn_of_nothing};
-use super::pipeline::{BOUNCES, expect_exact, load_pipeline, note_approximations, note_names};
+use super::pipeline::{BOUNCES, expect_exact, load_pipeline, note_approximations, note_idle, note_names};
 use super::progress::Progress;
 use super::resources::expect_memory;
 use super::scene::{SceneOptions, View};
@@ -108,6 +108,7 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
         expect_exact(plans.first()).map_err(Failure::input)?;
     }
     note_approximations(plans.first(), console);
+    note_idle(plans.first(), &timeline.frames[0].sets, console);
     let gpu = gpu.map_err(Failure::work)?;
     expect_memory([plans.first()], &view)?;
     let start = Instant::now();

@@ -75,6 +75,8 @@ pub struct Recorded {
     pub commands: Vec<Command>,
     /// Remarks for `explain`: what was adapted and why.
     pub remarks: Vec<String>,
+    /// Parameters that change nothing with this scene and these inputs, and why.
+    pub idle: Vec<(&'static str, &'static str)>,
     /// Numbers for the run's report: name, buffer of u32 and index.
     pub reports: Vec<(&'static str, Reported)>,
     /// Histories that `--cache` saves and loads.
@@ -139,6 +141,11 @@ impl<'a> Recorder<'a> {
 
     pub fn remark(&mut self, remark: impl Into<String>) {
         self.recorded.remarks.push(remark.into());
+    }
+
+    /// Tells that a parameter, `outer` or `outer.inner`, changes nothing with this scene and these inputs. `because` completes "no effect, as …".
+    pub fn idle(&mut self, parameter: &'static str, because: &'static str) {
+        self.recorded.idle.push((parameter, because));
     }
 
     fn resource(&mut self, member: &str, kind: ResourceKind, lifetime: Lifetime) -> Resource {

@@ -44,6 +44,13 @@ pub enum Shape {
     Concentric,
 }
 
+impl Shape {
+    /// Whether it leaves directions above the horizon out.
+    pub fn is_incomplete(self) -> bool {
+        matches!(self, Self::Plane { .. })
+    }
+}
+
 /// How an incomplete shape makes up for the directions it leaves out. Complete shapes need none and ignore it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Method {

@@ -39,6 +39,10 @@ pub struct Plan {
     pub by_albedo: Vec<String>,
     /// Node and what was adapted.
     pub remarks: Vec<(String, String)>,
+    /// Every node that is not dropped, with its parameters as they were resolved, `name: value`.
+    pub resolved: Vec<(String, Vec<String>)>,
+    /// Parameters, `node.parameter`, that change nothing with this scene, and why.
+    pub idle: Vec<(String, &'static str)>,
     /// Node, name and place of the numbers that a run reports.
     pub reports: Vec<(String, &'static str, Reported)>,
     /// Histories that can be saved.
@@ -246,6 +250,7 @@ struct Planner<'a> {
     /// What edges to earlier rounds and frames read.
     earlier: BTreeMap<Key, Port>,
     remarks: Vec<(String, String)>,
+    idle: Vec<(String, &'static str)>,
     reports: Vec<(String, &'static str, Reported)>,
     persistent: Vec<Saved>,
     /// Nodes that could not be recorded, and those that wait for them.
@@ -282,6 +287,7 @@ impl<'a> Planner<'a> {
             ports: BTreeMap::new(),
             earlier: BTreeMap::new(),
             remarks: Vec::new(),
+            idle: Vec::new(),
             reports: Vec::new(),
             persistent: Vec::new(),
             failed: BTreeSet::new(),
@@ -395,6 +401,7 @@ impl<'a> Planner<'a> {
         level.at_least = level.at_least.max(recorded.at_least);
         self.ports.extend(recorded.outputs.into_iter().map(|(output, port)| (format!("{}.{output}", node.name), port)));
         self.remarks.extend(recorded.remarks.into_iter().map(|remark| (node.name.clone(), remark)));
+        self.idle.extend(recorded.idle.into_iter().map(|(parameter, because)| (format!("{}.{parameter}", node.name), because)));
         self.reports.extend(recorded.reports.into_iter().map(|(name, from)| (node.name.clone(), name, from)));
         for history in recorded.persistent {
             // The last node that adds to a history has all that do among those before it.
@@ -464,7 +471,9 @@ impl<'a> Planner<'a> {
         let placement = Placement::of(&self.recording, &lifetimes);
         for saved in &mut self.persistent {
             let node = members.iter().find(|member| member.node.name == saved.node).map(|member| member.node);
-            node.into_iter().for_each(|node| provenance(node, members, &self.ports, &mut saved.made_by));
+            let mut provenance = Provenance { members, ports: &self.ports, followed: BTreeSet::new(), made_by: Vec::new() };
+            node.into_iter().for_each(|node| provenance.follow(node));
+            saved.made_by = provenance.made_by;
             saved.made_by.extend((!by_albedo.is_empty()).then(|| "glossy surfaces by their albedo".to_owned()));
         }
         let because = |node: &Node| Some(Dropped { node: node.name.clone(), because: self.dropped.get(node.name.as_str())?.clone() });
@@ -481,6 +490,8 @@ impl<'a> Planner<'a> {
             absent,
             ports: self.ports,
             remarks: self.remarks,
+            resolved: members.iter().filter(|member| !self.dropped.contains_key(member.node.name.as_str())).map(resolved).collect(),
+            idle: self.idle,
             reports: self.reports,
             persistent: self.persistent,
         })
@@ -502,25 +513,44 @@ impl<'a> Planner<'a> {
     }
 }
 
-/// What a node's items depend on: its own parameters, and those of the nodes before it. Where items are wanted, and what is there
-/// already, decides which are made, not how.
-fn provenance(node: &Node, members: &[Member<'_>], ports: &BTreeMap<String, Port>, made_by: &mut Vec<String>) {
-    let parameters: Vec<String> = node.arguments.iter().map(|(name, value)| format!("{name}: {value}")).collect();
-    let text = format!("{}({})", node.description().name, parameters.join(", "));
-    if made_by.contains(&text) {
-        return;
-    }
-    made_by.push(text);
-    for edge in &node.inputs {
-        match ports.get(&edge.from.to_string()) {
-            None | Some(Port::RecordCache(_) | Port::Requests(_) | Port::Splats(_) | Port::GBuffer(_) | Port::Flag(_)) => {}
-            Some(Port::DirectLight(direct)) => made_by.push(format!("{}: lights from emitters: {}", edge.input, direct.lights_from_emitters)),
-            Some(Port::ShadowMaps(maps)) => made_by.push(format!("{}: maps of {} texels", edge.input, maps.resolution)),
-            Some(_) => {
-                let source = members.iter().find(|member| member.node.name == edge.from.node);
-                source.into_iter().for_each(|member| provenance(member.node, members, ports, made_by));
+/// A node and its parameters, `name: value`.
+fn resolved(member: &Member<'_>) -> (String, Vec<String>) {
+    (member.node.name.clone(), member.node.arguments.iter().map(|(name, value)| format!("{name}: {value}")).collect())
+}
+
+/// What a node's items depend on: its own parameters, and those of the nodes before it. Where items are wanted, and how they count, decides which are made,
+/// not how.
+struct Provenance<'a> {
+    members: &'a [Member<'a>],
+    ports: &'a BTreeMap<String, Port>,
+    /// Names of the nodes that are told already.
+    followed: BTreeSet<String>,
+    made_by: Vec<String>,
+}
+
+impl Provenance<'_> {
+    fn follow(&mut self, node: &Node) {
+        if !self.followed.insert(node.name.clone()) {
+            return;
+        }
+        let parameters: Vec<String> = node.arguments.iter().map(|(name, value)| format!("{name}: {value}")).collect();
+        self.made_by.push(format!("{}({})", node.description().name, parameters.join(", ")));
+        for edge in &node.inputs {
+            let source = self.members.iter().map(|member| member.node).find(|node| node.name == edge.from.node);
+            match self.ports.get(&edge.from.to_string()) {
+                None | Some(Port::Requests(_) | Port::Splats(_) | Port::GBuffer(_) | Port::Flag(_)) => {}
+                // What another loop has added is in the cache, too.
+                Some(Port::RecordCache(_)) => source.filter(|node| self.adds_to_cache(node)).into_iter().for_each(|node| self.follow(node)),
+                Some(Port::DirectLight(direct)) => self.made_by.push(format!("{}: lights from emitters: {}", edge.input, direct.lights_from_emitters)),
+                Some(Port::ShadowMaps(maps)) => self.made_by.push(format!("{}: maps of {} texels", edge.input, maps.resolution)),
+                Some(_) => source.into_iter().for_each(|node| self.follow(node)),
             }
         }
+    }
+
+    /// Whether a node takes a cache, which it hands on.
+    fn adds_to_cache(&self, node: &Node) -> bool {
+        node.inputs.iter().any(|edge| matches!(self.ports.get(&edge.from.to_string()), Some(Port::RecordCache(_))))
     }
 }
 
@@ -574,6 +604,12 @@ impl Plan {
         for (node, remark) in &self.remarks {
             let _ = writeln!(text, "remark {node}: {remark}");
         }
+        for (node, parameters) in self.resolved.iter().filter(|(_, parameters)| !parameters.is_empty()) {
+            let _ = writeln!(text, "parameters {node}: {}", parameters.join(", "));
+        }
+        for (parameter, because) in &self.idle {
+            let _ = writeln!(text, "no effect of {parameter}, as {because}");
+        }
         let memory = self.memory();
         let _ = writeln!(
             text,
@@ -588,6 +624,14 @@ impl Plan {
         );
         text.push_str(&self.recording.to_text(&self.lifetimes, &self.placement));
         text
+    }
+
+    /// Why a parameter, `node.parameter` or deeper, changes nothing in this plan, if that is known.
+    pub fn why_idle(&self, parameter: &str) -> Option<String> {
+        let node = parameter.split('.').next().unwrap_or(parameter);
+        let dropped = self.dropped.iter().find(|dropped| dropped.node == node).map(|dropped| format!("`{node}` is dropped: {}", dropped.because));
+        let holds = |idle: &str| parameter.strip_prefix(idle).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'));
+        dropped.or_else(|| self.idle.iter().find(|(idle, _)| holds(idle)).map(|(_, because)| (*because).to_owned()))
     }
 
     /// What the plan shows otherwise than the scene has it, a sentence each.

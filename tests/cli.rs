@@ -377,7 +377,7 @@ fn what_ships_is_listed_and_printed_to_start_from() {
     let (status, pipelines, stderr) = place.run(&["pipelines"]);
     assert_eq!((status, stderr.as_str()), (0, ""));
     let ward = pipelines.lines().find(|line| line.starts_with("irradiance-ward ")).unwrap();
-    assert!(ward.ends_with("Ward's weights of 1988 and 1992 instead of compact ones (a variant of irradiance)"), "{ward}");
+    assert!(ward.ends_with("Ward's weights of 1988 and 1992 instead of compact ones (a variant of irradiance-one-rate)"), "{ward}");
     assert_eq!(names(&pipelines).len(), hemisplat::pipeline::embedded::EMBEDDED.len());
     let (_, scenes, _) = place.run(&["scenes"]);
     assert!(scenes.lines().any(|line| line.starts_with("furnace ") && line.contains(" A white furnace: ")), "{scenes}");

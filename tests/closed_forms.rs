@@ -90,7 +90,7 @@ const EDGE: u32 = 8;
 fn rendered<T>(gpu: &Gpu, room: &Room, size: [u32; 2], sets: &[String], look: impl Fn(&Run<'_>, &Plan) -> Result<T, Failed>) -> Result<T, Failed> {
     let Room { scene, bvh, needs } = room;
     let told = |e| format!("{:?}", miette::Report::new(e));
-    let pipeline = load("irradiance", sets, REGISTRY, &mut |path| fs::read_to_string(path)).map_err(told)?;
+    let pipeline = load("irradiance-one-rate", sets, REGISTRY, &mut |path| fs::read_to_string(path)).map_err(told)?;
     let plan =
         plan(&pipeline, Setting { scene, needs, device: gpu.adapter.device(), size, tables: None }, &[], &|data| byte_size(scene, data)).map_err(told)?;
     let mut run = Run::new(gpu, scene, bvh, &plan, &scene.cameras[0], size).map_err(|e| e.to_string())?;

@@ -53,7 +53,7 @@ fn significant(json: &Value, first: &str, second: &str) -> Option<bool> {
 }
 
 /// About a third more work for the third: rays a record.
-const THREE: &str = "compare irradiance irradiance irradiance@tiles.resolution=38 --scene cornell --size 48x48 --set tiles.resolution=32 --no-reference --json out.json --csv out.csv";
+const THREE: &str = "compare irradiance-one-rate irradiance-one-rate irradiance-one-rate@tiles.resolution=38 --scene cornell --size 48x48 --set tiles.resolution=32 --no-reference --json out.json --csv out.csv";
 
 /// As many runs as the program takes by itself; where that leaves a difference open, as many as it then recommends, within the minute of a test.
 fn times() -> Outcome {

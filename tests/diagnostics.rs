@@ -155,7 +155,7 @@ const CASES: [(&str, &str, bool); 61] = [
     ("plan::lobes_on_device", "check radiance --scene glossy.ron --set lobes.by=Device --set reflections.by=Host", false),
     ("plan::lobe_tables", "check radiance --scene lobes.ron --set lobes.grid=128 --set lobes.order=Fixed(order:20)", false),
     ("plan::light_by_host", "check irradiance --scene cornell --size 4096x4096 --set direct.by=Host", false),
-    ("plan::shading_by_host", "check irradiance --scene cornell --set tiles.shading=Host", false),
+    ("plan::shading_by_host", "check irradiance --scene cornell --set tiles.by=RayCast --set tiles.shading=Host", false),
     ("plan::rotation", "check radiance-rotated --scene glossy.ron --set reflections.by=ComputeTiles", false),
     ("plan::too_sharp", "check radiance --scene glossy.ron --set lobes.order=Fixed(order:2) --set lobes.too_sharp=Refuse", false),
     ("plan::coefficients", "check radiance --scene glossy.ron --set glossy_added.records=\"glossy_sums\"", false),

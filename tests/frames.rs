@@ -38,6 +38,7 @@ const CASES: &[(&str, Case)] = &[
     ("saved_records_give_the_same_picture_bit_by_bit", || saved_records("irradiance-one-rate")),
     ("saved_records_of_two_loops_give_the_same_picture_bit_by_bit", || saved_records("irradiance")),
     ("a_file_of_records_that_does_not_fit_is_refused_and_kept", bad_records),
+    ("a_file_of_records_that_another_loop_made_otherwise_is_refused", records_of_other_loops),
     ("a_fill_that_ends_at_its_bound_splats_what_it_has_made", bounded_fill),
     ("a_frame_that_fails_keeps_records_and_statistics_of_those_before_it", failing_frame),
     ("work_that_takes_long_is_shown_on_a_terminal_only", progress),
@@ -240,17 +241,17 @@ impl Place {
     }
 
     fn render_scene(&self, scene: &str, more: &[&str]) -> Result<Ended, Failed> {
-        self.render_by("irradiance", scene, more)
+        self.render_by("irradiance-one-rate", scene, more)
     }
 
-    /// Renders the Cornell box.
+    /// Renders the Cornell box, in one loop.
     fn render(&self, more: &[&str]) -> Result<Ended, Failed> {
         self.render_scene("cornell.ron", more)
     }
 
     /// The statistics of a run that succeeds.
     fn rendered(&self, more: &[&str]) -> Result<Value, Failed> {
-        self.rendered_by("irradiance", more)
+        self.rendered_by("irradiance-one-rate", more)
     }
 
     fn rendered_by(&self, pipeline: &str, more: &[&str]) -> Result<Value, Failed> {
@@ -369,10 +370,6 @@ fn bad_records() -> Outcome {
         ("records.gradients=false", "were made by IrradianceSum("),
         ("closed.method=None", "were made by Compensation("),
         ("direct.emitters=Records", "were made by direct: lights from emitters: true"),
-        // Of the loop that adds to what another one has left.
-        ("detail_tiles.resolution=16", "were made by HemisphereTiles("),
-        ("detail_closed.method=None", "were made by Compensation("),
-        ("detail_records.gradients=false", "were made by IrradianceSum("),
     ] {
         is(&place.render(&["--cache", "records", "--set", set, "-o", "out.exr"])?, 2, theirs)?;
     }
@@ -382,6 +379,23 @@ fn bad_records() -> Outcome {
         place.rendered(&["--cache", "records", "--set", set, "-o", "fits.exr"])?;
     }
     check(!place.path("out.exr").exists(), || "a picture was written".into())
+}
+
+/// Of two loops that add to one cache, each is told from others.
+fn records_of_other_loops() -> Outcome {
+    let place = Place::new()?;
+    place.rendered_by("irradiance", &["--cache", "records", "-o", "first.exr"])?;
+    for (set, theirs) in [
+        ("tiles.resolution=16", "were made by HemisphereTiles("),
+        ("closed.method=None", "were made by Compensation("),
+        ("detail_tiles.resolution=16", "were made by HemisphereTiles("),
+        ("detail_closed.method=None", "were made by Compensation("),
+        ("detail_records.gradients=false", "were made by IrradianceSum("),
+    ] {
+        is(&place.render_by("irradiance", "cornell.ron", &["--cache", "records", "--set", set, "-o", "out.exr"])?, 2, theirs)?;
+    }
+    is(&place.render_by("irradiance-one-rate", "cornell.ron", &["--cache", "records", "-o", "out.exr"])?, 2, "were made by")?;
+    place.rendered_by("irradiance", &["--cache", "records", "--set", "cache.accuracy=0.5", "-o", "fits.exr"]).map(drop)
 }
 
 /// What a bounded fill leaves covers what the same records cover when they are splatted again.
@@ -612,7 +626,7 @@ fn no_progress() -> Outcome {
         [("Batched(at_most: 8)", "HostGrid"), ("Batched(at_most: 8)", "DeviceGrid"), ("Batched(at_most: 8)", "HostScan"), ("Sequential", "HostScan")]
     {
         let variant = format!(
-            r#"Variant(version: 1, about: "test", of: "irradiance.ron",
+            r#"Variant(version: 1, about: "test", of: "irradiance-one-rate.ron",
                 add: {{ "misses": [(name: "others", pass: FindMisses(gbuffer: "gbuffer", splats: "splats", at_most: 1))] }},
                 set: {{ "fill.order": {order}, "misses.by": {by}, "tiles.at": "others" }})"#
         );

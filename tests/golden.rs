@@ -353,6 +353,45 @@ fn shading_by_host_and_device_agrees() -> Outcome {
     Ok(())
 }
 
+/// What tiles see, lit by lamps, a sky and punctual lights together, of glossy things with and without their lobes; where the direct pass lights from emitters, and
+/// where records see them.
+fn shading_of_lamps_skies_and_lobes_by_host_and_device_agrees() -> Outcome {
+    let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
+    let [scene, host, device] = ["all.ron", "host.exr", "device.exr"].map(|name| folder.path().join(name).to_string_lossy().into_owned());
+    let text = "Scene(version: 1, geometry: [Sphere(centre: (-1.2, 1, 0), radius: 1, subdivisions: 3, material: \"brushed\"), Sphere(centre: (1.2, 1, 0), radius: 1, subdivisions: 3, material: \"gold\"),
+        Sphere(centre: (0, 0.4, 1.4), radius: 0.4, subdivisions: 3, material: \"phong\"), Quad(corners: ((-4, 0, -4), (-4, 0, 4), (4, 0, 4), (4, 0, -4)), material: \"floor\"),
+        Quad(corners: ((-4, 0, -2), (4, 0, -2), (4, 4, -2), (-4, 4, -2)), material: \"wall\"), Quad(corners: ((-2, 3, -1), (-1, 3, -1), (-1, 3, 0), (-2, 3, 0)), material: \"lamp\")],
+        materials: { \"brushed\": Ward(reflectance: (0.1, 0.1, 0.1), specular: (0.7, 0.7, 0.8), alpha: (0.2, 0.6)), \"gold\": MetallicRoughness(base: (0.9, 0.7, 0.3), metallic: 0.6, roughness: 0.6),
+        \"phong\": Phong(reflectance: (0.2, 0.2, 0.2), specular: (0.6, 0.6, 0.6), exponent: 5), \"floor\": Diffuse(reflectance: (0.5, 0.5, 0.5)), \"wall\": Diffuse(reflectance: (0.3, 0.4, 0.7)),
+        \"lamp\": Emitter(radiance: (9, 9, 9)) }, normals: Smooth(degrees: 40), environment: Overcast(zenith: (0.4, 0.5, 0.6)),
+        lights: [Point(position: (-2, 3, 2), intensity: (30, 28, 25)), Directional(direction: (1, -3, -1), irradiance: (2, 2, 1.8))],
+        cameras: { \"main\": (eye: (0, 2, 6), target: (0, 0.8, 0), fov: 36) })";
+    std::fs::write(&scene, text).map_err(|e| e.to_string())?;
+    for (pipeline, emitters, layers) in [
+        ("irradiance-one-rate", "Sampled", &["irradiance"][..]),
+        ("irradiance-one-rate", "Records", &["irradiance"]),
+        ("radiance", "Sampled", &["irradiance", "glossy"]),
+        ("radiance", "Records", &["irradiance", "glossy"]),
+    ] {
+        for (way, made) in [("Host", &host), ("Device", &device)] {
+            let emitters = format!("direct.emitters={emitters}");
+            let nodes: &[&str] = if pipeline == "radiance" { &["tiles", "detail_tiles", "glossy_tiles"] } else { &["tiles"] };
+            let ways: Vec<String> =
+                nodes.iter().flat_map(|node| [format!("{node}.by=HostRayCast"), format!("{node}.shading={way}")]).chain([emitters]).collect();
+            let sets: Vec<&str> = ways.iter().flat_map(|way| ["--set", way]).collect();
+            hemisplat(&[&["render", pipeline, "--scene", &scene, "--size", "64x48", "--quiet", "-o", made], &sets[..]].concat())?;
+        }
+        for layer in layers {
+            let error = apart(&picture(Path::new(&host))?, &picture(Path::new(&device))?, layer)?;
+            // A shadow ray along an edge is one of thousands.
+            if error > 2e-3 {
+                return Err(format!("{pipeline}, emitters {emitters}: {layer} of the host is {:.3} % from the device's", 100.0 * error).into());
+            }
+        }
+    }
+    Ok(())
+}
+
 /// Lamps, a sky, and lobes that look for it, each with other numbers of rays than make whole packets.
 fn light_by_host_and_device_agrees() -> Outcome {
     let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
@@ -454,6 +493,7 @@ fn main() {
         drawn("ways_of_glossy_light_agree", Box::new(ways_of_glossy_light_agree)),
         drawn("lobes_have_their_own_orders", Box::new(lobes_have_their_own_orders)),
         drawn("shading_by_host_and_device_agrees", Box::new(shading_by_host_and_device_agrees)),
+        drawn("shading_of_lamps_skies_and_lobes_by_host_and_device_agrees", Box::new(shading_of_lamps_skies_and_lobes_by_host_and_device_agrees)),
         drawn("light_by_host_and_device_agrees", Box::new(light_by_host_and_device_agrees)),
         drawn("skies_by_harmonics_are_those_of_the_reference", Box::new(skies_by_harmonics_are_those_of_the_reference)),
         drawn("lobes_on_the_device_are_those_of_the_reference", Box::new(lobes_on_the_device_are_those_of_the_reference)),

@@ -281,7 +281,7 @@ fn moved() -> Outcome {
     let sum = |levels: &[f64]| levels.iter().sum::<f64>();
     let [single, half] = [96.0, 48.0].map(pyramid);
     let cases = [
-        ("irradiance", 8, "", [1024.0 + request, record, 0.0]),
+        ("irradiance-one-rate", 8, "", [1024.0 + request, record, 0.0]),
         ("irradiance-readback", 8, "", [0.0, record, 1024.0 + request]),
         ("irradiance-mipmap", 8, "", [1024.0 + request + sum(&single) + request, sum(&single) + record, 0.0]),
         // Each tile's exposure is found in a look at all samples, and read by the first step and the last.

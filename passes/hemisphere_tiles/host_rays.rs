@@ -1,6 +1,6 @@
 //! One ray a sample, in packets of neighbours, cast on the host.
 
-use super::{Work, host_shade};
+use super::{SAMPLES_OF_EMITTERS, Work, host_shade};
 use crate::contract::{Recorder, port};
 use crate::math::frame::Frame;
 use crate::passes::record::{REQUEST_BYTES, Request};
@@ -27,17 +27,18 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work) {
 }
 
 /// The host shades them, too: the buffer of radiance and distance.
-pub(super) fn record_shaded(r: &mut Recorder<'_>, work: &Work, maps: Option<port::ShadowMaps>) -> Resource {
+pub(super) fn record_shaded(r: &mut Recorder<'_>, work: &Work, maps: Option<port::ShadowMaps>, sees_emission: bool) -> Resource {
     let fan = Fan::new(&work.table);
     let (requests, radiance) = (work.requests, work.radiance(r));
-    let lighting = host_shade::record(r);
+    let lighting = host_shade::record(r, SAMPLES_OF_EMITTERS, sees_emission);
     let reads: Vec<Read> = maps.iter().map(|maps| Read::whole(maps.depth)).chain([Read::counted(requests.places, REQUEST_BYTES, requests.count)]).collect();
     r.host("cast_and_shade", &reads, &[radiance], move |host| {
         let places: Vec<Request> = bytemuck::pod_collect_to_vec(host.read(requests.places));
         let mut samples = host.take(radiance);
         let lighting = host_shade::lighting(host, lighting)?;
         let maps = maps.map_or_else(ShadowMaps::default, |maps| host_shade::shadow_maps(&maps, host));
-        let eye = host_shade::Shading { lighting: &lighting, maps, scene: host.scene(), places: &places };
+        let emitters = lighting.emitters(host.scene(), host.bvh());
+        let eye = host_shade::Shading { lighting: &lighting, maps, scene: host.scene(), emitters, places: &places };
         let seen = &mut samples[..places.len() * fan.samples];
         host.bvh().packets(host.scene()).look(host.scene(), &views(&places), &fan, &eye, seen);
         let bytes = size_of_val(seen) as u64;

@@ -1,17 +1,20 @@
-//! Radiance of what rays see, lit by punctual lights, on the host: `shaders/hemisphere_tiles/shade.wgsl` and `lib/light.wgsl` have the twins. Where the device
+//! Radiance of what rays see, on the host: `shaders/hemisphere_tiles/shade.wgsl` and `lib/light.wgsl` have the twins. Where the device
 //! is a driver on the same cores, each of its lanes loads a triangle number by number; here eight samples are computed side by side as their rays end.
 
 use crate::contract::{Recorder, port};
 use crate::math::{
-    random::combinations,
+    random::{combinations, combine},
     vectors::{LANES, Vectors},
 };
 use crate::passes::record::Request;
 use crate::recording::*;
 use crate::scene::{
     LightKind, Rgb, Scene, Triangle,
-    packets::{Eye, Met, RAYS},
+    bvh::Bvh,
+    emitters::{Emitters, Lamp},
+    packets::{Eye, Met, RAYS, ToDo},
     shadow_maps::{Lookups, Receivers, ShadowCameras, ShadowMaps},
+    surface::{Gloss, Ray},
 };
 use fearless_simd::{Select, Simd, f32x8, mask32x8, prelude::*, u32x8};
 use glam::{Vec2, Vec3, Vec4};
@@ -25,18 +28,32 @@ pub(super) struct Lighting {
     albedos: Vec<(Rgb, Option<u32>)>,
     /// Whether a triangle's normals differ from its plane's.
     smooth: bool,
+    /// Whether any surface has a lobe that is to be rendered.
+    lobes: bool,
+    lamps: Vec<Lamp>,
+    /// Shadow rays from what a sample sees to the lamps and to the sky.
+    samples: [u32; 2],
+    /// Whether records see lamps and the sky themselves.
+    sees_emission: bool,
+}
+
+impl Lighting {
+    pub fn emitters<'a>(&'a self, scene: &'a Scene, bvh: &'a Bvh) -> Emitters<'a> {
+        Emitters::new(scene, bvh, &self.lamps, self.samples)
+    }
 }
 
 /// Adds a step before the loop that prepares the lights; where it leaves them.
-pub(super) fn record(r: &mut Recorder<'_>) -> Resource {
+pub(super) fn record(r: &mut Recorder<'_>, samples: [u32; 2], sees_emission: bool) -> Resource {
     let memory = r.state("lighting");
-    let (smooth, textures) = (r.setting.needs.smooth, r.setting.needs.textures);
+    let (smooth, textures, lobes) = (r.setting.needs.smooth, r.setting.needs.textures, r.setting.needs.lobes);
     let run = move |host: &mut dyn HostContext| {
         let scene = host.scene();
         let untextured = |(albedo, texture): (Rgb, Option<u32>)| (albedo, texture.filter(|_| textures));
         let albedos = scene.materials.iter().map(|material| untextured(material.albedo())).collect();
         let lights = scene.lights.iter().map(|light| light.kind).zip(ShadowCameras::all(scene)).collect();
-        *host.state(memory) = Some(Box::new(Arc::new(Lighting { lights, albedos, smooth })));
+        let lamps = Lamp::all(scene);
+        *host.state(memory) = Some(Box::new(Arc::new(Lighting { lights, albedos, smooth, lobes, lamps, samples, sees_emission })));
         Ok(())
     };
     r.before_loop(Command::Host(Host { name: "light", reads: Vec::new(), writes: Vec::new(), run: Arc::new(run) }));
@@ -64,6 +81,7 @@ pub(super) struct Shading<'a> {
     pub lighting: &'a Lighting,
     pub maps: ShadowMaps<'a>,
     pub scene: &'a Scene,
+    pub emitters: Emitters<'a>,
     pub places: &'a [Request],
 }
 
@@ -113,26 +131,85 @@ impl Eye for Shading<'_> {
                 *surfaces = Some(self.surfaces(simd, met.origin, fetched));
             }
         }
+        let mut others = if self.is_plain() { None } else { Some(self.others(simd, met)) };
         let mut light = [Vectors::splat(simd, Vec3::ZERO); GROUPS];
         for (index, (kind, cameras)) in (0..).zip(&self.lighting.lights) {
-            self.add_light(simd, (index, kind, cameras), met, &surfaces, &mut light);
+            self.add_light(simd, (index, kind, cameras), met, &surfaces, (&mut light, others.as_deref_mut()));
         }
         for group in 0..GROUPS {
             let Some(surfaces) = &surfaces[group] else { continue };
-            let light = light[group].times(surfaces.reflectance);
+            let reflectance = others.as_ref().filter(|_| self.lighting.lobes).map(|others| reflectances(simd, &others[group * LANES..]));
+            let light = light[group].times(reflectance.unwrap_or(surfaces.reflectance));
             let (red, green, blue, distance) = (light.x.to_array(), light.y.to_array(), light.z.to_array(), surfaces.distance.to_array());
             for lane in 0..LANES {
                 let ray = group * LANES + lane;
                 if met.triangles[ray] != 0 && met.samples[ray] != u32::MAX {
-                    tile[met.samples[ray] as usize] = Vec4::new(red[lane], green[lane], blue[lane], distance[lane]);
+                    let diffuse = Vec3::new(red[lane], green[lane], blue[lane]);
+                    let other = others.as_ref().map_or(Vec3::ZERO, |others| others[ray].light);
+                    tile[met.samples[ray] as usize] = (diffuse + other).extend(distance[lane]);
                 }
             }
+        }
+        if self.lighting.sees_emission {
+            self.see_sky(met, tile);
         }
     }
 }
 
+/// What a sample sees besides diffusely reflected light of punctual lights, one sample after the other.
+#[derive(Clone, Copy)]
+struct Other {
+    /// Of lamps and the sky, and what the lobe reflects of punctual lights [W m⁻² sr⁻¹].
+    light: Vec3,
+    /// Of the diffuse part, over π, with what the lobe leaves to it.
+    reflectance: Rgb,
+    gloss: Option<Gloss>,
+}
+
+impl Other {
+    const NONE: Self = Self { light: Vec3::ZERO, reflectance: Rgb::ZERO, gloss: None };
+}
+
 // All that runs within `dispatch!` is inlined into it: what is not would not have its instructions.
 impl Shading<'_> {
+    /// Whether there is nothing but diffusely reflected light of punctual lights.
+    fn is_plain(&self) -> bool {
+        !(self.lighting.lobes || self.lighting.sees_emission || self.emitters.shine())
+    }
+
+    /// For each ray that meets something, light of lamps and the sky, and its lobe.
+    #[inline(always)]
+    fn others<S: Simd>(&self, simd: S, met: &Met<'_>) -> Box<[Other; RAYS]> {
+        let mut others = Box::new([Other::NONE; RAYS]);
+        let mut to_do = ToDo::default();
+        for (index, other) in others.iter_mut().enumerate() {
+            let Some(number) = met.triangles[index].checked_sub(1).filter(|_| met.samples[index] != u32::MAX) else { continue };
+            let ray = Ray { origin: met.origin, direction: met.directions[index] };
+            let barycentric = self.scene.triangles[number as usize].barycentric(ray);
+            let surface = if self.lighting.lobes { self.scene.surface(number, barycentric, ray) } else { self.scene.diffuse_surface(number, barycentric, ray) };
+            let seed = combine(self.places[met.view].turn.to_bits(), met.samples[index]);
+            let emitted = if self.lighting.sees_emission { self.emitted(number, ray.direction) } else { Vec3::ZERO };
+            other.light = emitted + self.emitters.light(simd, &surface, seed, &mut to_do);
+            other.reflectance = surface.reflectance * FRAC_1_PI;
+            other.gloss = surface.glossy;
+        }
+        others
+    }
+
+    /// Radiance that a triangle sends back along a ray.
+    fn emitted(&self, triangle: u32, direction: Vec3) -> Rgb {
+        let triangle = &self.scene.triangles[triangle as usize];
+        let material = &self.scene.materials[triangle.material as usize];
+        if material.two_sided || triangle.cross().dot(direction) <= 0.0 { material.emission } else { Rgb::ZERO }
+    }
+
+    /// What rays that meet nothing see.
+    fn see_sky(&self, met: &Met<'_>, tile: &mut [Vec4]) {
+        for (index, sample) in met.samples.iter().enumerate().filter(|(index, sample)| met.triangles[*index] == 0 && **sample != u32::MAX) {
+            tile[*sample as usize] = self.scene.environment.radiance(met.directions[index]).extend(FAR_AWAY);
+        }
+    }
+
     /// What rays from the `first` on meet. Lanes that met nothing do as the first triangle's would.
     #[inline(always)]
     fn gathered<S: Simd>(&self, simd: S, met: &Met<'_>, first: usize) -> Gathered<'_, S> {
@@ -182,14 +259,15 @@ impl Shading<'_> {
         (index, kind, cameras): (u32, &LightKind, &ShadowCameras),
         met: &Met<'_>,
         surfaces: &[Option<Surfaces<S>>; GROUPS],
-        light: &mut [Vectors<S>; GROUPS],
+        (light, others): (&mut [Vectors<S>; GROUPS], Option<&mut [Other; RAYS]>),
     ) {
         let turn = u32x8::splat(simd, self.places[met.view].turn.to_bits());
         let (mut lookups, mut visibility, mut received) = (Lookups::NONE, [0.0; RAYS], [f32x8::splat(simd, 0.0); GROUPS]);
+        let mut ways = [Vectors::splat(simd, Vec3::ZERO); GROUPS];
         for group in 0..GROUPS {
             let Some(surfaces) = &surfaces[group] else { continue };
-            let (arriving, is_lit) = arriving(simd, kind, surfaces);
-            received[group] = arriving;
+            let (to_light, arriving, is_lit) = arriving(simd, kind, surfaces);
+            (ways[group], received[group]) = (to_light, arriving);
             let first = group * LANES;
             let (mut samples, mut met_any) = ([0; LANES], 0);
             samples.copy_from_slice(&met.samples[first..first + LANES]);
@@ -205,8 +283,13 @@ impl Shading<'_> {
         for group in 0..GROUPS {
             let mut visible = [0.0; LANES];
             visible.copy_from_slice(&visibility[group * LANES..(group + 1) * LANES]);
-            let received = received[group] * f32x8::load_array(simd, visible);
-            light[group] = light[group].plus(Vectors::splat(simd, intensity).scaled(received));
+            received[group] = received[group] * f32x8::load_array(simd, visible);
+            light[group] = light[group].plus(Vectors::splat(simd, intensity).scaled(received[group]));
+        }
+        if let Some(others) = others.filter(|_| self.lighting.lobes) {
+            for (group, others) in others.chunks_exact_mut(LANES).enumerate() {
+                reflect_by_lobes(others, ways[group], received[group], intensity);
+            }
         }
     }
 
@@ -246,9 +329,30 @@ fn shading_normals<S: Simd>(simd: S, triangles: &[&Triangle; LANES], [u, v]: [f3
     Vectors { x: is_there.select(unit.x, face.x), y: is_there.select(unit.y, face.y), z: is_there.select(unit.z, face.z) }
 }
 
-/// What surfaces receive of a light's unit intensity were nothing in the way, and where that is anything.
+/// Of the first eight.
 #[inline(always)]
-fn arriving<S: Simd>(simd: S, kind: &LightKind, surfaces: &Surfaces<S>) -> (f32x8<S>, mask32x8<S>) {
+fn reflectances<S: Simd>(simd: S, others: &[Other]) -> Vectors<S> {
+    let mut reflectance = [[0.0; LANES]; 3];
+    for (lane, other) in others[..LANES].iter().enumerate() {
+        (0..3).for_each(|channel| reflectance[channel][lane] = other.reflectance[channel]);
+    }
+    Vectors::load(simd, &reflectance)
+}
+
+/// Adds what lobes reflect of a light: unit directions to it, and what is received of its unit intensity.
+#[inline(always)]
+fn reflect_by_lobes<S: Simd>(others: &mut [Other], ways: Vectors<S>, received: f32x8<S>, intensity: Rgb) {
+    let (x, y, z, received) = (ways.x.to_array(), ways.y.to_array(), ways.z.to_array(), received.to_array());
+    for (lane, other) in others.iter_mut().enumerate().filter(|(lane, _)| received[*lane] > 0.0) {
+        if let Some(Gloss { lobe, frame, outgoing }) = other.gloss {
+            other.light += intensity * received[lane] * lobe.value(outgoing, frame.to_local(Vec3::new(x[lane], y[lane], z[lane])));
+        }
+    }
+}
+
+/// Unit directions to a light, what surfaces receive of its unit intensity were nothing in the way, and where that is anything.
+#[inline(always)]
+fn arriving<S: Simd>(simd: S, kind: &LightKind, surfaces: &Surfaces<S>) -> (Vectors<S>, f32x8<S>, mask32x8<S>) {
     let zero = f32x8::splat(simd, 0.0);
     let (to_light, falloff) = match *kind {
         LightKind::Point { position, .. } => from_point(simd, position, surfaces),
@@ -263,7 +367,7 @@ fn arriving<S: Simd>(simd: S, kind: &LightKind, surfaces: &Surfaces<S>) -> (f32x
     let arriving = falloff * surfaces.normal.dot(to_light);
     let is_lit = arriving.simd_gt(zero) & surfaces.face.dot(to_light).simd_gt(zero);
     // What is next to a light may receive more than there are numbers for; times no visibility it has to be nothing.
-    (is_lit.select(arriving.min(f32::MAX), zero), is_lit)
+    (to_light, is_lit.select(arriving.min(f32::MAX), zero), is_lit)
 }
 
 /// Unit directions to a point, and one over the squared distances.

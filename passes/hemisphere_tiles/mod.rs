@@ -193,7 +193,7 @@ impl Pass for HemisphereTiles {
         }
         let shaded_by_host = is_shaded_by_host(r, on_host, maps.as_ref())?;
         let samples = if shaded_by_host {
-            host_rays::record_shaded(r, &work, maps)
+            host_rays::record_shaded(r, &work, maps, sees_emission(r))
         } else {
             match by {
                 "Raster" => raster::record(r, &work, way.bool("sift")),
@@ -208,15 +208,17 @@ impl Pass for HemisphereTiles {
     }
 }
 
-/// Whether the host is to shade what its rays see; it knows punctual lights, their shadow maps, and surfaces without a lobe.
+/// Whether records see lamps and the sky themselves; otherwise the direct pass lights from them.
+fn sees_emission(r: &Recorder<'_>) -> bool {
+    r.direct_light("direct").is_none_or(|direct| !direct.lights_from_emitters)
+}
+
+/// Whether the host is to shade what its rays see.
 fn is_shaded_by_host(r: &mut Recorder<'_>, casts: bool, maps: Option<&port::ShadowMaps>) -> Result<bool, Refusal> {
     let shading = r.arguments.choice("shading").0;
     let needs = r.setting.needs;
     let obstacles = [
         (!casts, "its rays are not cast there"),
-        (needs.emissive_triangles > 0, "surfaces emit light"),
-        (needs.environment, "the sky is not black"),
-        (needs.lobes, "materials are glossy"),
         (needs.shadowed_lights > 0 && maps.is_none_or(|maps| maps.pitch.is_none()), "there are no shadow maps in a buffer"),
     ];
     match (shading, obstacles.into_iter().find(|(holds, _)| *holds)) {
@@ -271,11 +273,10 @@ fn layout(r: &mut Recorder<'_>, requests: port::Requests, shape: Shape, table: T
 const SAMPLES_OF_EMITTERS: [u32; 2] = [1, 1];
 
 fn shade(r: &mut Recorder<'_>, work: &Work, maps: Option<&port::ShadowMaps>) -> Resource {
-    let direct_lights = r.direct_light("direct").is_some_and(|d| d.lights_from_emitters);
     let radiance = work.radiance(r);
     let program = work.layout(light_constants(Program::new("hemisphere_tiles/shade"), r.setting.needs, SAMPLES_OF_EMITTERS));
     let program = bind_visibility(program, maps)
-        .constant("SEES_EMISSION", !direct_lights as u8)
+        .constant("SEES_EMISSION", sees_emission(r) as u8)
         .bind("requests", work.requests.places)
         .bind("samples", work.samples)
         .bind("seen", work.seen)

@@ -6,7 +6,7 @@
 
 mod shadow;
 
-pub use shadow::{ShadowRays, ToDo, Until};
+pub use shadow::{ALMOST, ShadowRays, ToDo, Until};
 
 use super::{
     bvh::{Node, is_hole, is_seen},

@@ -18,7 +18,7 @@ pub enum Until {
 }
 
 /// The share of the way to a point that has to be free: the point lies on a surface.
-const ALMOST: f32 = 0.9999;
+pub const ALMOST: f32 = 0.9999;
 
 /// What walks of the hierarchy are to do yet; kept between them.
 #[derive(Default)]

@@ -1,0 +1,190 @@
+//! What ships, on real halls: how far the default is from the truth, in every layer that it computes, and what it takes. The truth was traced by
+//! `hemisplat reference --scene SCENE --size 250x250 --stride 2 --spp 4096`; limits are a tenth above what was seen when they were set.
+//!
+//! `HEMISPLAT_TOLD=1 cargo test --test halls -- --nocapture --test-threads 1` prints what is seen, for new limits. A limit is raised only with a reason in the
+//! commit. The halls are looked for in `HEMISPLAT_SCENES`; without them, or without an adapter, the cases are named as skipped, which
+//! `HEMISPLAT_REQUIRE=scenes` and `HEMISPLAT_REQUIRE=gpu` make a failure.
+
+use hemisplat::{
+    contract::recorder::Setting,
+    gpu::{Gpu, Pace, scene::byte_size},
+    measure::{
+        Layers, compare,
+        run::{FrameReport, Run},
+    },
+    passes::REGISTRY,
+    pipeline::{Plan, load, plan},
+    recording::Device,
+    scene::{
+        Scene,
+        bvh::Bvh,
+        load::{LoadOptions, load as load_scene},
+        needs::Needs,
+    },
+};
+use libtest_mimic::{Arguments, Failed, Trial};
+use std::{env, fs, io, path::Path, sync::Arc};
+
+type Outcome = Result<(), Failed>;
+
+const SIZE: [u32; 2] = [250, 250];
+
+/// What a metric of a layer may be at most, by its size.
+type Limits = &'static [(&'static str, &'static str, f64)];
+
+/// A hall, and what the default makes of it.
+struct Hall {
+    name: &'static str,
+    limits: Limits,
+    /// Records, rounds of all fills, and bytes on the device where the host fills caches and where the device does.
+    records: u32,
+    rounds: u32,
+    bytes: [u64; 2],
+}
+
+const HALLS: [Hall; 2] = [
+    Hall {
+        name: "sibenik",
+        limits: &[
+            ("irradiance", "rmse_over_mean", 0.0433),
+            ("irradiance", "bias_over_mean", 0.00223),
+            ("irradiance", "rms_of_relative", 0.0584),
+            ("irradiance", "block_p50", 0.00837),
+            ("irradiance", "block_p99", 0.0509),
+            ("irradiance", "relmse", 0.00282),
+            ("direct", "rmse_over_mean", 0.0847),
+            ("direct", "bias_over_mean", 0.00287),
+            ("direct", "rms_of_relative", 0.546),
+            ("direct", "block_p50", 0.000755),
+            ("direct", "block_p99", 0.202),
+            ("direct", "relmse", 0.134),
+            ("picture", "rmse_over_mean", 0.0544),
+            ("picture", "bias_over_mean", 0.00117),
+            ("picture", "rms_of_relative", 0.114),
+            ("picture", "block_p50", 0.00561),
+            ("picture", "block_p99", 0.0607),
+            ("picture", "relmse", 0.00849),
+        ],
+        records: 11_168,
+        rounds: 62,
+        bytes: [157_215_968, 160_099_000],
+    },
+    Hall {
+        name: "sponza",
+        limits: &[
+            ("irradiance", "rmse_over_mean", 0.0373),
+            ("irradiance", "bias_over_mean", 0.00214),
+            ("irradiance", "rms_of_relative", 0.055),
+            ("irradiance", "block_p50", 0.0109),
+            ("irradiance", "block_p99", 0.0807),
+            ("irradiance", "relmse", 0.00243),
+            ("direct", "rmse_over_mean", 0.0787),
+            ("direct", "bias_over_mean", 0.00275),
+            ("direct", "rms_of_relative", 0.231),
+            ("direct", "block_p50", 0.0002),
+            ("direct", "block_p99", 0.163),
+            ("direct", "relmse", 0.0738),
+            ("picture", "rmse_over_mean", 0.0512),
+            ("picture", "bias_over_mean", 0.00125),
+            ("picture", "rms_of_relative", 0.0755),
+            ("picture", "block_p50", 0.00528),
+            ("picture", "block_p99", 0.0823),
+            ("picture", "relmse", 0.00369),
+        ],
+        records: 7_443,
+        rounds: 45,
+        bytes: [155_905_168, 158_788_200],
+    },
+];
+
+/// Ways to the same picture: name, pipeline, what the plan is made for, whether one core has to do.
+const WAYS: [(&str, &str, Option<Device>, bool); 4] = [
+    ("as_it_ships", "irradiance", None, false),
+    ("on_one_core", "irradiance", None, true),
+    ("as_planned_for_a_gpu", "irradiance", Some(Device::Hardware), false),
+    ("with_every_step_on_the_device", "irradiance-device", None, false),
+];
+
+fn main() {
+    let required = |what: &str| env::var("HEMISPLAT_REQUIRE").is_ok_and(|list| list.split(',').any(|item| item.trim() == what));
+    let gpu = Gpu::open().map(Arc::new).map_err(|error| error.to_string());
+    let missing = match &gpu {
+        Err(error) => Some(("gpu", error.clone())),
+        Ok(_) if LoadOptions::default().with_environment().search.is_empty() => Some(("scenes", "HEMISPLAT_SCENES is not set".to_owned())),
+        Ok(_) => None,
+    };
+    let skipped = missing.as_ref().filter(|(what, _)| !required(what));
+    let mut trials = Vec::new();
+    for hall in &HALLS {
+        for way in WAYS {
+            let name = format!("{}_{}", hall.name, way.0);
+            if let Some((_, why)) = skipped {
+                println!("SKIPPED: {name}: {why}");
+            }
+            let gpu = gpu.clone();
+            trials.push(Trial::test(name, move || drawn(&*gpu?, hall, way)).with_ignored_flag(skipped.is_some()));
+        }
+    }
+    libtest_mimic::run(&Arguments::from_args(), trials).exit()
+}
+
+fn drawn(gpu: &Gpu, hall: &Hall, (way, pipeline, device, one_core): (&str, &str, Option<Device>, bool)) -> Outcome {
+    let told = |error: hemisplat::measure::run::RunError| error.to_string();
+    let options = LoadOptions::default().with_environment();
+    let mut scene = load_scene(Path::new(hall.name), &options).map_err(|error| format!("{:?}", miette::Report::new(error)))?;
+    let bvh = Bvh::build(&mut scene);
+    let plan = planned(pipeline, &scene, device.unwrap_or(gpu.adapter.device()))?;
+    let mut run = Run::new(gpu, &scene, &bvh, &plan, &scene.cameras[0], SIZE).map_err(told)?;
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(usize::from(one_core)).build().map_err(|error| error.to_string())?;
+    let report = pool.install(|| run.frame(&|| Pace::GoOn)).map_err(told)?;
+    let picture = run.picture().map_err(told)?.with_attribute("bounces", 1);
+    let by_device = device == Some(Device::Hardware) || pipeline == "irradiance-device";
+    let mut wrong = costs(hall, &report, run.gpu_bytes(), by_device);
+    wrong.extend(errors(hall, &picture)?);
+    if wrong.is_empty() { Ok(()) } else { Err(format!("{} {way}: {}", hall.name, wrong.join("; ")).into()) }
+}
+
+fn planned(pipeline: &str, scene: &Scene, device: Device) -> Result<Plan, Failed> {
+    let pipeline = load(pipeline, &[], REGISTRY, &mut |_| Err(io::ErrorKind::NotFound.into())).map_err(|problems| format!("{problems:?}"))?;
+    let needs = Needs::of(scene);
+    let setting = Setting { scene, needs: &needs, device, size: SIZE, tables: None };
+    Ok(plan(&pipeline, setting, &[], &|data| byte_size(scene, data)).map_err(|problems| format!("{problems:?}"))?)
+}
+
+/// What a frame takes beyond a tenth more than it took.
+fn costs(hall: &Hall, report: &FrameReport, bytes: u64, by_device: bool) -> Vec<String> {
+    let number = |number: Option<u32>| u64::from(number.unwrap_or(0));
+    let costs = [
+        ("records", number(report.records.irradiance), u64::from(hall.records)),
+        ("rounds", number(report.fill_rounds), u64::from(hall.rounds)),
+        ("bytes", bytes, hall.bytes[usize::from(by_device)]),
+    ];
+    tell(&format!("{}: {costs:?}", hall.name));
+    let over = costs.into_iter().filter(|(_, now, kept)| 10 * now > 11 * kept || 10 * now < 9 * kept);
+    let mut wrong: Vec<String> = over.map(|(what, now, kept)| format!("{now} {what} instead of {kept}")).collect();
+    wrong.extend((!report.complete).then(|| "it is not complete".to_owned()));
+    wrong
+}
+
+/// What is farther from the truth than its limit.
+fn errors(hall: &Hall, picture: &Layers) -> Result<Vec<String>, Failed> {
+    let truth = fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("tests/halls/{}.exr", hall.name)))?;
+    let truth = Layers::read(&truth).map_err(|error| error.to_string())?;
+    let mut wrong = Vec::new();
+    for layer in ["irradiance", "direct", "picture"] {
+        let errors = compare(picture, &truth, layer, None).map_err(|error| error.to_string())?;
+        for metric in ["rmse_over_mean", "bias_over_mean", "rms_of_relative", "block_p50", "block_p99", "relmse"] {
+            let Some(found) = errors.metric(metric).flatten().map(f64::abs) else { continue };
+            tell(&format!("(\"{layer}\", \"{metric}\", {found:.6}),"));
+            let limit = hall.limits.iter().find(|(of, name, _)| *of == layer && *name == metric).map(|(.., limit)| *limit);
+            wrong.extend(limit.is_none_or(|limit| found > limit).then(|| format!("{metric} of {layer} is {found:.5}, at most {limit:?}")));
+        }
+    }
+    Ok(wrong)
+}
+
+fn tell(what: &str) {
+    if env::var_os("HEMISPLAT_TOLD").is_some() {
+        println!("{what}");
+    }
+}

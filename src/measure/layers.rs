@@ -177,11 +177,11 @@ impl Layers {
         !self.is_nameless && self.layers.contains_key(PICTURE)
     }
 
-    /// The layer of that name. A file of a single layer need not name it: that layer answers to every name.
+    /// The layer of that name. Where a file has one layer and does not name it, that layer answers to every name.
     pub fn layer(&self, name: &str) -> std::result::Result<&Layer, PictureError> {
         match self.layers.get(name) {
             Some(layer) => Ok(layer),
-            None if self.layers.len() == 1 => self.layers.values().next().ok_or_else(|| self.unknown(name)),
+            None if self.is_nameless => self.layers.values().next().ok_or_else(|| self.unknown(name)),
             None => Err(self.unknown(name)),
         }
     }

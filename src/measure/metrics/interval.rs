@@ -1,5 +1,6 @@
 //! How certain an error is.
 
+use super::Errors;
 use crate::measure::statistics::{CONFIDENCE, quantile, two_sided};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -58,8 +59,14 @@ pub struct ErrorDifference {
 }
 
 impl ErrorDifference {
+    /// Of a metric of two pictures, by its size; None where it was not resampled alike in both.
+    pub fn of(first: &Errors, second: &Errors, metric: &str, comparisons: usize) -> Option<Self> {
+        let sizes = [first.metric(metric)??.abs(), second.metric(metric)??.abs()];
+        Self::between(sizes, [&first.draws(metric), &second.draws(metric)], comparisons)
+    }
+
     /// From the size of each error and its draws, one of `comparisons` that are all to hold together. None where the draws are not those of pairs.
-    pub fn between([first, second]: [f64; 2], draws: [&[f64]; 2], comparisons: usize) -> Option<Self> {
+    pub(super) fn between([first, second]: [f64; 2], draws: [&[f64]; 2], comparisons: usize) -> Option<Self> {
         if draws[0].len() != draws[1].len() || draws[0].is_empty() {
             return None;
         }
@@ -70,7 +77,9 @@ impl ErrorDifference {
         let (difference, half) = (second - first, two_sided(error) * deviation);
         // The tails of a single comparison are in the draws; those of many lie beyond them, where the normal distribution stands for them.
         let own = if comparisons > 1 { None } else { middle(&differences) };
-        let interval = own.unwrap_or([difference - half, difference + half]);
+        let [low, high] = own.unwrap_or([difference - half, difference + half]);
+        // Of skewed draws the middle may lie beside the difference itself.
+        let interval = [low.min(difference), high.max(difference)];
         Some(Self { difference, interval, confidence: 1.0 - error, significant: interval[0] > 0.0 || interval[1] < 0.0 })
     }
 }

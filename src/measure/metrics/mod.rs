@@ -1,16 +1,20 @@
 //! How far a picture is from the truth, and how certain that is: each metric has one meaning, the same in every table and file of the project.
 
+mod definition;
 mod found;
 mod interval;
 mod map;
+mod origin;
 mod resampling;
 mod samples;
 mod seen;
 #[cfg(test)]
 mod tests;
 
+pub use definition::Definition;
 pub use interval::{ErrorDifference, Interval, Resampled};
 pub use map::{ErrorMap, error_map};
+pub use origin::{SCENE_CHECKSUM, other_view};
 pub use resampling::RESAMPLES;
 pub use seen::fair_exposure;
 

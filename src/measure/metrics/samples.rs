@@ -136,7 +136,10 @@ fn variances(variance: &Layers, layer: &str, reference: &Layers) -> Result<Vec<f
     }
     let wrap = |error| MetricsError::Picture { which: "reference's variance", error };
     variance.validate().map_err(wrap)?;
-    let mut deviations = Layers::new(variance.width, variance.height).with(VARIANCE, variance.layer(layer).map_err(wrap)?.clone());
+    // A file of one layer, whatever it is called, holds nothing else.
+    let only = variance.layers.values().next().filter(|_| variance.layers.len() == 1);
+    let plane = only.map_or_else(|| variance.layer(layer), Ok).map_err(wrap)?;
+    let mut deviations = Layers::new(variance.width, variance.height).with(VARIANCE, plane.clone());
     deviations.layers.values_mut().flat_map(|layer| layer.channels.values_mut()).flatten().for_each(|value| *value = value.max(0.0).sqrt());
     Ok(deviations.luminance(VARIANCE).map_err(wrap)?.iter().map(|deviation| deviation * deviation).collect())
 }

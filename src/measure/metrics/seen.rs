@@ -1,7 +1,7 @@
 //! What a viewer sees: ꟻLIP of the pictures that two files name so.
 
 use super::found::Found;
-use super::interval::{Interval, middle};
+use super::interval::Interval;
 use super::resampling::{Resampling, Stream};
 use super::samples::{mean, own_variances};
 use super::{MetricsError, Selected};
@@ -43,8 +43,12 @@ fn of_map(errors: &[f64], noise: Option<Vec<f64>>, resampling: Option<&Resamplin
         resampling.of_sums(errors.iter().enumerate().map(|(at, error)| (at, [*error, 1.0])), |[errors, count]| errors / count)
     });
     let noise_floor = noise.and_then(|noise| mean(noise.into_iter()));
-    let interval =
-        middle(&draws).map(|[low, high]| Interval { low, high, noise_floor, below_noise: noise_floor.is_some_and(|floor| floor > 0.0 && low <= floor) });
+    let interval = resampling.and_then(|resampling| resampling.middle(&draws)).map(|[low, high]| Interval {
+        low: low.max(0.0),
+        high,
+        noise_floor,
+        below_noise: noise_floor.is_some_and(|floor| floor > 0.0 && low <= floor),
+    });
     Found { value: mean(errors.iter().copied()), interval, draws }
 }
 

@@ -187,6 +187,8 @@ mod the_report {
             flip: None,
             hdr_flip: None,
             largest: LargestError { x: 0, y: 0, test: 1.0, reference: 1.0, over_mean: 0.0 },
+            intervals: Default::default(),
+            resampled: Default::default(),
         };
         Run { command: "run".into(), seconds, errors, facts: serde_json::Value::Null }
     }

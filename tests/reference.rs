@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec2, Vec3};
 use hemisplat::{
     math::{harmonics::quadrature::hemisphere, lobe::Lobe},
-    reference::{Bounces, Reference, ReferenceError, Settings, Stop, Tracer, VERSION, render},
+    reference::{Bounces, MAX_SAMPLES, Reference, ReferenceError, Settings, Stop, Tracer, VERSION, render},
     scene::{bvh::Bvh, model::*},
 };
 use std::f64::consts::PI;
@@ -326,7 +326,7 @@ fn alpha_masks_leave_holes() {
     lid.lights.push(point_light(Vec3::new(-1.0, 2.0, 0.0), 1.0));
     let bvh = Bvh::build(&mut lid);
     let tracer = Tracer::new(&lid, &bvh);
-    let lit = |x: f32| tracer.gather(Vec3::new(x, 0.0, 0.0), Vec3::Y, Bounces::Count(0), 1, 1).direct_irradiance.x;
+    let lit = |x: f32| tracer.gather(Vec3::new(x, 0.0, 0.0), Vec3::Y, Bounces::Count(0), 2, 1).direct_irradiance.x;
     assert!(lit(0.0) > 0.0, "through the hole at x = −0.5");
     assert_eq!(lit(1.8), 0.0, "behind the solid half at x = 0.4");
 }
@@ -415,7 +415,7 @@ fn the_version_belongs_to_what_a_seed_gives() {
         let reference = picture(1.0, Settings { size: [16, 12], stop: Stop::Samples(8), seed, ..SETTINGS });
         reference.irradiance.iter().sum::<Vec3>().element_sum() as f64
     };
-    assert_eq!(VERSION, 1);
+    assert_eq!(VERSION, 2);
     assert_close(sum(0), 316.282, 1e-3);
     let others: Vec<f64> = (1..4).map(sum).collect();
     assert!(others.iter().all(|other| (other / 316.282 - 1.0).abs() > 3e-3), "a change of the random numbers would not be seen: {others:?}");
@@ -471,7 +471,7 @@ fn the_layers_add_up() {
 
 #[test]
 fn a_relative_error_is_reached_and_no_more() {
-    let found = picture(1.0, Settings { stop: Stop::RelativeError(0.02), ..SETTINGS });
+    let found = picture(1.0, Settings { stop: Stop::RelativeError { error: 0.02, at_most: MAX_SAMPLES }, ..SETTINGS });
     let variance: f32 = found.variance.iter().map(|v| v.y).sum();
     let mean: f32 = found.irradiance.iter().map(|e| e.y).sum();
     let noise = (variance * found.variance.len() as f32).sqrt() / mean;
@@ -484,8 +484,8 @@ fn stopping_keeps_whole_rounds() {
     let bvh = Bvh::build(&mut room);
     let settings = Settings { stop: Stop::Samples(40), ..SETTINGS };
     let until = |limit: f32| render(&room, &bvh, &camera(1.0), &settings, &|share| share < limit);
-    assert_eq!(until(2.0).unwrap().samples, 48, "three rounds of 16 strata");
-    assert_eq!(until(0.66).unwrap().samples, 32);
+    assert_eq!(until(2.0).unwrap().samples, 40, "four rounds of 10 rays");
+    assert_eq!(until(0.66).unwrap().samples, 20);
     assert_eq!(until(0.3), Err(ReferenceError::Stopped));
 }
 
@@ -504,9 +504,9 @@ fn bad_settings_are_named() {
     assert_eq!(error(&|s, _| s.size = [8192, 8192]), "reference::size");
     assert_eq!(error(&|s, _| s.stride = 0), "reference::stride");
     assert_eq!(error(&|s, _| s.stride = 17), "reference::stride");
-    assert_eq!(error(&|s, _| s.stop = Stop::Samples(0)), "reference::samples");
-    assert_eq!(error(&|s, _| s.stop = Stop::RelativeError(0.0)), "reference::error");
-    assert_eq!(error(&|s, _| s.stop = Stop::RelativeError(f32::NAN)), "reference::error");
+    assert_eq!(error(&|s, _| s.stop = Stop::Samples(1)), "reference::samples");
+    assert_eq!(error(&|s, _| s.stop = Stop::RelativeError { error: 0.0, at_most: 4 }), "reference::error");
+    assert_eq!(error(&|s, _| s.stop = Stop::RelativeError { error: f32::NAN, at_most: 4 }), "reference::error");
     assert_eq!(error(&|_, c| c.up = c.direction), "reference::camera");
     assert_eq!(error(&|_, c| c.eye.x = f32::NAN), "reference::camera");
 }
@@ -611,7 +611,7 @@ fn an_empty_view_is_a_picture_of_the_sky() {
     let mut nothing = scene(vec![], vec![]);
     nothing.environment = Environment::Constant(Vec3::new(1.0, 2.0, 3.0));
     let bvh = Bvh::build(&mut nothing);
-    for stop in [Stop::Samples(1), Stop::RelativeError(0.1)] {
+    for stop in [Stop::Samples(2), Stop::RelativeError { error: 0.1, at_most: MAX_SAMPLES }] {
         let found = render(&nothing, &bvh, &camera(1.0), &Settings { stop, ..SETTINGS }, &|_| true).unwrap();
         assert!(found.picture.iter().all(|&p| p == Vec3::new(1.0, 2.0, 3.0)));
         assert!(found.irradiance.iter().chain(&found.normal).all(|&e| e == Vec3::ZERO));

@@ -2,19 +2,28 @@
 
 use super::console::Console;
 use super::failure::{CommandError, Failure};
-use super::input::read_picture;
+use super::input::{NamedFile, read_picture};
 use super::output::{Target, expect_distinct};
-use crate::measure::{Errors, Layers, PICTURE, Selected, compare_layers};
+use crate::measure::metrics::{Definition, other_view};
+use crate::measure::{Errors, IRRADIANCE, Layers, PICTURE, Selected, compare_layers};
 use clap::Args;
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
+const EXAMPLE: &str = "Example: hemisplat diff out/cornell.exr out/cornell-reference.exr:irradiance --fail-above rmse_over_mean=0.05
+
+Without a name, the layer `irradiance` is compared, or `picture` where one file lacks it. Where a file has one layer without a name, say what it is, or
+name the other file's layer: hemisplat diff out.exr:irradiance truth.exr. --help defines each metric.";
+
+/// What stands beside each metric.
+const CERTAINTY: &str =
+    "Each has a 95 % interval, from 1000 draws of the picture's blocks with the reference's noise in them; `< x` is an error that this noise hides.
+rmse_over_mean and bias_over_mean are without that noise; where it is in a metric, the last column tells how much a picture without error would have.";
+
 /// Tell how far a picture is from a reference
 #[derive(Args)]
-#[command(after_help = "Example: hemisplat diff out/cornell.exr out/cornell-reference.exr:irradiance --fail-above rmse_over_mean=0.05
-
-Without a name, the layer `irradiance` is compared, or `picture` where one file lacks it. Where a file has one layer without a name, say which layer of the other it is.")]
+#[command(after_help = EXAMPLE, after_long_help = help())]
 pub struct Options {
     /// The picture to judge, and which of its layers
     #[arg(value_name = "A.exr[:LAYER]")]
@@ -25,6 +34,9 @@ pub struct Options {
     /// The variance of the reference's pixels; the reference's own layer `variance` if not given
     #[arg(long, value_name = "FILE")]
     variance: Option<PathBuf>,
+    /// Compare pictures that say that they show another scene, camera or light
+    #[arg(long)]
+    anyway: bool,
     /// Write what was found as JSON; - is standard output
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -51,48 +63,36 @@ fn threshold(text: &str) -> Result<Threshold, String> {
 pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     let json = options.json.as_deref().map(Target::new).transpose()?;
     let (test, reference) = (Input::read(&options.test)?, Input::read(&options.reference)?);
-    let read: Vec<&Path> = [&test.path, &reference.path].into_iter().chain(&options.variance).map(PathBuf::as_path).collect();
+    let read: Vec<&Path> = [&test.file.path, &reference.file.path].into_iter().chain(&options.variance).map(PathBuf::as_path).collect();
     expect_distinct(&options.json.iter().map(PathBuf::as_path).collect::<Vec<_>>(), &read)?;
     let variance = options.variance.as_deref().map(read_picture).transpose()?;
     let [test_layer, reference_layer] = choose_layers(&test, &reference)?;
+    if !options.anyway {
+        expect_same_view(&test, &reference)?;
+    }
     let errors = compare_layers(
         Selected { picture: &test.picture, layer: test_layer },
         Selected { picture: &reference.picture, layer: reference_layer },
         variance.as_ref(),
     )
     .map_err(Failure::input)?;
-    console.print(&table(&test.path, &reference.path, &errors))?;
+    console.print(&table(&test.file.path, &reference.file.path, &errors))?;
     if let Some(json) = json {
-        json.write_json(&Comparison { test: test.path.display().to_string(), reference: reference.path.display().to_string(), errors: &errors })?;
+        json.write_json(&Comparison { test: test.file.path.display().to_string(), reference: reference.file.path.display().to_string(), errors: &errors })?;
     }
     judge(&errors, &options.fail_above)
 }
 
 /// A picture file and the layer that the user named after it.
 struct Input {
-    path: PathBuf,
+    file: NamedFile,
     picture: Layers,
-    layer: Option<String>,
 }
 
 impl Input {
-    /// Reads `FILE` or `FILE:LAYER`; a file whose name holds the colon comes first.
     fn read(argument: &str) -> Result<Self, Failure> {
-        let (path, layer) = match argument.rsplit_once(':') {
-            Some((path, layer)) if !Path::new(argument).exists() && !layer.contains(['/', '\\']) => (path, Some(layer.to_owned())),
-            _ => (argument, None),
-        };
-        let path = PathBuf::from(path);
-        let picture = read_picture(&path)?;
-        if let Some(layer) = &layer {
-            picture.rgb(layer).map_err(|error| Failure::input(CommandError::BadPicture { path: path.clone(), error }))?;
-        }
-        Ok(Self { path, picture, layer })
-    }
-
-    /// Whether the file holds one colour and does not say of what, as many programs write it.
-    fn is_nameless(&self) -> bool {
-        self.picture.layers.len() == 1 && self.picture.layers.contains_key(PICTURE)
+        let file = NamedFile::parse(argument);
+        Ok(Self { picture: file.read()?, file })
     }
 
     fn layers(&self) -> String {
@@ -100,24 +100,28 @@ impl Input {
     }
 }
 
-/// Which layer of each picture: the named one, for both if only one is named; else the irradiance or the picture that both have.
+/// Which layer of each picture: the named one, for both if only one is named; else the irradiance or the picture that both have. A layer without a name is
+/// none of these: its meaning is said, or nothing is compared.
 fn choose_layers<'a>(test: &'a Input, reference: &'a Input) -> Result<[&'a str; 2], Failure> {
     let both = |name: &&str| [test, reference].iter().all(|input| input.picture.layers.contains_key(*name));
-    match (&test.layer, &reference.layer) {
+    match (&test.file.layer, &reference.file.layer) {
         (Some(test), Some(reference)) => Ok([test, reference]),
         (Some(layer), None) | (None, Some(layer)) => Ok([layer, layer]),
-        (None, None) => match ["irradiance", PICTURE].into_iter().find(both) {
-            Some(PICTURE) if test.is_nameless() != reference.is_nameless() => Err(ambiguous(test, reference)),
-            Some(layer) => Ok([layer, layer]),
-            None => Err(Failure::input(CommandError::NoCommonLayer { test: test.layers(), reference: reference.layers() })),
-        },
+        (None, None) => {
+            [test, reference].into_iter().try_for_each(|input| input.file.expect_meaning(&input.picture))?;
+            let layer = [IRRADIANCE, PICTURE].into_iter().find(both);
+            layer.map(|layer| [layer; 2]).ok_or_else(|| Failure::input(CommandError::NoCommonLayer { test: test.layers(), reference: reference.layers() }))
+        }
     }
 }
 
-/// One of the files does not say what its only layer is, and the other has several that it could be.
-fn ambiguous(test: &Input, reference: &Input) -> Failure {
-    let (nameless, named) = if test.is_nameless() { (test, reference) } else { (reference, test) };
-    Failure::input(CommandError::NamelessLayer { nameless: nameless.path.clone(), named: named.path.clone(), held: named.layers() })
+/// Refuses pictures that say that they show something else.
+fn expect_same_view(test: &Input, reference: &Input) -> Result<(), Failure> {
+    let differences = other_view(&test.picture, &reference.picture);
+    if differences.is_empty() {
+        return Ok(());
+    }
+    Err(Failure::input(CommandError::OtherView { reference: reference.file.path.clone(), test: test.file.path.display().to_string(), differences }))
 }
 
 fn table(test: &Path, reference: &Path, errors: &Errors) -> String {
@@ -134,16 +138,35 @@ fn table(test: &Path, reference: &Path, errors: &Errors) -> String {
         let _ = write!(table, ", noise of the reference {:.2} % (taken off)", noise * 100.0);
     }
     table.push('\n');
-    let percent = |value: Option<f64>| value.map_or_else(|| "not measurable".to_owned(), |value| format!("{:>10.3} %", value * 100.0));
-    let number = |value: Option<f64>| value.map_or_else(|| "not measurable".to_owned(), |value| format!("{value:>10.5}"));
-    for metric in Errors::METRICS {
-        let value = errors.metric(metric).flatten();
-        let value = if Errors::is_share(metric) { percent(value) } else { number(value) };
-        let _ = writeln!(table, "  {metric:<16}{value}");
-    }
+    let _ = writeln!(table, "  {:<16}{:>12}   {:<23} {}", "", "", "95 % interval", "noise of the reference in it");
+    Errors::METRICS.iter().for_each(|metric| table += &row(errors, metric));
     let worst = &errors.largest;
     let _ = writeln!(table, "largest at ({}, {}): {:.6} instead of {:.6}", worst.x, worst.y, worst.test, worst.reference);
     table
+}
+
+/// A metric with its interval, and what the reference's noise leaves of it.
+fn row(errors: &Errors, metric: &str) -> String {
+    let (factor, digits, unit) = if Errors::is_share(metric) { (100.0, 3, " %") } else { (1.0, 5, "") };
+    let told = |value: f64| format!("{:.digits$}", factor * value);
+    let Some(value) = errors.metric(metric).flatten() else { return format!("  {metric:<16}{:>12}\n", "not measurable") };
+    let interval = errors.interval(metric);
+    let value = match interval.filter(|interval| interval.below_noise) {
+        Some(interval) => format!("< {}{unit}", told(interval.most())),
+        None => told(value) + unit,
+    };
+    let interval_told = interval.map_or("-".to_owned(), |interval| format!("{} … {}{unit}", told(interval.low), told(interval.high)));
+    let noise = interval.and_then(|interval| interval.noise_floor).map_or(String::new(), |noise| told(noise) + unit);
+    format!("{}\n", format!("  {metric:<16}{value:>12}   {interval_told:<23} {noise}").trim_end())
+}
+
+/// The definition of each metric.
+fn help() -> String {
+    let of = |Definition { metric, formula, meaning }: &Definition| format!("  {metric}\n      {formula}\n      {meaning}\n");
+    let definitions: String = Definition::ALL.iter().map(of).collect();
+    format!(
+        "{EXAMPLE}\n\nMetrics, of the tested luminance x and the reference's r over the pixels where the reference sees a surface; mean is that of r:\n{definitions}\n{CERTAINTY}"
+    )
 }
 
 #[derive(Serialize)]

@@ -72,9 +72,12 @@ pub enum CommandError {
     #[error("the two pictures share no layer: one holds {test}, the other {reference}")]
     #[diagnostic(code(cli::no_common_layer), help("name one for each: A.exr:LAYER B.exr:LAYER"))]
     NoCommonLayer { test: String, reference: String },
-    #[error("{} has one layer without a name: it could be the picture, or the irradiance, or another", nameless.display())]
-    #[diagnostic(code(cli::nameless_layer), help("say which layer of {} it is to be compared with, as {}:LAYER; it has {held}", named.display(), named.display()))]
-    NamelessLayer { nameless: PathBuf, named: PathBuf, held: String },
+    #[error("{} has one layer and does not say what it is", path.display())]
+    #[diagnostic(code(cli::nameless_layer), help("say so: {0}:irradiance or {0}:picture, or name the other file's layer that it is to be compared with", path.display()))]
+    NamelessLayer { path: PathBuf },
+    #[error("{} shows something else than {}: {}", reference.display(), test, differences.join("; "))]
+    #[diagnostic(code(cli::other_view), help("compare pictures of one scene, camera and light; --anyway takes these all the same"))]
+    OtherView { reference: PathBuf, test: String, differences: Vec<String> },
     #[error("{}", failed.join("; "))]
     #[diagnostic(code(cli::over_threshold))]
     OverThreshold { failed: Vec<String> },
@@ -108,9 +111,6 @@ pub enum CommandError {
     #[error("several cameras are named: {names}")]
     #[diagnostic(code(cli::several_cameras), help("this command looks through one; `hemisplat render` makes a frame of each"))]
     SeveralCameras { names: String },
-    #[error("the reference {} looks through camera `{found}`, the comparison through `{expected}`", path.display())]
-    #[diagnostic(code(compare::other_camera), help("name the reference's camera with --camera, or trace one of this view"))]
-    OtherCamera { path: PathBuf, found: String, expected: String },
     #[error("the reference {} cannot judge these pipelines: {error}", path.display())]
     #[diagnostic(forward(error))]
     BadReference { path: PathBuf, error: crate::measure::MetricsError },

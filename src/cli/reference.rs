@@ -8,7 +8,7 @@ use super::output::{PictureTarget, expect_distinct, warn_of_nothing};
 use super::progress::Progress;
 use super::scene::{SceneOptions, View};
 use crate::measure::{Layer, Layers, PICTURE};
-use crate::reference::{Bounces, Reference, Settings, Stop, render};
+use crate::reference::{Bounces, MAX_SAMPLES, Reference, Settings, Stop, render};
 use clap::Args;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -24,10 +24,10 @@ pub struct Options {
     /// How many surfaces indirect light touches: 1 is the papers' first bounce
     #[arg(long, value_name = "1|N|all", default_value = "1")]
     bounces: Bounces,
-    /// Rays per pixel, rounded up to whole rounds of strata
+    /// Rays per pixel
     #[arg(long, value_name = "N", default_value_t = 1024, conflicts_with = "error")]
     spp: u32,
-    /// Stop when the standard deviation of the irradiance is below this share of its mean, instead of after so many rays
+    /// Stop when the noise of irradiance, glossy light and picture is below this share of their means, instead of after so many rays
     #[arg(long, value_name = "E")]
     error: Option<f32>,
     /// Only every K-th pixel of each row and column, from pixel K/2 on
@@ -47,7 +47,7 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     expect_distinct(&options.output.iter().map(PathBuf::as_path).collect::<Vec<_>>(), &[options.scene.path()])?;
     let targets = options.output.iter().map(|path| PictureTarget::new(path)).collect::<Result<Vec<_>, _>>()?;
     let view = options.scene.load(console)?;
-    let stop = options.error.map_or(Stop::Samples(options.spp), Stop::RelativeError);
+    let stop = options.error.map_or(Stop::Samples(options.spp), |error| Stop::RelativeError { error, at_most: MAX_SAMPLES });
     let settings = Settings { size: view.size, stride: options.stride, bounces: options.bounces, stop, seed: options.seed };
     let _shelter = Shelter::new();
     let result = {
@@ -65,7 +65,10 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     if interrupt::requested() {
         return Err(Failure::interrupted(&targets.iter().map(PictureTarget::path).collect::<Vec<_>>()));
     }
-    console.note(&format!("{} rays a pixel in {:.1} s", reference.samples, reference.seconds));
+    console.note(&format!("{} rays a pixel in {:.1} s, noise {:.2} %", reference.samples, reference.seconds, 100.0 * reference.noise));
+    if let Some(error) = options.error.filter(|error| reference.noise > f64::from(*error)) {
+        console.note(&format!("warning: {MAX_SAMPLES} rays a pixel are the bound, and a noise of {:.2} % was asked for", 100.0 * error));
+    }
     Ok(())
 }
 
@@ -77,6 +80,7 @@ fn attributes(options: &Options, view: &View, reference: &Reference) -> BTreeMap
         ("bounces", reference.bounces.to_string()),
         ("stride", reference.stride.to_string()),
         ("samples", reference.samples.to_string()),
+        ("noise", reference.noise.to_string()),
         ("seed", options.seed.to_string()),
         stop,
     ];
@@ -88,6 +92,8 @@ fn attributes(options: &Options, view: &View, reference: &Reference) -> BTreeMap
 pub(super) fn layers(reference: &Reference, attributes: BTreeMap<String, String>) -> Layers {
     let planes = |names: &[&str], data: &[glam::Vec3]| Layer::interleaved(names, bytemuck::cast_slice(data), 3);
     let colour = |data: &[glam::Vec3]| planes(&["R", "G", "B"], data);
+    let value = |data: &[f32]| Layer::value(data.to_owned());
+    let noise = &reference.luminance_variance;
     let picture = Layers::new(reference.width, reference.height)
         .with(PICTURE, colour(&reference.picture))
         .with("direct", colour(&reference.direct))
@@ -95,10 +101,17 @@ pub(super) fn layers(reference: &Reference, attributes: BTreeMap<String, String>
         .with("irradiance", colour(&reference.irradiance))
         .with("direct_irradiance", colour(&reference.direct_irradiance))
         .with("variance", colour(&reference.variance))
+        .with("irradiance_luminance_variance", value(&noise.irradiance))
+        .with("direct_luminance_variance", value(&noise.direct))
+        .with("indirect_luminance_variance", value(&noise.indirect))
+        .with("picture_luminance_variance", value(&noise.picture))
         .with("depth", Layer::value(reference.depth.clone()))
         .with("normal", planes(&["X", "Y", "Z"], &reference.normal));
     let picture = match &reference.glossy {
-        Some(glossy) => picture.with("glossy", colour(&glossy.radiance)).with("glossy_variance", colour(&glossy.variance)),
+        Some(glossy) => picture
+            .with("glossy", colour(&glossy.radiance))
+            .with("glossy_variance", colour(&glossy.variance))
+            .with("glossy_luminance_variance", value(&noise.glossy)),
         None => picture,
     };
     Layers { attributes, ..picture }

@@ -4,6 +4,8 @@ use super::camera::{CameraOptions, to_ron};
 use super::console::Console;
 use super::daylight::DaylightOptions;
 use super::failure::{CommandError, Failure};
+use crate::measure::cache::fingerprint;
+use crate::measure::metrics::SCENE_CHECKSUM;
 use crate::scene::bvh::Bvh;
 use crate::scene::load::{LoadOptions, load};
 use crate::scene::{Camera, MAX_SIDE, Scene};
@@ -110,6 +112,7 @@ impl SceneOptions {
             ("program", format!("hemisplat {}", env!("CARGO_PKG_VERSION"))),
             ("scene", self.scene.display().to_string()),
             ("scene-set", set.join(" ")),
+            (SCENE_CHECKSUM, fingerprint(&view.scene, &view.bvh)),
             ("camera", camera.name.clone()),
             ("size", format!("{width}x{height}")),
         ];

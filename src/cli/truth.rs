@@ -4,7 +4,8 @@
 
 use super::console::Console;
 use super::failure::{CommandError, Failure};
-use super::input::read_picture;
+use super::input::{NamedFile, read_picture};
+use super::interrupt;
 use super::output::Target;
 use super::pipeline::BOUNCES;
 use super::progress::Progress;
@@ -13,26 +14,44 @@ use super::sealed::{self, Unusable};
 use crate::gpu::scene::camera;
 use crate::measure::cache::{Checksum, fingerprint};
 use crate::measure::compare::{ReferenceReport, VariantErrors, checksum, judged};
+use crate::measure::metrics::{SCENE_CHECKSUM, other_view};
+use crate::measure::projection::Projection;
 use crate::measure::{DIRECT, Errors, GLOSSY, IRRADIANCE, Layer, Layers, MetricsError, PICTURE, PictureError, compare};
-use crate::reference::{Bounces, Settings, Stop, VERSION, check, render};
+use crate::reference::{Bounces, MAX_SAMPLES, Settings, Stop, VERSION, check, render};
 use clap::Args;
 use etcetera::BaseStrategy;
 use std::path::{Path, PathBuf};
 
+/// The noise down to which a reference is traced where nobody says: a third of the smallest `rmse_over_mean` that the pipelines of this project usually
+/// have, and less than the difference of 5 % of it that runs are recommended for, once some thousand pixels average it.
+const ENOUGH: f32 = 0.01;
+
+/// Paths that such a reference may take, over all pixels: about a minute on two cores in a room.
+const MOST_PATHS: u64 = 1 << 26;
+
+/// Rays a pixel that it takes at the least, however large the picture is.
+const FEWEST_RAYS: u32 = 32;
+
 #[derive(Args)]
 pub struct TruthOptions {
-    /// What to judge the pictures by; if not given, it is traced and kept for the next time
-    #[arg(long, value_name = "FILE.exr")]
-    reference: Option<PathBuf>,
-    /// The variance of the reference's irradiance; the reference's own layer `variance` if not given
+    /// What to judge the pictures by, and what its layer is if that has no name; if not given, it is traced and kept for the next time
+    #[arg(long, value_name = "FILE.exr[:LAYER]", value_parser = |text: &str| Ok::<_, std::convert::Infallible>(NamedFile::parse(text)))]
+    reference: Option<NamedFile>,
+    /// The variance of the reference's irradiance; the reference's own if not given
     #[arg(long, value_name = "FILE", requires = "reference")]
     reference_variance: Option<PathBuf>,
+    /// Judge by a reference that says that it shows another scene, camera or light
+    #[arg(long, requires = "reference")]
+    anyway: bool,
     /// Measure times alone
     #[arg(long, conflicts_with = "reference")]
     no_reference: bool,
-    /// Rays per pixel of a reference that is traced, rounded up to whole rounds of strata
-    #[arg(long, value_name = "N", default_value_t = 256, conflicts_with_all = ["reference", "no_reference"])]
-    reference_spp: u32,
+    /// Trace a reference until its noise is this share of its mean; 0.01 if nothing is said, with at most 2^26 paths in all
+    #[arg(long, value_name = "E", conflicts_with_all = ["reference", "no_reference", "reference_spp"])]
+    reference_error: Option<f32>,
+    /// Trace a reference of so many rays per pixel
+    #[arg(long, value_name = "N", conflicts_with_all = ["reference", "no_reference"])]
+    reference_spp: Option<u32>,
     /// Trace only every K-th pixel of each row and column; without every pixel there is no `flip`
     #[arg(long, value_name = "K", default_value_t = 1, conflicts_with_all = ["reference", "no_reference"])]
     reference_stride: u32,
@@ -52,24 +71,39 @@ pub struct Truth {
 impl TruthOptions {
     /// A reference that is traced; `cache` is where it is kept, the user's cache folder if not given.
     pub fn traced(spp: u32, stride: u32, cache: Option<PathBuf>) -> Self {
-        Self { reference_spp: spp, reference_stride: stride, reference_cache: cache, no_reference: false, ..Self::none() }
+        Self { reference_spp: Some(spp), reference_stride: stride, reference_cache: cache, no_reference: false, ..Self::none() }
     }
 
     /// No reference from outside.
     pub fn none() -> Self {
-        Self { reference: None, reference_variance: None, no_reference: true, reference_spp: 0, reference_stride: 1, reference_cache: None }
+        Self {
+            reference: None,
+            reference_variance: None,
+            anyway: false,
+            no_reference: true,
+            reference_error: None,
+            reference_spp: None,
+            reference_stride: 1,
+            reference_cache: None,
+        }
     }
 
     /// The files that are read.
     pub fn files(&self) -> Vec<&Path> {
-        self.reference.iter().chain(&self.reference_variance).map(PathBuf::as_path).collect()
+        self.reference.iter().map(|named| &named.path).chain(&self.reference_variance).map(PathBuf::as_path).collect()
     }
 
     /// Reads what the user gives; None where it is to be traced, or none is wanted.
     pub fn given(&self, view: &View) -> Result<Option<Truth>, Failure> {
-        let Some(path) = &self.reference else { return Ok(None) };
-        let truth =
-            Truth { picture: read_picture(path)?, variance: self.reference_variance.as_deref().map(read_picture).transpose()?, path: path.clone(), own: false };
+        let Some(named) = &self.reference else { return Ok(None) };
+        let picture = named.read()?;
+        named.expect_meaning(&picture)?;
+        let picture = judging_by(picture, named.layer.as_deref());
+        let variance = self.reference_variance.as_deref().map(read_picture).transpose()?;
+        let truth = Truth { picture, variance, path: named.path.clone(), own: false };
+        if !self.anyway {
+            truth.shows(view)?;
+        }
         truth.fits(view)?;
         Ok(Some(truth))
     }
@@ -80,13 +114,32 @@ impl TruthOptions {
             return Ok(None);
         }
         let folder = self.reference_cache.clone().or_else(cache_folder).ok_or_else(|| Failure::input(CommandError::NoReferenceCache))?;
-        let settings =
-            Settings { size: view.size, stride: self.reference_stride, bounces: Bounces::Count(BOUNCES), stop: Stop::Samples(self.reference_spp), seed: 0 };
+        let stop = self.stop(view);
+        let settings = Settings { size: view.size, stride: self.reference_stride, bounces: Bounces::Count(BOUNCES), stop, seed: 0 };
         check(&view.camera, &settings).map_err(Failure::input)?;
-        let key = key(view, &settings, self.reference_spp);
+        let key = key(view, &settings);
         let target = Target::new(&folder.join(format!("reference-{}.exr", Checksum::of(key.as_bytes()))))?;
         Ok(Some(Keeper { target, settings, key }))
     }
+
+    fn stop(&self, view: &View) -> Stop {
+        match (self.reference_spp, self.reference_error) {
+            (Some(rays), _) => Stop::Samples(rays),
+            (None, Some(error)) => Stop::RelativeError { error, at_most: MAX_SAMPLES },
+            (None, None) => {
+                let [columns, rows] = view.size.map(|side| u64::from(side.div_ceil(self.reference_stride.max(1)).max(1)));
+                let at_most = (MOST_PATHS / (columns * rows)).clamp(u64::from(FEWEST_RAYS), u64::from(MAX_SAMPLES)) as u32;
+                Stop::RelativeError { error: ENOUGH, at_most }
+            }
+        }
+    }
+}
+
+/// The same without the layers that pictures are judged by but this one; with all of them where none is named.
+fn judging_by(mut picture: Layers, layer: Option<&str>) -> Layers {
+    let is_left = |name: &str| layer.is_none_or(|layer| layer == name) || ![IRRADIANCE, PICTURE, GLOSSY, DIRECT].contains(&name);
+    picture.layers.retain(|name, _| is_left(name));
+    picture
 }
 
 /// Where the user's system keeps what programs can make again.
@@ -95,9 +148,13 @@ pub fn cache_folder() -> Option<PathBuf> {
 }
 
 /// Everything that a reference depends on.
-fn key(view: &View, settings: &Settings, spp: u32) -> String {
-    let Settings { stride, bounces, seed, .. } = settings;
-    format!("tracer {VERSION}, {}, stride {stride}, bounces {bounces}, spp {spp}, seed {seed}", content(view))
+fn key(view: &View, settings: &Settings) -> String {
+    let Settings { stride, bounces, seed, stop, .. } = settings;
+    let stop = match stop {
+        Stop::Samples(rays) => format!("spp {rays}"),
+        Stop::RelativeError { error, at_most } => format!("error {error} at most {at_most}"),
+    };
+    format!("tracer {VERSION}, {}, stride {stride}, bounces {bounces}, {stop}, seed {seed}", content(view))
 }
 
 /// What a view shows, whatever its files are called: scene, camera and size.
@@ -124,6 +181,9 @@ impl Keeper {
         };
         let truth = Truth { path: self.target.path().to_owned(), picture, variance: None, own: true };
         truth.fits(view)?;
+        if let Some(told) = truth.bound_told() {
+            console.note(&told);
+        }
         Ok(truth)
     }
 
@@ -142,8 +202,17 @@ impl Keeper {
             let progress = Progress::new(console, "tracing the reference");
             render(&view.scene, &view.bvh, &view.camera, &self.settings, &|share| progress.report(share))
         };
+        if interrupt::requested() {
+            return Err(Failure::interrupted(&[]));
+        }
         let reference = result.map_err(Failure::input)?;
+        let asked = match self.settings.stop {
+            Stop::Samples(rays) => ("spp", rays.to_string()),
+            Stop::RelativeError { error, .. } => ("error", error.to_string()),
+        };
         let attributes = [
+            asked,
+            ("noise", reference.noise.to_string()),
             ("program", format!("hemisplat {}", env!("CARGO_PKG_VERSION"))),
             ("scene", view.scene.name.clone()),
             ("camera", view.camera.name.clone()),
@@ -164,15 +233,37 @@ impl Truth {
         Self { path: PathBuf::from(name), picture: picture.with_attribute("bounces", BOUNCES), variance: None, own: true }
     }
 
+    /// Refuses a file that says that it shows another scene, camera or light.
+    fn shows(&self, view: &View) -> Result<(), Failure> {
+        let own = Layers { projection: Some(Projection::of(&view.camera, view.scene.origin, view.size)), ..Layers::default() }
+            .with_attribute("scene", &view.scene.name)
+            .with_attribute(SCENE_CHECKSUM, fingerprint(&view.scene, &view.bvh))
+            .with_attribute("camera", &view.camera.name);
+        let differences = other_view(&own, &self.picture);
+        if differences.is_empty() {
+            return Ok(());
+        }
+        let test = "what is compared".to_owned();
+        Err(Failure::input(CommandError::OtherView { reference: self.path.clone(), test, differences }))
+    }
+
+    /// Says so where a reference ended before its noise was as small as it was to be.
+    fn bound_told(&self) -> Option<String> {
+        let [noise, asked] = ["noise", "error"].map(|name| self.picture.attributes.get(name).and_then(|value| value.parse::<f64>().ok()));
+        let (noise, asked) = noise.zip(asked).filter(|(noise, asked)| noise > asked)?;
+        let samples = self.picture.attributes.get("samples").map_or("?", String::as_str);
+        Some(format!(
+            "note: the reference ended at its bound of {samples} rays a pixel with a noise of {:.2} %, not {:.2} %: --reference-error {asked} goes on to it",
+            100.0 * noise,
+            100.0 * asked
+        ))
+    }
+
     /// Refuses what cannot judge pictures of this view, before work is done for them.
     fn fits(&self, view: &View) -> Result<(), Failure> {
-        if let Some(found) = self.picture.attributes.get("camera").filter(|found| **found != view.camera.name) {
-            let (found, expected) = (found.clone(), view.camera.name.clone());
-            return Err(Failure::input(CommandError::OtherCamera { path: self.path.clone(), found, expected }));
-        }
         let [width, height] = view.size;
         let black = || Layer::value(vec![0.0; width as usize * height as usize]);
-        let names = [IRRADIANCE, PICTURE].into_iter().filter(|name| self.picture.layers.contains_key(*name));
+        let names = [IRRADIANCE, PICTURE, GLOSSY, DIRECT].into_iter().filter(|name| self.picture.layers.contains_key(*name));
         let blank = names.fold(Layers::new(width, height), |blank, name| blank.with(name, black()));
         if blank.layers.is_empty() {
             return Err(self.refuse(MetricsError::Picture { which: "reference", error: self.lacks(IRRADIANCE) }));
@@ -221,6 +312,8 @@ impl Truth {
             own: self.own,
             bounces: attribute("bounces"),
             samples: attribute("samples"),
+            noise_over_mean: attribute("noise").and_then(|noise| noise.parse().ok()),
+            error_asked: attribute("error").and_then(|error| error.parse().ok()),
             stride: attribute("stride"),
         }
     }

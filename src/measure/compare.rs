@@ -155,6 +155,10 @@ pub struct ReferenceReport {
     /// As the file states them.
     pub bounces: Option<String>,
     pub samples: Option<String>,
+    /// The largest of the noises of irradiance, glossy light and picture: standard deviation over mean.
+    pub noise_over_mean: Option<f64>,
+    /// The noise down to which it was to be traced; it ended at its bound where `noise_over_mean` is larger.
+    pub error_asked: Option<f64>,
     pub stride: Option<String>,
 }
 

@@ -268,6 +268,8 @@ mod tests {
             flip: None,
             hdr_flip: None,
             largest: LargestError { x: 0, y: 0, test: 1.0, reference: 1.0, over_mean: 0.0 },
+            intervals: Default::default(),
+            resampled: Default::default(),
         };
         VariantErrors { irradiance: irradiance.map(errors), picture: None, glossy: glossy.map(errors), direct: direct.map(errors) }
     }

@@ -38,12 +38,18 @@ pub fn flip_map(test: &[DVec3], reference: &[DVec3], width: usize) -> Vec<f64> {
 /// As [`flip`] otherwise; neither depends on the light's unit. (Andersson, Nilsson, Shirley, Akenine-Möller: "Visualizing Errors in Rendered High
 /// Dynamic Range Images", Eurographics 2021.)
 pub fn hdr_flip(test: &[DVec3], reference: &[DVec3], width: usize) -> Option<f64> {
+    let map = hdr_flip_map(test, reference, width)?;
+    Some(map.iter().sum::<f64>() / map.len() as f64)
+}
+
+/// HDR-ꟻLIP error of each pixel; arguments as for [`hdr_flip`].
+pub fn hdr_flip_map(test: &[DVec3], reference: &[DVec3], width: usize) -> Option<Vec<f64>> {
     let mut largest = vec![0.0f64; reference.len()];
     for stops in exposures(reference)? {
         let [test, reference] = [test, reference].map(|picture| picture.iter().map(|&colour| filmic(colour * stops.exp2())).collect::<Vec<_>>());
         largest.iter_mut().zip(flip_map(&test, &reference, width)).for_each(|(largest, error)| *largest = largest.max(error));
     }
-    Some(largest.iter().sum::<f64>() / largest.len() as f64)
+    Some(largest)
 }
 
 /// The curve `(k₀x² + k₁x + k₂) / (k₃x² + k₄x + k₅)` that stands for the film of the Academy Color Encoding System (Narkowicz 2015), with its

@@ -56,6 +56,8 @@ pub struct Layers {
     pub attributes: BTreeMap<String, String>,
     /// Where points of the scene are in the picture, where that is known.
     pub projection: Option<Projection>,
+    /// Whether its only layer came from a file that does not say of what it is; the layer is then called [`PICTURE`].
+    pub is_nameless: bool,
 }
 
 /// Planes of one meaning.
@@ -170,11 +172,16 @@ impl Layers {
         self
     }
 
-    /// The layer of that name. A file of a single layer need not name it: that layer answers to every name.
+    /// Whether it has a picture that it calls so.
+    pub fn names_picture(&self) -> bool {
+        !self.is_nameless && self.layers.contains_key(PICTURE)
+    }
+
+    /// The layer of that name. Where a file has one layer and does not name it, that layer answers to every name.
     pub fn layer(&self, name: &str) -> std::result::Result<&Layer, PictureError> {
         match self.layers.get(name) {
             Some(layer) => Ok(layer),
-            None if self.layers.len() == 1 => self.layers.values().next().ok_or_else(|| self.unknown(name)),
+            None if self.is_nameless => self.layers.values().next().ok_or_else(|| self.unknown(name)),
             None => Err(self.unknown(name)),
         }
     }
@@ -242,11 +249,14 @@ impl Layers {
         }
         picture.part_lone_alpha();
         picture.projection = read_projection(&image.layer_data.attributes);
+        picture.is_nameless = picture.layers.len() == 1 && picture.layers.contains_key(PICTURE);
         let attributes = image.attributes.other.into_iter().chain(image.layer_data.attributes.other);
         for (name, value) in attributes {
-            if let AttributeValue::Text(text) = value
-                && name != *UNITS
-            {
+            let AttributeValue::Text(text) = value else { continue };
+            if name == *UNITS {
+                // What this program writes tells what its layers are.
+                picture.is_nameless &= !text.to_string().starts_with(PICTURE);
+            } else {
                 picture.add_attribute(name.to_string(), text.to_string());
             }
         }
@@ -317,7 +327,7 @@ impl Layers {
         if !linear {
             data.iter_mut().for_each(|value| *value = super::tone::srgb_decode(*value));
         }
-        Ok(Self::new(width, height).with(PICTURE, Layer::interleaved(&["R", "G", "B"], &data, 3)))
+        Ok(Self { is_nameless: true, ..Self::new(width, height).with(PICTURE, Layer::interleaved(&["R", "G", "B"], &data, 3)) })
     }
 
     fn add_attribute(&mut self, name: String, value: String) {

@@ -23,4 +23,4 @@ pub mod tone;
 pub mod traffic;
 
 pub use layers::{DIRECT, GLOSSY, IRRADIANCE, Layer, Layers, MAX_SAMPLES, PICTURE, PictureError};
-pub use metrics::{Errors, LargestError, MetricsError, Selected, compare, compare_layers};
+pub use metrics::{ErrorDifference, Errors, Interval, LargestError, MetricsError, Selected, compare, compare_layers};

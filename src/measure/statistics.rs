@@ -113,6 +113,11 @@ pub fn runs_to_find(difference: f64, deviation_of_log_ratio: f64, comparisons: u
     ((pairs * std::f64::consts::PI / 3.0).ceil() as usize).max(least_runs(comparisons))
 }
 
+/// How many standard deviations about the mean hold a normal variable but with this chance.
+pub fn two_sided(error: f64) -> f64 {
+    normal_tail(error / 2.0)
+}
+
 /// The point above which a standard normal variable lies with this probability, below one half; to 4.5e-4 (Abramowitz and Stegun 26.2.23).
 fn normal_tail(probability: f64) -> f64 {
     let t = (-2.0 * probability.ln()).sqrt();

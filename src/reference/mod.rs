@@ -5,7 +5,7 @@
 //! - **direct**: what punctual lights, emitters and the sky send without touching another surface;
 //! - **indirect**: what touched one to `bounces` surfaces on its way.
 //!
-//! Directions are cosine-distributed and stratified, 16×16 a round at most; the spread of the rounds' means gives the
+//! Directions are cosine-distributed and stratified, 256 a round at most; the spread of the rounds' means gives the
 //! variance of their mean. Light from emitters and from a latitude-longitude sky is sampled both by rays and at its
 //! source, joined by the balance heuristic (Veach 1997, eq. 9.8), so that no place is singular. Every pixel and round
 //! draws from its own counter-based stream: the result does not depend on the number of threads, and a picture with a
@@ -20,7 +20,7 @@ mod random;
 
 pub use path::{Gather, Tracer};
 
-use crate::math::colour::{REC_709, luminance};
+use crate::math::colour::luminance;
 use crate::scene::{Camera, MAX_SIDE, Rgb, Scene, bvh::Bvh, surface::Surface};
 use glam::{DVec3, Vec3};
 use path::Round;
@@ -35,7 +35,7 @@ use std::{
 };
 
 /// Raised whenever the same settings give another picture, so that pictures kept from before are traced anew.
-pub const VERSION: u32 = 1;
+pub const VERSION: u32 = 2;
 
 /// Pixels that one reference computes, at some 300 bytes each.
 pub const MAX_PIXELS: u64 = 1 << 24;
@@ -43,11 +43,14 @@ pub const MAX_PIXELS: u64 = 1 << 24;
 /// The most bounces that can be counted: without end is [`Bounces::All`], which weighs what it leaves out.
 pub const MAX_BOUNCES: u32 = 1000;
 
-/// Samples per pixel at which [`Stop::RelativeError`] gives up.
+/// Samples per pixel at which [`Stop::RelativeError`] gives up at the latest.
 pub const MAX_SAMPLES: u32 = 1 << 20;
 
-/// Rounds before the noise is judged: fewer say too little about their own spread.
-const MIN_ROUNDS_FOR_ERROR: u32 = 4;
+/// Rounds where there are rays enough: fewer say too little about their own spread.
+const MIN_ROUNDS: u32 = 4;
+
+/// Most rays of a round.
+const MOST_RAYS: u32 = 256;
 
 /// Pixels between two reports of progress.
 const CHUNK: usize = 64;
@@ -112,11 +115,41 @@ impl FromStr for Bounces {
 /// When to stop.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Stop {
-    /// After at least so many rays per pixel, in whole rounds and never fewer than two of them.
+    /// After so many rays per pixel, two or more.
     Samples(u32),
-    /// When the standard deviation of the indirect irradiance (root of the picture's mean variance, Rec. 709
-    /// luminance) falls below this share of its mean, or at [`MAX_SAMPLES`].
-    RelativeError(f32),
+    /// When [`Reference::noise`] falls below this share, or after so many rays per pixel, at most [`MAX_SAMPLES`].
+    RelativeError { error: f32, at_most: u32 },
+}
+
+/// How the rays of a pixel are shared out among rounds, of which each is an estimate of its own.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Rounds {
+    count: u32,
+    rays: u32,
+}
+
+impl Rounds {
+    /// Those of all rays, or for an error bound of as many as it may take.
+    fn of(stop: Stop) -> Self {
+        match stop {
+            Stop::Samples(rays) => Self { count: rays.div_ceil(MOST_RAYS).max(MIN_ROUNDS).min(rays), rays },
+            Stop::RelativeError { at_most, .. } => {
+                let each = (at_most / (2 * MIN_ROUNDS)).clamp(1, MOST_RAYS);
+                let count = (at_most.min(MAX_SAMPLES) / each).max(MIN_ROUNDS);
+                Self { count, rays: count * each }
+            }
+        }
+    }
+
+    /// Rays of one round: no two differ by more than one.
+    fn rays(&self, round: u32) -> u32 {
+        self.rays / self.count + u32::from(round < self.rays % self.count)
+    }
+
+    /// Rays of so many rounds.
+    fn rays_of_first(&self, rounds: u32) -> u32 {
+        rounds * (self.rays / self.count) + rounds.min(self.rays % self.count)
+    }
 }
 
 /// The result: `width · height` values a layer, rows from the top. A pixel that sees no surface is 0 in all layers but
@@ -144,6 +177,10 @@ pub struct Reference {
     pub variance: Vec<Rgb>,
     /// Indirect light that lobes reflect toward the camera [W m⁻² sr⁻¹]; none where nothing in the scene is glossy.
     pub glossy: Option<Glossy>,
+    /// Variance of luminance, layer by layer.
+    pub luminance_variance: LuminanceVariance,
+    /// The largest of the noises of irradiance, glossy light and picture: standard deviation (root of the mean variance of luminance) over mean.
+    pub noise: f64,
     /// Along the camera's axis [scene units].
     pub depth: Vec<f32>,
     /// Unit shading normal on the side seen.
@@ -161,6 +198,16 @@ pub struct Glossy {
     pub variance: Vec<Rgb>,
 }
 
+/// The variance of each pixel's luminance as an estimate, in the squared unit of its layer; 0 where no surface is seen.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct LuminanceVariance {
+    pub irradiance: Vec<f32>,
+    pub glossy: Vec<f32>,
+    pub direct: Vec<f32>,
+    pub indirect: Vec<f32>,
+    pub picture: Vec<f32>,
+}
+
 /// Why no reference was made.
 #[derive(Debug, Clone, PartialEq, thiserror::Error, miette::Diagnostic)]
 pub enum ReferenceError {
@@ -173,9 +220,9 @@ pub enum ReferenceError {
     #[error("a stride of {stride} does not fit a picture of {width}×{height} pixels")]
     #[diagnostic(code(reference::stride), help("the stride must be at least 1 and at most the shorter side"))]
     Stride { stride: u32, width: u32, height: u32 },
-    #[error("no samples per pixel")]
-    #[diagnostic(code(reference::samples), help("ask for at least 1"))]
-    NoSamples,
+    #[error("{samples} rays a pixel are too few")]
+    #[diagnostic(code(reference::samples), help("ask for 2 or more: a single one does not say how noisy it is"))]
+    FewSamples { samples: u32 },
     #[error("a relative error of {error} cannot be reached")]
     #[diagnostic(code(reference::error), help("the error must be a positive number, such as 0.01 for one per cent"))]
     RelativeError { error: f32 },
@@ -199,25 +246,25 @@ pub fn render(scene: &Scene, bvh: &Bvh, camera: &Camera, settings: &Settings, pr
     let start = Instant::now();
     let tracer = Tracer::new(scene, bvh);
     let mut frame = Frame::new(&tracer, camera, settings);
-    let (strata, rounds) = plan(settings.stop);
-    let mut expected = rounds;
+    let rounds = Rounds::of(settings.stop);
+    let mut expected = rounds.count;
     while frame.rounds < expected {
         let share = |part: f32| progress((frame.rounds as f32 + part) / expected as f32);
-        let Some(round) = frame.round(&tracer, settings, strata, &share) else { break };
+        let Some(round) = frame.round(&tracer, settings, rounds.rays(frame.rounds), &share) else { break };
         frame.add(&round);
-        if let Stop::RelativeError(error) = settings.stop {
-            expected = frame.rounds_for(error, rounds);
+        if let Stop::RelativeError { error, .. } = settings.stop {
+            expected = frame.rounds_for(error, rounds.count);
         }
     }
     if frame.rounds < 2 {
         return Err(ReferenceError::Stopped);
     }
-    let mut reference = frame.resolve(settings, frame.rounds * strata * strata);
+    let mut reference = frame.resolve(settings, rounds.rays_of_first(frame.rounds));
     reference.seconds = start.elapsed().as_secs_f64();
     Ok(reference)
 }
 
-/// Indirect irradiance at one point, of at least `samples` rays over the hemisphere about `normal` (a unit vector).
+/// Indirect irradiance at one point, of `samples` rays, two or more, over the hemisphere about `normal` (a unit vector).
 /// For many points, make one [`Tracer`] and call [`Tracer::gather`].
 pub fn gather(scene: &Scene, bvh: &Bvh, position: Vec3, normal: Vec3, bounces: Bounces, samples: u32, seed: u64) -> Gather {
     Tracer::new(scene, bvh).gather(position, normal, bounces, samples, seed)
@@ -240,8 +287,8 @@ pub fn check(camera: &Camera, settings: &Settings) -> Result<(), ReferenceError>
         return Err(ReferenceError::Size { width, height });
     }
     match settings.stop {
-        Stop::Samples(0) => return Err(ReferenceError::NoSamples),
-        Stop::RelativeError(error) if !(error.is_finite() && error > 0.0) => return Err(ReferenceError::RelativeError { error }),
+        Stop::Samples(samples) | Stop::RelativeError { at_most: samples, .. } if samples < 2 => return Err(ReferenceError::FewSamples { samples }),
+        Stop::RelativeError { error, .. } if !(error.is_finite() && error > 0.0) => return Err(ReferenceError::RelativeError { error }),
         _ => {}
     }
     let half = camera.half_extent(settings.size);
@@ -250,16 +297,6 @@ pub fn check(camera: &Camera, settings: &Settings) -> Result<(), ReferenceError>
         return Err(ReferenceError::Camera { name: camera.name.clone() });
     }
     Ok(())
-}
-
-/// Strata along each axis of a round, and the rounds (at most, for an error bound).
-fn plan(stop: Stop) -> (u32, u32) {
-    let samples = match stop {
-        Stop::Samples(samples) => samples,
-        Stop::RelativeError(_) => MAX_SAMPLES,
-    };
-    let strata = (samples / 2).isqrt().clamp(1, 16);
-    (strata, samples.div_ceil(strata * strata).max(2))
 }
 
 /// The visible surfaces and what has been summed over them.
@@ -290,6 +327,18 @@ struct Sums {
     glossy_direct: DVec3,
     glossy_indirect: DVec3,
     glossy_squared: DVec3,
+    /// Squares of luminance.
+    squared: Luminances,
+}
+
+/// The luminance of each layer whose noise is told.
+#[derive(Clone, Copy, Default)]
+struct Luminances {
+    irradiance: f64,
+    glossy: f64,
+    direct: f64,
+    indirect: f64,
+    picture: f64,
 }
 
 impl Frame {
@@ -313,7 +362,7 @@ impl Frame {
     }
 
     /// One more round for every pixel, or none when told to stop.
-    fn round(&self, tracer: &Tracer, settings: &Settings, strata: u32, progress: &(dyn Fn(f32) -> bool + Sync)) -> Option<Vec<Round>> {
+    fn round(&self, tracer: &Tracer, settings: &Settings, rays: u32, progress: &(dyn Fn(f32) -> bool + Sync)) -> Option<Vec<Round>> {
         let (stop, done) = (AtomicBool::new(!progress(0.0)), AtomicUsize::new(0));
         let mut rounds = vec![Round::default(); self.visible.len()];
         rounds.par_chunks_mut(CHUNK).zip(self.visible.par_chunks(CHUNK)).for_each(|(rounds, visible)| {
@@ -322,7 +371,7 @@ impl Frame {
             }
             for (round, visible) in rounds.iter_mut().zip(visible) {
                 let mut random = Random::new([settings.seed, visible.pixel, self.rounds as u64]);
-                *round = tracer.round(&visible.surface, settings.bounces, strata, &mut random);
+                *round = tracer.round(&visible.surface, settings.bounces, rays, &mut random);
             }
             let done = done.fetch_add(visible.len(), Ordering::Relaxed) + visible.len();
             if !progress(done as f32 / self.visible.len() as f32) {
@@ -333,25 +382,35 @@ impl Frame {
     }
 
     fn add(&mut self, rounds: &[Round]) {
-        for (sum, round) in self.sums.iter_mut().zip(rounds) {
+        for ((sum, round), visible) in self.sums.iter_mut().zip(rounds).zip(&self.visible) {
             sum.direct += round.direct;
             sum.indirect += round.indirect;
             sum.indirect_squared += round.indirect * round.indirect;
             sum.glossy_direct += round.glossy_direct;
             sum.glossy_indirect += round.glossy_indirect;
             sum.glossy_squared += round.glossy_indirect * round.glossy_indirect;
+            sum.squared.add_squares(&visible.luminances(round));
         }
         self.rounds += 1;
     }
 
+    /// As [`Reference::noise`] tells.
+    fn noise(&self) -> f64 {
+        let n = self.rounds as f64;
+        let pixels =
+            || self.visible.iter().zip(&self.sums).map(|(visible, sums)| (visible, visible.luminances(&sums.mean(n)), sums.luminance_variance(visible, n)));
+        let irradiance = noise(pixels().filter(|(visible, ..)| visible.has_irradiance()).map(|(_, mean, variance)| [mean.irradiance, variance.irradiance]));
+        let glossy = noise(pixels().filter(|(visible, ..)| visible.surface.glossy.is_some()).map(|(_, mean, variance)| [mean.glossy, variance.glossy]));
+        let picture = noise(pixels().map(|(_, mean, variance)| [mean.picture, variance.picture]));
+        irradiance.max(glossy).max(picture)
+    }
+
     /// How many rounds it takes to reach a relative error, as far as can be said now; those done when it is reached.
     fn rounds_for(&self, error: f32, at_most: u32) -> u32 {
-        if self.rounds < MIN_ROUNDS_FOR_ERROR {
-            return at_most.min(MIN_ROUNDS_FOR_ERROR);
+        if self.rounds < MIN_ROUNDS {
+            return at_most.min(MIN_ROUNDS);
         }
-        let n = self.rounds as f64;
-        let glossy = self.visible.iter().zip(&self.sums).filter(|(visible, _)| visible.surface.glossy.is_some()).map(|(_, sums)| sums);
-        let noise = noise(self.sums.iter().map(|s| (s.indirect / n, s.variance(n)))).max(noise(glossy.map(|s| (s.glossy_indirect / n, s.glossy_variance(n)))));
+        let (n, noise) = (self.rounds as f64, self.noise());
         if noise <= error as f64 {
             return self.rounds;
         }
@@ -374,14 +433,17 @@ impl Frame {
             direct_irradiance: black(),
             variance: black(),
             glossy: self.visible.iter().any(|v| v.surface.glossy.is_some()).then(|| Glossy { radiance: black(), variance: black() }),
+            luminance_variance: LuminanceVariance::black(count),
+            noise: self.noise(),
             depth: vec![0.0; count],
             normal: black(),
             seconds: 0.0,
         };
         self.sky.iter().for_each(|&(index, radiance)| reference.picture[index] = radiance);
         let n = self.rounds as f64;
-        for (Visible { index, depth, surface, .. }, sums) in self.visible.iter().zip(&self.sums) {
-            let at = *index;
+        for (visible, sums) in self.visible.iter().zip(&self.sums) {
+            let Visible { index: at, depth, surface, .. } = visible;
+            let at = *at;
             let brdf = surface.reflectance.as_dvec3() / PI;
             let (direct, indirect) = (sums.direct / n, sums.indirect / n);
             let (glossy_direct, glossy_indirect) = (sums.glossy_direct / n, sums.glossy_indirect / n);
@@ -392,16 +454,58 @@ impl Frame {
                 glossy.radiance[at] = glossy_indirect.as_vec3();
                 glossy.variance[at] = sums.glossy_variance(n).as_vec3();
             }
-            // Where a lobe is all that reflects, nobody asks for irradiance.
-            if surface.glossy.is_none() || surface.reflectance != Vec3::ZERO {
+            if visible.has_irradiance() {
                 reference.irradiance[at] = indirect.as_vec3();
                 reference.direct_irradiance[at] = direct.as_vec3();
                 reference.variance[at] = sums.variance(n).as_vec3();
             }
+            reference.luminance_variance.set(at, visible, &sums.luminance_variance(visible, n));
             reference.depth[at] = *depth;
             reference.normal[at] = surface.normal;
         }
         reference
+    }
+}
+
+impl Visible {
+    /// Where a lobe is all that reflects, nobody asks for irradiance.
+    fn has_irradiance(&self) -> bool {
+        self.surface.glossy.is_none() || self.surface.reflectance != Vec3::ZERO
+    }
+
+    /// Of what a round, or all of them, found here.
+    fn luminances(&self, round: &Round) -> Luminances {
+        let reflected = |irradiance: DVec3, glossy: DVec3| luminance(self.surface.reflectance.as_dvec3() / PI * irradiance + glossy);
+        let (direct, indirect) = (reflected(round.direct, round.glossy_direct), reflected(round.indirect, round.glossy_indirect));
+        let emission = luminance(self.surface.emission.as_dvec3());
+        Luminances { irradiance: luminance(round.indirect), glossy: luminance(round.glossy_indirect), direct, indirect, picture: emission + direct + indirect }
+    }
+}
+
+impl Luminances {
+    fn add_squares(&mut self, of: &Self) {
+        self.irradiance += of.irradiance.powi(2);
+        self.glossy += of.glossy.powi(2);
+        self.direct += of.direct.powi(2);
+        self.indirect += of.indirect.powi(2);
+        self.picture += of.picture.powi(2);
+    }
+}
+
+impl LuminanceVariance {
+    fn black(count: usize) -> Self {
+        let black = || vec![0.0; count];
+        Self { irradiance: black(), glossy: black(), direct: black(), indirect: black(), picture: black() }
+    }
+
+    fn set(&mut self, at: usize, visible: &Visible, variance: &Luminances) {
+        if visible.has_irradiance() {
+            self.irradiance[at] = variance.irradiance as f32;
+        }
+        self.glossy[at] = variance.glossy as f32;
+        self.direct[at] = variance.direct as f32;
+        self.indirect[at] = variance.indirect as f32;
+        self.picture[at] = variance.picture as f32;
     }
 }
 
@@ -411,17 +515,34 @@ impl Sums {
         variance_of_mean(self.indirect, self.indirect_squared, n)
     }
 
+    /// The means of `n` rounds.
+    fn mean(&self, n: f64) -> Round {
+        let Self { direct, indirect, glossy_direct, glossy_indirect, .. } = self;
+        Round { direct: direct / n, indirect: indirect / n, glossy_direct: glossy_direct / n, glossy_indirect: glossy_indirect / n }
+    }
+
+    /// Variance of the luminance of the mean of `n` rounds.
+    fn luminance_variance(&self, at: &Visible, n: f64) -> Luminances {
+        let (mean, squared) = (at.luminances(&self.mean(n)), &self.squared);
+        let variance = |mean: f64, squares: f64| (squares / n - mean * mean).max(0.0) / (n - 1.0);
+        Luminances {
+            irradiance: variance(mean.irradiance, squared.irradiance),
+            glossy: variance(mean.glossy, squared.glossy),
+            direct: variance(mean.direct, squared.direct),
+            indirect: variance(mean.indirect, squared.indirect),
+            picture: variance(mean.picture, squared.picture),
+        }
+    }
+
     /// The same of what lobes reflect.
     fn glossy_variance(&self, n: f64) -> DVec3 {
         variance_of_mean(self.glossy_indirect, self.glossy_squared, n)
     }
 }
 
-/// Standard deviation over mean of the luminance of a picture, from its pixels' means and their variance; 0 where it is black.
-fn noise(pixels: impl Iterator<Item = (DVec3, DVec3)>) -> f64 {
-    let sum =
-        |[mean, variance, count]: [f64; 3], (light, spread): (DVec3, DVec3)| [mean + luminance(light), variance + luminance_of_variance(spread), count + 1.0];
-    let [mean, variance, count] = pixels.fold([0.0; 3], sum);
+/// Standard deviation over mean of a picture, from its pixels' means and their variance; 0 where it has none.
+fn noise(pixels: impl Iterator<Item = [f64; 2]>) -> f64 {
+    let [mean, variance, count] = pixels.fold([0.0; 3], |[means, variances, count], [mean, variance]| [means + mean, variances + variance, count + 1.0]);
     if variance == 0.0 { 0.0 } else { (variance * count).sqrt() / mean.max(f64::MIN_POSITIVE) }
 }
 
@@ -429,9 +550,4 @@ fn noise(pixels: impl Iterator<Item = (DVec3, DVec3)>) -> f64 {
 fn variance_of_mean(sum: DVec3, squares: DVec3, n: f64) -> DVec3 {
     let mean = sum / n;
     (squares / n - mean * mean).max(DVec3::ZERO) / (n - 1.0)
-}
-
-/// Variance of the luminance of channels that vary together, as those of one path do: an upper bound otherwise.
-fn luminance_of_variance(variance: DVec3) -> f64 {
-    DVec3::new(variance.x.sqrt(), variance.y.sqrt(), variance.z.sqrt()).dot(REC_709).powi(2)
 }

@@ -1,10 +1,10 @@
 //! Paths: the surface that a ray meets, the direct light that it gets, and the light that comes by way of others.
 
 use super::{
-    Bounces, Stop,
+    Bounces, Rounds, Stop,
     lights::{Sources, punctual},
-    luminance, plan,
-    random::{Random, cosine_direction},
+    luminance,
+    random::{Random, cells, cosine_direction},
     variance_of_mean,
 };
 use crate::scene::{
@@ -77,45 +77,44 @@ impl<'a> Tracer<'a> {
         self.scene
     }
 
-    /// Light at one point, of at least `samples` rays (never fewer than two rounds) over the hemisphere about the unit
-    /// vector `normal`.
+    /// Light at one point, of `samples` rays (never fewer than two) over the hemisphere about the unit vector `normal`.
     pub fn gather(&self, position: Vec3, normal: Vec3, bounces: Bounces, samples: u32, seed: u64) -> Gather {
         let surface = Surface { position, face: normal, normal, reflectance: Vec3::ONE, emission: Vec3::ZERO, glossy: None };
-        let (strata, rounds) = plan(Stop::Samples(samples.max(1)));
+        let rounds = Rounds::of(Stop::Samples(samples.max(2)));
         let [mut direct, mut direct_squared, mut indirect, mut indirect_squared] = [DVec3::ZERO; 4];
-        for k in 0..rounds {
-            let round = self.round(&surface, bounces, strata, &mut Random::new([seed, k as u64]));
+        for k in 0..rounds.count {
+            let round = self.round(&surface, bounces, rounds.rays(k), &mut Random::new([seed, k as u64]));
             direct += round.direct;
             direct_squared += round.direct * round.direct;
             indirect += round.indirect;
             indirect_squared += round.indirect * round.indirect;
         }
-        let n = rounds as f64;
+        let n = rounds.count as f64;
         Gather {
             irradiance: indirect / n,
             variance: variance_of_mean(indirect, indirect_squared, n),
             direct_irradiance: direct / n,
             direct_variance: variance_of_mean(direct, direct_squared, n),
-            samples: rounds * strata * strata,
+            samples: rounds.rays_of_first(rounds.count),
         }
     }
 
-    /// Means over `strata`² rays and as many points of the sources.
-    pub(super) fn round(&self, at: &Surface, bounces: Bounces, strata: u32, random: &mut Random) -> Round {
+    /// Means over so many rays and as many points of the sources.
+    pub(super) fn round(&self, at: &Surface, bounces: Bounces, rays: u32, random: &mut Random) -> Round {
         let mut sum = Round::default();
-        for cell in (0..strata).flat_map(|y| (0..strata).map(move |x| [x, y])) {
-            let direction = cosine_direction(at.normal, random.pair_in(cell, strata));
+        for cell in cells(rays) {
+            let direction = cosine_direction(at.normal, random.pair_in(cell));
             let met = self.surface(self.start(at), direction);
             sum.direct += self.light_met(at, For::Irradiance, direction, met.as_ref());
-            sum.direct += self.light_sampled(at, For::Irradiance, random.pair_in(cell, strata));
+            sum.direct += self.light_sampled(at, For::Irradiance, random.pair_in(cell));
             if let Some(met) = met.filter(|_| !bounces.end_at(0)) {
                 sum.indirect += self.reflected(met, bounces, random);
             }
         }
         if at.glossy.is_some() {
-            for cell in (0..strata).flat_map(|y| (0..strata).map(move |x| [x, y])) {
-                let direction = at.sample(For::Lobe, random.pair_in(cell, strata));
-                sum.glossy_direct += self.light_sampled(at, For::Lobe, random.pair_in(cell, strata)) / PI;
+            for cell in cells(rays) {
+                let direction = at.sample(For::Lobe, random.pair_in(cell));
+                sum.glossy_direct += self.light_sampled(at, For::Lobe, random.pair_in(cell)) / PI;
                 let Some(share) = at.share(For::Lobe, direction) else { continue };
                 let met = self.surface(self.start(at), direction);
                 sum.glossy_direct += self.light_met(at, For::Lobe, direction, met.as_ref()) / PI;
@@ -124,7 +123,7 @@ impl<'a> Tracer<'a> {
                 }
             }
         }
-        let count = (strata * strata) as f64;
+        let count = f64::from(rays);
         Round {
             direct: sum.direct / count + self.punctual(at, For::Irradiance),
             indirect: sum.indirect / count,

@@ -22,10 +22,36 @@ impl Random {
         [self.number(), self.number()]
     }
 
-    /// Uniform in the cell `[x, y]` of `strata`² cells of the unit square.
-    pub fn pair_in(&mut self, [x, y]: [u32; 2], strata: u32) -> [f64; 2] {
-        [(x as f64 + self.number()) / strata as f64, (y as f64 + self.number()) / strata as f64]
+    /// Uniform in a cell of the unit square.
+    pub fn pair_in(&mut self, cell: Cell) -> [f64; 2] {
+        [(cell.column + self.number()) / cell.columns, (cell.before + self.number() * cell.columns) / cell.cells]
     }
+}
+
+/// One of so many parts of the unit square that are equally large and nearly squares: they stand in rows, and where they do not fill the last ones,
+/// those hold one less and are as much lower.
+#[derive(Debug, Clone, Copy)]
+pub struct Cell {
+    /// Cells left of this one in its row.
+    column: f64,
+    /// Cells of its row.
+    columns: f64,
+    /// Cells of all rows before.
+    before: f64,
+    /// Of the whole square.
+    cells: f64,
+}
+
+/// The unit square in so many cells, row by row.
+pub fn cells(count: u32) -> impl Iterator<Item = Cell> {
+    let rows = f64::from(count).sqrt().round().max(1.0) as u32;
+    let columns_of = move |row: u32| count / rows + u32::from(row < count % rows);
+    let row = move |row: u32| {
+        let before = row * (count / rows) + row.min(count % rows);
+        let [columns, before, cells] = [columns_of(row), before, count].map(f64::from);
+        (0..columns_of(row)).map(move |column| Cell { column: f64::from(column), columns, before, cells })
+    };
+    (0..rows).flat_map(row)
 }
 
 const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
@@ -115,9 +141,28 @@ mod tests {
     fn cosine_directions_have_mean_two_thirds_of_the_normal() {
         let normal = Vec3::new(0.6, -0.64, 0.48);
         let mut random = Random::new([1]);
-        let cells = (0..64).flat_map(|x| (0..64).map(move |y| [x, y]));
-        let sum: Vec3 = cells.map(|cell| cosine_direction(normal, random.pair_in(cell, 64))).sum();
+        let sum: Vec3 = cells(4096).map(|cell| cosine_direction(normal, random.pair_in(cell))).sum();
         assert!((sum / 4096.0).distance(normal * (2.0 / 3.0)) < 1e-3, "{sum}");
+    }
+
+    /// However many there are: each holds as much of the square, and they leave none of it out.
+    #[test]
+    fn any_number_of_cells_fills_the_square() {
+        for count in [1, 2, 3, 7, 16, 25, 50, 64, 67, 255, 256] {
+            let mut random = Random::new([u64::from(count)]);
+            let cells: Vec<Cell> = cells(count).collect();
+            assert_eq!(cells.len(), count as usize);
+            let area: f64 = cells.iter().map(|cell| 1.0 / cell.columns * (cell.columns / cell.cells)).sum();
+            assert!((area - 1.0).abs() < 1e-12);
+            // Each point lies in a cell of its own, in the order of rows, then columns.
+            let place = |[u, v]: [f64; 2]| {
+                let row = cells.iter().rev().find(|cell| cell.before <= v * cell.cells).unwrap();
+                row.before + (u * row.columns).floor()
+            };
+            let places: Vec<f64> = cells.iter().map(|cell| place(random.pair_in(*cell))).collect();
+            assert_eq!(places, (0..count).map(f64::from).collect::<Vec<_>>(), "{count}");
+        }
+        assert_eq!(cells(256).map(|cell| [cell.column, cell.columns, cell.before]).nth(17), Some([1.0, 16.0, 16.0]));
     }
 
     #[test]

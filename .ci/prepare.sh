@@ -51,3 +51,46 @@ find_scenes() {
         fi
     done
 }
+
+# What tests can be required to find, as in HEMISPLAT_REQUIRE.
+what_is_here() {
+    local here=gpu
+    if [ -d "${HEMISPLAT_SCENES:-}" ]; then
+        here+=,scenes
+        [ ! -x "${PEERS_HOME:-$HOME/.cache/hemisplat-peers}/bin/python" ] || here+=,peers
+    fi
+    ! command -v chromium >/dev/null || here+=,browser
+    echo "$here"
+}
+
+# How to have what a test lacks.
+how_to_have() {
+    case "$1" in
+    gpu) echo "a Vulkan driver, such as Debian's mesa-vulkan-drivers" ;;
+    scenes) echo "HEMISPLAT_SCENES names a folder with sibenik/sibenik.obj and sponza/sponza.obj" ;;
+    browser) echo "Debian's chromium" ;;
+    peers) echo "./bench peers, beside the scenes" ;;
+    tools) echo "the programs that the lines name; limits of threads need a folder that every user may read" ;;
+    adapter) echo "another adapter (WGPU_ADAPTER_NAME)" ;;
+    esac
+}
+
+# What the tests of a log left out: how many, which, why, and how to have it; and how many are too long for every run.
+tell_skipped() {
+    local lines needs need
+    lines="$(grep '^SKIPPED: ' "$1" | sort -u || true)"
+    needs="$(sed -nE 's/.*\[([a-z]+)\]$/\1/p' <<<"$lines" | sort -u)"
+    if [ -z "$lines" ]; then
+        echo "skipped: none"
+    else
+        echo "skipped: $(wc -l <<<"$lines")"
+        sed 's/^SKIPPED: /    /' <<<"$lines"
+    fi
+    for need in $needs; do
+        echo "for [$need]: $(how_to_have "$need")"
+    done
+    # Counted by the tests' own sums, so that what is ignored in silence shows here.
+    local ignored
+    ignored="$(sed -nE 's/^test result: .* ([0-9]+) ignored;.*/\1/p' "$1" | awk '{ sum += $1 } END { print sum + 0 }')"
+    echo "too long for every run: $((ignored - $(grep -c . <<<"$lines" || true))) (cargo test -- --ignored)"
+}

@@ -6,6 +6,8 @@
 //! as skipped, which `HEMISPLAT_REQUIRE=gpu` makes a failure.
 
 use glam::{DVec3, Vec3};
+mod skips;
+
 use hemisplat::{
     contract::{Port, recorder::Setting},
     gpu::{Gpu, Pace, scene::byte_size},
@@ -14,9 +16,9 @@ use hemisplat::{
     pipeline::{Plan, load, plan},
     scene::{Scene, bvh::Bvh, load as scene_load, needs::Needs},
 };
-use libtest_mimic::{Arguments, Failed, Trial};
+use libtest_mimic::{Arguments, Failed};
+use skips::Missing;
 use std::{
-    env,
     f64::consts::{PI, TAU},
     fs,
     sync::Arc,
@@ -26,14 +28,10 @@ type Outcome = Result<(), Failed>;
 
 fn main() {
     let gpu = Gpu::open().map(Arc::new).map_err(|e| e.to_string());
-    let required = env::var("HEMISPLAT_REQUIRE").is_ok_and(|list| list.split(',').any(|item| item.trim() == "gpu"));
-    let skipped = gpu.as_ref().err().filter(|_| !required).cloned();
+    let missing = gpu.as_ref().err().map(|reason| Missing::new("gpu", reason));
     let trials = cases().into_iter().map(|(name, case)| {
-        if let Some(reason) = &skipped {
-            println!("SKIPPED: {name}: {reason}");
-        }
         let gpu = gpu.clone();
-        Trial::test(name, move || case(&*gpu?)).with_ignored_flag(skipped.is_some())
+        skips::trial(name, missing.as_ref(), move || case(&*gpu?))
     });
     libtest_mimic::run(&Arguments::from_args(), trials.collect()).exit();
 }

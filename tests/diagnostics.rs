@@ -1,8 +1,12 @@
 //! Every diagnostic code has a case whose whole message is a reviewed snapshot, here or in another test, or a reason why
 //! no input brings it about.
 
+mod skips;
+
 use assert_cmd::Command;
 use hemisplat::measure::{Layer, Layers, PICTURE};
+use libtest_mimic::Arguments;
+use skips::{Missing, holds};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
@@ -10,10 +14,10 @@ use std::path::Path;
 /// Codes that no input brings about on every machine.
 const BEYOND_INPUT: [(&str, &str); 27] = [
     ("cli::fault", "a fault of the program"),
-    ("cli::few_threads", "needs a limit of the system; tests/cli.rs sets one"),
+    ("cli::few_threads", "needs a limit of the system; tests/limits.rs sets one"),
     ("cli::interrupted", "needs Ctrl-C at the right moment"),
     ("cli::json", "results hold nothing that JSON cannot"),
-    ("cli::little_memory", "needs a limit of the system; tests/cli.rs sets one"),
+    ("cli::little_memory", "needs a limit of the system; tests/limits.rs sets one"),
     ("cli::no_threads", "threads are granted and then refused"),
     ("cli::signal", "the system refuses a handler"),
     ("compare::no_cache", "needs a system that knows no home folder"),
@@ -213,19 +217,26 @@ fn run(folder: &Path, code: &str, arguments: &str) -> (i32, String) {
     (output.status.code().unwrap(), String::from_utf8(output.stderr).unwrap())
 }
 
-#[test]
-fn each_case_has_its_code_and_its_words() {
+fn main() {
+    let gpu = Missing::gpu();
+    let mut trials = vec![
+        holds("each_case_has_its_code_and_its_words", None, || each_has_its_code_and_its_words(|_, needs_gpu| !needs_gpu)),
+        holds("every_code_has_a_snapshot_or_a_reason", None, every_code_has_a_snapshot_or_a_reason),
+        holds("codes_are_found_where_they_stand", None, codes_are_found_where_they_stand),
+    ];
+    trials.extend(CASES.into_iter().filter(|(.., needs_gpu)| *needs_gpu).map(|(code, ..)| {
+        let name = format!("{code} has its words");
+        holds(name, gpu.as_ref(), move || each_has_its_code_and_its_words(|other, needs_gpu| needs_gpu && other == code))
+    }));
+    libtest_mimic::run(&Arguments::from_args(), trials).exit();
+}
+
+fn each_has_its_code_and_its_words(wanted: impl Fn(&str, bool) -> bool) {
     let folder = tempfile::tempdir().unwrap();
     for (name, contents) in files() {
         fs::write(folder.path().join(name), contents).unwrap();
     }
-    let required = std::env::var("HEMISPLAT_REQUIRE").is_ok_and(|list| list.split(',').any(|item| item.trim() == "gpu"));
-    let has_gpu = hemisplat::gpu::device::adapters().iter().any(|adapter| adapter.lacks.is_empty());
-    for (code, arguments, needs_gpu) in CASES {
-        if needs_gpu && !has_gpu && !required {
-            println!("SKIPPED: {code}: no GPU adapter");
-            continue;
-        }
+    for (code, arguments, _) in CASES.into_iter().filter(|(code, _, needs_gpu)| wanted(code, *needs_gpu)) {
         let (status, message) = run(folder.path(), code, arguments);
         assert!(status > 0 && message.starts_with(code), "{arguments}: status {status}\n{message}");
         insta::assert_snapshot!(code.replace("::", "__"), format!("status {status}\n{message}"));
@@ -263,7 +274,6 @@ fn codes(source: &str) -> Vec<String> {
     after("code(", ')').chain(after("\"", '"')).collect()
 }
 
-#[test]
 fn every_code_has_a_snapshot_or_a_reason() {
     let codes: BTreeSet<String> = ["src", "passes"].iter().flat_map(|folder| texts(folder, "rs")).flat_map(|source| codes(&source)).collect();
     assert!(codes.len() > 80, "{codes:?}");
@@ -276,7 +286,6 @@ fn every_code_has_a_snapshot_or_a_reason() {
     assert!(idle.is_empty(), "no excuse is needed for {idle:?}");
 }
 
-#[test]
 fn codes_are_found_where_they_stand() {
     let source = "#[diagnostic(code(cli::read), help(\"x\"))] Problem::new(\"plan::tile\", y); \"a text: b::c d\"; f(\"std::Fs\")";
     assert_eq!(codes(source), ["cli::read", "plan::tile"]);

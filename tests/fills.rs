@@ -5,6 +5,8 @@
 //! Scenes that are no part of the project are looked for in `HEMISPLAT_SCENES`; without it they are named as skipped, which `HEMISPLAT_REQUIRE=scenes` makes
 //! a failure, as `HEMISPLAT_REQUIRE=gpu` does without an adapter.
 
+mod skips;
+
 use glam::{DVec3, Vec3};
 use hemisplat::{
     contract::recorder::Setting,
@@ -22,7 +24,8 @@ use hemisplat::{
         needs::Needs,
     },
 };
-use libtest_mimic::{Arguments, Failed, Trial};
+use libtest_mimic::{Arguments, Failed};
+use skips::Missing;
 use std::{env, io, path::Path, sync::Arc, time::Instant};
 
 type Outcome = Result<(), Failed>;
@@ -58,25 +61,15 @@ const BESIDE: f64 = 0.01;
 
 fn main() {
     let arguments = Arguments::from_args();
-    let required = |what: &str| env::var("HEMISPLAT_REQUIRE").is_ok_and(|list| list.split(',').any(|item| item.trim() == what));
     let gpu = Gpu::open().map(Arc::new).map_err(|error| error.to_string());
-    let has_foreign = !LoadOptions::default().with_environment().search.is_empty();
-    let scenes = OWN.into_iter().map(|name| (name, true)).chain(FOREIGN.map(|name| (name, has_foreign)));
     let mut trials = Vec::new();
-    for (name, is_there) in scenes {
-        let missing = match &gpu {
-            Err(error) => Some(("gpu", error.clone())),
-            Ok(_) if !is_there => Some(("scenes", "HEMISPLAT_SCENES is not set".to_owned())),
-            Ok(_) => None,
-        };
+    for (name, geometry) in OWN.map(|name| (name, None)).into_iter().chain(FOREIGN.map(|name| (name, Missing::scenes()))) {
+        let missing = gpu.as_ref().err().map(|reason| Missing::new("gpu", reason)).or(geometry);
         for (views, is_long) in [(6, false), (100, true)] {
             let test = format!("{views}_views_of_{}", name.split('/').next_back().unwrap_or(name).trim_end_matches(".obj"));
-            let skipped = missing.as_ref().filter(|(what, _)| !required(what));
-            if let Some((_, why)) = skipped.filter(|_| !is_long) {
-                println!("SKIPPED: {test}: {why}");
-            }
-            let (gpu, ignored) = (gpu.clone(), is_long || skipped.is_some());
-            trials.push(Trial::test(test, move || look_around(&*gpu?, name, views)).with_ignored_flag(ignored));
+            let gpu = gpu.clone();
+            let run = move || look_around(&*gpu?, name, views);
+            trials.push(if is_long { skips::long(test, missing.as_ref(), run) } else { skips::trial(test, missing.as_ref(), run) });
         }
     }
     libtest_mimic::run(&arguments, trials).exit()

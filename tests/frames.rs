@@ -3,6 +3,8 @@
 //! Needs a GPU adapter, a software one will do; without one each case is named as skipped, which
 //! `HEMISPLAT_REQUIRE=gpu` makes a failure.
 
+mod skips;
+
 use assert_cmd::Command;
 use hemisplat::{
     contract::recorder::Setting,
@@ -15,11 +17,12 @@ use hemisplat::{
     pipeline,
     scene::{bvh::Bvh, load, needs::Needs},
 };
-use libtest_mimic::{Arguments, Failed, Trial};
+use libtest_mimic::{Arguments, Failed};
 use serde_json::Value;
+use skips::Missing;
 use std::{
     cell::Cell,
-    env, fs, io,
+    fs, io,
     path::{Path, PathBuf},
     time::Duration,
 };
@@ -27,6 +30,11 @@ use tempfile::TempDir;
 
 type Outcome = Result<(), Failed>;
 type Case = fn() -> Outcome;
+
+/// What not every system has the means to try.
+const ON_A_TERMINAL: &str = "work_that_takes_long_is_shown_on_a_terminal_only";
+const WITH_A_FULL_DISK: &str = "a_frame_that_fails_keeps_records_and_statistics_of_those_before_it";
+const WITH_SIGNALS: &str = "an_interrupted_sequence_keeps_what_is_whole";
 
 const CASES: &[(&str, Case)] = &[
     ("a_sum_over_rounds_has_its_closed_form_in_every_frame", sum_over_rounds),
@@ -40,8 +48,8 @@ const CASES: &[(&str, Case)] = &[
     ("a_file_of_records_that_does_not_fit_is_refused_and_kept", bad_records),
     ("a_file_of_records_that_another_loop_made_otherwise_is_refused", records_of_other_loops),
     ("a_fill_that_ends_at_its_bound_splats_what_it_has_made", bounded_fill),
-    ("a_frame_that_fails_keeps_records_and_statistics_of_those_before_it", failing_frame),
-    ("work_that_takes_long_is_shown_on_a_terminal_only", progress),
+    (WITH_A_FULL_DISK, failing_frame),
+    (ON_A_TERMINAL, progress),
     ("a_gap_is_a_warning_or_a_failure_and_the_picture_is_written", gaps),
     ("frames_share_out_a_bounded_number_of_new_records", || bounded_frames("irradiance-one-rate")),
     ("two_loops_share_out_one_number_of_new_records", || bounded_frames("irradiance")),
@@ -55,19 +63,27 @@ const CASES: &[(&str, Case)] = &[
     ("a_full_cache_ends_the_fill", full_cache),
     ("each_end_of_a_fill_with_work_left_tells_its_reason", reasons),
     ("a_fill_whose_records_cover_nothing_ends_soon", no_progress),
-    ("an_interrupted_sequence_keeps_what_is_whole", interrupted),
+    (WITH_SIGNALS, interrupted),
     ("a_run_that_fails_leaves_earlier_files_as_they_are", failing_runs),
     ("every_kind_of_resource_can_be_dumped", dumps),
 ];
 
 fn main() {
-    let required = env::var("HEMISPLAT_REQUIRE").is_ok_and(|list| list.split(',').any(|item| item.trim() == "gpu"));
-    let has_gpu = hemisplat::gpu::device::adapters().iter().any(|adapter| adapter.lacks.is_empty());
-    if !has_gpu && !required {
-        CASES.iter().for_each(|(name, _)| println!("SKIPPED: {name}: no GPU adapter"));
-    }
-    let trials = CASES.iter().map(|(name, case)| Trial::test(*name, case).with_ignored_flag(!has_gpu && !required)).collect();
+    let gpu = Missing::gpu();
+    let trials = CASES.iter().map(|(name, case)| skips::trial(*name, gpu.clone().or_else(|| tools(name)).as_ref(), case)).collect();
     libtest_mimic::run(&Arguments::from_args(), trials).exit();
+}
+
+/// What this system lacks for a case.
+fn tools(case: &str) -> Option<Missing> {
+    let runs = |program: &str| std::process::Command::new(program).arg("--version").output().is_ok();
+    let why = match case {
+        ON_A_TERMINAL if !runs("script") => "the program `script`, which makes a terminal, is missing",
+        WITH_A_FULL_DISK if !cfg!(target_os = "linux") => "no /dev/full",
+        WITH_SIGNALS if !cfg!(unix) => "no signals",
+        _ => return None,
+    };
+    Some(Missing::new("tools", why))
 }
 
 fn check(holds: bool, what: impl FnOnce() -> String) -> Outcome {
@@ -424,8 +440,7 @@ fn failing_frame() -> Outcome {
 
 #[cfg(not(target_os = "linux"))]
 fn failing_frame() -> Outcome {
-    println!("SKIPPED: a_frame_that_fails_keeps_records_and_statistics_of_those_before_it: no /dev/full");
-    Ok(())
+    Err("there is no /dev/full".into())
 }
 
 /// A fill of one record a round takes longer than a second.
@@ -439,13 +454,8 @@ fn progress() -> Outcome {
     let plain = Command::new(env!("CARGO_BIN_EXE_hemisplat")).current_dir(place.0.path()).args(&arguments).output().map_err(failed)?;
     let shows = |bytes: &[u8]| String::from_utf8_lossy(bytes).contains("frame 0, round");
     check(!shows(&plain.stderr) && !shows(&plain.stdout), || "a bar where no terminal is".into())?;
-    match std::process::Command::new("script").current_dir(place.0.path()).args(["-qec", &command, "/dev/null"]).output() {
-        Ok(terminal) => check(shows(&terminal.stdout), || String::from_utf8_lossy(&terminal.stdout).into_owned()),
-        Err(_) => {
-            println!("SKIPPED: progress on a terminal: the program `script`, which makes one, is missing");
-            Ok(())
-        }
-    }
+    let terminal = std::process::Command::new("script").current_dir(place.0.path()).args(["-qec", &command, "/dev/null"]).output().map_err(failed)?;
+    check(shows(&terminal.stdout), || String::from_utf8_lossy(&terminal.stdout).into_owned())
 }
 
 fn gaps() -> Outcome {
@@ -674,8 +684,7 @@ fn interrupted() -> Outcome {
 
 #[cfg(not(unix))]
 fn interrupted() -> Outcome {
-    println!("SKIPPED: an_interrupted_sequence_keeps_what_is_whole: no signals");
-    Ok(())
+    Err("there are no signals".into())
 }
 
 fn failing_runs() -> Outcome {

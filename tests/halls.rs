@@ -5,6 +5,8 @@
 //! commit. The halls are looked for in `HEMISPLAT_SCENES`; without them, or without an adapter, the cases are named as skipped, which
 //! `HEMISPLAT_REQUIRE=scenes` and `HEMISPLAT_REQUIRE=gpu` make a failure.
 
+mod skips;
+
 use hemisplat::{
     contract::recorder::Setting,
     gpu::{Gpu, Pace, scene::byte_size},
@@ -22,7 +24,8 @@ use hemisplat::{
         needs::Needs,
     },
 };
-use libtest_mimic::{Arguments, Failed, Trial};
+use libtest_mimic::{Arguments, Failed};
+use skips::Missing;
 use std::{env, fs, io, path::Path, sync::Arc};
 
 type Outcome = Result<(), Failed>;
@@ -106,23 +109,13 @@ const WAYS: [(&str, &str, Option<Device>, bool); 4] = [
 ];
 
 fn main() {
-    let required = |what: &str| env::var("HEMISPLAT_REQUIRE").is_ok_and(|list| list.split(',').any(|item| item.trim() == what));
     let gpu = Gpu::open().map(Arc::new).map_err(|error| error.to_string());
-    let missing = match &gpu {
-        Err(error) => Some(("gpu", error.clone())),
-        Ok(_) if LoadOptions::default().with_environment().search.is_empty() => Some(("scenes", "HEMISPLAT_SCENES is not set".to_owned())),
-        Ok(_) => None,
-    };
-    let skipped = missing.as_ref().filter(|(what, _)| !required(what));
+    let missing = gpu.as_ref().err().map(|reason| Missing::new("gpu", reason)).or_else(Missing::scenes);
     let mut trials = Vec::new();
     for hall in &HALLS {
         for way in WAYS {
-            let name = format!("{}_{}", hall.name, way.0);
-            if let Some((_, why)) = skipped {
-                println!("SKIPPED: {name}: {why}");
-            }
             let gpu = gpu.clone();
-            trials.push(Trial::test(name, move || drawn(&*gpu?, hall, way)).with_ignored_flag(skipped.is_some()));
+            trials.push(skips::trial(format!("{}_{}", hall.name, way.0), missing.as_ref(), move || drawn(&*gpu?, hall, way)));
         }
     }
     libtest_mimic::run(&Arguments::from_args(), trials).exit()

@@ -4,6 +4,7 @@
 //! that no GPU is needed. `HEMISPLAT_UPDATE_GOLDEN=1 cargo test --test page` draws the tracked picture of the page anew.
 
 mod browser;
+mod skips;
 
 use browser::Browser;
 use browser::made::{COLOURS, Made, SIZE, made, open, picture, swept, swept_report, textured, with};
@@ -14,7 +15,8 @@ use hemisplat::measure::page::{Gallery, page};
 use hemisplat::measure::sweep::{Outcome as State, front};
 use hemisplat::measure::{GLOSSY, Layer, PICTURE};
 use image::RgbImage;
-use libtest_mimic::{Arguments, Failed, Trial};
+use libtest_mimic::{Arguments, Failed};
+use skips::Missing;
 use std::env;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -46,12 +48,8 @@ const CASES: &[(&str, Case)] = &[
 ];
 
 fn main() {
-    let required = env::var("HEMISPLAT_REQUIRE").is_ok_and(|list| list.split(',').any(|item| item.trim() == "browser"));
-    let skipped = browser::find().is_none() && !required;
-    if skipped {
-        CASES.iter().for_each(|(name, _)| println!("SKIPPED: {name}: no browser (chromium)"));
-    }
-    let trials = CASES.iter().map(|(name, case)| Trial::test(*name, move || run(*case)).with_ignored_flag(skipped));
+    let missing = browser::find().is_none().then(|| Missing::new("browser", "no browser (chromium)"));
+    let trials = CASES.iter().map(|(name, case)| skips::trial(*name, missing.as_ref(), move || run(*case)));
     // Opening is timed: one after the other.
     let arguments = Arguments { test_threads: Some(1), ..Arguments::from_args() };
     libtest_mimic::run(&arguments, trials.collect()).exit();

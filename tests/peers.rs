@@ -3,6 +3,8 @@
 //! Runs where the peers are installed (`benches/peers/setup.sh`) and the scenes are given (`HEMISPLAT_SCENES`); else each
 //! case is named as skipped, which `HEMISPLAT_REQUIRE=peers` makes a failure.
 
+mod skips;
+
 use glam::{DVec3, Vec3};
 use hemisplat::{
     reference::{Bounces, Reference, Settings, Stop, render},
@@ -12,8 +14,9 @@ use hemisplat::{
         model::*,
     },
 };
-use libtest_mimic::{Arguments, Failed, Trial};
+use libtest_mimic::{Arguments, Failed};
 use serde::Deserialize;
+use skips::Missing;
 use std::{
     collections::BTreeMap,
     env,
@@ -28,15 +31,9 @@ const STRIDE: u32 = 4;
 const SAMPLES: u32 = 4096;
 
 fn main() {
-    let required = env::var("HEMISPLAT_REQUIRE").is_ok_and(|list| list.split(',').any(|item| item.trim() == "peers"));
     let trials = CASES.map(|case| {
-        let missing = missing(case);
-        match &missing {
-            Some(what) if !required => println!("SKIPPED: {case} against Mitsuba: {what}"),
-            _ => {}
-        }
-        let skip = missing.is_some() && !required;
-        Trial::test(format!("{case}_agrees_with_mitsuba"), move || missing.map_or_else(|| compare(case), |what| Err(what.into()))).with_ignored_flag(skip)
+        let missing = missing(case).map(|why| Missing::new("peers", why));
+        skips::trial(format!("{case}_agrees_with_mitsuba"), missing.as_ref(), move || compare(case))
     });
     libtest_mimic::run(&Arguments::from_args(), trials.into()).exit();
 }

@@ -1,20 +1,52 @@
 //! Scenes as files: those that ship, and the large ones that are looked for in `HEMISPLAT_SCENES`.
 
+mod skips;
+
 use hemisplat::scene::{
     LightKind, Scene,
     load::{LoadOptions, embedded_scenes, load},
     needs::Needs,
 };
-use std::{path::Path, time::Instant};
+use libtest_mimic::Arguments;
+use skips::{Missing, holds};
+use std::{path::Path, process::Command, time::Instant};
 
 /// Scenes whose geometry is not part of the project.
 const FOREIGN: [&str; 2] = ["sibenik.ron", "sponza.ron"];
+
+fn main() {
+    let trials = vec![
+        holds("scenes_that_ship_load_without_notes", None, scenes_that_ship_load_without_notes),
+        holds("shipped_scenes_are_found_by_three_names", None, shipped_scenes_are_found_by_three_names),
+        holds("hall_and_castle_grow_on_request", None, hall_and_castle_grow_on_request),
+        holds("suns_stand_where_their_skies_have_them", None, suns_stand_where_their_skies_have_them),
+        holds(FOREIGN_LOAD, Missing::scenes().as_ref(), foreign_scenes_load_as_they_are),
+        holds("what_is_missing_is_counted_named_and_may_be_required", None, what_is_missing_is_counted_named_and_may_be_required),
+    ];
+    libtest_mimic::run(&Arguments::from_args(), trials).exit();
+}
+
+const FOREIGN_LOAD: &str = "foreign_scenes_load_as_they_are";
+
+/// This very test, where no scenes are to be found.
+fn what_is_missing_is_counted_named_and_may_be_required() {
+    let run = |required: &str| {
+        let mut again = Command::new(std::env::current_exe().unwrap());
+        again.args(["--exact", FOREIGN_LOAD]).env_remove("HEMISPLAT_SCENES").env("HEMISPLAT_REQUIRE", required);
+        let output = again.output().unwrap();
+        (output.status.success(), String::from_utf8(output.stdout).unwrap())
+    };
+    let (passes, told) = run("gpu");
+    assert!(passes && told.contains(" 0 passed; 0 failed; 1 ignored;"), "{told}");
+    assert!(told.contains(&format!("SKIPPED: {FOREIGN_LOAD}: HEMISPLAT_SCENES is not set [scenes]\n")), "{told}");
+    let (passes, told) = run("gpu, scenes");
+    assert!(!passes && told.contains(" 0 passed; 1 failed; 0 ignored;") && !told.contains("SKIPPED"), "{told}");
+}
 
 fn load_with(name: &str, options: &LoadOptions) -> Scene {
     load(Path::new(name), options).unwrap_or_else(|error| panic!("{:?}", miette::Report::new(error)))
 }
 
-#[test]
 fn scenes_that_ship_load_without_notes() {
     for name in embedded_scenes().filter(|name| !FOREIGN.contains(name)) {
         let scene = load_with(name, &LoadOptions::default());
@@ -23,7 +55,6 @@ fn scenes_that_ship_load_without_notes() {
     }
 }
 
-#[test]
 fn shipped_scenes_are_found_by_three_names() {
     for name in ["cornell", "cornell.ron", "scenes/cornell.ron"] {
         let scene = load_with(name, &LoadOptions::default());
@@ -33,7 +64,6 @@ fn shipped_scenes_are_found_by_three_names() {
     }
 }
 
-#[test]
 fn hall_and_castle_grow_on_request() {
     for (name, asked) in [("hall", 1000_u32), ("hall", 30_000), ("hall", 1_000_000), ("castle", 10_000), ("castle", 200_000), ("castle", 1_000_000)] {
         let options = LoadOptions { overrides: vec![("triangles".into(), asked.to_string())], ..LoadOptions::default() };
@@ -44,7 +74,6 @@ fn hall_and_castle_grow_on_request() {
     }
 }
 
-#[test]
 fn suns_stand_where_their_skies_have_them() {
     let scene = load_with("castle", &LoadOptions::default());
     let LightKind::Directional { direction, .. } = scene.lights[0].kind else { panic!("{:?}", scene.lights) };
@@ -55,15 +84,8 @@ fn suns_stand_where_their_skies_have_them() {
     }
 }
 
-#[test]
 fn foreign_scenes_load_as_they_are() {
     let options = LoadOptions::default().with_environment();
-    if options.search.is_empty() {
-        let required = std::env::var("HEMISPLAT_REQUIRE").is_ok_and(|list| list.split(',').any(|item| item.trim() == "scenes"));
-        assert!(!required, "HEMISPLAT_SCENES is not set");
-        println!("SKIPPED: foreign scenes: HEMISPLAT_SCENES is not set");
-        return;
-    }
     // File, triangles in it, triangles left: the files hold some without area and some twice.
     let files = [
         ("sibenik.ron", 73_564, 73_404),

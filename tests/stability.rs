@@ -3,27 +3,27 @@
 //! Needs a GPU adapter, a software one will do; without one each trial is named as skipped, which `HEMISPLAT_REQUIRE=gpu`
 //! makes a failure. The long cases run with `--ignored` or `--include-ignored`.
 
+mod skips;
+
 use hemisplat::{
     gpu::Gpu,
     measure::stability::{Bench, CASES, Case, Verdict},
     passes::REGISTRY,
     pipeline::{Pipeline, Problems, embedded::EMBEDDED, load},
 };
-use libtest_mimic::{Arguments, Failed, Trial};
-use std::{env, io, sync::Arc};
+use libtest_mimic::{Arguments, Failed};
+use skips::Missing;
+use std::{io, sync::Arc};
 
 type Outcome = Result<(), Failed>;
 
 fn main() {
     let gpu = Gpu::open().map(Arc::new).map_err(|e| e.to_string());
-    let required = env::var("HEMISPLAT_REQUIRE").is_ok_and(|list| list.split(',').any(|item| item.trim() == "gpu"));
-    let skipped = gpu.as_ref().err().filter(|_| !required).cloned();
+    let missing = gpu.as_ref().err().map(|reason| Missing::new("gpu", reason));
     let drawn = |name: String, is_long: bool, test: Box<dyn FnOnce(&Gpu) -> Outcome + Send>| {
-        if let Some(reason) = &skipped {
-            println!("SKIPPED: {name}: {reason}");
-        }
         let gpu = gpu.clone();
-        Trial::test(name, move || test(&*gpu?)).with_ignored_flag(is_long || skipped.is_some())
+        let run = move || test(&*gpu?);
+        if is_long { skips::long(name, missing.as_ref(), run) } else { skips::trial(name, missing.as_ref(), run) }
     };
     let mut trials = vec![
         drawn("mistakes_are_seen".into(), false, Box::new(mistakes_are_seen)),

@@ -4,6 +4,8 @@
 //! Needs a GPU adapter, a software one will do; without one each case is named as skipped, which
 //! `HEMISPLAT_REQUIRE=gpu` makes a failure. The long cases run with `--ignored` or `--include-ignored`.
 
+mod skips;
+
 use glam::{Vec2, Vec3};
 use hemisplat::{
     contract::{Arguments as Given, ParameterKind, Port, Recorder, Value, find, port, recorder::Reported, recorder::Setting},
@@ -20,10 +22,10 @@ use hemisplat::{
     recording::*,
     scene::{bvh::Bvh, load, model::*, needs::Needs},
 };
-use libtest_mimic::{Arguments, Failed, Trial};
+use libtest_mimic::{Arguments, Failed};
+use skips::Missing;
 use std::{
     collections::{BTreeMap, BTreeSet},
-    env,
     path::Path,
     sync::Arc,
     time::Instant,
@@ -33,7 +35,6 @@ type Outcome = Result<(), Failed>;
 type Case = fn(&Stage) -> Outcome;
 
 fn main() {
-    let required = env::var("HEMISPLAT_REQUIRE").is_ok_and(|list| list.split(',').any(|item| item.trim() == "gpu"));
     let cases: [(&str, bool, Case); 12] = [
         ("sums_agree_with_double_precision", false, sums_agree),
         ("curvatures_agree_with_double_precision", false, curvatures_agree),
@@ -48,18 +49,12 @@ fn main() {
         ("weights_on_the_host_are_those_on_the_device", false, weights_agree),
         ("as_many_records_as_fit_splat_alike", true, many_records),
     ];
-    let stage = match Stage::open() {
-        Ok(stage) => Ok(Arc::new(stage)),
-        Err(reason) if required => Err(reason),
-        Err(reason) => {
-            cases.iter().for_each(|(name, ..)| println!("SKIPPED: {name}: {reason}"));
-            let skipped = cases.map(|(name, ..)| Trial::test(name, || Ok(())).with_ignored_flag(true));
-            libtest_mimic::run(&Arguments { include_ignored: false, ignored: false, ..Arguments::from_args() }, skipped.into()).exit()
-        }
-    };
-    let trials = cases.map(|(name, long, case)| {
+    let stage = Stage::open().map(Arc::new);
+    let missing = stage.as_ref().err().map(|reason| Missing::new("gpu", reason));
+    let trials = cases.map(|(name, is_long, case)| {
         let stage = stage.clone();
-        Trial::test(name, move || case(&*stage?)).with_ignored_flag(long)
+        let run = move || case(&*stage?);
+        if is_long { skips::long(name, missing.as_ref(), run) } else { skips::trial(name, missing.as_ref(), run) }
     });
     libtest_mimic::run(&Arguments::from_args(), trials.into()).exit();
 }
@@ -104,9 +99,7 @@ impl Stage {
     /// The ways of splatting that the adapter has.
     fn splats(&self) -> Vec<&'static str> {
         let blends = self.gpu.features.contains(wgpu::Features::FLOAT32_BLENDABLE);
-        if !blends {
-            println!("SKIPPED: RasterBlend: the adapter cannot blend 32-bit floats");
-        }
+        let blends = blends || !skips::skipped("splats by RasterBlend", Some(&Missing::new("adapter", "the adapter cannot blend 32-bit floats")));
         ["RasterBlend", "ComputeTiles", "Host"].into_iter().filter(|way| blends || *way != "RasterBlend").collect()
     }
 }

@@ -2,7 +2,7 @@
 
 use super::device::GpuError;
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
-use std::collections::BTreeMap;
+use std::{borrow::Cow, collections::BTreeMap};
 
 macro_rules! sources {
     ($($name:literal),* $(,)?) => {
@@ -97,8 +97,15 @@ pub enum SlotKind {
     StorageTexture { format: wgpu::TextureFormat, access: wgpu::StorageTextureAccess, dimension: wgpu::TextureViewDimension },
 }
 
-fn source(name: &str) -> Option<&'static str> {
-    SOURCES.iter().find(|(n, _)| *n == name).map(|s| s.1)
+/// The text of a shader: the one that ships, or while developing the one of the same name in a folder that `HEMISPLAT_SHADERS` names, so that a shader
+/// can be tried without compiling anew. A release reads no such folder.
+fn source(name: &str) -> Option<Cow<'static, str>> {
+    let ships = SOURCES.iter().find(|(n, _)| *n == name).map(|s| Cow::Borrowed(s.1))?;
+    #[cfg(debug_assertions)]
+    if let Some(folder) = std::env::var_os("HEMISPLAT_SHADERS") {
+        return std::fs::read_to_string(std::path::Path::new(&folder).join(format!("{name}.wgsl"))).map_or(Some(ships), |text| Some(text.into()));
+    }
+    Some(ships)
 }
 
 /// The text of a shader in which every line `#import PATH` is replaced by that file, once. A path in capitals stands

@@ -1,9 +1,13 @@
 //! The program in a folder of its own, and cases of which some need a device.
 
-use libtest_mimic::{Arguments, Failed, Trial};
+#[path = "../skips/mod.rs"]
+mod skips;
+
+use libtest_mimic::{Arguments, Failed};
 use serde_json::Value;
+use skips::Missing;
+use std::fs;
 use std::process::{Child, Command, Stdio};
-use std::{env, fs};
 use tempfile::TempDir;
 
 pub type Outcome = Result<(), Failed>;
@@ -11,14 +15,9 @@ pub type Case = fn() -> Outcome;
 
 /// Runs all cases and ends the process. Without a GPU adapter the `drawn` ones are named as skipped, which `HEMISPLAT_REQUIRE=gpu` makes a failure.
 pub fn run(arguments: &Arguments, drawn: &'static [(&'static str, Case)], refused: &'static [(&'static str, Case)]) -> ! {
-    let required = env::var("HEMISPLAT_REQUIRE").is_ok_and(|list| list.split(',').any(|item| item.trim() == "gpu"));
-    let has_gpu = hemisplat::gpu::device::adapters().iter().any(|adapter| adapter.lacks.is_empty());
-    let skipped = !has_gpu && !required;
-    if skipped {
-        drawn.iter().for_each(|(name, _)| println!("SKIPPED: {name}: no GPU adapter"));
-    }
-    let drawn = drawn.iter().map(|(name, case)| Trial::test(*name, case).with_ignored_flag(skipped));
-    let refused = refused.iter().map(|(name, case)| Trial::test(*name, case));
+    let gpu = Missing::gpu();
+    let drawn = drawn.iter().map(|(name, case)| skips::trial(*name, gpu.as_ref(), case));
+    let refused = refused.iter().map(|(name, case)| skips::trial(*name, None, case));
     libtest_mimic::run(arguments, drawn.chain(refused).collect()).exit()
 }
 

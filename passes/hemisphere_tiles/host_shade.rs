@@ -283,7 +283,7 @@ impl Shading<'_> {
         for group in 0..GROUPS {
             let mut visible = [0.0; LANES];
             visible.copy_from_slice(&visibility[group * LANES..(group + 1) * LANES]);
-            received[group] = received[group] * f32x8::load_array(simd, visible);
+            received[group] *= f32x8::load_array(simd, visible);
             light[group] = light[group].plus(Vectors::splat(simd, intensity).scaled(received[group]));
         }
         if let Some(others) = others.filter(|_| self.lighting.lobes) {

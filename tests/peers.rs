@@ -5,7 +5,7 @@
 
 use glam::{DVec3, Vec3};
 use hemisplat::{
-    reference::{Bounces, Reference, Settings, Stop, render},
+    reference::{Bounces, Pixels, Reference, Settings, Stop, render},
     scene::{
         bvh::Bvh,
         load::{LoadOptions, load},
@@ -121,7 +121,7 @@ fn camera(camera: &CaseCamera) -> Camera {
 fn ours(case: &Case) -> Result<Reference, Failed> {
     let mut scene = scene(case)?;
     let bvh = Bvh::build(&mut scene);
-    let settings = Settings { size: [SIDE; 2], stride: STRIDE, bounces: Bounces::Count(1), stop: Stop::Samples(SAMPLES), seed: 11 };
+    let settings = Settings { size: [SIDE; 2], pixels: Pixels::Every(STRIDE), bounces: Bounces::Count(1), stop: Stop::Samples(SAMPLES), seed: 11 };
     Ok(render(&scene, &bvh, &scene.cameras[0], &settings, &|_| true)?)
 }
 

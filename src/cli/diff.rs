@@ -121,7 +121,13 @@ fn ambiguous(test: &Input, reference: &Input) -> Failure {
 }
 
 fn table(test: &Path, reference: &Path, errors: &Errors) -> String {
-    let every = if errors.stride == 1 { String::new() } else { format!(", one of {0} in each row and column", errors.stride) };
+    let mut every = if errors.stride == 1 { String::new() } else { format!(", one of {0} in each row and column", errors.stride) };
+    if let Some(windows) = errors.windows {
+        let _ = write!(every, " in {windows} {}", if windows == 1 { "window" } else { "windows" });
+    }
+    if let Some(share) = errors.edge_share {
+        let _ = write!(every, ", {:.1} % at edges", share * 100.0);
+    }
     let mut table = format!(
         "{} of {} against {}\n{} pixels of surface{every}; mean {:.6}",
         errors.layer,

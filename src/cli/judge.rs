@@ -43,7 +43,9 @@ impl Judge {
         match self {
             Self::Nothing => None,
             Self::Truth(truth) => Some(truth.report()),
-            Self::Row(row) => Some(ReferenceReport { file: None, row: Some(row.name.clone()), own: true, bounces: None, samples: None, stride: None }),
+            Self::Row(row) => {
+                Some(ReferenceReport { file: None, row: Some(row.name.clone()), own: true, bounces: None, samples: None, stride: None, windows: None })
+            }
         }
     }
 }

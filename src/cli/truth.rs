@@ -14,7 +14,7 @@ use crate::gpu::scene::camera;
 use crate::measure::cache::{Checksum, fingerprint};
 use crate::measure::compare::{ReferenceReport, VariantErrors, checksum, judged};
 use crate::measure::{DIRECT, Errors, GLOSSY, IRRADIANCE, Layer, Layers, MetricsError, PICTURE, PictureError, compare};
-use crate::reference::{Bounces, Settings, Stop, VERSION, check, render};
+use crate::reference::{Bounces, Pixels, Settings, Stop, VERSION, check, render};
 use clap::Args;
 use etcetera::BaseStrategy;
 use std::path::{Path, PathBuf};
@@ -33,9 +33,12 @@ pub struct TruthOptions {
     /// Rays per pixel of a reference that is traced, rounded up to whole rounds of strata
     #[arg(long, value_name = "N", default_value_t = 256, conflicts_with_all = ["reference", "no_reference"])]
     reference_spp: u32,
-    /// Trace only every K-th pixel of each row and column; without every pixel there is no `flip`
+    /// Trace only every K-th pixel of each row and column; without every pixel there is no `flip` and no `band_error`
     #[arg(long, value_name = "K", default_value_t = 1, conflicts_with_all = ["reference", "no_reference"])]
     reference_stride: u32,
+    /// Trace only N squares of 64×64 pixels, spread over the picture, at full resolution: errors of all kinds at the cost of a stride
+    #[arg(long, value_name = "N", conflicts_with_all = ["reference", "no_reference", "reference_stride"])]
+    reference_windows: Option<u32>,
     /// Where references that are traced are kept; the user's cache folder if not given
     #[arg(long, value_name = "DIR", conflicts_with_all = ["reference", "no_reference"])]
     reference_cache: Option<PathBuf>,
@@ -51,13 +54,26 @@ pub struct Truth {
 
 impl TruthOptions {
     /// A reference that is traced; `cache` is where it is kept, the user's cache folder if not given.
-    pub fn traced(spp: u32, stride: u32, cache: Option<PathBuf>) -> Self {
-        Self { reference_spp: spp, reference_stride: stride, reference_cache: cache, no_reference: false, ..Self::none() }
+    pub fn traced(spp: u32, pixels: Pixels, cache: Option<PathBuf>) -> Self {
+        let (stride, windows) = match pixels {
+            Pixels::Every(stride) => (stride, None),
+            Pixels::Windows(count) => (1, Some(count)),
+        };
+        let own = Self { reference_spp: spp, reference_stride: stride, reference_windows: windows, reference_cache: cache, ..Self::none() };
+        Self { no_reference: false, ..own }
     }
 
     /// No reference from outside.
     pub fn none() -> Self {
-        Self { reference: None, reference_variance: None, no_reference: true, reference_spp: 0, reference_stride: 1, reference_cache: None }
+        Self {
+            reference: None,
+            reference_variance: None,
+            no_reference: true,
+            reference_spp: 0,
+            reference_stride: 1,
+            reference_windows: None,
+            reference_cache: None,
+        }
     }
 
     /// The files that are read.
@@ -80,8 +96,8 @@ impl TruthOptions {
             return Ok(None);
         }
         let folder = self.reference_cache.clone().or_else(cache_folder).ok_or_else(|| Failure::input(CommandError::NoReferenceCache))?;
-        let settings =
-            Settings { size: view.size, stride: self.reference_stride, bounces: Bounces::Count(BOUNCES), stop: Stop::Samples(self.reference_spp), seed: 0 };
+        let pixels = self.reference_windows.map_or(Pixels::Every(self.reference_stride), Pixels::Windows);
+        let settings = Settings { size: view.size, pixels, bounces: Bounces::Count(BOUNCES), stop: Stop::Samples(self.reference_spp), seed: 0 };
         check(&view.camera, &settings).map_err(Failure::input)?;
         let key = key(view, &settings, self.reference_spp);
         let target = Target::new(&folder.join(format!("reference-{}.exr", Checksum::of(key.as_bytes()))))?;
@@ -96,8 +112,8 @@ pub fn cache_folder() -> Option<PathBuf> {
 
 /// Everything that a reference depends on.
 fn key(view: &View, settings: &Settings, spp: u32) -> String {
-    let Settings { stride, bounces, seed, .. } = settings;
-    format!("tracer {VERSION}, {}, stride {stride}, bounces {bounces}, spp {spp}, seed {seed}", content(view))
+    let Settings { pixels, bounces, seed, .. } = settings;
+    format!("tracer {VERSION}, {}, {pixels}, bounces {bounces}, spp {spp}, seed {seed}", content(view))
 }
 
 /// What a view shows, whatever its files are called: scene, camera and size.
@@ -222,6 +238,7 @@ impl Truth {
             bounces: attribute("bounces"),
             samples: attribute("samples"),
             stride: attribute("stride"),
+            windows: self.picture.windows().ok().flatten().map(|windows| windows.corners().len()),
         }
     }
 

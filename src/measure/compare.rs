@@ -156,6 +156,8 @@ pub struct ReferenceReport {
     pub bounces: Option<String>,
     pub samples: Option<String>,
     pub stride: Option<String>,
+    /// How many windows it was traced in, where that is not the whole picture.
+    pub windows: Option<usize>,
 }
 
 #[derive(Debug, Clone, Serialize)]

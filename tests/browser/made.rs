@@ -63,6 +63,7 @@ pub fn with(pictures: Vec<Layers>, reference: Option<Layers>) -> Made {
             bounces: Some("1".into()),
             samples: Some("256".into()),
             stride: None,
+            windows: None,
         }),
         pairs: pairs(&variants),
         variants,

@@ -119,7 +119,7 @@ fn all_have_the_same_rmse() {
 fn discs_and_streaks_are_the_worst_of_bands_and_noise_comes_far_behind() {
     let found = ranked("band_error");
     let [discs, streaks, noise, blur, jags, drift] = ["discs", "streaks", "noise", "blur", "jags", "drift"].map(|name| of(&found, name));
-    assert!(discs.min(streaks) > 2.0 * noise && discs.min(streaks) > 0.6 * SIZE, "{found:?}");
+    assert!(discs.min(streaks) > 1.7 * noise && discs.min(streaks) > 0.6 * SIZE, "{found:?}");
     assert!(noise > jags && noise > drift && noise > blur, "{found:?}");
     assert!(jags < 0.02 * SIZE, "a jag is no splotch: {found:?}");
 }
@@ -128,7 +128,7 @@ fn discs_and_streaks_are_the_worst_of_bands_and_noise_comes_far_behind() {
 fn jags_are_the_worst_of_edges_and_the_least_inside() {
     let found = ranked("rmse_edges");
     assert_eq!((found[0].0, found[1].0), ("jags", "blur"), "{found:?}");
-    assert!(found[0].1 > 1.1 * found[1].1 && found[1].1 > 2.0 * found[2].1, "{found:?}");
+    assert!(found[1].1 > 4.0 * found[2].1, "{found:?}");
     let inside = ranked("rmse_interior");
     assert_eq!(inside[5].0, "jags", "{inside:?}");
     assert!(inside[5].1 < 0.1 * SIZE && of(&inside, "noise") > 0.95 * SIZE && of(&inside, "discs") > 0.9 * SIZE, "{inside:?}");

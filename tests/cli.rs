@@ -287,6 +287,24 @@ fn reference_is_repeatable_and_a_stride_holds_the_same_pixels() {
 }
 
 #[test]
+fn windows_of_a_reference_hold_the_same_pixels_and_tell_their_places() {
+    let place = Place::new();
+    let size = ["--size", "200x100", "--spp", "4"];
+    let written = |name: &str, more: &[&str]| {
+        assert_eq!(place.run(&[&FURNACE[..3], &size, &["-o", name], more].concat()).0, 0);
+        Layers::read(&fs::read(place.0.path().join(name)).unwrap()).unwrap()
+    };
+    written("whole.exr", &[]);
+    let windows = written("windows.exr", &["--windows", "2"]);
+    assert_eq!([windows.width, windows.height], [200, 100]);
+    assert_eq!(windows.windows().unwrap(), hemisplat::math::windows::Windows::spread([200, 100], 2));
+    let (status, stdout, _) = place.run(&["diff", "whole.exr:direct_irradiance", "windows.exr", "--fail-above", "largest=0", "--fail-above", "band_error=0"]);
+    assert!(status == 0 && stdout.contains("8192 pixels of surface in 2 windows"), "{stdout}");
+    let (status, stdout, _) = place.run(&["diff", "whole.exr:picture", "windows.exr", "--fail-above", "flip=0", "--fail-above", "hdr_flip=0"]);
+    assert!(status == 0 && !stdout.contains("flip          not measurable"), "{stdout}");
+}
+
+#[test]
 fn reference_refuses_what_it_cannot_use_before_it_works() {
     let place = Place::new();
     let refusal = |more: &[&str]| place.refusal(&[&FURNACE[..], more].concat());
@@ -294,6 +312,8 @@ fn reference_refuses_what_it_cannot_use_before_it_works() {
     insta::assert_snapshot!(refusal(&["-o", "f.exr", "--camera", "none"]));
     insta::assert_snapshot!(refusal(&["-o", "f.exr", "--stride", "13"]));
     insta::assert_snapshot!(refusal(&["-o", "f.exr", "--bounces", "some"]));
+    insta::assert_snapshot!(refusal(&["-o", "f.exr", "--windows", "1"]));
+    assert!(refusal(&["-o", "f.exr", "--windows", "1", "--stride", "2"]).contains("cannot be used with"));
     assert!(refusal(&["-o", "f.exr", "--spp", "8", "--error", "0.1"]).contains("cannot be used with"));
     assert!(place.refusal(&["reference", "--scene", "missing.obj", "-o", "f.exr"]).contains("missing.obj"));
     assert!(place.refusal(&["reference", "--scene", "furnace.ron", "--size", "0x5", "-o", "f.exr"]).contains("640x480"));

@@ -17,6 +17,7 @@ const DRAWN: &[(&str, Case)] = &[
     ("times_differ_where_samples_do_and_not_where_nothing_does", times),
     ("errors_are_those_of_diff_and_pictures_repeat_under_interleaving", errors),
     ("a_reference_is_kept_and_a_damaged_one_traced_anew", kept_reference),
+    ("a_reference_of_windows_measures_all_that_a_whole_one_does", windows),
     ("several_at_once_keep_one_reference", concurrent),
     ("a_pipeline_without_irradiance_is_judged_by_its_picture", without_irradiance),
     ("pipelines_of_direct_light_alone_are_judged_by_it", direct_alone),
@@ -128,6 +129,28 @@ fn kept_reference() -> Outcome {
         place.succeed(&format!("compare irradiance {arguments} --runs 1"))?;
     }
     check(place.kept()?.len() == 3, || format!("{:?}", place.kept()))
+}
+
+/// With windows everything can be measured that a stride leaves out.
+fn windows() -> Outcome {
+    let place = Place::new()?;
+    let judged = |pixels: &str| -> Result<[Value; 3], Failed> {
+        let arguments = SMALL.replace("32x24", "150x80");
+        place.succeed(&format!("compare irradiance {arguments} {pixels} --runs 1 --json out.json --csv out.csv"))?;
+        let json = place.json("out.json")?;
+        let errors = &json["variants"][0]["errors"];
+        Ok([errors["irradiance"].clone(), errors["picture"].clone(), json["reference"]["windows"].clone()])
+    };
+    let [irradiance, picture, count] = judged("--reference-windows 2")?;
+    check(count == 2 && irradiance["windows"] == 2 && irradiance["stride"] == 1, || irradiance.to_string())?;
+    check(["band_error", "rmse_edges", "rmse_interior", "block_p99"].iter().all(|metric| irradiance[metric].is_f64()), || irradiance.to_string())?;
+    check(picture["flip"].is_f64() && picture["hdr_flip"].is_f64(), || picture.to_string())?;
+    let csv = fs::read_to_string(place.0.path().join("out.csv"))?;
+    check(["irradiance_band_error", "irradiance_rmse_edges", "picture_rmse_interior"].iter().all(|column| csv.contains(column)), || csv)?;
+    let [irradiance, picture, count] = judged("--reference-stride 2")?;
+    check(count.is_null() && irradiance["windows"].is_null() && irradiance["stride"] == 2, || irradiance.to_string())?;
+    check(irradiance["band_error"].is_null() && picture["flip"].is_null(), || irradiance.to_string())?;
+    check(place.kept()?.len() == 2, || format!("{:?}", place.kept()))
 }
 
 fn concurrent() -> Outcome {
@@ -293,6 +316,8 @@ fn mistakes() -> Outcome {
         ("irradiance --reference good.exr --reference-spp 3", "", "cannot be used with"),
         ("irradiance --reference-spp 0", "reference::samples", "no samples"),
         ("irradiance --reference-stride 100", "reference::stride", "32×24"),
+        ("irradiance --reference-windows 1", "reference::windows", "32×24"),
+        ("irradiance --reference-windows 1 --reference-stride 2", "", "cannot be used with"),
         ("irradiance --runs 0", "", "1..=500"),
         ("irradiance --runs 501", "", "1..=500"),
         ("", "compare::no_pipeline", "names no pipeline"),

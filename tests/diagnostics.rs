@@ -55,6 +55,11 @@ fn picture(layer: Layer) -> Layers {
     Layers::new(2, 1).with("irradiance", layer).with("depth", Layer::value(vec![1.0, 1.0]))
 }
 
+/// Two windows side by side, of which a picture holds one.
+fn window(corner: &str) -> Layers {
+    Layers::new(128, 64).with("irradiance", Layer::value(vec![1.0; 128 * 64])).with_attribute("windows", corner)
+}
+
 /// Parts of two pixels of this grey, as other programs may write them.
 fn parts(names: &[&str], grey: f32) -> Vec<u8> {
     use exr::prelude::*;
@@ -128,11 +133,15 @@ fn files() -> BTreeMap<&'static str, Vec<u8>> {
         ("broken.exr", vec![0x76, 0x2f, 0x31, 0x01, 2, 0, 0, 0, 9]),
         ("nan.exr", parts(&["only"], f32::NAN)),
         ("side.exr", exr(picture(Layer::value(vec![1.0, 2.0])).with_attribute("camera", "side"))),
+        ("windows.exr", exr(picture(Layer::value(vec![1.0, 2.0])).with_attribute("windows", "0,0"))),
+        ("left.exr", exr(window("0,0"))),
+        ("right.exr", exr(window("64,0"))),
         ("records", b"no header".to_vec()),
         ("direct.ron", DIRECT.as_bytes().to_vec()),
         ("surfaces.ron", SURFACES.as_bytes().to_vec()),
         ("runs.ron", study("runs: 1", "runs: 501")),
         ("row.ron", study("Traced(spp: 4)", "Row(\"ray\")")),
+        ("both.ron", study("Traced(spp: 4)", "Traced(spp: 4, stride: 2, windows: 1)")),
         ("twice.ron", study("    ],", "        (name: \"rays\", pipeline: \"irradiance-plane\"),\n    ],")),
         ("empty.ron", study("[4, 8]", "[]")),
         ("metric.ron", study("relmse", "rmse")),
@@ -143,7 +152,7 @@ fn files() -> BTreeMap<&'static str, Vec<u8>> {
 
 /// Code and arguments, one case each, and whether a GPU is needed.
 #[rustfmt::skip]
-const CASES: [(&str, &str, bool); 61] = [
+const CASES: [(&str, &str, bool); 65] = [
     ("plan::batch", "check irradiance --scene white.ron --set tiles.resolution=512", false),
     ("plan::coarsest", "check irradiance --scene white.ron --set misses.by=DeviceGrid(coarsest:3)", false),
     ("plan::finest", "check irradiance --scene white.ron --set misses.by=DeviceGrid(finest:3)", false),
@@ -174,6 +183,10 @@ const CASES: [(&str, &str, bool); 61] = [
     ("cli::unknown_format", "reference --scene white.ron -o picture.gif", false),
     ("reference::size", "reference --scene white.ron --size 16384x16384 -o out.exr", false),
     ("reference::samples", "reference --scene white.ron --spp 0 -o out.exr", false),
+    ("reference::windows", "reference --scene white.ron --size 130x70 --windows 3 -o out.exr", false),
+    ("measure::windows", "diff grey.exr windows.exr", false),
+    ("measure::no_common_window", "diff left.exr right.exr", false),
+    ("study::stride_and_windows", "study both.ron --dry-run", false),
     ("reference::error", "reference --scene white.ron --error 0 -o out.exr", false),
     ("measure::black_reference", "diff grey.exr black.exr", false),
     ("measure::no_surface", "diff grey.exr nothing.exr", false),

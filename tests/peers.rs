@@ -7,7 +7,9 @@ mod skips;
 
 use glam::{DVec3, Vec3};
 use hemisplat::{
-    reference::{Bounces, Reference, Settings, Stop, render},
+    math::windows::Windows,
+    measure::{Layer, Layers, compare as compare_pictures},
+    reference::{Bounces, Pixels, Reference, Settings, Stop, render},
     scene::{
         bvh::Bvh,
         load::{LoadOptions, load},
@@ -35,7 +37,67 @@ fn main() {
         let missing = missing(case).map(|why| Missing::new("peers", why));
         skips::trial(format!("{case}_agrees_with_mitsuba"), missing.as_ref(), move || compare(case))
     });
-    libtest_mimic::run(&Arguments::from_args(), trials.into()).exit();
+    let missing = missing(CASES[0]).map(|why| Missing::new("peers", why));
+    let in_windows = skips::trial("windows_agree_with_mitsuba", missing.as_ref(), compare_in_windows);
+    let has_python = Command::new(PYTHON).arg("--version").output().is_ok_and(|done| done.status.success());
+    let missing = (!has_python).then(|| Missing::new("tools", format!("there is no {PYTHON}")));
+    let rule = skips::trial("windows_are_those_of_the_peers", missing.as_ref(), same_windows);
+    libtest_mimic::run(&Arguments::from_args(), trials.into_iter().chain([in_windows, rule]).collect()).exit();
+}
+
+/// Any one: the rule needs no package.
+const PYTHON: &str = "python3";
+
+/// The rule that places windows, in Rust and in Python.
+fn same_windows() -> Result<(), Failed> {
+    for (size, count) in [([64, 64], 1), ([130, 70], 2), ([1000, 1000], 16), ([1920, 1080], 100), ([333, 2000], 155), ([4096, 4096], 4096)] {
+        let numbers = [size[0], size[1], count].map(|number: u32| number.to_string());
+        let done = Command::new(PYTHON).arg(peers().join("windows.py")).args(numbers).output()?;
+        let ours = Windows::spread(size, count).ok_or("they do not fit")?.to_string();
+        let theirs = String::from_utf8(done.stdout)?;
+        if theirs.trim() != ours {
+            return Err(format!("{size:?}, {count}: {theirs} in place of {ours}").into());
+        }
+    }
+    let refused = Command::new(PYTHON).arg(peers().join("windows.py")).args(["130", "70", "3"]).output()?;
+    if refused.status.success() { Err("three windows in 130×70 pixels".into()) } else { Ok(()) }
+}
+
+/// Both truths in windows: the same pixels see the same, and their light differs by no more than noise.
+fn compare_in_windows() -> Result<(), Failed> {
+    let name = CASES[0];
+    let out = tempfile::tempdir()?;
+    let numbers = ["--size", "192", "--windows", "2", "--samples", "1024"];
+    let done = Command::new(python()).arg(peers().join("mitsuba_reference.py")).arg(name).args(numbers).arg("-o").arg(out.path()).output()?;
+    if !done.status.success() {
+        return Err(format!("mitsuba_reference.py failed:\n{}", String::from_utf8_lossy(&done.stderr)).into());
+    }
+    let theirs = Layers::read(&std::fs::read(out.path().join(format!("{name}.reference-windows.exr")))?)?;
+    let mut cases: BTreeMap<String, Case> = serde_json::from_str(&std::fs::read_to_string(peers().join("cases.json"))?)?;
+    let mut scene = scene(&cases.remove(name).ok_or("not among the cases")?)?;
+    let bvh = Bvh::build(&mut scene);
+    let settings = Settings { size: [SIDE; 2], pixels: Pixels::Windows(2), bounces: Bounces::Count(1), stop: Stop::Samples(1024), seed: 11 };
+    let ours = render(&scene, &bvh, &scene.cameras[0], &settings, &|_| true)?;
+    let layer = |planes: &[Vec3], names: &[&str]| Layer::interleaved(names, &planes.iter().flat_map(|value| value.to_array()).collect::<Vec<_>>(), 3);
+    let picture = Layers::new(SIDE, SIDE).with("irradiance", layer(&ours.irradiance, &["R", "G", "B"])).with("normal", layer(&ours.normal, &["X", "Y", "Z"]));
+    let picture = picture.with("depth", Layer::value(ours.depth.clone()));
+    let by_theirs = compare_pictures(&picture, &theirs, "irradiance", None)?;
+    let by_ours = compare_pictures(&theirs, &picture, "irradiance", None)?;
+    let noise = by_theirs.reference_noise_over_mean.unwrap_or(0.0);
+    let figures = format!(
+        "{} windows, bias {:+.3} %, rmse {:.2} % beside a noise of {:.2} %, edges {:?} and {:?}",
+        by_theirs.windows.unwrap_or(0),
+        by_theirs.bias_over_mean * 100.0,
+        by_theirs.rmse_over_mean * 100.0,
+        noise * 100.0,
+        by_theirs.edge_share,
+        by_ours.edge_share
+    );
+    println!("{name} in windows: {figures}");
+    let same = theirs.windows()? == ours.windows && by_theirs.windows == Some(2);
+    let edges = by_theirs.edge_share.zip(by_ours.edge_share).is_some_and(|(a, b)| (a / b - 1.0).abs() < 0.1);
+    // Our own noise is as large as theirs.
+    if same && edges && by_theirs.bias_over_mean.abs() < 0.01 && by_theirs.rmse_over_mean < 1.5 * noise { Ok(()) } else { Err(figures.into()) }
 }
 
 fn python() -> PathBuf {
@@ -118,7 +180,7 @@ fn camera(camera: &CaseCamera) -> Camera {
 fn ours(case: &Case) -> Result<Reference, Failed> {
     let mut scene = scene(case)?;
     let bvh = Bvh::build(&mut scene);
-    let settings = Settings { size: [SIDE; 2], stride: STRIDE, bounces: Bounces::Count(1), stop: Stop::Samples(SAMPLES), seed: 11 };
+    let settings = Settings { size: [SIDE; 2], pixels: Pixels::Every(STRIDE), bounces: Bounces::Count(1), stop: Stop::Samples(SAMPLES), seed: 11 };
     Ok(render(&scene, &bvh, &scene.cameras[0], &settings, &|_| true)?)
 }
 

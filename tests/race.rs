@@ -26,7 +26,15 @@ mod the_curve {
     use crate::curve::*;
 
     fn sample(seconds: f64, error: f64) -> Sample {
-        Sample { seconds, rmse_over_mean: error, bias_over_mean: -error, block_p50: error / 10.0, block_p99: error * 2.0 }
+        Sample {
+            seconds,
+            rmse_over_mean: error,
+            bias_over_mean: -error,
+            block_p50: error / 10.0,
+            block_p99: error * 2.0,
+            band_error: error / 4.0,
+            rmse_edges: error * 3.0,
+        }
     }
 
     #[test]
@@ -53,6 +61,7 @@ mod the_curve {
         }
         // Half way between 0.01 and 0.03 by logarithm, the other errors are half way too.
         let middle = curve.at(0.03f64.sqrt() * 0.1).sample().unwrap();
+        assert!((middle.band_error - 0.005).abs() < 1e-12 && (middle.rmse_edges - 0.06).abs() < 1e-12);
         assert!((middle.block_p50 - 0.002).abs() < 1e-12 && (middle.block_p99 - 0.04).abs() < 1e-12 && (middle.bias_over_mean + 0.02).abs() < 1e-12);
     }
 
@@ -106,6 +115,7 @@ mod the_settings {
             ("size: 128", "size: 64", "33 times"),
             ("samples: 512", "samples: 300", "rounds of 256"),
             ("stride: 2", "stride: 2, more: 1", "more"),
+            ("windows: 2", "windows: 5", "room for 1 to 4"),
             ("strata: 8", "strata: 0", "strata"),
             ("strata: 8", "strata: 4", "Mitsuba 16 rays a pixel stands there twice"),
             ("mitsuba: [(strata: 4), (strata: 8)]", "mitsuba: []", "no setting of Mitsuba"),
@@ -176,6 +186,7 @@ mod the_report {
             layer: "irradiance".into(),
             pixels: 1,
             stride: 4,
+            windows: None,
             reference_mean: 1.0,
             reference_noise_over_mean: None,
             rmse_over_mean: error,
@@ -183,6 +194,10 @@ mod the_report {
             rms_of_relative: None,
             block_p50: Some(0.01),
             block_p99: Some(block_p99),
+            edge_share: None,
+            rmse_edges: None,
+            rmse_interior: None,
+            band_error: None,
             relmse: 0.0,
             flip: None,
             hdr_flip: None,
@@ -190,7 +205,8 @@ mod the_report {
             intervals: Default::default(),
             resampled: Default::default(),
         };
-        Run { command: "run".into(), seconds, errors, facts: serde_json::Value::Null }
+        let in_windows = Errors { stride: 1, windows: Some(16), band_error: Some(error / 2.0), rmse_edges: Some(error * 2.0), ..errors.clone() };
+        Run { command: "run".into(), seconds, errors, in_windows, facts: serde_json::Value::Null }
     }
 
     fn radiance(accuracy: f64, seconds: f64, error: f64) -> Point {
@@ -232,7 +248,11 @@ mod the_report {
         // The median of hemisplat's runs counts.
         assert!((exact.radiance_over_hemisplat.unwrap() - 5.0).abs() < 1e-9, "{exact:?}");
         assert!((exact.mitsuba_over_hemisplat.unwrap() - 112.5 / 20.0).abs() < 1e-9, "{exact:?}");
-        assert_eq!(exact.hemisplat_is_worse_in.as_deref(), Some(&["block_p99"][..]), "6 % against 5 %");
+        assert_eq!(
+            exact.hemisplat_is_worse_in.as_deref(),
+            Some(&["block_p99", "band_error", "rmse_edges"][..]),
+            "6 % against 5 %, 2.5 % against 2 %, 10 % against 8 %"
+        );
         assert!(matches!((coarse.radiance, coarse.mitsuba, coarse.hemisplat), (Reading::At(_), Reading::Exceeded(_), Reading::Exceeded(_))));
         assert_eq!((coarse.radiance_over_hemisplat, &coarse.hemisplat_is_worse_in), (None, &None));
     }
@@ -259,16 +279,16 @@ mod the_report {
             machine: Machine { cores: 2, cpu: None, adapter: text("adapter") },
             versions: Versions { hemisplat: text("1"), radiance: text("2"), mitsuba: text("3") },
             size: 1000,
-            truth: Truth { samples: 4096, stride: 4 },
+            truth: Truth { samples: 4096, stride: 4, windows: 16 },
             scenes: vec![scene()],
         };
         let tables = tell::markdown(&report);
         for row in [
-            "4096 rays at one pixel of 4×4",
-            "| Radiance | `-aa 0.1 -ad 512 -ar 16` | 100 | 4.00 % | -1.00 % | 1.00 % | 5.00 % | yes |",
+            "4096 rays at one pixel of 4×4 and in 16 windows of 64×64 pixels",
+            "| Radiance | `-aa 0.1 -ad 512 -ar 16` | 100 | 4.00 % | -1.00 % | 1.00 % | 5.00 % | 2.00 % | 8.00 % | yes |",
             "| hemisplat | `irradiance a` | 40.0 (39.0…70.0) | 2.00 % |",
-            "| hemisplat | `irradiance b (cold start)` | 9.00 | 8.00 % | -1.00 % | 1.00 % | 8.00 % |  |",
-            "| 4.00 % | 100 s | 112 s | 20.0 s | 5.00 | 5.62 | 1.00 %, 5.00 % | 1.00 %, 6.00 % | **block_p99** |",
+            "| hemisplat | `irradiance b (cold start)` | 9.00 | 8.00 % | -1.00 % | 1.00 % | 8.00 % | 4.00 % | 16.00 % |  |",
+            "| 4.00 % | 100 s | 112 s | 20.0 s | 5.00 | 5.62 | 1.00 %, 5.00 %, 2.00 %, 8.00 % | 1.00 %, 6.00 %, 2.50 %, 10.00 % | **block_p99, band_error, rmse_edges** |",
             "| 10.00 % | 60.0 s | out of range (its fastest: 6.00 % in 50.0 s) | out of range (its fastest: 8.00 % in 10.0 s) | out of range | out of range |",
         ] {
             assert!(

@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec2, Vec3};
 use hemisplat::{
     math::{harmonics::quadrature::hemisphere, lobe::Lobe},
-    reference::{Bounces, MAX_SAMPLES, Reference, ReferenceError, Settings, Stop, Tracer, VERSION, render},
+    reference::{Bounces, MAX_SAMPLES, Pixels, Reference, ReferenceError, Settings, Stop, Tracer, VERSION, render},
     scene::{bvh::Bvh, model::*},
 };
 use std::f64::consts::PI;
@@ -375,7 +375,7 @@ fn camera(scale: f32) -> Camera {
     Camera { name: "corner".into(), eye: Vec3::new(0.95, 0.6, 0.95) * scale, direction, up, field_of_view: FieldOfView::Horizontal(1.3), size: None }
 }
 
-const SETTINGS: Settings = Settings { size: [24, 16], stride: 1, bounces: Bounces::Count(2), stop: Stop::Samples(64), seed: 3 };
+const SETTINGS: Settings = Settings { size: [24, 16], pixels: Pixels::Every(1), bounces: Bounces::Count(2), stop: Stop::Samples(64), seed: 3 };
 
 fn picture(scale: f32, settings: Settings) -> Reference {
     let mut room = room(scale);
@@ -425,12 +425,27 @@ fn the_version_belongs_to_what_a_seed_gives() {
 fn a_stride_takes_the_full_pictures_pixels() {
     let full = picture(1.0, SETTINGS);
     for stride in [2, 3, 5] {
-        let part = picture(1.0, Settings { stride, ..SETTINGS });
+        let part = picture(1.0, Settings { pixels: Pixels::Every(stride), ..SETTINGS });
         let places = |side: u32| (stride / 2..side).step_by(stride as usize);
         assert_eq!((part.width as usize, part.height as usize), (places(24).count(), places(16).count()));
         let taken: Vec<usize> = places(16).flat_map(|y| places(24).map(move |x| (y * 24 + x) as usize)).collect();
         assert_eq!(part.picture, taken.iter().map(|&i| full.picture[i]).collect::<Vec<_>>(), "stride {stride}");
         assert_eq!(part.variance, taken.iter().map(|&i| full.variance[i]).collect::<Vec<_>>(), "stride {stride}");
+    }
+}
+
+#[test]
+fn windows_hold_the_full_pictures_pixels_and_nothing_else() {
+    let settings = Settings { size: [150, 70], stop: Stop::Samples(2), ..SETTINGS };
+    let full = picture(1.0, settings);
+    let part = picture(1.0, Settings { pixels: Pixels::Windows(1), ..settings });
+    let windows = part.windows.clone().unwrap();
+    let mask = windows.mask([150, 70], 0);
+    assert_eq!((part.width, part.height, part.stride, windows.corners().len()), (150, 70, 1, 1));
+    assert_eq!(mask.iter().filter(|inside| **inside).count(), 64 * 64);
+    for at in 0..mask.len() {
+        let layers = |of: &Reference| [of.picture[at], of.irradiance[at], of.variance[at], of.direct[at], of.normal[at], Vec3::splat(of.depth[at])];
+        assert_eq!(layers(&part), if mask[at] { layers(&full) } else { [Vec3::ZERO; 6] }, "pixel {at}");
     }
 }
 
@@ -502,8 +517,11 @@ fn bad_settings_are_named() {
     assert_eq!(error(&|s, _| s.size = [0, 5]), "reference::size");
     assert_eq!(error(&|s, _| s.size = [1, 40_000]), "reference::size");
     assert_eq!(error(&|s, _| s.size = [8192, 8192]), "reference::size");
-    assert_eq!(error(&|s, _| s.stride = 0), "reference::stride");
-    assert_eq!(error(&|s, _| s.stride = 17), "reference::stride");
+    assert_eq!(error(&|s, _| s.pixels = Pixels::Every(0)), "reference::stride");
+    assert_eq!(error(&|s, _| s.pixels = Pixels::Every(17)), "reference::stride");
+    assert_eq!(error(&|s, _| s.pixels = Pixels::Windows(1)), "reference::windows");
+    assert_eq!(error(&|s, _| (s.size, s.pixels) = ([128, 64], Pixels::Windows(0))), "reference::windows");
+    assert_eq!(error(&|s, _| (s.size, s.pixels) = ([128, 64], Pixels::Windows(3))), "reference::windows");
     assert_eq!(error(&|s, _| s.stop = Stop::Samples(1)), "reference::samples");
     assert_eq!(error(&|s, _| s.stop = Stop::RelativeError { error: 0.0, at_most: 4 }), "reference::error");
     assert_eq!(error(&|s, _| s.stop = Stop::RelativeError { error: f32::NAN, at_most: 4 }), "reference::error");
@@ -537,7 +555,7 @@ fn floor_seen(material: Material, angle: f32, environment: f32, lights: Vec<Ligh
     let (sine, cosine) = angle.to_radians().sin_cos();
     let toward = Vec3::new(sine, cosine, 0.0);
     let camera = Camera { name: "over".into(), eye: toward, direction: -toward, up: Vec3::Z, field_of_view: FieldOfView::Horizontal(1e-3), size: None };
-    render(&scene, &bvh, &camera, &Settings { size: [1, 1], stride: 1, ..settings }, &|_| true).unwrap()
+    render(&scene, &bvh, &camera, &Settings { size: [1, 1], pixels: Pixels::Every(1), ..settings }, &|_| true).unwrap()
 }
 
 #[test]

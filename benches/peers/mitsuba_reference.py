@@ -2,15 +2,20 @@
 """Truth for a case of cases.json, by Mitsuba 3's ray caster: the indirect irradiance of exactly one bounce at each pixel's centre.
 
     $PEERS_HOME/bin/python mitsuba_reference.py sibenik --size 1000 --stride 4 --samples 4096 -o OUT
+    $PEERS_HOME/bin/python mitsuba_reference.py sibenik --size 1000 --windows 16 --samples 4096 -o OUT
 
 Writes OUT/CASE.reference-indirect.exr (RGB, W/m2), OUT/CASE.reference-variance.exr (variance of those means) and
 OUT/CASE.reference-direct.exr (direct irradiance). With --stride k only every k-th pixel is computed, from pixel k/2 on,
-and the files are k times smaller: take the same pixels of what is compared. Pixels that see nothing are 0. No pixel filter: compare with renderers
+and the files are k times smaller: take the same pixels of what is compared. With --windows N only N squares of 64x64
+pixels are computed (windows.py), and one file is written, OUT/CASE.reference-windows.exr: of the full size, 0 outside of the windows, with the
+layers irradiance, variance, depth, normal, and the windows' corners as its attribute. Pixels that see nothing are 0. No pixel filter: compare with renderers
 that sample pixel centres. Directions are cosine-distributed, stratified 16x16 a round.
 """
 import argparse, json, os, pathlib, sys, time
 
 import numpy as np
+
+import windows
 
 HERE = pathlib.Path(__file__).resolve().parent
 for guess in ("/usr/lib/x86_64-linux-gnu/libLLVM-19.so", "/usr/lib/x86_64-linux-gnu/libLLVM.so.19.1", "/usr/lib/llvm-19/lib/libLLVM.so.1"):
@@ -48,18 +53,35 @@ def diffuse(rgb):
     return {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": {"type": "rgb", "value": list(rgb)}}}
 
 
+def strided(width, height, stride=1):
+    """Columns and rows of every stride-th pixel, row by row from the top left: two (n,)."""
+    x, y = np.meshgrid(np.arange(stride // 2, width, stride), np.arange(stride // 2, height, stride))
+    return x.ravel(), y.ravel()
+
+
+def windowed(width, height, count):
+    """Columns and rows of the pixels of so many windows, window by window, and the windows' corners."""
+    corners = windows.spread(width, height, count)
+    x, y = (a.ravel() for a in np.meshgrid(np.arange(windows.SIDE), np.arange(windows.SIDE)))
+    return np.concatenate([left + x for left, _ in corners]), np.concatenate([top + y for _, top in corners]), corners
+
+
 def pixel_rays(camera, width, height, stride=1):
     """Directions through the centres of every stride-th pixel, row by row from the top left: (n, 3)."""
+    return rays_through(camera, width, height, *strided(width, height, stride))
+
+
+def rays_through(camera, width, height, columns, rows):
+    """Directions through the centres of these pixels: (n, 3)."""
     d, up = np.array(camera["direction"], float), np.array(camera["up"], float)
     d /= np.linalg.norm(d)
     right = np.cross(d, up)
     right /= np.linalg.norm(right)
     up = np.cross(right, d)
     t = np.tan(np.radians(camera["fov"]) / 2)  # horizontal
-    x = ((np.arange(stride // 2, width, stride) + 0.5) / width * 2 - 1) * t
-    y = (1 - (np.arange(stride // 2, height, stride) + 0.5) / height * 2) * t * height / width
-    x, y = np.meshgrid(x, y)
-    rays = d + x.ravel()[:, None] * right + y.ravel()[:, None] * up
+    x = ((columns + 0.5) / width * 2 - 1) * t
+    y = (1 - (rows + 0.5) / height * 2) * t * height / width
+    rays = d + x[:, None] * right + y[:, None] * up
     return rays / np.linalg.norm(rays, axis=1)[:, None]
 
 
@@ -125,6 +147,26 @@ def truth(scene, eye, rays, lights, samples, epsilon, seed=1, note=lambda *a: No
     return direct, mean, np.maximum(square / rounds - mean**2, 0) / (rounds - 1)
 
 
+def geometry(scene, camera, rays):
+    """Depth along the camera's axis, (n, 1), and the normal on the side seen, (n, 3), where each ray first hits; 0 where it hits nothing."""
+    eye, d = np.array(camera["eye"], float), np.array(camera["direction"], float)
+    hit = scene.ray_intersect(mi.Ray3f(vector(np.broadcast_to(eye, (len(rays), 3))), vector(rays)))
+    valid = np.array(hit.is_valid())[:, None]
+    normal = np.array(facing(hit.n, vector(rays))).T
+    depth = np.array(hit.t)[:, None] * (rays @ (d / np.linalg.norm(d)))[:, None]
+    return np.where(valid, depth, 0), np.where(valid, normal, 0)
+
+
+def write_windows(path, size, columns, rows, corners, layers):
+    """A file of the full size with these layers, each channels and (n, channels) values; pixels that are not among them are 0."""
+    names = [f"{layer}.{channel}" if channel else layer for layer, (channels, _) in layers.items() for channel in channels]
+    data = np.zeros((size, size, len(names)), np.float32)
+    data[rows, columns] = np.concatenate([values for _, values in layers.values()], axis=1)
+    bitmap = mi.Bitmap(data, pixel_format=mi.Bitmap.PixelFormat.MultiChannel, channel_names=names)
+    bitmap.metadata()["windows"] = windows.text(corners)
+    bitmap.write(str(path))
+
+
 def write(path, data, width, height):
     mi.Bitmap(np.ascontiguousarray(data.reshape(height, width, 3).astype(np.float32))).write(str(path))
 
@@ -136,6 +178,7 @@ def main():
     p.add_argument("--scenes", type=pathlib.Path, default=os.environ.get("HEMISPLAT_SCENES", "."), help="folder of the scenes (default: $HEMISPLAT_SCENES)")
     p.add_argument("--size", type=int, default=1000)
     p.add_argument("--stride", type=int, default=4)
+    p.add_argument("--windows", type=int, help="squares of 64x64 pixels, in place of every k-th pixel")
     p.add_argument("--samples", type=int, default=4096)
     p.add_argument("-o", "--out", type=pathlib.Path, required=True)
     a = p.parse_args()
@@ -144,13 +187,20 @@ def main():
     mesh = ply(a.scenes / case["obj"], a.out / f"{a.case}.ply")
     scene = mi.load_dict({"type": "scene", "mesh": {"type": "ply", "filename": str(mesh), "face_normals": True, "bsdf": diffuse([case["reflectance"]] * 3)}})
     start = time.monotonic()
-    result = truth(scene, case["camera"]["eye"], pixel_rays(case["camera"], a.size, a.size, a.stride), case["lights"], a.samples, 1e-4,
+    columns, rows, corners = windowed(a.size, a.size, a.windows) if a.windows is not None else (*strided(a.size, a.size, a.stride), None)
+    rays = rays_through(case["camera"], a.size, a.size, columns, rows)
+    result = truth(scene, case["camera"]["eye"], rays, case["lights"], a.samples, 1e-4,
                    note=lambda k, n: print(f"{k}/{n} {time.monotonic() - start:.0f} s", file=sys.stderr))
-    side = len(range(a.stride // 2, a.size, a.stride))
-    for label, data in zip(("direct", "indirect", "variance"), result):
-        write(a.out / f"{a.case}.reference-{label}.exr", data, side, side)
     _, mean, variance = result
-    print(json.dumps({"case": a.case, "size": a.size, "stride": a.stride, "samples": a.samples, "seconds": time.monotonic() - start, "mean": float(mean.mean()),
+    if corners:
+        depth, normal = geometry(scene, case["camera"], rays)
+        layers = {"irradiance": ("RGB", mean), "variance": ("RGB", variance), "depth": ([""], depth), "normal": ("XYZ", normal)}
+        write_windows(a.out / f"{a.case}.reference-windows.exr", a.size, columns, rows, corners, layers)
+    else:
+        side = len(range(a.stride // 2, a.size, a.stride))
+        for label, data in zip(("direct", "indirect", "variance"), result):
+            write(a.out / f"{a.case}.reference-{label}.exr", data, side, side)
+    print(json.dumps({"case": a.case, "size": a.size, "stride": a.stride if not corners else None, "windows": a.windows, "samples": a.samples, "seconds": time.monotonic() - start, "mean": float(mean.mean()),
                       "relative_noise": float(np.sqrt(variance).mean() / mean.mean())}))
 
 

@@ -12,6 +12,9 @@ pub struct Sample {
     pub bias_over_mean: f64,
     pub block_p50: f64,
     pub block_p99: f64,
+    /// In windows, as the next.
+    pub band_error: f64,
+    pub rmse_edges: f64,
 }
 
 /// The samples that no other beats in both time and error, the most exact first: errors rise, seconds fall, both are positive. Never empty.
@@ -74,6 +77,8 @@ fn between(a: Sample, b: Sample, error: f64) -> Sample {
         bias_over_mean: mixed(a.bias_over_mean, b.bias_over_mean),
         block_p50: mixed(a.block_p50, b.block_p50),
         block_p99: mixed(a.block_p99, b.block_p99),
+        band_error: mixed(a.band_error, b.band_error),
+        rmse_edges: mixed(a.rmse_edges, b.rmse_edges),
     }
 }
 

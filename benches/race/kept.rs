@@ -16,7 +16,10 @@ use std::{
 pub struct Run {
     pub command: String,
     pub seconds: f64,
+    /// At every k-th pixel.
     pub errors: Errors,
+    /// At every pixel of windows.
+    pub in_windows: Errors,
     /// What else its program tells.
     pub facts: Value,
 }

@@ -108,7 +108,7 @@ struct Job<'a> {
 /// Shows that the files of a truth are whole.
 #[derive(Serialize, Deserialize)]
 struct Sealed {
-    checksums: [String; 2],
+    checksums: [String; 3],
     printed: serde_json::Value,
 }
 
@@ -188,8 +188,9 @@ fn truth(race: &Race, programs: &Programs, folder: &Folder, case: &Case, key: &s
     let name = format!("{}-truth", case.name);
     let place = folder.beside(&name, key);
     let file = |layer: &str| place.join(format!("{}.reference-{layer}.exr", case.name));
-    let truth = Truth { indirect: file("indirect"), variance: file("variance") };
-    let checksums = || -> Result<[String; 2], Failure> { Ok([Checksum::of(&read(&truth.indirect)?), Checksum::of(&read(&truth.variance)?)]) };
+    let truth = Truth { indirect: file("indirect"), variance: file("variance"), windows: file("windows") };
+    let checksum = |path: &Path| -> Result<String, Failure> { Ok(Checksum::of(&read(path)?)) };
+    let checksums = || -> Result<[String; 3], Failure> { Ok([checksum(&truth.indirect)?, checksum(&truth.variance)?, checksum(&truth.windows)?]) };
     let sealed: Option<Sealed> = folder.find(&name, key);
     if sealed.is_none_or(|sealed| checksums().ok() != Some(sealed.checksums)) {
         eprintln!("{}: Mitsuba traces the truth …", case.name);

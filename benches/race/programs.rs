@@ -10,7 +10,9 @@ use hemisplat::measure::Errors;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::{
-    env, fs,
+    env,
+    ffi::OsStr,
+    fs,
     path::{Path, PathBuf},
     process::Command,
 };
@@ -39,10 +41,11 @@ pub struct Programs {
     pub machine: Machine,
 }
 
-/// The reference of a scene.
+/// The references of a scene: of every k-th pixel, with its variance, and of windows.
 pub struct Truth {
     pub indirect: PathBuf,
     pub variance: PathBuf,
+    pub windows: PathBuf,
 }
 
 /// What a peer's script prints of its own seconds.
@@ -78,7 +81,7 @@ impl Programs {
         let versions = Versions {
             hemisplat: version,
             radiance: format!("pyradiance {pyradiance} ({})", checksum(&[&script("radiance.py")])?),
-            mitsuba: format!("{mitsuba} ({})", checksum(&[&script("mitsuba_reference.py"), &script("mitsuba_cast.py")])?),
+            mitsuba: format!("{mitsuba} ({})", checksum(&[&script("mitsuba_reference.py"), &script("windows.py"), &script("mitsuba_cast.py")])?),
         };
         let machine = Machine::find(&hemisplat)?;
         Ok(Self { hemisplat, python, scenes: scenes()?, versions, machine })
@@ -90,12 +93,15 @@ impl Programs {
         checksum(&[&obj, &root().join("benches/peers/cases.json"), &root().join(scene_file(case))])
     }
 
-    /// The scene's truth into a folder.
+    /// The scene's truths into a folder.
     pub fn trace(&self, race: &Race, case: &Case, folder: &Path) -> Result<Value, Failure> {
         let truth = race.truth;
-        let numbers = [("--size", race.size), ("--stride", truth.stride), ("--samples", truth.samples)];
-        let done = finish(self.script("mitsuba_reference.py", case, &numbers.map(|(name, value)| (name, value.to_string()))).arg("-o").arg(folder))?;
-        Ok(serde_json::from_slice(&done.stdout)?)
+        let trace = |what: &str, number: u32| -> Result<Value, Failure> {
+            let numbers = [("--size", race.size), (what, number), ("--samples", truth.samples)];
+            let done = finish(self.script("mitsuba_reference.py", case, &numbers.map(|(name, value)| (name, value.to_string()))).arg("-o").arg(folder))?;
+            Ok(serde_json::from_slice(&done.stdout)?)
+        };
+        Ok(json!({ "stride": trace("--stride", truth.stride)?, "windows": trace("--windows", truth.windows)? }))
     }
 
     /// Runs a setting once, in an empty folder of its own, and judges its picture.
@@ -130,8 +136,8 @@ impl Programs {
     fn run_peer(&self, case: &Case, truth: &Truth, folder: &Path, mut command: Command) -> Result<Run, Failure> {
         let done = finish(command.arg("-o").arg(folder))?;
         let Printed { seconds, facts } = serde_json::from_slice(&done.stdout)?;
-        let errors = self.judge(&folder.join(format!("{}.indirect.exr", case.name)), truth)?;
-        Ok(Run { command: self.shown(&command, folder), seconds, errors, facts })
+        let [errors, in_windows] = self.judge(&folder.join(format!("{}.indirect.exr", case.name)), truth)?;
+        Ok(Run { command: self.shown(&command, folder), seconds, errors, in_windows, facts })
     }
 
     /// The whole command counts, from its start to the files written.
@@ -145,7 +151,8 @@ impl Programs {
         let seconds = finish(&mut command)?.seconds;
         let stats: Value = serde_json::from_slice(&read(&folder.join("out.json"))?)?;
         let facts = json!({ "records": stats["frames"][0]["records"]["irradiance"], "start_up": stats["start_up"] });
-        Ok(Run { command: self.shown(&command, folder), seconds, errors: self.judge(&folder.join("out.exr"), truth)?, facts })
+        let [errors, in_windows] = self.judge(&folder.join("out.exr"), truth)?;
+        Ok(Run { command: self.shown(&command, folder), seconds, errors, in_windows, facts })
     }
 
     fn render(&self, race: &Race, case: &Case, ours: &Hemisplat, also: &[String], folder: &Path) -> Command {
@@ -159,12 +166,16 @@ impl Programs {
         command
     }
 
-    fn judge(&self, picture: &Path, truth: &Truth) -> Result<Errors, Failure> {
-        let json = picture.with_extension("diff.json");
-        let mut command = Command::new(&self.hemisplat);
-        command.args(["diff", &format!("{}:irradiance", picture.display())]).arg(&truth.indirect);
-        finish(command.arg("--variance").arg(&truth.variance).arg("--json").arg(&json))?;
-        Ok(serde_json::from_slice(&read(&json)?)?)
+    /// The errors at every k-th pixel, and those in windows.
+    fn judge(&self, picture: &Path, truth: &Truth) -> Result<[Errors; 2], Failure> {
+        let diff = |reference: &Path, more: &[&OsStr]| -> Result<Errors, Failure> {
+            let json = picture.with_extension("diff.json");
+            let mut command = Command::new(&self.hemisplat);
+            command.args(["diff", &format!("{}:irradiance", picture.display())]).arg(reference);
+            finish(command.args(more).arg("--json").arg(&json))?;
+            Ok(serde_json::from_slice(&read(&json)?)?)
+        };
+        Ok([diff(&truth.indirect, &["--variance".as_ref(), truth.variance.as_os_str()])?, diff(&truth.windows, &[])?])
     }
 
     /// A command as anyone would type it, wherever the programs and files are here.

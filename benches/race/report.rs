@@ -45,6 +45,8 @@ pub struct Point {
     pub seconds: Spread,
     pub seconds_of_runs: Vec<f64>,
     pub errors: Errors,
+    /// The same at every pixel of windows.
+    pub in_windows: Errors,
     /// What else its program tells of the last run.
     pub facts: Value,
     /// Whether it is on its program's curve: no other point of it is as fast and as exact.
@@ -71,17 +73,31 @@ impl Point {
         let name = setting.name();
         let seconds_of_runs: Vec<f64> = runs.iter().map(|run| run.seconds).collect();
         let seconds = Spread::of(&seconds_of_runs).ok_or("no runs")?;
-        if runs.iter().any(|run| run.errors != runs[0].errors) {
+        if runs.iter().any(|run| run.errors != runs[0].errors || run.in_windows != runs[0].in_windows) {
             return Err(format!("{} {name}: pictures of equal runs differ", setting.program().name()).into());
         }
-        let Run { command, errors, facts, .. } = runs.into_iter().next_back().ok_or("no runs")?;
-        Ok(Self { program: setting.program(), name, setting: setting.clone(), command, seconds, seconds_of_runs, errors, facts, is_on_curve: false })
+        let Run { command, errors, in_windows, facts, .. } = runs.into_iter().next_back().ok_or("no runs")?;
+        Ok(Self {
+            program: setting.program(),
+            name,
+            setting: setting.clone(),
+            command,
+            seconds,
+            seconds_of_runs,
+            errors,
+            in_windows,
+            facts,
+            is_on_curve: false,
+        })
     }
 
     pub fn sample(&self) -> Result<Sample, Failure> {
         let Errors { rmse_over_mean, bias_over_mean, block_p50, block_p99, .. } = self.errors;
         let (block_p50, block_p99) = block_p50.zip(block_p99).ok_or_else(|| format!("{}: no block of the picture is whole", self.name))?;
-        Ok(Sample { seconds: self.seconds.median, rmse_over_mean, bias_over_mean, block_p50, block_p99 })
+        let Errors { band_error, rmse_edges, .. } = self.in_windows;
+        let (band_error, rmse_edges) =
+            band_error.zip(rmse_edges).ok_or_else(|| format!("{}: the windows hold no edge, or no surface that is large enough", self.name))?;
+        Ok(Sample { seconds: self.seconds.median, rmse_over_mean, bias_over_mean, block_p50, block_p99, band_error, rmse_edges })
     }
 }
 
@@ -119,6 +135,11 @@ impl Level {
 }
 
 fn worse(ours: &Sample, theirs: &Sample) -> Vec<&'static str> {
-    let pairs = [("block_p50", ours.block_p50, theirs.block_p50), ("block_p99", ours.block_p99, theirs.block_p99)];
+    let pairs = [
+        ("block_p50", ours.block_p50, theirs.block_p50),
+        ("block_p99", ours.block_p99, theirs.block_p99),
+        ("band_error", ours.band_error, theirs.band_error),
+        ("rmse_edges", ours.rmse_edges, theirs.rmse_edges),
+    ];
     pairs.into_iter().filter(|(_, ours, theirs)| ours > theirs).map(|(name, ..)| name).collect()
 }

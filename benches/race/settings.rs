@@ -1,5 +1,6 @@
 //! What is raced: scenes, and the settings of each program, read from a file and checked before anything runs.
 
+use hemisplat::math::windows::{Windows, room};
 use hemisplat::{passes::REGISTRY, pipeline};
 use serde::{Deserialize, Serialize};
 use std::io;
@@ -24,12 +25,14 @@ pub struct Race {
     pub mitsuba: Vec<Mitsuba>,
 }
 
-/// What all errors are held against: rays of each pixel of those that it holds, every `stride`-th of each row and column.
+/// What all errors are held against: rays of each pixel of those that it holds. One truth has every `stride`-th pixel of each row and column; what an eye
+/// sees first is measured in another one, at every pixel of so many windows.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Truth {
     pub samples: u32,
     pub stride: u32,
+    pub windows: u32,
 }
 
 /// A scene by its name in `benches/peers/cases.json` and in `scenes/`, and what Radiance is tried with on it.
@@ -155,9 +158,12 @@ impl Race {
     }
 
     fn check_sizes(&self) -> Result<(), String> {
-        let Truth { samples, stride } = self.truth;
+        let Truth { samples, stride, windows } = self.truth;
         if stride == 0 || !self.size.is_multiple_of(stride) || self.size / stride < FEWEST_PIXELS {
             return Err(format!("size {} and stride {stride}: the size is to be a multiple of the stride, {FEWEST_PIXELS} times as large at least", self.size));
+        }
+        if Windows::spread([self.size; 2], windows).is_none() {
+            return Err(format!("truth.windows {windows}: the picture has room for 1 to {}", room([self.size; 2])));
         }
         if !samples.is_multiple_of(ROUND) || samples < ROUND * FEWEST_ROUNDS {
             return Err(format!("truth.samples {samples}: Mitsuba casts rounds of {ROUND}, {FEWEST_ROUNDS} at least"));

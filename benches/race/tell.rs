@@ -5,6 +5,7 @@ use crate::{
     report::{Level, Point, Report, Scene},
     settings::Program,
 };
+use hemisplat::math::windows::SIDE;
 use hemisplat::measure::plot::{Line, Mark, Plot};
 use std::fmt::Write;
 
@@ -16,7 +17,7 @@ pub fn markdown(report: &Report) -> String {
     let cpu = machine.cpu.as_deref().unwrap_or("processor unknown");
     let mut text = format!(
         "{date}, commit {}: {size}×{size} pixels, one bounce; {} cores ({cpu}), {}; hemisplat {}, Radiance by {}, Mitsuba {}; \
-         truth by Mitsuba, {} rays at one pixel of {stride}×{stride}.\n",
+         truth by Mitsuba, {} rays at one pixel of {stride}×{stride} and in {windows} windows of {side}×{side} pixels (`band_error`, `rmse_edges`).\n",
         report.commit.as_deref().unwrap_or("unknown"),
         machine.cores,
         machine.adapter,
@@ -24,7 +25,9 @@ pub fn markdown(report: &Report) -> String {
         versions.radiance,
         versions.mitsuba,
         truth.samples,
-        stride = truth.stride
+        stride = truth.stride,
+        windows = truth.windows,
+        side = SIDE
     );
     for scene in &report.scenes {
         let _ = write!(text, "\n### {}\n\n{}\n{}", scene.scene, points(scene), levels(scene));
@@ -48,19 +51,21 @@ fn share(value: Option<f64>) -> String {
 
 fn points(scene: &Scene) -> String {
     let mut text = String::from(
-        "| program | settings | seconds | `rmse_over_mean` | `bias_over_mean` | `block_p50` | `block_p99` | on its curve |\n|---|---|---|---|---|---|---|---|\n",
+        "| program | settings | seconds | `rmse_over_mean` | `bias_over_mean` | `block_p50` | `block_p99` | `band_error` | `rmse_edges` | on its curve |\n|---|---|---|---|---|---|---|---|---|---|\n",
     );
-    for Point { program, name, seconds, seconds_of_runs, errors, is_on_curve, .. } in &scene.points {
+    for Point { program, name, seconds, seconds_of_runs, errors, in_windows, is_on_curve, .. } in &scene.points {
         let range = if seconds_of_runs.len() > 1 { format!(" ({}…{})", round(seconds.least), round(seconds.most)) } else { String::new() };
         let _ = writeln!(
             text,
-            "| {} | `{name}` | {}{range} | {} | {:+.2} % | {} | {} | {} |",
+            "| {} | `{name}` | {}{range} | {} | {:+.2} % | {} | {} | {} | {} | {} |",
             program.name(),
             round(seconds.median),
             percent(errors.rmse_over_mean),
             errors.bias_over_mean * 100.0,
             share(errors.block_p50),
             share(errors.block_p99),
+            share(in_windows.band_error),
+            share(in_windows.rmse_edges),
             if *is_on_curve { "yes" } else { "" }
         );
     }
@@ -69,7 +74,7 @@ fn points(scene: &Scene) -> String {
 
 fn levels(scene: &Scene) -> String {
     let mut text = String::from(
-        "| at `rmse_over_mean` | Radiance | Mitsuba | hemisplat | Radiance / hemisplat | Mitsuba / hemisplat | `block_p50`, `block_p99` of Radiance | of hemisplat | hemisplat is worse in |\n\
+        "| at `rmse_over_mean` | Radiance | Mitsuba | hemisplat | Radiance / hemisplat | Mitsuba / hemisplat | `block_p50`, `block_p99`, `band_error`, `rmse_edges` of Radiance | of hemisplat | hemisplat is worse in |\n\
          |---|---|---|---|---|---|---|---|---|\n",
     );
     for Level { rmse_over_mean, radiance, mitsuba, hemisplat, radiance_over_hemisplat, mitsuba_over_hemisplat, hemisplat_is_worse_in } in &scene.equal_error {
@@ -110,7 +115,8 @@ fn worse(errors: Option<&[&str]>) -> String {
 }
 
 fn blocks(reading: &Reading) -> String {
-    reading.sample().map_or_else(|| OUT_OF_RANGE.to_owned(), |sample| format!("{}, {}", percent(sample.block_p50), percent(sample.block_p99)))
+    let told = |sample: Sample| [sample.block_p50, sample.block_p99, sample.band_error, sample.rmse_edges].map(percent).join(", ");
+    reading.sample().map_or_else(|| OUT_OF_RANGE.to_owned(), told)
 }
 
 /// The curves of all programs and scenes: points that another one of their program beats are left out.

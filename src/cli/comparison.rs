@@ -117,8 +117,19 @@ fn errors(comparison: &Comparison) -> String {
     }
     let _ = writeln!(
         text,
-        "\n{:<3} {:>14} {:>14} {:>15} {:>9} {:>9} {:>10} {:>9} {:>9}",
-        "", "rmse_over_mean", "bias_over_mean", "rms_of_relative", "block_p50", "block_p99", "picture", "flip", "hdr_flip"
+        "\n{:<3} {:>14} {:>14} {:>15} {:>9} {:>9} {:>10} {:>10} {:>13} {:>10} {:>9} {:>9}",
+        "",
+        "rmse_over_mean",
+        "bias_over_mean",
+        "rms_of_relative",
+        "block_p50",
+        "block_p99",
+        "band_error",
+        "rmse_edges",
+        "rmse_interior",
+        "picture",
+        "flip",
+        "hdr_flip"
     );
     for variant in &comparison.variants {
         let seen = |name: &str| seen(&variant.errors, name).map_or("-".to_owned(), |value| format!("{value:.4}"));
@@ -148,7 +159,8 @@ fn layer(comparison: &Comparison, heading: &str, of: impl Fn(&VariantErrors) -> 
 fn shares(id: &str, errors: Option<&Errors>) -> String {
     let of = |name: &str| percent_of(metric(errors, name));
     let [rmse, bias, relative, median, worst] = ["rmse_over_mean", "bias_over_mean", "rms_of_relative", "block_p50", "block_p99"].map(of);
-    format!("{id:<3} {rmse:>14} {bias:>14} {relative:>15} {median:>9} {worst:>9}")
+    let [band, edges, interior] = ["band_error", "rmse_edges", "rmse_interior"].map(of);
+    format!("{id:<3} {rmse:>14} {bias:>14} {relative:>15} {median:>9} {worst:>9} {band:>10} {edges:>10} {interior:>13}")
 }
 
 fn percent_of(value: Option<f64>) -> String {

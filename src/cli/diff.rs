@@ -125,7 +125,13 @@ fn expect_same_view(test: &Input, reference: &Input) -> Result<(), Failure> {
 }
 
 fn table(test: &Path, reference: &Path, errors: &Errors) -> String {
-    let every = if errors.stride == 1 { String::new() } else { format!(", one of {0} in each row and column", errors.stride) };
+    let mut every = if errors.stride == 1 { String::new() } else { format!(", one of {0} in each row and column", errors.stride) };
+    if let Some(windows) = errors.windows {
+        let _ = write!(every, " in {windows} {}", if windows == 1 { "window" } else { "windows" });
+    }
+    if let Some(share) = errors.edge_share {
+        let _ = write!(every, ", {:.1} % at edges", share * 100.0);
+    }
     let mut table = format!(
         "{} of {} against {}\n{} pixels of surface{every}; mean {:.6}",
         errors.layer,
@@ -138,7 +144,7 @@ fn table(test: &Path, reference: &Path, errors: &Errors) -> String {
         let _ = write!(table, ", noise of the reference {:.2} % (taken off)", noise * 100.0);
     }
     table.push('\n');
-    let _ = writeln!(table, "  {:<16}{:>12}   {:<23} {}", "", "", "95 % interval", "noise of the reference in it");
+    let _ = writeln!(table, "  {:<16}{:>12}   {:<23} noise of the reference in it", "", "", "95 % interval");
     Errors::METRICS.iter().for_each(|metric| table += &row(errors, metric));
     let worst = &errors.largest;
     let _ = writeln!(table, "largest at ({}, {}): {:.6} instead of {:.6}", worst.x, worst.y, worst.test, worst.reference);

@@ -52,6 +52,7 @@ impl Judge {
                 noise_over_mean: None,
                 error_asked: None,
                 stride: None,
+                windows: None,
             }),
         }
     }

@@ -7,8 +7,8 @@ use super::interrupt::{self, Shelter};
 use super::output::{PictureTarget, expect_distinct, warn_of_nothing};
 use super::progress::Progress;
 use super::scene::{SceneOptions, View};
-use crate::measure::{Layer, Layers, PICTURE};
-use crate::reference::{Bounces, MAX_SAMPLES, Reference, Settings, Stop, render};
+use crate::measure::{Layer, Layers, PICTURE, WINDOWS};
+use crate::reference::{Bounces, MAX_SAMPLES, Pixels, Reference, Settings, Stop, render};
 use clap::Args;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -17,7 +17,8 @@ use std::path::PathBuf;
 #[derive(Args)]
 #[command(after_help = "Example: hemisplat reference --scene scenes/cornell.ron --bounces 1 --spp 4096 -o out/cornell-reference.exr
 
-An EXR file holds the layers picture, direct, indirect, irradiance and its variance, direct_irradiance, depth, normal.")]
+An EXR file holds the layers picture, direct, indirect, irradiance and its variance, direct_irradiance, depth, normal.
+Of windows it has the full size, is 0 outside of them, and tells their corners in its attribute `windows`.")]
 pub struct Options {
     #[command(flatten)]
     scene: SceneOptions,
@@ -33,6 +34,9 @@ pub struct Options {
     /// Only every K-th pixel of each row and column, from pixel K/2 on
     #[arg(long, value_name = "K", default_value_t = 1)]
     stride: u32,
+    /// Only N squares of 64×64 pixels, spread over the picture: what blocks, bands and ꟻLIP are measured in at full resolution
+    #[arg(long, value_name = "N", conflicts_with = "stride")]
+    windows: Option<u32>,
     /// Another seed is an independent estimate
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
@@ -48,7 +52,8 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     let targets = options.output.iter().map(|path| PictureTarget::new(path)).collect::<Result<Vec<_>, _>>()?;
     let view = options.scene.load(console)?;
     let stop = options.error.map_or(Stop::Samples(options.spp), |error| Stop::RelativeError { error, at_most: MAX_SAMPLES });
-    let settings = Settings { size: view.size, stride: options.stride, bounces: options.bounces, stop, seed: options.seed };
+    let pixels = options.windows.map_or(Pixels::Every(options.stride), Pixels::Windows);
+    let settings = Settings { size: view.size, pixels, bounces: options.bounces, stop, seed: options.seed };
     let _shelter = Shelter::new();
     let result = {
         let progress = Progress::new(console, "tracing paths");
@@ -114,5 +119,6 @@ pub(super) fn layers(reference: &Reference, attributes: BTreeMap<String, String>
             .with("glossy_luminance_variance", value(&noise.glossy)),
         None => picture,
     };
-    Layers { attributes, ..picture }
+    let windows = reference.windows.iter().map(|windows| (WINDOWS.to_owned(), windows.to_string()));
+    Layers { attributes: attributes.into_iter().chain(windows).collect(), ..picture }
 }

@@ -11,6 +11,7 @@ use crate::measure::criteria::{Cost, Metric};
 use crate::measure::study::{self, Study, embedded};
 use crate::pipeline::diagnostics::known;
 use crate::pipeline::{Problem, Problems};
+use crate::reference::Pixels;
 use clap::Args;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -72,9 +73,11 @@ pub fn run(options: Options, console: &Console) -> Result<(), Failure> {
     }
     let reference = match study.reference {
         study::Reference::Row(row) => Reference::Row(row),
-        study::Reference::Traced { spp, stride } => {
-            Reference::Outside(TruthOptions::traced(options.reference_spp.unwrap_or(spp), stride, options.reference_cache))
-        }
+        study::Reference::Traced { spp, stride, windows } => Reference::Outside(TruthOptions::traced(
+            options.reference_spp.unwrap_or(spp),
+            windows.map_or(Pixels::Every(stride), Pixels::Windows),
+            options.reference_cache,
+        )),
     };
     // Another scene has other cameras.
     let camera = study.camera.as_ref().filter(|_| options.scene.is_none());

@@ -12,12 +12,13 @@ use super::progress::Progress;
 use super::scene::View;
 use super::sealed::{self, Unusable};
 use crate::gpu::scene::camera;
+use crate::math::windows::SIDE;
 use crate::measure::cache::{Checksum, fingerprint};
 use crate::measure::compare::{ReferenceReport, VariantErrors, checksum, judged};
 use crate::measure::metrics::{SCENE_CHECKSUM, other_view};
 use crate::measure::projection::Projection;
 use crate::measure::{DIRECT, Errors, GLOSSY, IRRADIANCE, Layer, Layers, MetricsError, PICTURE, PictureError, compare};
-use crate::reference::{Bounces, MAX_SAMPLES, Settings, Stop, VERSION, check, render};
+use crate::reference::{Bounces, MAX_SAMPLES, Pixels, Settings, Stop, VERSION, check, render};
 use clap::Args;
 use etcetera::BaseStrategy;
 use std::path::{Path, PathBuf};
@@ -52,9 +53,12 @@ pub struct TruthOptions {
     /// Trace a reference of so many rays per pixel
     #[arg(long, value_name = "N", conflicts_with_all = ["reference", "no_reference"])]
     reference_spp: Option<u32>,
-    /// Trace only every K-th pixel of each row and column; without every pixel there is no `flip`
+    /// Trace only every K-th pixel of each row and column; without every pixel there is no `flip` and no `band_error`
     #[arg(long, value_name = "K", default_value_t = 1, conflicts_with_all = ["reference", "no_reference"])]
     reference_stride: u32,
+    /// Trace only N squares of 64×64 pixels, spread over the picture, at full resolution: errors of all kinds at the cost of a stride
+    #[arg(long, value_name = "N", conflicts_with_all = ["reference", "no_reference", "reference_stride"])]
+    reference_windows: Option<u32>,
     /// Where references that are traced are kept; the user's cache folder if not given
     #[arg(long, value_name = "DIR", conflicts_with_all = ["reference", "no_reference"])]
     reference_cache: Option<PathBuf>,
@@ -70,8 +74,13 @@ pub struct Truth {
 
 impl TruthOptions {
     /// A reference that is traced; `cache` is where it is kept, the user's cache folder if not given.
-    pub fn traced(spp: u32, stride: u32, cache: Option<PathBuf>) -> Self {
-        Self { reference_spp: Some(spp), reference_stride: stride, reference_cache: cache, no_reference: false, ..Self::none() }
+    pub fn traced(spp: u32, pixels: Pixels, cache: Option<PathBuf>) -> Self {
+        let (stride, windows) = match pixels {
+            Pixels::Every(stride) => (stride, None),
+            Pixels::Windows(count) => (1, Some(count)),
+        };
+        let own = Self { reference_spp: Some(spp), reference_stride: stride, reference_windows: windows, reference_cache: cache, ..Self::none() };
+        Self { no_reference: false, ..own }
     }
 
     /// No reference from outside.
@@ -84,6 +93,7 @@ impl TruthOptions {
             reference_error: None,
             reference_spp: None,
             reference_stride: 1,
+            reference_windows: None,
             reference_cache: None,
         }
     }
@@ -115,7 +125,8 @@ impl TruthOptions {
         }
         let folder = self.reference_cache.clone().or_else(cache_folder).ok_or_else(|| Failure::input(CommandError::NoReferenceCache))?;
         let stop = self.stop(view);
-        let settings = Settings { size: view.size, stride: self.reference_stride, bounces: Bounces::Count(BOUNCES), stop, seed: 0 };
+        let pixels = self.reference_windows.map_or(Pixels::Every(self.reference_stride), Pixels::Windows);
+        let settings = Settings { size: view.size, pixels, bounces: Bounces::Count(BOUNCES), stop, seed: 0 };
         check(&view.camera, &settings).map_err(Failure::input)?;
         let key = key(view, &settings);
         let target = Target::new(&folder.join(format!("reference-{}.exr", Checksum::of(key.as_bytes()))))?;
@@ -128,7 +139,8 @@ impl TruthOptions {
             (None, Some(error)) => Stop::RelativeError { error, at_most: MAX_SAMPLES },
             (None, None) => {
                 let [columns, rows] = view.size.map(|side| u64::from(side.div_ceil(self.reference_stride.max(1)).max(1)));
-                let at_most = (MOST_PATHS / (columns * rows)).clamp(u64::from(FEWEST_RAYS), u64::from(MAX_SAMPLES)) as u32;
+                let pixels = self.reference_windows.map_or(columns * rows, |count| (u64::from(count) * u64::from(SIDE * SIDE)).max(1));
+                let at_most = (MOST_PATHS / pixels).clamp(u64::from(FEWEST_RAYS), u64::from(MAX_SAMPLES)) as u32;
                 Stop::RelativeError { error: ENOUGH, at_most }
             }
         }
@@ -149,12 +161,12 @@ pub fn cache_folder() -> Option<PathBuf> {
 
 /// Everything that a reference depends on.
 fn key(view: &View, settings: &Settings) -> String {
-    let Settings { stride, bounces, seed, stop, .. } = settings;
+    let Settings { pixels, bounces, seed, stop, .. } = settings;
     let stop = match stop {
         Stop::Samples(rays) => format!("spp {rays}"),
         Stop::RelativeError { error, at_most } => format!("error {error} at most {at_most}"),
     };
-    format!("tracer {VERSION}, {}, stride {stride}, bounces {bounces}, {stop}, seed {seed}", content(view))
+    format!("tracer {VERSION}, {}, {pixels}, bounces {bounces}, {stop}, seed {seed}", content(view))
 }
 
 /// What a view shows, whatever its files are called: scene, camera and size.
@@ -315,6 +327,7 @@ impl Truth {
             noise_over_mean: attribute("noise").and_then(|noise| noise.parse().ok()),
             error_asked: attribute("error").and_then(|error| error.parse().ok()),
             stride: attribute("stride"),
+            windows: self.picture.windows().ok().flatten().map(|windows| windows.corners().len()),
         }
     }
 

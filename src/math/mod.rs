@@ -17,3 +17,4 @@ pub mod sum;
 pub mod sum_vectors;
 pub mod vectors;
 pub mod weight;
+pub mod windows;

@@ -160,6 +160,8 @@ pub struct ReferenceReport {
     /// The noise down to which it was to be traced; it ended at its bound where `noise_over_mean` is larger.
     pub error_asked: Option<f64>,
     pub stride: Option<String>,
+    /// How many windows it was traced in, where that is not the whole picture.
+    pub windows: Option<usize>,
 }
 
 #[derive(Debug, Clone, Serialize)]

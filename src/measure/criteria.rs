@@ -59,15 +59,20 @@ impl fmt::Display for Metric {
 
 impl Metric {
     /// Those that a page tells, in words.
-    pub const TOLD: [(Self, &str); 14] = [
+    pub const TOLD: [(Self, &str); 19] = [
         (Self::irradiance("rmse_over_mean"), "Irradiance, rmse over mean"),
         (Self::irradiance("bias_over_mean"), "Irradiance, bias over mean"),
         (Self::irradiance("rms_of_relative"), "Irradiance, rms of relative"),
         (Self::irradiance("block_p50"), "Irradiance, blocks, median"),
         (Self::irradiance("block_p99"), "Irradiance, blocks, 99th percentile"),
+        (Self::irradiance("band_error"), "Irradiance, bands of 5 to 30 pixels"),
+        (Self::irradiance("rmse_edges"), "Irradiance, rmse at edges"),
+        (Self::irradiance("rmse_interior"), "Irradiance, rmse inside surfaces"),
         (Self::irradiance("relmse"), "Irradiance, relative MSE"),
         (Self::picture("rmse_over_mean"), "Picture, rmse over mean"),
         (Self::picture("block_p99"), "Picture, blocks, 99th percentile"),
+        (Self::picture("band_error"), "Picture, bands of 5 to 30 pixels"),
+        (Self::picture("rmse_edges"), "Picture, rmse at edges"),
         (Self::picture("flip"), "Picture, ꟻLIP"),
         (Self::picture("hdr_flip"), "Picture, HDR-ꟻLIP"),
         (Self { layer: Judged::Glossy, name: "rmse_over_mean" }, "Glossy, rmse over mean"),
@@ -257,6 +262,7 @@ mod tests {
             layer: String::new(),
             pixels: 1,
             stride: 1,
+            windows: None,
             reference_mean: 1.0,
             reference_noise_over_mean: None,
             rmse_over_mean,
@@ -264,6 +270,10 @@ mod tests {
             rms_of_relative: None,
             block_p50: None,
             block_p99: None,
+            edge_share: None,
+            rmse_edges: None,
+            rmse_interior: None,
+            band_error: None,
             relmse: 0.0,
             flip: None,
             hdr_flip: None,

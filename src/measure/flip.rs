@@ -11,6 +11,9 @@ use std::f64::consts::PI;
 /// The viewer of the paper: a 0.7 m wide screen of 3840 pixels at 0.7 m distance [pixels per degree].
 pub const PIXELS_PER_DEGREE: f64 = 3840.0 / 0.7 * 0.7 * PI / 180.0;
 
+/// How far away a pixel may be that decides over this one: half the width of the widest filter [pixels].
+pub const REACH: u32 = 10;
+
 /// Mean ꟻLIP error of two pictures, 0 (equal) .. 1.
 ///
 /// `test` and `reference` hold `width · height` colours, linear Rec. 709 in 0..1 (the display's light, so tone-mapped), rows from the top.
@@ -38,18 +41,18 @@ pub fn flip_map(test: &[DVec3], reference: &[DVec3], width: usize) -> Vec<f64> {
 /// As [`flip`] otherwise; neither depends on the light's unit. (Andersson, Nilsson, Shirley, Akenine-Möller: "Visualizing Errors in Rendered High
 /// Dynamic Range Images", Eurographics 2021.)
 pub fn hdr_flip(test: &[DVec3], reference: &[DVec3], width: usize) -> Option<f64> {
-    let map = hdr_flip_map(test, reference, width)?;
-    Some(map.iter().sum::<f64>() / map.len() as f64)
+    let largest = hdr_flip_map(test, reference, width, &exposures(reference)?);
+    Some(largest.iter().sum::<f64>() / largest.len() as f64)
 }
 
-/// HDR-ꟻLIP error of each pixel; arguments as for [`hdr_flip`].
-pub fn hdr_flip_map(test: &[DVec3], reference: &[DVec3], width: usize) -> Option<Vec<f64>> {
+/// HDR-ꟻLIP error of each pixel, 0..1, at the exposures that [`exposures`] tells of the whole reference; other arguments as for [`hdr_flip`].
+pub fn hdr_flip_map(test: &[DVec3], reference: &[DVec3], width: usize, exposures: &[f64]) -> Vec<f64> {
     let mut largest = vec![0.0f64; reference.len()];
-    for stops in exposures(reference)? {
+    for stops in exposures {
         let [test, reference] = [test, reference].map(|picture| picture.iter().map(|&colour| filmic(colour * stops.exp2())).collect::<Vec<_>>());
         largest.iter_mut().zip(flip_map(&test, &reference, width)).for_each(|(largest, error)| *largest = largest.max(error));
     }
-    Some(largest)
+    largest
 }
 
 /// The curve `(k₀x² + k₁x + k₂) / (k₃x² + k₄x + k₅)` that stands for the film of the Academy Color Encoding System (Narkowicz 2015), with its
@@ -63,8 +66,8 @@ fn filmic(colour: DVec3) -> DVec3 {
 }
 
 /// Exposures from that which brings the brightest pixel of the reference just below white to that which brings the median pixel there, a stop or
-/// less apart [stops]; of an even number, the median is the upper one. A median below what single precision tells from the brightest pixel counts as that.
-fn exposures(reference: &[DVec3]) -> Option<Vec<f64>> {
+/// less apart [stops]; None of a black one. Of an even number, the median is the upper one. A median below what single precision tells from the brightest pixel counts as that.
+pub fn exposures(reference: &[DVec3]) -> Option<Vec<f64>> {
     let mut luminances: Vec<f64> = reference.iter().map(|colour| luminance(*colour)).collect();
     luminances.sort_by(f64::total_cmp);
     let brightest = luminances.last().copied().filter(|brightest| *brightest > 0.0)?;
@@ -144,7 +147,7 @@ fn colour_difference(test: &[DVec3], reference: &[DVec3], width: usize) -> Vec<f
 fn perceived(picture: &[DVec3], width: usize) -> Vec<DVec3> {
     // Each sensitivity is a sum of Gaussians (amplitude a, width b in degrees²), table 1.
     let sensitivities: [&[(f64, f64)]; 3] = [&[(1.0, 0.0047)], &[(1.0, 0.0053)], &[(34.1, 0.04), (13.5, 0.025)]];
-    let radius = (3.0 * (0.04 / (2.0 * PI * PI)).sqrt() * PIXELS_PER_DEGREE).ceil() as i32;
+    let radius = REACH as i32;
     let mut filtered = vec![DVec3::ZERO; picture.len()];
     for (axis, sensitivity) in sensitivities.into_iter().enumerate() {
         let kernels: Vec<(f64, Vec<f64>)> = sensitivity.iter().map(|&(a, b)| (a * PI / b, gaussian_degrees(b, radius))).collect();
@@ -252,6 +255,29 @@ mod tests {
         let map = flip_map(&test, &reference, SIZE.0);
         let found = [flip(&test, &reference, SIZE.0), map[0], map[8 * SIZE.0 + 11]];
         assert!(found.iter().zip([mean, corner, inside]).all(|(a, b)| (a - b).abs() < 1e-4), "{found:?}");
+    }
+
+    #[test]
+    fn no_filter_is_wider_than_the_reach() {
+        // Three deviations of the widest Gaussian of the colours, and of the edges.
+        let colours = 3.0 * (0.04 / (2.0 * PI * PI)).sqrt() * PIXELS_PER_DEGREE;
+        let edges = 3.0 * 0.5 * 0.082 * PIXELS_PER_DEGREE;
+        assert_eq!(colours.max(edges).ceil() as u32, REACH);
+    }
+
+    /// A part of a picture knows the errors of its pixels but for those within the reach of its border.
+    #[test]
+    fn a_part_tells_what_the_whole_tells_away_from_its_border() {
+        let (width, height, side, corner) = (60usize, 50usize, 30usize, 12usize);
+        let value = |at: usize, seed: usize| ((at * 7919 + seed * 104_729) % 1009) as f64 / 1009.0;
+        let [test, reference] = [1, 2].map(|seed| (0..width * height).map(|at| DVec3::new(value(at, seed), value(at, seed + 2), 0.5)).collect::<Vec<_>>());
+        let part = |of: &[DVec3]| -> Vec<DVec3> { (0..side * side).map(|at| of[(at / side + corner) * width + at % side + corner]).collect() };
+        let (whole, found) = (flip_map(&test, &reference, width), flip_map(&part(&test), &part(&reference), side));
+        let reach = REACH as usize;
+        for (x, y) in (reach..side - reach).flat_map(|x| (reach..side - reach).map(move |y| (x, y))) {
+            assert!((found[y * side + x] - whole[(y + corner) * width + x + corner]).abs() < 1e-12, "{x} {y}");
+        }
+        assert!((found[0] - whole[corner * width + corner]).abs() > 1e-3, "a border is seen otherwise");
     }
 
     #[test]

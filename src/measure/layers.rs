@@ -7,6 +7,7 @@
 use super::blocks::{self, Plane};
 use super::projection::Projection;
 use crate::math::colour::luminance;
+use crate::math::windows::Windows;
 use exr::meta::BlockDescription;
 use exr::meta::header::Header;
 use exr::prelude::*;
@@ -24,6 +25,9 @@ pub const IRRADIANCE: &str = "irradiance";
 pub const GLOSSY: &str = "glossy";
 /// The layer of direct light.
 pub const DIRECT: &str = "direct";
+
+/// The attribute that tells the corners of windows, where a picture holds nothing else.
+pub const WINDOWS: &str = "windows";
 
 /// The channel of a layer that has but one, such as `weight`.
 pub const VALUE: &str = "";
@@ -96,6 +100,9 @@ pub enum PictureError {
     #[error("{value} in channel `{channel}` of layer `{layer}` at pixel ({x}, {y})")]
     #[diagnostic(code(measure::non_finite), help("no picture with NaN or infinity is written or compared"))]
     NonFinite { layer: String, channel: String, x: u32, y: u32, value: f32 },
+    #[error("the attribute `{WINDOWS}` is `{text}`")]
+    #[diagnostic(code(measure::windows), help("it lists the corners of windows within the picture, each once: `0,64 128,0`"))]
+    Windows { text: String },
     #[error("the picture cannot be written: {0}")]
     #[diagnostic(code(measure::unwritable))]
     Unwritable(#[from] std::io::Error),
@@ -196,6 +203,21 @@ impl Layers {
     pub fn luminance(&self, name: &str) -> std::result::Result<Vec<f64>, PictureError> {
         let layer = self.layer(name)?;
         layer.luminance().ok_or_else(|| PictureError::NotAPicture { name: name.to_owned(), held: layer.channel_names() })
+    }
+
+    /// Whether pixels that are neighbours here were neighbours in the full picture: not in one of every k-th pixel.
+    pub fn is_dense(&self) -> bool {
+        self.attributes.get("stride").is_none_or(|stride| stride == "1")
+    }
+
+    /// The windows that the picture holds; None where it holds all pixels.
+    ///
+    /// # Errors
+    /// The attribute `windows` tells no windows of this picture.
+    pub fn windows(&self) -> std::result::Result<Option<Windows>, PictureError> {
+        let Some(text) = self.attributes.get(WINDOWS) else { return Ok(None) };
+        let windows = text.parse().ok().filter(|windows: &Windows| windows.fit([self.width, self.height]));
+        windows.map(Some).ok_or_else(|| PictureError::Windows { text: text.clone() })
     }
 
     /// Checks what every writer and every comparison relies on: planes of the picture's size, finite values.

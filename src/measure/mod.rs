@@ -1,9 +1,11 @@
 //! What came out, and how good it is: layered pictures, the curve that shows them, and the errors against a reference.
 
+pub mod bands;
 mod blocks;
 pub mod cache;
 pub mod compare;
 pub mod criteria;
+pub mod edges;
 pub mod exposure;
 pub mod flip;
 pub mod gap;
@@ -22,5 +24,5 @@ pub mod sweep;
 pub mod tone;
 pub mod traffic;
 
-pub use layers::{DIRECT, GLOSSY, IRRADIANCE, Layer, Layers, MAX_SAMPLES, PICTURE, PictureError};
+pub use layers::{DIRECT, GLOSSY, IRRADIANCE, Layer, Layers, MAX_SAMPLES, PICTURE, PictureError, WINDOWS};
 pub use metrics::{ErrorDifference, Errors, Interval, LargestError, MetricsError, Selected, compare, compare_layers};

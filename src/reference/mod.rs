@@ -9,7 +9,7 @@
 //! variance of their mean. Light from emitters and from a latitude-longitude sky is sampled both by rays and at its
 //! source, joined by the balance heuristic (Veach 1997, eq. 9.8), so that no place is singular. Every pixel and round
 //! draws from its own counter-based stream: the result does not depend on the number of threads, and a picture with a
-//! stride holds the same bits as every k-th pixel of the full one.
+//! stride or of windows holds the same bits as these pixels of the full one.
 //!
 //! Direct light is shadowed by either side of a surface, whatever sends it. Rays that look for indirect light pass
 //! through the backs of one-sided surfaces, as those of a viewer do.
@@ -21,6 +21,7 @@ mod random;
 pub use path::{Gather, Tracer};
 
 use crate::math::colour::luminance;
+use crate::math::windows::{SIDE, Windows, room};
 use crate::scene::{Camera, MAX_SIDE, Rgb, Scene, bvh::Bvh, surface::Surface};
 use glam::{DVec3, Vec3};
 use path::Round;
@@ -60,18 +61,56 @@ const CHUNK: usize = 64;
 pub struct Settings {
     /// Width and height of the full picture [pixels].
     pub size: [u32; 2],
-    /// Only the pixels `stride/2, stride/2 + stride, …` of each axis are computed; 1 for all.
-    pub stride: u32,
+    /// Which of its pixels are computed.
+    pub pixels: Pixels,
     pub bounces: Bounces,
     pub stop: Stop,
     /// Another seed is an independent estimate.
     pub seed: u64,
 }
 
+/// Which pixels of a picture are computed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Pixels {
+    /// The pixels `k/2, k/2 + k, …` of each axis; 1 for all. The reference has these alone, and is k times smaller.
+    Every(u32),
+    /// Those of so many windows, as [`Windows::spread`] places them. The reference has the full size, and is 0 elsewhere.
+    Windows(u32),
+}
+
+impl Pixels {
+    /// Every how many columns and rows the reference has one.
+    fn stride(self) -> u32 {
+        match self {
+            Self::Every(stride) => stride,
+            Self::Windows(_) => 1,
+        }
+    }
+}
+
+impl fmt::Display for Pixels {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        match self {
+            Self::Every(stride) => write!(f, "stride {stride}"),
+            Self::Windows(count) => write!(f, "windows {count}"),
+        }
+    }
+}
+
 impl Settings {
-    /// Columns and rows of the pixels computed.
-    fn pixels(&self) -> [u32; 2] {
-        self.size.map(|side| (side - self.stride / 2).div_ceil(self.stride))
+    /// Columns and rows of the reference.
+    fn extent(&self) -> [u32; 2] {
+        let stride = self.pixels.stride();
+        self.size.map(|side| (side - stride / 2).div_ceil(stride))
+    }
+
+    /// The windows, where the picture is computed in windows alone.
+    fn windows(&self) -> Result<Option<Windows>, ReferenceError> {
+        let [width, height] = self.size;
+        match self.pixels {
+            Pixels::Every(_) => Ok(None),
+            Pixels::Windows(count) => Windows::spread(self.size, count).map(Some).ok_or(ReferenceError::Windows { count, width, height }),
+        }
     }
 }
 
@@ -153,13 +192,15 @@ impl Rounds {
 }
 
 /// The result: `width · height` values a layer, rows from the top. A pixel that sees no surface is 0 in all layers but
-/// the picture.
+/// the picture; one that was not computed in all.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Reference {
     pub width: u32,
     pub height: u32,
-    /// As in [`Settings::stride`].
+    /// Every how many columns and rows of the full picture this has one.
     pub stride: u32,
+    /// What was computed, where that is not all.
+    pub windows: Option<Windows>,
     pub bounces: Bounces,
     /// Rays per pixel that were averaged.
     pub samples: u32,
@@ -220,6 +261,9 @@ pub enum ReferenceError {
     #[error("a stride of {stride} does not fit a picture of {width}×{height} pixels")]
     #[diagnostic(code(reference::stride), help("the stride must be at least 1 and at most the shorter side"))]
     Stride { stride: u32, width: u32, height: u32 },
+    #[error("{count} windows of {SIDE}×{SIDE} pixels cannot be placed in a picture of {width}×{height}")]
+    #[diagnostic(code(reference::windows), help("{}", windows_that_fit([*width, *height])))]
+    Windows { count: u32, width: u32, height: u32 },
     #[error("{samples} rays a pixel are too few")]
     #[diagnostic(code(reference::samples), help("ask for 2 or more: a single one does not say how noisy it is"))]
     FewSamples { samples: u32 },
@@ -234,6 +278,13 @@ pub enum ReferenceError {
     Stopped,
 }
 
+fn windows_that_fit(size: [u32; 2]) -> String {
+    match room(size) {
+        0 => format!("both sides of the picture must have {SIDE} pixels at least"),
+        most => format!("it has room for 1 to {most}"),
+    }
+}
+
 /// Renders the ground truth of `camera`'s view.
 ///
 /// `progress` is told the share done, 0..1, from several threads; once it returns false, the round under way is dropped
@@ -245,7 +296,7 @@ pub fn render(scene: &Scene, bvh: &Bvh, camera: &Camera, settings: &Settings, pr
     check(camera, settings)?;
     let start = Instant::now();
     let tracer = Tracer::new(scene, bvh);
-    let mut frame = Frame::new(&tracer, camera, settings);
+    let mut frame = Frame::new(&tracer, camera, settings)?;
     let rounds = Rounds::of(settings.stop);
     let mut expected = rounds.count;
     while frame.rounds < expected {
@@ -279,13 +330,15 @@ pub fn check(camera: &Camera, settings: &Settings) -> Result<(), ReferenceError>
     if width.min(height) == 0 || width.max(height) > MAX_SIDE {
         return Err(ReferenceError::Size { width, height });
     }
-    if settings.stride == 0 || settings.stride > width.min(height) {
-        return Err(ReferenceError::Stride { stride: settings.stride, width, height });
+    let stride = settings.pixels.stride();
+    if stride == 0 || stride > width.min(height) {
+        return Err(ReferenceError::Stride { stride, width, height });
     }
-    let [columns, rows] = settings.pixels().map(u64::from);
+    let [columns, rows] = settings.extent().map(u64::from);
     if columns * rows > MAX_PIXELS {
         return Err(ReferenceError::Size { width, height });
     }
+    settings.windows()?;
     match settings.stop {
         Stop::Samples(samples) | Stop::RelativeError { at_most: samples, .. } if samples < 2 => return Err(ReferenceError::FewSamples { samples }),
         Stop::RelativeError { error, .. } if !(error.is_finite() && error > 0.0) => return Err(ReferenceError::RelativeError { error }),
@@ -308,6 +361,7 @@ struct Frame {
     visible: Vec<Visible>,
     sums: Vec<Sums>,
     rounds: u32,
+    windows: Option<Windows>,
 }
 
 struct Visible {
@@ -342,11 +396,14 @@ struct Luminances {
 }
 
 impl Frame {
-    fn new(tracer: &Tracer, camera: &Camera, settings: &Settings) -> Self {
-        let stride = settings.stride;
-        let [width, height] = settings.pixels();
+    fn new(tracer: &Tracer, camera: &Camera, settings: &Settings) -> Result<Self, ReferenceError> {
+        let stride = settings.pixels.stride();
+        let [width, height] = settings.extent();
+        let windows = settings.windows()?;
+        let mask = windows.as_ref().map(|windows| windows.mask(settings.size, 0));
+        let is_computed = |index: &usize| mask.as_ref().is_none_or(|mask| mask[*index]);
         let (mut sky, mut visible) = (Vec::new(), Vec::new());
-        for index in 0..width as usize * height as usize {
+        for index in (0..width as usize * height as usize).filter(is_computed) {
             let [x, y] = [index as u32 % width, index as u32 / width].map(|i| i * stride + stride / 2);
             let ray = camera.pixel_ray(settings.size, [x, y]);
             match tracer.surface(camera.eye, ray) {
@@ -358,7 +415,7 @@ impl Frame {
             }
         }
         let sums = vec![Sums::default(); visible.len()];
-        Self { width, height, sky, visible, sums, rounds: 0 }
+        Ok(Self { width, height, sky, visible, sums, rounds: 0, windows })
     }
 
     /// One more round for every pixel, or none when told to stop.
@@ -423,7 +480,8 @@ impl Frame {
         let mut reference = Reference {
             width: self.width,
             height: self.height,
-            stride: settings.stride,
+            stride: settings.pixels.stride(),
+            windows: self.windows.clone(),
             bounces: settings.bounces,
             samples,
             picture: black(),

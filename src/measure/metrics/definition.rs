@@ -11,7 +11,7 @@ pub struct Definition {
 
 impl Definition {
     /// One of each of [`Errors::METRICS`](super::Errors::METRICS), in their order.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 12] = [
         Self {
             metric: "rmse_over_mean",
             formula: "sqrt(mean((x - r)^2) - mean variance of r) / mean",
@@ -33,6 +33,21 @@ impl Definition {
             meaning: "The error of blocks of 1/32 of the longer side, in which the noise of pixels averages out: splotches and leaks. What noise remains is in it.",
         },
         Self { metric: "block_p99", formula: "99th percentile over blocks of the same", meaning: "The worst places: one block in a hundred is further off." },
+        Self {
+            metric: "band_error",
+            formula: "rms inside surfaces of what two Gaussians leave of x - r between 5 and 30 pixels' wavelength, over the mean",
+            meaning: "Splotches and streaks, as an eye sees them first. The reference's noise is taken off; measured where it holds every pixel, or windows of them.",
+        },
+        Self {
+            metric: "rmse_edges",
+            formula: "rmse_over_mean over the pixels at edges of depth or normal",
+            meaning: "Jags, and light that is wrong beside edges. The reference's noise is taken off.",
+        },
+        Self {
+            metric: "rmse_interior",
+            formula: "rmse_over_mean over all other pixels",
+            meaning: "Errors inside surfaces. The reference's noise is taken off.",
+        },
         Self {
             metric: "relmse",
             formula: "mean((x - r)^2 / (r^2 + 0.01 mean^2))",

@@ -4,6 +4,7 @@ use super::interval::{Interval, middle};
 use super::resampling::{Resampling, Stream};
 use super::samples::{Sample, Samples};
 use super::{LargestError, block_side};
+use crate::math::windows;
 use crate::measure::statistics::{CONFIDENCE, quantile, two_sided};
 
 /// Pixels darker than this share of the mean are left out of `rms_of_relative`.
@@ -19,6 +20,13 @@ pub(super) struct Found {
     pub interval: Option<Interval>,
     /// Empty where it was not resampled.
     pub draws: Vec<f64>,
+}
+
+/// A square of an error, less what the reference's noise adds.
+pub(super) struct Square {
+    pub value: f64,
+    /// The variance that noise alone gives it, as if those of pixels were independent.
+    pub spread: f64,
 }
 
 /// The pixels with the draws of their blocks, if there are enough.
@@ -52,23 +60,36 @@ impl<'s> Judged<'s> {
 
     /// sqrt(max(0, mean square difference − mean variance)) / mean.
     pub fn rmse(&self) -> Found {
-        let terms = |s: &Sample| [s.difference().powi(2) - s.variance, s.r, 1.0];
-        // Signed, so that draws below the noise stay in order.
-        let value = |[square, r, count]: [f64; 3]| signed_root(square / count) * count / r;
+        self.root_mean(|s| Some(Square { value: s.difference().powi(2) - s.variance, spread: 2.0 * s.variance.powi(2) }))
+    }
+
+    /// sqrt(max(0, mean of squares)) over the mean of all pixels' r; nothing where no pixel has a square.
+    pub fn root_mean(&self, square: impl Fn(&Sample) -> Option<Square>) -> Found {
+        let terms = |s: &Sample| {
+            let square = square(s);
+            [square.as_ref().map_or(0.0, |square| square.value), if square.is_some() { 1.0 } else { 0.0 }, s.r, 1.0]
+        };
+        // Signed, so that draws below the noise stay in order. A draw may hold none of the pixels that count.
+        let value = |[square, count, r, all]: [f64; 4]| if count > 0.0 { signed_root(square / count) * all / r } else { 0.0 };
+        let sum = self.sum(terms);
+        if sum[1] == 0.0 {
+            return Found { value: None, interval: None, draws: Vec::new() };
+        }
         let draws = self.draws(terms, value);
-        let (found, is_noisy) = (value(self.sum(terms)), self.samples.variance.is_some());
+        let (found, is_noisy) = (value(sum), self.samples.variance.is_some());
+        let of_noise_alone = || self.of_noise_alone(&square);
         let interval = match self.middle(&draws) {
             Some([low, high]) if high > 0.0 || !is_noisy => Some(Interval { low: low.max(0.0), high, noise_floor: None, below_noise: is_noisy && low <= 0.0 }),
             // Even the larger end is none: what is sure then is that the error is not above the noise's own spread.
-            Some(_) => Some(self.of_noise_alone()),
-            None => (is_noisy && found <= 0.0).then(|| self.of_noise_alone()),
+            Some(_) => Some(of_noise_alone()),
+            None => (is_noisy && found <= 0.0).then(of_noise_alone),
         };
         Found { value: Some(found.max(0.0)), interval, draws }
     }
 
-    /// What `rmse` cannot be told from 0 below: two deviations of the mean square of noise that is normal and its own in each pixel.
-    fn of_noise_alone(&self) -> Interval {
-        let [squares, count] = self.sum(|s| [2.0 * s.variance.powi(2), 1.0]);
+    /// What such a root cannot be told from 0 below: two deviations of the mean square of noise that is normal and its own in each pixel.
+    fn of_noise_alone(&self, square: impl Fn(&Sample) -> Option<Square>) -> Interval {
+        let [squares, count] = self.sum(|s| square(s).map_or([0.0; 2], |square| [square.spread, 1.0]));
         let high = (two_sided(1.0 - CONFIDENCE) * squares.sqrt() / count).sqrt() / self.samples.mean;
         Interval { low: 0.0, high, noise_floor: None, below_noise: high > 0.0 }
     }
@@ -169,7 +190,6 @@ fn signed_root(value: f64) -> f64 {
 struct Block {
     /// Its first pixel, by its place in the reference.
     at: usize,
-    count: u32,
     x: f64,
     r: f64,
     variance: f64,
@@ -183,17 +203,29 @@ impl Block {
 
 /// The blocks that are filled by surface and not black.
 fn blocks(samples: &Samples) -> Vec<Block> {
-    let size = samples.size;
-    let side = block_side(size);
-    let across = size[0].div_ceil(side) as usize;
-    let mut blocks = vec![Block::default(); across * size[1].div_ceil(side) as usize];
-    for sample in &samples.all {
-        let (x, y) = (sample.at as u32 % size[0], sample.at as u32 / size[0]);
-        let block = &mut blocks[(y / side) as usize * across + (x / side) as usize];
-        let at = if block.count == 0 { sample.at } else { block.at };
-        *block = Block { at, count: block.count + 1, x: block.x + sample.x, r: block.r + sample.r, variance: block.variance + sample.variance };
+    let [width, height] = samples.size;
+    let side = block_side(samples.size);
+    let mut of_pixel: Vec<Option<&Sample>> = vec![None; width as usize * height as usize];
+    samples.all.iter().for_each(|sample| of_pixel[sample.at] = Some(sample));
+    let whole = |[x, y]: [u32; 2]| {
+        let mut pixels = (y..y + side).flat_map(|row| (x..x + side).map(move |column| (row * width + column) as usize));
+        let at = (y * width + x) as usize;
+        let add = |sum: Block, s: &Sample| Block { at, x: sum.x + s.x, r: sum.r + s.r, variance: sum.variance + s.variance };
+        pixels.try_fold(Block::default(), |sum, pixel| of_pixel[pixel].map(|sample| add(sum, sample)))
+    };
+    places(samples, side).into_iter().filter_map(whole).filter(|block| block.r > 0.0).collect()
+}
+
+/// The first column and row of each block of that side which no border cuts, of the picture's or of a window's.
+fn places(samples: &Samples, side: u32) -> Vec<[u32; 2]> {
+    let within = |[left, top]: [u32; 2], [width, height]: [u32; 2]| {
+        let rows = (0..height / side).map(move |row| top + row * side);
+        rows.flat_map(move |y| (0..width / side).map(move |column| [left + column * side, y]))
+    };
+    match &samples.windows {
+        None => within([0, 0], samples.size).collect(),
+        Some(windows) => windows.corners().iter().flat_map(|corner| within(*corner, [windows::SIDE; 2])).collect(),
     }
-    blocks.into_iter().filter(|block| block.count == side * side && block.r > 0.0).collect()
 }
 
 /// The errors of blocks of a picture without error, from the smallest, in many pictures of the reference's noise.

@@ -5,6 +5,7 @@ mod found;
 mod interval;
 mod map;
 mod origin;
+mod parts;
 mod resampling;
 mod samples;
 mod seen;
@@ -21,6 +22,7 @@ pub use seen::fair_exposure;
 use super::layers::{Layers, PictureError};
 use found::{Found, Judged};
 use miette::Diagnostic;
+use parts::Parts;
 use samples::{Samples, mean};
 use seen::flips;
 use serde::{Deserialize, Serialize};
@@ -45,6 +47,9 @@ pub struct Errors {
     pub pixels: usize,
     /// Every how many pixels of the tested picture one is compared, in both directions.
     pub stride: u32,
+    /// In how many windows of 64×64 pixels pixels are compared; null where that is everywhere.
+    #[serde(default)]
+    pub windows: Option<usize>,
     /// Mean of r, in the layer's unit.
     pub reference_mean: f64,
     /// sqrt(mean variance of r) / mean: the reference's own noise, null if its variance is not known.
@@ -58,12 +63,27 @@ pub struct Errors {
     /// Median over blocks of |mean of x − mean of r| / mean of r, as [`Errors::block_p99`].
     pub block_p50: Option<f64>,
     /// 99th percentile, interpolated linearly, of the same. Blocks are squares with 1/32 of the longer image side, rounded up to whole pixels
-    /// of the reference; blocks that are cut off by the border or not filled by surface are dropped, and so are black ones. Not noise-corrected.
+    /// of the reference; blocks that are cut off by the border of the picture or of a window, or not filled by surface are dropped, and so are black ones. Not noise-corrected.
     pub block_p99: Option<f64>,
+    /// Of the pixels of which it can be told, the share at edges: within two pixels of where what is seen breaks off or turns. Null where the depth
+    /// and normals of neither picture tell it.
+    #[serde(default)]
+    pub edge_share: Option<f64>,
+    /// As [`Errors::rmse_over_mean`] over the pixels at edges, over the same mean. Null where `edge_share` is, or no pixel is at an edge.
+    #[serde(default)]
+    pub rmse_edges: Option<f64>,
+    /// The same over the pixels off the edges.
+    #[serde(default)]
+    pub rmse_interior: Option<f64>,
+    /// The same of the error between 5 and 30 pixels' wavelength, over pixels off the edges with enough of their surface around them. Null where
+    /// `edge_share` is, and where not every pixel is compared.
+    #[serde(default)]
+    pub band_error: Option<f64>,
     /// mean((x − r)² / (r² + 0.01 · mean²)).
     pub relmse: f64,
     /// Mean ꟻLIP of the tone-mapped pictures, exposed so that the reference's mean luminance lies on middle grey: of the layer
-    /// [`PICTURE`](super::layers::PICTURE), whatever layer is compared. Null where a file does not name one, or the reference does not hold every pixel.
+    /// [`PICTURE`](super::layers::PICTURE), whatever layer is compared. Null where a file does not name one, or the reference does not hold every pixel;
+    /// of windows, in which it does, pixels ten or more off the border count.
     pub flip: Option<f64>,
     /// Mean HDR-ꟻLIP of the same, as [`hdr_flip`](super::flip::hdr_flip) tells: what a viewer sees at whatever exposure shows it most. Null where `flip` is.
     pub hdr_flip: Option<f64>,
@@ -114,6 +134,9 @@ pub enum MetricsError {
     #[error("the picture has `bounces` {test}, the reference {reference}")]
     #[diagnostic(code(measure::bounces_differ), help("compute a reference of the same bounces: hemisplat reference --bounces {test}"))]
     BouncesDiffer { test: String, reference: String },
+    #[error("the two pictures have no window in common")]
+    #[diagnostic(code(measure::no_common_window), help("trace both with the same --size and --windows"))]
+    NoCommonWindow,
     #[error("the reference sees no surface")]
     #[diagnostic(code(measure::no_surface))]
     NoSurface,
@@ -127,7 +150,7 @@ pub enum MetricsError {
 /// `variance` holds, for each pixel of the reference, the variance of its mean, in its layer `variance` or in its only layer; not given, it is the
 /// layer `NAME_luminance_variance` of the reference itself for the layer NAME, or else its layer `NAME_variance`, which for `irradiance` is called
 /// `variance`; without any nothing is taken off for the reference's noise. Where some surfaces are glossy, irradiance and what lobes reflect count on the surfaces that have
-/// them, by their variance. The reference may hold every k-th pixel of each row and column, from pixel k/2 on: its attribute `stride` says k, or its size does. Which pixels see a surface is decided by the reference: its `depth` is positive,
+/// them, by their variance. The reference may hold every k-th pixel of each row and column, from pixel k/2 on: its attribute `stride` says k, or its size does. Or it holds windows, as its attribute `windows` tells: then only their pixels are compared. Which pixels see a surface is decided by the reference: its `depth` is positive,
 /// else its `normal` is not zero, else its luminance is not. Attributes `bounces` that both have and that differ are an error.
 pub fn compare(test: &Layers, reference: &Layers, layer: &str, variance: Option<&Layers>) -> Result<Errors, MetricsError> {
     compare_layers(Selected { picture: test, layer }, Selected { picture: reference, layer }, variance)
@@ -138,15 +161,19 @@ pub fn compare_layers(test: Selected, reference: Selected, variance: Option<&Lay
     same_bounces(test.picture, reference.picture)?;
     let samples = Samples::of(test, reference, variance)?;
     let judged = Judged::new(&samples);
+    let parts = Parts::of(test.picture, reference.picture, &samples);
+    let [edges, interior] = [true, false].map(|is_edge| judged.root_mean(|s| parts.square(s, is_edge)));
+    let band = judged.root_mean(|s| parts.square_in_band(s));
     let (largest, of_largest) = judged.largest().ok_or(MetricsError::NoSurface)?;
     let (rmse, bias, [block_p50, block_p99], relmse) = (judged.rmse(), judged.bias(), judged.blocks(), judged.relmse());
     let rms_of_relative = judged.rms_of_relative();
-    let [flip, hdr_flip] = flips(test.picture, reference.picture)?;
+    let [flip, hdr_flip] = flips(test.picture, reference.picture, samples.windows.as_ref())?;
     let mut errors = Errors {
         schema: 1,
         layer: test.layer.to_owned(),
         pixels: samples.all.len(),
         stride: samples.stride,
+        windows: samples.windows.as_ref().map(|windows| windows.corners().len()),
         reference_mean: samples.mean,
         reference_noise_over_mean: samples.variance.map(|variance| variance.sqrt() / samples.mean),
         rmse_over_mean: rmse.value.unwrap_or(0.0),
@@ -154,6 +181,10 @@ pub fn compare_layers(test: Selected, reference: Selected, variance: Option<&Lay
         rms_of_relative: rms_of_relative.value,
         block_p50: block_p50.value,
         block_p99: block_p99.value,
+        edge_share: parts.edge_share(),
+        rmse_edges: edges.value,
+        rmse_interior: interior.value,
+        band_error: band.value,
         relmse: relmse.value.unwrap_or(0.0),
         flip: flip.value,
         hdr_flip: hdr_flip.value,
@@ -161,7 +192,7 @@ pub fn compare_layers(test: Selected, reference: Selected, variance: Option<&Lay
         intervals: BTreeMap::new(),
         resampled: Resampled::default(),
     };
-    let found = [rmse, bias, rms_of_relative, block_p50, block_p99, relmse, flip, hdr_flip, of_largest];
+    let found = [rmse, bias, rms_of_relative, block_p50, block_p99, band, edges, interior, relmse, flip, hdr_flip, of_largest];
     Errors::METRICS.into_iter().zip(found).for_each(|(metric, found)| errors.note(metric, found));
     Ok(errors)
 }
@@ -169,7 +200,20 @@ pub fn compare_layers(test: Selected, reference: Selected, variance: Option<&Lay
 /// The value of a metric by its name in JSON, for thresholds; a signed one by its size.
 impl Errors {
     /// The metrics that have a threshold, in the order of tables.
-    pub const METRICS: [&str; 9] = ["rmse_over_mean", "bias_over_mean", "rms_of_relative", "block_p50", "block_p99", "relmse", "flip", "hdr_flip", "largest"];
+    pub const METRICS: [&str; 12] = [
+        "rmse_over_mean",
+        "bias_over_mean",
+        "rms_of_relative",
+        "block_p50",
+        "block_p99",
+        "band_error",
+        "rmse_edges",
+        "rmse_interior",
+        "relmse",
+        "flip",
+        "hdr_flip",
+        "largest",
+    ];
 
     /// Whether a metric is a share, told in percent.
     pub fn is_share(metric: &str) -> bool {
@@ -189,6 +233,9 @@ impl Errors {
             "rms_of_relative" => self.rms_of_relative,
             "block_p50" => self.block_p50,
             "block_p99" => self.block_p99,
+            "band_error" => self.band_error,
+            "rmse_edges" => self.rmse_edges,
+            "rmse_interior" => self.rmse_interior,
             "relmse" => Some(self.relmse),
             "flip" => self.flip,
             "hdr_flip" => self.hdr_flip,

@@ -1,6 +1,7 @@
 //! The pixels that are compared: where the reference sees a surface, each with its tested and its true luminance and the variance of the latter.
 
 use super::{MetricsError, Selected, VARIANCE};
+use crate::math::windows::Windows;
 use crate::measure::layers::{GLOSSY, IRRADIANCE, Layer, Layers};
 
 /// The layer of a reference that tells which pixels see a lobe.
@@ -30,6 +31,8 @@ pub(super) struct Samples {
     pub all: Vec<Sample>,
     /// Every how many pixels of the tested picture one is compared, in both directions.
     pub stride: u32,
+    /// Where all of them lie; None where that is anywhere.
+    pub windows: Option<Windows>,
     /// Columns and rows of the reference [pixels].
     pub size: [u32; 2],
     /// Mean of r.
@@ -42,9 +45,10 @@ impl Samples {
     /// `variance` holds the variance of each pixel of the reference; not given, it is what the reference itself holds.
     pub fn of(test: Selected, reference: Selected, variance: Option<&Layers>) -> Result<Self, MetricsError> {
         let stride = stride(test.picture, reference.picture)?;
+        let windows = common_windows(test.picture, reference.picture)?;
         let r = values(reference, "reference")?;
         let x = every(&values(test, "tested picture")?, test.picture, stride);
-        let surface = judged_surface(reference, &r)?;
+        let surface = judged_surface(reference, &r, windows.as_ref())?;
         let variance = match variance {
             Some(given) => Some(variances(given, VARIANCE, reference.picture)?),
             None => own_variances(reference)?,
@@ -56,7 +60,7 @@ impl Samples {
             return Err(MetricsError::Black);
         }
         let variance = variance.and_then(|_| self::mean(all.iter().map(|s| s.variance)));
-        Ok(Self { all, stride, size: [reference.picture.width, reference.picture.height], mean, variance })
+        Ok(Self { all, stride, windows, size: [reference.picture.width, reference.picture.height], mean, variance })
     }
 
     /// The column and row of a sample in the tested picture.
@@ -79,6 +83,17 @@ pub(super) fn stride(test: &Layers, reference: &Layers) -> Result<u32, MetricsEr
     let stride = if a == b { 1 } else { stated.unwrap_or(a[0] / b[0].max(1)) };
     let fits = |side: usize| stride > 0 && strided(a[side], stride).count() == b[side] as usize;
     if fits(0) && fits(1) { Ok(stride) } else { Err(MetricsError::SizesDiffer { test: a, reference: b }) }
+}
+
+/// The windows that both pictures hold; None where both hold all pixels, or those of a stride.
+fn common_windows(test: &Layers, reference: &Layers) -> Result<Option<Windows>, MetricsError> {
+    let of = |picture: &Layers, which| picture.windows().map_err(|error| MetricsError::Picture { which, error });
+    let windows = match (of(test, "tested picture")?, of(reference, "reference")?) {
+        (Some(a), Some(b)) => Some(b.shared(&a).ok_or(MetricsError::NoCommonWindow)?),
+        (a, b) => a.or(b),
+    };
+    let [a, b] = [test, reference].map(|picture| [picture.width, picture.height]);
+    if windows.is_some() && a != b { Err(MetricsError::SizesDiffer { test: a, reference: b }) } else { Ok(windows) }
 }
 
 fn strided(length: u32, stride: u32) -> impl Iterator<Item = u32> {
@@ -110,8 +125,12 @@ fn surface(reference: &Layers, luminance: &[f64]) -> Vec<bool> {
 }
 
 /// Where a layer is judged. In a scene with lobes, irradiance and what lobes reflect are on the surfaces that have them, by their own variance.
-pub(super) fn judged_surface(reference: Selected, luminance: &[f64]) -> Result<Vec<bool>, MetricsError> {
+fn judged_surface(reference: Selected, luminance: &[f64], windows: Option<&Windows>) -> Result<Vec<bool>, MetricsError> {
     let mut surface = surface(reference.picture, luminance);
+    if let Some(windows) = windows {
+        let held = windows.mask([reference.picture.width, reference.picture.height], 0);
+        surface.iter_mut().zip(held).for_each(|(surface, held)| *surface &= held);
+    }
     let by_kind = reference.picture.layers.contains_key(GLOSSY_VARIANCE) && [IRRADIANCE, GLOSSY].contains(&reference.layer);
     if let Some(variance) = if by_kind { own_variances(reference)? } else { None } {
         surface.iter_mut().zip(variance).for_each(|(surface, variance)| *surface &= variance > 0.0);

@@ -6,7 +6,8 @@ use super::resampling::{Resampling, Stream};
 use super::samples::{mean, own_variances};
 use super::{MetricsError, Selected};
 use crate::math::colour::luminance;
-use crate::measure::flip::{flip_map, hdr_flip_map};
+use crate::math::windows::{SIDE, Windows};
+use crate::measure::flip::{REACH, exposures, flip_map, hdr_flip_map};
 use crate::measure::layers::{Layers, PICTURE, PictureError};
 use crate::measure::tone::{light_shown_as, tone_map};
 use glam::{DVec3, Vec3};
@@ -14,33 +15,75 @@ use glam::{DVec3, Vec3};
 /// The linear value, on the screen, of the reference's mean luminance when pictures are tone-mapped for `flip`.
 const MIDDLE_GREY: f64 = 0.18;
 
-/// ꟻLIP and HDR-ꟻLIP of the layer [`PICTURE`]; none where a file does not name one, or the reference does not hold every pixel.
-pub(super) fn flips(test: &Layers, reference: &Layers) -> Result<[Found; 2], MetricsError> {
+/// ꟻLIP and HDR-ꟻLIP of the layer [`PICTURE`], in the whole or in windows; none where a file does not name one, or the reference does not hold every pixel.
+pub(super) fn flips(test: &Layers, reference: &Layers, windows: Option<&Windows>) -> Result<[Found; 2], MetricsError> {
     let none = || Found { value: None, interval: None, draws: Vec::new() };
     // A strided reference of a strided picture has no neighbours to look at.
-    let is_strided = [test, reference].iter().any(|picture| picture.attributes.get("stride").is_some_and(|stride| stride != "1"));
+    let is_strided = [test, reference].iter().any(|picture| !picture.is_dense());
     if is_strided || [test.width, test.height] != [reference.width, reference.height] || ![test, reference].into_iter().all(Layers::names_picture) {
         return Ok([none(), none()]);
     }
     let (light, truth) = (colours(test, "tested picture")?, colours(reference, "reference")?);
-    let Some(exposure) = exposure_for(&truth) else { return Ok([none(), none()]) };
-    let noisy = noisy(reference, &truth)?;
     let size = [reference.width, reference.height];
-    let resampling = Resampling::of(0..truth.len(), size);
-    let width = size[0] as usize;
+    let looks = Look::all(size, windows);
+    let seen: Vec<DVec3> = looks.iter().flat_map(|look| look.part(&truth, size[0])).collect();
+    let Some((exposure, stops)) = exposure_for(&seen).zip(exposures(&seen)) else { return Ok([none(), none()]) };
+    let noisy = noisy(reference, &truth)?;
+    let places: Vec<usize> = looks.iter().flat_map(|look| look.pixels(look.margin, size[0])).collect();
+    let resampling = Resampling::of(places.iter().copied(), size);
     let shown = |colours: &[DVec3]| -> Vec<DVec3> { colours.iter().map(|colour| shown(*colour, exposure)).collect() };
-    let screen = |test: &[DVec3]| Some(flip_map(&shown(test), &shown(&truth), width));
-    let range = |test: &[DVec3]| hdr_flip_map(test, &truth, width);
-    let found = |map: &dyn Fn(&[DVec3]) -> Option<Vec<f64>>| {
-        map(&light).map_or_else(none, |errors| of_map(&errors, noisy.as_deref().and_then(map), resampling.as_ref()))
+    let screen = |test: &[DVec3], truth: &[DVec3], width: usize| flip_map(&shown(test), &shown(truth), width);
+    let range = |test: &[DVec3], truth: &[DVec3], width: usize| hdr_flip_map(test, truth, width, &stops);
+    let found = |map: &Map<'_>| {
+        let errors = |test: &[DVec3]| -> Vec<f64> {
+            let of = |look: &Look| look.inner(&map(&look.part(test, size[0]), &look.part(&truth, size[0]), look.size[0] as usize));
+            looks.iter().flat_map(of).collect()
+        };
+        of_map(&places, &errors(&light), noisy.as_deref().map(errors), resampling.as_ref())
     };
     Ok([found(&screen), found(&range)])
 }
 
-/// The mean of a map of errors; `noise` is the map of a picture that differs from the reference by its noise alone.
-fn of_map(errors: &[f64], noise: Option<Vec<f64>>, resampling: Option<&Resampling>) -> Found {
+/// Errors of pixels, from two pictures of a width.
+type Map<'m> = dyn Fn(&[DVec3], &[DVec3], usize) -> Vec<f64> + 'm;
+
+/// A part of a picture that is looked at by itself. What lies within `margin` of its border does not count: filters reach beyond.
+struct Look {
+    corner: [u32; 2],
+    size: [u32; 2],
+    margin: u32,
+}
+
+impl Look {
+    /// The whole picture, at whose border filters repeat it; or each window.
+    fn all(size: [u32; 2], windows: Option<&Windows>) -> Vec<Self> {
+        match windows {
+            None => vec![Self { corner: [0, 0], size, margin: 0 }],
+            Some(windows) => windows.corners().iter().map(|corner| Self { corner: *corner, size: [SIDE; 2], margin: REACH }).collect(),
+        }
+    }
+
+    /// Its pixels `margin` or more off the border, by their places in a picture of that width.
+    fn pixels(&self, margin: u32, width: u32) -> impl Iterator<Item = usize> + use<> {
+        let ([x, y], [columns, rows]) = (self.corner, self.size);
+        (y + margin..y + rows - margin).flat_map(move |row| (x + margin..x + columns - margin).map(move |column| (row * width + column) as usize))
+    }
+
+    /// Its pixels out of a picture of that width.
+    fn part(&self, picture: &[DVec3], width: u32) -> Vec<DVec3> {
+        self.pixels(0, width).map(|at| picture[at]).collect()
+    }
+
+    /// What counts of a map of it.
+    fn inner(&self, map: &[f64]) -> Vec<f64> {
+        Self { corner: [0, 0], ..*self }.pixels(self.margin, self.size[0]).map(|at| map[at]).collect()
+    }
+}
+
+/// The mean of a map of errors at some places; `noise` is the map of a picture that differs from the reference by its noise alone.
+fn of_map(places: &[usize], errors: &[f64], noise: Option<Vec<f64>>, resampling: Option<&Resampling>) -> Found {
     let draws = resampling.map_or(Vec::new(), |resampling| {
-        resampling.of_sums(errors.iter().enumerate().map(|(at, error)| (at, [*error, 1.0])), |[errors, count]| errors / count)
+        resampling.of_sums(places.iter().zip(errors).map(|(at, error)| (*at, [*error, 1.0])), |[errors, count]| errors / count)
     });
     let noise_floor = noise.and_then(|noise| mean(noise.into_iter()));
     let interval = resampling.and_then(|resampling| resampling.middle(&draws)).map(|[low, high]| Interval {
@@ -85,6 +128,9 @@ fn exposure_of(mean: f64) -> f32 {
 /// The exposure that shows a layer well [stops]: its mean luminance on middle grey, as for `flip`; 0 for a black one.
 pub fn fair_exposure(picture: &Layers, layer: &str) -> Result<f32, PictureError> {
     picture.validate()?;
-    let mean = mean(picture.luminance(layer)?.into_iter()).filter(|&mean| mean > 0.0);
+    let held = picture.windows()?.map(|windows| windows.mask([picture.width, picture.height], 0));
+    let luminance = picture.luminance(layer)?.into_iter().enumerate();
+    let luminance: Vec<f64> = luminance.filter(|(at, _)| held.as_ref().is_none_or(|held| held[*at])).map(|(_, luminance)| luminance).collect();
+    let mean = mean(luminance.into_iter()).filter(|&mean| mean > 0.0);
     Ok(mean.map_or(0.0, exposure_of))
 }

@@ -37,8 +37,8 @@ pub struct Study {
 /// What errors are against.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Reference {
-    /// Rays per pixel, at every how many pixels.
-    Traced { spp: u32, stride: u32 },
+    /// Rays per pixel, at every how many pixels, or in how many windows.
+    Traced { spp: u32, stride: u32, windows: Option<u32> },
     /// The pictures of a row, by its index, at the same values of what is swept.
     Row(usize),
 }
@@ -148,14 +148,19 @@ impl Reader {
         self.items(value, "a list of names of nodes").iter().map(|item| self.grammar.word(item, "the name of a node")).collect()
     }
 
-    /// `Traced(spp: …, stride: …)` or `Row("…")`.
+    /// `Traced(spp: …, stride: …)`, `Traced(spp: …, windows: …)` or `Row("…")`.
     fn reference(&mut self, value: &Value, rows: &[Row]) -> Option<Reference> {
         match &value.kind {
             ValueKind::Compound { name: Some(name), body: Body::Named(fields) } if name.text == "Traced" => {
-                let keys = self.grammar.keys("Traced", &name.place, fields, &["spp", "stride"]);
+                let keys = self.grammar.keys("Traced", &name.place, fields, &["spp", "stride", "windows"]);
                 let spp = self.grammar.required(&keys, "spp").and_then(|value| self.number(value, "the rays of a pixel", 2..=1 << 24));
                 let stride = self.optional(&keys, "stride", |reader, value| reader.number(value, "the stride", 1..=1 << 14));
-                Some(Reference::Traced { spp: spp?, stride: stride.unwrap_or(1) })
+                let windows = self.optional(&keys, "windows", |reader, value| reader.number(value, "the windows", 1..=1 << 12));
+                if stride.is_some() && windows.is_some() {
+                    let problem = Problem::new("study::stride_and_windows", "a reference has a stride or windows".to_owned());
+                    self.grammar.problems.push(problem.at(&name.place, "has both").help("keep one of them"));
+                }
+                Some(Reference::Traced { spp: spp?, stride: stride.unwrap_or(1), windows })
             }
             ValueKind::Compound { name: Some(name), body: Body::Positional(values) } if name.text == "Row" && values.len() == 1 => {
                 let word = self.grammar.word(&values[0], "the name of a row")?;

@@ -507,7 +507,7 @@ fn accuracy_per_frame() -> Outcome {
 
 fn refused_per_frame() -> Outcome {
     let place = Place::new()?;
-    let refusal = |set: &str, message: &str| is(&place.render(&["--set-frames", set, "-o", "out.exr"])?, 2, message);
+    let refusal = |set: &str, message: &str| is(&place.render(&["--set", "tiles.shading=Device", "--set-frames", set, "-o", "out.exr"])?, 2, message);
     for (set, what) in [
         ("tiles.resolution=8,16", "`tiles.directions` needs other memory"),
         ("splats.by=RasterBlend,ComputeTiles", "`splats.masks` is there in one only"),
@@ -658,7 +658,7 @@ fn interrupted() -> Outcome {
     let more = ["--frames", "0..100000", "--set", "misses.at_most=2", "--cache", "records", "-o", "out.exr"];
     let mut child = std::process::Command::new(env!("CARGO_BIN_EXE_hemisplat"))
         .current_dir(place.0.path())
-        .args(Place::arguments("irradiance", "cornell.ron", &more))
+        .args(Place::arguments("irradiance-one-rate", "cornell.ron", &more))
         .stdout(std::process::Stdio::null())
         .stderr(std::process::Stdio::piped())
         .spawn()

@@ -285,7 +285,7 @@ const STANDSTILLS: [(&str, &str); 6] = [
 ];
 
 fn variant(changes: &str) -> Result<Pipeline, Problems> {
-    let text = format!("Variant(\n    version: 1,\n    about: \"test\",\n    of: \"irradiance.ron\",\n    {changes},\n)\n");
+    let text = format!("Variant(\n    version: 1,\n    about: \"test\",\n    of: \"irradiance-one-rate.ron\",\n    {changes},\n)\n");
     load_files("test.ron", &[("test.ron", &text)], &[], REGISTRY)
 }
 
@@ -693,7 +693,7 @@ fn caches_share_the_time_and_loops_of_one_cache_do_not() {
             |step: &Step| if let Step::Repeat(repeat) = step { Some((repeat.name.clone(), repeat.time.caches, repeat.time.at_least > 0)) } else { None };
         plan.recording.steps.iter().filter_map(share).collect::<Vec<_>>()
     };
-    assert_eq!(shares("radiance.ron"), [("fill".into(), 2, true), ("glossy_fill".into(), 1, true)]);
+    assert_eq!(shares("radiance.ron"), [("fill".into(), 2, true), ("details".into(), 2, false), ("glossy_fill".into(), 1, true)]);
     assert_eq!(shares("irradiance.ron"), [("fill".into(), 1, true), ("details".into(), 1, false)]);
 }
 

@@ -443,9 +443,9 @@ fn windows_hold_the_full_pictures_pixels_and_nothing_else() {
     let mask = windows.mask([150, 70], 0);
     assert_eq!((part.width, part.height, part.stride, windows.corners().len()), (150, 70, 1, 1));
     assert_eq!(mask.iter().filter(|inside| **inside).count(), 64 * 64);
-    for at in 0..mask.len() {
+    for (at, inside) in mask.iter().enumerate() {
         let layers = |of: &Reference| [of.picture[at], of.irradiance[at], of.variance[at], of.direct[at], of.normal[at], Vec3::splat(of.depth[at])];
-        assert_eq!(layers(&part), if mask[at] { layers(&full) } else { [Vec3::ZERO; 6] }, "pixel {at}");
+        assert_eq!(layers(&part), if *inside { layers(&full) } else { [Vec3::ZERO; 6] }, "pixel {at}");
     }
 }
 

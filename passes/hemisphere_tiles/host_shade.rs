@@ -46,7 +46,8 @@ impl Lighting {
 /// Adds a step before the loop that prepares the lights; where it leaves them.
 pub(super) fn record(r: &mut Recorder<'_>, samples: [u32; 2], sees_emission: bool) -> Resource {
     let memory = r.state("lighting");
-    let (smooth, textures, lobes) = (r.setting.needs.smooth, r.setting.needs.textures, r.setting.needs.lobes);
+    let needs = r.setting.needs;
+    let (smooth, textures, lobes) = (needs.smooth, needs.textures, needs.lobes && !needs.by_albedo);
     let run = move |host: &mut dyn HostContext| {
         let scene = host.scene();
         let untextured = |(albedo, texture): (Rgb, Option<u32>)| (albedo, texture.filter(|_| textures));

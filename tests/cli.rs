@@ -134,8 +134,16 @@ fn diff_names_a_missing_layer() {
 fn diff_refuses_pictures_without_a_common_layer() {
     let place = Place::new().with("a.exr", irradiance([1.0; 4])).with("b.exr", Layers::new(2, 2).with(PICTURE, Layer::value(vec![1.0; 4])));
     insta::assert_snapshot!(place.refusal(&["diff", "a.exr", "b.exr"]));
-    let (status, _, _) = place.run(&["diff", "a.exr:irradiance", "b.exr"]);
-    assert_eq!(status, 0, "a file of one layer need not name it");
+    assert!(place.refusal(&["diff", "a.exr:irradiance", "b.exr"]).contains("measure::unknown_layer"), "a picture is no irradiance");
+}
+
+#[test]
+fn a_layer_without_a_name_is_what_the_other_file_is_asked_for() {
+    let place = two_pictures();
+    image::Rgb32FImage::from_pixel(2, 2, image::Rgb([1.0; 3])).save(place.0.path().join("nameless.hdr")).unwrap();
+    assert!(place.refusal(&["diff", "a.exr", "nameless.hdr"]).contains("cli::nameless_layer"));
+    assert_eq!(place.run(&["diff", "a.exr:irradiance", "nameless.hdr"]).0, 0);
+    assert_eq!(place.run(&["diff", "a.exr", "nameless.hdr:irradiance"]).0, 0);
 }
 
 #[test]
@@ -258,7 +266,23 @@ fn reference_writes_layers_that_can_be_compared_and_attributes_to_run_it_again()
     assert_eq!((status, stdout.as_str(), stderr.as_str()), (0, "", ""));
     let picture = Layers::read(&fs::read(place.0.path().join("out/f.exr")).unwrap()).unwrap();
     let names: Vec<&str> = picture.layers.keys().map(String::as_str).collect();
-    assert_eq!(names, ["depth", "direct", "direct_irradiance", "indirect", "irradiance", "normal", "picture", "variance"]);
+    assert_eq!(
+        names,
+        [
+            "depth",
+            "direct",
+            "direct_irradiance",
+            "direct_luminance_variance",
+            "indirect",
+            "indirect_luminance_variance",
+            "irradiance",
+            "irradiance_luminance_variance",
+            "normal",
+            "picture",
+            "picture_luminance_variance",
+            "variance"
+        ]
+    );
     let [direct, indirect] = ["direct_irradiance", "irradiance"].map(|layer| picture.rgb(layer).unwrap()[1].to_vec());
     let mean = direct.iter().sum::<f32>() / direct.len() as f32;
     assert!((mean - std::f32::consts::PI).abs() < 0.02, "{mean}");

@@ -305,7 +305,7 @@ fn mistakes() -> Outcome {
         .with("weight.exr", exr(Layers::new(32, 24).with("weight", Layer::value(vec![1.0; 768])))?)?;
     let cases = [
         ("irradiance --reference two.exr", "measure::bounces_differ", "`bounces` 1, the reference 2"),
-        ("irradiance --reference side.exr", "compare::other_camera", "camera `side`"),
+        ("irradiance --reference side.exr", "cli::other_view", "`side` in the other"),
         ("irradiance --reference large.exr", "measure::sizes_differ", "33×24"),
         ("irradiance --reference black.exr", "measure::black_reference", "black.exr"),
         ("irradiance --reference weight.exr", "measure::unknown_layer", "the file holds: weight"),

@@ -152,7 +152,7 @@ fn keys() -> Outcome {
     sweep("irradiance --over tiles.resolution=4 --scene cornell --size 32x24 --no-reference --runs 1")?;
     // The same work in other words.
     let (_, stderr) =
-        sweep("irradiance.ron@tiles.resolution=8 --over tiles.resolution=4 --set cache.accuracy=0.150 --scene cornell --size 32x24 --no-reference --runs 1")?;
+        sweep("irradiance.ron@tiles.resolution=8 --over tiles.resolution=4 --set cache.accuracy=0.200 --scene cornell --size 32x24 --no-reference --runs 1")?;
     check(stderr.contains("1 found"), || stderr)?;
     for other in [
         "irradiance --over tiles.resolution=4 --scene cornell --size 32x24 --no-reference --runs 2",

@@ -36,7 +36,7 @@ use std::{
 };
 
 /// Raised whenever the same settings give another picture, so that pictures kept from before are traced anew.
-pub const VERSION: u32 = 2;
+pub const VERSION: u32 = 3;
 
 /// Pixels that one reference computes, at some 300 bytes each.
 pub const MAX_PIXELS: u64 = 1 << 24;
@@ -261,7 +261,7 @@ pub enum ReferenceError {
     #[error("a stride of {stride} does not fit a picture of {width}×{height} pixels")]
     #[diagnostic(code(reference::stride), help("the stride must be at least 1 and at most the shorter side"))]
     Stride { stride: u32, width: u32, height: u32 },
-    #[error("{count} windows of {SIDE}×{SIDE} pixels cannot be placed in a picture of {width}×{height}")]
+    #[error("{count} window{} of {SIDE}×{SIDE} pixels cannot be placed in a picture of {width}×{height}", if *count == 1 { "" } else { "s" })]
     #[diagnostic(code(reference::windows), help("{}", windows_that_fit([*width, *height])))]
     Windows { count: u32, width: u32, height: u32 },
     #[error("{samples} rays a pixel are too few")]

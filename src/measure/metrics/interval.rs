@@ -4,6 +4,7 @@ use super::Errors;
 use crate::measure::statistics::{CONFIDENCE, quantile, two_sided};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use std::fmt;
 
 /// Where an error lies with [`CONFIDENCE`], in its unit, and what the reference's noise leaves of it.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -24,9 +25,16 @@ impl Interval {
 }
 
 /// An error as it is in each draw of the picture's blocks, by metric; the same draws for all pictures that one reference judges.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Clone, Default, PartialEq)]
 pub struct Resampled {
     pub metrics: BTreeMap<String, Vec<f32>>,
+}
+
+/// Its names alone: thousands of draws hide what else is told.
+impl fmt::Debug for Resampled {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.debug_set().entries(self.metrics.keys()).finish()
+    }
 }
 
 impl Resampled {

@@ -2,7 +2,6 @@ use super::*;
 use crate::measure::layers::PICTURE;
 use crate::measure::layers::{Layer, VALUE};
 use proptest::prelude::*;
-use rayon::prelude::*;
 
 fn grey(width: u32, height: u32, values: Vec<f32>) -> Layers {
     Layers::new(width, height).with("irradiance", Layer::value(values))
@@ -222,7 +221,7 @@ impl Made {
             let [test, reference] = self.draw(seed);
             compare(&test, &reference, "irradiance", None).unwrap()
         };
-        (0..pictures).into_par_iter().map(judge).collect()
+        (0..pictures).map(judge).collect()
     }
 
     /// Of the error without noise.
@@ -307,7 +306,7 @@ fn pairs_differ_where_their_errors_do() {
             assert!(difference.interval[0] <= difference.difference && difference.difference <= difference.interval[1]);
             difference.significant
         };
-        (0..200u64).into_par_iter().filter(|seed| is_found(*seed)).count()
+        (0..200u64).filter(|seed| is_found(*seed)).count()
     };
     for metric in ["rmse_over_mean", "relmse"] {
         assert!(significant(1.0, metric) <= 24, "{metric}: {} alarms of 200", significant(1.0, metric));

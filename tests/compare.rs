@@ -311,7 +311,7 @@ fn mistakes() -> Outcome {
         ("irradiance --reference weight.exr", "measure::unknown_layer", "the file holds: weight"),
         ("irradiance --reference missing.exr", "cli::read", "missing.exr"),
         ("irradiance --reference good.exr --reference-variance large.exr", "measure::variance_size", "33×24"),
-        ("irradiance --reference-variance good.exr", "", "--reference <FILE.exr>"),
+        ("irradiance --reference-variance good.exr", "", "--reference <FILE.exr[:LAYER]>"),
         ("irradiance --reference good.exr --no-reference", "", "cannot be used with"),
         ("irradiance --reference good.exr --reference-spp 3", "", "cannot be used with"),
         ("irradiance --reference-spp 0", "reference::samples", "no samples"),

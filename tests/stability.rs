@@ -67,7 +67,7 @@ fn case(name: &str) -> Result<&'static Case, Failed> {
 fn mistakes_are_seen(gpu: &Gpu) -> Outcome {
     let mistakes = [
         // A loop that ends before every pixel is covered.
-        ("furnace", "fill.max_rounds=2"),
+        ("furnace", "details.max_rounds=1"),
         // Too few records fit.
         ("no-lights", "cache.capacity=3"),
     ];
@@ -88,7 +88,7 @@ fn mistakes_are_seen(gpu: &Gpu) -> Outcome {
 /// The program's status, table and file, of a pipeline that holds a case and of one that does not.
 fn program_tells() -> Outcome {
     let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
-    for (set, status, verdict, word) in [("fill.max_rounds=0", 0, "pass", "pass"), ("fill.max_rounds=2", 1, "fail", "FAIL")] {
+    for (set, status, verdict, word) in [("fill.max_rounds=0", 0, "pass", "pass"), ("details.max_rounds=1", 1, "fail", "FAIL")] {
         let mut command = assert_cmd::Command::new(env!("CARGO_BIN_EXE_hemisplat"));
         let arguments = ["stability", "irradiance", "--set", set, "--only", "furnace", "--json", "out/stability.json"];
         let output = command.current_dir(folder.path()).args(arguments).output().map_err(|e| e.to_string())?;

@@ -588,9 +588,10 @@ mod tests {
     }
 
     #[test]
-    fn a_single_layer_answers_to_every_name() {
-        let one = Layers::new(1, 1).with(PICTURE, Layer::value(vec![1.0]));
-        assert!(one.layer("irradiance").is_ok());
+    fn a_nameless_layer_answers_to_every_name() {
+        let named = Layers::new(1, 1).with(PICTURE, Layer::value(vec![1.0]));
+        assert!(named.layer("irradiance").is_err());
+        assert!(Layers { is_nameless: true, ..named }.layer("irradiance").is_ok());
         assert_eq!(picture().layer("nothing").unwrap_err().to_string(), "no layer `nothing`");
     }
 

@@ -46,10 +46,6 @@ impl<'s> Judged<'s> {
         self.resampling.as_ref().map_or(Vec::new(), |resampling| resampling.of_sums(pixels(), value))
     }
 
-    fn middle(&self, draws: &[f64]) -> Option<[f64; 2]> {
-        self.resampling.as_ref()?.middle(draws)
-    }
-
     /// The sum of `terms` over all pixels.
     fn sum<const K: usize>(&self, terms: impl Fn(&Sample) -> [f64; K]) -> [f64; K] {
         self.samples.all.iter().fold([0.0; K], |mut sum, sample| {
@@ -78,7 +74,7 @@ impl<'s> Judged<'s> {
         let draws = self.draws(terms, value);
         let (found, is_noisy) = (value(sum), self.samples.variance.is_some());
         let of_noise_alone = || self.of_noise_alone(&square);
-        let interval = match self.middle(&draws) {
+        let interval = match middle(&draws) {
             Some([low, high]) if high > 0.0 || !is_noisy => Some(Interval { low: low.max(0.0), high, noise_floor: None, below_noise: is_noisy && low <= 0.0 }),
             // Even the larger end is none: what is sure then is that the error is not above the noise's own spread.
             Some(_) => Some(of_noise_alone()),
@@ -102,7 +98,7 @@ impl<'s> Judged<'s> {
         let draws = self.draws(terms, value);
         let [variance, count] = self.sum(|s| [s.variance, 1.0]);
         let noise = two_sided(1.0 - CONFIDENCE) * variance.sqrt() / count / self.samples.mean;
-        let interval = self.middle(&draws).map(|[low, high]| Interval { low, high, noise_floor: None, below_noise: found.abs() < noise });
+        let interval = middle(&draws).map(|[low, high]| Interval { low, high, noise_floor: None, below_noise: found.abs() < noise });
         Found { value: Some(found), interval, draws }
     }
 
@@ -128,10 +124,10 @@ impl<'s> Judged<'s> {
         // A draw may hold none of the pixels that count.
         let mean = |sum: f64, count: f64| if count > 0.0 { sum / count } else { 0.0 };
         let draws = self.draws(&terms, |[squares, _, count]| value(mean(squares, count)));
-        let beyond_noise = self.middle(&self.draws(&terms, |[squares, variances, count]| mean(squares - variances, count)));
+        let beyond_noise = middle(&self.draws(&terms, |[squares, variances, count]| mean(squares - variances, count)));
         let is_noise = self.samples.variance.is_some() && squares > 0.0 && beyond_noise.is_some_and(|[low, _]| low <= 0.0);
         let noise_floor = self.samples.variance.map(|_| value(variances / count));
-        let interval = self.middle(&draws).map(|[low, high]| Interval { low: low.max(0.0), high, noise_floor, below_noise: is_noise });
+        let interval = middle(&draws).map(|[low, high]| Interval { low: low.max(0.0), high, noise_floor, below_noise: is_noise });
         Found { value: Some(value(squares / count)), interval, draws }
     }
 
@@ -152,7 +148,7 @@ impl<'s> Judged<'s> {
         let noise_floor = noise.as_ref().and_then(|noise| super::mean(noise.iter().copied()));
         let most_of_noise = noise.and_then(|noise| middle(&noise)).map(|[_, high]| high);
         let is_noise = value.zip(most_of_noise).is_some_and(|(value, noise)| noise > 0.0 && value <= noise);
-        let interval = self.middle(&draws).map(|[low, high]| Interval { low: low.max(0.0), high, noise_floor, below_noise: is_noise });
+        let interval = middle(&draws).map(|[low, high]| Interval { low: low.max(0.0), high, noise_floor, below_noise: is_noise });
         Found { value, interval, draws }
     }
 

@@ -4,7 +4,6 @@
 //! The same seed draws the same blocks for every picture that one reference judges, so that differences between two are those of pairs.
 
 use super::block_side;
-use super::interval::middle;
 use crate::measure::statistics::quantile;
 
 /// Draws of each interval.
@@ -48,49 +47,29 @@ impl Stream {
     }
 }
 
-/// The blocks of some pixels, and how often each draw has each of them.
-pub(super) struct Resampling {
+/// Square blocks that hold some pixels of a reference.
+struct Blocks {
     side: u32,
     width: u32,
     across: u32,
     /// The number of each block that holds a pixel, by its place.
     numbers: Vec<Option<u32>>,
-    blocks: usize,
-    /// Draw by draw, block by block.
-    counts: Vec<u16>,
+    count: usize,
 }
 
-impl Resampling {
-    /// Of these places in a reference of this size; None of too few.
-    pub fn of(places: impl Iterator<Item = usize> + Clone, size: [u32; 2]) -> Option<Self> {
-        let sides = std::iter::successors(Some(SIDES * block_side(size)), |side| (*side > 1).then_some(side / 2));
-        let divided: Vec<Self> = sides.map(|side| Self::divided(places.clone(), size, side)).collect();
-        let enough = divided.iter().position(|divided| divided.blocks >= ENOUGH).unwrap_or(divided.len() - 1);
-        let found = divided.into_iter().nth(enough).filter(|divided| divided.blocks >= FEWEST)?;
-        Some(found.drawn())
-    }
-
-    fn divided(places: impl Iterator<Item = usize>, [width, height]: [u32; 2], side: u32) -> Self {
+impl Blocks {
+    fn of(places: impl Iterator<Item = usize>, [width, height]: [u32; 2], side: u32) -> Self {
         let across = width.div_ceil(side);
-        let mut divided = Self { side, width, across, numbers: vec![None; (across * height.div_ceil(side)) as usize], blocks: 0, counts: Vec::new() };
+        let mut blocks = Self { side, width, across, numbers: vec![None; (across * height.div_ceil(side)) as usize], count: 0 };
         places.for_each(|at| {
-            let place = divided.place(at);
-            divided.numbers[place] = Some(0);
+            let place = blocks.place(at);
+            blocks.numbers[place] = Some(0);
         });
-        divided.numbers.iter_mut().flatten().for_each(|number| {
-            *number = divided.blocks as u32;
-            divided.blocks += 1;
+        blocks.numbers.iter_mut().flatten().for_each(|number| {
+            *number = blocks.count as u32;
+            blocks.count += 1;
         });
-        divided
-    }
-
-    fn drawn(mut self) -> Self {
-        let mut stream = Stream(self.blocks as u64);
-        self.counts = vec![0; RESAMPLES * self.blocks];
-        for draw in self.counts.chunks_exact_mut(self.blocks) {
-            (0..self.blocks).for_each(|_| draw[stream.below(self.blocks)] += 1);
-        }
-        self
+        blocks
     }
 
     fn place(&self, at: usize) -> usize {
@@ -103,27 +82,50 @@ impl Resampling {
         self.numbers[self.place(at)].map_or(0, |number| number as usize)
     }
 
-    fn draws(&self) -> impl Iterator<Item = &[u16]> {
-        self.counts.chunks_exact(self.blocks)
+    /// Of each block the sum over its pixels; a pixel is its place in the reference and what it adds.
+    fn sums<const K: usize>(&self, pixels: impl Iterator<Item = (usize, [f64; K])>) -> Vec<[f64; K]> {
+        let mut sums = vec![[0.0; K]; self.count];
+        pixels.for_each(|(at, terms)| sums[self.block(at)].iter_mut().zip(terms).for_each(|(sum, term)| *sum += term));
+        sums
+    }
+}
+
+/// The variance of what is made of the sums of blocks, as leaving out one block after the other shows it (Efron 1979), but for a factor next to 1.
+fn jackknife<const K: usize>(sums: &[[f64; K]], value: impl Fn([f64; K]) -> f64) -> f64 {
+    let total = sums.iter().fold([0.0; K], |total, sum| std::array::from_fn(|k| total[k] + sum[k]));
+    let left: Vec<f64> = sums.iter().map(|sum| value(std::array::from_fn(|k| total[k] - sum[k]))).collect();
+    let mean = left.iter().sum::<f64>() / left.len() as f64;
+    left.iter().map(|value| (value - mean).powi(2)).sum()
+}
+
+/// The blocks of some pixels, and how often each draw has each of them.
+pub(super) struct Resampling {
+    blocks: Blocks,
+    /// Of half the side, where that is a pixel or more.
+    halves: Option<Blocks>,
+    /// Draw by draw, block by block.
+    counts: Vec<u16>,
+}
+
+impl Resampling {
+    /// Of these places in a reference of this size; None of too few.
+    pub fn of(places: impl Iterator<Item = usize> + Clone, size: [u32; 2]) -> Option<Self> {
+        let divided = |side| Blocks::of(places.clone(), size, side);
+        let mut blocks = divided(SIDES * block_side(size));
+        while blocks.count < ENOUGH && blocks.side > 1 {
+            blocks = divided(blocks.side / 2);
+        }
+        let halves = (blocks.side > 1).then(|| divided(blocks.side / 2));
+        (blocks.count >= FEWEST).then(|| Self { counts: draw(blocks.count), blocks, halves })
     }
 
-    /// The middle 95 % of the draws, wider by what few blocks hide of their own spread: as Student's quantile is wider than the normal one, and
-    /// the spread about the blocks' own mean is too small. None without a draw.
-    pub fn middle(&self, draws: &[f64]) -> Option<[f64; 2]> {
-        let [low, high] = middle(draws)?;
-        let mut sorted = draws.to_vec();
-        sorted.sort_by(f64::total_cmp);
-        let median = quantile(&sorted, 0.5)?;
-        let factor = 1.0 + 1.71 / self.blocks as f64;
-        Some([low, high].map(|end| median + factor * (end - median)))
+    fn draws(&self) -> impl Iterator<Item = &[u16]> {
+        self.counts.chunks_exact(self.blocks.count)
     }
 
     /// A value of each draw, from the sums over its pixels; a pixel is its place in the reference and what it adds.
-    pub fn of_sums<const K: usize>(&self, pixels: impl Iterator<Item = (usize, [f64; K])>, value: impl Fn([f64; K]) -> f64) -> Vec<f64> {
-        let mut sums = vec![[0.0; K]; self.blocks];
-        for (at, terms) in pixels {
-            sums[self.block(at)].iter_mut().zip(terms).for_each(|(sum, term)| *sum += term);
-        }
+    pub fn of_sums<const K: usize>(&self, pixels: impl Iterator<Item = (usize, [f64; K])> + Clone, value: impl Fn([f64; K]) -> f64) -> Vec<f64> {
+        let sums = self.blocks.sums(pixels.clone());
         let total = |draw: &[u16]| {
             let mut total = [0.0; K];
             for (count, sum) in draw.iter().zip(&sums).filter(|(count, _)| **count > 0) {
@@ -131,15 +133,49 @@ impl Resampling {
             }
             value(total)
         };
-        self.draws().map(total).collect()
+        self.widened(self.draws().map(total).collect(), self.reach(pixels, &sums, &value))
+    }
+
+    /// How much wider a spread is than blocks show, as errors go on across their borders. What blocks miss is inverse to their side, so the variances that
+    /// whole and half blocks show tell it. Beyond 1.5 the blocks know too little.
+    fn reach<const K: usize>(&self, pixels: impl Iterator<Item = (usize, [f64; K])>, sums: &[[f64; K]], value: impl Fn([f64; K]) -> f64) -> f64 {
+        let whole = jackknife(sums, &value);
+        let Some(halves) = self.halves.as_ref().filter(|_| whole > 0.0) else { return 1.0 };
+        (2.0 - jackknife(&halves.sums(pixels), &value) / whole).clamp(1.0, 2.25).sqrt()
+    }
+
+    /// The draws, farther from their middle by what few blocks hide of their own spread, as Student's quantile is wider than the normal one and the spread
+    /// about the blocks' own mean is too small; and by `reach`.
+    fn widened(&self, mut draws: Vec<f64>, reach: f64) -> Vec<f64> {
+        let mut sorted = draws.clone();
+        sorted.sort_by(f64::total_cmp);
+        if let Some(median) = quantile(&sorted, 0.5) {
+            let factor = reach * (1.0 + 1.71 / self.blocks.count as f64);
+            draws.iter_mut().for_each(|value| *value = median + factor * (*value - median));
+        }
+        draws
     }
 
     /// A quantile of each draw, of values that are sorted and lie in the block of the place beside them; linear between neighbours.
     /// Empty where a draw has none of them.
     pub fn of_quantile(&self, sorted: &[(f64, usize)], share: f64) -> Vec<f64> {
-        let blocks: Vec<usize> = sorted.iter().map(|(_, at)| self.block(*at)).collect();
-        self.draws().map(|draw| quantile_of(sorted, &blocks, draw, share)).collect::<Option<_>>().unwrap_or_default()
+        let blocks: Vec<usize> = sorted.iter().map(|(_, at)| self.blocks.block(*at)).collect();
+        let draws = self.draws().map(|draw| quantile_of(sorted, &blocks, draw, share)).collect::<Option<_>>();
+        // A quantile moves as the share of values above it does.
+        let whole = quantile(&sorted.iter().map(|(value, _)| *value).collect::<Vec<_>>(), share).unwrap_or_default();
+        let above = sorted.iter().map(|(value, at)| (*at, [f64::from(*value > whole), 1.0]));
+        self.widened(draws.unwrap_or_default(), self.reach(above.clone(), &self.blocks.sums(above), |[above, all]| above / all))
     }
+}
+
+/// How often each draw has each of so many blocks.
+fn draw(blocks: usize) -> Vec<u16> {
+    let mut stream = Stream(blocks as u64);
+    let mut counts = vec![0; RESAMPLES * blocks];
+    for draw in counts.chunks_exact_mut(blocks) {
+        (0..blocks).for_each(|_| draw[stream.below(blocks)] += 1);
+    }
+    counts
 }
 
 /// The quantile of values of which each is there as often as its block was drawn; None where none is.

@@ -1,7 +1,7 @@
 //! What a viewer sees: ꟻLIP of the pictures that two files name so.
 
 use super::found::Found;
-use super::interval::Interval;
+use super::interval::{Interval, middle};
 use super::resampling::{Resampling, Stream};
 use super::samples::{mean, own_variances};
 use super::{MetricsError, Selected};
@@ -86,7 +86,7 @@ fn of_map(places: &[usize], errors: &[f64], noise: Option<Vec<f64>>, resampling:
         resampling.of_sums(places.iter().zip(errors).map(|(at, error)| (*at, [*error, 1.0])), |[errors, count]| errors / count)
     });
     let noise_floor = noise.and_then(|noise| mean(noise.into_iter()));
-    let interval = resampling.and_then(|resampling| resampling.middle(&draws)).map(|[low, high]| Interval {
+    let interval = middle(&draws).map(|[low, high]| Interval {
         low: low.max(0.0),
         high,
         noise_floor,

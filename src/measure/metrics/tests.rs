@@ -49,8 +49,8 @@ fn the_variance_of_the_reference_is_taken_off() {
     assert_eq!(with(5.0).rmse_over_mean, 0.0);
     let own = reference.clone().with(VARIANCE, Layer::value(vec![0.75; 2]));
     assert_eq!(compare(&test, &own, "irradiance", None).unwrap(), with(0.75));
-    let of_another_layer = own.clone().with("indirect", Layer::value(vec![2.0; 2]));
-    assert_eq!(compare(&test, &of_another_layer, "indirect", None).unwrap().reference_noise_over_mean, None);
+    let [tested, of_another_layer] = [&test, &own].map(|picture| picture.clone().with("indirect", Layer::value(vec![2.0; 2])));
+    assert_eq!(compare(&tested, &of_another_layer, "indirect", None).unwrap().reference_noise_over_mean, None);
 }
 
 #[test]

@@ -148,6 +148,8 @@ fn figure(function: &str, captured: &[Captured]) -> Plot {
             x: c.coefficients as f64,
             x_spread: [c.coefficients as f64; 2],
             y: c.lost.max(1e-6),
+            y_spread: [c.lost.max(1e-6); 2],
+            is_limit: false,
             is_on_front: false,
         };
         Line { marks: mine.map(mark).collect(), name }

@@ -1,6 +1,6 @@
 //! A program's error over time as a curve, and two curves read at one error.
 
-use hemisplat::measure::sweep::front;
+use hemisplat::measure::front::{Standing, front};
 use serde::Serialize;
 
 /// Time and errors of one setting, or between two.
@@ -38,8 +38,8 @@ impl Curve {
         let mut samples: Vec<Sample> = samples.iter().copied().filter(|sample| sample.seconds > 0.0 && sample.rmse_over_mean > 0.0).collect();
         samples.sort_by(|a, b| a.rmse_over_mean.total_cmp(&b.rmse_over_mean).then(a.seconds.total_cmp(&b.seconds)));
         samples.dedup_by_key(|sample| [sample.rmse_over_mean, sample.seconds]);
-        let costs: Vec<[f64; 2]> = samples.iter().map(|sample| [sample.seconds, sample.rmse_over_mean]).collect();
-        let mut is_on_front = front(&costs).into_iter();
+        let standings: Vec<Standing> = samples.iter().map(|sample| Standing::certain(sample.seconds, sample.rmse_over_mean)).collect();
+        let mut is_on_front = front(&standings).into_iter();
         samples.retain(|_| is_on_front.next().unwrap_or(false));
         (!samples.is_empty()).then_some(Self(samples))
     }

@@ -147,6 +147,8 @@ fn mark(scene: &Scene, point: &Point) -> Mark {
         x: seconds.median,
         x_spread: [seconds.least, seconds.most],
         y: error,
+        y_spread: [error; 2],
+        is_limit: false,
         is_on_front: false,
     }
 }

@@ -257,6 +257,8 @@ fn plot(series: &Grown, machine: &Machine) -> Plot {
         x: *x,
         x_spread: [*x; 2],
         y: time.median,
+        y_spread: [time.median; 2],
+        is_limit: false,
         is_on_front: false,
     };
     Plot {

@@ -1,9 +1,9 @@
 //! A comparison as text, as CSV, and as a report for its page.
 
-use crate::measure::compare::{Comparison, Pair, PassSpread, VariantErrors, VariantReport, WORTH_FINDING};
+use crate::measure::compare::{Comparison, Pair, PairError, PassSpread, VariantErrors, VariantReport, WORTH_FINDING};
 use crate::measure::criteria::{Cost, Metric};
 use crate::measure::gap::Gap;
-use crate::measure::metrics::{Errors, block_side};
+use crate::measure::metrics::{Errors, Told as InWords, block_side};
 use crate::measure::page::{Beside, Differences, Report, Told};
 use crate::measure::statistics::{Spread, least_runs};
 use std::fmt::Write;
@@ -46,7 +46,7 @@ pub fn report(comparison: &Comparison, pipelines: Vec<String>) -> Report {
         Beside { text, dropped: variant.dropped.clone(), start_up_seconds: Some(seconds) }
     };
     let beside = comparison.variants.iter().zip(pipelines).map(beside).collect();
-    let told = |pair: &Pair| Told { words: sentence(pair, comparison.runs, comparison.pairs.len()), pair: pair.clone() };
+    let told = |pair: &Pair| Told { words: sentences(pair, comparison), pair: pair.clone() };
     let differences = Differences { pairs: comparison.pairs.iter().map(told).collect(), hint: hint(comparison) };
     let title = match comparison.variants.len() {
         1 => format!("{}: one pipeline measured", comparison.scene),
@@ -109,62 +109,40 @@ fn costs(comparison: &Comparison) -> String {
     text
 }
 
+/// Layers with the metrics that the table tells of each, in its order.
+const TOLD: [(&str, &[&str]); 4] = [
+    ("irradiance", &SHARES),
+    ("picture", &["rmse_over_mean", "band_error", "rmse_edges", "rmse_interior", "flip", "hdr_flip"]),
+    ("glossy", &SHARES),
+    ("direct", &SHARES),
+];
+
+const SHARES: [&str; 8] = ["rmse_over_mean", "bias_over_mean", "rms_of_relative", "block_p50", "block_p99", "band_error", "rmse_edges", "rmse_interior"];
+
 fn errors(comparison: &Comparison) -> String {
     let Some(reference) = &comparison.reference else { return String::new() };
     let mut text = format!("\nagainst {}", reference.file.as_deref().unwrap_or("the reference"));
     if let Some(noise) = comparison.variants.iter().find_map(|variant| variant.errors.irradiance.as_ref()?.reference_noise_over_mean) {
         let _ = write!(text, ", noise of its irradiance {:.2} % (taken off)", 100.0 * noise);
     }
-    let _ = writeln!(
-        text,
-        "\n{:<3} {:>14} {:>14} {:>15} {:>9} {:>9} {:>10} {:>10} {:>13} {:>10} {:>9} {:>9}",
-        "",
-        "rmse_over_mean",
-        "bias_over_mean",
-        "rms_of_relative",
-        "block_p50",
-        "block_p99",
-        "band_error",
-        "rmse_edges",
-        "rmse_interior",
-        "picture",
-        "flip",
-        "hdr_flip"
-    );
-    for variant in &comparison.variants {
-        let seen = |name: &str| seen(&variant.errors, name).map_or("-".to_owned(), |value| format!("{value:.4}"));
-        let _ = writeln!(
-            text,
-            "{} {:>10} {:>9} {:>9}",
-            shares(&variant.id, variant.errors.irradiance.as_ref()),
-            percent_of(metric(variant.errors.picture.as_ref(), "rmse_over_mean")),
-            seen("flip"),
-            seen("hdr_flip"),
-        );
+    text.push_str("; in brackets 95 % intervals\n");
+    text + &comparison.variants.chunks(COLUMNS).map(errors_of).collect::<Vec<_>>().join("\n")
+}
+
+fn errors_of(variants: &[VariantReport]) -> String {
+    let head: String = variants.iter().map(|variant| format!(" {:>27}", variant.id)).collect();
+    let mut text = format!("{:<27}{head}\n", "");
+    for (layer, metrics) in TOLD {
+        let errors: Vec<Option<&Errors>> = variants.iter().map(|variant| variant.errors.layer(layer)).collect();
+        for metric in metrics {
+            let told: Vec<Option<InWords>> = errors.iter().map(|errors| errors.and_then(|errors| errors.told(metric, 2))).collect();
+            if told.iter().any(Option::is_some) {
+                let cells: String = told.into_iter().map(|told| format!(" {:>27}", told.map_or("-".to_owned(), |told| told.sentence()))).collect();
+                let _ = writeln!(text, "{:<27}{cells}", format!("{layer} {metric}"));
+            }
+        }
     }
-    text += &layer(comparison, "indirect light that lobes reflect, over glossy surfaces", |errors| errors.glossy.as_ref());
-    text + &layer(comparison, "direct light, of pipelines that compute no other; pictures are held against all light", |errors| errors.direct.as_ref())
-}
-
-/// The shares of a layer that not every comparison has; nothing where none of the variants has it.
-fn layer(comparison: &Comparison, heading: &str, of: impl Fn(&VariantErrors) -> Option<&Errors>) -> String {
-    if comparison.variants.iter().all(|variant| of(&variant.errors).is_none()) {
-        return String::new();
-    }
-    let rows: String = comparison.variants.iter().map(|variant| shares(&variant.id, of(&variant.errors)) + "\n").collect();
-    format!("\n{heading}\n{rows}")
-}
-
-/// The metrics of a layer that are shares.
-fn shares(id: &str, errors: Option<&Errors>) -> String {
-    let of = |name: &str| percent_of(metric(errors, name));
-    let [rmse, bias, relative, median, worst] = ["rmse_over_mean", "bias_over_mean", "rms_of_relative", "block_p50", "block_p99"].map(of);
-    let [band, edges, interior] = ["band_error", "rmse_edges", "rmse_interior"].map(of);
-    format!("{id:<3} {rmse:>14} {bias:>14} {relative:>15} {median:>9} {worst:>9} {band:>10} {edges:>10} {interior:>13}")
-}
-
-fn percent_of(value: Option<f64>) -> String {
-    value.map_or("-".to_owned(), |value| format!("{:.2} %", 100.0 * value))
+    text
 }
 
 fn metric(errors: Option<&Errors>, name: &str) -> Option<f64> {
@@ -174,9 +152,9 @@ fn metric(errors: Option<&Errors>, name: &str) -> Option<f64> {
 /// What a viewer sees.
 const SEEN: [&str; 2] = ["flip", "hdr_flip"];
 
-/// One of them: of the picture, or of the irradiance where that is all there is.
-fn seen(errors: &VariantErrors, name: &str) -> Option<f64> {
-    metric(errors.picture.as_ref().or(errors.irradiance.as_ref()), name)
+/// Who tells that: the picture's errors, or the irradiance's where that is all there is.
+fn seen(errors: &VariantErrors) -> Option<&Errors> {
+    errors.picture.as_ref().or(errors.irradiance.as_ref())
 }
 
 /// Names of nodes with their passes, each once, as the variants run them.
@@ -225,7 +203,7 @@ fn differences(comparison: &Comparison) -> String {
     let told = |pair: &&Pair| comparison.variants.len() <= FEW || pair.first == first;
     let mut text = String::new();
     for pair in comparison.pairs.iter().filter(told) {
-        let _ = writeln!(text, "{}", sentence(pair, comparison.runs, comparison.pairs.len()));
+        let _ = writeln!(text, "{}", sentences(pair, comparison));
     }
     if text.is_empty() {
         return text;
@@ -236,7 +214,28 @@ fn differences(comparison: &Comparison) -> String {
     format!("\n{text}")
 }
 
-/// One pair in words, the slower variant first.
+/// One pair in words: its times, then its errors.
+fn sentences(pair: &Pair, comparison: &Comparison) -> String {
+    let times = sentence(pair, comparison.runs, comparison.pairs.len());
+    pair.error.as_ref().map_or(times.clone(), |error| format!("{times}; {}", of_errors_of(pair, error)))
+}
+
+/// How the errors of a pair differ, the variant with the larger one first.
+fn of_errors_of(Pair { first, second, .. }: &Pair, PairError { metric, is_share, difference }: &PairError) -> String {
+    let (factor, unit) = if *is_share { (100.0, " %") } else { (1.0, "") };
+    let told = |value: f64| format!("{}{unit}", significant(factor * value));
+    let [low, high] = difference.interval;
+    if !difference.significant {
+        return format!("{metric} does not differ by more than chance (±{})", told(low.abs().max(high.abs())));
+    }
+    let (more, less) = if difference.difference > 0.0 { (second, first) } else { (first, second) };
+    let [low, high] = if difference.difference > 0.0 { [low, high] } else { [-high, -low] };
+    let confidence = significant(100.0 * difference.confidence);
+    let size = told(difference.difference.abs());
+    format!("{metric} of {more} is larger than that of {less} by {size} ({} % interval {} … {})", confidence.trim_end_matches(".0"), told(low), told(high))
+}
+
+/// The times of one pair in words, the slower variant first.
 fn sentence(pair: &Pair, runs: usize, comparisons: usize) -> String {
     let Pair { first, second, difference, .. } = pair;
     let Some([low, high]) = difference.ratio_interval else {
@@ -347,14 +346,25 @@ fn of_costs(comparison: &Comparison, variant: &VariantReport) -> Vec<Cell> {
 pub(super) fn of_errors(judged: &VariantErrors) -> Vec<Cell> {
     let of = |layer: &'static str, errors: Option<&Errors>| {
         let metrics = Errors::METRICS.into_iter().filter(|name| !SEEN.contains(name));
-        metrics.map(move |name| cell(format!("{layer}_{name}"), metric(errors, name))).collect::<Vec<_>>()
+        metrics.flat_map(move |name| certain(&format!("{layer}_{name}"), errors, name)).collect::<Vec<_>>()
     };
     let mut cells = of("irradiance", judged.irradiance.as_ref());
     cells.extend(of("picture", judged.picture.as_ref()));
     cells.extend(of("glossy", judged.glossy.as_ref()));
     cells.extend(of("direct", judged.direct.as_ref()));
-    cells.extend(SEEN.map(|name| cell(name, seen(judged, name))));
+    cells.extend(SEEN.into_iter().flat_map(|name| certain(name, seen(judged), name)));
     cells
+}
+
+/// A metric with its interval, and whether the reference's noise hides it.
+fn certain(head: &str, errors: Option<&Errors>, name: &str) -> [Cell; 4] {
+    let interval = errors.and_then(|errors| errors.interval(name));
+    [
+        cell(head, metric(errors, name)),
+        cell(format!("{head}_low"), interval.map(|interval| interval.low)),
+        cell(format!("{head}_high"), interval.map(|interval| interval.high)),
+        cell(format!("{head}_below_noise"), interval.map(|interval| interval.below_noise)),
+    ]
 }
 
 /// The difference from the first variant.
@@ -393,7 +403,7 @@ mod tests {
 
     fn pair(first: &[f64], second: &[f64]) -> String {
         let difference = crate::measure::statistics::Difference::between(first, second, 1).unwrap();
-        let pair = Pair { first: "A".into(), second: "B".into(), test: "", difference, runs_to_find_5_percent: None };
+        let pair = Pair { first: "A".into(), second: "B".into(), test: "", difference, runs_to_find_5_percent: None, error: None };
         sentence(&pair, first.len(), 1)
     }
 

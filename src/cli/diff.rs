@@ -4,7 +4,7 @@ use super::console::Console;
 use super::failure::{CommandError, Failure};
 use super::input::{NamedFile, read_picture};
 use super::output::{Target, expect_distinct};
-use crate::measure::metrics::{Definition, other_view};
+use crate::measure::metrics::{Definition, Told, other_view};
 use crate::measure::{Errors, IRRADIANCE, Layers, PICTURE, Selected, compare_layers};
 use clap::Args;
 use serde::Serialize;
@@ -153,17 +153,12 @@ fn table(test: &Path, reference: &Path, errors: &Errors) -> String {
 
 /// A metric with its interval, and what the reference's noise leaves of it.
 fn row(errors: &Errors, metric: &str) -> String {
-    let (factor, digits, unit) = if Errors::is_share(metric) { (100.0, 3, " %") } else { (1.0, 5, "") };
-    let told = |value: f64| format!("{:.digits$}", factor * value);
-    let Some(value) = errors.metric(metric).flatten() else { return format!("  {metric:<16}{:>12}\n", "not measurable") };
-    let interval = errors.interval(metric);
-    let value = match interval.filter(|interval| interval.below_noise) {
-        Some(interval) => format!("< {}{unit}", told(interval.most())),
-        None => told(value) + unit,
-    };
-    let interval_told = interval.map_or("-".to_owned(), |interval| format!("{} … {}{unit}", told(interval.low), told(interval.high)));
-    let noise = interval.and_then(|interval| interval.noise_floor).map_or(String::new(), |noise| told(noise) + unit);
-    format!("{}\n", format!("  {metric:<16}{value:>12}   {interval_told:<23} {noise}").trim_end())
+    let Some(Told { value, interval }) = errors.told(metric, 3) else { return format!("  {metric:<16}{:>12}\n", "not measurable") };
+    let unit = if Errors::is_share(metric) { " %" } else { "" };
+    let interval = interval.map_or("-".to_owned(), |interval| interval + unit);
+    let noise = errors.interval(metric).and_then(|interval| interval.noise_floor);
+    let noise = noise.map_or(String::new(), |noise| if unit.is_empty() { format!("{noise:.5}") } else { format!("{:.3} %", 100.0 * noise) });
+    format!("{}\n", format!("  {metric:<16}{value:>12}   {interval:<23} {noise}").trim_end())
 }
 
 /// The definition of each metric.

@@ -7,9 +7,11 @@ use super::input::read_file;
 use super::output::Target;
 use super::sealed::{self, Unusable};
 use crate::measure::cache::Checksum;
-use crate::measure::compare::judged;
+use crate::measure::compare::{VariantErrors, judged};
 use crate::measure::sweep::{Measured, Outcome, Point};
-use crate::measure::{Layer, Layers};
+use crate::measure::{Errors, Layer, Layers};
+use base64::Engine;
+use base64::prelude::BASE64_STANDARD;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -17,16 +19,44 @@ use std::path::{Path, PathBuf};
 /// The longest file of a point that is read.
 const MOST_POINT_BYTES: u64 = 16 << 20;
 
+/// Since 2 with draws.
+const SCHEMA: u32 = 2;
+
 /// What the file of a point holds.
 #[derive(Serialize, Deserialize)]
 struct Kept {
-    /// Version of this record: 1.
+    /// Version of this record.
     schema: u32,
     /// Everything that the numbers depend on.
     key: String,
     /// For readers: `NODE.PARAM=VALUE`.
     set: Vec<String>,
     measured: Measured,
+    /// The errors in each draw of the picture's blocks, by layer and metric, for comparisons with other points: 32-bit floats as base64, the lowest byte first.
+    draws: BTreeMap<String, BTreeMap<String, String>>,
+}
+
+impl Kept {
+    /// What was measured, with its draws; None where these are damaged.
+    fn whole(mut self) -> Option<Measured> {
+        for (layer, errors) in self.measured.errors.layers_mut() {
+            let (Some(errors), Some(draws)) = (errors, self.draws.get(layer)) else { continue };
+            errors.resampled.metrics = draws.iter().map(|(metric, text)| Some((metric.clone(), unpacked(text)?))).collect::<Option<_>>()?;
+        }
+        Some(self.measured)
+    }
+}
+
+fn packed(errors: &VariantErrors) -> BTreeMap<String, BTreeMap<String, String>> {
+    let text = |draws: &Vec<f32>| BASE64_STANDARD.encode(draws.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>());
+    let of = |errors: &Errors| errors.resampled.metrics.iter().map(|(metric, draws)| (metric.clone(), text(draws))).collect();
+    errors.layers().into_iter().filter_map(|(layer, errors)| Some((layer.to_owned(), of(errors?)))).collect()
+}
+
+fn unpacked(text: &str) -> Option<Vec<f32>> {
+    let bytes = BASE64_STANDARD.decode(text).ok()?;
+    let values = bytes.as_chunks::<4>().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect();
+    bytes.len().is_multiple_of(4).then_some(values)
 }
 
 /// Where the points are kept.
@@ -73,8 +103,8 @@ impl Folder {
 
     fn numbers(&self, key: &str) -> Result<Measured, Unusable> {
         let file = read_file(&self.file(key, "json"), MOST_POINT_BYTES).map_err(|_| Unusable::Absent)?;
-        let kept = serde_json::from_slice::<Kept>(&file).ok().filter(|kept| kept.schema == 1 && kept.key == key);
-        kept.map(|kept| kept.measured).ok_or(Unusable::Damaged)
+        let kept = serde_json::from_slice::<Kept>(&file).ok().filter(|kept| kept.schema == SCHEMA && kept.key == key);
+        kept.and_then(Kept::whole).ok_or(Unusable::Damaged)
     }
 
     pub(super) fn picture(&self, key: &str) -> Result<Layers, Unusable> {
@@ -83,7 +113,7 @@ impl Folder {
 
     pub(super) fn keep(&self, key: &str, point: &Point, measured: &Measured, picture: Layers) -> Result<(), Failure> {
         sealed::write(&Target::new(&self.file(key, "exr"))?, picture, key)?;
-        let kept = Kept { schema: 1, key: key.to_owned(), set: point.set.clone(), measured: measured.clone() };
+        let kept = Kept { schema: SCHEMA, key: key.to_owned(), set: point.set.clone(), measured: measured.clone(), draws: packed(&measured.errors) };
         Target::new(&self.file(key, "json"))?.write_json(&kept)
     }
 }

@@ -45,14 +45,13 @@ fn row(point: &Point, name: &str, widest: usize, metric: &Metric) -> String {
 
 fn numbers(measured: &Measured, metric: &Metric) -> String {
     let seconds = &measured.seconds;
-    let error = |error: f64| if metric.is_share() { format!("{:.2} %", 100.0 * error) } else { format!("{error:.5}") };
     format!(
         "{:>9} {:>21} {:>8} {:>10.1} {:>26}",
         significant(seconds.median),
         format!("{} … {}", significant(seconds.lower_quartile), significant(seconds.upper_quartile)),
         count(measured.records.irradiance),
         measured.peak_gpu_bytes as f64 / f64::from(1 << 20),
-        metric.of(&measured.errors).map_or("-".to_owned(), error),
+        metric.told(&measured.errors).map_or("-".to_owned(), |told| told.sentence()),
     )
 }
 

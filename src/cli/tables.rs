@@ -9,7 +9,7 @@ use crate::measure::traffic::Traffic;
 /// A table of errors and one of costs, each a row for each row of the survey and a column for each value, and the points that nothing beats.
 pub fn markdown(sweep: &Sweep, survey: &Survey) -> String {
     let (metric, cost) = (&survey.metric, &survey.cost);
-    let error = |point: &Point| metric.of(&point.measured()?.errors).map(|error| told(error, metric));
+    let error = |point: &Point| told(point, metric);
     let costs = |point: &Point| cost.of(point.measured()?).map(significant);
     let unit = if metric.is_share() { " [%]" } else { "" };
     let mut parts = vec![headline(sweep)];
@@ -46,10 +46,9 @@ fn noise(sweep: &Sweep) -> String {
     noise.map_or(String::new(), |noise| format!(", whose noise is {:.2} %", 100.0 * noise))
 }
 
-/// As people read it; percent without the sign, which stands above.
-fn told(error: f64, metric: &Metric) -> String {
-    let value = if metric.is_share() { 100.0 * error } else { error };
-    significant(value)
+/// Without the unit, which stands above.
+fn told(point: &Point, metric: &Metric) -> Option<String> {
+    Some(metric.told(&point.measured()?.errors)?.sentence().replace(" %", ""))
 }
 
 fn moved(traffic: Traffic) -> String {
@@ -78,7 +77,7 @@ fn shown(point: &Point, cell: &dyn Fn(&Point) -> Option<String>) -> String {
 fn front(sweep: &Sweep, metric: &Metric, cost: &Cost) -> String {
     let unit = if metric.is_share() { " [%]" } else { "" };
     let head = vec!["nothing beats".to_owned(), cost.unit().to_owned(), format!("{metric}{unit}")];
-    let row = |(point, [cost, error]): (&Point, [f64; 2])| vec![point.name(&sweep.over), significant(cost), told(error, metric)];
+    let row = |(point, [cost, _]): (&Point, [f64; 2])| vec![point.name(&sweep.over), significant(cost), told(point, metric).unwrap_or_default()];
     table(std::iter::once(head).chain(best(&sweep.points, metric, cost).into_iter().map(row)).collect())
 }
 

@@ -3,8 +3,9 @@
 //! A run is a picture from empty caches. Runs are interleaved in rounds, one of each variant a round, so that two runs of a round are a pair.
 
 use super::cache::Checksum;
+use super::criteria::Metric;
 use super::layers::{DIRECT, GLOSSY, IRRADIANCE, Layers, PICTURE};
-use super::metrics::Errors;
+use super::metrics::{ErrorDifference, Errors};
 use super::run::{FrameReport, PassReport, Records, Run, RunError};
 use super::statistics::{Difference, Spread, runs_to_find};
 use crate::gpu::{Adapter, AskPace, Unfinished};
@@ -243,6 +244,23 @@ pub struct VariantErrors {
     pub direct: Option<Errors>,
 }
 
+impl VariantErrors {
+    /// Of the layer of that name.
+    pub fn layer(&self, name: &str) -> Option<&Errors> {
+        self.layers().into_iter().find(|(layer, _)| *layer == name)?.1
+    }
+
+    /// By layer.
+    pub fn layers(&self) -> [(&'static str, Option<&Errors>); 4] {
+        [(IRRADIANCE, self.irradiance.as_ref()), (PICTURE, self.picture.as_ref()), (GLOSSY, self.glossy.as_ref()), (DIRECT, self.direct.as_ref())]
+    }
+
+    /// By layer.
+    pub fn layers_mut(&mut self) -> [(&'static str, Option<&mut Errors>); 4] {
+        [(IRRADIANCE, self.irradiance.as_mut()), (PICTURE, self.picture.as_mut()), (GLOSSY, self.glossy.as_mut()), (DIRECT, self.direct.as_mut())]
+    }
+}
+
 /// The layers that a picture is judged by. Direct light is one where there is no other: pipelines with indirect light need not have all of it there.
 pub fn judged(picture: &Layers) -> impl Iterator<Item = &'static str> {
     let holds = |layer: &str| picture.layers.contains_key(layer);
@@ -250,7 +268,7 @@ pub fn judged(picture: &Layers) -> impl Iterator<Item = &'static str> {
     [IRRADIANCE, PICTURE, DIRECT, GLOSSY].into_iter().filter(move |layer| holds(layer) && (*layer != DIRECT || direct_alone))
 }
 
-/// How the times of two variants differ.
+/// How two variants differ: in their times, in which `difference` is, and in their errors.
 #[derive(Debug, Clone, Serialize)]
 pub struct Pair {
     pub first: String,
@@ -261,13 +279,27 @@ pub struct Pair {
     pub difference: Difference,
     /// Runs that find a difference of [`WORTH_FINDING`] nine times of ten, as these runs spread; None after a single one.
     pub runs_to_find_5_percent: Option<usize>,
+    /// How the errors differ that the comparison is judged by; None where these were not resampled.
+    pub error: Option<PairError>,
+}
+
+/// How an error of two variants differs.
+#[derive(Debug, Clone, Serialize)]
+pub struct PairError {
+    /// `LAYER.METRIC`
+    pub metric: String,
+    /// Whether it is a share, told in percent.
+    pub is_share: bool,
+    #[serde(flatten)]
+    pub difference: ErrorDifference,
 }
 
 /// Compares the times of every variant with those of every later one.
 pub fn pairs(variants: &[VariantReport]) -> Vec<Pair> {
     let comparisons = comparisons(variants.len());
+    let metric = Metric::that_judges(variants.iter().map(|variant| &variant.errors));
     let later = |index: usize| variants[index + 1..].iter().map(move |second| (&variants[index], second));
-    (0..variants.len()).flat_map(later).filter_map(|(first, second)| pair(first, second, comparisons)).collect()
+    (0..variants.len()).flat_map(later).filter_map(|(first, second)| pair(first, second, &metric, comparisons)).collect()
 }
 
 /// Pairs among so many variants.
@@ -275,10 +307,17 @@ pub fn comparisons(variants: usize) -> usize {
     variants * variants.saturating_sub(1) / 2
 }
 
-fn pair(first: &VariantReport, second: &VariantReport, comparisons: usize) -> Option<Pair> {
+fn pair(first: &VariantReport, second: &VariantReport, metric: &Metric, comparisons: usize) -> Option<Pair> {
     let difference = Difference::between(&first.seconds_of_runs, &second.seconds_of_runs, comparisons)?;
     let runs = difference.deviation_of_log_ratio.map(|deviation| runs_to_find(WORTH_FINDING, deviation, comparisons));
-    Some(Pair { first: first.id.clone(), second: second.id.clone(), test: "wilcoxon_signed_rank_exact", difference, runs_to_find_5_percent: runs })
+    Some(Pair {
+        first: first.id.clone(),
+        second: second.id.clone(),
+        test: "wilcoxon_signed_rank_exact",
+        difference,
+        runs_to_find_5_percent: runs,
+        error: metric.difference(&first.errors, &second.errors, comparisons),
+    })
 }
 
 /// A, B, … Z, AA, AB, …

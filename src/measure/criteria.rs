@@ -1,7 +1,7 @@
 //! The two things that points of a sweep are judged by: an error, and what it costs.
 
-use super::compare::VariantErrors;
-use super::metrics::Errors;
+use super::compare::{PairError, VariantErrors};
+use super::metrics::{Definition, ErrorDifference, Errors, Interval, Told};
 use super::sweep::Measured;
 use crate::pipeline::Problem;
 use crate::pipeline::diagnostics::known;
@@ -102,15 +102,46 @@ impl Metric {
         telling.copied().unwrap_or_default()
     }
 
-    /// The error itself, with its sign. None where it could not be measured.
-    pub fn signed(&self, errors: &VariantErrors) -> Option<f64> {
-        let errors = match self.layer {
+    /// Those of its layer.
+    pub fn errors<'e>(&self, errors: &'e VariantErrors) -> Option<&'e Errors> {
+        match self.layer {
             Judged::Irradiance => &errors.irradiance,
             Judged::Picture => &errors.picture,
             Judged::Glossy => &errors.glossy,
             Judged::Direct => &errors.direct,
-        };
-        errors.as_ref()?.metric(self.name).flatten()
+        }
+        .as_ref()
+    }
+
+    /// The error itself, with its sign. None where it could not be measured.
+    pub fn signed(&self, errors: &VariantErrors) -> Option<f64> {
+        self.errors(errors)?.metric(self.name).flatten()
+    }
+
+    /// Where it lies; None where that is not known.
+    pub fn interval(&self, errors: &VariantErrors) -> Option<Interval> {
+        self.errors(errors)?.interval(self.name)
+    }
+
+    /// Its size in each draw of the picture's blocks; empty where it was not resampled.
+    pub fn draws(&self, errors: &VariantErrors) -> Vec<f64> {
+        self.errors(errors).map_or(Vec::new(), |errors| errors.draws(self.name))
+    }
+
+    /// How it differs between two variants, one of so many comparisons; None where it was not resampled in both.
+    pub fn difference(&self, first: &VariantErrors, second: &VariantErrors, comparisons: usize) -> Option<PairError> {
+        let difference = ErrorDifference::of(self.errors(first)?, self.errors(second)?, self.name, comparisons)?;
+        Some(PairError { metric: self.to_string(), is_share: self.is_share(), difference })
+    }
+
+    /// As people read it; None where it could not be measured.
+    pub fn told(&self, errors: &VariantErrors) -> Option<Told> {
+        self.errors(errors)?.told(self.name, 2)
+    }
+
+    /// What it means.
+    pub fn definition(&self) -> Option<&'static Definition> {
+        Definition::ALL.iter().find(|definition| definition.metric == self.name)
     }
 
     /// Its size: a signed error counts as it is far from 0. None where it could not be measured.

@@ -8,6 +8,7 @@ pub mod criteria;
 pub mod edges;
 pub mod exposure;
 pub mod flip;
+pub mod front;
 pub mod gap;
 mod labels;
 pub mod layers;

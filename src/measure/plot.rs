@@ -37,7 +37,11 @@ pub struct Mark {
     pub x_spread: [f64; 2],
     /// Positive; 0 is drawn at the lower end of the axis.
     pub y: f64,
-    /// Whether no other mark is as low in both directions and lower in one.
+    /// As `y`; holds it.
+    pub y_spread: [f64; 2],
+    /// Whether all that is known is that it lies below `y`: drawn hollow.
+    pub is_limit: bool,
+    /// Whether no other mark beats it.
     pub is_on_front: bool,
 }
 
@@ -66,6 +70,8 @@ impl Paper {
 /// Below the axis: its ticks, its name.
 const BELOW: f64 = 64.0;
 const ROW: f64 = 22.0;
+/// What a hollow mark says.
+const LIMITS: &str = "hidden by the noise of the reference: the error is below";
 /// The mean width of a letter of 1 pixel.
 const LETTER: f64 = 0.54;
 /// Between the middles of two ticks' words.
@@ -91,13 +97,16 @@ const STYLE: &str = ".hemisplat-plot{background:#fff}\
 .hemisplat-plot .front{fill:none;stroke:#1b1f24;stroke-width:1.5;stroke-dasharray:5 4}\
 .hemisplat-plot .ring{fill:none;stroke:#1b1f24;stroke-width:1.5}\
 .hemisplat-plot .line{fill:none;stroke-width:1.8}\
-.hemisplat-plot .spread{stroke-width:1.2}\
+.hemisplat-plot .spread{stroke-width:1.2;fill:none}\
+.hemisplat-plot .shape{stroke:none}\
+.hemisplat-plot .hollow{fill:#fff;stroke-width:2}\
 .hemisplat-plot .leader{stroke:#6a737d;stroke-width:1}\
 .hemisplat-plot .mark text{paint-order:stroke;stroke:#fff;stroke-width:4px;stroke-linejoin:round}\
 @media (prefers-color-scheme:dark){\
 .hemisplat-plot{background:#14171a}\
 .hemisplat-plot text{fill:#e6e9ec}\
 .hemisplat-plot .mark text{stroke:#14171a}\
+.hemisplat-plot .hollow{fill:#14171a}\
 .hemisplat-plot .grid{stroke:#30363d}\
 .hemisplat-plot .front,.hemisplat-plot .ring{stroke:#e6e9ec}}";
 
@@ -158,7 +167,9 @@ impl Canvas {
         let [left, right, top, bottom] = frame;
         let marks = || plot.lines.iter().flat_map(|line| &line.marks);
         let x = Scale::of(marks().flat_map(|mark| [mark.x, mark.x_spread[0], mark.x_spread[1]]), left, right);
-        Self { paper, frame, x, y: Scale::of(marks().map(|mark| mark.y), bottom, top) }
+        // The lower end of a limit's interval tells nothing, and would stretch the axis.
+        let ends = |mark: &Mark| if mark.is_limit { vec![mark.y] } else { vec![mark.y, mark.y_spread[0], mark.y_spread[1]] };
+        Self { paper, frame, x, y: Scale::of(marks().flat_map(ends), bottom, top) }
     }
 
     fn place(&self, mark: &Mark) -> [f64; 2] {
@@ -170,7 +181,7 @@ impl Canvas {
 pub fn svg(plot: &Plot, paper: Paper) -> String {
     let canvas = Canvas::of(plot, paper);
     let [left, _, _, bottom] = canvas.frame;
-    let height = bottom + BELOW + ROW * (plot.lines.len() + 2) as f64;
+    let height = bottom + BELOW + ROW * (plot.lines.len() + 3) as f64;
     let mut text = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"hemisplat-plot\" viewBox=\"0 0 {2} {height}\" role=\"img\" aria-label=\"{0}\">\n<style>{STYLE}</style>\n\
          <text class=\"title\" x=\"{left}\" y=\"28\"{1}>{0}</text>\n",
@@ -257,9 +268,14 @@ fn drawn(plot: &Plot, canvas: &Canvas) -> String {
 fn group(mark: &Mark, line: usize, label: Option<Label>, canvas: &Canvas) -> String {
     let [at_x, at_y] = canvas.place(mark);
     let [low, high] = mark.x_spread.map(|value| canvas.x.place(value) - at_x);
+    let [least, most] = mark.y_spread.map(|value| canvas.y.place(value) - at_y);
+    // An arrow where there is no lower end.
+    let upright = if mark.is_limit { "M0,0V20M-4,15l4,5l4,-5".to_owned() } else { format!("M0,{least:.1}V{most:.1}M-3,{least:.1}h6M-3,{most:.1}h6") };
+    let fill = if mark.is_limit { "hollow" } else { "shape" };
     format!(
         "<g class=\"mark\" data-id=\"{}\" transform=\"translate({at_x:.1},{at_y:.1})\"><title>{}</title>\
-         <path class=\"spread\" stroke=\"{colour}\" d=\"M{low:.1},0H{high:.1}M{low:.1},-3v6M{high:.1},-3v6\"/><path class=\"shape\" fill=\"{colour}\" d=\"{}\"/>{}{}</g>\n",
+         <path class=\"spread\" stroke=\"{colour}\" d=\"M{low:.1},0H{high:.1}M{low:.1},-3v6M{high:.1},-3v6{upright}\"/>\
+         <path class=\"{fill}\" stroke=\"{colour}\" fill=\"{colour}\" d=\"{}\"/>{}{}</g>\n",
         escaped(&mark.id),
         escaped(&mark.about),
         shape(line),
@@ -295,14 +311,27 @@ fn legend(plot: &Plot, canvas: &Canvas) -> String {
             escaped(&line.name)
         );
     }
-    if !plot.lines.iter().flat_map(|line| &line.marks).any(|mark| mark.is_on_front) {
+    let has = |of: fn(&Mark) -> bool| plot.lines.iter().flat_map(|line| &line.marks).any(of);
+    let mut rows = plot.lines.len();
+    if has(|mark| mark.is_limit) {
+        let _ = writeln!(
+            text,
+            "<g transform=\"translate({at},{})\"><path class=\"frame\" d=\"{}\"/><path class=\"frame\" d=\"M0,5v8m-3,-4l3,4l3,-4\"/>\
+             <text x=\"24\" y=\"4.5\"{}>{LIMITS}</text></g>",
+            row(rows),
+            SHAPES[0],
+            squeezed(LIMITS, 13.0, room),
+        );
+        rows += 1;
+    }
+    if !has(|mark| mark.is_on_front) {
         return text;
     }
     let front = if plot.label_of_marks.is_empty() { "Pareto front".to_owned() } else { format!("Pareto front, with {}", plot.label_of_marks) };
     let _ = writeln!(
         text,
         "<g transform=\"translate({at},{})\"><path class=\"front\" d=\"M-14,0h28\"/><circle class=\"ring\" r=\"9\"/><text x=\"24\" y=\"4.5\"{}>{}</text></g>",
-        row(plot.lines.len()),
+        row(rows),
         squeezed(&front, 13.0, room),
         escaped(&front)
     );
@@ -341,7 +370,17 @@ mod tests {
     use proptest::prelude::*;
 
     fn mark(x: f64, y: f64, is_on_front: bool) -> Mark {
-        Mark { id: "A".into(), label: Some("a<b & \"c\"\u{1}".into()), about: "]]> '".into(), x, x_spread: [x * 0.9, x * 1.1], y, is_on_front }
+        Mark {
+            id: "A".into(),
+            label: Some("a<b & \"c\"\u{1}".into()),
+            about: "]]> '".into(),
+            x,
+            x_spread: [x * 0.9, x * 1.1],
+            y,
+            y_spread: [0.0, 2.0 * y],
+            is_limit: x > 1.0,
+            is_on_front,
+        }
     }
 
     fn plot(marks: &[(f64, f64, bool)]) -> Plot {

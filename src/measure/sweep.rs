@@ -2,6 +2,7 @@
 
 use super::compare::{AdapterReport, Comparison, ReferenceReport, VariantErrors, VariantReport};
 use super::criteria::{Cost, Metric};
+use super::front::{Standing, front};
 use super::plot::{Line, Mark, Plot};
 use super::run::Records;
 use super::statistics::Spread;
@@ -13,21 +14,6 @@ use std::collections::BTreeMap;
 pub fn grid(lengths: &[usize]) -> Vec<Vec<usize>> {
     let longer = |places: Vec<Vec<usize>>, length: usize| places.iter().flat_map(|place| (0..length).map(|next| [&place[..], &[next]].concat())).collect();
     lengths.iter().fold(vec![Vec::new()], |places, length| longer(places, *length))
-}
-
-/// Which of these costs are on the Pareto front: no other is as low in both and lower in one. Costs are finite; equal ones stand or fall together.
-pub fn front(costs: &[[f64; 2]]) -> Vec<bool> {
-    let mut order: Vec<usize> = (0..costs.len()).collect();
-    order.sort_by(|a, b| costs[*a][0].total_cmp(&costs[*b][0]).then(costs[*a][1].total_cmp(&costs[*b][1])));
-    let mut is_on_front = vec![false; costs.len()];
-    let mut best: Option<[f64; 2]> = None;
-    for index in order {
-        if best.is_none_or(|best| costs[index][1] < best[1] || costs[index] == best) {
-            is_on_front[index] = true;
-            best = Some(costs[index]);
-        }
-    }
-    is_on_front
 }
 
 /// Everything that a sweep found. Keys in JSON are the fields' names.
@@ -83,7 +69,7 @@ pub struct Point {
     /// Of the nodes that a study names, for each tile.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub traffic: Option<Traffic>,
-    /// Whether no other point of the sweep costs as little and is as near to the truth, and is better in one of the two.
+    /// Whether no other point of the sweep beats it, by differences that hold: [`front`].
     pub pareto: bool,
 }
 
@@ -205,6 +191,13 @@ impl Point {
         Some([cost.of(measured)?, metric.of(&measured.errors)?])
     }
 
+    /// How it stands beside others; None as for [`Point::costs`].
+    fn standing(&self, metric: &Metric, cost: &Cost) -> Option<Standing> {
+        let [x, error] = self.costs(metric, cost)?;
+        let measured = self.measured()?;
+        Some(Standing { cost: cost.spread(measured).unwrap_or([x; 2]), error, draws: metric.draws(&measured.errors) })
+    }
+
     /// `NODE.PARAM=VALUE` of these parameters, in their order.
     fn swept<'p>(&'p self, over: &'p [Axis]) -> impl Iterator<Item = String> + 'p {
         over.iter().filter_map(|axis| Some(format!("{}={}", axis.parameter, self.values.get(&axis.parameter)?)))
@@ -218,10 +211,10 @@ impl Point {
 
 /// Marks the points of the front.
 pub fn mark_front(points: &mut [Point], metric: &Metric, cost: &Cost) {
-    let known = |(index, point): (usize, &Point)| Some((index, point.costs(metric, cost)?));
-    let (indices, costs): (Vec<usize>, Vec<[f64; 2]>) = points.iter().enumerate().filter_map(known).unzip();
+    let known = |(index, point): (usize, &Point)| Some((index, point.standing(metric, cost)?));
+    let (indices, standings): (Vec<usize>, Vec<Standing>) = points.iter().enumerate().filter_map(known).unzip();
     points.iter_mut().for_each(|point| point.pareto = false);
-    for (index, is_on_front) in indices.into_iter().zip(front(&costs)) {
+    for (index, is_on_front) in indices.into_iter().zip(front(&standings)) {
         points[index].pareto = is_on_front;
     }
 }
@@ -266,7 +259,11 @@ pub fn lines(sweep: &Sweep) -> Vec<(String, Vec<&Point>)> {
 fn mark(sweep: &Sweep, point: &Point, metric: &Metric, cost: &Cost) -> Option<Mark> {
     let measured = point.measured()?;
     let x = cost.of(measured).filter(|x| *x > 0.0)?;
-    let error = metric.of(&measured.errors)? * if metric.is_share() { 100.0 } else { 1.0 };
+    let factor = if metric.is_share() { 100.0 } else { 1.0 };
+    let told = metric.told(&measured.errors)?;
+    let interval = metric.interval(&measured.errors).map(|interval| interval.of_size().map(|end| factor * end));
+    let hidden = metric.interval(&measured.errors).filter(|interval| interval.below_noise).map(|interval| factor * interval.most());
+    let error = hidden.unwrap_or(factor * metric.of(&measured.errors)?);
     let label = match sweep.over.first() {
         None => Some(&point.id),
         Some(axis) => point.values.get(&axis.parameter).filter(|_| point.pareto),
@@ -274,10 +271,12 @@ fn mark(sweep: &Sweep, point: &Point, metric: &Metric, cost: &Cost) -> Option<Ma
     Some(Mark {
         id: point.id.clone(),
         label: label.cloned(),
-        about: format!("{}: {}, {}, {error:.4}", point.id, point.name(&sweep.over), cost.told(x)),
+        about: format!("{}: {}, {}, {}", point.id, point.name(&sweep.over), cost.told(x), told.sentence()),
         x,
         x_spread: cost.spread(measured).unwrap_or([x; 2]),
         y: error,
+        y_spread: interval.unwrap_or([error; 2]),
+        is_limit: hidden.is_some(),
         is_on_front: point.pareto,
     })
 }
@@ -294,13 +293,6 @@ mod tests {
         assert_eq!(grid(&[3, 0]), Vec::<Vec<usize>>::new());
     }
 
-    #[test]
-    fn a_front_by_hand() {
-        let costs = [[1.0, 9.0], [2.0, 9.0], [2.0, 4.0], [3.0, 4.0], [4.0, 1.0], [4.0, 1.0], [4.0, 2.0], [0.5, 9.5]];
-        assert_eq!(front(&costs), [true, false, true, false, true, true, false, true]);
-        assert_eq!(front(&[]), Vec::<bool>::new());
-    }
-
     proptest! {
         #[test]
         fn a_grid_holds_every_combination_once_in_the_order_of_counting(lengths in prop::collection::vec(1usize..5, 0..5)) {
@@ -308,16 +300,6 @@ mod tests {
             prop_assert_eq!(places.len(), lengths.iter().product::<usize>());
             prop_assert!(places.iter().all(|place| place.len() == lengths.len() && place.iter().zip(&lengths).all(|(at, length)| at < length)));
             prop_assert!(places.windows(2).all(|pair| pair[0] < pair[1]));
-        }
-
-        /// Few different costs, so that many are equal.
-        #[test]
-        fn no_point_of_the_front_is_dominated_and_each_other_point_is(costs in prop::collection::vec([0u8..8, 0u8..8], 0..40)) {
-            let costs: Vec<[f64; 2]> = costs.iter().map(|cost| cost.map(f64::from)).collect();
-            let dominates = |a: &[f64; 2], b: &[f64; 2]| a[0] <= b[0] && a[1] <= b[1] && a != b;
-            for (cost, is_on_front) in costs.iter().zip(front(&costs)) {
-                prop_assert_eq!(is_on_front, !costs.iter().any(|other| dominates(other, cost)));
-            }
         }
     }
 }

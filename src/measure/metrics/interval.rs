@@ -22,6 +22,12 @@ impl Interval {
     pub fn most(&self) -> f64 {
         self.low.abs().max(self.high.abs())
     }
+
+    /// Where the error's size lies.
+    pub fn of_size(&self) -> [f64; 2] {
+        let least = if self.low <= 0.0 && self.high >= 0.0 { 0.0 } else { self.low.abs().min(self.high.abs()) };
+        [least, self.most()]
+    }
 }
 
 /// An error as it is in each draw of the picture's blocks, by metric; the same draws for all pictures that one reference judges.
@@ -74,7 +80,7 @@ impl ErrorDifference {
     }
 
     /// From the size of each error and its draws, one of `comparisons` that are all to hold together. None where the draws are not those of pairs.
-    pub(super) fn between([first, second]: [f64; 2], draws: [&[f64]; 2], comparisons: usize) -> Option<Self> {
+    pub fn between([first, second]: [f64; 2], draws: [&[f64]; 2], comparisons: usize) -> Option<Self> {
         if draws[0].len() != draws[1].len() || draws[0].is_empty() {
             return None;
         }

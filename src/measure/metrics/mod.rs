@@ -11,6 +11,7 @@ mod samples;
 mod seen;
 #[cfg(test)]
 mod tests;
+mod told;
 
 pub use definition::Definition;
 pub use interval::{ErrorDifference, Interval, Resampled};
@@ -18,6 +19,7 @@ pub use map::{ErrorMap, error_map};
 pub use origin::{SCENE_CHECKSUM, other_view};
 pub use resampling::RESAMPLES;
 pub use seen::fair_exposure;
+pub use told::Told;
 
 use super::layers::{Layers, PictureError};
 use found::{Found, Judged};

@@ -1,18 +1,23 @@
 //! The plots of a page: one for each error that is known, each with a front of its own.
 
 use crate::measure::criteria::{Cost, Metric};
+use crate::measure::metrics::Told;
 use crate::measure::plot::{Paper, svg};
-use crate::measure::sweep::{Sweep, mark_front, plot};
+use crate::measure::sweep::{Point, Sweep, mark_front, plot};
 use serde::Serialize;
 
 /// An error of each point, and how it lies over the cost.
 #[derive(Debug, Clone, Serialize)]
 pub(super) struct Chart {
     label: String,
-    /// Whether it is told in percent.
-    is_share: bool,
+    /// What it means, for a tooltip.
+    meaning: Option<&'static str>,
     /// One a point, signed; null where it is not known.
     errors: Vec<Option<f64>>,
+    /// The same in words, with intervals.
+    told: Vec<Option<Told>>,
+    /// Whether the reference's noise hides it.
+    hidden: Vec<bool>,
     wide: String,
     narrow: String,
 }
@@ -30,5 +35,15 @@ fn chart(sweep: &Sweep, metric: &Metric, label: String, cost: &Cost) -> Option<C
     let mut judged = sweep.clone();
     mark_front(&mut judged.points, metric, cost);
     let plot = plot(&judged, metric, cost);
-    Some(Chart { label, is_share: metric.is_share(), errors, wide: svg(&plot, Paper::Wide), narrow: svg(&plot, Paper::Narrow) })
+    let of = |point: &Point| metric.told(&point.measured()?.errors);
+    let is_hidden = |point: &Point| point.measured().and_then(|measured| metric.interval(&measured.errors)).is_some_and(|interval| interval.below_noise);
+    Some(Chart {
+        label,
+        meaning: metric.definition().map(|definition| definition.meaning),
+        errors,
+        told: judged.points.iter().map(of).collect(),
+        hidden: judged.points.iter().map(is_hidden).collect(),
+        wide: svg(&plot, Paper::Wide),
+        narrow: svg(&plot, Paper::Narrow),
+    })
 }

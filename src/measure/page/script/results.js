@@ -1,7 +1,6 @@
 // The plot of error over cost
 
 const NARROW = 600;
-const errorText = (value, chart) => (chart.is_share ? percent(value) : figures(value));
 const drawing = { chart: 0, svg: null };
 
 function drawPlot() {
@@ -23,7 +22,7 @@ function drawPlot() {
   const without = variants.map((variant) => variant.id).filter((id) => !shown.has(id));
   const left = without.length ? ` Not shown, for their error or cost is not known: ${without.join(", ")}.` : "";
   const signed = chart.errors.some((error) => error < 0) ? " Sizes of the errors, without their signs." : "";
-  byId("plot-note").textContent = `Ringed points lie on the Pareto front: none costs less and is closer. A point opens its picture on the right.${signed}${left}`;
+  byId("plot-note").textContent = `Bars are quartiles of costs and 95 % intervals of errors. Ringed points lie on the Pareto front: nothing beats them by a difference that holds. Hollow ones are below the noise of the reference. A point opens its picture on the right.${signed}${left}`;
   markShown();
 }
 
@@ -69,7 +68,7 @@ const COLUMNS = [
   { name: "Uncovered", tip: "Pixels that see a surface that no record covers", value: (variant) => variant.uncovered_pixels ?? null, text: counted },
   { name: "Device MiB", value: (variant) => (variant.peak_gpu_bytes ? variant.peak_gpu_bytes / 2 ** 20 : null), text: (value) => figures(value), least: true },
   { name: "Start-up s", tip: "Plan, shaders, first picture", value: (_, index) => beside[index].start_up_seconds, text: (value) => figures(value) },
-  ...charts.map((chart) => ({ name: chart.label, value: (_, index) => chart.errors[index], text: (value) => errorText(value, chart), least: true, sized: true })),
+  ...charts.map((chart) => ({ name: chart.label, tip: chart.meaning, value: (_, index) => chart.errors[index], text: (_, __, index) => chart.told[index]?.value ?? "–", interval: (index) => chart.told[index]?.interval ?? null, hidden: (index) => chart.hidden[index], least: true, sized: true })),
 ].filter((column) => variants.some((variant, index) => column.value(variant, index) !== null));
 
 function ratioText(value, variant, index) {
@@ -107,7 +106,8 @@ function sorted() {
 }
 
 function leastOf(column) {
-  const values = variants.map(column.value).filter((value) => value !== null).map(Math.abs);
+  // What the reference's noise hides is below something, and the best of nothing.
+  const values = variants.map((variant, index) => (column.hidden?.(index) ? null : column.value(variant, index))).filter((value) => value !== null).map(Math.abs);
   return column.least && variants.length > 1 ? Math.min(...values) : null;
 }
 
@@ -128,8 +128,10 @@ function rowOf(index, leasts) {
   const button = make("button", { type: "button", class: "open", "aria-label": `Open the picture of ${titleOf(index)}`, onclick: () => open(index) }, variant.id);
   const cells = COLUMNS.slice(1).map((column, place) => {
     const value = column.value(variant, index);
-    const least = value !== null && Math.abs(value) === leasts[place + 1];
-    return make("td", { class: [column.words ? "text" : "", least ? "least" : ""].join(" ").trim() || null, title: column.words ? value : null }, column.text(value, variant, index));
+    const least = value !== null && !column.hidden?.(index) && Math.abs(value) === leasts[place + 1];
+    const interval = column.interval?.(index);
+    const parts = [column.text(value, variant, index), interval ? make("small", {}, interval) : null].filter((part) => part !== null);
+    return make("td", { class: [column.words ? "text" : "", least ? "least" : ""].join(" ").trim() || null, title: column.words ? value : null }, ...parts);
   });
   return make("tr", { "data-variant": index }, make("td", { class: "text" }, button), ...cells);
 }

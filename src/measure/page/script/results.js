@@ -106,8 +106,9 @@ function sorted() {
 }
 
 function leastOf(column) {
-  // What the reference's noise hides is below something, and the best of nothing.
-  const values = variants.map((variant, index) => (column.hidden?.(index) ? null : column.value(variant, index))).filter((value) => value !== null).map(Math.abs);
+  // What the reference's noise hides may be less than any other: then none is known to be the best.
+  if (variants.some((_, index) => column.hidden?.(index))) return null;
+  const values = variants.map(column.value).filter((value) => value !== null).map(Math.abs);
   return column.least && variants.length > 1 ? Math.min(...values) : null;
 }
 
@@ -128,7 +129,7 @@ function rowOf(index, leasts) {
   const button = make("button", { type: "button", class: "open", "aria-label": `Open the picture of ${titleOf(index)}`, onclick: () => open(index) }, variant.id);
   const cells = COLUMNS.slice(1).map((column, place) => {
     const value = column.value(variant, index);
-    const least = value !== null && !column.hidden?.(index) && Math.abs(value) === leasts[place + 1];
+    const least = value !== null && Math.abs(value) === leasts[place + 1];
     const interval = column.interval?.(index);
     const parts = [column.text(value, variant, index), interval ? make("small", {}, interval) : null].filter((part) => part !== null);
     return make("td", { class: [column.words ? "text" : "", least ? "least" : ""].join(" ").trim() || null, title: column.words ? value : null }, ...parts);

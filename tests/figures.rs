@@ -42,11 +42,42 @@ fn pages_have_the_figures_that_are_kept() {
     assert!(used.len() > 20, "{used:?}");
 }
 
+/// The heads of tables that stand outside of the marks and hold figures: a cell with a point between digits or a unit after them.
+fn tables_by_hand(text: &str) -> Vec<String> {
+    let outside: String = text
+        .split(pages::START)
+        .enumerate()
+        .map(|(index, part)| if index == 0 { part } else { part.split_once(pages::END).map_or("", |(_, after)| after) })
+        .collect();
+    let lines: Vec<&str> = outside.split("```").step_by(2).flat_map(str::lines).collect();
+    let mut heads = Vec::new();
+    for index in (0..lines.len()).filter(|index| is_rule(lines[*index])) {
+        let rows = lines[index + 1..].iter().take_while(|line| line.starts_with('|'));
+        let (cells, figures) = rows
+            .flat_map(|row| row.split('|'))
+            .fold((0, 0), |(cells, figures), cell| (cells + usize::from(!cell.trim().is_empty()), figures + usize::from(is_figure(cell))));
+        if figures * 3 > cells {
+            heads.push(lines[index.max(1) - 1].to_owned());
+        }
+    }
+    heads
+}
+
+fn is_rule(line: &str) -> bool {
+    line.starts_with('|') && line.contains("---") && line.chars().all(|letter| "|-: ".contains(letter))
+}
+
+/// Whether a cell is a number, perhaps with a unit or an interval.
+fn is_figure(cell: &str) -> bool {
+    let cell = cell.trim().trim_matches('*');
+    cell.starts_with(|letter: char| letter.is_ascii_digit() || "+−-<".contains(letter)) && cell.chars().any(|letter| letter.is_ascii_digit())
+}
+
 #[test]
 fn tables_of_figures_come_from_data() {
     let by_hand: Vec<(String, String, String)> = data::read_list(root(), "benches/figures/by_hand.ron").unwrap();
     let found: BTreeSet<(String, String)> =
-        texts().iter().flat_map(|(page, text)| pages::tables_by_hand(text).into_iter().map(|head| (page.display().to_string(), head))).collect();
+        texts().iter().flat_map(|(page, text)| tables_by_hand(text).into_iter().map(|head| (page.display().to_string(), head))).collect();
     let listed: BTreeSet<(String, String)> = by_hand.into_iter().map(|(page, head, _)| (page, head)).collect();
     let (new, gone) = (found.difference(&listed).collect::<Vec<_>>(), listed.difference(&found).collect::<Vec<_>>());
     assert!(new.is_empty(), "tables of figures without data, which belong between `<!-- figures: NAME -->` and its end: {new:#?}");
@@ -130,7 +161,9 @@ impl Project {
 }
 
 fn kept(changes: &str) -> String {
-    let errors = r#"{ "rmse": 0.0286, "bias": -0.00004, "hidden": 0.001, "intervals": { "rmse": { "low": 0.027, "high": 0.031, "below_noise": false }, "hidden": { "low": 0.0, "high": 0.004, "below_noise": true } } }"#;
+    let rmse = r#""rmse": { "low": 0.027, "high": 0.031, "below_noise": false }"#;
+    let hidden = r#""hidden": { "low": 0.0, "high": 0.004, "below_noise": true }"#;
+    let errors = format!(r#"{{ "rmse": 0.0286, "bias": -0.00004, "hidden": 0.001, "intervals": {{ {rmse}, {hidden} }} }}"#);
     let points = r#"[{ "row": "a, b", "set": { "x.y": "1" }, "n": 12345.6 }, { "row": "a, b", "set": { "x.y": "2" }, "n": 0.5, "none": null }]"#;
     format!(
         r#"{{ "date": "2026-11-24", "commit": "0123456789abcdef", "machine": {{ "cores": 2, "cpu": "one", "adapter": "A (software, vulkan, llvm Mesa 1 (B))" }},
@@ -156,7 +189,8 @@ fn figures_older_than_a_change_say_so() {
 
 #[test]
 fn figures_older_than_a_name_have_it() {
-    let named = r#"{ "date": "2026-11-24", "commit": "0", "changes": [CHANGES], "points": [{ "name": "one a=1" }, { "row": "two" }, { "row": "two words" }, { "text": "one" }] }"#;
+    let points = r#"[{ "name": "one a=1" }, { "row": "two" }, { "row": "two words" }, { "text": "one" }]"#;
+    let named = format!(r#"{{ "date": "2026-11-24", "commit": "0", "changes": [CHANGES], "points": {points} }}"#);
     let of = |changes: &str| {
         let project = Project::new("src", "Errors", Some(&named.replace("CHANGES", changes)));
         project.render("@prose\n{light/points/0/name}; {light/points/1/row}; {light/points/2/row}; {light/points/3/text}").unwrap()
@@ -206,7 +240,11 @@ fn templates_that_cannot_be_told_are_refused() {
         let error = project.render(template).unwrap_err().to_string();
         assert!(error.contains(reason), "{template}: {error}");
     }
-    let lists = Lists::read(project.folder.path()).unwrap();
+    let empty = Project::new("src", "Errors", None);
+    let lists = Lists::read(empty.folder.path()).unwrap();
+    let before = "\n*Measured before: figures were kept.*\n";
+    let error = template::render(empty.folder.path(), &lists, "@data light\n{light/errors/rmse}", before).unwrap_err().to_string();
+    assert!(error.contains("nothing is kept of `light`"), "{error}");
     assert!(template::render(project.folder.path(), &lists, "{light/errors/rmse}", "").is_err(), "no `@data`");
     assert!(lists.measurements[0].tells == [Kind::Errors]);
 }
@@ -227,6 +265,6 @@ fn figures_of_two_machines_do_not_share_a_table() {
 fn tables_by_hand_are_found() {
     let table = "| | error |\n|---|---|\n| a | 2.9 % |\n| b | < 1 % |\n";
     let words = "| key | holds |\n|---|---|\n| `a` | a number up to 10 |\n";
-    assert_eq!(pages::tables_by_hand(&format!("text\n\n{words}\n{table}\ntext\n")), ["| | error |"]);
-    assert_eq!(pages::tables_by_hand(&format!("text\n<!-- figures: x -->\n{table}<!-- end of figures -->\n{words}")), [""; 0]);
+    assert_eq!(tables_by_hand(&format!("text\n\n{words}\n{table}\ntext\n")), ["| | error |"]);
+    assert_eq!(tables_by_hand(&format!("text\n<!-- figures: x -->\n{table}<!-- end of figures -->\n{words}")), [""; 0]);
 }

@@ -2,7 +2,8 @@
 //!
 //! A template is the text of a page's figures. Its first line, `@data NAME, NAME`, says what it quotes. In it stand
 //! - `{NAME/KEY/KEY=VALUE : FORMAT}`: a number or word of the measurement NAME. `KEY=VALUE` is the one entry of a list whose KEY has that value, more than
-//!   one with `&` between them, `KEY>KEY` within it, `KEY<=N` the greatest up to N. `PATH over PATH` is a ratio, `PATH plus PATH` a sum; more of them are taken from left to right;
+//!   one with `&` between them, `KEY>KEY` within it, `KEY<=N` the greatest up to N. `PATH over PATH` is a ratio, `PATH plus PATH` a
+//!   sum; more of them are taken from left to right;
 //! - formats: `.2` digits after the point, `g3` digits in all, `%1` a share in per cent, `+%1` with its sign, `p1` per cent without the word, `*1000 .1` a
 //!   factor first, `~` with the interval, or the least and the most of several runs, `or TEXT` in place of what is not there. What is below the
 //!   reference's noise is told as `< most`;
@@ -41,7 +42,7 @@ pub fn render(root: &Path, lists: &Lists, template: &str, before: &str) -> Resul
     for name in names.split(", ") {
         match lists.kept(root, name)? {
             Some(kept) => used.insert(name.to_owned(), kept),
-            None => return Ok(as_before(&lists.all_that_alter(lists.measurement(name)?), before)),
+            None => return as_before(name, &lists.all_that_alter(lists.measurement(name)?), before),
         };
     }
     let mut renderer = Renderer { lists, used, macros: BTreeMap::new(), is_prose: false };
@@ -59,10 +60,13 @@ pub fn render(root: &Path, lists: &Lists, template: &str, before: &str) -> Resul
 }
 
 /// An older text with the changes that it does not know.
-fn as_before(changes: &[&str], text: &str) -> String {
-    let lines: Vec<&str> = text.trim_end().lines().take_while(|line| !line.starts_with(BEFORE)).collect();
+fn as_before(name: &str, changes: &[&str], text: &str) -> Result<String, Failure> {
+    let text = text.lines().take_while(|line| !line.starts_with(BEFORE)).collect::<Vec<_>>().join("\n");
+    if text.trim().is_empty() {
+        return Err(format!("nothing is kept of `{name}`: `./bench docs --measure {name}` measures it").into());
+    }
     let changes: String = changes.iter().map(|change| format!("; {change}")).collect();
-    format!("{}\n\n{BEFORE}figures were kept{changes}.*\n", lines.join("\n").trim_end())
+    Ok(format!("{}\n\n{BEFORE}figures were kept{changes}.*\n", text.trim_end()))
 }
 
 impl Renderer<'_> {

@@ -228,3 +228,25 @@ fn strided(picture: &Layers, stride: u32) -> Layers {
     planes.for_each(|plane| *plane = taken.iter().map(|at| plane[*at]).collect());
     small
 }
+
+/// The errors of each made picture, as the book has them.
+fn table() -> String {
+    let names = ["rmse_over_mean", "rmse_edges", "rmse_interior", "band_error", "flip"];
+    let row = |(name, errors): (&str, Errors)| {
+        let told = |metric: &&str| {
+            let value = errors.metric(metric).flatten().unwrap();
+            if Errors::is_share(metric) { format!(" {:.1} % |", 100.0 * value) } else { format!(" {value:.3} |") }
+        };
+        format!("| {name} |{}\n", names.iter().map(told).collect::<String>())
+    };
+    let mut rows = all();
+    rows.sort_by(|a, b| b.1.band_error.unwrap().total_cmp(&a.1.band_error.unwrap()));
+    let head = names.map(|name| format!(" `{name}` |")).concat();
+    format!("| |{head}\n|{}\n{}", "---|".repeat(names.len() + 1), rows.into_iter().map(row).collect::<String>())
+}
+
+#[test]
+fn the_book_has_their_errors() {
+    let page = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/metrics.md")).unwrap();
+    assert!(page.contains(&table()), "docs/metrics.md should have\n{}", table());
+}

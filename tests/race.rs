@@ -276,6 +276,7 @@ mod the_report {
             schema: 1,
             date: text("2026-01-02"),
             commit: None,
+            changes: Vec::new(),
             machine: Machine { cores: 2, cpu: None, adapter: text("adapter") },
             versions: Versions { hemisplat: text("1"), radiance: text("2"), mitsuba: text("3") },
             size: 1000,

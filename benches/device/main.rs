@@ -68,7 +68,9 @@ struct Report {
     /// Version of this record: 1.
     schema: u32,
     date: String,
-    commit: Option<String>,
+    commit: String,
+    /// Those of benches/changes.ron that this program has.
+    changes: Vec<String>,
     /// Name, kind, backend and driver.
     adapter: hemisplat::gpu::device::Adapter,
     cores: usize,
@@ -240,6 +242,7 @@ fn pass(reports: &[FrameReport], index: usize, plan: &Plan, peak: &Peak) -> Resu
 }
 
 fn measure(options: &Options) -> Result<Report, Failure> {
+    let (commit, changes) = (machine::clean_commit()?, machine::changes()?);
     let gpu = Gpu::open()?;
     let stage = Stage::open()?;
     let peak = Peak::measure(&gpu)?;
@@ -252,7 +255,8 @@ fn measure(options: &Options) -> Result<Report, Failure> {
     Ok(Report {
         schema: 1,
         date: machine::date()?,
-        commit: machine::commit(),
+        commit,
+        changes,
         adapter: gpu.adapter.clone(),
         cores: std::thread::available_parallelism().map_or(1, |count| count.get()),
         peak,

@@ -49,7 +49,9 @@ struct Report {
     /// Version of this record: 1.
     schema: u32,
     date: String,
-    commit: Option<String>,
+    commit: String,
+    /// Those of benches/changes.ron that this program has.
+    changes: Vec<String>,
     captured: Vec<Captured>,
     rotations: Vec<Rotated>,
 }
@@ -87,6 +89,7 @@ fn main() -> ExitCode {
 }
 
 fn measure(options: &Options) -> Result<(), Failure> {
+    let (commit, changes) = (machine::clean_commit()?, machine::changes()?);
     let captured: Vec<Captured> = FUNCTIONS.iter().flat_map(|(name, function)| captured(name, function)).collect();
     for (name, _) in &FUNCTIONS[..DRAWN] {
         let file = options.figures.join(format!("harmonics-{name}.svg"));
@@ -96,7 +99,7 @@ fn measure(options: &Options) -> Result<(), Failure> {
     let rotations: Vec<Rotated> = [5, 10].into_iter().flat_map(rotations).collect();
     table(&captured, &rotations);
     let date = machine::date()?;
-    let report = Report { schema: 1, date: date.clone(), commit: machine::commit(), captured, rotations };
+    let report = Report { schema: 1, date: date.clone(), commit, changes, captured, rotations };
     let file = options.out.join(format!("{date}-harmonics.json"));
     write(&file, &(serde_json::to_string_pretty(&report)? + "\n"))?;
     println!("{}", file.display());

@@ -2,7 +2,7 @@
 
 use crate::{Failure, kept::read};
 use hemisplat::measure::cache::Checksum;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::{
     fs,
     path::{Path, PathBuf},
@@ -91,6 +91,32 @@ fn told(program: &str, arguments: &[&str]) -> Option<String> {
 /// The commit of this checkout, marked where files differ from it.
 pub fn commit() -> Option<String> {
     told("git", &["describe", "--always", "--dirty", "--abbrev=40", "--exclude", "*"])
+}
+
+/// What the program is made of: files that differ from the commit here make figures those of no commit.
+const PROGRAM: [&str; 10] = ["Cargo.toml", "Cargo.lock", "src", "passes", "pipelines", "scenes", "shaders", "studies", "benches/peers", "benches/race"];
+
+/// The commit of this checkout; refused where the program differs from it.
+pub fn clean_commit() -> Result<String, Failure> {
+    let commit = told("git", &["rev-parse", "HEAD"]).ok_or("`git rev-parse HEAD` does not tell the commit, by which figures are known")?;
+    let differing = told("git", &[&["status", "--porcelain", "--"][..], &PROGRAM].concat()).unwrap_or_default();
+    if differing.is_empty() {
+        return Ok(commit);
+    }
+    Err(format!("figures are kept of a commit: commit these first, or put them away\n{differing}").into())
+}
+
+/// Of an entry of benches/changes.ron what a result keeps.
+#[derive(Deserialize)]
+struct Change {
+    change: String,
+}
+
+/// The changes that this program has, by which its figures are known to be of before or after each.
+pub fn changes() -> Result<Vec<String>, Failure> {
+    let path = "benches/changes.ron";
+    let list: Vec<Change> = ron::from_str(&String::from_utf8(read(&root().join(path))?)?).map_err(|error| format!("{path}: {error}"))?;
+    Ok(list.into_iter().map(|change| change.change).collect())
 }
 
 /// Today, as YYYY-MM-DD in universal time.

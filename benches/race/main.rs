@@ -62,6 +62,7 @@ fn race(options: &Options) -> Result<(), Failure> {
     let file = if options.quick { "benches/race-quick.ron" } else { "benches/race.ron" };
     let text = String::from_utf8(read(&Path::new(env!("CARGO_MANIFEST_DIR")).join(file))?)?;
     let race = Race::read(&text).and_then(|race| race.only(options.scene.as_deref())).map_err(|error| format!("{file}: {error}"))?;
+    let commit = if options.quick { machine::commit() } else { Some(machine::clean_commit()?) };
     let programs = Programs::find(&options.program)?;
     let folder = Folder::new(&options.out)?;
     let mut scenes = Vec::new();
@@ -70,8 +71,8 @@ fn race(options: &Options) -> Result<(), Failure> {
         scenes.push(Scene::of(&case.name, points)?);
     }
     let Programs { versions, machine, .. } = programs;
-    let (date, commit) = (machine::date()?, machine::commit());
-    publish(options, &Report { schema: 1, date, commit, machine, versions, size: race.size, truth: race.truth, scenes })
+    let (date, changes) = (machine::date()?, machine::changes()?);
+    publish(options, &Report { schema: 1, date, commit, changes, machine, versions, size: race.size, truth: race.truth, scenes })
 }
 
 /// Tables on the terminal, everything else into files.

@@ -19,6 +19,8 @@ pub struct Report {
     pub schema: u32,
     pub date: String,
     pub commit: Option<String>,
+    /// Those of benches/changes.ron that this program has.
+    pub changes: Vec<String>,
     pub machine: Machine,
     pub versions: Versions,
     /// Edge of all pictures [pixels].

@@ -58,7 +58,9 @@ struct Report {
     /// Version of this record: 1.
     schema: u32,
     date: String,
-    commit: Option<String>,
+    commit: String,
+    /// Those of benches/changes.ron that this program has.
+    changes: Vec<String>,
     machine: Machine,
     /// With a checksum of the program.
     hemisplat: String,
@@ -115,10 +117,11 @@ fn main() -> ExitCode {
 fn measure(options: &Options) -> Result<(), Failure> {
     let text = String::from_utf8(read(&machine::root().join("benches/scaling.ron"))?)?;
     let scaling = Scaling::read(&text).and_then(|scaling| scaling.only(options.series.as_deref())).map_err(|error| format!("benches/scaling.ron: {error}"))?;
+    let (commit, changes) = (machine::clean_commit()?, machine::changes()?);
     let (program, hemisplat) = machine::hemisplat(&options.program)?;
     let machine = Machine::find(&program)?;
     let series = scaling.series.iter().map(|series| grown(series, &program, options.runs)).collect::<Result<_, _>>()?;
-    publish(options, &Report { schema: 1, date: machine::date()?, commit: machine::commit(), machine, hemisplat, series })
+    publish(options, &Report { schema: 1, date: machine::date()?, commit, changes, machine, hemisplat, series })
 }
 
 /// Measures a series: each round of runs goes through all of its points, so that a machine that changes its speed does so for all.
@@ -224,7 +227,7 @@ fn publish(options: &Options, report: &Report) -> Result<(), Failure> {
 
 fn markdown(report: &Report) -> String {
     let Machine { cores, cpu, adapter } = &report.machine;
-    let commit = report.commit.as_deref().unwrap_or("unknown");
+    let commit = &report.commit;
     let mut text =
         format!("{}, commit {commit}: {cores} cores ({}), {adapter}; hemisplat {}.\n", report.date, cpu.as_deref().unwrap_or("unknown"), report.hemisplat);
     for series in &report.series {

@@ -110,8 +110,11 @@ fn diff_fails_above_a_threshold_with_status_1() {
 #[test]
 fn diff_takes_the_noise_of_the_reference_off() {
     let place = two_pictures().with("variance.exr", irradiance([0.3125; 4]));
-    let (status, stdout, _) = place.run(&["diff", "a.exr", "b.exr", "--variance", "variance.exr", "--fail-above", "rmse_over_mean=0"]);
-    assert_eq!(status, 0, "{stdout}");
+    let judged = |limit: &str| place.run(&["diff", "a.exr", "b.exr", "--variance", "variance.exr", "--fail-above", limit]);
+    let (status, stdout, _) = judged("rmse_over_mean=0.34");
+    assert!(status == 0 && stdout.contains("< 32."), "{stdout}");
+    let (status, _, stderr) = judged("rmse_over_mean=0.1");
+    assert!(status == 1 && stderr.contains("may be as large as 0.32"), "what noise hides is no proof: {stderr}");
 }
 
 #[test]

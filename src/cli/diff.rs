@@ -40,7 +40,7 @@ pub struct Options {
     /// Write what was found as JSON; - is standard output
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Fail with status 1 if a metric is larger, signed ones by their size
+    /// Fail with status 1 if a metric is larger, signed ones by their size, or may be larger than the reference's noise shows
     #[arg(long, value_name = "METRIC=VALUE", value_parser = threshold)]
     fail_above: Vec<Threshold>,
 }
@@ -178,11 +178,18 @@ struct Comparison<'a> {
     errors: &'a Errors,
 }
 
+/// What an error that the reference's noise hides is known to be below.
+fn hidden(errors: &Errors, metric: &str) -> Option<f64> {
+    errors.interval(metric).filter(|interval| interval.below_noise).map(|interval| interval.most())
+}
+
 fn judge(errors: &Errors, thresholds: &[Threshold]) -> Result<(), Failure> {
     let over = |Threshold { metric, limit }: &Threshold| match errors.metric(metric).flatten() {
         None => Some(format!("{metric} cannot be measured, its limit is {limit}")),
         Some(value) if value.abs() > *limit => Some(format!("{metric} is {value}, over its limit of {limit}")),
-        Some(_) => None,
+        Some(_) => hidden(errors, metric).filter(|most| most > limit).map(|most| {
+            format!("{metric} may be as large as {most}, over its limit of {limit}: the reference's noise hides it, and more rays would show it")
+        }),
     };
     let failed: Vec<String> = thresholds.iter().filter_map(over).collect();
     if failed.is_empty() { Ok(()) } else { Err(Failure::work(CommandError::OverThreshold { failed })) }

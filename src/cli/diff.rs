@@ -187,9 +187,9 @@ fn judge(errors: &Errors, thresholds: &[Threshold]) -> Result<(), Failure> {
     let over = |Threshold { metric, limit }: &Threshold| match errors.metric(metric).flatten() {
         None => Some(format!("{metric} cannot be measured, its limit is {limit}")),
         Some(value) if value.abs() > *limit => Some(format!("{metric} is {value}, over its limit of {limit}")),
-        Some(_) => hidden(errors, metric).filter(|most| most > limit).map(|most| {
-            format!("{metric} may be as large as {most}, over its limit of {limit}: the reference's noise hides it, and more rays would show it")
-        }),
+        Some(_) => hidden(errors, metric)
+            .filter(|most| most > limit)
+            .map(|most| format!("{metric} may be as large as {most}, over its limit of {limit}: the reference's noise hides it, and more rays would show it")),
     };
     let failed: Vec<String> = thresholds.iter().filter_map(over).collect();
     if failed.is_empty() { Ok(()) } else { Err(Failure::work(CommandError::OverThreshold { failed })) }

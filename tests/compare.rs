@@ -21,6 +21,7 @@ const DRAWN: &[(&str, Case)] = &[
     ("several_at_once_keep_one_reference", concurrent),
     ("a_pipeline_without_irradiance_is_judged_by_its_picture", without_irradiance),
     ("pipelines_of_direct_light_alone_are_judged_by_it", direct_alone),
+    ("a_picture_from_outside_is_judged_as_the_pipeline_that_made_it", outside),
     ("a_page_holds_what_was_found", html),
     ("a_page_shows_glossy_light", glossy),
     ("an_unfinished_variant_is_named", unfinished),
@@ -290,6 +291,45 @@ fn direct_alone() -> Outcome {
     check(csv.contains(",direct_rmse_over_mean,"), || csv)
 }
 
+fn outside() -> Outcome {
+    let place = Place::new()?;
+    place.succeed("render irradiance-plane --scene cornell --size 32x24 --set tiles.resolution=8 -o made.exr")?;
+    // As other programs write: one layer without a name, and nothing said of what it shows.
+    let made = Layers::read(&fs::read(place.0.path().join("made.exr"))?)?;
+    let place = place.with("bare.exr", Layers { attributes: Default::default(), projection: None, ..only(made, PICTURE) }.to_exr()?)?;
+    let pictures = "--picture all=made.exr --picture lit=made.exr:irradiance --picture other=bare.exr:picture,seconds=0.5";
+    let (text, noted) =
+        place.succeed(&format!("compare irradiance irradiance-plane {SMALL} {pictures} --runs 2 --json out.json --csv out.csv --html out.html"))?;
+    let json = place.json("out.json")?;
+    let (plane, pictures) = (&json["variants"][1]["errors"], &json["pictures"]);
+    check(pictures[0]["errors"] == *plane, || json.to_string())?;
+    let rmse = |errors: &Value, layer: &str| errors[layer]["rmse_over_mean"].clone();
+    check(rmse(&pictures[1]["errors"], "irradiance") == rmse(plane, "irradiance") && pictures[1]["errors"]["picture"].is_null(), || json.to_string())?;
+    check(rmse(&pictures[2]["errors"], PICTURE) == rmse(plane, PICTURE) && pictures[2]["errors"]["irradiance"].is_null(), || json.to_string())?;
+    check(pictures[2]["seconds"] == 0.5 && pictures[2]["id"] == "E" && pictures[2]["bounces"].is_null(), || json.to_string())?;
+    check(json["pairs"].as_array().map(Vec::len) == Some(1) && json["error_pairs"].as_array().map(Vec::len) == Some(2 + 3 + 3), || json.to_string())?;
+    check(
+        text.contains("\nE   other") && text.contains("0.500             as stated") && text.contains("\nC and A: irradiance.rmse_over_mean does not differ"),
+        || text.clone(),
+    )?;
+    check(noted.contains("E other: its time is as stated") && noted.contains("bare.exr does not say of how many bounces"), || noted.clone())?;
+    let csv = fs::read_to_string(place.0.path().join("out.csv"))?;
+    check(csv.lines().count() == 6 && csv.lines().nth(5).is_some_and(|line| line.starts_with("E,other,,,")), || csv)?;
+    let page = place.page("out.html")?;
+    check(page["report"]["sweep"]["points"][4]["state"] == "given" && page["report"]["title"] == "cornell: 2 pipelines and 3 pictures compared", || {
+        page["report"].to_string()
+    })?;
+    // What was given of D is no picture.
+    let shown: Vec<bool> = page["gallery"]["shown"][0]["images"].as_array().into_iter().flatten().map(Value::is_object).collect();
+    check(shown == [true, true, true, false, true], || format!("{shown:?}"))
+}
+
+/// The picture with this layer alone.
+fn only(mut picture: Layers, layer: &str) -> Layers {
+    picture.layers.retain(|name, _| name == layer);
+    picture
+}
+
 fn mistakes() -> Outcome {
     let exr = |picture: Layers| picture.to_exr().map_err(|error| Failed::from(error.to_string()));
     let flat = |size: [u32; 2], value: f32| {
@@ -303,6 +343,7 @@ fn mistakes() -> Outcome {
         .with("black.exr", exr(flat([32, 24], 0.0).with("depth", Layer::value(vec![1.0; 768])))?)?
         .with("good.exr", exr(flat([32, 24], 1.0))?)?
         .with("weight.exr", exr(Layers::new(32, 24).with("weight", Layer::value(vec![1.0; 768])))?)?;
+    image::Rgb32FImage::from_pixel(32, 24, image::Rgb([1.0; 3])).save(place.0.path().join("bare.hdr"))?;
     let cases = [
         ("irradiance --reference two.exr", "measure::bounces_differ", "`bounces` 1, the reference 2"),
         ("irradiance --reference side.exr", "cli::other_view", "`side` in the other"),
@@ -314,6 +355,19 @@ fn mistakes() -> Outcome {
         ("irradiance --reference-variance good.exr", "", "--reference <FILE.exr[:LAYER]>"),
         ("irradiance --reference good.exr --no-reference", "", "cannot be used with"),
         ("irradiance --reference good.exr --reference-spp 3", "", "cannot be used with"),
+        ("irradiance --picture a=two.exr --reference good.exr", "measure::bounces_differ", "two.exr cannot be judged"),
+        ("irradiance --picture a=side.exr", "cli::other_view", "`side` in the other"),
+        ("irradiance --picture a=large.exr --reference good.exr", "measure::sizes_differ", "large.exr cannot be judged"),
+        ("irradiance --picture a=good.exr:weight", "measure::unknown_layer", "the file holds: irradiance, picture"),
+        ("irradiance --picture a=weight.exr --reference good.exr", "cli::no_common_layer", "one holds weight"),
+        ("irradiance --picture a=weight.exr:weight", "compare::not_judged", "irradiance, picture, glossy, direct"),
+        ("irradiance --picture a=bare.hdr", "cli::nameless_layer", "bare.hdr:picture"),
+        ("irradiance --picture a=missing.exr", "cli::read", "missing.exr"),
+        ("irradiance --picture good.exr", "", "LABEL=FILE.exr:LAYER"),
+        ("irradiance --picture a=good.exr,seconds=0", "", "above 0"),
+        ("irradiance --picture a=good.exr --no-reference", "", "cannot be used with"),
+        ("irradiance --picture a=good.exr --json good.exr", "cli::same_file", "good.exr"),
+        ("irradiance --anyway", "", "required"),
         ("irradiance --reference-spp 0", "reference::samples", "too few"),
         ("irradiance --reference-stride 100", "reference::stride", "32×24"),
         ("irradiance --reference-windows 1", "reference::windows", "32×24"),

@@ -152,7 +152,7 @@ fn files() -> BTreeMap<&'static str, Vec<u8>> {
 
 /// Code and arguments, one case each, and whether a GPU is needed.
 #[rustfmt::skip]
-const CASES: [(&str, &str, bool); 65] = [
+const CASES: [(&str, &str, bool); 66] = [
     ("plan::batch", "check irradiance --scene white.ron --set tiles.resolution=512", false),
     ("plan::coarsest", "check irradiance --scene white.ron --set misses.by=DeviceGrid(coarsest:3)", false),
     ("plan::finest", "check irradiance --scene white.ron --set misses.by=DeviceGrid(finest:3)", false),
@@ -198,6 +198,7 @@ const CASES: [(&str, &str, bool); 65] = [
     ("measure::corrupt_picture", "diff white.ron grey.exr", false),
     ("measure::too_large", "diff huge.exr grey.exr", false),
     ("measure::variance_size", "diff grey.exr grey.exr --variance small.exr", false),
+    ("compare::not_judged", "compare irradiance --scene white.ron --picture a=nothing.exr:depth", false),
     ("compare::no_pipeline", "compare irradiance @tiles.resolution=8 --scene white.ron", false),
     ("study::not_swept", "study weights --over tiles.resolution=8 -o out", false),
     ("sweep::same_parameter", "sweep irradiance --scene white.ron --over cache.accuracy=0.1 --over cache.accuracy=0.2 --dry-run", false),

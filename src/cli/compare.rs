@@ -4,6 +4,7 @@ use super::check::unique;
 use super::comparison;
 use super::console::Console;
 use super::failure::{CommandError, Failure};
+use super::given::PictureOption;
 use super::input::peak_host_bytes;
 use super::interrupt::Shelter;
 use super::output::{Target, expect_distinct};
@@ -11,10 +12,10 @@ use super::pipeline::{check_pipeline, note_idle, note_names, plan_view};
 use super::progress::Progress;
 use super::resources::expect_memory;
 use super::scene::{SceneOptions, View};
-use super::truth::{Truth, TruthOptions};
+use super::truth::{FILES, Truth, TruthOptions};
 use crate::gpu::{Gpu, Pace, expected_device};
 use crate::measure::Layers;
-use crate::measure::compare::{self, About, Comparison, Contender, StartUp, VariantErrors};
+use crate::measure::compare::{self, About, Comparison, Contender, GivenPicture, StartUp, VariantErrors};
 use crate::measure::page::Gallery;
 use crate::measure::run::Run;
 use crate::measure::statistics::least_runs;
@@ -34,7 +35,8 @@ const DEFAULT_RUNS: usize = 10;
 #[command(after_help = "Example: hemisplat compare irradiance irradiance@tiles.resolution=32 irradiance-readback --scene cornell --json out/compare.json
 
 A run is a picture from empty caches. Every variant runs once to warm up, then once a round, in an order that changes from round to round. The
-same pipeline may be given again with other parameters.")]
+same pipeline may be given again with other parameters. A picture of another program, --picture 'denoised=other.exr:picture,seconds=1.2', is judged by the
+same reference; its time is the one that is stated.")]
 pub struct Options {
     /// Pipelines: files, or names of those that ship; @ gives a parameter of this one another value
     #[arg(value_name = "PIPELINE[@NODE.PARAM=VALUE]…", required = true)]
@@ -49,6 +51,9 @@ pub struct Options {
     runs: Option<u16>,
     #[command(flatten)]
     truth: TruthOptions,
+    /// Judge a picture that another program made, too, and say what time it took there; may be repeated
+    #[arg(long = "picture", value_name = "LABEL=FILE.exr:LAYER[,seconds=S]", value_parser = PictureOption::parse, group = FILES, conflicts_with = "no_reference")]
+    pictures: Vec<PictureOption>,
     /// Write everything that was found as JSON; - is standard output
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -69,6 +74,7 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     let (view, load_seconds) = timed(|| options.scene.load(console))?;
     let plans = plan_all(&pipelines, &view)?;
     variants.iter().zip(&plans).for_each(|(variant, (plan, _))| note_idle(plan, &variant.sets, console));
+    let pictures = options.pictures.iter().map(|given| given.read(&view, options.truth.anyway)).collect::<Result<Vec<_>, _>>()?;
     let (given, given_seconds) = timed(|| options.truth.given(&view))?;
     let keeper = options.truth.keeper(&view)?;
     expect_memory(plans.iter().map(|(plan, _)| plan), &view)?;
@@ -78,8 +84,15 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     let (traced, traced_seconds) = timed(|| keeper.map(|keeper| keeper.obtain(&view, console)).transpose())?;
     let truth = given.or(traced);
     warn_of_unstated_bounces(truth.as_ref(), console);
+    let judged = options
+        .pictures
+        .iter()
+        .zip(&pictures)
+        .zip(plans.len()..)
+        .filter_map(|((given, picture), place)| truth.as_ref().map(|truth| given.judge(place, picture, truth)));
+    let judged = judged.collect::<Result<Vec<_>, _>>()?;
 
-    let gallery = targets.html.is_some().then(|| Gallery::new(view.size, plans.len(), truth.as_ref().map(Truth::picture)));
+    let gallery = targets.html.is_some().then(|| Gallery::new(view.size, plans.len() + pictures.len(), truth.as_ref().map(Truth::picture)));
     let mut contest = Contest { truth: truth.as_ref(), gallery, entries: Vec::new(), rounds: runs_of(options), shelter: None };
     let about = variants.into_iter().zip(&plans).map(|(variant, (_, plan_seconds))| variant.about(*plan_seconds));
     let result = contest.hold(runs.into_iter().zip(about).collect(), &Progress::new(console, "comparing"));
@@ -87,9 +100,10 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     if !is_interrupted {
         result?;
     }
+    pictures.iter().try_for_each(|picture| contest.exhibit(picture))?;
     let (_shelter, gallery) = (contest.shelter.take(), contest.gallery.take());
     let start_up = StartUp { load_seconds, device_seconds, reference_seconds: given_seconds + traced_seconds };
-    let Some(comparison) = contest.comparison(&view, &gpu, start_up) else { return Err(Failure::interrupted(&[])) };
+    let Some(comparison) = contest.comparison(&view, &gpu, start_up, judged) else { return Err(Failure::interrupted(&[])) };
     comparison::warnings(&comparison).iter().for_each(|warning| console.note(warning));
     console.print(&comparison::text(&comparison))?;
     targets.write(&comparison)?;
@@ -108,7 +122,8 @@ impl Targets {
     fn new(options: &Options) -> Result<Self, Failure> {
         let target = |path: &Option<PathBuf>| path.as_deref().map(Target::new).transpose();
         let targets = Self { json: target(&options.json)?, csv: target(&options.csv)?, html: target(&options.html)? };
-        expect_distinct(&targets.paths(), &options.truth.files())?;
+        let read: Vec<&Path> = options.truth.files().into_iter().chain(options.pictures.iter().map(PictureOption::path)).collect();
+        expect_distinct(&targets.paths(), &read)?;
         Ok(targets)
     }
 
@@ -240,7 +255,7 @@ impl<'a> Contest<'_, 'a> {
     }
 
     /// What the whole rounds found; None without one.
-    fn comparison(self, view: &View, gpu: &Gpu, start_up: StartUp) -> Option<Comparison> {
+    fn comparison(self, view: &View, gpu: &Gpu, start_up: StartUp, pictures: Vec<GivenPicture>) -> Option<Comparison> {
         let whole = self.entries.iter().map(|(contender, _)| contender.runs()).min()?;
         let entries = self.entries.into_iter().enumerate();
         let variants = entries.map(|(index, (contender, about))| contender.report(compare::letters(index), about, whole)).collect::<Option<Vec<_>>>()?;
@@ -257,8 +272,10 @@ impl<'a> Contest<'_, 'a> {
             start_up,
             peak_host_bytes: peak_host_bytes(),
             reference: self.truth.map(Truth::report),
-            pairs: compare::pairs(&variants),
+            pairs: compare::pairs(&variants, pictures.len()),
+            error_pairs: compare::error_pairs(&variants, &pictures),
             variants,
+            pictures,
         })
     }
 }

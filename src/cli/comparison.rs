@@ -1,10 +1,10 @@
 //! A comparison as text, as CSV, and as a report for its page.
 
-use crate::measure::compare::{Comparison, Pair, PairError, PassSpread, VariantErrors, VariantReport, WORTH_FINDING};
-use crate::measure::criteria::{Cost, Metric};
+use crate::measure::compare::{Comparison, ErrorPair, GivenPicture, Pair, PairError, PassSpread, VariantErrors, VariantReport, WORTH_FINDING};
+use crate::measure::criteria::Cost;
 use crate::measure::gap::Gap;
 use crate::measure::metrics::{Errors, Told as InWords, block_side};
-use crate::measure::page::{Beside, Differences, Report, Told};
+use crate::measure::page::{Beside, Differences, ErrorsTold, Report, Told};
 use crate::measure::statistics::{Spread, least_runs};
 use std::fmt::Write;
 
@@ -35,6 +35,11 @@ pub fn warnings(comparison: &Comparison) -> Vec<String> {
         }
     }
     warnings.extend(noisy_blocks(comparison));
+    let timed = comparison.pictures.iter().filter(|picture| picture.given.seconds.is_some());
+    warnings.extend(timed.map(|picture| format!("note: {} {}: its time is as stated, not measured here", picture.id, picture.name)));
+    let unstated = comparison.pictures.iter().filter(|picture| picture.given.bounces.is_none());
+    warnings
+        .extend(unstated.map(|picture| format!("note: {} {}: {} does not say of how many bounces its light is", picture.id, picture.name, picture.given.file)));
     warnings
 }
 
@@ -45,15 +50,29 @@ pub fn report(comparison: &Comparison, pipelines: Vec<String>) -> Report {
         let seconds = start_up.plan_seconds + start_up.shaders_seconds + start_up.warm_up_seconds;
         Beside { text, dropped: variant.dropped.clone(), start_up_seconds: Some(seconds) }
     };
-    let beside = comparison.variants.iter().zip(pipelines).map(beside).collect();
+    let of_pictures = comparison.pictures.iter().map(|_| Beside::default());
+    let beside = comparison.variants.iter().zip(pipelines).map(beside).chain(of_pictures).collect();
     let told = |pair: &Pair| Told { words: sentences(pair, comparison), pair: pair.clone() };
-    let differences = Differences { pairs: comparison.pairs.iter().map(told).collect(), hint: hint(comparison) };
-    let title = match comparison.variants.len() {
-        1 => format!("{}: one pipeline measured", comparison.scene),
-        variants => format!("{}: {variants} pipelines compared", comparison.scene),
+    let errors_told = |pair: &ErrorPair| ErrorsTold {
+        first: pair.first.clone(),
+        second: pair.second.clone(),
+        significant: pair.error.difference.significant,
+        words: of_error_pair(pair),
     };
-    let metric = Metric::that_judges(comparison.variants.iter().map(|variant| &variant.errors));
-    let mut report = Report::new(title, comparison.into(), &metric, &Cost::Seconds, beside);
+    let errors = comparison.error_pairs.iter().map(errors_told).collect();
+    let differences = Differences { pairs: comparison.pairs.iter().map(told).collect(), errors, hint: hint(comparison) };
+    let pipelines = match comparison.variants.len() {
+        1 => "one pipeline".to_owned(),
+        variants => format!("{variants} pipelines"),
+    };
+    let pictures = match comparison.pictures.len() {
+        0 => String::new(),
+        1 => " and a picture".to_owned(),
+        pictures => format!(" and {pictures} pictures"),
+    };
+    let done = if comparison.judged().len() == 1 { "measured" } else { "compared" };
+    let title = format!("{}: {pipelines}{pictures} {done}", comparison.scene);
+    let mut report = Report::new(title, comparison.into(), &comparison.metric(), &Cost::Seconds, beside);
     report.runs_asked = comparison.runs_asked;
     report.warnings = warnings(comparison);
     report.differences = Some(differences);
@@ -62,7 +81,7 @@ pub fn report(comparison: &Comparison, pipelines: Vec<String>) -> Report {
 
 /// Blocks are not corrected for the reference's noise: it must be small beside what they show.
 fn noisy_blocks(comparison: &Comparison) -> Option<String> {
-    let errors = comparison.variants.iter().find_map(|variant| variant.errors.irradiance.as_ref())?;
+    let errors = comparison.judged().into_iter().find_map(|(_, _, errors)| errors.irradiance.as_ref())?;
     let noise = errors.reference_noise_over_mean? / f64::from(block_side(comparison.size.map(|side| side / errors.stride)));
     let samples = comparison.reference.as_ref().and_then(|reference| reference.samples.as_ref()?.parse::<f64>().ok());
     let cure =
@@ -82,7 +101,7 @@ fn headline(comparison: &Comparison) -> String {
 
 /// The width of the longest name.
 fn name_width(comparison: &Comparison) -> usize {
-    comparison.variants.iter().map(|variant| variant.name.chars().count()).max().unwrap_or(0).max("pipeline".len())
+    comparison.judged().iter().map(|(_, name, _)| name.chars().count()).max().unwrap_or(0).max("pipeline".len())
 }
 
 fn costs(comparison: &Comparison) -> String {
@@ -106,6 +125,10 @@ fn costs(comparison: &Comparison) -> String {
             start_up.plan_seconds + start_up.shaders_seconds + start_up.warm_up_seconds,
         );
     }
+    for GivenPicture { id, name, given } in &comparison.pictures {
+        let (seconds, how) = given.seconds.map_or(("-".to_owned(), ""), |seconds| (significant(seconds), "as stated"));
+        let _ = writeln!(text, "{}", format!("{id:<3} {name:<width$} {seconds:>9} {how:>21}").trim_end());
+    }
     text
 }
 
@@ -122,18 +145,20 @@ const SHARES: [&str; 8] = ["rmse_over_mean", "bias_over_mean", "rms_of_relative"
 fn errors(comparison: &Comparison) -> String {
     let Some(reference) = &comparison.reference else { return String::new() };
     let mut text = format!("\nagainst {}", reference.file.as_deref().unwrap_or("the reference"));
-    if let Some(noise) = comparison.variants.iter().find_map(|variant| variant.errors.irradiance.as_ref()?.reference_noise_over_mean) {
+    let judged = comparison.judged();
+    if let Some(noise) = judged.iter().find_map(|(_, _, errors)| errors.irradiance.as_ref()?.reference_noise_over_mean) {
         let _ = write!(text, ", noise of its irradiance {:.2} % (taken off)", 100.0 * noise);
     }
     text.push_str("; in brackets 95 % intervals\n");
-    text + &comparison.variants.chunks(COLUMNS).map(errors_of).collect::<Vec<_>>().join("\n")
+    text + &judged.chunks(COLUMNS).map(errors_of).collect::<Vec<_>>().join("\n")
 }
 
-fn errors_of(variants: &[VariantReport]) -> String {
-    let head: String = variants.iter().map(|variant| format!(" {:>27}", variant.id)).collect();
+/// Of what [`Comparison::judged`] tells.
+fn errors_of(judged: &[(&str, &str, &VariantErrors)]) -> String {
+    let head: String = judged.iter().map(|(id, _, _)| format!(" {id:>27}")).collect();
     let mut text = format!("{:<27}{head}\n", "");
     for (layer, metrics) in TOLD {
-        let errors: Vec<Option<&Errors>> = variants.iter().map(|variant| variant.errors.layer(layer)).collect();
+        let errors: Vec<Option<&Errors>> = judged.iter().map(|(_, _, errors)| errors.layer(layer)).collect();
         for metric in metrics {
             let told: Vec<Option<InWords>> = errors.iter().map(|errors| errors.and_then(|errors| errors.told(metric, 2))).collect();
             if told.iter().any(Option::is_some) {
@@ -199,29 +224,28 @@ fn times(pass: &PassSpread) -> String {
 }
 
 fn differences(comparison: &Comparison) -> String {
-    let first = comparison.variants.first().map_or("", |variant| &variant.id);
-    let told = |pair: &&Pair| comparison.variants.len() <= FEW || pair.first == first;
-    let mut text = String::new();
-    for pair in comparison.pairs.iter().filter(told) {
-        let _ = writeln!(text, "{}", sentences(pair, comparison));
-    }
-    if text.is_empty() {
-        return text;
-    }
-    if let Some(hint) = hint(comparison) {
-        let _ = writeln!(text, "{hint}");
-    }
-    format!("\n{text}")
+    let (judged, first) = (comparison.judged(), comparison.variants.first().map_or("", |variant| &variant.id));
+    let is_told = |pair_first: &str| judged.len() <= FEW || pair_first == first;
+    let of_variants = comparison.pairs.iter().filter(|pair| is_told(&pair.first)).map(|pair| sentences(pair, comparison));
+    let of_pictures = comparison.error_pairs.iter().filter(|pair| is_told(&pair.first)).map(of_error_pair);
+    let told: Vec<String> = of_variants.chain(of_pictures).chain(hint(comparison)).collect();
+    if told.is_empty() { String::new() } else { format!("\n{}\n", told.join("\n")) }
 }
 
 /// One pair in words: its times, then its errors.
 fn sentences(pair: &Pair, comparison: &Comparison) -> String {
     let times = sentence(pair, comparison.runs, comparison.pairs.len());
-    pair.error.as_ref().map_or(times.clone(), |error| format!("{times}; {}", of_errors_of(pair, error)))
+    pair.error.as_ref().map_or(times.clone(), |error| format!("{times}; {}", sentence_of_errors([&pair.first, &pair.second], error)))
+}
+
+/// One pair of which errors alone are known, in words.
+fn of_error_pair(ErrorPair { first, second, error }: &ErrorPair) -> String {
+    let names = if error.difference.significant { String::new() } else { format!("{second} and {first}: ") };
+    names + &sentence_of_errors([first, second], error)
 }
 
 /// How the errors of a pair differ, the variant with the larger one first.
-fn of_errors_of(Pair { first, second, .. }: &Pair, PairError { metric, is_share, difference }: &PairError) -> String {
+fn sentence_of_errors([first, second]: [&str; 2], PairError { metric, is_share, difference }: &PairError) -> String {
     let (factor, unit) = if *is_share { (100.0, " %") } else { (1.0, "") };
     let told = |value: f64| format!("{}{unit}", significant(factor * value));
     let [low, high] = difference.interval;
@@ -286,9 +310,25 @@ pub(super) fn count(number: Option<u32>) -> String {
 /// A row a variant, headed by names with units; a cell is empty where there is no number. As RFC 4180 has it, with lines that end as in Unix.
 pub fn csv(comparison: &Comparison) -> String {
     let names = node_names(&comparison.variants);
-    let rows: Vec<Vec<Cell>> = comparison.variants.iter().map(|variant| row(comparison, variant, &names)).collect();
-    let head = rows.first().map(|row| line(row.iter().map(|(name, _)| name)));
-    head.into_iter().chain(rows.iter().map(|row| line(row.iter().map(|(_, value)| value)))).collect()
+    let mut rows: Vec<Vec<Cell>> = comparison.variants.iter().map(|variant| row(comparison, variant, &names)).collect();
+    let head: Vec<String> = rows.first().map_or(Vec::new(), |row| row.iter().map(|(name, _)| name.clone()).collect());
+    rows.extend(comparison.pictures.iter().map(|picture| row_of_picture(comparison, picture, &head)));
+    std::iter::once(line(head.iter())).chain(rows.iter().map(|row| line(row.iter().map(|(_, value)| value)))).collect()
+}
+
+/// A row of these columns; those of times that are measured and of what pipelines hold are empty.
+fn row_of_picture(comparison: &Comparison, picture: &GivenPicture, head: &[String]) -> Vec<Cell> {
+    let mut known = vec![
+        cell("id", Some(&picture.id)),
+        cell("name", Some(&picture.name)),
+        cell("scene", Some(&comparison.scene)),
+        cell("camera", Some(&comparison.camera)),
+        cell("width", Some(comparison.size[0])),
+        cell("height", Some(comparison.size[1])),
+        cell("seconds_median", picture.given.seconds),
+    ];
+    known.extend(of_errors(&picture.given.errors));
+    head.iter().map(|name| known.iter().find(|(of, _)| of == name).cloned().unwrap_or_else(|| cell(name, None::<String>))).collect()
 }
 
 pub(super) fn line<'c>(cells: impl Iterator<Item = &'c String>) -> String {

@@ -114,6 +114,12 @@ pub enum CommandError {
     #[error("the reference {} cannot judge these pipelines: {error}", path.display())]
     #[diagnostic(forward(error))]
     BadReference { path: PathBuf, error: crate::measure::MetricsError },
+    #[error("{} cannot be judged: {error}", path.display())]
+    #[diagnostic(forward(error))]
+    BadGiven { path: PathBuf, error: crate::measure::MetricsError },
+    #[error("`{layer}` of {} is no layer that pictures are judged by", path.display())]
+    #[diagnostic(code(compare::not_judged), help("say what it holds: {judged}"))]
+    NotJudged { path: PathBuf, layer: String, judged: String },
     #[error("there is no folder to keep references in")]
     #[diagnostic(code(compare::no_cache), help("name one with --reference-cache, or give a reference"))]
     NoReferenceCache,

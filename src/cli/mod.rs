@@ -15,6 +15,7 @@ mod explain;
 mod exposure;
 mod failure;
 mod fault;
+mod given;
 mod graph;
 mod input;
 mod interrupt;

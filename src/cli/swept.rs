@@ -38,7 +38,8 @@ fn row(point: &Point, name: &str, widest: usize, metric: &Metric) -> String {
     let _ = match &point.outcome {
         Outcome::Measured(measured) => writeln!(text, "{}{:>7}", numbers(measured, metric), if point.pareto { "*" } else { "" }),
         Outcome::Refused { because } => writeln!(text, "refused: {because}"),
-        Outcome::Open => writeln!(text, "not measured yet"),
+        // A survey measures pipelines alone.
+        Outcome::Given(_) | Outcome::Open => writeln!(text, "not measured yet"),
     };
     text
 }
@@ -114,6 +115,7 @@ fn cells(sweep: &Sweep, point: &Point, nodes: &[&str], survey: &Survey) -> Vec<C
     let (state, because) = match &point.outcome {
         Outcome::Measured(_) => ("measured", None),
         Outcome::Refused { because } => ("refused", Some(because)),
+        Outcome::Given(_) => ("given", None),
         Outcome::Open => ("open", None),
     };
     let mut cells =

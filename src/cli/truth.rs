@@ -4,6 +4,7 @@
 
 use super::console::Console;
 use super::failure::{CommandError, Failure};
+use super::given::only;
 use super::input::{NamedFile, read_picture};
 use super::interrupt;
 use super::output::Target;
@@ -19,7 +20,7 @@ use crate::measure::metrics::{SCENE_CHECKSUM, other_view};
 use crate::measure::projection::Projection;
 use crate::measure::{DIRECT, Errors, GLOSSY, IRRADIANCE, Layer, Layers, MetricsError, PICTURE, PictureError, compare};
 use crate::reference::{Bounces, MAX_SAMPLES, Pixels, Settings, Stop, VERSION, check, render};
-use clap::Args;
+use clap::{ArgGroup, Args};
 use etcetera::BaseStrategy;
 use std::path::{Path, PathBuf};
 
@@ -33,17 +34,21 @@ const MOST_PATHS: u64 = 1 << 26;
 /// Rays a pixel that it takes at the least, however large the picture is.
 const FEWEST_RAYS: u32 = 32;
 
+/// The options that name pictures to read.
+pub const FILES: &str = "files";
+
 #[derive(Args)]
+#[command(group = ArgGroup::new(FILES).multiple(true))]
 pub struct TruthOptions {
     /// What to judge the pictures by, and what its layer is if that has no name; if not given, it is traced and kept for the next time
-    #[arg(long, value_name = "FILE.exr[:LAYER]", value_parser = |text: &str| Ok::<_, std::convert::Infallible>(NamedFile::parse(text)))]
+    #[arg(long, group = FILES, value_name = "FILE.exr[:LAYER]", value_parser = |text: &str| Ok::<_, std::convert::Infallible>(NamedFile::parse(text)))]
     reference: Option<NamedFile>,
     /// The variance of the reference's irradiance; the reference's own if not given
     #[arg(long, value_name = "FILE", requires = "reference")]
     reference_variance: Option<PathBuf>,
-    /// Judge by a reference that says that it shows another scene, camera or light
-    #[arg(long, requires = "reference")]
-    anyway: bool,
+    /// Take files that say that they show another scene, camera or light
+    #[arg(long, requires = FILES)]
+    pub anyway: bool,
     /// Measure times alone
     #[arg(long, conflicts_with = "reference")]
     no_reference: bool,
@@ -108,11 +113,11 @@ impl TruthOptions {
         let Some(named) = &self.reference else { return Ok(None) };
         let picture = named.read()?;
         named.expect_meaning(&picture)?;
-        let picture = judging_by(picture, named.layer.as_deref());
+        let picture = only(picture, named.layer.as_deref());
         let variance = self.reference_variance.as_deref().map(read_picture).transpose()?;
         let truth = Truth { picture, variance, path: named.path.clone(), own: false };
         if !self.anyway {
-            truth.shows(view)?;
+            expect_shown(view, &truth.picture, &truth.path)?;
         }
         truth.fits(view)?;
         Ok(Some(truth))
@@ -147,16 +152,23 @@ impl TruthOptions {
     }
 }
 
-/// The same without the layers that pictures are judged by but this one; with all of them where none is named.
-fn judging_by(mut picture: Layers, layer: Option<&str>) -> Layers {
-    let is_left = |name: &str| layer.is_none_or(|layer| layer == name) || ![IRRADIANCE, PICTURE, GLOSSY, DIRECT].contains(&name);
-    picture.layers.retain(|name, _| is_left(name));
-    picture
-}
-
 /// Where the user's system keeps what programs can make again.
 pub fn cache_folder() -> Option<PathBuf> {
     etcetera::choose_base_strategy().ok().map(|folders| folders.cache_dir().join("hemisplat"))
+}
+
+/// Refuses a picture that says that it shows another scene, camera or light.
+pub fn expect_shown(view: &View, picture: &Layers, path: &Path) -> Result<(), Failure> {
+    let own = Layers { projection: Some(Projection::of(&view.camera, view.scene.origin, view.size)), ..Layers::default() }
+        .with_attribute("scene", &view.scene.name)
+        .with_attribute(SCENE_CHECKSUM, fingerprint(&view.scene, &view.bvh))
+        .with_attribute("camera", &view.camera.name);
+    let differences = other_view(&own, picture);
+    if differences.is_empty() {
+        return Ok(());
+    }
+    let test = "what is compared".to_owned();
+    Err(Failure::input(CommandError::OtherView { reference: path.to_owned(), test, differences }))
 }
 
 /// Everything that a reference depends on.
@@ -245,20 +257,6 @@ impl Truth {
         Self { path: PathBuf::from(name), picture: picture.with_attribute("bounces", BOUNCES), variance: None, own: true }
     }
 
-    /// Refuses a file that says that it shows another scene, camera or light.
-    fn shows(&self, view: &View) -> Result<(), Failure> {
-        let own = Layers { projection: Some(Projection::of(&view.camera, view.scene.origin, view.size)), ..Layers::default() }
-            .with_attribute("scene", &view.scene.name)
-            .with_attribute(SCENE_CHECKSUM, fingerprint(&view.scene, &view.bvh))
-            .with_attribute("camera", &view.camera.name);
-        let differences = other_view(&own, &self.picture);
-        if differences.is_empty() {
-            return Ok(());
-        }
-        let test = "what is compared".to_owned();
-        Err(Failure::input(CommandError::OtherView { reference: self.path.clone(), test, differences }))
-    }
-
     /// Says so where a reference ended before its noise was as small as it was to be.
     fn bound_told(&self) -> Option<String> {
         let [noise, asked] = ["noise", "error"].map(|name| self.picture.attributes.get(name).and_then(|value| value.parse::<f64>().ok()));
@@ -285,21 +283,39 @@ impl Truth {
 
     /// The errors of a pipeline's picture.
     pub fn judge(&self, picture: Layers) -> Result<VariantErrors, Failure> {
-        let picture = picture.with_attribute("bounces", BOUNCES);
+        self.errors(&picture.with_attribute("bounces", BOUNCES)).map_err(|error| self.refuse(error))
+    }
+
+    /// The errors of a picture that was read from this file; a reference that does not state its bounces is taken to have those of the pipelines.
+    pub fn judge_given(&self, picture: &Layers, path: &Path) -> Result<VariantErrors, Failure> {
+        let of_pipelines = BOUNCES.to_string();
+        let errors = match picture.attributes.get("bounces").filter(|bounces| **bounces != of_pipelines) {
+            Some(bounces) => Err(MetricsError::BouncesDiffer { test: bounces.clone(), reference: of_pipelines }),
+            None => self.errors(picture),
+        };
+        let errors = errors.map_err(|error| Failure::input(CommandError::BadGiven { path: path.to_owned(), error }))?;
+        if errors.layers().iter().all(|(_, errors)| errors.is_none()) {
+            let held = |picture: &Layers| picture.layers.keys().cloned().collect::<Vec<_>>().join(", ");
+            return Err(Failure::input(CommandError::NoCommonLayer { test: held(picture), reference: held(&self.picture) }));
+        }
+        Ok(errors)
+    }
+
+    fn errors(&self, picture: &Layers) -> Result<VariantErrors, MetricsError> {
         Ok(VariantErrors {
-            irradiance: self.errors(&picture, IRRADIANCE, self.variance.as_ref())?,
-            picture: self.errors(&picture, PICTURE, None)?,
-            glossy: self.errors(&picture, GLOSSY, None)?,
-            direct: self.errors(&picture, DIRECT, None)?,
+            irradiance: self.errors_of(picture, IRRADIANCE, self.variance.as_ref())?,
+            picture: self.errors_of(picture, PICTURE, None)?,
+            glossy: self.errors_of(picture, GLOSSY, None)?,
+            direct: self.errors_of(picture, DIRECT, None)?,
         })
     }
 
-    fn errors(&self, picture: &Layers, layer: &str, variance: Option<&Layers>) -> Result<Option<Errors>, Failure> {
+    fn errors_of(&self, picture: &Layers, layer: &str, variance: Option<&Layers>) -> Result<Option<Errors>, MetricsError> {
         let both = judged(picture).any(|judged| judged == layer) && self.picture.layers.contains_key(layer);
         match both.then(|| compare(picture, &self.picture, layer, variance)) {
             // Where every surface is a metal the truth has no irradiance; it judges by the picture and by what lobes reflect.
             Some(Err(MetricsError::NoSurface)) if layer == IRRADIANCE && self.picture.layers.contains_key(GLOSSY) => Ok(None),
-            judged => judged.transpose().map_err(|error| self.refuse(error)),
+            judged => judged.transpose(),
         }
     }
 

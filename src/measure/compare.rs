@@ -120,6 +120,42 @@ pub struct Comparison {
     pub variants: Vec<VariantReport>,
     /// Every variant with every later one.
     pub pairs: Vec<Pair>,
+    /// Pictures of other programs.
+    pub pictures: Vec<GivenPicture>,
+    /// Every picture of another program with all variants and earlier pictures.
+    pub error_pairs: Vec<ErrorPair>,
+}
+
+/// A picture that another program made, which is judged beside the variants.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct GivenPicture {
+    /// A letter or several, after those of the variants.
+    pub id: String,
+    /// As the user calls it.
+    pub name: String,
+    #[serde(flatten)]
+    pub given: Given,
+}
+
+/// What is known of a picture that another program made.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Given {
+    pub file: String,
+    /// The only one that is judged; all that the reference has, too, where none is named.
+    pub layer: Option<String>,
+    /// As the file states them.
+    pub bounces: Option<String>,
+    /// What it took, as the user says: measured elsewhere, perhaps on another machine. None where nobody says.
+    pub seconds: Option<f64>,
+    pub errors: VariantErrors,
+}
+
+/// How the errors of a picture of another program and of something else differ.
+#[derive(Debug, Clone, Serialize)]
+pub struct ErrorPair {
+    pub first: String,
+    pub second: String,
+    pub error: PairError,
 }
 
 #[derive(Debug, Clone, Serialize)]
@@ -294,12 +330,28 @@ pub struct PairError {
     pub difference: ErrorDifference,
 }
 
-/// Compares the times of every variant with those of every later one.
-pub fn pairs(variants: &[VariantReport]) -> Vec<Pair> {
-    let comparisons = comparisons(variants.len());
+/// Compares the times and errors of every variant with those of every later one; so many pictures of other programs are compared beside.
+pub fn pairs(variants: &[VariantReport], pictures: usize) -> Vec<Pair> {
     let metric = Metric::that_judges(variants.iter().map(|variant| &variant.errors));
     let later = |index: usize| variants[index + 1..].iter().map(move |second| (&variants[index], second));
-    (0..variants.len()).flat_map(later).filter_map(|(first, second)| pair(first, second, &metric, comparisons)).collect()
+    let among = [comparisons(variants.len()), comparisons(variants.len() + pictures)];
+    (0..variants.len()).flat_map(later).filter_map(|(first, second)| pair(first, second, &metric, among)).collect()
+}
+
+/// Compares the errors of every picture of another program with those of all variants and of the pictures before it.
+pub fn error_pairs(variants: &[VariantReport], pictures: &[GivenPicture]) -> Vec<ErrorPair> {
+    let comparisons = comparisons(variants.len() + pictures.len());
+    let variants = variants.iter().map(|variant| (&variant.id, &variant.errors));
+    let all: Vec<(&String, &VariantErrors)> = variants.chain(pictures.iter().map(|picture| (&picture.id, &picture.given.errors))).collect();
+    let (first_picture, mut pairs) = (all.len() - pictures.len(), Vec::new());
+    for (place, (second, errors)) in all.iter().enumerate().skip(first_picture) {
+        let with_earlier = all[..place].iter().filter_map(|(first, earlier)| {
+            let error = Metric::that_all_have(&[earlier, errors])?.difference(earlier, errors, comparisons)?;
+            Some(ErrorPair { first: (*first).clone(), second: (*second).clone(), error })
+        });
+        pairs.extend(with_earlier);
+    }
+    pairs
 }
 
 /// Pairs among so many variants.
@@ -307,16 +359,17 @@ pub fn comparisons(variants: usize) -> usize {
     variants * variants.saturating_sub(1) / 2
 }
 
-fn pair(first: &VariantReport, second: &VariantReport, metric: &Metric, comparisons: usize) -> Option<Pair> {
-    let difference = Difference::between(&first.seconds_of_runs, &second.seconds_of_runs, comparisons)?;
-    let runs = difference.deviation_of_log_ratio.map(|deviation| runs_to_find(WORTH_FINDING, deviation, comparisons));
+/// One of so many comparisons of times and of errors.
+fn pair(first: &VariantReport, second: &VariantReport, metric: &Metric, [of_times, of_errors]: [usize; 2]) -> Option<Pair> {
+    let difference = Difference::between(&first.seconds_of_runs, &second.seconds_of_runs, of_times)?;
+    let runs = difference.deviation_of_log_ratio.map(|deviation| runs_to_find(WORTH_FINDING, deviation, of_times));
     Some(Pair {
         first: first.id.clone(),
         second: second.id.clone(),
         test: "wilcoxon_signed_rank_exact",
         difference,
         runs_to_find_5_percent: runs,
-        error: metric.difference(&first.errors, &second.errors, comparisons),
+        error: metric.difference(&first.errors, &second.errors, of_errors),
     })
 }
 
@@ -354,6 +407,19 @@ impl Comparison {
     /// What its variants show otherwise than the scene has it, each sentence once.
     pub fn approximated(&self) -> Vec<String> {
         approximations(self.variants.iter().map(|variant| variant.approximated.clone()))
+    }
+
+    /// Whatever is judged: letters, names and errors, first of the variants, then of the pictures of other programs.
+    pub fn judged(&self) -> Vec<(&str, &str, &VariantErrors)> {
+        let variants = self.variants.iter().map(|variant| (variant.id.as_str(), variant.name.as_str(), &variant.errors));
+        variants.chain(self.pictures.iter().map(|picture| (picture.id.as_str(), picture.name.as_str(), &picture.given.errors))).collect()
+    }
+
+    /// The error that it is judged by: one that pictures of other programs have, too, where there is one.
+    pub fn metric(&self) -> Metric {
+        let judged: Vec<&VariantErrors> = self.judged().into_iter().map(|(_, _, errors)| errors).collect();
+        let of_all = if self.pictures.is_empty() { None } else { Metric::that_all_have(&judged) };
+        of_all.unwrap_or_else(|| Metric::that_judges(judged.into_iter()))
     }
 }
 

@@ -102,6 +102,12 @@ impl Metric {
         telling.copied().unwrap_or_default()
     }
 
+    /// That of the first layer that was judged in all of these.
+    pub fn that_all_have(pictures: &[&VariantErrors]) -> Option<Self> {
+        let layers = Judged::ALL.map(|layer| Self { layer, name: "rmse_over_mean" });
+        layers.into_iter().find(|metric| pictures.iter().all(|errors| metric.errors(errors).is_some()))
+    }
+
     /// Those of its layer.
     pub fn errors<'e>(&self, errors: &'e VariantErrors) -> Option<&'e Errors> {
         match self.layer {

@@ -1,6 +1,6 @@
 //! A pipeline over a grid of parameters: error over time, and which points nothing else beats.
 
-use super::compare::{AdapterReport, Comparison, ReferenceReport, VariantErrors, VariantReport};
+use super::compare::{AdapterReport, Comparison, Given, GivenPicture, ReferenceReport, VariantErrors, VariantReport};
 use super::criteria::{Cost, Metric};
 use super::front::{Standing, front};
 use super::plot::{Line, Mark, Plot};
@@ -78,6 +78,8 @@ pub struct Point {
 #[serde(tag = "state", rename_all = "snake_case")]
 pub enum Outcome {
     Measured(Box<Measured>),
+    /// Another program made its picture.
+    Given(Box<Given>),
     /// The scene or the adapter does not take the pipeline.
     Refused {
         because: String,
@@ -145,18 +147,24 @@ impl From<VariantReport> for Measured {
 /// A comparison is a sweep of its variants over no parameters.
 impl From<&Comparison> for Sweep {
     fn from(comparison: &Comparison) -> Self {
-        let point = |variant: &VariantReport| Point {
-            id: variant.id.clone(),
-            row: variant.name.clone(),
-            pipeline: variant.pipeline.clone(),
+        let point = |id: &str, row: &str, outcome: Outcome| Point {
+            id: id.to_owned(),
+            row: row.to_owned(),
+            pipeline: String::new(),
             values: BTreeMap::new(),
-            set: variant.set.clone(),
-            outcome: Outcome::Measured(Box::new(variant.clone().into())),
+            set: Vec::new(),
+            outcome,
             traffic: None,
             pareto: false,
         };
-        let (metric, cost) = (Metric::that_judges(comparison.variants.iter().map(|variant| &variant.errors)), Cost::Seconds);
-        let mut points: Vec<Point> = comparison.variants.iter().map(point).collect();
+        let of_variant = |variant: &VariantReport| Point {
+            pipeline: variant.pipeline.clone(),
+            set: variant.set.clone(),
+            ..point(&variant.id, &variant.name, Outcome::Measured(Box::new(variant.clone().into())))
+        };
+        let of_picture = |picture: &GivenPicture| point(&picture.id, &picture.name, Outcome::Given(Box::new(picture.given.clone())));
+        let (metric, cost) = (comparison.metric(), Cost::Seconds);
+        let mut points: Vec<Point> = comparison.variants.iter().map(of_variant).chain(comparison.pictures.iter().map(of_picture)).collect();
         mark_front(&mut points, &metric, &cost);
         Self {
             schema: 1,
@@ -185,17 +193,36 @@ impl Point {
         }
     }
 
+    /// None where nothing was judged.
+    pub fn errors(&self) -> Option<&VariantErrors> {
+        match &self.outcome {
+            Outcome::Measured(measured) => Some(&measured.errors),
+            Outcome::Given(picture) => Some(&picture.errors),
+            Outcome::Refused { .. } | Outcome::Open => None,
+        }
+    }
+
+    /// Its cost with its quartiles, or with itself twice where it is no matter of chance; None where it is not known.
+    fn cost(&self, cost: &Cost) -> Option<(f64, [f64; 2])> {
+        let (x, spread) = match &self.outcome {
+            Outcome::Measured(measured) => (cost.of(measured)?, cost.spread(measured)),
+            Outcome::Given(picture) => (picture.seconds.filter(|_| matches!(cost, Cost::Seconds))?, None),
+            Outcome::Refused { .. } | Outcome::Open => return None,
+        };
+        Some((x, spread.unwrap_or([x; 2])))
+    }
+
     /// Cost and error; None where one of them is not known, or pixels are left without light.
     pub fn costs(&self, metric: &Metric, cost: &Cost) -> Option<[f64; 2]> {
-        let measured = self.measured().filter(|measured| measured.complete)?;
-        Some([cost.of(measured)?, metric.of(&measured.errors)?])
+        let is_whole = self.measured().is_none_or(|measured| measured.complete);
+        let (x, _) = self.cost(cost).filter(|_| is_whole)?;
+        Some([x, metric.of(self.errors()?)?])
     }
 
     /// How it stands beside others; None as for [`Point::costs`].
     fn standing(&self, metric: &Metric, cost: &Cost) -> Option<Standing> {
-        let [x, error] = self.costs(metric, cost)?;
-        let measured = self.measured()?;
-        Some(Standing { cost: cost.spread(measured).unwrap_or([x; 2]), error, draws: metric.draws(&measured.errors) })
+        let [_, error] = self.costs(metric, cost)?;
+        Some(Standing { cost: self.cost(cost)?.1, error, draws: metric.draws(self.errors()?) })
     }
 
     /// `NODE.PARAM=VALUE` of these parameters, in their order.
@@ -257,13 +284,13 @@ pub fn lines(sweep: &Sweep) -> Vec<(String, Vec<&Point>)> {
 }
 
 fn mark(sweep: &Sweep, point: &Point, metric: &Metric, cost: &Cost) -> Option<Mark> {
-    let measured = point.measured()?;
-    let x = cost.of(measured).filter(|x| *x > 0.0)?;
+    let (x, x_spread) = point.cost(cost).filter(|(x, _)| *x > 0.0)?;
+    let errors = point.errors()?;
     let factor = if metric.is_share() { 100.0 } else { 1.0 };
-    let told = metric.told(&measured.errors)?;
-    let interval = metric.interval(&measured.errors).map(|interval| interval.of_size().map(|end| factor * end));
-    let hidden = metric.interval(&measured.errors).filter(|interval| interval.below_noise).map(|interval| factor * interval.most());
-    let error = hidden.unwrap_or(factor * metric.of(&measured.errors)?);
+    let told = metric.told(errors)?;
+    let interval = metric.interval(errors).map(|interval| interval.of_size().map(|end| factor * end));
+    let hidden = metric.interval(errors).filter(|interval| interval.below_noise).map(|interval| factor * interval.most());
+    let error = hidden.unwrap_or(factor * metric.of(errors)?);
     let label = match sweep.over.first() {
         None => Some(&point.id),
         Some(axis) => point.values.get(&axis.parameter).filter(|_| point.pareto),
@@ -273,7 +300,7 @@ fn mark(sweep: &Sweep, point: &Point, metric: &Metric, cost: &Cost) -> Option<Ma
         label: label.cloned(),
         about: format!("{}: {}, {}, {}", point.id, point.name(&sweep.over), cost.told(x), told.sentence()),
         x,
-        x_spread: cost.spread(measured).unwrap_or([x; 2]),
+        x_spread,
         y: error,
         y_spread: interval.unwrap_or([error; 2]),
         is_limit: hidden.is_some(),

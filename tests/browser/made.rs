@@ -67,7 +67,9 @@ pub fn with(pictures: Vec<Layers>, reference: Option<Layers>) -> Made {
             stride: None,
             windows: None,
         }),
-        pairs: pairs(&variants),
+        pairs: pairs(&variants, 0),
+        pictures: vec![],
+        error_pairs: vec![],
         variants,
     };
     let pipelines = comparison
@@ -116,7 +118,7 @@ impl Made {
     pub fn report(&self) -> Report {
         let title = format!("{}: {} pipelines compared", self.comparison.scene, self.pictures.len());
         let told = self.comparison.pairs.iter().map(|pair| Told { words: format!("{} differs from {}", pair.second, pair.first), pair: pair.clone() });
-        let differences = Differences { pairs: told.collect(), hint: None };
+        let differences = Differences { pairs: told.collect(), errors: vec![], hint: None };
         let mut report = Report::new(title, (&self.comparison).into(), &Metric::default(), &Cost::Seconds, self.beside());
         report.runs_asked = self.comparison.runs_asked;
         report.differences = Some(differences);

@@ -30,13 +30,13 @@ pub(super) fn charts(sweep: &Sweep, first: &Metric, cost: &Cost) -> Vec<Chart> {
 }
 
 fn chart(sweep: &Sweep, metric: &Metric, label: String, cost: &Cost) -> Option<Chart> {
-    let errors: Vec<Option<f64>> = sweep.points.iter().map(|point| metric.signed(&point.measured()?.errors)).collect();
+    let errors: Vec<Option<f64>> = sweep.points.iter().map(|point| metric.signed(point.errors()?)).collect();
     errors.iter().flatten().next()?;
     let mut judged = sweep.clone();
     mark_front(&mut judged.points, metric, cost);
     let plot = plot(&judged, metric, cost);
-    let of = |point: &Point| metric.told(&point.measured()?.errors);
-    let is_hidden = |point: &Point| point.measured().and_then(|measured| metric.interval(&measured.errors)).is_some_and(|interval| interval.below_noise);
+    let of = |point: &Point| metric.told(point.errors()?);
+    let is_hidden = |point: &Point| point.errors().and_then(|errors| metric.interval(errors)).is_some_and(|interval| interval.below_noise);
     Some(Chart {
         label,
         meaning: metric.definition().map(|definition| definition.meaning),

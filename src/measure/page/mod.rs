@@ -7,7 +7,7 @@ mod gallery;
 mod report;
 
 pub use gallery::Gallery;
-pub use report::{Beside, Differences, Report, Told};
+pub use report::{Beside, Differences, ErrorsTold, Report, Told};
 
 use super::layers::PictureError;
 use gallery::Exhibition;

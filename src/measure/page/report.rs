@@ -40,8 +40,19 @@ pub struct Beside {
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Differences {
     pub pairs: Vec<Told>,
+    /// Pairs of which errors alone are known.
+    pub errors: Vec<ErrorsTold>,
     /// How many runs would settle what the pairs leave open.
     pub hint: Option<String>,
+}
+
+/// How the errors of two pictures differ, in words.
+#[derive(Debug, Clone, Serialize)]
+pub struct ErrorsTold {
+    pub first: String,
+    pub second: String,
+    pub significant: bool,
+    pub words: String,
 }
 
 /// A pair of variants, also in words.

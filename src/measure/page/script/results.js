@@ -45,6 +45,7 @@ function setUpPlot() {
 
 const pairs = differences?.pairs ?? [];
 const pairWith = (first, second) => pairs.find((pair) => pair.first === first && pair.second === second);
+const secondsOf = ({ state, seconds }) => (state === "given" ? seconds : seconds?.median ?? null);
 const counted = (value) => (value === null ? "–" : String(value));
 
 /** Values of a parameter are sorted as numbers where all are. */
@@ -58,9 +59,9 @@ const COLUMNS = [
   { name: "", tip: "Opens the picture", value: (_, index) => index },
   { name: "Pipeline", value: (variant) => (onlyRow === null ? variant.row : null), text: (value) => value, words: true },
   ...sweep.over.map(axisColumn),
-  { name: "State", value: (variant) => (variant.state === "measured" ? null : variant.because ? `refused: ${variant.because}` : variant.state), text: (value) => value ?? "measured", words: true },
-  { name: "Seconds", tip: "Median of the runs", value: (variant) => variant.seconds?.median ?? null, text: (value) => figures(value), least: true },
-  { name: "Quartiles", value: ({ seconds }) => (seconds ? seconds.upper_quartile - seconds.lower_quartile : null), text: (_, { seconds }) => (seconds ? `${figures(seconds.lower_quartile)} … ${figures(seconds.upper_quartile)}` : "–") },
+  { name: "State", value: (variant) => (["measured", "given"].includes(variant.state) ? null : variant.because ? `refused: ${variant.because}` : variant.state), text: (value) => value ?? "measured", words: true },
+  { name: "Seconds", tip: "Median of the runs; of a picture of another program as stated", value: secondsOf, text: (value) => figures(value), least: true },
+  { name: "Quartiles", value: ({ seconds }) => (seconds?.median ? seconds.upper_quartile - seconds.lower_quartile : null), text: (_, { state, seconds }) => (seconds?.median ? `${figures(seconds.lower_quartile)} … ${figures(seconds.upper_quartile)}` : state === "given" && seconds ? "as stated" : "–") },
   { name: `× ${variants[0]?.id}`, tip: "Time over that of the first; in brackets where no more than noise", value: (variant, index) => (index ? pairWith(variants[0].id, variant.id)?.ratio ?? null : pairs.length ? 1 : null), text: ratioText },
   { name: sweep.cost, tip: "What errors are held against", value: (_, index) => report.costs[index] ?? null, text: (value) => figures(value), least: true },
   { name: "Front", tip: `On the Pareto front of ${sweep.metric} over ${sweep.cost}`, value: (variant) => (sweep.over.length === 0 ? null : variant.pareto ? 0 : 1), text: (value) => (value === 0 ? "●" : "") },
@@ -73,7 +74,7 @@ const COLUMNS = [
 
 function ratioText(value, variant, index) {
   if (value === null || index === 0) return value === null ? "–" : "1";
-  return pairWith(variants[0].id, variant.id).significant ? figures(value) : `(${figures(value)})`;
+  return pairWith(variants[0].id, variant.id)?.significant ? figures(value) : `(${figures(value)})`;
 }
 
 function errorsText(reference) {
@@ -141,8 +142,9 @@ function rowOf(index, leasts) {
 
 function drawPairs() {
   const of = byId("of").value;
-  const shown = pairs.filter((pair) => of === "all" || pair.first === of || pair.second === of);
-  const items = shown.map((pair) => make("li", { class: pair.significant ? "significant" : pair.ratio_interval ? null : "open" }, pair.words));
+  const shown = [...pairs, ...differences.errors].filter((pair) => of === "all" || pair.first === of || pair.second === of);
+  const kindOf = (pair) => (pair.significant ? "significant" : pair.ratio_interval === null ? "open" : null);
+  const items = shown.map((pair) => make("li", { class: kindOf(pair) }, pair.words));
   byId("pairs").replaceChildren(...(items.length ? items : [make("li", {}, "One pipeline alone has nothing to differ from.")]));
 }
 
@@ -257,6 +259,11 @@ let textAs = "difference";
 function drawText() {
   const index = Number(byId("text-of").value);
   const variant = variants[index];
+  if (variant.state === "given") {
+    byId("text").replaceChildren();
+    byId("text-note").textContent = `The picture of another program: ${variant.file}${variant.layer ? `, its layer ${variant.layer}` : ""}.`;
+    return;
+  }
   const texts = beside.map(({ text }) => text.trimEnd().split("\n"));
   const whole = index === 0 || textAs === "whole";
   const lines = whole ? texts[index].map((line) => [" ", line]) : difference(texts[0], texts[index]);

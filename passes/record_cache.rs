@@ -48,9 +48,9 @@ static DESCRIPTION: Description = Description {
         },
         Parameter {
             name: "change",
-            about: "most change within the reach that the gradient may foretell, as a share of the irradiance",
+            about: "most change within the reach that the gradient may foretell, as a share of the irradiance; 1e6 sets no limit",
             unit: "",
-            kind: ParameterKind::Float { default: 1.0, min: 0.01, max: 1e6 },
+            kind: ParameterKind::Float { default: 1e6, min: 0.01, max: 1e6 },
         },
         Parameter {
             name: "overlap",

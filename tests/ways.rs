@@ -35,7 +35,7 @@ type Outcome = Result<(), Failed>;
 type Case = fn(&Stage) -> Outcome;
 
 fn main() {
-    let cases: [(&str, bool, Case); 12] = [
+    let cases: [(&str, bool, Case); 13] = [
         ("sums_agree_with_double_precision", false, sums_agree),
         ("curvatures_agree_with_double_precision", false, curvatures_agree),
         ("half_precision_sums_stay_finite", false, half_sums_are_bounded),
@@ -44,6 +44,7 @@ fn main() {
         ("splats_agree_pixel_by_pixel", false, splats_agree),
         ("fills_cover_every_pixel_and_repeat", false, fills_cover),
         ("fills_on_host_and_device_agree", false, fills_agree),
+        ("neighbours_clamp_on_host_and_device_alike", false, clamping_agrees),
         ("batches_serve_each_cell_once", false, batches_serve_each_cell_once),
         ("a_sequential_walk_has_no_surplus", false, sequential_walk),
         ("weights_on_the_host_are_those_on_the_device", false, weights_agree),
@@ -626,19 +627,35 @@ fn many_records(stage: &Stage) -> Outcome {
 /// What nodes report, by name.
 type Reports = BTreeMap<&'static str, u32>;
 
+/// How a cache is filled.
+#[derive(Debug, Clone, Copy)]
+struct Fill {
+    batch: u32,
+    sequential: bool,
+    /// Whether the radius may not jump over what a neighbour has seen.
+    clamps: bool,
+}
+
+const IN_BATCHES: Fill = Fill { batch: 32, sequential: false, clamps: false };
+
 /// A whole fill: irradiance, and what the nodes report by name.
-fn filled(stage: &Stage, batch: u32, sequential: bool, [splat, misses, sum, add]: [&str; 4]) -> Result<(Vec<u8>, Reports), Failed> {
+fn filled(stage: &Stage, fill: Fill, [splat, misses, sum, add]: [&str; 4]) -> Result<(Vec<u8>, Reports), Failed> {
     let mut graph = Graph::new(stage, [60, 45]);
     graph.node("gbuffer", "GBuffer", &[], &[])?;
     // Closer than the default, of which a batch of 32 would fill a third of so small a picture.
     graph.node("cache", "RecordCache", &[("minimum_spacing", "4")], &[])?;
-    graph.batch = Some((batch, sequential));
+    graph.batch = Some((fill.batch, fill.sequential));
     graph.node("splats", "Splat", &[("by", splat)], &[("records", "cache"), ("gbuffer", "gbuffer")])?;
     graph.node("misses", "FindMisses", &[("by", misses)], &[("gbuffer", "gbuffer"), ("splats", "splats")])?;
     graph.node("tiles", "HemisphereTiles", &[("resolution", "8")], &[("at", "misses")])?;
     graph.node("closed", "Compensation", &[], &[("of", "tiles")])?;
     graph.node("records", "IrradianceSum", &[("by", sum)], &[("of", "closed")])?;
-    graph.node("added", "AddRecords", &[("by", add)], &[("to", "cache"), ("records", "records")])?;
+    graph.node(
+        "added",
+        "AddRecords",
+        &[("by", add), ("neighbour_clamping", if fill.clamps { "true" } else { "false" })],
+        &[("to", "cache"), ("records", "records")],
+    )?;
     graph.end_loop("misses.none")?;
     graph.node("indirect", "Normalize", &[], &[("splats", "splats"), ("gbuffer", "gbuffer")])?;
     let irradiance = graph.texture("indirect.irradiance")?;
@@ -651,9 +668,9 @@ fn filled(stage: &Stage, batch: u32, sequential: bool, [splat, misses, sum, add]
 }
 
 /// A fill that covers everything, twice with the same bits; its irradiance and its reports.
-fn filled_twice(stage: &Stage, batch: u32, sequential: bool, ways: [&str; 4]) -> Result<(Vec<[f32; 4]>, Reports), Failed> {
-    let runs = [filled(stage, batch, sequential, ways)?, filled(stage, batch, sequential, ways)?];
-    let name = format!("batches of {batch}, {ways:?}");
+fn filled_twice(stage: &Stage, fill: Fill, ways: [&str; 4]) -> Result<(Vec<[f32; 4]>, Reports), Failed> {
+    let runs = [filled(stage, fill, ways)?, filled(stage, fill, ways)?];
+    let name = format!("{fill:?}, {ways:?}");
     check(runs[0] == runs[1], || format!("{name}: two runs differ"))?;
     let [(irradiance, reports), _] = runs;
     println!("{name}: {reports:?}");
@@ -664,24 +681,24 @@ fn filled_twice(stage: &Stage, batch: u32, sequential: bool, ways: [&str; 4]) ->
 
 fn fills_cover(stage: &Stage) -> Outcome {
     for splat in stage.splats() {
-        filled_twice(stage, 32, false, [splat, "DeviceGrid", "WorkgroupTree", "Device"])?;
+        filled_twice(stage, IN_BATCHES, [splat, "DeviceGrid", "WorkgroupTree", "Device"])?;
     }
     for sum in &SUMS[1..] {
-        filled_twice(stage, 32, false, ["ComputeTiles", "DeviceGrid", sum, "Device"])?;
+        filled_twice(stage, IN_BATCHES, ["ComputeTiles", "DeviceGrid", sum, "Device"])?;
     }
-    let (_, reports) = filled_twice(stage, 32, false, ["ComputeTiles", "HostScan", "WorkgroupTree", "Device"])?;
+    let (_, reports) = filled_twice(stage, IN_BATCHES, ["ComputeTiles", "HostScan", "WorkgroupTree", "Device"])?;
     check(reports["surplus_records"] * 10 < reports["records"], || format!("a tenth of the records or more is surplus: {reports:?}"))
 }
 
 /// Whichever of the steps run on the host and hand each other what they made, and which on the device: the picture is the same but where rounding
 /// decides whether a pixel misses a record.
 fn fills_agree(stage: &Stage) -> Outcome {
-    let (expected, reports) = filled_twice(stage, 32, false, ["ComputeTiles", "DeviceGrid", "WorkgroupTree", "Device"])?;
+    let (expected, reports) = filled_twice(stage, IN_BATCHES, ["ComputeTiles", "DeviceGrid", "WorkgroupTree", "Device"])?;
     let mean = expected.iter().flatten().sum::<f32>() / expected.len() as f32;
     for choice in 1..16u32 {
         let pick = |bit: u32, ways: [&'static str; 2]| ways[(choice >> bit & 1) as usize];
         let ways = [pick(0, ["ComputeTiles", "Host"]), pick(1, ["DeviceGrid", "HostGrid"]), pick(2, ["WorkgroupTree", "Host"]), pick(3, ["Device", "Suited"])];
-        let (found, other) = filled_twice(stage, 32, false, ways)?;
+        let (found, other) = filled_twice(stage, IN_BATCHES, ways)?;
         let squares: f32 = found.iter().flatten().zip(expected.iter().flatten()).map(|(a, b)| (a - b).powi(2)).sum();
         let error = (squares / expected.len() as f32).sqrt() / mean;
         check(error < 5e-3, || format!("{ways:?}: {error} of the mean apart"))?;
@@ -689,6 +706,15 @@ fn fills_agree(stage: &Stage) -> Outcome {
         check(other["surplus_records"].abs_diff(reports["surplus_records"]) <= 3, || format!("{ways:?}: {other:?}, not {reports:?}"))?;
     }
     Ok(())
+}
+
+/// Clamped by the records before them, most reach less far: more are needed, as many on the host as on the device.
+fn clamping_agrees(stage: &Stage) -> Outcome {
+    let records = |clamps: bool, add: &'static str| -> Result<u32, Failed> {
+        Ok(filled_twice(stage, Fill { clamps, ..IN_BATCHES }, ["ComputeTiles", "DeviceGrid", "WorkgroupTree", add])?.1["records"])
+    };
+    let (free, device, host) = (records(false, "Device")?, records(true, "Device")?, records(true, "Suited")?);
+    check(device > free && device.abs_diff(host) * 100 <= device, || format!("{free} records, clamped {device} on the device and {host} on the host"))
 }
 
 /// Batches of two among cells of 8×8 pixels: none has a second record before each has one, though no record reaches beyond its pixel.
@@ -722,7 +748,7 @@ fn batches_serve_each_cell_once(stage: &Stage) -> Outcome {
 
 fn sequential_walk(stage: &Stage) -> Outcome {
     for splat in stage.splats() {
-        let (_, reports) = filled_twice(stage, 1, true, [splat, "HostScan", "WorkgroupTree", "Suited"])?;
+        let (_, reports) = filled_twice(stage, Fill { batch: 1, sequential: true, ..IN_BATCHES }, [splat, "HostScan", "WorkgroupTree", "Suited"])?;
         check(reports["surplus_records"] == 0, || format!("{reports:?}"))?;
     }
     Ok(())

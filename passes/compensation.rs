@@ -9,7 +9,7 @@ pub struct Compensation;
 static DESCRIPTION: Description = Description {
     name: "Compensation",
     about: "The weight of every sample, so that an incomplete shape stands for the whole hemisphere; complete shapes need none",
-    source: "RCS section 5.2, Table 1; Larsen and Christensen 2004",
+    source: "RCS section 5.2, Table 1; SLIDES 28-33; Larsen and Christensen 2004",
     parameters: &[Parameter {
         name: "method",
         about: "how the rest of the hemisphere is made up for",
@@ -18,6 +18,11 @@ static DESCRIPTION: Description = Description {
             choices: &[
                 Choice { name: "BorderExtension", about: "a border sample also stands for the band between it and the horizon", parameters: &[] },
                 Choice { name: "CoverageRatio", about: "the sum is divided by the share of the hemisphere that is covered", parameters: &[] },
+                Choice {
+                    name: "ConfusedMeasure",
+                    about: "border extension by solid angle times the sample's cosine: 1.17 times too much of uniform light",
+                    parameters: &[],
+                },
                 Choice { name: "None", about: "what is not seen counts as black", parameters: &[] },
             ],
         },
@@ -35,6 +40,7 @@ impl Pass for Compensation {
         let Some(tiles) = r.tiles("of").cloned() else { return Ok(()) };
         let method = match r.arguments.choice("method").0 {
             "CoverageRatio" => Method::CoverageRatio,
+            "ConfusedMeasure" => Method::ConfusedMeasure,
             "None" => Method::None,
             _ => Method::BorderExtension,
         };

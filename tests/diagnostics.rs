@@ -12,7 +12,7 @@ use std::fs;
 use std::path::Path;
 
 /// Codes that no input brings about on every machine.
-const BEYOND_INPUT: [(&str, &str); 27] = [
+const BEYOND_INPUT: [(&str, &str); 28] = [
     ("cli::fault", "a fault of the program"),
     ("cli::few_threads", "needs a limit of the system; tests/limits.rs sets one"),
     ("cli::interrupted", "needs Ctrl-C at the right moment"),
@@ -32,6 +32,7 @@ const BEYOND_INPUT: [(&str, &str); 27] = [
     ("gpu::out_of_memory", "depends on the machine"),
     ("gpu::shader", "shaders ship with the program, and tests validate them"),
     ("gpu::unknown_adapter", "lists the machine's adapters"),
+    ("study::unexpected", "what is measured decides it; tests/study.rs brings it about"),
     ("measure::encoding", "what is written was made here"),
     ("measure::unwritable", "the disk decides it; a command names the file as for every other write"),
     ("measure::wrong_size", "files cannot hold layers of several sizes"),
@@ -144,6 +145,10 @@ fn files() -> BTreeMap<&'static str, Vec<u8>> {
         ("both.ron", study("Traced(spp: 4)", "Traced(spp: 4, stride: 2, windows: 1)")),
         ("twice.ron", study("    ],", "        (name: \"rays\", pipeline: \"irradiance-plane\"),\n    ],")),
         ("empty.ron", study("[4, 8]", "[]")),
+        (
+            "nowhere.ron",
+            study("[4, 8] },", "[4, 8] },\n    expect: [(row: \"rays\", at: { \"tiles.resolution\": 5 }, within: (0, 1)), (row: \"rays\", within: (0, 1))],"),
+        ),
         ("metric.ron", study("relmse", "rmse")),
         ("cost.ron", study("PerRecord([\"tiles\"])", "Second")),
         ("node.ron", study("[\"tiles\"]", "[\"tile\", \"records\"]")),
@@ -152,7 +157,7 @@ fn files() -> BTreeMap<&'static str, Vec<u8>> {
 
 /// Code and arguments, one case each, and whether a GPU is needed.
 #[rustfmt::skip]
-const CASES: [(&str, &str, bool); 66] = [
+const CASES: [(&str, &str, bool); 67] = [
     ("plan::batch", "check irradiance --scene white.ron --set tiles.resolution=512", false),
     ("plan::coarsest", "check irradiance --scene white.ron --set misses.by=DeviceGrid(coarsest:3)", false),
     ("plan::finest", "check irradiance --scene white.ron --set misses.by=DeviceGrid(finest:3)", false),
@@ -211,6 +216,7 @@ const CASES: [(&str, &str, bool); 66] = [
     ("study::unknown_row", "study row.ron --dry-run", false),
     ("study::duplicate_row", "study twice.ron --dry-run", false),
     ("study::empty", "study empty.ron --dry-run", false),
+    ("study::no_point", "study nowhere.ron --dry-run", false),
     ("study::unknown_metric", "study metric.ron --dry-run", false),
     ("study::cost", "study cost.ron --dry-run", false),
     ("study::unknown_node", "study node.ron --dry-run", false),

@@ -18,6 +18,11 @@ pub struct DaylightOptions {
 }
 
 impl DaylightOptions {
+    /// Whether the options say anything of the light.
+    pub fn is_given(&self) -> bool {
+        self.sky.is_some() || self.sun.is_some()
+    }
+
     /// Lights the scene as the options say, or by default where it has no light at all.
     pub fn light(&self, scene: &mut Scene, console: &Console) -> Result<(), Failure> {
         let given = Daylight { sky: self.sky.clone(), sun: self.sun };

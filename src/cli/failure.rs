@@ -138,6 +138,9 @@ pub enum CommandError {
     #[error("{refused} of {points} points are refused")]
     #[diagnostic(code(sweep::refused), help("what refuses them stands in the table; the others stand as they are"))]
     RefusedPoints { refused: usize, points: usize },
+    #[error("what the study expects did not come: {}", missed.join("; "))]
+    #[diagnostic(code(study::unexpected), help("the last table tells what was measured; mend what is wrong, or state in the study's file what holds now"))]
+    Unexpected { missed: Vec<String> },
     #[error("nothing is called `{name}` in this plan")]
     #[diagnostic(code(render::unknown_dump), help("it has: {known}"))]
     UnknownDump { name: String, known: String },

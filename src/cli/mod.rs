@@ -11,6 +11,7 @@ mod daylight;
 mod diff;
 mod dump;
 mod exhibited;
+mod expected;
 mod explain;
 mod exposure;
 mod failure;

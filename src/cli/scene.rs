@@ -58,6 +58,11 @@ pub struct View {
 }
 
 impl ViewOptions {
+    /// Whether the options say anything of what is seen.
+    pub fn is_given(&self) -> bool {
+        !self.cameras.is_empty() || self.size.is_some() || !self.set.is_empty() || self.camera.is_given() || self.daylight.is_given()
+    }
+
     /// With this camera and size where the user says none.
     pub fn or(&self, camera: Option<&String>, size: Option<[u32; 2]>) -> Self {
         let cameras = if self.cameras.is_empty() { camera.into_iter().cloned().collect() } else { self.cameras.clone() };

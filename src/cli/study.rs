@@ -8,6 +8,7 @@ use super::survey::{self, Reference, SurveyOptions};
 use super::sweep::axes;
 use super::truth::TruthOptions;
 use crate::measure::criteria::{Cost, Metric};
+use crate::measure::expectation::Quantity;
 use crate::measure::study::{self, Study, embedded};
 use crate::pipeline::diagnostics::known;
 use crate::pipeline::{Problem, Problems};
@@ -70,6 +71,10 @@ pub fn run(options: Options, console: &Console) -> Result<(), Failure> {
     study.survey.metric = options.metric.unwrap_or(study.survey.metric);
     if let Some(cost) = &options.cost {
         study.survey.cost = Cost::parse("--cost", cost).map_err(|problem| Failure::input(Problems(vec![problem])))?;
+        study.survey.expected.retain(|expected| !matches!(expected.of, Quantity::Cost));
+    }
+    if options.scene.is_some() || options.view.is_given() || options.reference_spp.is_some() {
+        tell_unchecked(&mut study, console);
     }
     let reference = match study.reference {
         study::Reference::Row(row) => Reference::Row(row),
@@ -84,6 +89,14 @@ pub fn run(options: Options, console: &Console) -> Result<(), Failure> {
     let view = options.view.or(camera, study.size);
     let scene = options.scene.unwrap_or_else(|| beside(folder.as_deref(), &study.scene));
     survey::run(&study.survey, &SceneOptions::new(scene, view), &reference, &options.work, console)
+}
+
+/// Of another view nothing is expected.
+fn tell_unchecked(study: &mut Study, console: &Console) {
+    if !study.survey.expected.is_empty() {
+        console.note("note: what the study expects is of its own scene, view and reference: it is not checked here");
+        study.survey.expected.clear();
+    }
 }
 
 /// Leaves the rows that are asked for, and the one that judges them; all where none is named.

@@ -14,11 +14,12 @@ use super::progress::Progress;
 use super::resources::expect_memory;
 use super::scene::{SceneOptions, View};
 use super::truth::{Truth, TruthOptions, content};
-use super::{exhibited, swept, tables};
+use super::{exhibited, expected, swept, tables};
 use crate::gpu::{AskPace, Gpu, Pace};
 use crate::measure::Layers;
 use crate::measure::cache::Checksum;
 use crate::measure::compare::{self, About, Contender, ReferenceReport, VariantErrors, approximations};
+use crate::measure::expectation;
 use crate::measure::plot::{Paper, svg};
 use crate::measure::run::{Run, RunError};
 use crate::measure::survey::Survey;
@@ -105,7 +106,8 @@ pub(super) fn run(survey: &Survey, scene: &SceneOptions, reference: &Reference, 
         result?;
     }
     let (points, judge, _shelter) = (work.points, work.judge, work.shelter);
-    let sweep = sweep(survey, &view, &gpu, judge.report(), approximations(plans.iter().flatten().map(Plan::approximated)), points);
+    let mut sweep = sweep(survey, &view, &gpu, judge.report(), approximations(plans.iter().flatten().map(Plan::approximated)), points);
+    sweep.expected = expectation::judge(&survey.expected, &sweep, &survey.cost);
     swept::warnings(&sweep, survey).iter().for_each(|warning| console.note(warning));
     console.print(&[swept::text(&sweep, survey), tables::markdown(&sweep, survey)].join("\n"))?;
     targets.write(&sweep, survey)?;
@@ -116,7 +118,8 @@ pub(super) fn run(survey: &Survey, scene: &SceneOptions, reference: &Reference, 
     if is_interrupted {
         return Err(Failure::interrupted(&[&[folder.path.as_path()], &targets.paths()[..]].concat()));
     }
-    expect_none_refused(&sweep.points)
+    expect_none_refused(&sweep.points)?;
+    expected::expect_none_missed(&sweep.expected)
 }
 
 /// The files that the results go to, beside those of the points.
@@ -331,5 +334,6 @@ fn sweep(survey: &Survey, view: &View, gpu: &Gpu, reference: Option<ReferenceRep
         cost: survey.cost.to_string(),
         over: survey.axes(),
         points,
+        expected: Vec::new(),
     }
 }

@@ -56,6 +56,7 @@ pub fn run(options: Options, console: &Console) -> Result<(), Failure> {
         metric: options.metric,
         cost: Cost::parse("--cost", &options.cost).map_err(bad)?,
         moved: Vec::new(),
+        expected: Vec::new(),
     };
     survey::run(&survey, &options.scene, &Reference::Outside(options.truth), &options.work, console)
 }

@@ -1,6 +1,7 @@
 //! A survey as tables in Markdown: errors, costs, and what nothing beats.
 
 use super::comparison::significant;
+use super::expected;
 use crate::measure::criteria::{Cost, Metric};
 use crate::measure::survey::Survey;
 use crate::measure::sweep::{Outcome, Point, Sweep, best, lines};
@@ -24,6 +25,9 @@ pub fn markdown(sweep: &Sweep, survey: &Survey) -> String {
     }
     if sweep.points.iter().any(|point| point.pareto) {
         parts.push(front(sweep, metric, cost));
+    }
+    if !sweep.expected.is_empty() {
+        parts.push(expected::table(&sweep.expected));
     }
     parts.join("\n")
 }
@@ -82,7 +86,7 @@ fn front(sweep: &Sweep, metric: &Metric, cost: &Cost) -> String {
 }
 
 /// Cells padded, so that the text can be read as it stands; all columns but the first are numbers.
-fn table(rows: Vec<Vec<String>>) -> String {
+pub(super) fn table(rows: Vec<Vec<String>>) -> String {
     let cells: Vec<Vec<String>> = rows.into_iter().map(|row| row.into_iter().map(|cell| cell.replace('|', "\\|")).collect()).collect();
     let columns = cells.iter().map(Vec::len).max().unwrap_or(0);
     let widths: Vec<usize> =

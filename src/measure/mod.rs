@@ -6,6 +6,7 @@ pub mod cache;
 pub mod compare;
 pub mod criteria;
 pub mod edges;
+pub mod expectation;
 pub mod exposure;
 pub mod flip;
 pub mod front;

@@ -3,6 +3,7 @@
 
 use super::compare::letters;
 use super::criteria::{Cost, Metric};
+use super::expectation::Expectation;
 use super::sweep::{Axis, Outcome, Point, grid};
 use crate::pipeline::Set;
 use crate::pipeline::syntax::{Place, Word};
@@ -18,6 +19,8 @@ pub struct Survey {
     pub cost: Cost,
     /// Nodes whose traffic is told.
     pub moved: Vec<Word>,
+    /// What a study expects of its numbers.
+    pub expected: Vec<Expectation>,
 }
 
 /// A pipeline, as it is before parameters are swept.

@@ -2,6 +2,7 @@
 
 use super::compare::{AdapterReport, Comparison, Given, GivenPicture, ReferenceReport, VariantErrors, VariantReport};
 use super::criteria::{Cost, Metric};
+use super::expectation::Found;
 use super::front::{Standing, front};
 use super::plot::{Line, Mark, Plot};
 use super::run::Records;
@@ -41,6 +42,9 @@ pub struct Sweep {
     pub over: Vec<Axis>,
     /// By pipeline, then by values, those of the last parameter the fastest.
     pub points: Vec<Point>,
+    /// What a study expected of its numbers.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub expected: Vec<Found>,
 }
 
 /// A parameter that is swept.
@@ -181,6 +185,7 @@ impl From<&Comparison> for Sweep {
             cost: cost.to_string(),
             over: Vec::new(),
             points,
+            expected: Vec::new(),
         }
     }
 }

@@ -3,20 +3,22 @@
 //! ```ron
 //! Study(version: 1, about: "…", source: "…", scene: "…", camera: "…", size: (64, 64), reference: Traced(spp: 1024), runs: 5,
 //!     metric: "rms_of_relative", cost: PerRecord(["node"]), moved: ["node"], set: {"node.parameter": value},
-//!     rows: [(name: "…", pipeline: "…", set: {"node.parameter": value})], over: {"node.parameter": [value, value]})
+//!     rows: [(name: "…", pipeline: "…", set: {"node.parameter": value})], over: {"node.parameter": [value, value]},
+//!     expect: [(row: "…", at: {"node.parameter": value}, within: (0.1, 0.2), paper: 0.15)])
 //! ```
 
 pub mod embedded;
+mod expect;
 
 use super::criteria::{Cost, Metric};
 use super::survey::{Row, Survey, Swept};
-use crate::pipeline::diagnostics::known;
 use crate::pipeline::grammar::{Grammar, Keys, named_fields};
 use crate::pipeline::syntax::{self, Body, Field, Value, ValueKind, Word};
 use crate::pipeline::{Problem, Problems, Set};
 use std::ops::RangeInclusive;
 
-const KEYS: [&str; 14] = ["version", "about", "source", "scene", "camera", "size", "reference", "runs", "metric", "cost", "moved", "set", "rows", "over"];
+const KEYS: [&str; 15] =
+    ["version", "about", "source", "scene", "camera", "size", "reference", "runs", "metric", "cost", "moved", "set", "rows", "over", "expect"];
 
 /// Runs of each point where nothing is said, of sweeps too.
 pub const DEFAULT_RUNS: u16 = 5;
@@ -89,14 +91,9 @@ impl Reader {
         let rows = self.rows(&keys, &common);
         let over = self.over(&keys);
         let reference = self.grammar.required(&keys, "reference").and_then(|value| self.reference(value, &rows));
-        let survey = Survey {
-            rows,
-            over,
-            runs: runs.map_or(DEFAULT_RUNS, |runs| runs as u16),
-            metric: metric.unwrap_or_default(),
-            cost: cost.unwrap_or(Cost::Seconds),
-            moved,
-        };
+        let metric = metric.unwrap_or_default();
+        let expected = self.expectations(&keys, &expect::About { rows: &rows, over: &over, metric });
+        let survey = Survey { rows, over, runs: runs.map_or(DEFAULT_RUNS, |runs| runs as u16), metric, cost: cost.unwrap_or(Cost::Seconds), moved, expected };
         Some(Study { about, source, scene, camera, size, reference: reference?, survey })
     }
 
@@ -163,13 +160,8 @@ impl Reader {
                 Some(Reference::Traced { spp: spp?, stride: stride.unwrap_or(1), windows })
             }
             ValueKind::Compound { name: Some(name), body: Body::Positional(values) } if name.text == "Row" && values.len() == 1 => {
-                let word = self.grammar.word(&values[0], "the name of a row")?;
-                let row = rows.iter().position(|row| row.name == word.text);
-                if row.is_none() {
-                    let problem = Problem::new("study::unknown_row", format!("there is no row `{}`", word.text)).at(&word.place, "not a row");
-                    self.grammar.problems.push(problem.help(known(&word.text, rows.iter().map(|row| row.name.as_str()), "the rows")));
-                }
-                row.map(Reference::Row)
+                let name = self.row_named(&values[0], rows)?;
+                rows.iter().position(|row| row.name == name).map(Reference::Row)
             }
             _ => {
                 self.grammar.wrong_type(value, "`Traced(spp: …)` or `Row(\"…\")`");

@@ -1,0 +1,52 @@
+//! What a study expected, as a table, and as a failure where it did not come.
+
+use super::comparison::significant;
+use super::failure::{CommandError, Failure};
+use super::tables;
+use crate::measure::expectation::{Found, Verdict};
+
+/// A row for each expectation, with what the source says and who was closer.
+pub fn table(found: &[Found]) -> String {
+    let head = ["what", "measured", "expected", "", "the source says", "verdict"].map(str::to_owned).to_vec();
+    let row = |found: &Found| {
+        let told = |value: f64| told(found, value);
+        let measured = match (found.value, found.interval) {
+            (None, _) => "-".to_owned(),
+            (Some(value), None) => told(value),
+            (Some(value), Some([low, high])) => format!("{} ({} … {})", told(value), told(low), told(high)),
+        };
+        let came = found.as_expected.map_or("not measured", |came| if came { "yes" } else { "NO" });
+        let [low, high] = found.within.map(told);
+        vec![
+            what(found),
+            measured,
+            format!("{low} … {high}"),
+            came.to_owned(),
+            found.paper.map_or("-".to_owned(), told),
+            found.verdict.map_or("-", Verdict::words).to_owned(),
+        ]
+    };
+    tables::table(std::iter::once(head).chain(found.iter().map(row)).collect())
+}
+
+/// Fails where one did not come.
+pub fn expect_none_missed(found: &[Found]) -> Result<(), Failure> {
+    let is_missed = |found: &&Found| found.as_expected == Some(false);
+    let missed: Vec<String> = found.iter().filter(is_missed).map(missed).collect();
+    if missed.is_empty() { Ok(()) } else { Err(Failure::work(CommandError::Unexpected { missed })) }
+}
+
+fn missed(found: &Found) -> String {
+    let [low, high] = found.within.map(|end| told(found, end));
+    format!("{} is {}, not {low} … {high}", what(found), found.value.map_or("-".to_owned(), |value| told(found, value)))
+}
+
+fn what(found: &Found) -> String {
+    let at: String = found.at.iter().map(|(parameter, value)| format!(" {parameter}={value}")).collect();
+    let over = found.over.as_ref().map_or(String::new(), |over| format!(", over that of {over}"));
+    format!("{} of {}{at}{over}", found.of, found.row)
+}
+
+fn told(found: &Found, value: f64) -> String {
+    if found.is_share { format!("{} %", significant(100.0 * value)) } else { significant(value) }
+}

@@ -118,6 +118,17 @@ impl Total {
         self.hessian += DVec3::from(edge.hessian) * (luminance(step) * inverse);
     }
 
+    /// Adds what other samples of the tile add up to.
+    pub(super) fn join(&mut self, other: &Self) {
+        self.irradiance += other.irradiance;
+        self.hessian += other.hessian;
+        let vectors = self.rotation.iter_mut().chain(&mut self.translation).zip(other.rotation.iter().chain(&other.translation));
+        vectors.for_each(|(sum, part)| *sum += *part);
+        let weights = self.cosine.iter_mut().chain(&mut self.plain).zip(other.cosine.iter().chain(&other.plain));
+        weights.for_each(|(sum, part)| *sum += part);
+        self.largest_inverse = self.largest_inverse.max(other.largest_inverse);
+    }
+
     pub(super) fn finish(self) -> Summed {
         Summed {
             irradiance: self.irradiance,

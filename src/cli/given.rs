@@ -59,7 +59,8 @@ impl PictureOption {
     }
 }
 
-const JUDGED: [&str; 4] = [IRRADIANCE, PICTURE, GLOSSY, DIRECT];
+/// The layers that pictures are judged by.
+pub const JUDGED: [&str; 4] = [IRRADIANCE, PICTURE, GLOSSY, DIRECT];
 
 /// The picture without the layers that are judged but this one; with all of them where none is named.
 pub fn only(mut picture: Layers, layer: Option<&str>) -> Layers {

@@ -4,7 +4,7 @@
 
 use super::console::Console;
 use super::failure::{CommandError, Failure};
-use super::given::only;
+use super::given::{JUDGED, only};
 use super::input::{NamedFile, read_picture};
 use super::interrupt;
 use super::output::Target;
@@ -273,7 +273,7 @@ impl Truth {
     fn fits(&self, view: &View) -> Result<(), Failure> {
         let [width, height] = view.size;
         let black = || Layer::value(vec![0.0; width as usize * height as usize]);
-        let names = [IRRADIANCE, PICTURE, GLOSSY, DIRECT].into_iter().filter(|name| self.picture.layers.contains_key(*name));
+        let names = JUDGED.into_iter().filter(|name| self.picture.layers.contains_key(*name));
         let blank = names.fold(Layers::new(width, height), |blank, name| blank.with(name, black()));
         if blank.layers.is_empty() {
             return Err(self.refuse(MetricsError::Picture { which: "reference", error: self.lacks(IRRADIANCE) }));

@@ -99,7 +99,8 @@ def direct_irradiance(scene, point, normal, active, lights, epsilon):
         cosine = dr.maximum(dr.dot(normal, to / r), 0)
         ray = mi.Ray3f(origin, to / r)
         ray.maxt = r * (1 - 1e-4)
-        seen = active & (cosine > 0) & ~scene.ray_test(ray)
+        seen = active & (cosine > 0)
+        seen &= ~scene.ray_test(ray, seen)
         total = [t + dr.select(seen, i * cosine / (r * r), 0) for t, i in zip(total, light["intensity"])]
     return total
 

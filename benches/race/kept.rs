@@ -16,6 +16,8 @@ use std::{
 pub struct Run {
     pub command: String,
     pub seconds: f64,
+    /// The share of the processors' time that other processes had; None where the system does not tell it.
+    pub others: Option<f64>,
     /// At every k-th pixel.
     pub errors: Errors,
     /// At every pixel of windows.

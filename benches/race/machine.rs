@@ -16,6 +16,8 @@ pub struct Machine {
     pub cores: usize,
     /// None where the system does not tell it.
     pub cpu: Option<String>,
+    /// Its caches, the nearest first; none where the system does not tell them.
+    pub caches: Vec<String>,
     /// The one that hemisplat runs on: its name, kind, backend and driver.
     pub adapter: String,
 }
@@ -23,6 +25,8 @@ pub struct Machine {
 /// A finished command: how long it took from start to end, and what it printed.
 pub struct Done {
     pub seconds: f64,
+    /// The share of the processors' time that went to others meanwhile; None where the system does not tell it.
+    pub others: Option<f64>,
     pub stdout: Vec<u8>,
 }
 
@@ -61,11 +65,12 @@ pub fn ended(measured: Result<(), Failure>) -> ExitCode {
 /// Runs a command to its end.
 pub fn finish(command: &mut Command) -> Result<Done, Failure> {
     let name = command.get_program().to_string_lossy().into_owned();
-    let start = Instant::now();
+    let (before, start) = (Usage::now(), Instant::now());
     let output = command.current_dir(root()).output().map_err(|error| format!("cannot run {name}: {error}"))?;
     let seconds = start.elapsed().as_secs_f64();
     if output.status.success() {
-        return Ok(Done { seconds, stdout: output.stdout });
+        let others = before.zip(Usage::now()).and_then(|(before, after)| after.others_since(&before));
+        return Ok(Done { seconds, others, stdout: output.stdout });
     }
     let arguments = command.get_args().map(|argument| argument.to_string_lossy()).collect::<Vec<_>>().join(" ");
     Err(format!("{name} {arguments}\nended with {}:\n{}", output.status, String::from_utf8_lossy(&output.stderr)).into())
@@ -78,7 +83,49 @@ impl Machine {
         let cpus = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
         let cpu = cpus.lines().find(|line| line.starts_with("model name")).and_then(|line| line.split_once(": "));
         let cores = std::thread::available_parallelism().map_or(1, |count| count.get());
-        Ok(Self { cores, cpu: cpu.map(|(_, name)| name.trim().to_owned()), adapter })
+        Ok(Self { cores, cpu: cpu.map(|(_, name)| name.trim().to_owned()), caches: caches(), adapter })
+    }
+}
+
+/// Those of the first core, as the kernel lists them.
+fn caches() -> Vec<String> {
+    let told = |index: u32, file: &str| {
+        let text = fs::read_to_string(format!("/sys/devices/system/cpu/cpu0/cache/index{index}/{file}")).ok()?;
+        Some(text.trim().to_owned())
+    };
+    let cache = |index| Some(format!("L{} {} {}", told(index, "level")?, told(index, "type")?.to_lowercase(), told(index, "size")?));
+    (0..8).map_while(cache).collect()
+}
+
+/// How much of the processors' time was spent, in the kernel's ticks, and how much of it by this process and by children that have ended.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Usage {
+    all: u64,
+    idle: u64,
+    own: u64,
+}
+
+impl Usage {
+    fn now() -> Option<Self> {
+        Self::read(&fs::read_to_string("/proc/stat").ok()?, &fs::read_to_string("/proc/self/stat").ok()?)
+    }
+
+    /// From the texts of `/proc/stat` and `/proc/self/stat`.
+    pub fn read(system: &str, own: &str) -> Option<Self> {
+        let numbers = |text: &str| text.split_whitespace().map(|word| word.parse().unwrap_or(0)).collect::<Vec<u64>>();
+        // User, nice, system, idle, waiting for files, interrupts twice, stolen; guests, which follow, are among the users.
+        let ticks = numbers(system.lines().next()?.strip_prefix("cpu ")?);
+        let ticks = ticks.get(..8)?;
+        // After the name, which may hold spaces, this process and its children: user and system of each.
+        let own = numbers(own.rsplit_once(')')?.1).get(11..15)?.iter().sum();
+        Some(Self { all: ticks.iter().sum(), idle: ticks[3] + ticks[4], own })
+    }
+
+    /// The share of all that went to other processes, to the kernel for them, and to other machines on the same processors.
+    pub fn others_since(&self, before: &Self) -> Option<f64> {
+        let all = self.all.checked_sub(before.all)?;
+        let spent = all.saturating_sub(self.idle.saturating_sub(before.idle));
+        (all > 0).then(|| spent.saturating_sub(self.own.saturating_sub(before.own)) as f64 / all as f64)
     }
 }
 

@@ -1,4 +1,5 @@
-//! How much faster is hemisplat than Radiance's irradiance cache, and than Mitsuba's ray casting, at equal error, on this machine?
+//! How much faster is hemisplat than denoised path tracing, than Mitsuba's ray casting alone, and than Radiance's irradiance cache, at equal error, on this
+//! machine?
 //!
 //! `./bench` builds and runs it; docs/bench.md tells what it measures. `cargo test --test race` tests its arithmetic and its lists.
 
@@ -19,7 +20,7 @@ use kept::{Folder, Run, read, write};
 use programs::{Programs, Truth};
 use report::{Point, Report, Scene};
 use serde::{Deserialize, Serialize};
-use settings::{Case, Program, Race, Setting, interleaved};
+use settings::{Case, Program, Race, Runs, Setting, interleaved};
 use std::{
     path::{Path, PathBuf},
     process::ExitCode,
@@ -27,7 +28,10 @@ use std::{
 
 type Failure = Box<dyn std::error::Error>;
 
-/// Race hemisplat against Radiance and Mitsuba to equal error
+/// Of a run that others disturb.
+const TRIES: u32 = 4;
+
+/// Race hemisplat against denoised path tracing, ray casting and Radiance to equal error
 #[derive(Parser)]
 #[command(name = "./bench")]
 struct Options {
@@ -40,9 +44,9 @@ struct Options {
     /// Where what was measured is kept, and taken over from
     #[arg(short, long, default_value = "out/bench")]
     out: PathBuf,
-    /// Runs of each setting of hemisplat
-    #[arg(long, default_value = "3", value_parser = clap::value_parser!(u32).range(1..))]
-    runs: u32,
+    /// Runs of each setting, in place of those of the list
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..))]
+    runs: Option<u32>,
     /// Another build of hemisplat than the one beside
     #[arg(long, value_name = "FILE", default_value = env!("CARGO_BIN_EXE_hemisplat"), hide_default_value = true)]
     program: PathBuf,
@@ -61,18 +65,21 @@ fn main() -> ExitCode {
 fn race(options: &Options) -> Result<(), Failure> {
     let file = if options.quick { "benches/race-quick.ron" } else { "benches/race.ron" };
     let text = String::from_utf8(read(&Path::new(env!("CARGO_MANIFEST_DIR")).join(file))?)?;
-    let race = Race::read(&text).and_then(|race| race.only(options.scene.as_deref())).map_err(|error| format!("{file}: {error}"))?;
+    let mut race = Race::read(&text).and_then(|race| race.only(options.scene.as_deref())).map_err(|error| format!("{file}: {error}"))?;
+    if let Some(runs) = options.runs {
+        race.runs = Runs { radiance: runs, mitsuba: runs, denoised: runs, hemisplat: runs };
+    }
     let commit = if options.quick { machine::commit() } else { Some(machine::clean_commit()?) };
     let programs = Programs::find(&options.program)?;
     let folder = Folder::new(&options.out)?;
-    let mut scenes = Vec::new();
-    for case in &race.scenes {
-        let points = Track::new(&race, &programs, &folder, case)?.points(options.runs)?;
-        scenes.push(Scene::of(&case.name, points)?);
-    }
+    // Truths before times: what is timed should have the machine in one state.
+    let tracks = race.scenes.iter().map(|case| Track::new(&race, &programs, &folder, case)).collect::<Result<Vec<_>, _>>()?;
+    let scenes = tracks.iter().map(|track| Scene::of(&track.case.name, track.points()?)).collect::<Result<Vec<_>, _>>()?;
+    drop(tracks);
+    let (size, truth, others_at_most) = (race.size, race.truth, race.others_at_most);
     let Programs { versions, machine, .. } = programs;
     let (date, changes) = (machine::date()?, machine::changes()?);
-    publish(options, &Report { schema: 1, date, commit, changes, machine, versions, size: race.size, truth: race.truth, scenes })
+    publish(options, &Report { schema: 2, date, commit, changes, machine, versions, size, truth, others_at_most, scenes })
 }
 
 /// Tables on the terminal, everything else into files.
@@ -121,10 +128,10 @@ impl<'a> Track<'a> {
         Ok(Self { race, programs, folder, case, ground: format!("{key}, {} cores, {:?}", programs.machine.cores, programs.machine.cpu), truth })
     }
 
-    /// Peers run once, hemisplat's settings several times, spread between them.
-    fn points(&self, runs: u32) -> Result<Vec<Point>, Failure> {
+    /// All programs' runs, spread between each other.
+    fn points(&self) -> Result<Vec<Point>, Failure> {
         let settings = self.race.settings(self.case);
-        let jobs = jobs(&settings, runs);
+        let jobs = jobs(&settings, &self.race.runs);
         self.warm_up(&jobs)?;
         let mut found: Vec<Vec<Run>> = settings.iter().map(|_| Vec::new()).collect();
         for (number, job) in jobs.iter().enumerate() {
@@ -153,9 +160,23 @@ impl<'a> Track<'a> {
         if let Some(run) = self.kept(job) {
             return Ok((run, true));
         }
-        let run = self.programs.run(self.race, self.case, job.setting, &self.truth, &self.folder.workplace()?)?;
+        let run = self.undisturbed(job.setting)?;
         self.folder.keep(&self.name(job), &self.key(job), &run)?;
         Ok((run, false))
+    }
+
+    /// Runs until no other process has much of the processors' time meanwhile.
+    fn undisturbed(&self, setting: &Setting) -> Result<Run, Failure> {
+        let most = self.race.others_at_most;
+        for _ in 0..TRIES {
+            let run = self.programs.run(self.race, self.case, setting, &self.truth, &self.folder.workplace()?)?;
+            match run.others.filter(|others| *others > most) {
+                None => return Ok(run),
+                Some(others) => eprint!("others had {:.1} %, once more … ", others * 100.0),
+            }
+        }
+        let (name, most) = (setting.name(), most * 100.0);
+        Err(format!("{name}: in {TRIES} runs others had more than {most} % of the processors' time: end what else runs here. All other runs are kept").into())
     }
 
     fn kept(&self, job: &Job) -> Option<Run> {
@@ -163,7 +184,7 @@ impl<'a> Track<'a> {
     }
 
     fn name(&self, job: &Job) -> String {
-        format!("{}-{}", self.case.name, job.setting.program().name().to_lowercase())
+        format!("{}-{}", self.case.name, job.setting.program().name().to_lowercase().replace(' ', "-"))
     }
 
     fn key(&self, job: &Job) -> String {
@@ -171,17 +192,23 @@ impl<'a> Track<'a> {
         let version = match job.setting.program() {
             Program::Radiance => versions.radiance.clone(),
             Program::Mitsuba => versions.mitsuba.clone(),
+            Program::Denoised => format!("{} and {}", versions.mitsuba, versions.denoiser),
             Program::Hemisplat => format!("{} on {}", versions.hemisplat, machine.adapter),
         };
         format!("{}, {} {version}, {}, run {}", self.ground, job.setting.program().name(), job.setting.name(), job.run)
     }
 }
 
-/// Every other round of hemisplat's goes backwards.
-fn jobs(settings: &[Setting], runs: u32) -> Vec<Job<'_>> {
-    let of = |program: Program, run: u32| settings.iter().filter(move |setting| setting.program() == program).map(move |setting| Job { setting, run });
-    let round = |run: u32| if run.is_multiple_of(2) { of(Program::Hemisplat, run).collect() } else { of(Program::Hemisplat, run).rev().collect::<Vec<_>>() };
-    interleaved(vec![of(Program::Radiance, 0).collect(), of(Program::Mitsuba, 0).collect(), (0..runs).flat_map(round).collect()])
+/// Every other round of a program's goes backwards.
+fn jobs<'a>(settings: &'a [Setting], runs: &Runs) -> Vec<Job<'a>> {
+    let round = |program: Program, run: u32| {
+        let mut round: Vec<Job> = settings.iter().filter(|setting| setting.program() == program).map(|setting| Job { setting, run }).collect();
+        if !run.is_multiple_of(2) {
+            round.reverse();
+        }
+        round
+    };
+    interleaved(Program::ALL.map(|program| (0..runs.of(program)).flat_map(|run| round(program, run)).collect()).into())
 }
 
 /// The kept truth of a scene if it is whole, else a new one.

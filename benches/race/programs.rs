@@ -3,8 +3,8 @@
 use crate::{
     Failure,
     kept::{Run, read},
-    machine::{self, Machine, checksum, finish, root},
-    settings::{Case, Hemisplat, Mitsuba, Race, Radiance, Setting, Start},
+    machine::{self, Done, Machine, checksum, finish, root},
+    settings::{Case, Denoised, Hemisplat, Mitsuba, Race, Radiance, Setting, Start},
 };
 use hemisplat::measure::Errors;
 use serde::{Deserialize, Serialize};
@@ -31,6 +31,8 @@ pub struct Versions {
     pub radiance: String,
     /// With a checksum of the scripts that run it.
     pub mitsuba: String,
+    /// pyoidn, with a checksum of the script that runs it.
+    pub denoiser: String,
 }
 
 pub struct Programs {
@@ -72,16 +74,19 @@ impl Programs {
         let (hemisplat, version) = machine::hemisplat(hemisplat)?;
         let python = peers_home().join("bin/python");
         if !python.is_file() {
-            return Err(format!("Radiance and Mitsuba are not in {}: `./bench peers` installs them there", peers_home().display()).into());
+            return Err(format!("Radiance, Mitsuba and Open Image Denoise are not in {}: `./bench peers` installs them there", peers_home().display()).into());
         }
         let script = |name: &str| root().join("benches/peers").join(name);
-        let ask = "from importlib.metadata import version; print(version('pyradiance'), version('mitsuba'))";
-        let printed = String::from_utf8(finish(Command::new(&python).args(["-c", ask]))?.stdout)?;
-        let (pyradiance, mitsuba) = printed.trim().split_once(' ').ok_or("the peers do not tell their versions: run `./bench peers`")?;
+        let ask = "from importlib.metadata import version; print(version('pyradiance'), version('mitsuba'), version('pyoidn'))";
+        let missing = |why: String| format!("the peers do not tell their versions: run `./bench peers`\n{why}");
+        let printed = finish(Command::new(&python).args(["-c", ask])).map_err(|error| missing(error.to_string()))?;
+        let printed = String::from_utf8(printed.stdout)?;
+        let [pyradiance, mitsuba, pyoidn] = printed.split_whitespace().collect::<Vec<_>>()[..] else { return Err(missing(printed).into()) };
         let versions = Versions {
             hemisplat: version,
             radiance: format!("pyradiance {pyradiance} ({})", checksum(&[&script("radiance.py")])?),
             mitsuba: format!("{mitsuba} ({})", checksum(&[&script("mitsuba_reference.py"), &script("windows.py"), &script("mitsuba_cast.py")])?),
+            denoiser: format!("pyoidn {pyoidn} ({})", checksum(&[&script("mitsuba_denoised.py")])?),
         };
         let machine = Machine::find(&hemisplat)?;
         Ok(Self { hemisplat, python, scenes: scenes()?, versions, machine })
@@ -116,6 +121,10 @@ impl Programs {
                 let numbers = [("--size", race.size.to_string()), ("--strata", strata.to_string())];
                 self.run_peer(case, truth, folder, self.script("mitsuba_cast.py", case, &numbers))
             }
+            Setting::Denoised(Denoised { rays, quality }) => {
+                let numbers = [("--size", race.size.to_string()), ("--rays", rays.to_string()), ("--quality", quality.name().to_owned())];
+                self.run_peer(case, truth, folder, self.script("mitsuba_denoised.py", case, &numbers))
+            }
             Setting::Hemisplat(ours) => self.run_ours(race, case, ours, truth, folder),
         }
     }
@@ -137,7 +146,7 @@ impl Programs {
         let done = finish(command.arg("-o").arg(folder))?;
         let Printed { seconds, facts } = serde_json::from_slice(&done.stdout)?;
         let [errors, in_windows] = self.judge(&folder.join(format!("{}.indirect.exr", case.name)), truth)?;
-        Ok(Run { command: self.shown(&command, folder), seconds, errors, in_windows, facts })
+        Ok(Run { command: self.shown(&command, folder), seconds, others: done.others, errors, in_windows, facts })
     }
 
     /// The whole command counts, from its start to the files written.
@@ -148,11 +157,11 @@ impl Programs {
             fs::create_dir(&empty)?;
             command.envs(SHADER_CACHES.map(|name| (name, &empty)));
         }
-        let seconds = finish(&mut command)?.seconds;
+        let Done { seconds, others, .. } = finish(&mut command)?;
         let stats: Value = serde_json::from_slice(&read(&folder.join("out.json"))?)?;
         let facts = json!({ "records": stats["frames"][0]["records"]["irradiance"], "start_up": stats["start_up"] });
         let [errors, in_windows] = self.judge(&folder.join("out.exr"), truth)?;
-        Ok(Run { command: self.shown(&command, folder), seconds, errors, in_windows, facts })
+        Ok(Run { command: self.shown(&command, folder), seconds, others, errors, in_windows, facts })
     }
 
     fn render(&self, race: &Race, case: &Case, ours: &Hemisplat, also: &[String], folder: &Path) -> Command {

@@ -23,6 +23,32 @@ pub struct Race {
     pub scenes: Vec<Case>,
     pub hemisplat: Vec<Hemisplat>,
     pub mitsuba: Vec<Mitsuba>,
+    pub denoised: Vec<Denoised>,
+    /// Of each setting.
+    pub runs: Runs,
+    /// The most that other processes may have of the processors' time while a run is timed; a run that they had more of is thrown away.
+    pub others_at_most: f64,
+}
+
+/// How often each program's settings run: what takes minutes is disturbed less than what takes a second.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Runs {
+    pub radiance: u32,
+    pub mitsuba: u32,
+    pub denoised: u32,
+    pub hemisplat: u32,
+}
+
+impl Runs {
+    pub fn of(&self, program: Program) -> u32 {
+        match program {
+            Program::Radiance => self.radiance,
+            Program::Mitsuba => self.mitsuba,
+            Program::Denoised => self.denoised,
+            Program::Hemisplat => self.hemisplat,
+        }
+    }
 }
 
 /// What all errors are held against: rays of each pixel of those that it holds. One truth has every `stride`-th pixel of each row and column; what an eye
@@ -59,6 +85,33 @@ pub struct Mitsuba {
     pub strata: u32,
 }
 
+/// Mitsuba's rays of each pixel, then Open Image Denoise.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Denoised {
+    pub rays: u32,
+    pub quality: Quality,
+}
+
+/// Of the denoiser's network.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Quality {
+    Fast,
+    Balanced,
+    High,
+}
+
+impl Quality {
+    /// As the script takes it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Fast => "fast",
+            Self::Balanced => "balanced",
+            Self::High => "high",
+        }
+    }
+}
+
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Hemisplat {
@@ -84,6 +137,7 @@ pub enum Start {
 pub enum Setting {
     Radiance(Radiance),
     Mitsuba(Mitsuba),
+    Denoised(Denoised),
     Hemisplat(Hemisplat),
 }
 
@@ -92,16 +146,19 @@ pub enum Setting {
 pub enum Program {
     Radiance,
     Mitsuba,
+    /// Few rays of Mitsuba's, denoised.
+    Denoised,
     Hemisplat,
 }
 
 impl Program {
-    pub const ALL: [Self; 3] = [Self::Radiance, Self::Mitsuba, Self::Hemisplat];
+    pub const ALL: [Self; 4] = [Self::Radiance, Self::Mitsuba, Self::Denoised, Self::Hemisplat];
 
     pub fn name(self) -> &'static str {
         match self {
             Self::Radiance => "Radiance",
             Self::Mitsuba => "Mitsuba",
+            Self::Denoised => "Mitsuba and OIDN",
             Self::Hemisplat => "hemisplat",
         }
     }
@@ -112,6 +169,7 @@ impl Setting {
         match self {
             Self::Radiance(_) => Program::Radiance,
             Self::Mitsuba(_) => Program::Mitsuba,
+            Self::Denoised(_) => Program::Denoised,
             Self::Hemisplat(_) => Program::Hemisplat,
         }
     }
@@ -121,11 +179,17 @@ impl Setting {
         !matches!(self, Self::Hemisplat(Hemisplat { start: Start::Cold, .. }))
     }
 
+    /// What anyone gets who changes nothing.
+    pub fn is_what_ships(&self) -> bool {
+        matches!(self, Self::Hemisplat(Hemisplat { pipeline, set, start: Start::Warm }) if pipeline == "irradiance" && set.is_empty())
+    }
+
     /// As its program is told.
     pub fn name(&self) -> String {
         match self {
             Self::Radiance(Radiance { accuracy, samples, resolution }) => format!("-aa {accuracy} -ad {samples} -ar {resolution}"),
             Self::Mitsuba(Mitsuba { strata }) => format!("{} rays a pixel", strata * strata),
+            Self::Denoised(Denoised { rays, quality }) => format!("{rays} rays a pixel, {}", quality.name()),
             Self::Hemisplat(Hemisplat { pipeline, set, start }) => {
                 let start = (*start == Start::Cold).then(|| "(cold start)".to_owned());
                 std::iter::once(pipeline.clone()).chain(set.iter().cloned()).chain(start).collect::<Vec<_>>().join(" ")
@@ -151,10 +215,12 @@ impl Race {
         if self.scenes.is_empty() { Err(format!("no scene {}; the list has {names}", scene.unwrap_or_default())) } else { Ok(self) }
     }
 
-    /// Those of the scene's Radiance, of Mitsuba, of hemisplat.
+    /// Those of the scene's Radiance, of Mitsuba, denoised, of hemisplat.
     pub fn settings(&self, case: &Case) -> Vec<Setting> {
         let radiance = case.radiance.iter().cloned().map(Setting::Radiance);
-        radiance.chain(self.mitsuba.iter().cloned().map(Setting::Mitsuba)).chain(self.hemisplat.iter().cloned().map(Setting::Hemisplat)).collect()
+        let mitsuba = self.mitsuba.iter().cloned().map(Setting::Mitsuba);
+        let denoised = self.denoised.iter().cloned().map(Setting::Denoised);
+        radiance.chain(mitsuba).chain(denoised).chain(self.hemisplat.iter().cloned().map(Setting::Hemisplat)).collect()
     }
 
     fn check_sizes(&self) -> Result<(), String> {
@@ -170,6 +236,15 @@ impl Race {
         }
         if self.mitsuba.iter().any(|mitsuba| !(1..=1000).contains(&mitsuba.strata)) {
             return Err("mitsuba.strata: a number from 1 to 1000".into());
+        }
+        if self.denoised.iter().any(|denoised| !denoised.rays.is_power_of_two() || denoised.rays > 64) {
+            return Err("denoised.rays: 1, 2, 4, 8, 16, 32 or 64".into());
+        }
+        if Program::ALL.into_iter().any(|program| self.runs.of(program) == 0) {
+            return Err("runs: one at least of each program".into());
+        }
+        if !(self.others_at_most > 0.0 && self.others_at_most <= 1.0) {
+            return Err(format!("others_at_most {}: a share of the processors' time, above 0 and up to 1", self.others_at_most));
         }
         Ok(())
     }

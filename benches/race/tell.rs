@@ -1,7 +1,7 @@
 //! The report as tables in Markdown and as a figure.
 
 use crate::{
-    curve::{Reading, Sample},
+    curve::{Metric, Ratio, Reading, Sample},
     report::{Level, Point, Report, Scene},
     settings::Program,
 };
@@ -14,23 +14,28 @@ const OUT_OF_RANGE: &str = "out of range";
 
 pub fn markdown(report: &Report) -> String {
     let Report { date, machine, versions, size, truth, .. } = report;
-    let cpu = machine.cpu.as_deref().unwrap_or("processor unknown");
+    let cpu = [&[machine.cpu.clone().unwrap_or("processor unknown".into())][..], &machine.caches].concat().join(", ");
     let mut text = format!(
-        "{date}, commit {}: {size}×{size} pixels, one bounce; {} cores ({cpu}), {}; hemisplat {}, Radiance by {}, Mitsuba {}; \
-         truth by Mitsuba, {} rays at one pixel of {stride}×{stride} and in {windows} windows of {side}×{side} pixels (`band_error`, `rmse_edges`).\n",
+        "{date}, commit {}: {size}×{size} pixels, one bounce; {} cores ({cpu}), {}; hemisplat {}, Radiance by {}, Mitsuba {}, Open Image Denoise by {}; runs in which others had more than {} of the processors' time were thrown away; \
+         truth by Mitsuba, {} rays at one pixel of {stride}×{stride} and in {windows} windows of {side}×{side} pixels (`band_error`, `rmse_interior`, `rmse_edges`).\n",
         report.commit.as_deref().unwrap_or("unknown"),
         machine.cores,
         machine.adapter,
         versions.hemisplat,
         versions.radiance,
         versions.mitsuba,
+        versions.denoiser,
+        percent(report.others_at_most),
         truth.samples,
         stride = truth.stride,
         windows = truth.windows,
         side = SIDE
     );
     for scene in &report.scenes {
-        let _ = write!(text, "\n### {}\n\n{}\n{}", scene.scene, points(scene), levels(scene));
+        let _ = write!(text, "\n### {}\n\n{}\n{}", scene.scene, points(scene), levels(&scene.equal_error));
+        if !scene.as_shipped.is_empty() {
+            let _ = write!(text, "\nAt each error of what ships:\n\n{}", levels(&scene.as_shipped));
+        }
     }
     text
 }
@@ -51,59 +56,55 @@ fn share(value: Option<f64>) -> String {
 
 fn points(scene: &Scene) -> String {
     let mut text = String::from(
-        "| program | settings | seconds | `rmse_over_mean` | `bias_over_mean` | `block_p50` | `block_p99` | `band_error` | `rmse_edges` | on its curve |\n|---|---|---|---|---|---|---|---|---|---|\n",
+        "| program | settings | seconds | others had | `rmse_over_mean` | `bias_over_mean` | `block_p50` | `block_p99` | `band_error` | `rmse_interior` | `rmse_edges` | on its curve |\n|---|---|---|---|---|---|---|---|---|---|---|---|\n",
     );
-    for Point { program, name, seconds, seconds_of_runs, errors, in_windows, is_on_curve, .. } in &scene.points {
+    for Point { program, name, seconds, seconds_of_runs, others, errors, in_windows, is_on_curve, .. } in &scene.points {
         let range = if seconds_of_runs.len() > 1 { format!(" ({}…{})", round(seconds.least), round(seconds.most)) } else { String::new() };
+        let shares = [errors.block_p50, errors.block_p99, in_windows.band_error, in_windows.rmse_interior, in_windows.rmse_edges].map(share).join(" | ");
         let _ = writeln!(
             text,
-            "| {} | `{name}` | {}{range} | {} | {:+.2} % | {} | {} | {} | {} | {} |",
+            "| {} | `{name}` | {}{range} | {} | {} | {:+.2} % | {shares} | {} |",
             program.name(),
             round(seconds.median),
+            others.map_or_else(|| "unknown".to_owned(), |others| format!("{:.1} %", others * 100.0)),
             percent(errors.rmse_over_mean),
             errors.bias_over_mean * 100.0,
-            share(errors.block_p50),
-            share(errors.block_p99),
-            share(in_windows.band_error),
-            share(in_windows.rmse_edges),
             if *is_on_curve { "yes" } else { "" }
         );
     }
     text
 }
 
-fn levels(scene: &Scene) -> String {
-    let mut text = String::from(
-        "| at `rmse_over_mean` | Radiance | Mitsuba | hemisplat | Radiance / hemisplat | Mitsuba / hemisplat | `block_p50`, `block_p99`, `band_error`, `rmse_edges` of Radiance | of hemisplat | hemisplat is worse in |\n\
-         |---|---|---|---|---|---|---|---|---|\n",
-    );
-    for Level { rmse_over_mean, radiance, mitsuba, hemisplat, radiance_over_hemisplat, mitsuba_over_hemisplat, hemisplat_is_worse_in } in &scene.equal_error {
-        let [radiance_seconds, mitsuba_seconds, hemisplat_seconds] = [radiance, mitsuba, hemisplat].map(seconds);
+fn levels(levels: &[Level]) -> String {
+    let names = Program::ALL.map(Program::name);
+    let ratios = names[..3].iter().map(|name| format!("{name} / hemisplat")).collect::<Vec<_>>().join(" | ");
+    let mut text = format!("| of | at | {} | {ratios} | hemisplat is worse in |\n|{}\n", names.join(" | "), "---|".repeat(10));
+    for Level { of, metric, error, readings, over_hemisplat, hemisplat_is_worse_in } in levels {
         let _ = writeln!(
             text,
-            "| {} | {radiance_seconds} | {mitsuba_seconds} | {hemisplat_seconds} | {} | {} | {} | {} | {} |",
-            percent(*rmse_over_mean),
-            factor(*radiance_over_hemisplat),
-            factor(*mitsuba_over_hemisplat),
-            blocks(radiance),
-            blocks(hemisplat),
-            worse(hemisplat_is_worse_in.as_deref())
+            "| {} | `{}` {} | {} | {} | {} |",
+            of.name(),
+            metric.name(),
+            percent(*error),
+            Program::ALL.map(|program| seconds(readings.get(program), *metric)).join(" | "),
+            [Program::Radiance, Program::Mitsuba, Program::Denoised].map(|program| factor(*over_hemisplat.get(program))).join(" | "),
+            if *of == Program::Hemisplat { "–".to_owned() } else { worse(hemisplat_is_worse_in.as_deref()) }
         );
     }
     text
 }
 
-fn seconds(reading: &Reading) -> String {
-    let told = |word: &str, sample: &Sample| format!("{OUT_OF_RANGE} ({word}: {} in {} s)", percent(sample.rmse_over_mean), round(sample.seconds));
+fn seconds(reading: &Reading, metric: Metric) -> String {
+    let told = |word: &str, sample: &Sample| format!("{OUT_OF_RANGE} ({word}: {} in {} s)", percent(sample.error(metric)), round(sample.seconds.median));
     match reading {
-        Reading::At(sample) => format!("{} s", round(sample.seconds)),
+        Reading::At(sample) => format!("{} s", round(sample.seconds.median)),
         Reading::NotReached(best) => told("its best", best),
         Reading::Exceeded(fastest) => told("its fastest", fastest),
     }
 }
 
-fn factor(factor: Option<f64>) -> String {
-    factor.map_or_else(|| OUT_OF_RANGE.to_owned(), |factor| format!("{factor:.2}"))
+fn factor(ratio: Option<Ratio>) -> String {
+    ratio.map_or_else(|| OUT_OF_RANGE.to_owned(), |Ratio { median, least, most }| format!("{median:.2} ({least:.2}…{most:.2})"))
 }
 
 fn worse(errors: Option<&[&str]>) -> String {
@@ -112,11 +113,6 @@ fn worse(errors: Option<&[&str]>) -> String {
         Some([]) => "nothing".to_owned(),
         Some(errors) => format!("**{}**", errors.join(", ")),
     }
-}
-
-fn blocks(reading: &Reading) -> String {
-    let told = |sample: Sample| [sample.block_p50, sample.block_p99, sample.band_error, sample.rmse_edges].map(percent).join(", ");
-    reading.sample().map_or_else(|| OUT_OF_RANGE.to_owned(), told)
 }
 
 /// The curves of all programs and scenes: points that another one of their program beats are left out.

@@ -50,11 +50,26 @@ impl Standing {
     }
 }
 
-/// Which of these are on the front: nothing beats them.
+/// Which of these are on the front: nothing of the front beats them. The cheapest come first, and what the front beats beats nothing itself: along a chain of
+/// points, each of which is better than the one before by no more than chance, those stay that are better beyond doubt than the last that stayed.
 pub fn front(standings: &[Standing]) -> Vec<bool> {
     let comparisons = standings.len().saturating_sub(1);
-    let is_beaten = |one: &Standing| standings.iter().any(|other| other.beats(one, comparisons));
-    let found: Vec<bool> = standings.iter().map(|one| !is_beaten(one)).collect();
+    let beats = |one: &usize, other: &usize| standings[*one].beats(&standings[*other], comparisons);
+    let mut cheapest: Vec<usize> = (0..standings.len()).collect();
+    cheapest.sort_by(|a, b| {
+        let [a, b] = [a, b].map(|index| &standings[*index]);
+        a.cost[0].total_cmp(&b.cost[0]).then(a.error.total_cmp(&b.error))
+    });
+    let mut staying: Vec<usize> = Vec::new();
+    for one in cheapest {
+        if !staying.iter().any(|other| beats(other, &one)) {
+            staying.push(one);
+        }
+    }
+    // Of what costs about the same, a dearer one may be the better.
+    let is_beaten = |one: &usize| staying.iter().any(|other| beats(other, one));
+    let mut found = vec![false; standings.len()];
+    staying.iter().filter(|one| !is_beaten(one)).for_each(|one| found[*one] = true);
     // Differences that hold need not be transitive: three may beat each other in turn. Then sizes decide.
     if standings.is_empty() || found.contains(&true) { found } else { front_of_sizes(standings) }
 }
@@ -92,6 +107,19 @@ mod tests {
         let cheap = drawn([1.0; 2], 2.0, 0.1);
         assert_eq!(front(&[cheap.clone(), own(1.9)]), [true, false]);
         assert_eq!(front(&[cheap, own(0.5)]), [true, true]);
+    }
+
+    /// Each is better than the one before by as much as chance makes, the last by far than the first.
+    #[test]
+    fn a_chain_of_small_gains_is_followed_to_its_end() {
+        let own = |cost: f64, error: f64, turn: i32| Standing {
+            draws: (0..100).map(|draw| error + 0.3 * f64::from((draw * draw + turn * draw) % 7 - 3)).collect(),
+            ..Standing::certain(cost, error)
+        };
+        let chain: Vec<Standing> = (0..6).map(|step| own(f64::from(step + 1), 5.0 - 0.7 * f64::from(step), step)).collect();
+        let found = front(&chain);
+        assert!(found[0] && !found[1], "{found:?}: the second is better by no more than chance");
+        assert!(found[2..].contains(&true), "{found:?}: the last has a third of the first one's error");
     }
 
     #[test]

@@ -357,7 +357,7 @@ fn mistakes() -> Outcome {
         ("irradiance --reference good.exr --reference-spp 3", "", "cannot be used with"),
         ("irradiance --picture a=two.exr --reference good.exr", "measure::bounces_differ", "two.exr cannot be judged"),
         ("irradiance --picture a=side.exr", "cli::other_view", "`side` in the other"),
-        ("irradiance --picture a=large.exr --reference good.exr", "measure::sizes_differ", "large.exr cannot be judged"),
+        ("irradiance --picture a=large.exr", "measure::sizes_differ", "large.exr cannot be judged"),
         ("irradiance --picture a=good.exr:weight", "measure::unknown_layer", "the file holds: irradiance, picture"),
         ("irradiance --picture a=weight.exr --reference good.exr", "cli::no_common_layer", "one holds weight"),
         ("irradiance --picture a=weight.exr:weight", "compare::not_judged", "irradiance, picture, glossy, direct"),

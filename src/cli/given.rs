@@ -5,7 +5,7 @@ use super::input::NamedFile;
 use super::scene::View;
 use super::truth::{Truth, expect_shown};
 use crate::measure::compare::{Given, GivenPicture, letters};
-use crate::measure::{DIRECT, GLOSSY, IRRADIANCE, Layers, PICTURE};
+use crate::measure::{DIRECT, GLOSSY, IRRADIANCE, Layers, MetricsError, PICTURE};
 use std::path::Path;
 
 /// `LABEL=FILE:LAYER[,seconds=S]` as the user wrote it.
@@ -30,12 +30,17 @@ impl PictureOption {
         &self.file.path
     }
 
-    /// Reads the picture and refuses one that says that it shows something else, unless it is taken `anyway`.
+    /// Reads the picture, and refuses one of another size, or one that says that it shows something else, unless it is taken `anyway`.
     pub fn read(&self, view: &View, anyway: bool) -> Result<Layers, Failure> {
         let picture = self.file.read()?;
         self.file.expect_meaning(&picture)?;
         if let Some(layer) = self.file.layer.as_ref().filter(|layer| !JUDGED.contains(&layer.as_str())) {
             return Err(Failure::input(CommandError::NotJudged { path: self.path().to_owned(), layer: layer.clone(), judged: JUDGED.join(", ") }));
+        }
+        let found = [picture.width, picture.height];
+        if found != view.size {
+            let error = MetricsError::SizesDiffer { test: found, reference: view.size };
+            return Err(Failure::input(CommandError::BadGiven { path: self.path().to_owned(), error }));
         }
         if !anyway {
             expect_shown(view, &picture, self.path())?;

@@ -180,7 +180,8 @@ impl<'a> Track<'a> {
     }
 
     fn kept(&self, job: &Job) -> Option<Run> {
-        self.folder.find(&self.name(job), &self.key(job))
+        let kept: Option<Run> = self.folder.find(&self.name(job), &self.key(job));
+        kept.filter(|run| run.others.is_none_or(|others| others <= self.race.others_at_most))
     }
 
     fn name(&self, job: &Job) -> String {

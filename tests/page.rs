@@ -10,6 +10,7 @@ use browser::Browser;
 use browser::made::{COLOURS, Made, SIZE, made, open, picture, swept, swept_report, textured, with};
 use hemisplat::measure::compare::VariantReport;
 use hemisplat::measure::criteria::Cost;
+use hemisplat::measure::expectation::{Found, Verdict};
 use hemisplat::measure::metrics::fair_exposure;
 use hemisplat::measure::page::{Gallery, page};
 use hemisplat::measure::sweep::{Outcome as State, mark_front};
@@ -17,6 +18,7 @@ use hemisplat::measure::{GLOSSY, Layer, PICTURE};
 use image::RgbImage;
 use libtest_mimic::{Arguments, Failed};
 use skips::Missing;
+use std::collections::BTreeMap;
 use std::env;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -35,6 +37,7 @@ const CASES: &[(&str, Case)] = &[
     ("marks_that_cover_each_other_open_by_their_letters", covered),
     ("columns_sort", table),
     ("texts_show_their_difference", texts),
+    ("what_a_study_expected_is_shown_and_what_it_missed_stands_out", expectations),
     ("names_are_text", hostile_names),
     ("a_sweep_has_lines_a_front_and_points_that_open", sweep),
     ("a_point_without_a_picture_says_why", refused),
@@ -334,6 +337,35 @@ fn texts(browser: &mut Browser) -> Outcome {
     equals(browser, "document.querySelectorAll('#pairs li').length", 3)?;
     equals(browser, "document.querySelector('#pairs li.significant').textContent", "B differs from A")?;
     equals(browser, "document.querySelectorAll('.part').length", 9)
+}
+
+fn expectations(browser: &mut Browser) -> Outcome {
+    let made = made(2);
+    let found = |as_expected: Option<bool>, verdict: Option<Verdict>| Found {
+        row: "A".into(),
+        at: BTreeMap::new(),
+        of: "seconds".into(),
+        over: None,
+        is_share: false,
+        value: as_expected.map(|_| 1.0),
+        interval: None,
+        within: [0.5, 2.0],
+        as_expected,
+        paper: None,
+        verdict,
+    };
+    let mut report = made.report();
+    report.sweep.expected = vec![found(Some(true), Some(Verdict::Better)), found(Some(false), None), found(None, None)];
+    let row = |name: &str| ["what", name].map(str::to_owned).to_vec();
+    report.expectations = [["what", "verdict"].map(str::to_owned).to_vec(), row("better"), row("<i>no</i>"), row("-")].to_vec();
+    let _page = open(&page(&report, &made.gallery()?)?, browser)?;
+    let classes = "[...document.querySelectorAll('#expected tbody tr')].map((row) => row.className).join('|')";
+    equals(browser, classes, "came|missed|")?;
+    equals(browser, "document.querySelector('#expected .missed td:last-child').textContent", "<i>no</i>")?;
+    equals(browser, "document.querySelector('#expected thead').textContent", "whatverdict")?;
+    equals(browser, "document.querySelector('#expected-note').textContent.startsWith('1 of 3 did not come.')", true)?;
+    let _other = made.open(browser)?;
+    equals(browser, "document.querySelector('#expected').closest('section').hidden", true)
 }
 
 fn hostile_names(browser: &mut Browser) -> Outcome {

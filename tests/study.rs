@@ -79,30 +79,39 @@ fn small() -> Outcome {
         check(status == 0, || format!("{}: {told}{text}", path.display()))?;
         found += 1;
     }
-    check(found == 3, || format!("{found} studies"))
+    check(found == 5, || format!("{found} studies"))
 }
 
 /// A study with what it expects: one thing that comes, one quotient, one cost, one thing that does not come.
 fn expected() -> Outcome {
     let expectations = r#"    expect: [
         (row: "rays", at: { "tiles.resolution": 8 }, within: (0.001, 10), paper: 100),
-        (row: "rays", at: { "tiles.resolution": 8 }, of: "irradiance.relmse", over: "a plane | raster", within: (0.01, 100)),
+        (row: "rays", at: { "tiles.resolution": 8 }, of: "irradiance.relmse", over: "a plane | raster", within: (0.01, 100), paper: Below(1000)),
         (row: "rays", at: { "tiles.resolution": 4 }, of: Cost, within: (0, 1e9)),
         (row: "rays", at: { "tiles.resolution": 4 }, within: (50, 60), paper: 1e-6),
     ],
 )"#;
     let text = SMALL.strip_suffix(')').unwrap_or(SMALL).to_owned() + expectations;
     let place = Place::with(&[("study.ron", &text)])?;
-    let arguments = "study study.ron -o kept --json out.json --markdown out.md";
+    let arguments = "study study.ron -o kept --json out.json --markdown out.md --html out.html";
     let (status, _, told) = place.run(arguments)?;
     check(status == 1 && told.contains("study::unexpected") && told.contains("of rays tiles.resolution=4 is") && told.contains("not 5000 %"), || told.clone())?;
     let found = place.json("out.json")?["expected"].clone();
     let came: Vec<Option<bool>> = found.as_array().into_iter().flatten().map(|found| found["as_expected"].as_bool()).collect();
     check(came == [Some(true), Some(true), Some(true), Some(false)], || found.to_string())?;
-    check(found[0]["verdict"] == "better" && found[3]["verdict"] == "differs" && found[1]["verdict"].is_null(), || found.to_string())?;
+    check(found[0]["verdict"] == "better" && found[3]["verdict"] == "differs" && found[1]["verdict"] == "agrees" && found[2]["verdict"].is_null(), || {
+        found.to_string()
+    })?;
     check(found[0]["value"].as_f64() == Some(error(&points(&place.json("out.json")?)?[3])), || found.to_string())?;
     let table = place.text("out.md")?;
-    check(table.contains("the source says |") && table.contains(" better |") && table.contains(" NO |"), || table.clone())?;
+    check(table.contains("the source says |") && table.contains(" better |") && table.contains(" NO |") && table.contains(" less than 1000 |"), || {
+        table.clone()
+    })?;
+    let page = &place.page("out.html")?["report"];
+    let rows: Vec<Vec<String>> = serde_json::from_value(page["expectations"].clone())?;
+    let told: Vec<&str> = rows.iter().filter_map(|row| row.get(3)).map(String::as_str).collect();
+    check(told == ["", "yes", "yes", "yes", "NO"] && page["sweep"]["expected"] == found, || page["expectations"].to_string())?;
+    check(rows.iter().flatten().all(|cell| table.contains(&cell.replace('|', "\\|"))), || format!("the page and the table differ: {rows:?}"))?;
     // Of another view nothing is expected; of values that are left out nothing is known.
     let (status, _, told) = place.run("study study.ron -o other --size 20x15")?;
     check(status == 0 && told.contains("it is not checked here"), || told.clone())?;

@@ -1,12 +1,11 @@
-//! What a study expected, as a table, and as a failure where it did not come.
+//! What a study expected, as the rows of a table, and as a failure where it did not come.
 
 use super::comparison::significant;
 use super::failure::{CommandError, Failure};
-use super::tables;
-use crate::measure::expectation::{Found, Verdict};
+use crate::measure::expectation::{Claim, Found, Verdict};
 
-/// A row for each expectation, with what the source says and who was closer.
-pub fn table(found: &[Found]) -> String {
+/// A row for each expectation below that of the names, with what the source says and who was closer.
+pub fn rows(found: &[Found]) -> Vec<Vec<String>> {
     let head = ["what", "measured", "expected", "", "the source says", "verdict"].map(str::to_owned).to_vec();
     let row = |found: &Found| {
         let told = |value: f64| told(found, value);
@@ -22,11 +21,11 @@ pub fn table(found: &[Found]) -> String {
             measured,
             format!("{low} … {high}"),
             came.to_owned(),
-            found.paper.map_or("-".to_owned(), told),
+            found.paper.map_or("-".to_owned(), |claim| claimed(found, claim)),
             found.verdict.map_or("-", Verdict::words).to_owned(),
         ]
     };
-    tables::table(std::iter::once(head).chain(found.iter().map(row)).collect())
+    std::iter::once(head).chain(found.iter().map(row)).collect()
 }
 
 /// Fails where one did not come.
@@ -45,6 +44,13 @@ fn what(found: &Found) -> String {
     let at: String = found.at.iter().map(|(parameter, value)| format!(" {parameter}={value}")).collect();
     let over = found.over.as_ref().map_or(String::new(), |over| format!(", over that of {over}"));
     format!("{} of {}{at}{over}", found.of, found.row)
+}
+
+fn claimed(found: &Found, claim: Claim) -> String {
+    match claim {
+        Claim::Value(value) => told(found, value),
+        Claim::Below { below } => format!("less than {}", told(found, below)),
+    }
 }
 
 fn told(found: &Found, value: f64) -> String {

@@ -27,7 +27,7 @@ pub fn markdown(sweep: &Sweep, survey: &Survey) -> String {
         parts.push(front(sweep, metric, cost));
     }
     if !sweep.expected.is_empty() {
-        parts.push(expected::table(&sweep.expected));
+        parts.push(table(expected::rows(&sweep.expected)));
     }
     parts.join("\n")
 }

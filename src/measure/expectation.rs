@@ -21,8 +21,18 @@ pub struct Expectation {
     pub over: Option<String>,
     /// The least and the most that it should be.
     pub within: [f64; 2],
-    /// What the source says.
-    pub paper: Option<f64>,
+    pub paper: Option<Claim>,
+}
+
+/// What a source says of a number.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum Claim {
+    Value(f64),
+    /// No more than that it is less: papers say which of two is faster and not by how much.
+    Below {
+        below: f64,
+    },
 }
 
 #[derive(Debug, Clone)]
@@ -51,7 +61,7 @@ pub struct Found {
     pub within: [f64; 2],
     /// None where nothing is known.
     pub as_expected: Option<bool>,
-    pub paper: Option<f64>,
+    pub paper: Option<Claim>,
     /// None where the source says nothing.
     pub verdict: Option<Verdict>,
 }
@@ -141,13 +151,15 @@ impl Known {
     }
 }
 
-fn verdict(known: Option<Known>, paper: f64) -> Verdict {
+fn verdict(known: Option<Known>, claim: Claim) -> Verdict {
     let Some(Known { value, interval }) = known else { return Verdict::CannotBeSaid };
-    let holds = interval.is_some_and(|[low, high]| (low..=high).contains(&paper));
-    match () {
-        () if holds || (value - paper).abs() <= SAME * paper => Verdict::Agrees,
-        () if value < paper => Verdict::Better,
-        () => Verdict::Differs,
+    let holds = |number: f64| interval.is_some_and(|[low, high]| (low..=high).contains(&number));
+    match claim {
+        Claim::Value(paper) if holds(paper) || (value - paper).abs() <= SAME * paper => Verdict::Agrees,
+        Claim::Value(paper) if value < paper => Verdict::Better,
+        Claim::Below { below } if holds(below) => Verdict::CannotBeSaid,
+        Claim::Below { below } if value < below => Verdict::Agrees,
+        Claim::Value(_) | Claim::Below { .. } => Verdict::Differs,
     }
 }
 
@@ -161,12 +173,23 @@ mod tests {
 
     #[test]
     fn verdicts_mind_the_interval() {
-        assert_eq!(verdict(known(0.15, [0.149, 0.151]), 0.181), Verdict::Better);
-        assert_eq!(verdict(known(0.15, [0.14, 0.19]), 0.181), Verdict::Agrees);
-        assert_eq!(verdict(known(0.17, [0.169, 0.171]), 0.181), Verdict::Agrees);
-        assert_eq!(verdict(known(0.21, [0.209, 0.211]), 0.181), Verdict::Differs);
-        assert_eq!(verdict(Some(Known { value: 0.21, interval: None }), 0.181), Verdict::Differs);
-        assert_eq!(verdict(None, 0.181), Verdict::CannotBeSaid);
+        let paper = Claim::Value(0.181);
+        assert_eq!(verdict(known(0.15, [0.149, 0.151]), paper), Verdict::Better);
+        assert_eq!(verdict(known(0.15, [0.14, 0.19]), paper), Verdict::Agrees);
+        assert_eq!(verdict(known(0.17, [0.169, 0.171]), paper), Verdict::Agrees);
+        assert_eq!(verdict(known(0.21, [0.209, 0.211]), paper), Verdict::Differs);
+        assert_eq!(verdict(Some(Known { value: 0.21, interval: None }), paper), Verdict::Differs);
+        assert_eq!(verdict(None, paper), Verdict::CannotBeSaid);
+    }
+
+    #[test]
+    fn that_one_is_less_is_said_where_the_interval_is() {
+        let claim = Claim::Below { below: 1.0 };
+        assert_eq!(verdict(known(0.95, [0.9, 0.98]), claim), Verdict::Agrees);
+        assert_eq!(verdict(known(0.95, [0.9, 1.02]), claim), Verdict::CannotBeSaid);
+        assert_eq!(verdict(known(1.05, [1.01, 1.1]), claim), Verdict::Differs);
+        assert_eq!(verdict(Some(Known { value: 0.95, interval: None }), claim), Verdict::Agrees);
+        assert_eq!(verdict(None, claim), Verdict::CannotBeSaid);
     }
 
     #[test]

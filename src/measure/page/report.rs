@@ -22,6 +22,8 @@ pub struct Report {
     costs: Vec<Option<f64>>,
     /// Error over cost, for each error that is known; the sweep's own is the first.
     charts: Vec<Chart>,
+    /// A row for each thing that a study expected, below that of the names; empty where nothing was expected.
+    pub expectations: Vec<Vec<String>>,
     /// None where times were not compared.
     pub differences: Option<Differences>,
 }
@@ -69,6 +71,6 @@ impl Report {
         let of_point = |point: &Point| point.measured().and_then(|measured| cost.of(measured));
         let costs = if matches!(cost, Cost::PerRecord(_)) { sweep.points.iter().map(of_point).collect() } else { Vec::new() };
         let charts = charts(&sweep, metric, cost);
-        Self { title, runs_asked: sweep.runs, sweep, warnings: Vec::new(), beside, costs, charts, differences: None }
+        Self { title, runs_asked: sweep.runs, sweep, warnings: Vec::new(), beside, costs, charts, expectations: Vec::new(), differences: None }
     }
 }

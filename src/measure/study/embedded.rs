@@ -3,6 +3,7 @@
 /// File name and text.
 pub static EMBEDDED: &[(&str, &str)] = &[
     ("compensation.ron", include_str!("../../../studies/compensation.ron")),
+    ("harmonics.ron", include_str!("../../../studies/harmonics.ron")),
     ("means.ron", include_str!("../../../studies/means.ron")),
     ("summation.ron", include_str!("../../../studies/summation.ron")),
     ("weights.ron", include_str!("../../../studies/weights.ron")),

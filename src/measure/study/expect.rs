@@ -2,7 +2,7 @@
 
 use super::Reader;
 use crate::measure::criteria::Metric;
-use crate::measure::expectation::{Expectation, Quantity};
+use crate::measure::expectation::{Claim, Expectation, Quantity};
 use crate::measure::survey::{Row, Swept};
 use crate::pipeline::Problem;
 use crate::pipeline::diagnostics::known;
@@ -45,7 +45,7 @@ impl Reader {
             Some(value) => self.metric(value).map(Quantity::Error),
         };
         let within = self.grammar.required(&keys, "within").and_then(|value| self.range(value));
-        let paper = self.optional(&keys, "paper", Self::amount);
+        let paper = self.optional(&keys, "paper", Self::claim);
         Some(Expectation { row: row?, at: at?, of: of?, over, within: within?, paper })
     }
 
@@ -98,6 +98,20 @@ impl Reader {
             return None;
         }
         Some(ends)
+    }
+
+    /// A number, or `Below(1)`.
+    fn claim(&mut self, value: &Value) -> Option<Claim> {
+        match &value.kind {
+            ValueKind::Compound { name: Some(name), body: Body::Positional(ends) } if name.text == "Below" && ends.len() == 1 => {
+                self.amount(&ends[0]).map(|below| Claim::Below { below })
+            }
+            ValueKind::Number(_) => self.amount(value).map(Claim::Value),
+            _ => {
+                self.grammar.wrong_type(value, "what the source says, a number or `Below(1)`");
+                None
+            }
+        }
     }
 
     /// A number from 0 on.

@@ -138,6 +138,24 @@ function rowOf(index, leasts) {
   return make("tr", { "data-variant": index }, make("td", { class: "text" }, button), ...cells);
 }
 
+// Expectations
+
+const cameTrue = { true: "came", false: "missed", null: null };
+
+/** What a study's file expects of its numbers, and what came of that. */
+function setUpExpected() {
+  const [head, ...rows] = report.expectations;
+  byId("expected").closest("section").hidden = rows.length === 0;
+  if (rows.length === 0) return;
+  const wordsAt = new Set([0, head.length - 1]);
+  const cells = (tag, attributes, texts) => texts.map((text, place) => make(tag, { ...attributes, class: wordsAt.has(place) ? "text" : null }, text));
+  const row = (texts, index) => make("tr", { class: cameTrue[sweep.expected[index].as_expected] }, ...cells("td", {}, texts));
+  byId("expected").tHead.replaceChildren(make("tr", {}, ...cells("th", { scope: "col" }, head)));
+  byId("expected").tBodies[0].replaceChildren(...rows.map(row));
+  const missed = sweep.expected.filter((found) => found.as_expected === false).length;
+  byId("expected-note").textContent = `${missed ? `${missed} of ${rows.length} did not come.` : "Nothing is missed."} The verdict is on what the source says.`;
+}
+
 // Pairs
 
 function drawPairs() {

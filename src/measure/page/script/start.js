@@ -3,6 +3,7 @@ setUpStage();
 setUpPlot();
 drawTable();
 byId("table-note").textContent = `Green: the least of its column. ${errorsText(sweep.reference)}`;
+setUpExpected();
 setUpPairs();
 setUpNodes();
 setUpTexts();

@@ -174,6 +174,26 @@ mod tests {
     use super::*;
     use crate::math::harmonics::quadrature::{gauss_legendre, hemisphere};
 
+    #[test]
+    fn what_lies_below_facets_has_what_they_leave() {
+        let lobe = Lobe { shape: Shape::Microfacets { alpha: 0.3 }, reflectance: Vec3::new(0.04, 0.5, 1.0) };
+        for (cosine, share) in [(1.0, 1.0), (0.5, 1.0 - 0.5f32.powi(5)), (0.2, 1.0 - 0.8f32.powi(5)), (0.0, 0.0)] {
+            assert!(lobe.leaves(cosine).abs_diff_eq(Vec3::new(0.96, 0.5, 0.0) * share, 1e-6));
+        }
+        assert_eq!(Lobe { shape: Shape::Phong { exponent: 3.0 }, ..lobe }.leaves(0.5), Vec3::ONE);
+    }
+
+    #[test]
+    fn lobes_without_facets_are_brightest_in_the_mirror() {
+        let outgoing = Vec3::new(0.48, -0.36, 0.8);
+        assert_eq!(mirrored(outgoing), Vec3::new(-0.48, 0.36, 0.8));
+        let lobe = Lobe { shape: Shape::Phong { exponent: 20.0 }, reflectance: Vec3::ONE };
+        let at = |incoming: Vec3| (lobe.value(outgoing, incoming).x, lobe.density(outgoing, incoming));
+        assert!(at(Vec3::new(-0.48, 0.36, 0.8)).0 > 10.0 * at(outgoing).0 && at(Vec3::new(-0.48, 0.36, 0.8)).1 > 10.0 * at(outgoing).1);
+        assert!(lobe.value(outgoing, Vec3::new(-0.48, 0.36, -0.8)) == Vec3::ZERO && lobe.value(-outgoing, outgoing) == Vec3::ZERO);
+        assert!(Shape::Ward { alpha: Vec2::new(0.1, 0.2) }.is_anisotropic() && !Shape::Ward { alpha: Vec2::splat(0.2) }.is_anisotropic());
+    }
+
     fn lobes() -> Vec<Lobe> {
         let shapes = [
             Shape::Phong { exponent: 1.0 },

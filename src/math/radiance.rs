@@ -319,6 +319,86 @@ mod tests {
         }
     }
 
+    #[test]
+    fn gradients_in_proportion_and_in_fours() {
+        let plane = |value: f64| (0..count(2)).map(|k| if k == 1 { value } else { 0.0 }).collect::<Vec<_>>();
+        let projected = Projected([3.0, 3.0, 3.0, 6.0, 6.0, 6.0, 8.0, 8.0, 8.0].map(plane));
+        assert!((projected.relative_gradient() - 10.0 / 3.0).abs() < 1e-12);
+        let fours = projected.in_fours();
+        assert!(fours.len() == PLANES * quads(2) && Projected::of_fours(&fours, 2).0 == projected.0);
+    }
+
+    /// Under a sky of one radiance a place shines by its albedo, wherever the record's plane is. And what a place mirrors is what the record's plane mirrors
+    /// to a viewer who stands accordingly, but for the two albedos.
+    #[test]
+    fn viewers_are_moved_to_where_the_record_mirrors_the_same() {
+        let series = Series { harmonics: Harmonics::Hemispherical, order: 4, window: Window::None };
+        let mirror = |direction: Vec3, normal: Vec3| direction - 2.0 * (direction - normal * direction.dot(normal));
+        for shape in [crate::math::lobe::Shape::Phong { exponent: 6.0 }, crate::math::lobe::Shape::Microfacets { alpha: 0.5 }] {
+            let table = LobeTable::new(shape, series, 32);
+            let plane = |of: usize| fours(&(0..count(4)).map(|k| if k == 0 { 4.0 } else { (k as f64 * 0.7 + of as f64).sin() }).collect::<Vec<_>>());
+            let constant = fours(&(0..count(4)).map(|k| f64::from(u8::from(k == 0))).collect::<Vec<_>>());
+            let dark = vec![Vec4::ZERO; quads(4)];
+            let [light, sky]: [Vec<Vec4>; 2] = [
+                (0..PLANES).flat_map(|of| if of < 3 { plane(of) } else { dark.clone() }).collect(),
+                (0..PLANES).flat_map(|of| if of < 3 { constant.clone() } else { dark.clone() }).collect(),
+            ];
+            let (normal, record_normal) = (Vec3::new(0.1, 0.2, 1.0).normalize(), Vec3::new(-0.1, 0.1, 1.0).normalize());
+            let toward = Vec3::new(0.48, -0.36, 0.8);
+            let viewed = Viewed { toward, normal, record_normal, offset: Vec3::ZERO, reflectance: Vec3::new(0.9, 0.5, 0.1), azimuth: 0.0 };
+            let moved = Viewed { toward: mirror(mirror(toward, normal), record_normal), normal: record_normal, ..viewed };
+            let lookup = |of: &Viewed| {
+                let [mut flat, mut rise] = [vec![Vec4::ZERO; quads(4)], vec![Vec4::ZERO; quads(4)]];
+                table.lookup(Frame::new(of.normal).to_local(of.toward), [&mut flat, &mut rise]);
+                let times = |lobe: &[Vec4], plane: &[Vec4]| lobe.iter().zip(plane).map(|(a, b)| a.dot(*b)).sum::<f32>();
+                let reflects = |planes: &[Vec4]| {
+                    Vec3::from_array(std::array::from_fn(|c| {
+                        let plane = &planes[c * quads(4)..][..quads(4)];
+                        of.reflectance[c] * times(&flat, plane) + times(&rise, plane)
+                    }))
+                };
+                [reflects(&sky), reflects(&light)]
+            };
+            let [[albedo, _], [moved_albedo, reflects]] = [lookup(&viewed), lookup(&moved)];
+            let near = |found: Vec3, expected: Vec3| assert!(found.abs_diff_eq(expected, 1e-4 * expected.max_element()), "{shape:?}: {found}, not {expected}");
+            near(reflected(&sky, &table, &viewed), albedo);
+            near(reflected(&light, &table, &moved), reflects);
+            near(reflected(&light, &table, &viewed), reflects * albedo / moved_albedo);
+        }
+    }
+
+    /// On the record's own plane there is nothing to rotate: both ways reflect the same, around every axis of a brushed lobe, also where gradients foretell more
+    /// than counts.
+    #[test]
+    fn where_planes_are_the_same_both_ways_reflect_the_same() {
+        let series = Series { harmonics: Harmonics::Hemispherical, order: 4, window: Window::None };
+        let planes: Vec<Vec4> = (0..PLANES)
+            .flat_map(|of| fours(&(0..count(4)).map(|k| if k == 0 && of < 3 { 4.0 } else { 0.4 * (k as f64 * 0.7 + of as f64).sin() }).collect::<Vec<_>>()))
+            .collect();
+        let tilting = Tilting::new(4, Method::Precomputed, 1);
+        let normal = Vec3::new(0.1, 0.2, 1.0).normalize();
+        let frame = Frame::new(normal);
+        for shape in [crate::math::lobe::Shape::Ward { alpha: glam::Vec2::new(0.4, 0.7) }, crate::math::lobe::Shape::Microfacets { alpha: 0.5 }] {
+            let table = LobeTable::new(shape, series, 32);
+            let mut seen = Vec::new();
+            for (azimuth, offset) in [(0.0, 0.0), (0.0, 0.3), (0.2, 0.3), (-0.15, 0.2), (0.4, -0.3)] {
+                let offset = offset * (frame.tangent - 0.6 * frame.bitangent);
+                let viewed =
+                    Viewed { toward: Vec3::new(0.48, -0.36, 0.8), normal, record_normal: normal, offset, reflectance: Vec3::new(0.9, 0.5, 0.1), azimuth };
+                let [moved, rotated] = [reflected(&planes, &table, &viewed), reflected_rotated(&planes, &table, &tilting, &viewed)];
+                assert!(moved.min_element() > 0.0 && moved.abs_diff_eq(rotated, 1e-3 * moved.max_element()), "{shape:?} {azimuth}: {moved}, not {rotated}");
+                seen.push(moved);
+            }
+            let differ = |a: usize, b: usize| !seen[a].abs_diff_eq(seen[b], 1e-3 * seen[a].max_element());
+            assert!(differ(0, 1) && differ(1, 2) == shape.is_anisotropic(), "{seen:?}");
+        }
+        for angle in [0.0, 0.3, -2.0] {
+            let direction = Vec3::new(0.48, -0.36, 0.8);
+            assert!(about(direction, angle).abs_diff_eq(glam::Quat::from_rotation_z(angle) * direction, 1e-6));
+            assert!((azimuth_in(&frame, &frame, angle / TAU) - angle).abs() < 1e-5);
+        }
+    }
+
     /// Against central differences of coefficients that a fine tile projects to.
     #[test]
     fn gradients_are_finite_differences() {

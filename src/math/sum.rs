@@ -189,6 +189,13 @@ mod tests {
         Table::new(shape, resolution, method).expect("a table")
     }
 
+    #[test]
+    fn gradients_are_told_in_proportion_to_the_luminance() {
+        let all = |value: f64| DVec3::splat(value);
+        let summed = Total { irradiance: all(4.0), translation: [DVec3::new(6.0, 8.0, 5.0); 3], ..Total::default() }.finish();
+        assert!((summed.luminance() - 4.0).abs() < 1e-12 && (summed.relative_gradient() - 2.5).abs() < 1e-12);
+    }
+
     fn assert_near(found: f64, expected: f64, tolerance: f64, what: impl std::fmt::Debug) {
         assert!((found - expected).abs() <= tolerance, "{what:?}: {found}, not {expected}");
     }

@@ -102,6 +102,26 @@ mod tests {
     use fearless_simd::{Level, dispatch};
 
     #[test]
+    fn each_lane_is_a_vector() {
+        let one = |k: usize, lane: usize| Vec3::new((k + lane) as f32 - 3.5, 0.3 * (2 * k + lane) as f32 - 1.0, 2.0 - 0.7 * (lane + k * k) as f32);
+        let axes = |k: usize| std::array::from_fn(|axis| std::array::from_fn(|lane| one(k, lane)[axis]));
+        let factors: [f32; LANES] = std::array::from_fn(|lane| 1.5 - lane as f32);
+        dispatch!(Level::new(), simd => {
+            let (a, b) = (Vectors::load(simd, &axes(1)), Vectors::load(simd, &axes(2)));
+            let found = [a.plus(b), a.minus(b), a.times(b), a.cross(b), a.magnitude(), a.scaled(f32x8::load_array_ref(simd, &factors))];
+            let found = found.map(|found| [found.x.to_array(), found.y.to_array(), found.z.to_array()]);
+            let (dots, products) = (a.dot(b).to_array(), a.product(Vec3::new(0.5, -2.0, 3.0)).to_array());
+            for lane in 0..LANES {
+                let (a, b) = (one(1, lane), one(2, lane));
+                let expected = [a + b, a - b, a * b, a.cross(b), a.abs(), a * factors[lane]];
+                let found = found.map(|[x, y, z]| Vec3::new(x[lane], y[lane], z[lane]));
+                assert!(found.iter().zip(expected).all(|(found, expected)| found.abs_diff_eq(expected, 1e-5)), "{found:?}, not {expected:?}");
+                assert!((dots[lane] - a.dot(b)).abs() < 1e-5 && (products[lane] - a.dot(Vec3::new(0.5, -2.0, 3.0))).abs() < 1e-5);
+            }
+        });
+    }
+
+    #[test]
     fn what_is_taken_apart_goes_together_again() {
         let items: Vec<Vec4> = (0..13).map(|k| Vec4::new(k as f32, 0.5, -(k as f32), 2.0 * k as f32)).collect();
         dispatch!(Level::new(), simd => {

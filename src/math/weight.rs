@@ -348,6 +348,33 @@ mod tests {
     }
 
     #[test]
+    fn what_limits_a_reach_is_named() {
+        let rule = Rule { nearest: 2.0, change: 0.5, ..rule(Weighting::Compact) };
+        // A fineness of the least and a gradient that is none leave the others to decide.
+        let wide = Record { minimum_distance: 1e3, relative_gradient: 0.0, ..record() };
+        let cases = [
+            (wide, "accuracy", 0.3),
+            (Record { radius: 1e3, ..wide }, "maximum_spacing", 0.4),
+            (Record { radius: 1e-3, ..wide }, "minimum_spacing", 0.015),
+            (Record { radius: 1e-3, fineness: 0.5, ..wide }, "minimum_spacing", 0.0075),
+            (Record { minimum_distance: 0.1, ..wide }, "nearest", 0.2),
+            (Record { relative_gradient: 2.0, ..wide }, "change", 0.25),
+        ];
+        for (record, by, reach) in cases {
+            assert!(rule.limited_by(&record) == by && near(rule.reach(&record), reach), "{} and {}, not {by}", rule.limited_by(&record), rule.reach(&record));
+            let stretched = Record { stretch: Vec3::new(0.48, 0.64, 0.0), ..record };
+            assert!(near(rule.longest_reach(&stretched), reach / 0.6) && near(rule.reaching(&stretched).longest_reach(), reach / 0.6));
+        }
+    }
+
+    #[test]
+    fn half_floats_count_in_powers_of_two() {
+        assert_eq!(Record { relative_gradient: 0.3, ..record() }.half_units(), [2.0, 0.5]);
+        assert_eq!(Record { irradiance: Vec3::new(0.4, 0.1, 0.2), relative_gradient: 8.0, ..record() }.half_units(), [0.25, 2.0]);
+        assert!(Record { irradiance: Vec3::ZERO, relative_gradient: 0.0, ..record() }.half_units().iter().all(|unit| unit.is_normal()));
+    }
+
+    #[test]
     fn a_coarser_accuracy_reaches_farther_and_extrapolates_no_farther() {
         let (record, rule) = (Record { translation: [Vec3::X; 3], ..record() }, Rule { change: 0.3, ..rule(Weighting::Compact) });
         let (fine, coarse) = (rule.reaching(&record), rule.coarsely(&record, 4.0));
@@ -355,6 +382,14 @@ mod tests {
         assert_eq!(rule.coarsely(&record, 1.0).weight(at(0.1), Vec3::Z), fine.weight(at(0.1), Vec3::Z));
         assert!(fine.weight(at(0.301), Vec3::Z) == 0.0 && near(coarse.weight(at(0.6), Vec3::Z), 0.5) && coarse.weight(at(1.201), Vec3::Z) == 0.0);
         assert!(near(coarse.step(at(1.2)).x, 0.3) && near(fine.step(at(0.3)).x, 0.3));
+        // Four times the change of normal, and four times as far in front.
+        assert!(fine.weight(record.position, tilted(Vec3::X, 20.0)) == 0.0 && coarse.weight(record.position, tilted(Vec3::X, 20.0)) > 0.0);
+        assert_eq!(coarse.weight(record.position, tilted(Vec3::X, 70.0)), 0.0);
+        let in_front = |share: f32| record.position + 0.5 * Vec3::new((1.0 - share * share).sqrt(), 0.0, -share);
+        let [below, beyond] = [0.9, 1.1].map(|factor| factor * 4.0 * FRONT_TOLERANCE);
+        assert!(
+            fine.weight(in_front(below), Vec3::Z) == 0.0 && coarse.weight(in_front(below), Vec3::Z) > 0.0 && coarse.weight(in_front(beyond), Vec3::Z) == 0.0
+        );
         // Other normals and other sides count in the end: no place is left without light.
         let upside_down = rule.coarsely(&record, 1e6).weight(record.position + Vec3::Z * 1e3, Vec3::NEG_Z);
         assert!(upside_down > 0.9, "{upside_down}");
@@ -362,7 +397,10 @@ mod tests {
 
     #[test]
     fn eight_points_are_as_eight_times_one() {
-        let records = [record(), Record { stretch: Vec3::new(0.6, 0.3, 0.0), relative_gradient: 20.0, ..record() }];
+        let gradients = [Vec3::new(0.3, -0.5, 0.2), Vec3::new(-0.4, 0.6, 0.1), Vec3::new(0.2, 0.1, -0.7)];
+        let stretched =
+            Record { stretch: Vec3::new(0.6, 0.3, 0.0), relative_gradient: 20.0, rotation: gradients, translation: gradients.map(|g| -2.0 * g), ..record() };
+        let records = [record(), stretched];
         for (record, weighting) in records.iter().flat_map(|r| [Weighting::Ward, Weighting::TabellionLamorlette, Weighting::Compact].map(|w| (r, w))) {
             let rule = Rule { accuracy: 0.3, ..rule(weighting) };
             let reaching = rule.reaching(record);

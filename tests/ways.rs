@@ -151,7 +151,9 @@ impl<'a> Graph<'a> {
         let given = arguments(description.parameters, values);
         let join = |input: &str| inputs.iter().find(|i| i.0 == input).and_then(|i| self.ports.get(i.1)).cloned();
         let joined: BTreeMap<_, _> = description.inputs.iter().filter_map(|i| Some((i.name, join(i.name)?))).collect();
-        let setting = Setting { scene: &self.stage.scene, needs: &self.stage.needs, device: Device::Hardware, size: self.size, tables: None };
+        // What is suited to a driver on the CPU is the host.
+        let device = if values.contains(&("by", "Suited")) { Device::Software } else { Device::Hardware };
+        let setting = Setting { scene: &self.stage.scene, needs: &self.stage.needs, device, size: self.size, tables: None };
         let mut recorder = Recorder::new(name, &given, setting, &joined, &mut self.recording);
         if let Some((batch, sequential)) = self.batch {
             recorder = recorder.in_loop(batch, sequential);

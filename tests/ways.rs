@@ -35,7 +35,7 @@ type Outcome = Result<(), Failed>;
 type Case = fn(&Stage) -> Outcome;
 
 fn main() {
-    let cases: [(&str, bool, Case); 13] = [
+    let cases: [(&str, bool, Case); 14] = [
         ("sums_agree_with_double_precision", false, sums_agree),
         ("curvatures_agree_with_double_precision", false, curvatures_agree),
         ("half_precision_sums_stay_finite", false, half_sums_are_bounded),
@@ -45,6 +45,7 @@ fn main() {
         ("fills_cover_every_pixel_and_repeat", false, fills_cover),
         ("fills_on_host_and_device_agree", false, fills_agree),
         ("neighbours_clamp_on_host_and_device_alike", false, clamping_agrees),
+        ("no_record_reaches_beyond_what_those_before_it_saw", false, clamping_bounds),
         ("batches_serve_each_cell_once", false, batches_serve_each_cell_once),
         ("a_sequential_walk_has_no_surplus", false, sequential_walk),
         ("weights_on_the_host_are_those_on_the_device", false, weights_agree),
@@ -150,7 +151,9 @@ impl<'a> Graph<'a> {
         let given = arguments(description.parameters, values);
         let join = |input: &str| inputs.iter().find(|i| i.0 == input).and_then(|i| self.ports.get(i.1)).cloned();
         let joined: BTreeMap<_, _> = description.inputs.iter().filter_map(|i| Some((i.name, join(i.name)?))).collect();
-        let setting = Setting { scene: &self.stage.scene, needs: &self.stage.needs, device: Device::Hardware, size: self.size, tables: None };
+        // What is suited to a driver on the CPU is the host.
+        let device = if values.contains(&("by", "Suited")) { Device::Software } else { Device::Hardware };
+        let setting = Setting { scene: &self.stage.scene, needs: &self.stage.needs, device, size: self.size, tables: None };
         let mut recorder = Recorder::new(name, &given, setting, &joined, &mut self.recording);
         if let Some((batch, sequential)) = self.batch {
             recorder = recorder.in_loop(batch, sequential);
@@ -638,12 +641,22 @@ struct Fill {
 
 const IN_BATCHES: Fill = Fill { batch: 32, sequential: false, clamps: false };
 
-/// A whole fill: irradiance, and what the nodes report by name.
-fn filled(stage: &Stage, fill: Fill, [splat, misses, sum, add]: [&str; 4]) -> Result<(Vec<u8>, Reports), Failed> {
+/// What a fill leaves.
+#[derive(PartialEq)]
+struct Filled {
+    irradiance: Vec<u8>,
+    /// What the nodes report, by name.
+    reports: Reports,
+    records: Vec<Record>,
+}
+
+/// A whole fill.
+fn filled(stage: &Stage, fill: Fill, [splat, misses, sum, add]: [&str; 4]) -> Result<Filled, Failed> {
     let mut graph = Graph::new(stage, [60, 45]);
     graph.node("gbuffer", "GBuffer", &[], &[])?;
     // Closer than the default, of which a batch of 32 would fill a third of so small a picture.
     graph.node("cache", "RecordCache", &[("minimum_spacing", "4")], &[])?;
+    let Some(&Port::RecordCache(cache)) = graph.ports.get("cache") else { return Err("no cache".into()) };
     graph.batch = Some((fill.batch, fill.sequential));
     graph.node("splats", "Splat", &[("by", splat)], &[("records", "cache"), ("gbuffer", "gbuffer")])?;
     graph.node("misses", "FindMisses", &[("by", misses)], &[("gbuffer", "gbuffer"), ("splats", "splats")])?;
@@ -659,12 +672,14 @@ fn filled(stage: &Stage, fill: Fill, [splat, misses, sum, add]: [&str; 4]) -> Re
     graph.end_loop("misses.none")?;
     graph.node("indirect", "Normalize", &[], &[("splats", "splats"), ("gbuffer", "gbuffer")])?;
     let irradiance = graph.texture("indirect.irradiance")?;
-    let mut session = graph.session(&[irradiance])?;
+    let mut session = graph.session(&[irradiance, cache.records])?;
     let frame = session.frame(&|| Pace::GoOn).map_err(|e| e.to_string())?;
     check(frame.unfinished.is_empty(), || "the fill did not end".into())?;
     let names = ["records", "new_records", "surplus_records", "uncovered_pixels", "non_finite_pixels"];
-    let reports = names.into_iter().map(|name| Ok((name, graph.report(&session, name)?))).collect::<Result<_, Failed>>()?;
-    Ok((session.read(irradiance).map_err(|e| e.to_string())?, reports))
+    let reports: Reports = names.into_iter().map(|name| Ok((name, graph.report(&session, name)?))).collect::<Result<_, Failed>>()?;
+    let mut records: Vec<Record> = read(&session, cache.records)?;
+    records.truncate(reports["records"] as usize);
+    Ok(Filled { irradiance: session.read(irradiance).map_err(|e| e.to_string())?, reports, records })
 }
 
 /// A fill that covers everything, twice with the same bits; its irradiance and its reports.
@@ -672,7 +687,7 @@ fn filled_twice(stage: &Stage, fill: Fill, ways: [&str; 4]) -> Result<(Vec<[f32;
     let runs = [filled(stage, fill, ways)?, filled(stage, fill, ways)?];
     let name = format!("{fill:?}, {ways:?}");
     check(runs[0] == runs[1], || format!("{name}: two runs differ"))?;
-    let [(irradiance, reports), _] = runs;
+    let [Filled { irradiance, reports, .. }, _] = runs;
     println!("{name}: {reports:?}");
     let whole = reports["uncovered_pixels"] == 0 && reports["non_finite_pixels"] == 0 && reports["records"] > 50;
     check(whole, || format!("{name}: {reports:?}"))?;
@@ -715,6 +730,23 @@ fn clamping_agrees(stage: &Stage) -> Outcome {
     };
     let (free, device, host) = (records(false, "Device")?, records(true, "Device")?, records(true, "Suited")?);
     check(device > free && device.abs_diff(host) * 100 <= device, || format!("{free} records, clamped {device} on the device and {host} on the host"))
+}
+
+/// One by one, so that each record is clamped by all before it that face alike: no radius exceeds that of one of them and the way to it.
+fn clamping_bounds(stage: &Stage) -> Outcome {
+    for add in ["Device", "Suited"] {
+        let Filled { records, .. } = filled(stage, Fill { batch: 1, sequential: false, clamps: true }, ["ComputeTiles", "DeviceGrid", "WorkgroupTree", add])?;
+        let mut met = 0;
+        for (number, record) in records.iter().enumerate() {
+            let [position, normal] = [record.position, record.normal].map(Vec3::from);
+            let alike = records[..number].iter().filter(|other| Vec3::from(other.normal).dot(normal) > 0.71);
+            let bound = alike.map(|other| other.radius + position.distance(other.position.into())).fold(f32::INFINITY, f32::min);
+            check(record.radius <= bound * 1.00001, || format!("record {number} by {add} reaches {}, not {bound} at most", record.radius))?;
+            met += (record.radius > bound * 0.99999) as u32;
+        }
+        check(met > 5, || format!("{met} of {} records by {add} are clamped", records.len()))?;
+    }
+    Ok(())
 }
 
 /// Batches of two among cells of 8×8 pixels: none has a second record before each has one, though no record reaches beyond its pixel.

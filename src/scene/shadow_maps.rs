@@ -276,3 +276,59 @@ impl<S: Simd> Receiver<S> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use fearless_simd::{Level, dispatch};
+
+    const EDGE: u32 = 64;
+    const EXTENT: f32 = 10.0;
+
+    /// Visibility of eight points at `distance` below a light, which face it, where every texel of its maps holds a surface that is nearer to the light by so
+    /// many widths of a texel.
+    fn visible(kind: LightKind, taps: i32, distance: f32, widths: f32) -> [f32; LANES] {
+        let light = Light { name: "light".into(), kind, shadows: true };
+        let layers = shadow_layers(&light);
+        let cameras: Vec<_> = (0..layers).map(|face| ShadowCamera::new(&light, (layers == 6).then_some(face), EXTENT, Vec3::ZERO)).collect();
+        let camera = &cameras[if layers == 6 { 3 } else { 0 }];
+        let (is_perspective, from) = (matches!(camera.projection, Projection::Perspective { .. }), camera.origin);
+        let texel = 2.0 * camera.half / EDGE as f32 * if is_perspective { distance } else { 1.0 };
+        let seen = distance - widths * texel;
+        let value = match camera.projection {
+            Projection::Perspective { near } => near / seen,
+            Projection::Orthographic { range } => 1.0 - seen / range,
+        };
+        let depth = vec![value; (layers * EDGE * EDGE) as usize];
+        let maps = ShadowMaps { depth: &depth, resolution: EDGE, pitch: EDGE, taps };
+        let cameras = ShadowCameras { cameras, first_layer: 0, position: from, extent: EXTENT };
+        let mut visibility = [0.0; LANES];
+        dispatch!(Level::new(), simd => {
+            let place = |lane: usize| from + Vec3::new(0.1 * lane as f32 - 0.3, -distance, 0.2 - 0.05 * lane as f32);
+            let axes = std::array::from_fn(|axis| std::array::from_fn(|lane| place(lane)[axis]));
+            let (position, normal) = (Vectors::load(simd, &axes), Vectors::splat(simd, Vec3::Y));
+            let receivers = Receivers { position, normal, seeds: u32x8::splat(simd, 7), first: 0 };
+            let mut lookups = Lookups::NONE;
+            maps.look_up(simd, &cameras, &receivers, 0xff, &mut lookups, &mut visibility);
+            maps.finish(&mut lookups, &mut visibility);
+        });
+        visibility
+    }
+
+    #[test]
+    fn what_is_nearer_than_a_texel_casts_no_shadow_and_the_next_does() {
+        let lights = [
+            LightKind::Point { position: Vec3::new(0.5, 3.0, 0.2), intensity: Vec3::ONE },
+            LightKind::Spot { position: Vec3::new(0.0, 2.0, 0.0), direction: Vec3::NEG_Y, intensity: Vec3::ONE, inner: 0.2, outer: 0.7 },
+            LightKind::Directional { direction: Vec3::NEG_Y, irradiance: Vec3::ONE },
+        ];
+        for kind in lights {
+            for (taps, distance) in [(1, 2.5), (2, 1.5), (4, 4.0)] {
+                for (widths, expected) in [(-1.0, 1.0), (0.0, 1.0), (0.9, 1.0), (1.1, 0.0), (3.0, 0.0)] {
+                    let found = visible(kind, taps, distance, widths);
+                    assert!(found.iter().all(|found| (found - expected).abs() < 1e-5), "{kind:?} by {taps} taps, {widths} texels away: {found:?}");
+                }
+            }
+        }
+    }
+}

@@ -27,7 +27,7 @@ pub struct Broken {
     /// What stands there, once.
     from: String,
     to: String,
-    /// The golden picture that notices, by the name of its test, or another test as `FILE: NAME`.
+    /// The golden picture that notices, by the name of its test, or another test as `FILE: NAME`; `lib` is the file of the library's own.
     pub falls: String,
     /// Whether each run of the tests makes sure of it.
     #[serde(default)]
@@ -90,7 +90,9 @@ impl Broken {
 
     fn falls(&self, cargo: &mut Command) -> Result<(), Failed> {
         let (test, name) = self.test();
-        let done = cargo.args(["test", "--locked", "--test", test, "--", "--exact", name]).output()?;
+        cargo.args(["test", "--locked"]);
+        let cargo = if test == "lib" { cargo.arg("--lib") } else { cargo.args(["--test", test]) };
+        let done = cargo.args(["--", "--exact", name]).output()?;
         let told = String::from_utf8_lossy(&done.stdout);
         match () {
             () if told.contains("test result: FAILED. 0 passed; 1 failed;") => Ok(()),

@@ -97,11 +97,25 @@ mod the_curve {
     #[test]
     fn a_factor_needs_both_and_holds_all_that_their_runs_give() {
         let [slow, fast] = [40.0, 8.0].map(|seconds| Reading::At(sample(seconds, 0.03)));
-        let Ratio { median, least, most } = slow.over(&fast).unwrap();
+        let Factor::Is(Ratio { median, least, most }) = slow.over(&fast) else { panic!() };
         assert_eq!(median, 5.0);
         assert!((least - 5.0 * 0.9 / 1.2).abs() < 1e-12 && (most - 5.0 * 1.2 / 0.9).abs() < 1e-12, "{least} {most}");
-        let beyond = Reading::Exceeded(sample(1.0, 0.01));
-        assert_eq!([slow.over(&beyond), beyond.over(&slow)], [None, None]);
+        let bound = |factor| match factor {
+            Factor::MoreThan(bound) => format!("> {bound:.2}"),
+            Factor::LessThan(bound) => format!("< {bound:.2}"),
+            other => format!("{other:?}"),
+        };
+        // A program that does not get there takes longer than for its best; one that is never as coarse would take less than its fastest.
+        let (best, fastest) = (Reading::NotReached(sample(12.0, 0.04)), Reading::Exceeded(sample(1.0, 0.01)));
+        assert_eq!(bound(best.over(&fast)), "> 1.13", "12 · 0.9 over 8 · 1.2");
+        assert_eq!(bound(slow.over(&fastest)), "> 30.00");
+        assert_eq!(bound(best.over(&fastest)), "> 9.00");
+        assert_eq!(bound(fast.over(&best)), "< 0.89");
+        assert_eq!(bound(fastest.over(&slow)), "< 0.03");
+        assert_eq!([best.over(&best), fastest.over(&fastest)], [Factor::Unknown, Factor::Unknown]);
+        let told = |factor: Factor| serde_json::to_value(factor).unwrap();
+        assert_eq!([told(best.over(&fast)), told(Factor::Unknown)], [serde_json::json!("> 1.1"), serde_json::Value::Null]);
+        assert_eq!(told(slow.over(&fast))["median"], 5.0);
     }
 }
 
@@ -227,7 +241,7 @@ mod the_kept {
 
 mod the_report {
     use crate::{
-        curve::{Metric, Reading},
+        curve::{Factor, Metric, Ratio, Reading},
         kept::Run,
         machine::Machine,
         programs::Versions,
@@ -319,6 +333,11 @@ mod the_report {
         Scene::of("sibenik", points).unwrap()
     }
 
+    fn known(factor: Factor) -> Ratio {
+        let Factor::Is(ratio) = factor else { panic!("{factor:?}") };
+        ratio
+    }
+
     #[test]
     fn programs_are_compared_where_their_curves_meet_one_error() {
         let scene = scene();
@@ -327,11 +346,11 @@ mod the_report {
         let [exact, middle, coarse, denoised_exact, denoised_coarse] = &scene.equal_error[..] else { panic!("{:?}", scene.equal_error) };
         assert_eq!([exact, middle, coarse, denoised_exact, denoised_coarse].map(|level| level.error), [0.04, 0.05, 0.1, 0.04, 0.12]);
         // The median of hemisplat's runs counts, and the least and the most are told: 20 s, of 39 to 70 s and 10 s, is between 19.7 and 26.5.
-        let ratio = exact.over_hemisplat.radiance.unwrap();
+        let ratio = known(exact.over_hemisplat.radiance);
         assert!((ratio.median - 5.0).abs() < 1e-9 && (ratio.least - 100.0 / 700f64.sqrt()).abs() < 1e-9, "{ratio:?}");
         assert!((ratio.most - 100.0 / 390f64.sqrt()).abs() < 1e-9, "{ratio:?}");
-        assert!((exact.over_hemisplat.mitsuba.unwrap().median - 112.5 / 20.0).abs() < 1e-9, "{exact:?}");
-        assert!((exact.over_hemisplat.denoised.unwrap().median - 94.5 / 20.0).abs() < 1e-9, "{exact:?}");
+        assert!((known(exact.over_hemisplat.mitsuba).median - 112.5 / 20.0).abs() < 1e-9, "{exact:?}");
+        assert!((known(exact.over_hemisplat.denoised).median - 94.5 / 20.0).abs() < 1e-9, "{exact:?}");
         assert_eq!(
             exact.hemisplat_is_worse_in.as_deref(),
             Some(&["block_p99", "band_error", "rmse_interior", "rmse_edges"][..]),
@@ -339,7 +358,8 @@ mod the_report {
         );
         let readings = coarse.readings;
         assert!(matches!((readings.radiance, readings.mitsuba, readings.hemisplat), (Reading::At(_), Reading::Exceeded(_), Reading::Exceeded(_))));
-        assert_eq!((coarse.over_hemisplat.radiance, &coarse.hemisplat_is_worse_in), (None, &None));
+        assert_eq!((coarse.over_hemisplat.radiance, coarse.over_hemisplat.mitsuba), (Factor::MoreThan(6.0), Factor::Unknown));
+        assert_eq!(coarse.hemisplat_is_worse_in, None);
     }
 
     #[test]

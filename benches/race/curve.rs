@@ -137,6 +137,30 @@ pub struct Ratio {
     pub most: f64,
 }
 
+/// What two readings say of how many times as long the one takes. A curve falls, so that its end bounds what lies beyond.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Factor {
+    Is(Ratio),
+    /// The one does not get as exact, or the other is never as coarse.
+    MoreThan(f64),
+    /// The reverse.
+    LessThan(f64),
+    /// The bounds do not meet.
+    Unknown,
+}
+
+/// A ratio as an object, a bound in words, for tables.
+impl Serialize for Factor {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Self::Is(ratio) => ratio.serialize(serializer),
+            Self::MoreThan(bound) => serializer.serialize_str(&format!("> {bound:.1}")),
+            Self::LessThan(bound) => serializer.serialize_str(&format!("< {bound:.1}")),
+            Self::Unknown => serializer.serialize_none(),
+        }
+    }
+}
+
 impl Reading {
     pub fn sample(&self) -> Option<Sample> {
         match self {
@@ -145,9 +169,16 @@ impl Reading {
         }
     }
 
-    /// How many times as long as `other` this takes; None where either has no time.
-    pub fn over(&self, other: &Self) -> Option<Ratio> {
-        let (a, b) = (self.sample()?.seconds, other.sample()?.seconds);
-        Some(Ratio { median: a.median / b.median, least: a.least / b.most, most: a.most / b.least })
+    /// How many times as long as `other` this takes.
+    pub fn over(&self, other: &Self) -> Factor {
+        let (Self::At(a) | Self::NotReached(a) | Self::Exceeded(a), Self::At(b) | Self::NotReached(b) | Self::Exceeded(b)) = (self, other);
+        let (a, b) = (a.seconds, b.seconds);
+        let ratio = Ratio { median: a.median / b.median, least: a.least / b.most, most: a.most / b.least };
+        match (self, other) {
+            (Self::At(_), Self::At(_)) => Factor::Is(ratio),
+            (Self::NotReached(_), Self::At(_) | Self::Exceeded(_)) | (Self::At(_), Self::Exceeded(_)) => Factor::MoreThan(ratio.least),
+            (Self::Exceeded(_), Self::At(_) | Self::NotReached(_)) | (Self::At(_), Self::NotReached(_)) => Factor::LessThan(ratio.most),
+            (Self::NotReached(_), Self::NotReached(_)) | (Self::Exceeded(_), Self::Exceeded(_)) => Factor::Unknown,
+        }
     }
 }

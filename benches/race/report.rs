@@ -2,7 +2,7 @@
 
 use crate::{
     Failure,
-    curve::{Curve, Metric, Ratio, Reading, Sample, Seconds},
+    curve::{Curve, Factor, Metric, Reading, Sample, Seconds},
     kept::Run,
     machine::Machine,
     programs::Versions,
@@ -71,7 +71,7 @@ pub struct Level {
     pub error: f64,
     pub readings: Each<Reading>,
     /// How many times hemisplat's seconds the others take.
-    pub over_hemisplat: Each<Option<Ratio>>,
+    pub over_hemisplat: Each<Factor>,
     /// Errors of hemisplat that are larger there than those of the program whose error it is; None where it has none to compare.
     pub hemisplat_is_worse_in: Option<Vec<&'static str>>,
 }

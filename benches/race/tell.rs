@@ -1,7 +1,7 @@
 //! The report as tables in Markdown and as a figure.
 
 use crate::{
-    curve::{Metric, Ratio, Reading, Sample},
+    curve::{Factor, Metric, Ratio, Reading, Sample},
     report::{Level, Point, Report, Scene},
     settings::Program,
 };
@@ -103,8 +103,13 @@ fn seconds(reading: &Reading, metric: Metric) -> String {
     }
 }
 
-fn factor(ratio: Option<Ratio>) -> String {
-    ratio.map_or_else(|| OUT_OF_RANGE.to_owned(), |Ratio { median, least, most }| format!("{median:.2} ({least:.2}…{most:.2})"))
+fn factor(factor: Factor) -> String {
+    match factor {
+        Factor::Is(Ratio { median, least, most }) => format!("{median:.2} ({least:.2}…{most:.2})"),
+        Factor::MoreThan(bound) => format!("> {bound:.2}"),
+        Factor::LessThan(bound) => format!("< {bound:.2}"),
+        Factor::Unknown => OUT_OF_RANGE.to_owned(),
+    }
 }
 
 fn worse(errors: Option<&[&str]>) -> String {

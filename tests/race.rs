@@ -418,12 +418,12 @@ mod the_report {
 {tables}"
             );
         }
-        let plot = tell::plot(&report);
+        let plot = tell::plot(&report, &report.scenes[0]);
         let marks: Vec<usize> = plot.lines.iter().map(|line| line.marks.len()).collect();
         assert_eq!(marks, [3, 2, 2, 2]);
         assert_eq!((plot.lines[3].marks[1].x_spread, plot.lines[3].marks[1].y), ([39.0, 70.0], 2.0));
         let svg = svg(&plot, Paper::Wide);
-        assert!(svg.contains("sibenik: hemisplat") && !svg.contains("Pareto"), "no mark stands for all programs");
+        assert!(svg.contains("sibenik: 1000×1000 pixels") && svg.contains("Mitsuba and OIDN") && !svg.contains("Pareto"), "no mark stands for all programs");
     }
 }
 

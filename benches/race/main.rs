@@ -85,14 +85,17 @@ fn race(options: &Options) -> Result<(), Failure> {
 /// Tables on the terminal, everything else into files.
 fn publish(options: &Options, report: &Report) -> Result<(), Failure> {
     let folder = if options.quick { options.out.clone() } else { "benches/results".into() };
-    let scene = options.scene.as_ref().map_or(String::new(), |scene| format!("-{scene}"));
-    let path = folder.join(format!("{}-race{scene}", report.date));
+    let name = |scene: Option<&str>| folder.join(format!("{}-race{}", report.date, scene.map_or(String::new(), |scene| format!("-{scene}"))));
+    let json = name(options.scene.as_deref()).with_extension("json");
     let tables = tell::markdown(report);
-    write(&path.with_extension("json"), &(serde_json::to_string_pretty(report)? + "\n"))?;
-    write(&path.with_extension("svg"), &svg(&tell::plot(report), Paper::Wide))?;
-    options.markdown.iter().try_for_each(|file| write(file, &tables))?;
-    println!("{tables}\nwritten: {0}.json, {0}.svg", path.display());
-    Ok(())
+    write(&json, &(serde_json::to_string_pretty(report)? + "\n"))?;
+    println!("{tables}\nwritten: {}", json.display());
+    for scene in &report.scenes {
+        let figure = name(Some(&scene.scene)).with_extension("svg");
+        write(&figure, &svg(&tell::plot(report, scene), Paper::Wide))?;
+        println!("written: {}", figure.display());
+    }
+    options.markdown.iter().try_for_each(|file| write(file, &tables))
 }
 
 /// One scene, and all that runs on it.

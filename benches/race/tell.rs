@@ -120,23 +120,21 @@ fn worse(errors: Option<&[&str]>) -> String {
     }
 }
 
-/// The curves of all programs and scenes: points that another one of their program beats are left out.
-pub fn plot(report: &Report) -> Plot {
-    let lines = report.scenes.iter().flat_map(|scene| Program::ALL.map(|program| line(scene, program)));
-    let names = report.scenes.iter().map(|scene| scene.scene.as_str()).collect::<Vec<_>>().join(", ");
+/// The curves of all programs on one scene: points that another one of their program beats are left out.
+pub fn plot(report: &Report, scene: &Scene) -> Plot {
     Plot {
-        title: format!("{names}: {0}×{0} pixels, {1} cores", report.size, report.machine.cores),
+        title: format!("{}: {2}×{2} pixels, {1} cores", scene.scene, report.machine.cores, report.size),
         x_label: "seconds".into(),
         y_label: "rmse_over_mean [%]".into(),
         label_of_marks: String::new(),
-        lines: lines.collect(),
+        lines: Program::ALL.map(|program| line(scene, program)).into(),
     }
 }
 
 fn line(scene: &Scene, program: Program) -> Line {
     let mut points: Vec<&Point> = scene.points.iter().filter(|point| point.program == program && point.is_on_curve).collect();
     points.sort_by(|a, b| a.seconds.median.total_cmp(&b.seconds.median));
-    Line { name: format!("{}: {}", scene.scene, program.name()), marks: points.into_iter().map(|point| mark(scene, point)).collect() }
+    Line { name: program.name().to_owned(), marks: points.into_iter().map(|point| mark(scene, point)).collect() }
 }
 
 fn mark(scene: &Scene, point: &Point) -> Mark {

@@ -226,7 +226,7 @@ fn publish(options: &Options, report: &Report) -> Result<(), Failure> {
 }
 
 fn markdown(report: &Report) -> String {
-    let Machine { cores, cpu, adapter } = &report.machine;
+    let Machine { cores, cpu, adapter, .. } = &report.machine;
     let commit = &report.commit;
     let mut text =
         format!("{}, commit {commit}: {cores} cores ({}), {adapter}; hemisplat {}.\n", report.date, cpu.as_deref().unwrap_or("unknown"), report.hemisplat);

@@ -8,7 +8,7 @@
 use clap::Parser;
 use hemisplat::{
     contract::recorder::Setting,
-    gpu::{Gpu, Pace, scene::byte_size},
+    gpu::{Gpu, Pace, scene::kind},
     measure::run::{FrameReport, Run},
     passes::REGISTRY,
     pipeline::{Plan, load as load_pipeline, plan},
@@ -80,7 +80,7 @@ impl Stage {
         let pipeline = load_pipeline("irradiance", sets, REGISTRY, &mut |path| std::fs::read_to_string(path)).map_err(|e| e.to_string())?;
         let needs = Needs::of(&self.scene);
         let setting = Setting { scene: &self.scene, needs: &needs, device: hemisplat::gpu::expected_device(), size: [edge, edge], tables: None };
-        Ok(plan(&pipeline, setting, &[], &|data| byte_size(&self.scene, data)).map_err(|e| e.to_string())?)
+        Ok(plan(&pipeline, setting, &[], &|data| kind(&self.scene, data)).map_err(|e| e.to_string())?)
     }
 
     /// Reports of this many frames of one run, each after what the one before it left.

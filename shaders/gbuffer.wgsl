@@ -17,7 +17,7 @@ fn vertex(@location(0) position: vec3f, @builtin(vertex_index) index: u32) -> Fr
 fn fragment(in: Fragment) -> @location(0) u32 {
     if ONE_SIDED || ALPHA_MASKS {
         let hit = intersect_plane(in.triangle, camera.eye, pixel_ray(vec2u(in.clip.xy)));
-        if ONE_SIDED && hit.determinant < 0.0 && (scene_materials[material_of(in.triangle)].flags & TWO_SIDED) == 0u {
+        if ONE_SIDED && hit.determinant < 0.0 && (scene_material(material_of(in.triangle)).flags & TWO_SIDED) == 0u {
             discard;
         }
         if ALPHA_MASKS && is_hole(in.triangle, hit.barycentric) {

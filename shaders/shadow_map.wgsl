@@ -13,7 +13,7 @@ struct Fragment {
 
 // The instance is light · 8 + side of its cube.
 fn view_of(instance: u32) -> ShadowView {
-    return shadow_view(scene_lights[instance / 8u], instance % 8u);
+    return shadow_view(scene_light(instance / 8u), instance % 8u);
 }
 
 @vertex

@@ -10,7 +10,7 @@ mod skips;
 
 use hemisplat::{
     contract::{Port, recorder::Setting},
-    gpu::{Gpu, Pace, scene::byte_size},
+    gpu::{Gpu, Pace, scene::kind},
     measure::{Layers, run::Run},
     passes::{REGISTRY, record::Record},
     pipeline::{Plan, load, plan},
@@ -89,8 +89,7 @@ fn rendered<T>(gpu: &Gpu, room: &Room, size: [u32; 2], sets: &[String], look: im
     let Room { scene, bvh, needs } = room;
     let told = |e| format!("{:?}", miette::Report::new(e));
     let pipeline = load("irradiance-one-rate", sets, REGISTRY, &mut |path| fs::read_to_string(path)).map_err(told)?;
-    let plan =
-        plan(&pipeline, Setting { scene, needs, device: gpu.adapter.device(), size, tables: None }, &[], &|data| byte_size(scene, data)).map_err(told)?;
+    let plan = plan(&pipeline, Setting { scene, needs, device: gpu.adapter.device(), size, tables: None }, &[], &|data| kind(scene, data)).map_err(told)?;
     let mut run = Run::new(gpu, scene, bvh, &plan, &scene.cameras[0], size).map_err(|e| e.to_string())?;
     let report = run.frame(&|| Pace::GoOn).map_err(|e| e.to_string())?;
     check(report.complete && report.uncovered_pixels == Some(0), || format!("{report:?}"))?;

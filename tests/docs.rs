@@ -4,7 +4,7 @@
 use hemisplat::{
     cli,
     contract::recorder::Setting,
-    gpu::scene::byte_size,
+    gpu::scene::kind,
     measure::{Layer, Layers, PICTURE, criteria::Cost, study},
     passes::REGISTRY,
     pipeline::{self, PerFrame, Values, embedded},
@@ -101,8 +101,8 @@ fn check_pipeline(text: &str) {
     let pipeline = expect(load_pipeline(text), text);
     let scene = expect(load::load(Path::new("corner"), &load::LoadOptions::default()), "corner");
     let needs = Needs::of(&scene);
-    let setting = Setting { scene: &scene, needs: &needs, device: hemisplat::recording::Device::Hardware, size: [32, 24], tables: None };
-    expect(pipeline::plan(&pipeline, setting, &[], &|data| byte_size(&scene, data)), text);
+    let setting = Setting { scene: &scene, needs: &needs, device: hemisplat::recording::Device::ABLE, size: [32, 24], tables: None };
+    expect(pipeline::plan(&pipeline, setting, &[], &|data| kind(&scene, data)), text);
 }
 
 /// Loads a scene with the page's geometry and a sky beside it.

@@ -10,7 +10,7 @@ mod skips;
 use glam::{DVec3, Vec3};
 use hemisplat::{
     contract::recorder::Setting,
-    gpu::{Gpu, Pace, scene::byte_size},
+    gpu::{Gpu, Pace, scene::kind},
     measure::{
         Layers,
         run::{FrameReport, Run},
@@ -142,7 +142,7 @@ fn planned(gpu: &Gpu, scene: &Scene, size: [u32; 2]) -> Result<Plan, Failed> {
     let pipeline = load(own, &[], REGISTRY, &mut read).map_err(|problems| format!("{problems:?}"))?;
     let needs = Needs::of(scene);
     let setting = Setting { scene, needs: &needs, device: gpu.adapter.device(), size, tables: None };
-    Ok(plan(&pipeline, setting, &[], &|data| byte_size(scene, data)).map_err(|problems| format!("{problems:?}"))?)
+    Ok(plan(&pipeline, setting, &[], &|data| kind(scene, data)).map_err(|problems| format!("{problems:?}"))?)
 }
 
 /// Looks at the views of one size after the other.

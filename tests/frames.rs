@@ -8,7 +8,7 @@ mod skips;
 use assert_cmd::Command;
 use hemisplat::{
     contract::recorder::Setting,
-    gpu::{AskPace, Gpu, Pace, scene::byte_size},
+    gpu::{AskPace, Gpu, Pace, scene::kind},
     measure::{
         Layers,
         run::{FrameReport, Run},
@@ -124,7 +124,7 @@ fn made_ready<T>(scene: &str, text: &str, work: impl FnOnce(&mut Run<'_>) -> Res
     let bvh = Bvh::build(&mut scene);
     let needs = Needs::of(&scene);
     let setting = Setting { scene: &scene, needs: &needs, device: hemisplat::gpu::expected_device(), size: SIZE, tables: None };
-    let plan = pipeline::plan(&pipeline, setting, &[], &|data| byte_size(&scene, data)).map_err(failed)?;
+    let plan = pipeline::plan(&pipeline, setting, &[], &|data| kind(&scene, data)).map_err(failed)?;
     let gpu = Gpu::open().map_err(failed)?;
     work(&mut Run::new(&gpu, &scene, &bvh, &plan, &scene.cameras[0], SIZE).map_err(failed)?)
 }

@@ -9,7 +9,7 @@ mod skips;
 
 use hemisplat::{
     contract::recorder::Setting,
-    gpu::{Gpu, Pace, scene::byte_size},
+    gpu::{Gpu, Pace, scene::kind},
     measure::{
         Errors, Layers, compare,
         run::{FrameReport, Run},
@@ -134,7 +134,7 @@ const HALLS: [Hall; 2] = [
 const WAYS: [(&str, &str, Option<Device>, bool); 4] = [
     ("as_it_ships", "irradiance", None, false),
     ("on_one_core", "irradiance", None, true),
-    ("as_planned_for_a_gpu", "irradiance", Some(Device::Hardware), false),
+    ("as_planned_for_a_gpu", "irradiance", Some(Device::ABLE), false),
     ("with_every_step_on_the_device", "irradiance-device", None, false),
 ];
 
@@ -161,7 +161,7 @@ fn drawn(gpu: &Gpu, hall: &Hall, (way, pipeline, device, one_core): (&str, &str,
     let pool = rayon::ThreadPoolBuilder::new().num_threads(usize::from(one_core)).build().map_err(|error| error.to_string())?;
     let report = pool.install(|| run.frame(&|| Pace::GoOn)).map_err(told)?;
     let picture = run.picture().map_err(told)?.with_attribute("bounces", 1);
-    let by_device = device == Some(Device::Hardware) || pipeline == "irradiance-device";
+    let by_device = device == Some(Device::ABLE) || pipeline == "irradiance-device";
     let mut wrong = costs(hall, &report, run.gpu_bytes(), by_device);
     wrong.extend(errors(hall, &picture)?);
     if wrong.is_empty() { Ok(()) } else { Err(format!("{} {way}: {}", hall.name, wrong.join("; ")).into()) }
@@ -171,7 +171,7 @@ fn planned(pipeline: &str, scene: &Scene, device: Device) -> Result<Plan, Failed
     let pipeline = load(pipeline, &[], REGISTRY, &mut |_| Err(io::ErrorKind::NotFound.into())).map_err(|problems| format!("{problems:?}"))?;
     let needs = Needs::of(scene);
     let setting = Setting { scene, needs: &needs, device, size: SIZE, tables: None };
-    Ok(plan(&pipeline, setting, &[], &|data| byte_size(scene, data)).map_err(|problems| format!("{problems:?}"))?)
+    Ok(plan(&pipeline, setting, &[], &|data| kind(scene, data)).map_err(|problems| format!("{problems:?}"))?)
 }
 
 /// What a frame takes beyond a tenth more than it took.

@@ -470,13 +470,13 @@ fn scene(shadows: bool) -> Scene {
 }
 
 fn plan_for(pipeline: &Pipeline, scene: &Scene, dumps: &[&str]) -> Result<Plan, Problems> {
-    plan_on(Device::Hardware, pipeline, scene, dumps)
+    plan_on(Device::ABLE, pipeline, scene, dumps)
 }
 
 fn plan_on(device: Device, pipeline: &Pipeline, scene: &Scene, dumps: &[&str]) -> Result<Plan, Problems> {
     let needs = Needs::of(scene);
     let dumps: Vec<String> = dumps.iter().map(|dump| dump.to_string()).collect();
-    plan(pipeline, Setting { scene, needs: &needs, device, size: [64, 48], tables: None }, &dumps, &|_| 1024)
+    plan(pipeline, Setting { scene, needs: &needs, device, size: [64, 48], tables: None }, &dumps, &|_| ResourceKind::Buffer { bytes: 1024 })
 }
 
 fn planned(text: &str, shadows: bool) -> Plan {
@@ -732,7 +732,7 @@ fn the_plan_says_where_rays_are_cast() {
         plan_on(device, &pipeline, &scene(true), &[]).unwrap_or_else(|e| panic!("{}", rendered(&e))).explain().contains("rays are cast on the host")
     };
     assert!(says_host("irradiance.ron", Device::Software));
-    assert!(!says_host("irradiance.ron", Device::Hardware));
+    assert!(!says_host("irradiance.ron", Device::ABLE));
     assert!(!says_host("irradiance-device-rays.ron", Device::Software));
 }
 

@@ -2,7 +2,7 @@
 
 use hemisplat::{
     contract::recorder::Setting,
-    gpu::{scene::byte_size, spirv},
+    gpu::{scene::kind, spirv},
     passes::REGISTRY,
     pipeline::{Pipeline, Plan, Problems, load, plan},
     recording::Command,
@@ -20,8 +20,8 @@ fn loaded(name: &str, text: &str) -> Result<Pipeline, Problems> {
 fn planned(pipeline: &str, scene: &str) -> Plan {
     let scene = scenes::load(Path::new(scene), &scenes::LoadOptions::default()).unwrap();
     let needs = Needs::of(&scene);
-    let setting = Setting { scene: &scene, needs: &needs, device: hemisplat::recording::Device::Hardware, size: [64, 48], tables: None };
-    plan(&loaded(pipeline, "").unwrap(), setting, &[], &|data| byte_size(&scene, data)).unwrap()
+    let setting = Setting { scene: &scene, needs: &needs, device: hemisplat::recording::Device::ABLE, size: [64, 48], tables: None };
+    plan(&loaded(pipeline, "").unwrap(), setting, &[], &|data| kind(&scene, data)).unwrap()
 }
 
 /// Shader, imports and constants of every program but those that draw shadow maps, of which there are as many as lights have faces.

@@ -6,7 +6,7 @@
 mod place;
 
 use hemisplat::contract::recorder::Setting;
-use hemisplat::gpu::scene::byte_size;
+use hemisplat::gpu::scene::kind;
 use hemisplat::measure::study::embedded::EMBEDDED;
 use hemisplat::measure::traffic::{Traffic, traffic};
 use hemisplat::passes::REGISTRY;
@@ -331,8 +331,8 @@ fn traffic_of(pipeline: &str, resolution: u32, set: &str) -> Result<Traffic, Fai
     let pipeline = pipeline::load(pipeline, &sets, REGISTRY, &mut |_| Err(io::ErrorKind::NotFound.into())).map_err(told)?;
     let scene = load::load(Path::new("corner"), &load::LoadOptions::default()).map_err(|error| error.to_string())?;
     let needs = Needs::of(&scene);
-    let setting = Setting { scene: &scene, needs: &needs, device: hemisplat::recording::Device::Hardware, size: [32, 24], tables: None };
-    let plan = pipeline::plan(&pipeline, setting, &[], &|data| byte_size(&scene, data)).map_err(told)?;
+    let setting = Setting { scene: &scene, needs: &needs, device: hemisplat::recording::Device::ABLE, size: [32, 24], tables: None };
+    let plan = pipeline::plan(&pipeline, setting, &[], &|data| kind(&scene, data)).map_err(told)?;
     Ok(traffic(&plan.recording, &["records"]).map_err(|error| error.to_string())?.ok_or("no tiles")?)
 }
 

@@ -121,13 +121,11 @@ struct Graph<'a> {
 impl<'a> Graph<'a> {
     fn new(stage: &'a Stage, size: [u32; 2]) -> Self {
         let mut recording = Recording::default();
-        let mut declare = |name: &str, bytes, lifetime| {
-            recording.resources.push(ResourceDescription { name: name.into(), kind: ResourceKind::Buffer { bytes }, lifetime });
-        };
+        let mut declare = |name: &str, kind, lifetime| recording.resources.push(ResourceDescription { name: name.into(), kind, lifetime });
         for data in SceneData::ALL {
-            declare(data.name(), scene_data::byte_size(&stage.scene, data), Lifetime::Scene(data));
+            declare(data.name(), scene_data::kind(&stage.scene, data), Lifetime::Scene(data));
         }
-        declare("camera", 256, Lifetime::Frame);
+        declare("camera", ResourceKind::Buffer { bytes: 256 }, Lifetime::Frame);
         Self { stage, size, recording, ports: BTreeMap::new(), reports: Vec::new(), batch: None, looped: Vec::new() }
     }
 
@@ -152,7 +150,7 @@ impl<'a> Graph<'a> {
         let join = |input: &str| inputs.iter().find(|i| i.0 == input).and_then(|i| self.ports.get(i.1)).cloned();
         let joined: BTreeMap<_, _> = description.inputs.iter().filter_map(|i| Some((i.name, join(i.name)?))).collect();
         // What is suited to a driver on the CPU is the host.
-        let device = if values.contains(&("by", "Suited")) { Device::Software } else { Device::Hardware };
+        let device = if values.contains(&("by", "Suited")) { Device::Software } else { Device::ABLE };
         let setting = Setting { scene: &self.stage.scene, needs: &self.stage.needs, device, size: self.size, tables: None };
         let mut recorder = Recorder::new(name, &given, setting, &joined, &mut self.recording);
         if let Some((batch, sequential)) = self.batch {

@@ -14,7 +14,7 @@ mod peak;
 use clap::Parser;
 use hemisplat::{
     contract::recorder::Setting,
-    gpu::{Gpu, Pace, scene::byte_size},
+    gpu::{Gpu, Pace, scene::kind},
     measure::{
         run::{FrameReport, Run},
         statistics::Spread,
@@ -148,7 +148,7 @@ impl Stage {
         let pipeline = load_pipeline(PIPELINE, sets, REGISTRY, &mut |path| std::fs::read_to_string(path)).map_err(|e| e.to_string())?;
         let needs = Needs::of(&self.scene);
         let setting = Setting { scene: &self.scene, needs: &needs, device: hemisplat::gpu::expected_device(), size: [edge, edge], tables: None };
-        Ok(plan(&pipeline, setting, &[], &|data| byte_size(&self.scene, data)).map_err(|e| e.to_string())?)
+        Ok(plan(&pipeline, setting, &[], &|data| kind(&self.scene, data)).map_err(|e| e.to_string())?)
     }
 
     fn run<'a>(&'a self, gpu: &'a Gpu, plan: &'a Plan, edge: u32) -> Result<Run<'a>, Failure> {

@@ -25,7 +25,7 @@ static DESCRIPTION: Description = Description {
                     Choice { name: "RasterBlend", about: "a screen rectangle a record, blended additively (RCS)", parameters: &[] },
                     Choice {
                         name: "Suited",
-                        about: "`Host` where the device is a driver on the cores of the host; elsewhere `RasterBlend` for irradiance, `ComputeTiles` for radiance",
+                        about: "`Host` where the device is a driver on the cores of the host; elsewhere `RasterBlend` for irradiance if the device blends 32-bit floats, `ComputeTiles` if not, and for radiance",
                         parameters: &[],
                     },
                     Choice {
@@ -166,9 +166,10 @@ impl Pass for Splat {
             }
             ("Host", Some(radiance)) => host_radiance::record(r, &work, radiance)?,
             ("Host", None) => host::record(r, &work),
-            ("ComputeTiles", _) | ("Suited", Some(_)) => {
-                clear(r, &work);
-                compute_tiles::record(r, &work);
+            ("ComputeTiles", _) | ("Suited", Some(_)) => tiled(r, &work),
+            ("Suited", None) if r.setting.device == (Device::Hardware { blends: false }) => {
+                r.remark("records are splatted in compute, as the device cannot blend 32-bit floats");
+                tiled(r, &work);
             }
             _ => {
                 clear(r, &work);
@@ -186,6 +187,11 @@ impl Pass for Splat {
         r.output("sums", Port::Splats(port::Splats { sums, counts, lobes, cache }));
         Ok(())
     }
+}
+
+fn tiled(r: &mut Recorder<'_>, work: &Work) {
+    clear(r, work);
+    compute_tiles::record(r, work);
 }
 
 fn clear(r: &mut Recorder<'_>, work: &Work) {

@@ -326,7 +326,7 @@ fn plane_hit(in: Fragment, tile: u32) -> PlaneHit {
 
 // For scenes with one-sided surfaces or alpha masks.
 fn is_seen(triangle: u32, hit: PlaneHit) -> bool {
-    let from_behind = ONE_SIDED && hit.determinant < 0.0 && (scene_materials[material_of(triangle)].flags & TWO_SIDED) == 0u;
+    let from_behind = ONE_SIDED && hit.determinant < 0.0 && (scene_material(material_of(triangle)).flags & TWO_SIDED) == 0u;
     return !from_behind && !(ALPHA_MASKS && is_hole(triangle, hit.barycentric));
 }
 

@@ -5,7 +5,6 @@
 // units of the scene's largest extent.
 
 // The grid's origin with the unit, the steps of its boxes with the place of the triangles, the root, pairs of children, then triangles.
-@group(1) @binding(3) var<storage, read> scene_nodes: array<vec4u>;
 
 // More than the longest path from the root to a leaf: gpu::hierarchy.
 const MAX_DEPTH = 64u;
@@ -13,7 +12,7 @@ const MAX_DEPTH = 64u;
 const NO_NODE = 0xffffffffu;
 
 fn root_content() -> u32 {
-    return scene_nodes[2].w;
+    return scene_tables[2].w;
 }
 
 // Whether a node with this content has children.
@@ -49,9 +48,9 @@ struct Grid {
 const FINE_STEPS = 268435456.0;
 
 fn grid_from(origin: vec3f) -> Grid {
-    let unit = bitcast<f32>(scene_nodes[0].w);
-    let place = clamp((origin - bitcast<vec3f>(scene_nodes[0].xyz)) / unit, vec3f(-7.0), vec3f(7.0));
-    return Grid(-place, bitcast<vec3f>(scene_nodes[1].xyz), vec3i(round(place * FINE_STEPS)), unit, scene_nodes[1].w);
+    let unit = bitcast<f32>(scene_tables[0].w);
+    let place = clamp((origin - bitcast<vec3f>(scene_tables[0].xyz)) / unit, vec3f(-7.0), vec3f(7.0));
+    return Grid(-place, bitcast<vec3f>(scene_tables[1].xyz), vec3i(round(place * FINE_STEPS)), unit, scene_tables[1].w);
 }
 
 fn lower_bound(node: vec4u, grid: Grid) -> vec3f {
@@ -75,8 +74,8 @@ struct Corners {
 }
 
 fn corners(triangle: u32, grid: Grid) -> Corners {
-    let x = scene_nodes[grid.triangles + 2u * triangle];
-    let y = scene_nodes[grid.triangles + 2u * triangle + 1u];
+    let x = scene_tables[grid.triangles + 2u * triangle];
+    let y = scene_tables[grid.triangles + 2u * triangle + 1u];
     let low = (x & vec4u(15u)) << vec4u(0u, 4u, 8u, 12u);
     let high = (y.xyz & vec3u(15u)) << vec3u(16u, 20u, 24u);
     let last = low.x | low.y | low.z | low.w | high.x | high.y | high.z;

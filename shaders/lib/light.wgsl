@@ -81,7 +81,7 @@ fn punctual_reflected(surface: Surface, seed: u32) -> vec3f {
         sum += light_reflected(known(scene_first_lights[3], 3u), surface, seed + 11u);
     }
     for (var i = FIRST_LIGHTS; i < lights; i++) {
-        sum += light_reflected(scene_lights[i], surface, seed + 5u + 2u * i);
+        sum += light_reflected(scene_light(i), surface, seed + 5u + 2u * i);
     }
     return sum;
 }
@@ -92,13 +92,13 @@ fn pick_emitter(at: f32) -> u32 {
     var high = scene_parameters.emitters - 1u;
     while low < high {
         let middle = (low + high) / 2u;
-        if scene_emitters[middle].cumulative > at {
+        if scene_emitter(middle).cumulative > at {
             high = middle;
         } else {
             low = middle + 1u;
         }
     }
-    return scene_emitters[low].triangle;
+    return scene_emitter(low).triangle;
 }
 
 // Reflected light of emissive triangles: points in proportion to area × luminance, in `AREA_SAMPLES` strata of the
@@ -119,7 +119,7 @@ fn area_reflected(surface: Surface, seed: u32) -> vec3f {
         let e1 = scene_corners[3u * triangle + 1u].xyz;
         let e2 = scene_corners[3u * triangle + 2u].xyz;
         let point = scene_corners[3u * triangle].xyz + e1 * b.x + e2 * b.y;
-        let material = scene_materials[material_of(triangle)];
+        let material = scene_material(material_of(triangle));
         let d = point - origin;
         let squared = max(dot(d, d), 1e-30);
         let to_light = d * inverseSqrt(squared);

@@ -76,7 +76,7 @@ fn seen_triangle(index: u32, grid: Grid) -> SeenTriangle {
     let second = cross(at.point, at.e1);
     var two_sided = true;
     if ONE_SIDED {
-        two_sided = (scene_materials[material_of(index)].flags & TWO_SIDED) != 0u;
+        two_sided = (scene_material(material_of(index)).flags & TWO_SIDED) != 0u;
     }
     return SeenTriangle(index, cross(at.e2, at.e1), cross(at.e2, at.point), second, dot(at.e2, second), at.rounding, two_sided);
 }
@@ -146,8 +146,8 @@ fn trace_packet(origin: vec3f, given: Packet) -> Packet {
     loop {
         var held = NO_NODE;
         while is_inner(content) {
-            let first = scene_nodes[content];
-            let second = scene_nodes[content + 1u];
+            let first = scene_tables[content];
+            let second = scene_tables[content + 1u];
             let left = seen_box(first, grid);
             let right = seen_box(second, grid);
             let enters_left = any(enters(packet.a, left) | enters(packet.b, left));

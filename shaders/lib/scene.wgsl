@@ -10,9 +10,11 @@ struct SceneParameters {
     emitters: u32,
     emitter_weight: f32,
     environment_size: vec2u,
-    padding: vec2u,
+    // Where the tables of the lights, the emitters and the materials start among the scene's.
+    first_light: u32,
+    first_emitter: u32,
     centre: vec3f,
-    padding_b: u32,
+    first_material: u32,
 }
 
 struct SceneMaterial {
@@ -54,13 +56,13 @@ struct SceneEmitter {
 @group(1) @binding(1) var<storage, read> scene_corners: array<vec4f>;
 // Three normals, with the texture coordinates in the spare places: four a triangle.
 @group(1) @binding(2) var<storage, read> scene_attributes: array<vec4f>;
-@group(1) @binding(4) var<storage, read> scene_materials: array<SceneMaterial>;
-@group(1) @binding(5) var<storage, read> scene_texels: array<u32>;
-@group(1) @binding(6) var<storage, read> scene_lights: array<SceneLight>;
-// The first of them again, where drivers that run on the CPU read a constant place once for all lanes.
-@group(1) @binding(10) var<uniform> scene_first_lights: array<SceneLight, FIRST_LIGHTS>;
-@group(1) @binding(7) var<storage, read> scene_emitters: array<SceneEmitter>;
-@group(1) @binding(8) var<storage, read> scene_environment: array<vec4f>;
+// The hierarchy (lib/hierarchy), then lights, emitters and materials: one buffer, as WebGPU promises no more than eight a stage.
+@group(1) @binding(3) var<storage, read> scene_tables: array<vec4u>;
+// Those of all textures, one after the other, row by row.
+@group(1) @binding(4) var scene_texels: texture_2d<u32>;
+@group(1) @binding(5) var scene_environment: texture_2d<f32>;
+// The first lights again, where drivers that run on the CPU read a constant place once for all lanes.
+@group(1) @binding(6) var<uniform> scene_first_lights: array<SceneLight, FIRST_LIGHTS>;
 
 const FIRST_LIGHTS = 4u;
 const TWO_SIDED = 1u;
@@ -110,6 +112,37 @@ struct Surface {
     outgoing: vec3f,
 }
 
+fn scene_material(index: u32) -> SceneMaterial {
+    let at = scene_parameters.first_material + 6u * index;
+    let a = scene_tables[at];
+    let b = scene_tables[at + 1u];
+    let c = scene_tables[at + 2u];
+    let d = scene_tables[at + 3u];
+    let e = scene_tables[at + 4u];
+    return SceneMaterial(
+        bitcast<vec3f>(a.xyz), a.w, bitcast<vec3f>(b.xyz), bitcast<f32>(b.w), c.x, c.y, c.z, c.w, bitcast<vec3f>(d.xyz), bitcast<f32>(d.w),
+        bitcast<vec2f>(e.xy), vec2f(0.0),
+    );
+}
+
+fn scene_light(index: u32) -> SceneLight {
+    let at = scene_parameters.first_light + 5u * index;
+    let a = scene_tables[at];
+    let b = scene_tables[at + 1u];
+    let c = scene_tables[at + 2u];
+    let d = scene_tables[at + 3u];
+    return SceneLight(
+        bitcast<vec3f>(a.xyz), a.w, bitcast<vec3f>(b.xyz), b.w, bitcast<vec3f>(c.xyz), bitcast<f32>(c.w), bitcast<f32>(d.x), d.y, bitcast<f32>(d.z), 0u,
+    );
+}
+
+// Two stand in an element.
+fn scene_emitter(index: u32) -> SceneEmitter {
+    let pair = scene_tables[scene_parameters.first_emitter + index / 2u];
+    let emitter = select(pair.xy, pair.zw, (index & 1u) == 1u);
+    return SceneEmitter(emitter.x, bitcast<f32>(emitter.y));
+}
+
 // How far rays start off a surface: as scene::surface_offset.
 fn surface_offset(position: vec3f) -> f32 {
     let magnitude = abs(position);
@@ -127,8 +160,9 @@ fn srgb_to_linear(value: vec3f) -> vec3f {
 fn texel(material: SceneMaterial, at: vec2i) -> vec4f {
     let size = vec2i(i32(material.texture_width), i32(material.texture_height));
     let wrapped = ((at % size) + size) % size;
-    let bits = scene_texels[material.texture_start + u32(wrapped.y * size.x + wrapped.x)];
-    let value = unpack4x8unorm(bits);
+    let place = material.texture_start + u32(wrapped.y * size.x + wrapped.x);
+    let row = textureDimensions(scene_texels).x;
+    let value = unpack4x8unorm(textureLoad(scene_texels, vec2u(place % row, place / row), 0).x);
     return vec4f(srgb_to_linear(value.rgb), value.a);
 }
 
@@ -153,7 +187,7 @@ fn uv_at(triangle: u32, barycentric: vec2f) -> vec2f {
 
 // Whether an alpha mask leaves a hole there.
 fn is_hole(triangle: u32, barycentric: vec2f) -> bool {
-    let material = scene_materials[material_of(triangle)];
+    let material = scene_material(material_of(triangle));
     if (material.flags & HOLES) == 0u {
         return false;
     }
@@ -239,7 +273,7 @@ fn surface_seen(triangle: u32, origin: vec3f, direction: vec3f) -> Surface {
     let e2 = scene_corners[3u * triangle + 2u].xyz;
     let plane = cross(e1, e2);
     let side = select(-1.0, 1.0, dot(plane, direction) <= 0.0);
-    let material = scene_materials[bitcast<u32>(a.w)];
+    let material = scene_material(bitcast<u32>(a.w));
     var surface: Surface;
     surface.position = place(a.xyz, e1, e2, b, origin, direction);
     surface.face_normal = plane * (side / max(length(plane), 1e-37));
@@ -326,5 +360,5 @@ fn environment_radiance(direction: vec3f) -> vec3f {
 fn environment_texel(at: vec2i, size: vec2i) -> vec3f {
     let x = ((at.x % size.x) + size.x) % size.x;
     let y = clamp(at.y, 0, size.y - 1);
-    return scene_environment[y * size.x + x].xyz;
+    return textureLoad(scene_environment, vec2i(x, y), 0).xyz;
 }

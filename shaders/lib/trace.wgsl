@@ -40,8 +40,8 @@ fn trace_occluded(origin: vec3f, direction: vec3f, distance: f32) -> bool {
     var content = root_content();
     loop {
         while is_inner(content) {
-            let left = scene_nodes[content];
-            let right = scene_nodes[content + 1u];
+            let left = scene_tables[content];
+            let right = scene_tables[content + 1u];
             let enters_left = enters_box(left, grid, inverse, limit);
             let enters_right = enters_box(right, grid, inverse, limit);
             if enters_left && enters_right {

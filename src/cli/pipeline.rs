@@ -7,7 +7,7 @@ use super::scene::View;
 use super::stored::Stored;
 use super::truth::cache_folder;
 use crate::contract::recorder::Setting;
-use crate::gpu::scene::byte_size;
+use crate::gpu::scene::kind;
 use crate::passes::REGISTRY;
 use crate::pipeline::syntax::Place;
 use crate::pipeline::{Pipeline, Plan, Problem, Problems, Set, load, load_with, plan};
@@ -74,5 +74,5 @@ pub fn expect_exact(plan: &Plan) -> Result<(), Problems> {
 pub fn plan_view(pipeline: &Pipeline, view: &View, device: Device, dumps: &[String]) -> Result<Plan, Problems> {
     let (needs, stored) = (Needs::of(&view.scene), Stored::new(cache_folder()));
     let setting = Setting { scene: &view.scene, needs: &needs, device, size: view.size, tables: Some(&stored) };
-    plan(pipeline, setting, dumps, &|data| byte_size(&view.scene, data))
+    plan(pipeline, setting, dumps, &|data| kind(&view.scene, data))
 }

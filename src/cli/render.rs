@@ -102,7 +102,7 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     });
     let view = view?;
     let (plans, planned) =
-        timed(|| Plans::of(&options.pipeline, &timeline, &view, gpu.as_ref().map_or(Device::Hardware, |gpu| gpu.adapter.device()), &options.dump));
+        timed(|| Plans::of(&options.pipeline, &timeline, &view, gpu.as_ref().map_or(Device::ABLE, |gpu| gpu.adapter.device()), &options.dump));
     let plans = plans?;
     if options.strict {
         expect_exact(plans.first()).map_err(Failure::input)?;
@@ -157,11 +157,11 @@ impl RecordsFile {
         if run.plan().persistent.is_empty() {
             return Err(Failure::input(CommandError::NoRecords { path: self.target.path().to_owned() }));
         }
-        self.contents.iter().try_for_each(|contents| cache::load(run, &view.scene, &view.bvh, contents)).map_err(Failure::input)
+        self.contents.iter().try_for_each(|contents| cache::load(run, &view.scene, contents)).map_err(Failure::input)
     }
 
     fn save(&self, run: &Run<'_>, view: &View) -> Result<(), Failure> {
-        self.target.write(&cache::save(run, &view.scene, &view.bvh).map_err(Failure::work)?)
+        self.target.write(&cache::save(run, &view.scene).map_err(Failure::work)?)
     }
 }
 

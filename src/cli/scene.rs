@@ -117,7 +117,7 @@ impl SceneOptions {
             ("program", format!("hemisplat {}", env!("CARGO_PKG_VERSION"))),
             ("scene", self.scene.display().to_string()),
             ("scene-set", set.join(" ")),
-            (SCENE_CHECKSUM, fingerprint(&view.scene, &view.bvh)),
+            (SCENE_CHECKSUM, fingerprint(&view.scene)),
             ("camera", camera.name.clone()),
             ("size", format!("{width}x{height}")),
         ];

@@ -161,7 +161,7 @@ pub fn cache_folder() -> Option<PathBuf> {
 pub fn expect_shown(view: &View, picture: &Layers, path: &Path) -> Result<(), Failure> {
     let own = Layers { projection: Some(Projection::of(&view.camera, view.scene.origin, view.size)), ..Layers::default() }
         .with_attribute("scene", &view.scene.name)
-        .with_attribute(SCENE_CHECKSUM, fingerprint(&view.scene, &view.bvh))
+        .with_attribute(SCENE_CHECKSUM, fingerprint(&view.scene))
         .with_attribute("camera", &view.camera.name);
     let differences = other_view(&own, picture);
     if differences.is_empty() {
@@ -185,7 +185,7 @@ fn key(view: &View, settings: &Settings) -> String {
 pub fn content(view: &View) -> String {
     let [width, height] = view.size;
     let camera = Checksum::of(bytemuck::bytes_of(&camera(&view.camera, view.size, view.scene.extent(), 0)));
-    let scene = fingerprint(&view.scene, &view.bvh);
+    let scene = fingerprint(&view.scene);
     format!("scene {scene}, camera {camera}, size {width}x{height}")
 }
 

@@ -62,6 +62,9 @@ pub struct Adapter {
     pub kind: &'static str,
     /// What pipelines need and it lacks; empty for a usable one.
     pub lacks: Vec<String>,
+    /// Whether it blends into images of 32-bit floats.
+    #[serde(skip)]
+    pub blends: bool,
 }
 
 /// An open device.
@@ -77,13 +80,11 @@ pub struct Gpu {
     lost: Arc<Mutex<Option<String>>>,
 }
 
-/// Without these no pipeline runs; a splat that blends needs `FLOAT32_BLENDABLE` on top.
+/// What is made use of where it is there; no pipeline needs it but one that says `by: RasterBlend`.
 const WANTED: wgpu::Features = wgpu::Features::FLOAT32_BLENDABLE
     .union(wgpu::Features::TIMESTAMP_QUERY)
     .union(wgpu::Features::TIMESTAMP_QUERY_INSIDE_ENCODERS)
     .union(wgpu::Features::TEXTURE_ADAPTER_SPECIFIC_FORMAT_FEATURES);
-
-const STORAGE_BUFFERS: u32 = 10;
 
 /// All adapters that the machine shows, the one that [`Gpu::open`] takes first.
 pub fn adapters() -> Vec<Adapter> {
@@ -97,7 +98,7 @@ pub fn adapters() -> Vec<Adapter> {
 pub fn expected_device() -> Device {
     static FOUND: OnceLock<Device> = OnceLock::new();
     let wanted = wanted();
-    *FOUND.get_or_init(|| adapters().iter().find(|adapter| is_wanted(&adapter.name, wanted.as_deref())).map_or(Device::Hardware, Adapter::device))
+    *FOUND.get_or_init(|| adapters().iter().find(|adapter| is_wanted(&adapter.name, wanted.as_deref())).map_or(Device::ABLE, Adapter::device))
 }
 
 /// What `WGPU_ADAPTER_NAME` asks for.
@@ -111,7 +112,7 @@ fn is_wanted(name: &str, wanted: Option<&str>) -> bool {
 
 impl Adapter {
     pub fn device(&self) -> Device {
-        if self.kind == "software" { Device::Software } else { Device::Hardware }
+        if self.kind == "software" { Device::Software } else { Device::Hardware { blends: self.blends } }
     }
 }
 
@@ -142,10 +143,17 @@ fn describe(adapter: &wgpu::Adapter) -> Adapter {
     if !adapter.get_downlevel_capabilities().is_webgpu_compliant() {
         lacks.push("WebGPU compliance".to_string());
     }
-    if limits.max_storage_buffers_per_shader_stage < STORAGE_BUFFERS {
-        lacks.push(format!("{STORAGE_BUFFERS} storage buffers per stage"));
+    if !limits.check_limits(&wgpu::Limits::default()) {
+        lacks.push("the limits that WebGPU promises".to_string());
     }
-    Adapter { name: info.name, backend: info.backend.to_string(), driver: format!("{} {}", info.driver, info.driver_info).trim().into(), kind, lacks }
+    Adapter {
+        name: info.name,
+        backend: info.backend.to_string(),
+        driver: format!("{} {}", info.driver, info.driver_info).trim().into(),
+        kind,
+        lacks,
+        blends: adapter.features().contains(wgpu::Features::FLOAT32_BLENDABLE),
+    }
 }
 
 impl Gpu {

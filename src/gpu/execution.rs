@@ -3,7 +3,9 @@
 use super::clock::{Clock, Rounds};
 use super::copies::{Copies, HostCopy};
 use super::device::{Gpu, GpuError};
+use super::limits::{self, Granted};
 use super::programs::{Ready, layer_views};
+use super::shaders::Shaders;
 use super::timing::Timing;
 use super::{readback, scene as scene_data};
 use crate::recording::*;
@@ -112,6 +114,8 @@ impl<'a> Session<'a> {
         camera: &Camera,
         size: [u32; 2],
     ) -> Result<Self, GpuError> {
+        let shaders = Shaders::load(recording)?;
+        limits::hold_shaders(recording, &shaders, &Granted { limits: &gpu.limits, features: gpu.features, adapter: &gpu.adapter.name })?;
         let mut session = Self {
             gpu,
             scene,
@@ -139,7 +143,7 @@ impl<'a> Session<'a> {
             gpu_bytes: 0,
         };
         session.allocate(placement)?;
-        session.programs = session.prepare_all()?;
+        session.programs = session.prepare_all(&shaders)?;
         session.nodes = recording.nodes().into_iter().map(|node| NodeTimes { node: node.name.clone(), pass: node.pass, ..Default::default() }).collect();
         Ok(session)
     }
@@ -151,8 +155,8 @@ impl<'a> Session<'a> {
         for (index, description) in self.recording.resources.iter().enumerate() {
             let physical = match (&description.lifetime, &description.kind) {
                 (_, ResourceKind::Draws | ResourceKind::State) => Physical::Host,
-                (Lifetime::Scene(data), _) => self.upload(&description.name, &scene_data::bytes(self.scene, self.bvh, *data))?,
-                (Lifetime::Constant(contents), _) => self.upload(&description.name, contents)?,
+                (Lifetime::Scene(data), kind) => self.upload(&description.name, kind, &scene_data::bytes(self.scene, self.bvh, *data))?,
+                (Lifetime::Constant(contents), kind) => self.upload(&description.name, kind, contents)?,
                 (Lifetime::History | Lifetime::Frame, kind) => self.create(&description.name, kind)?,
                 (Lifetime::Transient, _) => match placement.slots[index] {
                     Some(slot) => shared[slot as usize].share(),
@@ -166,11 +170,8 @@ impl<'a> Session<'a> {
 
     fn create(&mut self, label: &str, kind: &ResourceKind) -> Result<Physical, GpuError> {
         self.gpu_bytes += kind.bytes();
-        let limits = &self.gpu.limits;
-        let within = |wanted: u64, limit: u64, unit| if wanted <= limit { Ok(()) } else { Err(GpuError::Limit { what: label.into(), unit, wanted, limit }) };
         let physical = match kind {
             ResourceKind::Buffer { bytes } => {
-                within(*bytes, limits.max_storage_buffer_binding_size.min(limits.max_buffer_size), "bytes")?;
                 let usage = wgpu::BufferUsages::STORAGE
                     | wgpu::BufferUsages::UNIFORM
                     | wgpu::BufferUsages::VERTEX
@@ -180,8 +181,6 @@ impl<'a> Session<'a> {
                 Physical::Buffer(self.gpu.device.create_buffer(&wgpu::BufferDescriptor { label: Some(label), size: *bytes, usage, mapped_at_creation: false }))
             }
             ResourceKind::Texture { size, layers, format } => {
-                within(size[0].max(size[1]).into(), limits.max_texture_dimension_2d.into(), "texels along an edge")?;
-                within((*layers).into(), limits.max_texture_array_layers.into(), "layers")?;
                 Physical::Texture { texture: self.create_texture(label, *size, *layers, *format), format: *format }
             }
             ResourceKind::Draws | ResourceKind::State => Physical::Host,
@@ -208,10 +207,12 @@ impl<'a> Session<'a> {
         })
     }
 
-    fn upload(&mut self, label: &str, bytes: &[u8]) -> Result<Physical, GpuError> {
-        let physical = self.create(label, &ResourceKind::Buffer { bytes: bytes.len() as u64 })?;
-        if let Physical::Buffer(buffer) = &physical {
-            self.gpu.queue.write_buffer(buffer, 0, bytes);
+    fn upload(&mut self, label: &str, kind: &ResourceKind, bytes: &[u8]) -> Result<Physical, GpuError> {
+        let physical = self.create(label, kind)?;
+        match &physical {
+            Physical::Buffer(buffer) => self.gpu.queue.write_buffer(buffer, 0, bytes),
+            Physical::Texture { texture, format } => self.write_texture(texture, *format, &bytes[..kind.bytes() as usize]),
+            Physical::Host | Physical::Unused => {}
         }
         Ok(physical)
     }
@@ -680,13 +681,15 @@ impl<'a> Session<'a> {
         let Some((offset, bytes)) = self.copies.get(resource).and_then(HostCopy::ahead) else { return };
         match &self.physical[resource.0 as usize] {
             Physical::Buffer(buffer) => self.gpu.queue.write_buffer(buffer, offset as u64, &padded(bytes)),
-            Physical::Texture { texture, format } => {
-                let row = (texture.width() as u64 * format.bytes()) as u32;
-                let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row), rows_per_image: Some(texture.height()) };
-                self.gpu.queue.write_texture(texture.as_image_copy(), bytes, layout, texture.size());
-            }
+            Physical::Texture { texture, format } => self.write_texture(texture, *format, bytes),
             Physical::Host | Physical::Unused => {}
         }
+    }
+
+    fn write_texture(&self, texture: &wgpu::Texture, format: Format, rows: &[u8]) {
+        let row = (texture.width() as u64 * format.bytes()) as u32;
+        let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row), rows_per_image: Some(texture.height()) };
+        self.gpu.queue.write_texture(texture.as_image_copy(), rows, layout, texture.size());
     }
 
     /// Bytes of a resource, rows of a texture without padding.

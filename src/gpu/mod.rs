@@ -5,11 +5,13 @@ mod copies;
 pub mod device;
 pub mod execution;
 mod hierarchy;
+pub mod limits;
 mod pipelines;
 mod programs;
 mod readback;
 pub mod scene;
 pub mod shader;
+mod shaders;
 pub mod spirv;
 mod timing;
 

@@ -2,10 +2,11 @@
 
 use super::device::{Gpu, GpuError};
 use super::execution::texture_format;
-use super::shader::{Shader, Slot, SlotKind};
+use super::shader::{Slot, SlotKind};
+use super::shaders::{Shaders, Source, source};
 use crate::recording::*;
 use rayon::prelude::*;
-use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::collections::{BTreeMap, HashMap};
 
 /// Every pipeline of a recording, once, by everything that makes it differ from others.
 pub(super) struct Pipelines {
@@ -21,28 +22,27 @@ pub(super) struct Built<P> {
     pub layouts: BTreeMap<u32, wgpu::BindGroupLayout>,
 }
 
-/// Shaders that pipelines share, by file and imports.
-type Modules<'r> = BTreeMap<Source<'r>, (Shader, wgpu::ShaderModule)>;
-type Source<'r> = (&'static str, &'r [(&'static str, &'static str)]);
+/// What the driver has of the shaders, which pipelines share.
+type Modules = BTreeMap<Source, wgpu::ShaderModule>;
 
 impl Pipelines {
     /// Builds on all cores, for drivers take long over large shaders.
     ///
     /// # Errors
-    /// A shader that is not valid or that the driver refuses; a feature that the adapter lacks.
-    pub fn build(gpu: &Gpu, recording: &Recording) -> Result<Self, GpuError> {
-        let (mut computes, mut rasters, mut sources) = (BTreeMap::new(), BTreeMap::new(), BTreeSet::new());
+    /// A shader that the driver refuses.
+    pub fn build(gpu: &Gpu, recording: &Recording, shaders: &Shaders) -> Result<Self, GpuError> {
+        let (mut computes, mut rasters) = (BTreeMap::new(), BTreeMap::new());
         for command in recording.nodes().into_iter().flat_map(|node| &node.commands) {
-            sources.extend(command.program().map(source));
             match command {
                 Command::Compute(compute) => _ = computes.insert(key_of_compute(compute), compute),
                 Command::Raster(raster) => _ = rasters.insert(key_of_raster(recording, raster), raster),
                 Command::Clear(_) | Command::Copy { .. } | Command::Unroll { .. } | Command::Host(_) | Command::Late(_) => {}
             }
         }
-        let modules = sources.into_par_iter().map(|source| Ok((source, module(gpu, source)?))).collect::<Result<Modules<'_>, GpuError>>()?;
-        let compute = |(key, compute)| Ok((key, build_compute(gpu, compute, &modules)?));
-        let raster = |(key, raster)| Ok((key, build_raster(gpu, raster, &formats(recording, raster), &modules)?));
+        let modules: Modules = shaders.iter().map(|(source, shader)| (source.clone(), module(gpu, source.0, &shader.text))).collect();
+        let builder = Builder { gpu, shaders, modules };
+        let compute = |(key, compute)| Ok((key, builder.compute(compute)?));
+        let raster = |(key, raster)| Ok((key, builder.raster(raster, &formats(recording, raster))?));
         let (compute, raster) = rayon::join(
             || computes.into_par_iter().map(compute).collect::<Result<_, GpuError>>(),
             || rasters.into_par_iter().map(raster).collect::<Result<_, GpuError>>(),
@@ -78,95 +78,85 @@ fn formats(recording: &Recording, raster: &Raster) -> Vec<(Format, Blend)> {
     raster.colours.iter().filter_map(format).collect()
 }
 
-fn source(program: &Program) -> Source<'_> {
-    (program.shader, &program.imports)
+fn module(gpu: &Gpu, name: &str, text: &str) -> wgpu::ShaderModule {
+    gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor { label: Some(name), source: wgpu::ShaderSource::Wgsl(text.into()) })
 }
 
-fn module(gpu: &Gpu, (name, imports): Source<'_>) -> Result<(Shader, wgpu::ShaderModule), GpuError> {
-    let shader = Shader::load(name, imports)?;
-    let source = wgpu::ShaderSource::Wgsl(shader.text.as_str().into());
-    let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor { label: Some(name), source });
-    Ok((shader, module))
+/// What building needs.
+struct Builder<'a> {
+    gpu: &'a Gpu,
+    shaders: &'a Shaders,
+    modules: Modules,
 }
 
-fn slots(shader: &Shader, program: &Program, entries: &[&str]) -> Result<Vec<Slot>, GpuError> {
-    shader.slots(entries).map_err(|reason| GpuError::Shader { shader: program.shader.into(), reason })
-}
-
-fn build_compute(gpu: &Gpu, compute: &Compute, modules: &Modules<'_>) -> Result<Built<wgpu::ComputePipeline>, GpuError> {
-    let program = &compute.program;
-    let (shader, module) = &modules[&source(program)];
-    let slots = slots(shader, program, &[compute.entry])?;
-    let layouts = layouts(gpu, &slots, wgpu::ShaderStages::COMPUTE);
-    let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-        label: Some(program.shader),
-        layout: Some(&pipeline_layout(gpu, &layouts)),
-        module,
-        entry_point: Some(compute.entry),
-        compilation_options: options(program),
-        cache: None,
-    });
-    Ok(Built { pipeline, slots, layouts })
-}
-
-fn build_raster(gpu: &Gpu, raster: &Raster, formats: &[(Format, Blend)], modules: &Modules<'_>) -> Result<Built<wgpu::RenderPipeline>, GpuError> {
-    require_blending(gpu, formats)?;
-    let program = &raster.program;
-    let (shader, module) = &modules[&source(program)];
-    let slots = slots(shader, program, &[Some(raster.vertex), raster.fragment].into_iter().flatten().collect::<Vec<_>>())?;
-    let layouts = layouts(gpu, &slots, wgpu::ShaderStages::VERTEX_FRAGMENT);
-    let add = wgpu::BlendComponent { src_factor: wgpu::BlendFactor::One, dst_factor: wgpu::BlendFactor::One, operation: wgpu::BlendOperation::Add };
-    let targets: Vec<_> = formats
-        .iter()
-        .map(|(format, blend)| {
-            let blend = (*blend == Blend::Add).then_some(wgpu::BlendState { color: add, alpha: add });
-            Some(wgpu::ColorTargetState { format: texture_format(*format), blend, write_mask: wgpu::ColorWrites::ALL })
-        })
-        .collect();
-    let attributes = wgpu::vertex_attr_array![0 => Float32x3];
-    let position = wgpu::VertexBufferLayout { array_stride: 12, step_mode: wgpu::VertexStepMode::Vertex, attributes: &attributes };
-    let vectors = wgpu::vertex_attr_array![1 => Float32x4, 2 => Float32x4, 3 => Float32x4, 4 => Float32x4];
-    let instance = wgpu::VertexBufferLayout { array_stride: 64, step_mode: wgpu::VertexStepMode::Instance, attributes: &vectors };
-    let buffers = [raster.vertices.map(|_| position), raster.instances.map(|_| instance)];
-    let used = buffers.iter().rposition(Option::is_some).map_or(0, |last| last + 1);
-    let topology = match raster.topology {
-        Topology::Triangles => wgpu::PrimitiveTopology::TriangleList,
-        Topology::TriangleStrip => wgpu::PrimitiveTopology::TriangleStrip,
-    };
-    let pipeline = gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-        label: Some(program.shader),
-        layout: Some(&pipeline_layout(gpu, &layouts)),
-        vertex: wgpu::VertexState { module, entry_point: Some(raster.vertex), compilation_options: options(program), buffers: &buffers[..used] },
-        primitive: wgpu::PrimitiveState { topology, ..Default::default() },
-        depth_stencil: raster.depth.map(|_| wgpu::DepthStencilState {
-            format: wgpu::TextureFormat::Depth32Float,
-            depth_write_enabled: Some(true),
-            depth_compare: Some(wgpu::CompareFunction::Greater),
-            stencil: Default::default(),
-            bias: Default::default(),
-        }),
-        multisample: Default::default(),
-        fragment: raster.fragment.map(|entry| wgpu::FragmentState {
+impl Builder<'_> {
+    fn compute(&self, compute: &Compute) -> Result<Built<wgpu::ComputePipeline>, GpuError> {
+        let program = &compute.program;
+        let (gpu, module) = (self.gpu, &self.modules[&source(program)]);
+        let slots = self.slots(program, &[compute.entry])?;
+        let layouts = layouts(gpu, &slots, wgpu::ShaderStages::COMPUTE);
+        let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some(program.shader),
+            layout: Some(&pipeline_layout(gpu, &layouts)),
             module,
-            entry_point: Some(entry),
+            entry_point: Some(compute.entry),
             compilation_options: options(program),
-            targets: &targets,
-        }),
-        multiview_mask: None,
-        cache: None,
-    });
-    Ok(Built { pipeline, slots, layouts })
-}
-
-fn require_blending(gpu: &Gpu, formats: &[(Format, Blend)]) -> Result<(), GpuError> {
-    if formats.contains(&(Format::Rgba32Float, Blend::Add)) && !gpu.features.contains(wgpu::Features::FLOAT32_BLENDABLE) {
-        return Err(GpuError::MissingFeature {
-            adapter: gpu.adapter.name.clone(),
-            feature: "blending into 32-bit float images (FLOAT32_BLENDABLE)".into(),
-            way: "splat in compute: --set splats.by=ComputeTiles".into(),
+            cache: None,
         });
+        Ok(Built { pipeline, slots, layouts })
     }
-    Ok(())
+
+    fn raster(&self, raster: &Raster, formats: &[(Format, Blend)]) -> Result<Built<wgpu::RenderPipeline>, GpuError> {
+        let program = &raster.program;
+        let (gpu, module) = (self.gpu, &self.modules[&source(program)]);
+        let slots = self.slots(program, &[Some(raster.vertex), raster.fragment].into_iter().flatten().collect::<Vec<_>>())?;
+        let layouts = layouts(gpu, &slots, wgpu::ShaderStages::VERTEX_FRAGMENT);
+        let add = wgpu::BlendComponent { src_factor: wgpu::BlendFactor::One, dst_factor: wgpu::BlendFactor::One, operation: wgpu::BlendOperation::Add };
+        let targets: Vec<_> = formats
+            .iter()
+            .map(|(format, blend)| {
+                let blend = (*blend == Blend::Add).then_some(wgpu::BlendState { color: add, alpha: add });
+                Some(wgpu::ColorTargetState { format: texture_format(*format), blend, write_mask: wgpu::ColorWrites::ALL })
+            })
+            .collect();
+        let attributes = wgpu::vertex_attr_array![0 => Float32x3];
+        let position = wgpu::VertexBufferLayout { array_stride: 12, step_mode: wgpu::VertexStepMode::Vertex, attributes: &attributes };
+        let vectors = wgpu::vertex_attr_array![1 => Float32x4, 2 => Float32x4, 3 => Float32x4, 4 => Float32x4];
+        let instance = wgpu::VertexBufferLayout { array_stride: 64, step_mode: wgpu::VertexStepMode::Instance, attributes: &vectors };
+        let buffers = [raster.vertices.map(|_| position), raster.instances.map(|_| instance)];
+        let used = buffers.iter().rposition(Option::is_some).map_or(0, |last| last + 1);
+        let topology = match raster.topology {
+            Topology::Triangles => wgpu::PrimitiveTopology::TriangleList,
+            Topology::TriangleStrip => wgpu::PrimitiveTopology::TriangleStrip,
+        };
+        let pipeline = gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+            label: Some(program.shader),
+            layout: Some(&pipeline_layout(gpu, &layouts)),
+            vertex: wgpu::VertexState { module, entry_point: Some(raster.vertex), compilation_options: options(program), buffers: &buffers[..used] },
+            primitive: wgpu::PrimitiveState { topology, ..Default::default() },
+            depth_stencil: raster.depth.map(|_| wgpu::DepthStencilState {
+                format: wgpu::TextureFormat::Depth32Float,
+                depth_write_enabled: Some(true),
+                depth_compare: Some(wgpu::CompareFunction::Greater),
+                stencil: Default::default(),
+                bias: Default::default(),
+            }),
+            multisample: Default::default(),
+            fragment: raster.fragment.map(|entry| wgpu::FragmentState {
+                module,
+                entry_point: Some(entry),
+                compilation_options: options(program),
+                targets: &targets,
+            }),
+            multiview_mask: None,
+            cache: None,
+        });
+        Ok(Built { pipeline, slots, layouts })
+    }
+
+    fn slots(&self, program: &Program, entries: &[&str]) -> Result<Vec<Slot>, GpuError> {
+        self.shaders.of(program).slots(entries).map_err(|reason| GpuError::Shader { shader: program.shader.into(), reason })
+    }
 }
 
 fn layouts(gpu: &Gpu, slots: &[Slot], visibility: wgpu::ShaderStages) -> BTreeMap<u32, wgpu::BindGroupLayout> {

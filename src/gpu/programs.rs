@@ -4,6 +4,7 @@ use super::device::GpuError;
 use super::execution::Session;
 use super::pipelines::{Built, Pipelines};
 use super::shader::{Slot, SlotKind};
+use super::shaders::Shaders;
 use crate::recording::*;
 use std::num::NonZeroU64;
 
@@ -30,8 +31,8 @@ pub(super) enum Ready {
 
 impl Session<'_> {
     /// The commands of a recording, each with its shader built and what it touches bound, by node.
-    pub(super) fn prepare_all(&self) -> Result<Vec<Vec<Ready>>, GpuError> {
-        let pipelines = Pipelines::build(self.gpu, self.recording)?;
+    pub(super) fn prepare_all(&self, shaders: &Shaders) -> Result<Vec<Vec<Ready>>, GpuError> {
+        let pipelines = Pipelines::build(self.gpu, self.recording, shaders)?;
         let nodes = self.recording.nodes();
         let ready = nodes.iter().map(|node| node.commands.iter().map(|command| self.prepare(command, &pipelines)).collect()).collect();
         self.gpu.check("binding what shaders touch")?;
@@ -97,11 +98,8 @@ impl Session<'_> {
         wgpu::BufferBinding { buffer, offset: 0, size }
     }
 
-    /// The resource of a binding: listed by the program, or a part of the scene or the camera by its name.
     fn bound(&self, program: &Program, name: &str) -> Result<Resource, GpuError> {
-        let listed = program.bindings.iter().find(|b| b.0 == name).map(|b| b.1);
-        let shared = || self.recording.resources.iter().position(|r| r.name == name).map(|i| Resource(i as u32));
-        listed.or_else(shared).ok_or_else(|| GpuError::Shader { shader: program.shader.into(), reason: format!("nothing is bound to {name}") })
+        self.recording.bound(program, name).ok_or_else(|| GpuError::Shader { shader: program.shader.into(), reason: format!("nothing is bound to {name}") })
     }
 
     fn view(&self, slot: &Slot, resource: Resource) -> Option<wgpu::TextureView> {

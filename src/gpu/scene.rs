@@ -2,7 +2,7 @@
 
 use super::hierarchy;
 use crate::host_struct;
-use crate::recording::{HostLayout, SceneData};
+use crate::recording::{Format, HostLayout, ResourceKind, SceneData};
 use crate::scene::{Camera, Emitter, Environment, Glossy, LightKind, Material, Scene, Triangle, bvh::Bvh, shadow_half, shadow_layers};
 use bytemuck::{bytes_of, cast_slice};
 use glam::{Vec2, Vec3};
@@ -18,9 +18,11 @@ host_struct! {
         emitter_weight: f32,
         /// 0 × 0 where the environment is constant.
         environment_size: [u32; 2],
-        padding: [u32; 2],
+        /// Where the lights, the emitters and the materials start among the tables.
+        first_light: u32,
+        first_emitter: u32,
         centre: [f32; 3],
-        padding_b: u32,
+        first_material: u32,
     }
 }
 
@@ -102,56 +104,129 @@ pub const TWO_SIDED: u32 = 1;
 pub const HOLES: u32 = 2;
 pub const TEXTURED: u32 = 4;
 
-/// Least size of a part of the scene [bytes]: shaders bind at least one element, lights and attributes are the largest.
+/// Bytes of an element of the tables.
+const ELEMENT: usize = 16;
+
+/// Least size of a part of the scene as a buffer [bytes]: shaders bind at least one element, attributes are the largest.
 const LEAST_BYTES: usize = 64;
 
-/// Size of a part of the scene as a buffer.
-pub fn byte_size(scene: &Scene, data: SceneData) -> u64 {
+/// Widest row of the textures' texels: what every adapter takes.
+const MOST_TEXELS: u64 = 8192;
+
+/// What a part of the scene is on the device.
+pub fn kind(scene: &Scene, data: SceneData) -> ResourceKind {
     let triangles = scene.triangles.len() as u64;
-    let bytes = match data {
-        SceneData::Parameters => size_of::<SceneParameters>() as u64,
-        SceneData::Positions => triangles * 36,
-        SceneData::Corners => triangles * 48,
-        SceneData::Attributes => triangles * 64,
-        SceneData::Nodes => hierarchy::most_elements(triangles) * 16,
-        SceneData::Materials | SceneData::Albedos => (scene.materials.len() * size_of::<SceneMaterial>()) as u64,
-        SceneData::Texels => scene.textures.iter().map(|t| t.texels.len() as u64 * 4).sum(),
-        SceneData::Lights => (scene.lights.len() * size_of::<SceneLight>()) as u64,
-        SceneData::FirstLights => (FIRST_LIGHTS * size_of::<SceneLight>()) as u64,
-        SceneData::Emitters => emitters(scene).len() as u64 * size_of::<SceneEmitter>() as u64,
-        SceneData::Environment => match &scene.environment {
-            Environment::Constant(_) => 0,
-            Environment::LatLong { texels, .. } => texels.len() as u64 * 16,
-        },
-    };
-    bytes.max(LEAST_BYTES as u64)
+    let buffer = |bytes: u64| ResourceKind::Buffer { bytes: bytes.next_multiple_of(ELEMENT as u64).max(LEAST_BYTES as u64) };
+    match data {
+        SceneData::Parameters => buffer(size_of::<SceneParameters>() as u64),
+        SceneData::Positions => buffer(triangles * 36),
+        SceneData::Corners => buffer(triangles * 48),
+        SceneData::Attributes => buffer(triangles * 64),
+        SceneData::Tables | SceneData::AlbedoTables => buffer(Places::of(scene).end * ELEMENT as u64),
+        SceneData::FirstLights => buffer((FIRST_LIGHTS * size_of::<SceneLight>()) as u64),
+        SceneData::Texels => {
+            let texels = scene.textures.iter().map(|texture| texture.texels.len() as u64).sum::<u64>().max(1);
+            let width = texels.next_power_of_two().min(MOST_TEXELS);
+            ResourceKind::Texture { size: [width as u32, texels.div_ceil(width) as u32], layers: 1, format: Format::R32Uint }
+        }
+        SceneData::Environment => {
+            let size = match &scene.environment {
+                Environment::Constant(_) => [1, 1],
+                Environment::LatLong { width, height, .. } => [*width, *height],
+            };
+            ResourceKind::Texture { size, layers: 1, format: Format::Rgba32Float }
+        }
+    }
 }
 
-/// The bytes of a part of the scene; `bvh` has sorted the scene's triangles.
+/// The bytes of a part of the scene, as many as its [`kind`] has, of an image row by row; `bvh` has sorted the scene's triangles.
 pub fn bytes(scene: &Scene, bvh: &Bvh, data: SceneData) -> Vec<u8> {
     let mut bytes = match data {
         SceneData::Parameters => bytes_of(&parameters(scene)).to_vec(),
-        SceneData::Positions => scene.triangles.iter().flat_map(|t| bytes_of(&t.positions.map(|p| p.to_array())).to_vec()).collect(),
+        SceneData::Positions => positions(scene),
         SceneData::Corners => scene.triangles.iter().flat_map(|t| bytes_of(&corners(t)).to_vec()).collect(),
         SceneData::Attributes => scene.triangles.iter().flat_map(|t| bytes_of(&attributes(t)).to_vec()).collect(),
-        SceneData::Nodes => cast_slice(&hierarchy::packed(&bvh.nodes(), &bvh.ranges(), &scene.triangles)).to_vec(),
-        SceneData::Materials => cast_slice(&materials(scene)).to_vec(),
-        SceneData::Albedos => cast_slice(&albedos(scene)).to_vec(),
-        SceneData::Texels => scene.textures.iter().flat_map(|t| cast_slice::<_, u8>(&t.texels).iter().copied()).collect(),
-        SceneData::Lights => cast_slice(&lights(scene)).to_vec(),
+        SceneData::Tables => tables(scene, bvh, &materials(scene)),
+        SceneData::AlbedoTables => tables(scene, bvh, &albedos(scene)),
         SceneData::FirstLights => first_lights(scene),
-        SceneData::Emitters => cast_slice(&emitters(scene)).to_vec(),
-        SceneData::Environment => match &scene.environment {
-            Environment::Constant(_) => Vec::new(),
-            Environment::LatLong { texels, .. } => texels.iter().flat_map(|t| bytes_of(&t.extend(0.0).to_array()).to_vec()).collect(),
-        },
+        SceneData::Texels => texels(scene),
+        SceneData::Environment => environment(scene),
     };
-    bytes.resize(bytes.len().next_multiple_of(16).max(LEAST_BYTES), 0);
+    bytes.resize(kind(scene, data).bytes() as usize, 0);
     bytes
+}
+
+/// Where tables start among all of them [elements]; the hierarchy is the first.
+struct Places {
+    lights: u64,
+    emitters: u64,
+    materials: u64,
+    end: u64,
+}
+
+impl Places {
+    fn of(scene: &Scene) -> Self {
+        let elements = |bytes: usize| bytes.div_ceil(ELEMENT) as u64;
+        let lights = hierarchy::most_elements(scene.triangles.len() as u64);
+        let emitters = lights + elements(scene.lights.len() * size_of::<SceneLight>());
+        let materials = emitters + elements(scene.emitters().len() * size_of::<SceneEmitter>());
+        Self { lights, emitters, materials, end: materials + elements(scene.materials.len() * size_of::<SceneMaterial>()) }
+    }
+}
+
+fn tables(scene: &Scene, bvh: &Bvh, materials: &[SceneMaterial]) -> Vec<u8> {
+    let places = Places::of(scene);
+    let (lights, emitters) = (lights(scene), emitters(scene));
+    let mut bytes = cast_slice(&hierarchy::packed(&bvh.nodes(), &bvh.ranges(), &scene.triangles)).to_vec();
+    let tables: [(u64, &[u8]); 3] = [(places.lights, cast_slice(&lights)), (places.emitters, cast_slice(&emitters)), (places.materials, cast_slice(materials))];
+    for (place, table) in tables {
+        bytes.resize(place as usize * ELEMENT, 0);
+        bytes.extend_from_slice(table);
+    }
+    bytes
+}
+
+fn positions(scene: &Scene) -> Vec<u8> {
+    scene.triangles.iter().flat_map(|t| bytes_of(&t.positions.map(|p| p.to_array())).to_vec()).collect()
+}
+
+fn texels(scene: &Scene) -> Vec<u8> {
+    scene.textures.iter().flat_map(|t| cast_slice::<_, u8>(&t.texels).iter().copied()).collect()
+}
+
+fn environment(scene: &Scene) -> Vec<u8> {
+    match &scene.environment {
+        Environment::Constant(_) => Vec::new(),
+        Environment::LatLong { texels, .. } => texels.iter().flat_map(|t| bytes_of(&t.extend(0.0).to_array()).to_vec()).collect(),
+    }
+}
+
+/// What a picture of the scene depends on, one part after the other: geometry, materials, textures, lights. Where tables stand and the
+/// hierarchy follow from these.
+pub fn contents(scene: &Scene) -> impl Iterator<Item = Vec<u8>> {
+    let parameters = SceneParameters { first_light: 0, first_emitter: 0, first_material: 0, ..parameters(scene) };
+    let part = move |number: usize| {
+        let mut bytes = match number {
+            0 => bytes_of(&parameters).to_vec(),
+            1 => positions(scene),
+            2 => scene.triangles.iter().flat_map(|t| bytes_of(&corners(t)).to_vec()).collect(),
+            3 => scene.triangles.iter().flat_map(|t| bytes_of(&attributes(t)).to_vec()).collect(),
+            4 => cast_slice(&materials(scene)).to_vec(),
+            5 => texels(scene),
+            6 => cast_slice(&lights(scene)).to_vec(),
+            7 => first_lights(scene),
+            8 => cast_slice(&emitters(scene)).to_vec(),
+            _ => environment(scene),
+        };
+        bytes.resize(bytes.len().next_multiple_of(ELEMENT).max(LEAST_BYTES), 0);
+        bytes
+    };
+    (0..10).map(part)
 }
 
 fn parameters(scene: &Scene) -> SceneParameters {
     let emitters = emitters(scene);
+    let places = Places::of(scene);
     let (environment, environment_size) = match &scene.environment {
         Environment::Constant(radiance) => (*radiance, [0, 0]),
         Environment::LatLong { width, height, .. } => (Vec3::ZERO, [*width, *height]),
@@ -164,9 +239,10 @@ fn parameters(scene: &Scene) -> SceneParameters {
         emitters: emitters.len() as u32,
         emitter_weight: emitters.last().map_or(0.0, |e| e.cumulative),
         environment_size,
-        padding: [0; 2],
+        first_light: places.lights as u32,
+        first_emitter: places.emitters as u32,
         centre: scene.bounds().centre().into(),
-        padding_b: 0,
+        first_material: places.materials as u32,
     }
 }
 

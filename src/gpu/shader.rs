@@ -89,6 +89,15 @@ pub struct Use {
     pub writes: bool,
 }
 
+/// What one workgroup of an entry point asks for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Workgroup {
+    /// Invocations along x, y and z.
+    pub size: [u32; 3],
+    /// Memory that its invocations share [bytes].
+    pub bytes: u64,
+}
+
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum SlotKind {
     Uniform,
@@ -158,6 +167,17 @@ impl Shader {
             }
         }
         Ok(slots.into_values().collect())
+    }
+
+    /// How large the workgroups of a compute entry point are; None where there is no such entry point.
+    pub fn workgroup(&self, entry: &str) -> Option<Workgroup> {
+        let index = self.module.entry_points.iter().position(|found| found.name == entry)?;
+        let uses = self.info.get_entry_point(index);
+        let shared = |(handle, global): &(naga::Handle<naga::GlobalVariable>, &naga::GlobalVariable)| {
+            global.space == naga::AddressSpace::WorkGroup && !uses[*handle].is_empty()
+        };
+        let size = |(_, global): (_, &naga::GlobalVariable)| u64::from(self.module.types[global.ty].inner.size(self.module.to_ctx()));
+        Some(Workgroup { size: self.module.entry_points[index].workgroup_size, bytes: self.module.global_variables.iter().filter(shared).map(size).sum() })
     }
 
     /// Which global variables an entry point reads, and which it writes; none where there is no such entry point.

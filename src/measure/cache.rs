@@ -2,10 +2,9 @@
 
 use super::run::{Run, RunError};
 use crate::contract::recorder::Persistent;
-use crate::gpu::scene::bytes;
+use crate::gpu::scene::contents;
 use crate::pipeline::plan::Saved;
-use crate::recording::SceneData;
-use crate::scene::{Scene, bvh::Bvh};
+use crate::scene::Scene;
 use serde::{Deserialize, Serialize};
 
 const FORMAT: &str = "hemisplat records 4";
@@ -46,7 +45,7 @@ struct History {
 ///
 /// # Errors
 /// Where they cannot be read back.
-pub fn save(run: &Run<'_>, scene: &Scene, bvh: &Bvh) -> Result<Vec<u8>, RunError> {
+pub fn save(run: &Run<'_>, scene: &Scene) -> Result<Vec<u8>, RunError> {
     let mut histories = Vec::new();
     let mut records = Vec::new();
     for Saved { history, made_by, .. } in &run.plan().persistent {
@@ -59,7 +58,7 @@ pub fn save(run: &Run<'_>, scene: &Scene, bvh: &Bvh) -> Result<Vec<u8>, RunError
         format: FORMAT.into(),
         scene: scene.name.clone(),
         triangles: scene.triangles.len(),
-        fingerprint: fingerprint(scene, bvh),
+        fingerprint: fingerprint(scene),
         histories,
         checksum: Checksum::of(&records),
     };
@@ -74,10 +73,10 @@ pub fn save(run: &Run<'_>, scene: &Scene, bvh: &Bvh) -> Result<Vec<u8>, RunError
 /// # Errors
 /// Where the file is damaged, of another version, of another scene, or holds other histories than the run keeps, or such that other
 /// nodes made.
-pub fn load(run: &mut Run<'_>, scene: &Scene, bvh: &Bvh, file: &[u8]) -> Result<(), RunError> {
+pub fn load(run: &mut Run<'_>, scene: &Scene, file: &[u8]) -> Result<(), RunError> {
     let end = file.iter().position(|b| *b == b'\n').ok_or_else(|| wrong("it has no header".into()))?;
     let header = header(&file[..end])?;
-    if header.fingerprint != fingerprint(scene, bvh) {
+    if header.fingerprint != fingerprint(scene) {
         let made_for = format!("it was made for another state of the scene: `{}` with {} triangles", header.scene, header.triangles);
         return Err(wrong(made_for));
     }
@@ -143,13 +142,10 @@ fn wrong(reason: String) -> RunError {
     RunError::Cache { reason }
 }
 
-/// Of geometry, materials, textures and lights, as shaders read them: what records and references depend on. 16 hexadecimal digits.
-pub fn fingerprint(scene: &Scene, bvh: &Bvh) -> String {
+/// Of geometry, materials, textures and lights: what records and references depend on. 16 hexadecimal digits.
+pub fn fingerprint(scene: &Scene) -> String {
     let mut checksum = Checksum::default();
-    // The tree follows from the triangles.
-    for data in SceneData::ALL.into_iter().filter(|data| *data != SceneData::Nodes) {
-        checksum.add(&bytes(scene, bvh, data));
-    }
+    contents(scene).for_each(|part| checksum.add(&part));
     checksum.finish()
 }
 

@@ -74,11 +74,11 @@ pub struct Absent {
 }
 
 /// Plans a pipeline for a scene, of which it takes no notice where the pipeline is not specialised. `dumps` are nodes ("node" or "node.output") whose memory must be whole after the frame;
-/// `scene_bytes` tells the size of a part of the scene.
+/// `scene_kind` tells what memory a part of the scene takes.
 ///
 /// # Errors
 /// What passes refuse, each underlined in the document.
-pub fn plan(pipeline: &Pipeline, setting: Setting<'_>, dumps: &[String], scene_bytes: &dyn Fn(SceneData) -> u64) -> Result<Plan, Problems> {
+pub fn plan(pipeline: &Pipeline, setting: Setting<'_>, dumps: &[String], scene_kind: &dyn Fn(SceneData) -> ResourceKind) -> Result<Plan, Problems> {
     let members = members(pipeline);
     let needs = needs(pipeline, &members, setting.needs);
     let by_albedo = if needs.by_albedo { setting.needs.glossy.clone() } else { Vec::new() };
@@ -94,7 +94,7 @@ pub fn plan(pipeline: &Pipeline, setting: Setting<'_>, dumps: &[String], scene_b
     let earlier = history::edges(members.iter().map(|member| member.node), |node| !dropped.contains_key(node));
     let mut shapes = history::guesses(&earlier, setting.size);
     for _ in 0..TRIES {
-        let planner = Planner::of(pipeline, setting, &dropped, &shapes, scene_bytes);
+        let planner = Planner::of(pipeline, setting, &dropped, &shapes, scene_kind);
         let found = planner.shapes(&earlier);
         if found == shapes {
             return planner.finish(pipeline, &members, &earlier, dumps, by_albedo);
@@ -260,8 +260,14 @@ struct Planner<'a> {
 
 impl<'a> Planner<'a> {
     /// Records everything; histories have these shapes.
-    fn of(pipeline: &Pipeline, setting: Setting<'a>, dropped: &'a BTreeMap<&'a str, String>, shapes: &Shapes, scene_bytes: &dyn Fn(SceneData) -> u64) -> Self {
-        let mut planner = Self::new(setting, dropped, scene_bytes);
+    fn of(
+        pipeline: &Pipeline,
+        setting: Setting<'a>,
+        dropped: &'a BTreeMap<&'a str, String>,
+        shapes: &Shapes,
+        scene_kind: &dyn Fn(SceneData) -> ResourceKind,
+    ) -> Self {
+        let mut planner = Self::new(setting, dropped, scene_kind);
         planner.earlier = shapes.iter().map(|(key, shape)| (key.clone(), shape.declare(key, &mut planner.recording))).collect();
         let level = planner.record_level(&pipeline.nodes, Within::default());
         planner.recording.steps = level.prologue.into_iter().chain(level.steps).collect();
@@ -271,12 +277,11 @@ impl<'a> Planner<'a> {
         planner
     }
 
-    fn new(setting: Setting<'a>, dropped: &'a BTreeMap<&'a str, String>, scene_bytes: &dyn Fn(SceneData) -> u64) -> Self {
+    fn new(setting: Setting<'a>, dropped: &'a BTreeMap<&'a str, String>, scene_kind: &dyn Fn(SceneData) -> ResourceKind) -> Self {
         let mut recording = Recording::default();
         for data in SceneData::ALL {
-            let data = if data == SceneData::Materials && setting.needs.by_albedo { SceneData::Albedos } else { data };
-            let kind = ResourceKind::Buffer { bytes: scene_bytes(data) };
-            recording.resources.push(ResourceDescription { name: data.name().into(), kind, lifetime: Lifetime::Scene(data) });
+            let data = if data == SceneData::Tables && setting.needs.by_albedo { SceneData::AlbedoTables } else { data };
+            recording.resources.push(ResourceDescription { name: data.name().into(), kind: scene_kind(data), lifetime: Lifetime::Scene(data) });
         }
         let kind = ResourceKind::Buffer { bytes: CAMERA_BYTES };
         recording.resources.push(ResourceDescription { name: "camera".into(), kind, lifetime: Lifetime::Frame });

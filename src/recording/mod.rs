@@ -22,9 +22,17 @@ pub struct Variable(pub u32);
 /// What shaders run on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Device {
-    Hardware,
+    Hardware {
+        /// Whether it blends into images of 32-bit floats, which WebGPU leaves to the adapter.
+        blends: bool,
+    },
     /// A driver that runs on the cores of the host.
     Software,
+}
+
+impl Device {
+    /// Hardware with all that passes can make use of.
+    pub const ABLE: Self = Self::Hardware { blends: true };
 }
 
 /// Everything that one frame does, in order.
@@ -86,15 +94,15 @@ pub enum SceneData {
     Positions,
     Corners,
     Attributes,
-    Nodes,
-    Materials,
-    /// The materials without lobes, in their place: bound by the same name.
-    Albedos,
+    /// The hierarchy over the triangles, lights, emitters and materials.
+    Tables,
+    /// The same with materials without lobes, in their place: bound by the same name.
+    AlbedoTables,
+    /// Those of all textures, one after the other, as an image.
     Texels,
-    Lights,
-    /// The first few of them again, as a uniform.
+    /// The first few lights again, as a uniform.
     FirstLights,
-    Emitters,
+    /// The sky as an image.
     Environment,
 }
 
@@ -403,20 +411,9 @@ impl Program {
 }
 
 impl SceneData {
-    /// Those of a plan that renders lobes; one that does not has [`SceneData::Albedos`] in the place of [`SceneData::Materials`].
-    pub const ALL: [Self; 11] = [
-        Self::Parameters,
-        Self::Positions,
-        Self::Corners,
-        Self::Attributes,
-        Self::Nodes,
-        Self::Materials,
-        Self::Texels,
-        Self::Lights,
-        Self::FirstLights,
-        Self::Emitters,
-        Self::Environment,
-    ];
+    /// Those of a plan that renders lobes; one that does not has [`SceneData::AlbedoTables`] in the place of [`SceneData::Tables`].
+    pub const ALL: [Self; 8] =
+        [Self::Parameters, Self::Positions, Self::Corners, Self::Attributes, Self::Tables, Self::Texels, Self::FirstLights, Self::Environment];
 
     /// The shaders' name for it; positions are vertices and have none.
     pub fn name(self) -> &'static str {
@@ -425,12 +422,9 @@ impl SceneData {
             Self::Positions => "scene_positions",
             Self::Corners => "scene_corners",
             Self::Attributes => "scene_attributes",
-            Self::Nodes => "scene_nodes",
-            Self::Materials | Self::Albedos => "scene_materials",
+            Self::Tables | Self::AlbedoTables => "scene_tables",
             Self::Texels => "scene_texels",
-            Self::Lights => "scene_lights",
             Self::FirstLights => "scene_first_lights",
-            Self::Emitters => "scene_emitters",
             Self::Environment => "scene_environment",
         }
     }
@@ -464,6 +458,12 @@ impl ResourceKind {
 impl Recording {
     pub fn resource(&self, resource: Resource) -> &ResourceDescription {
         &self.resources[resource.0 as usize]
+    }
+
+    /// The resource of a shader's variable: what the program binds to it, or else the part of the scene or the camera of that name.
+    pub fn bound(&self, program: &Program, name: &str) -> Option<Resource> {
+        let listed = program.bindings.iter().find(|binding| binding.0 == name).map(|binding| binding.1);
+        listed.or_else(|| self.resources.iter().position(|resource| resource.name == name).map(|index| Resource(index as u32)))
     }
 
     /// All nodes, those inside loops too, in order.

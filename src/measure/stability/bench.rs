@@ -4,7 +4,7 @@ use super::Trouble;
 use super::rooms::{Room, Stage};
 use crate::contract::Value;
 use crate::contract::{recorder::Setting, tables::Remembered};
-use crate::gpu::{Gpu, Pace, scene::byte_size};
+use crate::gpu::{Gpu, Pace, scene::kind};
 use crate::math::lobe::Lobe;
 use crate::measure::layers::Layers;
 use crate::measure::run::Run;
@@ -151,7 +151,7 @@ impl<'a> Bench<'a> {
     fn plan(&self, stage: &Stage, changes: &[Change]) -> Result<Plan, Trouble> {
         let pipeline = (self.load)(&self.sets(&[&SMALL, changes].concat()))?;
         let setting = Setting { scene: &stage.scene, needs: &stage.needs, device: self.gpu.adapter.device(), size: SIZE, tables: Some(&self.tables) };
-        Ok(plan(&pipeline, setting, &[], &|data| byte_size(&stage.scene, data))?)
+        Ok(plan(&pipeline, setting, &[], &|data| kind(&stage.scene, data))?)
     }
 
     /// Renders a room, twice from empty caches, and checks all that must hold of any picture.

@@ -1,0 +1,135 @@
+//! What a recording asks of an adapter, held against what the adapter grants before anything is built.
+
+use super::device::GpuError;
+use super::shader::{Shader, Slot, SlotKind};
+use super::shaders::Shaders;
+use crate::recording::*;
+
+/// Holds a recording against the limits and features of an adapter; `wgpu::Limits::default()` is what every adapter of WebGPU grants.
+///
+/// # Errors
+/// The first thing that is too large or too many, with the node that asks for it; a shader that is not valid.
+pub fn hold(recording: &Recording, limits: &wgpu::Limits, features: wgpu::Features, adapter: &str) -> Result<(), GpuError> {
+    hold_shaders(recording, &Shaders::load(recording)?, &Granted { limits, features, adapter })
+}
+
+/// What an adapter grants.
+pub(super) struct Granted<'a> {
+    pub limits: &'a wgpu::Limits,
+    pub features: wgpu::Features,
+    /// Its name.
+    pub adapter: &'a str,
+}
+
+/// The same with the recording's shaders at hand.
+pub(super) fn hold_shaders(recording: &Recording, shaders: &Shaders, granted: &Granted<'_>) -> Result<(), GpuError> {
+    recording.resources.iter().try_for_each(|resource| hold_resource(resource, granted.limits))?;
+    for node in recording.nodes() {
+        for command in &node.commands {
+            let Some(program) = command.program() else { continue };
+            let asked = Asked { recording, name: format!("{}: {}", node.name, program.shader), program, shader: shaders.of(program) };
+            match command {
+                Command::Compute(compute) => asked.hold_compute(compute, granted.limits)?,
+                Command::Raster(raster) => asked.hold_raster(raster, granted)?,
+                Command::Clear(_) | Command::Copy { .. } | Command::Unroll { .. } | Command::Host(_) | Command::Late(_) => {}
+            }
+        }
+    }
+    Ok(())
+}
+
+fn within(what: &str, wanted: u64, limit: impl Into<u64>, unit: &'static str) -> Result<(), GpuError> {
+    let limit = limit.into();
+    if wanted <= limit { Ok(()) } else { Err(GpuError::Limit { what: what.into(), unit, wanted, limit }) }
+}
+
+fn hold_resource(resource: &ResourceDescription, limits: &wgpu::Limits) -> Result<(), GpuError> {
+    match resource.kind {
+        ResourceKind::Buffer { bytes } => within(&resource.name, bytes, limits.max_buffer_size, "bytes"),
+        ResourceKind::Texture { size: [width, height], layers, .. } => {
+            within(&resource.name, width.max(height).into(), limits.max_texture_dimension_2d, "texels along an edge")?;
+            within(&resource.name, layers.into(), limits.max_texture_array_layers, "layers")
+        }
+        ResourceKind::Draws | ResourceKind::State => Ok(()),
+    }
+}
+
+/// A command's shader, and what is bound to it.
+struct Asked<'a> {
+    recording: &'a Recording,
+    /// Node and shader, for messages.
+    name: String,
+    program: &'a Program,
+    shader: &'a Shader,
+}
+
+impl Asked<'_> {
+    fn hold_compute(&self, compute: &Compute, limits: &wgpu::Limits) -> Result<(), GpuError> {
+        self.hold_slots(&[compute.entry], limits)?;
+        let Some(group) = self.shader.workgroup(compute.entry) else { return Ok(()) };
+        let most = [limits.max_compute_workgroup_size_x, limits.max_compute_workgroup_size_y, limits.max_compute_workgroup_size_z];
+        group.size.iter().zip(most).try_for_each(|(&size, most)| within(&self.name, size.into(), most, "invocations along an edge of a workgroup"))?;
+        within(&self.name, group.size.iter().map(|&size| u64::from(size)).product(), limits.max_compute_invocations_per_workgroup, "invocations a workgroup")?;
+        within(&self.name, group.bytes, limits.max_compute_workgroup_storage_size, "bytes that a workgroup shares")?;
+        match compute.groups {
+            Groups::Fixed(groups) => within(
+                &self.name,
+                groups.into_iter().max().unwrap_or(0).into(),
+                limits.max_compute_workgroups_per_dimension,
+                "workgroups along an edge of a dispatch",
+            ),
+            Groups::Counted { .. } => Ok(()),
+        }
+    }
+
+    fn hold_raster(&self, raster: &Raster, granted: &Granted<'_>) -> Result<(), GpuError> {
+        let entries: Vec<_> = [Some(raster.vertex), raster.fragment].into_iter().flatten().collect();
+        self.hold_slots(&entries, granted.limits)?;
+        let targets = raster.colours.iter().filter_map(|target| match self.recording.resource(target.texture).kind {
+            ResourceKind::Texture { format, .. } => Some((format, target.blend)),
+            _ => None,
+        });
+        let (mut count, mut bytes) = (0, 0);
+        for (format, blend) in targets {
+            (count, bytes) = (count + 1, bytes + format.bytes());
+            if (format, blend) == (Format::Rgba32Float, Blend::Add) && !granted.features.contains(wgpu::Features::FLOAT32_BLENDABLE) {
+                return Err(self.lacks_blending(granted.adapter));
+            }
+        }
+        within(&self.name, count, granted.limits.max_color_attachments, "colour attachments")?;
+        within(&self.name, bytes, granted.limits.max_color_attachment_bytes_per_sample, "bytes a sample of its colour attachments")
+    }
+
+    fn lacks_blending(&self, adapter: &str) -> GpuError {
+        GpuError::MissingFeature {
+            adapter: adapter.into(),
+            feature: format!("blending into 32-bit float images (FLOAT32_BLENDABLE), which `{}` needs", self.name),
+            way: "splat in compute: --set splats.by=ComputeTiles".into(),
+        }
+    }
+
+    /// A binding counts in every stage of the command.
+    fn hold_slots(&self, entries: &[&str], limits: &wgpu::Limits) -> Result<(), GpuError> {
+        let slots = self.shader.slots(entries).map_err(|reason| GpuError::Shader { shader: self.program.shader.into(), reason })?;
+        let count = |kind: fn(SlotKind) -> bool| slots.iter().filter(|slot| kind(slot.kind)).count() as u64;
+        let counts = [
+            (count(|kind| matches!(kind, SlotKind::Storage { .. })), limits.max_storage_buffers_per_shader_stage, "storage buffers"),
+            (count(|kind| matches!(kind, SlotKind::Uniform)), limits.max_uniform_buffers_per_shader_stage, "uniform buffers"),
+            (count(|kind| matches!(kind, SlotKind::Texture { .. })), limits.max_sampled_textures_per_shader_stage, "textures"),
+            (count(|kind| matches!(kind, SlotKind::StorageTexture { .. })), limits.max_storage_textures_per_shader_stage, "storage textures"),
+        ];
+        counts.into_iter().try_for_each(|(wanted, limit, unit)| within(&self.name, wanted, limit, unit))?;
+        slots.iter().try_for_each(|slot| self.hold_binding(slot, limits))
+    }
+
+    fn hold_binding(&self, slot: &Slot, limits: &wgpu::Limits) -> Result<(), GpuError> {
+        let limit = match slot.kind {
+            SlotKind::Storage { .. } => limits.max_storage_buffer_binding_size,
+            SlotKind::Uniform => limits.max_uniform_buffer_binding_size,
+            SlotKind::Texture { .. } | SlotKind::StorageTexture { .. } => return Ok(()),
+        };
+        let Some(resource) = self.recording.bound(self.program, &slot.name) else { return Ok(()) };
+        let resource = self.recording.resource(resource);
+        within(&format!("{}, which {} binds", resource.name, self.name), resource.kind.bytes(), limit, "bytes")
+    }
+}

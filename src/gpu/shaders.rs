@@ -1,0 +1,39 @@
+//! The shaders of a recording, by file and imports.
+
+use super::device::GpuError;
+use super::shader::Shader;
+use crate::recording::{Program, Recording};
+use rayon::prelude::*;
+use std::collections::{BTreeMap, BTreeSet};
+
+/// A shader file and what its imports stand for.
+pub(super) type Source = (&'static str, Vec<(&'static str, &'static str)>);
+
+/// Every shader that a recording's commands run, parsed and validated once.
+pub(super) struct Shaders(BTreeMap<Source, Shader>);
+
+pub(super) fn source(program: &Program) -> Source {
+    (program.shader, program.imports.clone())
+}
+
+impl Shaders {
+    /// # Errors
+    /// A shader that is not valid.
+    pub fn load(recording: &Recording) -> Result<Self, GpuError> {
+        let commands = recording.nodes().into_iter().flat_map(|node| &node.commands);
+        let sources: BTreeSet<_> = commands.filter_map(|command| command.program().map(source)).collect();
+        let load = |source: Source| {
+            let shader = Shader::load(source.0, &source.1)?;
+            Ok((source, shader))
+        };
+        sources.into_par_iter().map(load).collect::<Result<_, _>>().map(Self)
+    }
+
+    pub fn of(&self, program: &Program) -> &Shader {
+        &self.0[&source(program)]
+    }
+
+    pub fn iter(&self) -> impl Iterator<Item = (&Source, &Shader)> {
+        self.0.iter()
+    }
+}

@@ -744,17 +744,315 @@ pub(super) mod tests {
         }
     }
 
+    /// Shirley and Chiu's map of a place in −1..1 squared.
+    fn on_disc(x: f64, y: f64) -> DVec2 {
+        if x.abs() > y.abs() {
+            DVec2::from_angle(PI / 4.0 * y / x) * x
+        } else if y == 0.0 {
+            DVec2::ZERO
+        } else {
+            DVec2::from_angle(PI / 2.0 - PI / 4.0 * x / y) * y
+        }
+    }
+
     /// `∫ (z − 3 cosθ ω) dω` by the midpoint rule over the square that is mapped.
     fn integral_over_square(resolution: u32, row: u32, column: u32) -> DVec3 {
         let steps = 200;
         let at = |cell: u32, step: u32| (2.0 * (f64::from(cell) + (f64::from(step) + 0.5) / f64::from(steps)) / f64::from(resolution)) - 1.0;
         let points = grid(steps, steps).map(|(i, j)| {
             let (x, y) = (at(column, i), at(row, j));
-            let disc = if x.abs() > y.abs() { DVec2::from_angle(PI / 4.0 * y / x) * x } else { DVec2::from_angle(PI / 2.0 - PI / 4.0 * x / y) * y };
+            let disc = on_disc(x, y);
             let cosine = (1.0 - disc.length_squared()).sqrt();
             (DVec3::Z - disc.extend(cosine) * (3.0 * cosine)) / cosine
         });
         points.sum::<DVec3>() * (PI / (f64::from(resolution * resolution) * f64::from(steps * steps)))
+    }
+
+    /// The sample that stands for a direction, told by where the direction is alone; and the axis that its depth is along, if any.
+    fn stands_for(shape: Shape, resolution: u32, direction: DVec3) -> (u32, Option<DVec3>) {
+        let cell = |share: f64| ((share * f64::from(resolution)) as u32).min(resolution - 1);
+        let [x, y, z] = direction.to_array();
+        let azimuth = y.atan2(x).rem_euclid(TAU);
+        let raster = |x: f64, y: f64| cell(0.5 + 0.5 * y) * resolution + cell(0.5 + 0.5 * x);
+        match shape {
+            Shape::Plane { fov_degrees } => {
+                let half = (fov_degrees.to_radians() / 2.0).tan();
+                let widest = (x.abs().max(y.abs()) / half).max(z);
+                (raster(x / widest / half, y / widest / half), Some(DVec3::Z))
+            }
+            Shape::Hemicube => {
+                let side = |number: u32, forward: DVec3, right: f64| {
+                    let depth = direction.dot(forward);
+                    let row = cell(1.0 - z / depth / 2.0 - 0.5) + resolution / 2 * number;
+                    (resolution * (resolution + row) + cell(0.5 + 0.5 * right / depth), Some(forward))
+                };
+                if z >= x.abs().max(y.abs()) {
+                    (raster(x / z, y / z), Some(DVec3::Z))
+                } else if x.abs() >= y.abs() {
+                    if x > 0.0 { side(0, DVec3::X, -y) } else { side(2, DVec3::NEG_X, y) }
+                } else if y < 0.0 {
+                    side(1, DVec3::NEG_Y, -x)
+                } else {
+                    side(3, DVec3::Y, x)
+                }
+            }
+            Shape::Hemispherical => {
+                let (column, row) = (cell(0.5 + 0.5 * x), cell(0.5 + 0.5 * y));
+                let middle = |i: u32| 2.0 * (f64::from(i) + 0.5) / f64::from(resolution) - 1.0;
+                let inside = |&(column, row): &(u32, u32)| middle(column).hypot(middle(row)) < 1.0;
+                let inward = |i: u32| {
+                    if middle(i) > 1e-9 {
+                        i - 1
+                    } else if middle(i) < -1e-9 {
+                        i + 1
+                    } else {
+                        i
+                    }
+                };
+                let straight = if middle(column).abs() > middle(row).abs() - 1e-9 { (inward(column), row) } else { (column, inward(row)) };
+                let owner = [(column, row), straight, (inward(column), inward(row))].into_iter().find(inside);
+                (owner.map_or(u32::MAX, |(column, row)| row * resolution + column), None)
+            }
+            Shape::Cosine => (cell(x * x + y * y) * resolution + cell(azimuth / TAU), None),
+            Shape::Concentric => {
+                let [x, y] = on_square(direction);
+                (raster(x, y), None)
+            }
+        }
+    }
+
+    /// The inverse of [`on_disc`].
+    fn on_square(direction: DVec3) -> [f64; 2] {
+        let radius = direction.truncate().length();
+        let turned = (direction.y.atan2(direction.x) + PI / 4.0).rem_euclid(TAU);
+        let quarter = (turned / (PI / 2.0)).floor();
+        let across = radius * ((turned - quarter * PI / 2.0) / (PI / 4.0) - 1.0);
+        [[radius, across], [-across, radius], [-radius, -across], [across, -radius]][quarter as usize % 4]
+    }
+
+    /// Small tables of all shapes; the last is a plane that is extended to the horizon.
+    fn small() -> [(Shape, u32); 7] {
+        let [hemicube, hemispherical, cosine, concentric] = COMPLETE;
+        [(hemicube, 4), (hemispherical, 8), (hemispherical, 9), (cosine, 5), (concentric, 4), (concentric, 5), (PLANE, 5)]
+    }
+
+    /// Directions with their solid angles: so many heights of equal area, twice as many azimuths.
+    fn directions(heights: u32) -> impl Iterator<Item = (DVec3, f64)> {
+        let size = f64::from(heights);
+        let at = move |(i, k): (u32, u32)| {
+            let z = (f64::from(i) + 0.5) / size;
+            ((DVec2::from_angle(PI * (f64::from(k) + 0.5) / size) * (1.0 - z * z).sqrt()).extend(z), PI / (size * size))
+        };
+        grid(2 * heights, heights).map(at)
+    }
+
+    /// Weights and rotations are sums over the directions that a sample stands for.
+    #[test]
+    fn samples_are_the_integrals_over_what_they_stand_for() {
+        for (shape, resolution) in small() {
+            let table = table(shape, resolution, Method::BorderExtension);
+            let mut sums = vec![[0.0; 4]; table.samples.len()];
+            for (direction, solid_angle) in directions(400) {
+                let sum = &mut sums[stands_for(shape, resolution, direction).0 as usize];
+                let parts = [direction.z, 1.0, -direction.y, direction.x];
+                sum.iter_mut().zip(parts).for_each(|(sum, part)| *sum += part * solid_angle);
+            }
+            for (index, (sample, sum)) in table.samples.iter().zip(sums).enumerate() {
+                let found = [sample.cosine_weight, sample.plain_weight, sample.rotation[0], sample.rotation[1]];
+                for (found, sum) in found.into_iter().zip(sum) {
+                    assert_near(found, sum, 2e-3, (shape, resolution, index));
+                }
+            }
+        }
+    }
+
+    /// A sample looks at what it stands for, and its depth is along the axis of its raster.
+    #[test]
+    fn samples_look_at_what_they_stand_for() {
+        for (shape, resolution) in small() {
+            for (index, sample) in table(shape, resolution, Method::BorderExtension).samples.iter().enumerate() {
+                let direction = DVec3::from(sample.direction);
+                assert_near(direction.length(), 1.0, 1e-14, (shape, index));
+                if sample.plain_weight > 0.0 {
+                    let (owner, axis) = stands_for(shape, resolution, direction);
+                    assert_eq!(owner as usize, index, "{shape:?} {resolution} {direction}");
+                    assert_near(sample.depth_cosine, axis.map_or(1.0, |axis| axis.dot(direction)), 1e-14, (shape, index));
+                }
+            }
+        }
+        // Middles of strata, and rays that golden fractions shift within theirs.
+        let cosine = table(Shape::Cosine, 5, Method::None).samples[2 * 5 + 3].direction;
+        let sine = 0.5f64.sqrt();
+        assert!(DVec3::from(cosine).abs_diff_eq((DVec2::from_angle(TAU * 0.7) * sine).extend(sine), 1e-14));
+        let golden = (5f64.sqrt() - 1.0) / 2.0;
+        for ((row, column), sample) in grid(5, 5).zip(&table(Shape::Concentric, 5, Method::None).samples) {
+            let [x, y] = on_square(DVec3::from(sample.direction)).map(|at| (at + 1.0) / 2.0 * 5.0);
+            assert_near(x - f64::from(column), ((f64::from(row) + 0.5) * golden).fract(), 1e-12, (row, column));
+            assert_near(y - f64::from(row), ((f64::from(column) + 0.5) * golden).fract(), 1e-12, (row, column));
+        }
+    }
+
+    /// Of every sample, by the divergence theorem on the sphere: `∮ g n dℓ = ∫ (∇g − 2 g ω) dω` for the outward n. With g = cosθ that is `z − 3 cosθ ω`; where depths
+    /// are along an axis f, g is `cosθ f·ω` and the integrand `z f·ω + f cosθ − 4 cosθ f·ω ω`. At the horizon g is 0.
+    #[test]
+    fn the_walls_of_every_sample_close() {
+        for (shape, resolution) in small() {
+            let table = table(shape, resolution, Method::None);
+            let mut sums = vec![DVec3::ZERO; table.samples.len()];
+            for (direction, solid_angle) in directions(400) {
+                let (owner, axis) = stands_for(shape, resolution, direction);
+                let cosine = direction.z;
+                let part = axis.map_or(DVec3::Z - direction * (3.0 * cosine), |axis| {
+                    let depth = axis.dot(direction);
+                    DVec3::Z * depth + axis * cosine - direction * (4.0 * cosine * depth)
+                });
+                sums[owner as usize] += part * solid_angle;
+            }
+            // Of a plane that is not extended only what lies within has all its walls.
+            let is_closed = |index: usize| shape != PLANE || [index % 5, index / 5].iter().all(|i| (1..4).contains(i));
+            for (index, sum) in sums.into_iter().enumerate().filter(|(index, _)| is_closed(*index)) {
+                let found = around(&table, index as u32);
+                assert!(found.abs_diff_eq(sum, 4e-3), "{shape:?} {resolution} {index}: {found}, not {sum}");
+            }
+        }
+    }
+
+    /// `θ ĉ·n / 2` of an edge of Lambert's sum, seen from a point of the surface, with sin θ in place of θ.
+    fn lambert([a, b]: [DVec3; 2], point: DVec2) -> f64 {
+        let [a, b] = [a, b].map(|end| end - point.extend(0.0));
+        0.5 * a.cross(b).z / (a.length() * b.length())
+    }
+
+    /// Its second derivatives xx, xy, yy, by differences.
+    fn second_differences(ends: [DVec3; 2]) -> DVec3 {
+        let h = 1e-3;
+        let at = |x: f64, y: f64| lambert(ends, DVec2::new(x * h, y * h));
+        let twice = |axis: DVec2| at(axis.x, axis.y) + at(-axis.x, -axis.y) - 2.0 * at(0.0, 0.0);
+        let mixed = (at(1.0, 1.0) + at(-1.0, -1.0) - at(1.0, -1.0) - at(-1.0, 1.0)) / 4.0;
+        DVec3::new(twice(DVec2::X), mixed, twice(DVec2::Y)) / (h * h)
+    }
+
+    /// What the walls around a sample do to second derivatives is what the edges of its outline do to Lambert's sum.
+    #[test]
+    fn second_derivatives_are_those_of_the_outline() {
+        let place = |shape: Shape, x: f64, y: f64| match shape {
+            Shape::Hemicube | Shape::Plane { .. } => DVec3::new(x, y, 1.0),
+            Shape::Hemispherical => DVec3::new(x, y, (1.0 - x * x - y * y).sqrt()),
+            Shape::Cosine => (DVec2::from_angle(PI * (x + 1.0)) * ((y + 1.0) / 2.0).sqrt()).extend(((1.0 - y) / 2.0).sqrt()),
+            Shape::Concentric => {
+                let disc = on_disc(x, y);
+                disc.extend((1.0 - disc.length_squared()).sqrt())
+            }
+        };
+        let assert_outline = |shape: Shape, table: &Table, index: u32, corners: [DVec3; 4]| {
+            let edges = [[0, 1], [1, 2], [2, 3], [3, 0]].map(|edge| edge.map(|corner| corners[corner]));
+            // What is seen is brighter, whichever way the outline runs.
+            let sign = edges.iter().map(|&edge| lambert(edge, DVec2::ZERO)).sum::<f64>().signum();
+            let known = edges.into_iter().map(second_differences).sum::<DVec3>() * sign;
+            let found: DVec3 = beside(table, index).map(|edge| DVec3::from(edge.hessian) * if edge.b == index { 1.0 } else { -1.0 }).sum();
+            assert!(found.abs_diff_eq(known, 1e-4), "{shape:?} {index}: {found}, not {known}");
+        };
+        for shape in [PLANE, Shape::Hemicube, Shape::Hemispherical, Shape::Cosine, Shape::Concentric] {
+            let (resolution, half) = (8, if shape == PLANE { 2.0 } else { 1.0 });
+            let table = table(shape, resolution, Method::None);
+            for (row, column) in grid(4, 4).map(|(row, column)| (row + 2, column + 2)) {
+                let at = |i: u32| half * (2.0 * f64::from(i) / f64::from(resolution) - 1.0);
+                let corners = [(0, 0), (1, 0), (1, 1), (0, 1)].map(|(i, j)| place(shape, at(column + i), at(row + j)));
+                assert_outline(shape, &table, row * resolution + column, corners);
+            }
+        }
+        // The sides of a hemicube, all but their lowest rows: next to the top and to each other too.
+        let table = table(Shape::Hemicube, 8, Method::None);
+        for (side, forward) in [DVec3::X, DVec3::NEG_Y, DVec3::NEG_X, DVec3::Y].into_iter().enumerate() {
+            for (row, column) in grid(8, 3) {
+                let at = |i: u32, j: u32| forward + forward.cross(DVec3::Z) * (f64::from(column + i) / 4.0 - 1.0) + DVec3::Z * (1.0 - f64::from(row + j) / 4.0);
+                let corners = [(0, 0), (1, 0), (1, 1), (0, 1)].map(|(i, j)| at(i, j));
+                assert_outline(Shape::Hemicube, &table, 8 * (8 + 4 * side as u32 + row) + column, corners);
+            }
+        }
+    }
+
+    /// Between two border pixels the bands below them add a wall that goes straight down at the distance t of the corner between them: `∫ cosθ sinθ/t dθ`, and what an
+    /// upright edge there adds to second derivatives. All other walls stay.
+    #[test]
+    fn bands_add_upright_walls() {
+        let (resolution, half) = (4, 2.0);
+        let [bare, extended] = [Method::None, Method::BorderExtension].map(|method| table(PLANE, resolution, method));
+        let edge = |table: &Table, a: u32, b: u32| {
+            let found = table.edges.iter().find(|edge| (edge.a, edge.b) == (a, b));
+            found.map_or([DVec3::ZERO; 2], |edge| [edge.gradient, edge.hessian].map(DVec3::from))
+        };
+        let mut added = 0;
+        for kept in &extended.edges {
+            let [[gradient, hessian], [bare_gradient, bare_hessian]] = [&extended, &bare].map(|table| edge(table, kept.a, kept.b));
+            let [(ax, ay), (bx, by)] = [kept.a, kept.b].map(|at| (at % resolution, at / resolution));
+            let line = |i: u32| half * (2.0 * f64::from(i) / f64::from(resolution) - 1.0);
+            let outer = |i: u32| if i == 0 { Some(-half) } else { (i + 1 == resolution).then_some(half) };
+            // Where the line between two pixels meets the border.
+            let corner = match (ay == by, ax == bx) {
+                (true, false) => outer(ay).map(|y| DVec2::new(line(bx), y)),
+                (false, true) => outer(ax).map(|x| DVec2::new(x, line(by))),
+                _ => None,
+            };
+            let (mut known, mut curved) = (DVec3::ZERO, DVec3::ZERO);
+            if let Some(corner) = corner {
+                added += 1;
+                let t = corner.length();
+                let [towards, from] = [kept.b, kept.a].map(|at| DVec3::from(bare.samples[at as usize].direction));
+                let normal = corner.perp().extend(0.0) / t;
+                known = normal * (normal.dot(towards - from).signum() * 0.5 / (t * (1.0 + t * t)));
+                curved = second_differences([corner.extend(0.0), corner.extend(1.0)]) * if normal.dot(towards - from) > 0.0 { 1.0 } else { -1.0 };
+            }
+            assert!((gradient - bare_gradient).abs_diff_eq(known, 1e-14), "{kept:?}: {}, not {known}", gradient - bare_gradient);
+            let found = hessian - bare_hessian;
+            assert!(found.abs_diff_eq(curved, 1e-5), "{kept:?}: {found}, not {curved}");
+        }
+        assert_eq!((added, bare.edges.len(), extended.edges.len()), (12, 24, 24));
+    }
+
+    #[test]
+    fn ratios_scale_second_derivatives_and_mistakes_are_as_described() {
+        let [bare, ratio, extended, confused] =
+            [Method::None, Method::CoverageRatio, Method::BorderExtension, Method::ConfusedMeasure].map(|method| table(PLANE, 6, method));
+        let cosine = totals(&bare)[0] / PI;
+        for (bare, ratio) in bare.edges.iter().zip(&ratio.edges) {
+            assert!((DVec3::from(ratio.hessian) * cosine).abs_diff_eq(DVec3::from(bare.hessian), 1e-14));
+        }
+        for (extended, confused) in extended.samples.iter().zip(&confused.samples) {
+            assert_near(confused.cosine_weight, extended.plain_weight * extended.direction[2], 1e-15, "the pixel's own cosine");
+            assert_eq!((confused.plain_weight, confused.rotation), (extended.plain_weight, extended.rotation));
+        }
+    }
+
+    #[test]
+    fn extremes_have_tables() {
+        assert!(PLANE.is_incomplete() && COMPLETE.iter().all(|shape| !shape.is_incomplete()));
+        for (fov_degrees, resolution) in [(10.0, 4), (175.0, 4), (90.0, 512)] {
+            let found = table(Shape::Plane { fov_degrees }, resolution, Method::None);
+            assert_eq!((found.width, found.height), (resolution, resolution));
+        }
+    }
+
+    /// A view of 4 by 2 pixels, neither side like the other.
+    #[test]
+    fn views_have_pixels_from_the_top_left() {
+        let view = View {
+            right: DVec3::Y,
+            up: DVec3::Z,
+            forward: DVec3::NEG_X,
+            minimum: DVec2::new(-0.5, -0.25),
+            maximum: DVec2::new(1.5, 0.75),
+            rectangle: [3, 5, 4, 2],
+            linear: true,
+        };
+        assert_eq!((view.column(1), view.row(0), view.row(1)), ([0.0, 0.5], [0.25, 0.75], [-0.25, 0.25]));
+        assert_eq!(Builder::new(10, 10).index(&view, 2, 1), 65);
+        let direction = view.direction(3, 0).expect("a direction");
+        assert!(direction.abs_diff_eq(DVec3::new(-1.0, 1.25, 0.5).normalize(), 1e-15));
+        let flat = View { linear: false, ..view };
+        assert_eq!(flat.direction(3, 0), None);
+        let direction = flat.direction(1, 0).expect("within the disc");
+        assert!(direction.abs_diff_eq(DVec3::new(-(1.0f64 - 0.25 * 0.25 - 0.5 * 0.5).sqrt(), 0.25, 0.5), 1e-15));
     }
 
     proptest! {

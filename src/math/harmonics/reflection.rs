@@ -401,4 +401,203 @@ mod tests {
             assert!(pair[0] <= pair[1] + 1e-9 && pair[1] <= 1.0 + 1e-3, "{pair:?}");
         }
     }
+
+    #[test]
+    fn expansions_go_in_fours_and_out() {
+        assert_eq!([1, 2, 3, 4].map(quads), [1, 1, 3, 4]);
+        assert_eq!(table_fours(3, 5), 5 * 5 * 2 * 3);
+        let values: Vec<f64> = (0..count(3)).map(|k| k as f64 + 0.5).collect();
+        let packed = fours(&values);
+        assert_eq!(packed, [Vec4::new(0.5, 1.5, 2.5, 3.5), Vec4::new(4.5, 5.5, 6.5, 7.5), Vec4::new(8.5, 0.0, 0.0, 0.0)]);
+        assert_eq!(numbers(&packed, 3), values);
+    }
+
+    #[test]
+    fn the_window_is_half_a_cosine() {
+        for (l, known) in [(0, 1.0), (1, 0.75), (2, 0.25)] {
+            assert!((Window::Hann.factor(l, 3) - known).abs() < 1e-12 && Window::None.factor(l, 3) == 1.0, "{l}");
+        }
+    }
+
+    #[test]
+    fn the_paraboloid_has_its_known_places() {
+        assert_eq!(paraboloid(Vec3::Z), Vec2::splat(0.5));
+        assert!(paraboloid(Vec3::new(0.6, 0.0, 0.8)).abs_diff_eq(Vec2::new(0.5 + 1.0 / 6.0, 0.5), 1e-6));
+        assert!(paraboloid(Vec3::new(0.0, -1.0, 0.0)).abs_diff_eq(Vec2::new(0.5, 0.0), 1e-6));
+        // Below the horizon it is as on it.
+        assert!(paraboloid(Vec3::new(0.8, 0.0, -0.6)).abs_diff_eq(Vec2::new(0.9, 0.5), 1e-6));
+        // Outside of the circle the lowest direction that is looked from.
+        for place in [Vec2::new(1.0, 0.0), Vec2::new(0.0, 0.2)] {
+            let (found, known) = (direction_at(place), (2.0 * place - 1.0).normalize());
+            assert!(found.z == 1e-3 && found.truncate().abs_diff_eq(known, 1e-6), "{found}");
+        }
+        // Within it, up to that height.
+        let place = paraboloid(Vec3::new(0.0, (1.0f32 - 0.002 * 0.002).sqrt(), 0.002));
+        assert!((direction_at(place).z - 0.002).abs() < 1e-6);
+        for (step, degrees) in [(0, 0.0f32), (STEPS / 3, 30.0), (STEPS / 2, 45.0)] {
+            let (sine, cosine) = degrees.to_radians().sin_cos();
+            assert!(height_direction(step).abs_diff_eq(Vec3::new(sine, 0.0, cosine), 1e-6));
+        }
+        assert!(height_direction(STEPS).abs_diff_eq(Vec3::new(1.0, 0.0, 1e-3), 1e-6));
+    }
+
+    /// What is linear in a place is looked up as it is, up to the middles of the outermost cells, and as there beyond.
+    #[test]
+    fn lookups_are_linear_between_directions() {
+        let (order, edge) = (2, 4);
+        let value = |part: usize, k: usize, at: Vec2| (1 + part * 4 + k) as f32 + (k as f32 - 1.5) * at.x + (0.7 + part as f32) * at.y;
+        let four = |part: usize, at: Vec2| Vec4::from_array(std::array::from_fn(|k| value(part, k, at)));
+        let cells = (0..edge * edge).map(|at| Vec2::new((at % edge) as f32, (at / edge) as f32));
+        let values = cells.flat_map(|at| [four(0, at), four(1, at)]).collect();
+        let table = LobeTable { harmonics: Harmonics::Hemispherical, order, edge, values };
+        for place in [Vec2::new(0.5, 0.5), Vec2::new(0.4, 0.65), Vec2::new(0.8, 0.35), Vec2::new(0.27, 0.22), Vec2::new(0.98, 0.5), Vec2::new(0.5, 0.01)] {
+            let [mut flat, mut rise] = [[Vec4::ZERO; 1]; 2];
+            table.lookup(direction_at(place), [&mut flat, &mut rise]);
+            let at = (place * edge as f32 - 0.5).clamp(Vec2::ZERO, Vec2::splat(3.0));
+            assert!(flat[0].abs_diff_eq(four(0, at), 1e-4) && rise[0].abs_diff_eq(four(1, at), 1e-4), "{place}: {flat:?} {rise:?}");
+        }
+        let single = LobeTable { edge: 1, values: vec![four(0, Vec2::ONE), four(1, Vec2::ONE)], ..table };
+        let [mut flat, mut rise] = [[Vec4::ZERO; 1]; 2];
+        single.lookup(Vec3::new(0.6, 0.0, 0.8), [&mut flat, &mut rise]);
+        assert_eq!((flat[0], rise[0]), (four(0, Vec2::ONE), four(1, Vec2::ONE)));
+    }
+
+    /// Both parts of a lobe times the cosine, by a fine sum.
+    fn summed(shape: Shape, harmonics: Harmonics, order: usize, outgoing: Vec3) -> [Vec<f64>; PARTS] {
+        let basis = Basis::<f64>::new(order);
+        let mut parts = [vec![0.0; count(order)], vec![0.0; count(order)]];
+        for (d, solid_angle) in hemisphere(64, 128) {
+            let value = |reflectance: Vec3| f64::from(Lobe { shape, reflectance }.value(outgoing, Vec3::from(d.map(|x| x as f32))).x);
+            let (rise, all) = (value(Vec3::ZERO), value(Vec3::ONE));
+            for (part, value) in parts.iter_mut().zip([all - rise, rise]) {
+                part.iter_mut().zip(basis.values(harmonics, d)).for_each(|(sum, h)| *sum += solid_angle * d[2] * value * h);
+            }
+        }
+        parts
+    }
+
+    /// In the middles of a table's cells nothing is interpolated but the height of lobes that are alike around the normal.
+    #[test]
+    fn tables_hold_the_integrals_over_a_lobe() {
+        let (order, edge) = (3, 4);
+        let shapes = [
+            (Shape::Phong { exponent: 6.0 }, Harmonics::Hemispherical, Window::None),
+            (Shape::Ward { alpha: Vec2::new(0.4, 0.7) }, Harmonics::Spherical, Window::None),
+            (Shape::Microfacets { alpha: 0.5 }, Harmonics::Hemispherical, Window::Hann),
+        ];
+        for (shape, harmonics, window) in shapes {
+            let table = LobeTable::new(shape, Series { harmonics, order, window }, edge);
+            assert_eq!((table.order, table.edge, table.values.len()), (order, edge, table_fours(order, edge)));
+            for at in [5, 6, 9, 10, 1, 8] {
+                let outgoing = direction_at((Vec2::new((at % edge) as f32, (at / edge) as f32) + 0.5) / edge as f32);
+                let mut known = summed(shape, harmonics, order, outgoing);
+                known.iter_mut().for_each(|part| part.iter_mut().enumerate().for_each(|(k, c)| *c *= window.factor(k.isqrt(), order)));
+                for (part, known) in known.iter().enumerate() {
+                    let found = numbers(&table.values[(at * PARTS + part) * quads(order)..][..quads(order)], order);
+                    for (k, (found, known)) in found.iter().zip(known).enumerate() {
+                        assert!((found - known).abs() < 3e-3, "{shape:?} {at} {part} {k}: {found}, not {known}");
+                    }
+                }
+            }
+        }
+    }
+
+    /// Toward the steps an upright lobe is what was projected; between two it is their mean, and turned around the normal it turns.
+    #[test]
+    fn upright_lobes_turn_with_the_azimuth() {
+        let projector = Projector::new(Shape::Phong { exponent: 6.0 }, hemispherical(3));
+        let upright = Upright::new(&projector);
+        let near = |found: &[f64], known: &[f64]| assert!(found.iter().zip(known).all(|(a, b)| (a - b).abs() < 1e-5), "{found:?}, not {known:?}");
+        let [low, high] = [30, 31].map(|step| projector.project(height_direction(step)).swap_remove(0));
+        near(&upright.toward(height_direction(30))[0], &low);
+        let angle = FRAC_PI_2 * 30.25 / STEPS as f32;
+        let mut between: Vec<f64> = low.iter().zip(&high).map(|(a, b)| 0.75 * a + 0.25 * b).collect();
+        near(&upright.toward(Vec3::new(angle.sin(), 0.0, angle.cos()))[0], &between);
+        turn(&mut between, 2.0);
+        near(&upright.toward(crate::math::lobe::around(angle.cos(), 2.0))[0], &between);
+        near(&upright.toward(Vec3::X)[0], &projector.project(height_direction(STEPS))[0]);
+    }
+
+    /// A narrow lobe is met by directions drawn from it. Phong's toward its normal: `∫ f cosθ` is 1 and the mean of cosθ is (n+2)/(n+3).
+    #[test]
+    fn narrow_lobes_have_their_moments() {
+        let exponent = 400.0;
+        let projector = Projector::new(Shape::Phong { exponent }, hemispherical(2));
+        assert!(projector.points.is_empty());
+        let tau = std::f64::consts::TAU;
+        let mean = f64::from(exponent + 2.0) / f64::from(exponent + 3.0);
+        let known = [1.0 / tau.sqrt(), 0.0, (3.0 / tau).sqrt() * (2.0 * mean - 1.0), 0.0];
+        let found = projector.project(Vec3::Z);
+        for (found, known) in found[0].iter().zip(known) {
+            assert!((found - known).abs() < 1e-4, "{found}, not {known}");
+        }
+        assert!(found[1].iter().all(|c| *c == 0.0));
+        // Toward others it is around the mirrored direction.
+        let found = projector.project(Vec3::new(0.36, -0.48, 0.8));
+        let basis = Basis::<f64>::new(2).hemispherical([-0.36, 0.48, 0.8]);
+        for (found, known) in found[0].iter().zip(basis) {
+            assert!((found / 0.8 - known).abs() < 0.02, "{found}, not {known}");
+        }
+    }
+
+    #[test]
+    fn even_points_are_as_many_as_a_lobe_takes() {
+        // Widths of 1, a half, a half and a quarter.
+        let shapes = [
+            (Shape::Phong { exponent: 1.0 }, 8),
+            (Shape::Phong { exponent: 8.0 }, 16),
+            (Shape::Ward { alpha: Vec2::new(0.5, 0.7) }, 16),
+            (Shape::Microfacets { alpha: 0.25 }, 32),
+        ];
+        for (shape, more) in shapes {
+            let (points, heights) = (even_points(shape, 3), 3 + 16 + more);
+            assert_eq!(points.len(), 2 * heights * heights, "{shape:?}");
+            let all: f64 = points.iter().map(|(_, solid_angle)| solid_angle).sum();
+            assert!((all - std::f64::consts::TAU).abs() < 1e-9);
+        }
+        for shape in [Shape::Phong { exponent: 200.0 }, Shape::Ward { alpha: Vec2::new(0.1, 0.7) }, Shape::Microfacets { alpha: 0.11 }] {
+            assert!(even_points(shape, 3).is_empty(), "{shape:?}");
+        }
+    }
+
+    /// Phong's lobe of exponent 1 is a product of two cosines above both horizons. Toward the angle θ its integral times the first is `4/3 ((π−θ) cosθ + sinθ) / 2`, that
+    /// of its square times the first squared `16/15 ((π−θ) (cos²θ + 1/2) + 3/4 sin 2θ) / 4`; the first harmonic is 1/√(2π).
+    #[test]
+    fn the_first_harmonic_holds_its_share() {
+        let share = |degrees: f64| {
+            let angle = degrees.to_radians();
+            let (sine, cosine) = angle.sin_cos();
+            let wide = std::f64::consts::PI - angle;
+            let product = 4.0 / 3.0 * 0.5 * (wide * cosine + sine);
+            let square = 16.0 / 15.0 * 0.25 * (wide * (cosine * cosine + 0.5) + 0.75 * (2.0 * angle).sin());
+            product * product / std::f64::consts::TAU / square
+        };
+        let known = [0.0, 30.0, 60.0].into_iter().map(share).sum::<f64>() / 3.0;
+        let found = energy_by_order(Shape::Phong { exponent: 1.0 }, Harmonics::Hemispherical, 3);
+        assert!((found[0] - known).abs() < 2e-3, "{}, not {known}", found[0]);
+        assert!(found.len() == 3 && found[0] < found[1] && found[1] < found[2] && found[2] < 1.0, "{found:?}");
+        // Below the horizon spherical harmonics hold nothing: half as much.
+        let spherical = energy_by_order(Shape::Phong { exponent: 1.0 }, Harmonics::Spherical, 1)[0];
+        assert!((spherical - 0.5 * known).abs() < 2e-3, "{spherical}");
+    }
+
+    /// In other harmonics or a higher order a table is another way to say the same.
+    #[test]
+    fn tables_are_converted_part_by_part() {
+        let shape = Shape::Microfacets { alpha: 0.5 };
+        let own = LobeTable::new(shape, hemispherical(3), 2);
+        let converted = own.in_spherical(4);
+        assert_eq!((converted.harmonics, converted.order, converted.edge, converted.values.len()), (Harmonics::Spherical, 4, 2, table_fours(4, 2)));
+        let conversion = Conversion::new(3, 4);
+        for (own, found) in own.values.chunks(quads(3)).zip(converted.values.chunks(quads(4))) {
+            let known = conversion.to_spherical(&numbers(own, 3));
+            assert!(numbers(found, 4).iter().zip(known).all(|(a, b)| (a - b).abs() < 1e-6));
+        }
+        let longer = converted.in_spherical(5);
+        assert_eq!((longer.harmonics, longer.order, longer.values.len()), (Harmonics::Spherical, 5, table_fours(5, 2)));
+        for (own, found) in converted.values.chunks(quads(4)).zip(longer.values.chunks(quads(5))) {
+            let found = numbers(found, 5);
+            assert!(found[..count(4)] == numbers(own, 4) && found[count(4)..].iter().all(|c| *c == 0.0));
+        }
+    }
 }

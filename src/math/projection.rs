@@ -146,6 +146,17 @@ mod tests {
     }
 
     #[test]
+    fn rectangles_hold_their_first_pixels_and_not_those_behind_the_last() {
+        let rectangle = PixelRectangle { min: [2, 5], max: [4, 9] };
+        for pixel in [[2, 5], [3, 5], [2, 8], [3, 8]] {
+            assert!(rectangle.contains(pixel), "{pixel:?}");
+        }
+        for pixel in [[1, 6], [4, 6], [3, 4], [3, 9], [0, 0]] {
+            assert!(!rectangle.contains(pixel), "{pixel:?}");
+        }
+    }
+
+    #[test]
     fn what_is_behind_or_beside_has_no_rectangle() {
         let camera = camera(Quat::IDENTITY, Vec3::ZERO, Vec2::new(1.0, 0.75));
         assert_eq!(camera.bounds(Vec3::new(0.0, 0.0, 2.0), 1.0), None);

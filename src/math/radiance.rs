@@ -399,6 +399,35 @@ mod tests {
         }
     }
 
+    /// Gradients that foretell more, or less, than counts change what is reflected by as much as counts.
+    #[test]
+    fn what_is_foretold_is_bounded() {
+        let table = LobeTable::new(
+            crate::math::lobe::Shape::Phong { exponent: 6.0 },
+            Series { harmonics: Harmonics::Hemispherical, order: 2, window: Window::None },
+            8,
+        );
+        let frame = Frame::new(Vec3::Z);
+        let seen = |change: f64| {
+            let plane = |of: usize| fours(&[[3.0, change, 0.0][of / 3], 0.0, 0.0, 0.0]);
+            let planes: Vec<Vec4> = (0..PLANES).flat_map(plane).collect();
+            let viewed = Viewed {
+                toward: Vec3::new(0.48, -0.36, 0.8),
+                normal: Vec3::Z,
+                record_normal: Vec3::Z,
+                offset: frame.tangent,
+                reflectance: Vec3::ONE,
+                azimuth: 0.0,
+            };
+            reflected(&planes, &table, &viewed)
+        };
+        let [least, most] = EXTRAPOLATION;
+        let still = seen(0.0);
+        for (change, share) in [(1.5, 1.5), (-0.9, 0.7), (1e3, most), (-1e3, least)] {
+            assert!(still.min_element() > 0.0 && seen(change).abs_diff_eq(still * share, 1e-5 * still.max_element()), "{change}: {}, {still}", seen(change));
+        }
+    }
+
     /// Against central differences of coefficients that a fine tile projects to.
     #[test]
     fn gradients_are_finite_differences() {

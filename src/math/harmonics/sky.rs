@@ -249,6 +249,18 @@ mod tests {
     }
 
     #[test]
+    fn radiance_is_asked_for_the_middles_of_cells() {
+        let asked = std::cell::RefCell::new(Vec::new());
+        project(1, [2, 4], |polar, azimuth| {
+            asked.borrow_mut().push([polar / PI, azimuth / TAU]);
+            DVec3::ZERO
+        });
+        let known = [0.25, 0.75].into_iter().flat_map(|row| [0.125, 0.375, 0.625, 0.875].map(|column| [row, column]));
+        let asked = asked.into_inner();
+        assert!(asked.len() == 8 && asked.iter().zip(known).all(|(a, b)| (a[0] - b[0]).abs().max((a[1] - b[1]).abs()) < 1e-15), "{asked:?}");
+    }
+
+    #[test]
     fn a_harmonic_is_its_own_expansion() {
         let order = 6;
         let basis = Basis::<f64>::new(order);

@@ -288,6 +288,45 @@ mod tests {
     }
 
     #[test]
+    fn every_way_knows_its_order_and_its_size() {
+        // Of the 9 functions 6 are even in y and 3 odd; of a conversion two times 3·3 for m = 0, 2·2 and 1 both ways otherwise.
+        let sizes = [(Method::Conversion { spherical: 3 }, 9 + 2 * 4 + 2), (Method::DigonDeletion, 2 * (36 + 9)), (Method::Precomputed, 2 * (36 + 9))];
+        for (method, numbers) in sizes {
+            let tilting = Tilting::new(3, method, 1);
+            assert_eq!((tilting.order(), tilting.memory()), (3, 4 * numbers), "{method:?}");
+        }
+    }
+
+    /// Between two angles a matrix is their mean, beyond the largest the last.
+    #[test]
+    fn matrices_are_linear_between_angles() {
+        let groups = groups(2);
+        let numbers = (0..3).flat_map(|step| (0..matrix_size(&groups)).map(move |at| (step * (at + 2)) as f32)).collect();
+        let table = Table { steps: 2, largest: 1.0, groups: groups.clone(), numbers };
+        let values = [0.3, -0.7, 1.1, 0.4];
+        for (beta, step) in [(0.0, 0.0), (0.125, 0.25), (0.5, 1.0), (0.875, 1.75), (1.0, 2.0), (3.0, 2.0)] {
+            let mut known = [0.0; 4];
+            let pairs = groups.iter().flat_map(|group| group.iter().flat_map(move |row| group.iter().map(move |column| (*row, *column))));
+            pairs.enumerate().for_each(|(at, (row, column))| known[row] += step * (at + 2) as f64 * values[column]);
+            assert!(table.apply(&values, beta).iter().zip(known).all(|(a, b)| (a - b).abs() < 1e-12), "{beta}");
+        }
+    }
+
+    /// Of what is the same everywhere a tilt takes the digon away: `1 − β/π` of the first coefficient is left, and of the cosine's moment `(1 + cosβ)/2`.
+    #[test]
+    fn digons_have_their_area_and_moment() {
+        for beta in [0.0f64, 0.4, 1.3] {
+            let numbers = matrix(&Basis::new(2), &groups(2), beta, false);
+            // The even functions are those at 0, 2 and 3; the third is the cosine's.
+            let [first, second] = [numbers[0], numbers[1]];
+            assert!((first - (1.0 - beta / PI)).abs() < 1e-9, "{beta}: {first}");
+            // √3 (2 cosθ − 1) times the first function's square, 1/2π.
+            let known = 3f64.sqrt() * (0.5 * (1.0 + beta.cos()) - (1.0 - beta / PI));
+            assert!((second - known).abs() < 1e-9, "{beta}: {second}, not {known}");
+        }
+    }
+
+    #[test]
     fn turns_around_the_normal_lose_nothing() {
         let axis = DVec3::new(0.48, 0.6, 0.64);
         let mut turned = projected(lobe(axis, 5));
@@ -301,7 +340,7 @@ mod tests {
         let axis = DVec3::new(0.2, -0.1, 1.0).normalize();
         let function = projected(lobe(axis, 12));
         let conversion = Tilting::new(ORDER, Method::Conversion { spherical: 14 }, 0);
-        let table = Tilting::new(ORDER, Method::Precomputed, 90);
+        let table = Tilting::new(ORDER, Method::Precomputed, 30);
         for degrees in [0.0, 3.0, 10.0, 31.0] {
             let matrix = DMat3::from_axis_angle(DVec3::new(0.6, 0.8, 0.0), f64::to_radians(degrees));
             let right = projected(lobe(matrix * axis, 12));
@@ -346,7 +385,8 @@ mod tests {
     /// The figures of the approximation: near for small tilts, far off for large ones, nothing beyond a right angle.
     #[test]
     fn digon_deletion_is_near_for_small_tilts() {
-        let tilting = Tilting::new(ORDER, Method::DigonDeletion, 90);
+        // In steps of 10°.
+        let tilting = Tilting::new(ORDER, Method::DigonDeletion, 9);
         let function = projected(lobe(DVec3::Z, 5));
         for (degrees, most) in [(10.0, 0.04), (30.0, 0.15), (60.0, 0.6)] {
             let beta = f64::to_radians(degrees);

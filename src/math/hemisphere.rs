@@ -1051,6 +1051,8 @@ pub(super) mod tests {
         assert!(direction.abs_diff_eq(DVec3::new(-1.0, 1.25, 0.5).normalize(), 1e-15));
         let flat = View { linear: false, ..view };
         assert_eq!(flat.direction(3, 0), None);
+        let rim = View { minimum: DVec2::new(0.5, -0.5), maximum: DVec2::new(1.5, 0.5), rectangle: [0, 0, 1, 1], ..flat };
+        assert_eq!(rim.direction(0, 0), None);
         let direction = flat.direction(1, 0).expect("within the disc");
         assert!(direction.abs_diff_eq(DVec3::new(-(1.0f64 - 0.25 * 0.25 - 0.5 * 0.5).sqrt(), 0.25, 0.5), 1e-15));
     }

@@ -194,6 +194,58 @@ mod tests {
         assert!(Shape::Ward { alpha: Vec2::new(0.1, 0.2) }.is_anisotropic() && !Shape::Ward { alpha: Vec2::splat(0.2) }.is_anisotropic());
     }
 
+    /// Ward's by its formula for half vectors of any length; microfacets' along the normal, `1/(πα²)` facets by 4.
+    #[test]
+    fn lobes_have_their_known_values() {
+        let near = |found: f32, known: f32| assert!((found - known).abs() < 1e-5 * known.abs().max(1.0), "{found}, not {known}");
+        let (outgoing, incoming) = (Vec3::new(0.6, 0.0, 0.8), Vec3::new(0.0, 0.6, 0.8));
+        let ward = Lobe { shape: Shape::Ward { alpha: Vec2::new(0.5, 1.0) }, reflectance: Vec3::new(1.0, 0.5, 0.0) };
+        let fall = (-1.8f32 / 2.56).exp() / (PI * 0.5);
+        near(ward.value(outgoing, incoming).x, fall * 3.28 / 6.5536);
+        near(ward.value(outgoing, incoming).y, fall * 1.64 / 6.5536);
+        // Of the half vector's length l the height is 1.6/l, the cosine 1.64/l.
+        let length = 3.28f32.sqrt();
+        near(ward.density(outgoing, incoming), fall * length.powi(4) / (1.6f32.powi(3) * 4.0 * 1.64));
+        let facets = Lobe { shape: Shape::Microfacets { alpha: 0.5 }, reflectance: Vec3::new(0.04, 0.5, 1.0) };
+        assert!(facets.value(Vec3::Z, Vec3::Z).abs_diff_eq(facets.reflectance / PI, 1e-6));
+        near(facets.density(Vec3::Z, Vec3::Z), 1.0 / PI);
+        // Schlick's rise at 60° to the facets is 1/32.
+        let (outgoing, incoming) = (around(0.5, 0.0), around(0.5, PI));
+        let [black, white] = [Vec3::ZERO, Vec3::ONE].map(|reflectance| Lobe { reflectance, ..facets }.value(outgoing, incoming).x);
+        near(black * 32.0, white);
+        let phong = Lobe { shape: Shape::Phong { exponent: 2.0 }, reflectance: Vec3::ONE };
+        near(phong.value(Vec3::Z, outgoing).x, 4.0 / TAU * 0.25);
+        near(phong.density(Vec3::Z, outgoing), 3.0 / TAU * 0.25);
+        let bounds = [Shape::Phong { exponent: 1e9 }, Shape::Ward { alpha: Vec2::new(0.0, 0.3) }, Shape::Microfacets { alpha: 0.0 }].map(Shape::numbers);
+        assert_eq!(bounds, [(1, Vec2::new(1e6, 0.0)), (2, Vec2::new(1e-3, 0.3)), (3, Vec2::splat(1e-3))]);
+    }
+
+    /// Over all directions, those below the surface too, a density adds to 1, and the samples' mean is its own.
+    #[test]
+    fn densities_add_to_one_and_are_the_samples() {
+        let (steps, points) = (64u32, hemisphere(64, 128));
+        let wide = [Shape::Phong { exponent: 2.0 }, Shape::Ward { alpha: Vec2::new(0.3, 0.5) }, Shape::Microfacets { alpha: 0.6 }];
+        for (shape, outgoing) in wide.into_iter().flat_map(|shape| [Vec3::Z, around(0.8, 0.7)].map(|outgoing| (shape, outgoing))) {
+            let lobe = Lobe { shape, reflectance: Vec3::ONE };
+            let (mut all, mut mean) = (0.0, Vec3::ZERO);
+            for (d, weight) in &points {
+                for sign in [1.0, -1.0] {
+                    let direction = Vec3::new(d[0] as f32, d[1] as f32, sign * d[2] as f32);
+                    let share = lobe.density(outgoing, direction) * *weight as f32;
+                    all += share;
+                    mean += share * direction;
+                }
+            }
+            let number = |i: u32| (i as f32 + 0.5) / steps as f32;
+            let samples = (0..steps * steps).map(|i| lobe.sample(outgoing, [number(i / steps), number(i % steps)]));
+            let found = samples.sum::<Vec3>() / (steps * steps) as f32;
+            // Facets of Ward's that the viewer is behind of are counted twice.
+            let tolerance = if matches!(shape, Shape::Ward { .. }) { 1e-2 } else { 3e-3 };
+            assert!((all - 1.0).abs() < tolerance, "{lobe:?} toward {outgoing}: {all}");
+            assert!(found.abs_diff_eq(mean, tolerance), "{lobe:?} toward {outgoing}: {found}, not {mean}");
+        }
+    }
+
     fn lobes() -> Vec<Lobe> {
         let shapes = [
             Shape::Phong { exponent: 1.0 },

@@ -239,7 +239,7 @@ mod tests {
             let number = |i: u32| (i as f32 + 0.5) / steps as f32;
             let samples = (0..steps * steps).map(|i| lobe.sample(outgoing, [number(i / steps), number(i % steps)]));
             let found = samples.sum::<Vec3>() / (steps * steps) as f32;
-            // Facets of Ward's that the viewer is behind of are counted twice.
+            // Ward's facets that face away from the viewer have no density.
             let tolerance = if matches!(shape, Shape::Ward { .. }) { 1e-2 } else { 3e-3 };
             assert!((all - 1.0).abs() < tolerance, "{lobe:?} toward {outgoing}: {all}");
             assert!(found.abs_diff_eq(mean, tolerance), "{lobe:?} toward {outgoing}: {found}, not {mean}");

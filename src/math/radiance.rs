@@ -277,6 +277,27 @@ mod tests {
         assert!((sum - irradiance).abs() < 1e-6 * irradiance, "{sum}, not {irradiance}");
     }
 
+    /// And their gradients the irradiance's along the surface: the harmonics at a wall add up to the cosine that its gradient was divided by.
+    #[test]
+    fn the_first_gradients_hold_the_irradiances() {
+        for shape in [Shape::Hemicube, Shape::Plane { fov_degrees: 126.87 }, Shape::Hemispherical, Shape::Cosine, Shape::Concentric] {
+            let table = Table::new(shape, 12, Compensation::BorderExtension).expect("a table");
+            let expansion = Expansion::new(&table, 2);
+            let mut tile = tile(&table, |direction| (1.0 + direction.x, 1.5 + direction.y - 0.5 * direction.x));
+            tile.iter_mut().for_each(|texel| (texel[1], texel[2]) = (2.0 * texel[0], texel[3]));
+            // One sample is nearer than counts.
+            tile[7 * 12 + 5][3] = 0.01;
+            let found = expansion.project(&table, &tile, 0.2).expect("a tile");
+            let summed = crate::math::sum::sum(&table, &tile, 0.2).expect("a tile");
+            for channel in 0..3 {
+                let along = |plane: &[f64]| 0.5 * std::f64::consts::TAU.sqrt() * (plane[0] + plane[2] / 3f64.sqrt());
+                let gradient = DVec2::new(along(&found.0[3 + channel]), along(&found.0[6 + channel]));
+                let known = summed.translation[channel].truncate();
+                assert!(known.length() > 0.1 && gradient.abs_diff_eq(known, 1e-6), "{shape:?} {channel}: {gradient}, not {known}");
+            }
+        }
+    }
+
     #[test]
     fn frames_that_are_turned_agree() {
         let table = Table::new(Shape::Hemispherical, 64, Compensation::None).expect("a table");

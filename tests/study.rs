@@ -309,12 +309,8 @@ fn beside() -> Outcome {
 
 /// Without geometry that does not ship, and small.
 fn shipped() -> Outcome {
-    let files = fs::read_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("studies"))?;
-    let mut files = files.map(|entry| Ok(entry?.file_name().to_string_lossy().into_owned())).collect::<Result<Vec<_>, Failed>>()?;
-    files.sort();
-    check(files == EMBEDDED.iter().map(|(file, _)| *file).collect::<Vec<_>>(), || format!("{files:?}"))?;
     let place = Place::new()?;
-    for file in files {
+    for (file, _) in EMBEDDED {
         let (text, stderr) = place.succeed(&format!("study {file} --scene corner --size 101x101 --dry-run"))?;
         check(text.lines().count() > 5 && !text.contains("refused"), || format!("{file}\n{text}{stderr}"))?;
     }

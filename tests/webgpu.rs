@@ -7,7 +7,7 @@ use hemisplat::{
     passes::REGISTRY,
     pipeline::{embedded::EMBEDDED, load, plan},
     recording::Device,
-    scene::{bvh::Bvh, load as scenes, needs::Needs},
+    scene::{Scene, bvh::Bvh, load as scenes, needs::Needs},
 };
 use rayon::prelude::*;
 use std::path::Path;
@@ -24,11 +24,44 @@ fn what_ships_asks_no_more_than_webgpu_grants() {
     assert!(complaints.is_empty(), "{}", complaints.join("\n"));
 }
 
-fn complaints(name: &str) -> Vec<String> {
+/// A limit that is lowered, and what the error speaks of.
+type Lowered = (fn(&mut wgpu::Limits), &'static str);
+
+#[test]
+fn what_is_too_much_is_named_with_its_node() {
+    let lowered: [Lowered; 9] = [
+        (|limits| limits.max_storage_buffers_per_shader_stage = 2, "storage buffers; the adapter's limit is 2"),
+        (|limits| limits.max_uniform_buffers_per_shader_stage = 1, "uniform buffers"),
+        (|limits| limits.max_sampled_textures_per_shader_stage = 0, "textures"),
+        (|limits| limits.max_storage_buffer_binding_size = 64, "binds` needs"),
+        (|limits| limits.max_compute_invocations_per_workgroup = 32, "invocations a workgroup"),
+        (|limits| limits.max_compute_workgroup_storage_size = 0, "bytes that a workgroup shares"),
+        (|limits| limits.max_compute_workgroups_per_dimension = 3, "workgroups along an edge of a dispatch"),
+        (|limits| limits.max_texture_dimension_2d = 32, "texels along an edge"),
+        (|limits| limits.max_color_attachment_bytes_per_sample = 0, "bytes a sample of its colour attachments"),
+    ];
+    let (scene, needs) = scene("corner");
+    let pipeline = load("irradiance-device", &[], REGISTRY, &mut |_| Err(std::io::ErrorKind::NotFound.into())).unwrap();
+    let setting = Setting { scene: &scene, needs: &needs, device: Device::ABLE, size: [64, 64], tables: None };
+    let plan = plan(&pipeline, setting, &[], &|data| scene_data::kind(&scene, data)).unwrap();
+    for (lower, said) in lowered {
+        let mut limits = wgpu::Limits::default();
+        lower(&mut limits);
+        let error = limits::hold(&plan.recording, &limits, wgpu::Features::FLOAT32_BLENDABLE, "any").expect_err(said).to_string();
+        assert!(error.starts_with('`') && error.contains(said), "{error}");
+    }
+}
+
+fn scene(name: &str) -> (Scene, Needs) {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("scenes/{name}.ron"));
     let mut scene = scenes::load(&path, &scenes::LoadOptions::default()).unwrap();
     Bvh::build(&mut scene);
     let needs = Needs::of(&scene);
+    (scene, needs)
+}
+
+fn complaints(name: &str) -> Vec<String> {
+    let (scene, needs) = scene(name);
     let (granted, tables) = (wgpu::Limits::default(), Remembered::default());
     let mut complaints = Vec::new();
     for ((file, _), device) in EMBEDDED.iter().flat_map(|ships| [Device::Hardware { blends: false }, Device::Software].map(|device| (ships, device))) {

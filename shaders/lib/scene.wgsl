@@ -113,7 +113,7 @@ struct Surface {
 }
 
 fn scene_material(index: u32) -> SceneMaterial {
-    let at = scene_parameters.first_material + 6u * index;
+    let at = scene_parameters.first_material + 5u * index;
     let a = scene_tables[at];
     let b = scene_tables[at + 1u];
     let c = scene_tables[at + 2u];
@@ -126,7 +126,7 @@ fn scene_material(index: u32) -> SceneMaterial {
 }
 
 fn scene_light(index: u32) -> SceneLight {
-    let at = scene_parameters.first_light + 5u * index;
+    let at = scene_parameters.first_light + 4u * index;
     let a = scene_tables[at];
     let b = scene_tables[at + 1u];
     let c = scene_tables[at + 2u];

@@ -143,9 +143,9 @@ fn describe(adapter: &wgpu::Adapter) -> Adapter {
     if !adapter.get_downlevel_capabilities().is_webgpu_compliant() {
         lacks.push("WebGPU compliance".to_string());
     }
-    if !limits.check_limits(&wgpu::Limits::default()) {
-        lacks.push("the limits that WebGPU promises".to_string());
-    }
+    wgpu::Limits::default().check_limits_with_fail_fn(&limits, false, |name, promised, granted| {
+        lacks.push(format!("{name} of {promised}, which WebGPU promises (it has {granted})"));
+    });
     Adapter {
         name: info.name,
         backend: info.backend.to_string(),

@@ -1,13 +1,7 @@
 //! The studies that ship, inside the program.
 
 /// File name and text.
-pub static EMBEDDED: &[(&str, &str)] = &[
-    ("compensation.ron", include_str!("../../../studies/compensation.ron")),
-    ("harmonics.ron", include_str!("../../../studies/harmonics.ron")),
-    ("means.ron", include_str!("../../../studies/means.ron")),
-    ("summation.ron", include_str!("../../../studies/summation.ron")),
-    ("weights.ron", include_str!("../../../studies/weights.ron")),
-];
+pub static EMBEDDED: &[(&str, &str)] = include!(concat!(env!("OUT_DIR"), "/studies.rs"));
 
 /// Finds a study by "studies/compensation.ron", "compensation.ron" or "compensation".
 pub fn find(name: &str) -> Option<(&'static str, &'static str)> {

@@ -42,20 +42,7 @@ pub const SEARCH_VARIABLE: &str = "HEMISPLAT_SCENES";
 const MAX_DOCUMENT: u64 = 256 << 20;
 
 /// The scenes that ship, by file name.
-const EMBEDDED: [(&str, &str); 12] = [
-    ("balls.ron", include_str!("../../../scenes/balls.ron")),
-    ("castle.ron", include_str!("../../../scenes/castle.ron")),
-    ("cornell.ron", include_str!("../../../scenes/cornell.ron")),
-    ("cornell-glossy.ron", include_str!("../../../scenes/cornell-glossy.ron")),
-    ("corner.ron", include_str!("../../../scenes/corner.ron")),
-    ("furnace.ron", include_str!("../../../scenes/furnace.ron")),
-    ("hall.ron", include_str!("../../../scenes/hall.ron")),
-    ("sibenik.ron", include_str!("../../../scenes/sibenik.ron")),
-    ("sponza.ron", include_str!("../../../scenes/sponza.ron")),
-    ("teapot-evening.ron", include_str!("../../../scenes/teapot-evening.ron")),
-    ("teapot-noon.ron", include_str!("../../../scenes/teapot-noon.ron")),
-    ("teapot-overcast.ron", include_str!("../../../scenes/teapot-overcast.ron")),
-];
+const EMBEDDED: &[(&str, &str)] = include!(concat!(env!("OUT_DIR"), "/scenes.rs"));
 
 /// Where to look for files, and what to change in a scene.
 #[derive(Debug, Clone, Default)]
@@ -151,7 +138,7 @@ fn load_geometry(path: &Path, files: &Files, draft: &mut Draft, wanted: &dyn Fn(
 /// The file name and the text of a scene that ships.
 pub fn find_embedded(path: &Path) -> Option<(&'static str, &'static str)> {
     let name = path.strip_prefix("scenes").unwrap_or(path).to_str()?;
-    EMBEDDED.into_iter().find(|(known, _)| *known == name || known.strip_suffix(".ron") == Some(name))
+    EMBEDDED.iter().copied().find(|(known, _)| *known == name || known.strip_suffix(".ron") == Some(name))
 }
 
 fn scene_not_found(path: &Path, options: &LoadOptions) -> SceneError {

@@ -1,0 +1,220 @@
+//! Changes hemisplat line by line, and tells which changes no test notices.
+//!
+//! ```
+//! cargo install cargo-mutants --locked
+//! cargo run --release --manifest-path benches/mutants/Cargo.toml -- build 'src/../passes/**' lib,ways,golden 5
+//! cargo run --release --manifest-path benches/mutants/Cargo.toml -- run 60 90
+//! ```
+//!
+//! `build` takes the changes that cargo-mutants lists for the files and puts all of them into a copy of the project, each behind a number that the
+//! environment names, so that one build serves all. Then it runs each of the tests once, to see which changes it reaches, and leaves out those that take
+//! longer than the seconds given. `run` makes the changes one by one, in an order drawn by lot, and runs the tests that reach each, until one fails, or
+//! the seconds for one change or the minutes for all are over. `again` does so with those that passed so far.
+//!
+//! All of it is kept in `out/mutants`: `state.json` has changes and tests, `results.jsonl` one line a change.
+
+mod copy;
+mod place;
+mod trial;
+
+use serde::{Deserialize, Serialize};
+use std::{
+    collections::{BTreeMap, HashMap},
+    hash::{DefaultHasher, Hash, Hasher},
+    io::Write,
+    path::PathBuf,
+    process::Command,
+    sync::Mutex,
+    time::{Duration, Instant},
+};
+use trial::{Ended, Test};
+
+/// How many tests run at a time.
+const WORKERS: usize = 2;
+
+/// As cargo-mutants lists it.
+#[derive(Serialize, Deserialize)]
+struct Change {
+    name: String,
+    file: String,
+    span: Span,
+    genre: String,
+    replacement: String,
+    /// Why it cannot be made.
+    #[serde(default)]
+    left_out: Option<String>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Span {
+    start: Point,
+    end: Point,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Point {
+    line: usize,
+    column: usize,
+}
+
+#[derive(Serialize, Deserialize)]
+struct State {
+    changes: Vec<Change>,
+    /// Of each number: the change, and the first number of its place.
+    numbers: Vec<(usize, usize)>,
+    tests: Vec<Test>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Outcome {
+    name: String,
+    /// `noticed`, `endless`, `passed`, `unfinished`, `unreached`
+    outcome: String,
+    /// The test that ended it.
+    by: Option<String>,
+    seconds: f64,
+    /// Tests that reach it and were not run.
+    left: usize,
+}
+
+/// Where all is.
+struct Work {
+    project: PathBuf,
+    folder: PathBuf,
+}
+
+impl Work {
+    fn copy(&self) -> PathBuf {
+        self.folder.join("copy")
+    }
+
+    /// At little optimisation: the changes cost more than it gains.
+    fn cargo(&self, what: &str) -> Command {
+        let mut cargo = Command::new("cargo");
+        cargo.args([what, "--locked", "-j2", "--target-dir"]).arg(self.folder.join("target")).current_dir(self.copy()).env("CARGO_PROFILE_DEV_OPT_LEVEL", "1");
+        cargo
+    }
+
+    /// What all tests are run with: the same samples each time, and nothing kept of failures.
+    fn tests<'a>(&self, command: &'a mut Command) -> &'a mut Command {
+        let kept = [("PROPTEST_CASES", "24"), ("PROPTEST_RNG_SEED", "1"), ("PROPTEST_DISABLE_FAILURE_PERSISTENCE", "1"), ("INSTA_UPDATE", "no")];
+        command.current_dir(self.copy()).envs(kept).env("TMPDIR", self.folder.join("tmp"))
+    }
+
+    /// A few at a time, in order.
+    fn each<T: Send, R: Send>(&self, items: &mut [T], job: impl Fn(usize, &mut T) -> R + Sync) -> Vec<R> {
+        let (queue, done) = (Mutex::new(items.iter_mut().enumerate()), Mutex::new(BTreeMap::new()));
+        std::thread::scope(|scope| {
+            for _ in 0..WORKERS {
+                scope.spawn(|| {
+                    loop {
+                        let next = queue.lock().expect("no panic").next();
+                        let Some((index, item)) = next else { return };
+                        let result = job(index, item);
+                        done.lock().expect("no panic").insert(index, result);
+                    }
+                });
+            }
+        });
+        done.into_inner().expect("no panic").into_values().collect()
+    }
+
+    fn outcomes(&self) -> HashMap<String, Outcome> {
+        let text = std::fs::read_to_string(self.folder.join("results.jsonl")).unwrap_or_default();
+        text.lines().filter_map(|line| serde_json::from_str::<Outcome>(line).ok()).map(|outcome| (outcome.name.clone(), outcome)).collect()
+    }
+}
+
+fn main() {
+    let project = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().expect("the project");
+    let work = Work { folder: project.join("out/mutants"), project };
+    std::fs::create_dir_all(work.folder.join("tmp")).expect("a folder for the work");
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let number = |text: &str| text.parse::<f64>().expect("a number");
+    match arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
+        ["build", files, tests, longest] => build(&work, files, tests, number(longest)),
+        ["run", seconds, minutes] => run(&work, number(seconds), number(minutes), &[]),
+        ["again", seconds, minutes] => run(&work, number(seconds), number(minutes), &["passed", "unfinished", "unreached"]),
+        _ => eprintln!("build FILES,... TESTS,... LONGEST_TEST_SECONDS | run SECONDS_EACH MINUTES | again SECONDS_EACH MINUTES"),
+    }
+}
+
+fn build(work: &Work, files: &str, tests: &str, longest: f64) {
+    let mut list = Command::new("cargo");
+    list.args(["mutants", "--list", "--json"]).current_dir(&work.project);
+    for file in files.split(',') {
+        list.args(["-f", file]);
+    }
+    let listed = list.output().expect("cargo-mutants");
+    let mut changes: Vec<Change> = serde_json::from_slice(&listed.stdout).expect("a list of changes");
+    let numbers = copy::make(work, &mut changes);
+    println!("{} changes, {} of them can be made", changes.len(), numbers.len());
+    let tests = trial::measured(work, &tests.split(',').map(str::to_owned).collect::<Vec<_>>(), longest);
+    println!("{} tests, {:.0} s", tests.len(), tests.iter().map(|test| test.seconds).sum::<f64>());
+    let state = serde_json::to_vec(&State { changes, numbers, tests }).expect("plain values");
+    std::fs::write(work.folder.join("state.json"), state).expect("room for the state");
+}
+
+fn run(work: &Work, seconds: f64, minutes: f64, anew: &[&str]) {
+    let state = std::fs::read(work.folder.join("state.json")).expect("`build` first");
+    let state: State = serde_json::from_slice(&state).expect("what `build` wrote");
+    let before = work.outcomes();
+    let is_open = |name: &str| before.get(name).is_none_or(|outcome| anew.contains(&outcome.outcome.as_str()));
+    let mut open: Vec<usize> = (0..state.numbers.len()).filter(|number| is_open(&state.changes[state.numbers[*number].0].name)).collect();
+    open.sort_by_key(|number| {
+        let mut hasher = DefaultHasher::new();
+        state.changes[state.numbers[*number].0].name.hash(&mut hasher);
+        hasher.finish()
+    });
+    let until = Instant::now() + Duration::from_secs_f64(minutes * 60.0);
+    let file = std::fs::File::options().create(true).append(true).open(work.folder.join("results.jsonl"));
+    let file = Mutex::new(file.expect("room for the results"));
+    let worth = Mutex::new(vec![(1.0, 1.0); state.tests.len()]);
+    let all = open.len();
+    work.each(&mut open, |index, number| {
+        if Instant::now() < until {
+            let outcome = make(work, &state, *number, seconds, &worth);
+            println!("{index}/{all} {} {} {:.1} s {}", outcome.outcome, outcome.name, outcome.seconds, outcome.by.as_deref().unwrap_or_default());
+            let line = serde_json::to_string(&outcome).expect("plain values") + "\n";
+            file.lock().expect("no panic").write_all(line.as_bytes()).expect("room for a result");
+        }
+    });
+    let mut counts = BTreeMap::<String, usize>::new();
+    work.outcomes().into_values().for_each(|outcome| *counts.entry(outcome.outcome).or_default() += 1);
+    println!("{counts:?}");
+}
+
+/// Runs the tests that reach a change. First those that, for their seconds, noticed most of the changes before: tries and finds of each are in `worth`.
+fn make(work: &Work, state: &State, number: usize, limit: f64, worth: &Mutex<Vec<(f64, f64)>>) -> Outcome {
+    let (change, first) = state.numbers[number];
+    let mut reaching: Vec<usize> = (0..state.tests.len()).filter(|test| state.tests[*test].reached.contains(&first)).collect();
+    let cost: Vec<f64> = worth.lock().expect("no panic").iter().zip(&state.tests).map(|((tries, finds), test)| test.seconds * tries / finds).collect();
+    reaching.sort_by(|a, b| cost[*a].total_cmp(&cost[*b]));
+    let mut outcome = Outcome { name: state.changes[change].name.clone(), outcome: String::new(), by: None, seconds: 0.0, left: 0 };
+    for index in &reaching {
+        let test = &state.tests[*index];
+        if outcome.seconds + test.seconds > limit {
+            outcome.left += 1;
+            continue;
+        }
+        let (ended, seconds) = test.run(work, ("MUTANT", &number.to_string()), 10.0 * test.seconds + 5.0);
+        outcome.seconds += seconds;
+        let tried = &mut worth.lock().expect("no panic")[*index];
+        tried.0 += 1.0;
+        if ended != Ended::Passed {
+            tried.1 += 1.0;
+            outcome.by = Some(format!("{}: {}", test.of, test.name));
+            outcome.outcome = if ended == Ended::Failed { "noticed" } else { "endless" }.into();
+            return outcome;
+        }
+    }
+    outcome.outcome = if reaching.is_empty() {
+        "unreached"
+    } else if outcome.left > 0 {
+        "unfinished"
+    } else {
+        "passed"
+    }
+    .into();
+    outcome
+}

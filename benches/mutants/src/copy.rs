@@ -117,5 +117,12 @@ fn blame(error: &Value, files: &HashMap<&str, Places>) -> Option<Vec<usize>> {
         let ((_, places), at) = of(span)?;
         places.iter().filter(|(range, _)| around(range, &at)).min_by_key(|(range, _)| range.len()).map(|(_, indices)| indices.clone())
     };
-    spans.iter().find_map(change).or_else(|| spans.iter().find_map(place))
+    // A `match` that lacks an arm names its head alone: the next arm with a number, which has no text of its own, is one of its.
+    let arm = |span: &&Value| {
+        let ((changes, places), at) = of(span)?;
+        let arms = places.iter().filter(|(range, indices)| range.start >= at.end && !changes.iter().any(|(_, index)| indices.contains(index)));
+        arms.min_by_key(|(range, _)| range.start).map(|(_, indices)| indices.clone())
+    };
+    let lacks_arm = error["code"]["code"] == "E0004";
+    spans.iter().find_map(change).or_else(|| spans.iter().find_map(|span| if lacks_arm { arm(span) } else { place(span) }))
 }

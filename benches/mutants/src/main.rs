@@ -2,8 +2,8 @@
 //!
 //! ```
 //! cargo install cargo-mutants --locked
-//! cargo run --release --manifest-path benches/mutants/Cargo.toml -- build 'src/../passes/**' lib,ways,golden 5
-//! cargo run --release --manifest-path benches/mutants/Cargo.toml -- run 60 90
+//! cargo run --release --manifest-path benches/mutants/Cargo.toml -- build passes 'src/../passes/**' lib,ways,golden 5
+//! cargo run --release --manifest-path benches/mutants/Cargo.toml -- run passes 60 90
 //! ```
 //!
 //! `build` takes the changes that cargo-mutants lists for the files and puts all of them into a copy of the project, each behind a number that the
@@ -11,7 +11,8 @@
 //! longer than the seconds given. `run` makes the changes one by one, in an order drawn by lot, and runs the tests that reach each, until one fails, or
 //! the seconds for one change or the minutes for all are over. `again` does so with those that passed so far.
 //!
-//! All of it is kept in `out/mutants`: `state.json` has changes and tests, `results.jsonl` one line a change.
+//! The first word after them names the set of changes, which is kept in a folder of `out/mutants`: `state.json` has changes and tests, `results.jsonl`
+//! one line a change, the last of each holds. A change is known by its place, so that results outlive tests that are added at the end of a file.
 
 mod copy;
 mod place;
@@ -80,10 +81,21 @@ struct Outcome {
 /// Where all is.
 struct Work {
     project: PathBuf,
+    /// Of all sets.
+    target: PathBuf,
+    /// Of this one.
     folder: PathBuf,
 }
 
 impl Work {
+    fn of(set: &str) -> Self {
+        let project = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().expect("the project");
+        let out = project.join("out/mutants");
+        let work = Self { project, target: out.join("target"), folder: out.join(set) };
+        std::fs::create_dir_all(work.folder.join("tmp")).expect("a folder for the work");
+        work
+    }
+
     fn copy(&self) -> PathBuf {
         self.folder.join("copy")
     }
@@ -91,7 +103,7 @@ impl Work {
     /// At little optimisation: the changes cost more than it gains.
     fn cargo(&self, what: &str) -> Command {
         let mut cargo = Command::new("cargo");
-        cargo.args([what, "--locked", "-j2", "--target-dir"]).arg(self.folder.join("target")).current_dir(self.copy()).env("CARGO_PROFILE_DEV_OPT_LEVEL", "1");
+        cargo.args([what, "--locked", "-j2", "--target-dir"]).arg(&self.target).current_dir(self.copy()).env("CARGO_PROFILE_DEV_OPT_LEVEL", "1");
         cargo
     }
 
@@ -126,16 +138,13 @@ impl Work {
 }
 
 fn main() {
-    let project = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().expect("the project");
-    let work = Work { folder: project.join("out/mutants"), project };
-    std::fs::create_dir_all(work.folder.join("tmp")).expect("a folder for the work");
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let number = |text: &str| text.parse::<f64>().expect("a number");
     match arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
-        ["build", files, tests, longest] => build(&work, files, tests, number(longest)),
-        ["run", seconds, minutes] => run(&work, number(seconds), number(minutes), &[]),
-        ["again", seconds, minutes] => run(&work, number(seconds), number(minutes), &["passed", "unfinished", "unreached"]),
-        _ => eprintln!("build FILES,... TESTS,... LONGEST_TEST_SECONDS | run SECONDS_EACH MINUTES | again SECONDS_EACH MINUTES"),
+        ["build", set, files, tests, longest] => build(&Work::of(set), files, tests, number(longest)),
+        ["run", set, seconds, minutes] => run(&Work::of(set), number(seconds), number(minutes), &[]),
+        ["again", set, seconds, minutes] => run(&Work::of(set), number(seconds), number(minutes), &["passed", "unfinished", "unreached"]),
+        _ => eprintln!("build SET FILES,... TESTS,... LONGEST_TEST_SECONDS | run SET SECONDS_EACH MINUTES | again SET SECONDS_EACH MINUTES"),
     }
 }
 
@@ -169,7 +178,7 @@ fn run(work: &Work, seconds: f64, minutes: f64, anew: &[&str]) {
     let until = Instant::now() + Duration::from_secs_f64(minutes * 60.0);
     let file = std::fs::File::options().create(true).append(true).open(work.folder.join("results.jsonl"));
     let file = Mutex::new(file.expect("room for the results"));
-    let worth = Mutex::new(vec![(1.0, 1.0); state.tests.len()]);
+    let worth = Mutex::new(Worth::of(&before, &state.tests));
     let all = open.len();
     work.each(&mut open, |index, number| {
         if Instant::now() < until {
@@ -179,18 +188,52 @@ fn run(work: &Work, seconds: f64, minutes: f64, anew: &[&str]) {
             file.lock().expect("no panic").write_all(line.as_bytes()).expect("room for a result");
         }
     });
-    let mut counts = BTreeMap::<String, usize>::new();
+    let mut counts = BTreeMap::<_, usize>::new();
     work.outcomes().into_values().for_each(|outcome| *counts.entry(outcome.outcome).or_default() += 1);
     println!("{counts:?}");
 }
 
-/// Runs the tests that reach a change. First those that, for their seconds, noticed most of the changes before: tries and finds of each are in `worth`.
-fn make(work: &Work, state: &State, number: usize, limit: f64, worth: &Mutex<Vec<(f64, f64)>>) -> Outcome {
+/// How often each test was run against changes of a file, and how often it noticed one; each counts as one more.
+#[derive(Default)]
+struct Worth(HashMap<(String, usize), [f64; 2]>);
+
+impl Worth {
+    /// As far as outcomes before tell.
+    fn of(before: &HashMap<String, Outcome>, tests: &[Test]) -> Self {
+        let mut worth = Self::default();
+        for outcome in before.values() {
+            let by = tests.iter().position(|test| outcome.by.as_deref() == Some(&test.title()));
+            by.into_iter().for_each(|test| worth.add(file(&outcome.name), test, true));
+        }
+        worth
+    }
+
+    fn add(&mut self, file: &str, test: usize, noticed: bool) {
+        let [tries, finds] = self.0.entry((file.into(), test)).or_insert([1.0; 2]);
+        (*tries, *finds) = (*tries + 1.0, *finds + f64::from(u8::from(noticed)));
+    }
+
+    /// Seconds until a test finds one.
+    fn cost(&self, file: &str, test: usize, seconds: f64) -> f64 {
+        self.0.get(&(file.into(), test)).map_or(seconds, |[tries, finds]| seconds * tries / finds.powi(2))
+    }
+}
+
+/// Of a change's name.
+fn file(name: &str) -> &str {
+    name.split(".rs:").next().unwrap_or(name)
+}
+
+/// Runs the tests that reach a change: first those that notice most of its file's changes for their seconds.
+fn make(work: &Work, state: &State, number: usize, limit: f64, worth: &Mutex<Worth>) -> Outcome {
     let (change, first) = state.numbers[number];
+    let name = &state.changes[change].name;
     let mut reaching: Vec<usize> = (0..state.tests.len()).filter(|test| state.tests[*test].reached.contains(&first)).collect();
-    let cost: Vec<f64> = worth.lock().expect("no panic").iter().zip(&state.tests).map(|((tries, finds), test)| test.seconds * tries / finds).collect();
+    let known = worth.lock().expect("no panic");
+    let cost: Vec<f64> = state.tests.iter().enumerate().map(|(index, test)| known.cost(file(name), index, test.seconds)).collect();
+    drop(known);
     reaching.sort_by(|a, b| cost[*a].total_cmp(&cost[*b]));
-    let mut outcome = Outcome { name: state.changes[change].name.clone(), outcome: String::new(), by: None, seconds: 0.0, left: 0 };
+    let mut outcome = Outcome { name: name.clone(), outcome: String::new(), by: None, seconds: 0.0, left: 0 };
     for index in &reaching {
         let test = &state.tests[*index];
         if outcome.seconds + test.seconds > limit {
@@ -199,11 +242,9 @@ fn make(work: &Work, state: &State, number: usize, limit: f64, worth: &Mutex<Vec
         }
         let (ended, seconds) = test.run(work, ("MUTANT", &number.to_string()), 10.0 * test.seconds + 5.0);
         outcome.seconds += seconds;
-        let tried = &mut worth.lock().expect("no panic")[*index];
-        tried.0 += 1.0;
+        worth.lock().expect("no panic").add(file(name), *index, ended != Ended::Passed);
         if ended != Ended::Passed {
-            tried.1 += 1.0;
-            outcome.by = Some(format!("{}: {}", test.of, test.name));
+            outcome.by = Some(test.title());
             outcome.outcome = if ended == Ended::Failed { "noticed" } else { "endless" }.into();
             return outcome;
         }

@@ -33,6 +33,10 @@ pub enum Ended {
 }
 
 impl Test {
+    pub fn title(&self) -> String {
+        format!("{}: {}", self.of, self.name)
+    }
+
     /// With a setting of the switch.
     pub fn run(&self, work: &Work, switch: (&str, &str), limit: f64) -> (Ended, f64) {
         let started = Instant::now();

@@ -92,3 +92,59 @@ fn rank([x, y]: [u32; 2], cell: u32) -> u32 {
     let [dx, dy] = [x, y].map(|at| (2 * at + 1).abs_diff(cell));
     (dx * dx + dy * dy) << 12 | y << 6 | x
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cells_are_served_from_their_middle_outwards() {
+        let mut served: Vec<[u32; 2]> = (0..16).map(|at| [at % 4, at / 4]).collect();
+        served.sort_by_key(|at| rank(*at, 4));
+        let middle = [[1, 1], [2, 1], [1, 2], [2, 2]];
+        let edges = [[1, 0], [2, 0], [0, 1], [3, 1], [0, 2], [3, 2], [1, 3], [2, 3]];
+        assert_eq!(served, [&middle[..], &edges, &[[0, 0], [3, 0], [0, 3], [3, 3]]].concat());
+        // Cells of odd edges have a pixel in the middle.
+        assert_eq!((0..25).map(|at| [at % 5, at / 5]).min_by_key(|at| rank(*at, 5)), Some([2, 2]));
+    }
+
+    /// Of a block, as a look at all of its pixels tells.
+    fn expected(picture: &Picture<'_>, block: u32, cell: u32, phase: u32) -> Option<u32> {
+        let [width, height] = picture.size;
+        let across = width.div_ceil(2 * cell);
+        let corner = [(2 * (block % across) + phase % 2) * cell, (2 * (block / across) + phase / 2) * cell];
+        let inside = |pixel: &u32| [pixel % width, pixel / width].into_iter().zip(corner).all(|(at, first)| (first..first + cell).contains(&at));
+        let misses = |pixel: &u32| picture.position[*pixel as usize].w > 0.0 && picture.sums[*pixel as usize].w <= picture.overlap;
+        (0..width * height).filter(inside).filter(misses).min_by_key(|pixel| rank([pixel % width - corner[0], pixel / width - corner[1]], cell))
+    }
+
+    #[test]
+    fn blocks_find_the_first_miss_of_their_cell() {
+        for (size, cell) in [([37, 22], 4), ([9, 30], 3), ([5, 5], 8)] {
+            let pixels = (size[0] * size[1]) as usize;
+            // Some see nothing, most are covered, and some of those that are not are so by a weight of exactly the overlap.
+            let position: Vec<Vec4> = (0..pixels).map(|at| Vec4::splat(f32::from(at % 5 != 0))).collect();
+            let sums: Vec<Vec4> = (0..pixels).map(|at| Vec4::splat([0.5, 2.0, 0.7, 1.5, 0.0, 0.6, 3.0][at * at % 7])).collect();
+            let picture = Picture { position: &position, sums: &sums, size, overlap: 0.5 };
+            for phase in 0..4 {
+                let blocks = size[0].div_ceil(2 * cell) * size[1].div_ceil(2 * cell);
+                let all: Vec<_> = (0..blocks).filter_map(|block| Some((block, expected(&picture, block, cell, phase)?))).collect();
+                assert_eq!(picture.search(cell, phase, 0, pixels), all, "{size:?} {cell} {phase}");
+                let later: Vec<_> = all.iter().copied().filter(|(block, _)| *block >= blocks / 2).collect();
+                assert_eq!(picture.search(cell, phase, blocks / 2, pixels), later);
+            }
+        }
+    }
+
+    #[test]
+    fn a_search_ends_soon_after_its_batch_is_full() {
+        let size = [400, 100];
+        let (position, sums) = (vec![Vec4::ONE; 40_000], vec![Vec4::ZERO; 40_000]);
+        let picture = Picture { position: &position, sums: &sums, size, overlap: 0.0 };
+        // Cells of one pixel, a quarter of them in each phase; each block misses.
+        let blocks = |most| picture.search(1, 3, 0, most).into_iter().map(|(block, _)| block).collect::<Vec<_>>();
+        assert_eq!(blocks(10), (0..STRETCH).collect::<Vec<_>>());
+        assert_eq!(blocks(STRETCH as usize), (0..2 * STRETCH).collect::<Vec<_>>());
+        assert_eq!(blocks(40_000), (0..10_000).collect::<Vec<_>>());
+    }
+}

@@ -189,3 +189,66 @@ impl Ranges<'_> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const UNIT: Node = Node { min: [-1.0; 3], max: [1.0; 3], count: 1, first: 0 };
+
+    #[test]
+    fn ranges_join_across_small_gaps_of_their_own_kind() {
+        let whole = |first: u32, end: u32, level: u32| ([first, end].map(|triangle| triangle * (3 << (2 * level))), 7 | level << 24);
+        let cases: [(&[([u32; 2], u32, bool)], &[([u32; 2], u32)]); 5] = [
+            (&[([2, 10], 0, false), ([10 + GAP, 40], 0, false)], &[whole(2, 40, 0)]),
+            (&[([2, 10], 0, false), ([11 + GAP, 40], 0, false)], &[whole(2, 10, 0), whole(11 + GAP, 40, 0)]),
+            (&[([2, 10], 2, true), ([12, 14], 2, true), ([14, 15], 2, true)], &[whole(2, 15, 2)]),
+            (&[([2, 10], 1, true), ([10, 14], 2, true)], &[whole(2, 10, 1), whole(10, 14, 2)]),
+            (&[([2, 10], 0, true), ([10, 14], 0, false), ([14, 20], 0, false)], &[whole(2, 10, 0), whole(10, 20, 0)]),
+        ];
+        for (added, expected) in cases {
+            let before = Draw { rectangle: None, vertices: [0, 6], is_indexed: false, instances: [7, 8] };
+            let mut list = vec![before];
+            let mut ranges = Ranges { first: 1, list: &mut list, instance: 7, rectangle: [1, 2, 3, 4], clipped: None };
+            added.iter().for_each(|(range, level, clipped)| ranges.add(*range, *level, *clipped));
+            let draw = |(vertices, tagged): &([u32; 2], u32)| Draw {
+                rectangle: Some([1, 2, 3, 4]),
+                vertices: *vertices,
+                is_indexed: false,
+                instances: [*tagged, tagged + 1],
+            };
+            assert_eq!(list, std::iter::once(before).chain(expected.iter().map(draw)).collect::<Vec<_>>());
+        }
+        // What covers the whole tile is two triangles.
+        let mut list = Vec::new();
+        Ranges { first: 0, list: &mut list, instance: 0, rectangle: [0; 4], clipped: None }.add([3, 5], WHOLE, false);
+        assert_eq!(list[0].vertices, [18, 30]);
+    }
+
+    #[test]
+    fn boxes_are_where_their_nearest_and_farthest_corners_are() {
+        let told = |x: f32, planes: &[Vec3]| match part(&UNIT, Vec3::new(x, 0.0, 0.0), planes) {
+            Part::Outside => "outside",
+            Part::Crossing => "crossing",
+            Part::Inside => "inside",
+        };
+        for (x, of_x) in [(-2.0, "inside"), (-1.0, "crossing"), (0.0, "crossing"), (1.0, "crossing"), (1.1, "outside")] {
+            assert_eq!(told(x, &[Vec3::X]), of_x);
+            assert_eq!(told(-x, &[Vec3::NEG_X]), of_x);
+            assert_eq!(told(x, &[Vec3::X, Vec3::Z]), if of_x == "outside" { of_x } else { "crossing" });
+        }
+    }
+
+    #[test]
+    fn edges_are_halved_until_their_parts_span_little() {
+        let at = |distance: f32, longest: f32| level(&UNIT, longest, Vec3::new(0.0, 1.0 + distance, 0.0));
+        for halvings in 0..=FINEST {
+            // The angle that an edge spans, in angles that a part may.
+            let spans = (1 << halvings) as f32;
+            assert_eq!(at(1.0, 0.99 * spans * PART_ANGLE), halvings);
+            assert_eq!(at(3.0, 3.0 * 0.99 * spans * PART_ANGLE), halvings);
+        }
+        assert_eq!([at(1.0, 1.01 * 32.0 * PART_ANGLE), at(0.0, 1.0)], [WHOLE; 2]);
+        assert_eq!(at(1e9, 1.0), 0);
+    }
+}

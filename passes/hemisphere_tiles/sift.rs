@@ -128,3 +128,18 @@ fn list(found: &Culled, kept: &[[u32; 2]], room: &Room, draws: &mut Vec<Draw>) {
 fn split([first, end]: [u32; 2]) -> impl Iterator<Item = u32> {
     (first..end).step_by(WORD as usize).map(move |at| at << 6 | (end - at).min(WORD))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_stand_for_all_triangles_of_a_range() {
+        for range in [[0, 1], [5, 37], [5, 38], [31, 32], [7, 200], [9, 9]] {
+            let words: Vec<u32> = split(range).collect();
+            let triangles = words.iter().flat_map(|word| (word >> 6)..(word >> 6) + word % 64);
+            assert!(triangles.eq(range[0]..range[1]), "{range:?}");
+            assert_eq!(words.len() as u32, (range[1] - range[0]).div_ceil(WORD));
+        }
+    }
+}

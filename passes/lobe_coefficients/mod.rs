@@ -258,3 +258,25 @@ fn does_not_fit(shapes: usize, edge: usize) -> Refusal {
 fn plural(count: usize, what: &str) -> String {
     if count == 1 { format!("one {what}") } else { format!("{count} {what}s") }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Vec2;
+
+    #[test]
+    fn orders_are_told_from_the_highest_on_with_their_materials() {
+        let used = |materials: &[&str]| Used { shape: Shape::Ward { alpha: Vec2::ONE }, materials: materials.iter().map(|name| name.to_string()).collect() };
+        let shapes = [used(&["slate"]), used(&["gold"]), used(&["lead", "tin"])];
+        assert_eq!(told_orders(&[6, 10, 6], &shapes), "order 10 for gold, order 6 for slate, lead and tin");
+    }
+
+    #[test]
+    fn a_line_has_room_for_six_names() {
+        let names = ["a", "b", "c", "d", "e", "f", "g"];
+        let told = ["", "a", "a and b", "a, b and c", "a, b, c and d", "a, b, c, d and e", "a, b, c, d, e and f", "a to g, 7 materials"];
+        for (count, told) in told.into_iter().enumerate() {
+            assert_eq!(listed(&names[..count]), told);
+        }
+    }
+}

@@ -206,3 +206,142 @@ impl Gap {
         (self.light / (1.0 - self.open)).extend(1.0) * self.weight
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::weight::Weighting;
+
+    const OVERLAP: f32 = 0.5;
+
+    /// A sum of splats of this light and weight.
+    fn sum(light: Vec3, weight: f32) -> Vec4 {
+        light.extend(1.0) * weight
+    }
+
+    fn gap(pixel: usize) -> Gap {
+        Gap { pixel, light: Vec3::ZERO, open: 1.0, weight: 0.0 }
+    }
+
+    fn close_to(found: Vec4, expected: Vec4) {
+        assert!((found - expected).abs().max_element() < 1e-5, "{found} is not {expected}");
+    }
+
+    #[test]
+    fn gaps_are_where_something_is_seen_and_little_weight() {
+        let light = Vec3::new(4.0, 6.0, 8.0);
+        let (seen, unseen) = (Vec4::ONE, Vec4::new(1.0, 1.0, 1.0, 0.0));
+        let cases = [
+            (seen, sum(light, 0.2), true),
+            (unseen, sum(light, 0.2), false),
+            (seen, sum(light, OVERLAP), true),
+            (seen, sum(light, 0.6), false),
+            (seen, Vec4::ZERO, true),
+            (unseen, sum(light, 0.6), false),
+            (seen, Vec4::new(f32::NAN, 0.0, 0.0, 0.2), false),
+        ];
+        let (positions, sums): (Vec<_>, Vec<_>) = cases.iter().map(|(place, sum, _)| (*place, *sum)).unzip();
+        let gaps = Gaps::find([7, 1], &positions, &sums, OVERLAP);
+        assert!(gaps.open.iter().map(|gap| gap.pixel).eq(cases.iter().enumerate().filter(|(_, case)| case.2).map(|(pixel, _)| pixel)));
+        // What a sum lacks of the weight stays open.
+        let [some, all, none] = gaps.open[..] else { panic!("three gaps") };
+        assert_eq!([some.open, all.open, none.open], [0.6, 0.0, 1.0]);
+        close_to(some.light.extend(some.weight), (light * 0.4).extend(0.2));
+        close_to(none.light.extend(none.weight), Vec4::ZERO);
+        assert_eq!(gaps.of(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0].map(Vec4::splat)), [1.0, 3.0, 5.0].map(Vec4::splat));
+    }
+
+    #[test]
+    fn each_accuracy_takes_its_share_of_what_is_open() {
+        let before = Gap { pixel: 3, light: Vec3::new(1.0, 2.0, 3.0), open: 0.8, weight: 0.1 };
+        let after = before.with(sum(Vec3::new(5.0, 4.0, 1.0), 0.05), 0.2, 4.0);
+        close_to(after.light.extend(after.open), Vec4::new(2.0, 2.8, 3.2, 0.6));
+        assert!((after.weight - 0.1125).abs() < 1e-6 && after.pixel == 3);
+        // More than enough is enough, and nothing changes nothing.
+        let full = before.with(sum(Vec3::ONE, 3.0), 0.2, 2.0);
+        close_to(full.light.extend(full.open), Vec4::new(1.8, 2.8, 3.8, 0.0));
+        let same = before.with(sum(Vec3::ONE, 0.0), 0.2, 2.0);
+        close_to(same.light.extend(same.open), before.light.extend(before.open));
+        // The light of the share that is closed, with its weight.
+        close_to(after.sum(), sum(Vec3::new(2.0, 2.8, 3.2) / 0.4, 0.1125));
+    }
+
+    #[test]
+    fn gaps_close_at_the_accuracy_that_covers_them() {
+        let light = Vec3::new(0.5, 0.25, 2.0);
+        let mut gaps = Gaps { size: [4, 1], open: vec![gap(1), gap(2)] };
+        let mut sums = vec![Vec4::ONE; 4];
+        let times = gaps.close(&mut sums, |gaps, times| {
+            assert!(times > 1.0);
+            gaps.open.iter().map(|gap| if times >= [0.0, 2.0, 8.0][gap.pixel] { sum(light, ENOUGH) } else { Vec4::ZERO }).collect()
+        });
+        assert_eq!(times, 8.0);
+        assert!(gaps.open.is_empty());
+        close_to(sums[1], sum(light, ENOUGH / 2.0));
+        close_to(sums[2], sum(light, ENOUGH / 8.0));
+        assert_eq!([sums[0], sums[3]], [Vec4::ONE; 2]);
+    }
+
+    #[test]
+    fn what_nothing_covers_stays_as_it_was() {
+        let mut gaps = Gaps { size: [2, 1], open: vec![gap(0)] };
+        let mut sums = vec![Vec4::ONE; 2];
+        let times = gaps.close(&mut sums, |gaps, times| {
+            assert!(times > 1.0);
+            vec![Vec4::ZERO; gaps.open.len()]
+        });
+        assert!((MOST_TIMES..2.0 * MOST_TIMES).contains(&times));
+        assert_eq!((sums, gaps.open.len()), (vec![Vec4::ONE; 2], 1));
+    }
+
+    #[test]
+    fn sums_at_gaps_are_those_of_the_whole_picture() {
+        let rule = Rule {
+            weighting: Weighting::Compact,
+            accuracy: 0.2,
+            spacing: [0.0, 1e6],
+            nearest: 1e6,
+            change: 1e6,
+            overlap: OVERLAP,
+            contrast: 1.0,
+            finest_spacing: 0.0,
+        };
+        let record = |x: f32, light: f32| Record {
+            position: Vec3::new(x, 0.0, -4.0),
+            radius: 1.0,
+            normal: Vec3::Z,
+            minimum_distance: 1.0,
+            irradiance: Vec3::new(light, 2.0 * light, 3.0),
+            footprint: 1.0,
+            rotation: [Vec3::ZERO; 3],
+            translation: [Vec3::ZERO; 3],
+            stretch: Vec3::ZERO,
+            relative_gradient: 0.0,
+            fineness: 1.0,
+        };
+        let (size, records) = ([5, 20], [record(-2.0, 1.0), record(2.0, 4.0)]);
+        let camera = Pinhole { eye: Vec3::ZERO, right: Vec3::X, up: Vec3::Y, forward: Vec3::NEG_Z, half_extent: glam::Vec2::ONE, size };
+        let across = |part: u32, parts: u32| (2.0 * (part as f32 + 0.5) / parts as f32 - 1.0) * 4.0;
+        let positions: Vec<_> = (0..100).map(|pixel| Vec4::new(across(pixel % 5, 5), -across(pixel / 5, 20), -4.0, 1.0)).collect();
+        let normals = vec![Vec4::Z; 100];
+        let scene = Scene { camera, rule: &rule, records: &records, positions: &positions, normals: &normals };
+        let gaps = Gaps { size, open: (0..100).filter(|pixel| pixel % 3 != 1).map(gap).collect() };
+        for times in [4.0, 10.0, 40.0] {
+            let placed = scene.placed(times, |_, record| record);
+            assert_eq!(placed.len(), 2);
+            let mut whole = [vec![Vec4::ZERO; 100]];
+            bands::add(size[0], &placed, &mut whole, &Seen { positions: &positions, normals: &normals });
+            let found = scene.irradiance(&gaps, times);
+            assert!(found.iter().any(|sum| sum.w > 0.0) && found.iter().zip(&gaps.open).all(|(sum, gap)| *sum == whole[0][gap.pixel]));
+            let reached = |column: usize, light: f32| {
+                let sum = whole[0][10 * 5 + column];
+                close_to(sum / sum.w, Vec3::new(light, 2.0 * light, 3.0).extend(1.0));
+            };
+            // So far they do not reach each other.
+            if times < 20.0 {
+                reached(1, 1.0);
+                reached(3, 4.0);
+            }
+        }
+    }
+}

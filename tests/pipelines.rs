@@ -5,7 +5,7 @@ use hemisplat::contract::*;
 use hemisplat::passes::REGISTRY;
 use hemisplat::pipeline::{Format, Loop, Pipeline, Plan, Problems, embedded, embedded::EMBEDDED, export, load, plan};
 use hemisplat::recording::*;
-use hemisplat::scene::{Camera, Environment, FieldOfView, Light, LightKind, Material, Scene, Triangle, needs::Needs};
+use hemisplat::scene::{Camera, Environment, FieldOfView, Light, LightKind, Material, Scene, Triangle, load as scenes, needs::Needs};
 use miette::{GraphicalReportHandler, GraphicalTheme};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -689,6 +689,49 @@ fn caches_share_the_time_and_loops_of_one_cache_do_not() {
     };
     assert_eq!(shares("radiance.ron"), [("fill".into(), 2, true), ("details".into(), 2, false), ("glossy_fill".into(), 1, true)]);
     assert_eq!(shares("irradiance.ron"), [("fill".into(), 1, true), ("details".into(), 1, false)]);
+}
+
+/// As it is planned for a scene that ships.
+fn planned_for(file: &str, scene: &str, device: Device) -> Plan {
+    let pipeline = load_files(file, &[], &[], REGISTRY).unwrap_or_else(|e| panic!("{}", rendered(&e)));
+    let scene = scenes::load(Path::new(scene), &scenes::LoadOptions::default()).unwrap();
+    plan_on(device, &pipeline, &scene, &[]).unwrap_or_else(|e| panic!("{}", rendered(&e)))
+}
+
+/// Where passes run, what they are given and how much memory they take: as kept, for a plan of each way that a pass has.
+#[test]
+fn plans_of_each_way_stay_as_they_are() {
+    let plans = [
+        ("irradiance.ron", "hall", Device::Software),
+        ("irradiance-device.ron", "hall", Device::Hardware),
+        ("irradiance-mipmap.ron", "hall", Device::Hardware),
+        ("irradiance-ping-pong.ron", "furnace", Device::Hardware),
+        ("irradiance-compute-splat.ron", "hall", Device::Software),
+        ("radiance.ron", "cornell-glossy", Device::Software),
+        ("radiance-device.ron", "balls", Device::Hardware),
+        ("environment.ron", "teapot-overcast", Device::Software),
+        ("environment.ron", "teapot-overcast", Device::Hardware),
+    ];
+    for (file, scene, device) in plans {
+        insta::assert_snapshot!(format!("plan_{}_{scene}_{device:?}", file.trim_end_matches(".ron")), planned_for(file, scene, device).explain());
+    }
+}
+
+/// What is dropped, what has no effect, and which of its ways a pass takes.
+#[test]
+fn what_suits_a_scene_and_a_device_stays_as_it_is() {
+    let mut text = String::new();
+    for scene in ["cornell", "hall", "corner", "furnace", "teapot-overcast", "cornell-glossy"] {
+        for file in ["irradiance.ron", "environment.ron", "radiance.ron", "radiance-rotated.ron"] {
+            for device in [Device::Hardware, Device::Software] {
+                let explained = planned_for(file, scene, device).explain();
+                let told = |line: &&str| ["no output", "dropped", "approximated", "remark", "no effect", "memory"].iter().any(|start| line.starts_with(start));
+                let lines: String = explained.lines().filter(told).map(|line| format!("    {line}\n")).collect();
+                text += &format!("{file} {scene} {device:?}\n{lines}");
+            }
+        }
+    }
+    insta::assert_snapshot!("what_suits", text);
 }
 
 // The program.

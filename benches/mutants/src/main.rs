@@ -81,17 +81,13 @@ struct Outcome {
 /// Where all is.
 struct Work {
     project: PathBuf,
-    /// Of all sets.
-    target: PathBuf,
-    /// Of this one.
     folder: PathBuf,
 }
 
 impl Work {
     fn of(set: &str) -> Self {
         let project = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().expect("the project");
-        let out = project.join("out/mutants");
-        let work = Self { project, target: out.join("target"), folder: out.join(set) };
+        let work = Self { folder: project.join("out/mutants").join(set), project };
         std::fs::create_dir_all(work.folder.join("tmp")).expect("a folder for the work");
         work
     }
@@ -100,10 +96,10 @@ impl Work {
         self.folder.join("copy")
     }
 
-    /// At little optimisation: the changes cost more than it gains.
+    /// At little optimisation: the changes cost more than it gains. Tests of one set run the program of that set, so that each builds into its own folder.
     fn cargo(&self, what: &str) -> Command {
         let mut cargo = Command::new("cargo");
-        cargo.args([what, "--locked", "-j2", "--target-dir"]).arg(&self.target).current_dir(self.copy()).env("CARGO_PROFILE_DEV_OPT_LEVEL", "1");
+        cargo.args([what, "--locked", "-j2", "--target-dir"]).arg(self.folder.join("target")).current_dir(self.copy()).env("CARGO_PROFILE_DEV_OPT_LEVEL", "1");
         cargo
     }
 

@@ -39,7 +39,7 @@ impl Pipelines {
                 Command::Clear(_) | Command::Copy { .. } | Command::Unroll { .. } | Command::Host(_) | Command::Late(_) => {}
             }
         }
-        let modules: Modules = shaders.iter().map(|(source, shader)| (source.clone(), module(gpu, source.0, &shader.text))).collect();
+        let modules: Modules = shaders.par_iter().map(|(source, shader)| (source.clone(), module(gpu, source.0, &shader.text))).collect();
         let builder = Builder { gpu, shaders, modules };
         let compute = |(key, compute)| Ok((key, builder.compute(compute)?));
         let raster = |(key, raster)| Ok((key, builder.raster(raster, &formats(recording, raster))?));

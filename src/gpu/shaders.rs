@@ -33,7 +33,7 @@ impl Shaders {
         &self.0[&source(program)]
     }
 
-    pub fn iter(&self) -> impl Iterator<Item = (&Source, &Shader)> {
-        self.0.iter()
+    pub fn par_iter(&self) -> impl ParallelIterator<Item = (&Source, &Shader)> {
+        self.0.par_iter()
     }
 }

@@ -196,9 +196,22 @@ fn expect_all_alike(made: &Layers, golden: &Layers, limits: &Limits) -> Outcome 
     if !made.layers.keys().eq(golden.layers.keys()) {
         return Err(format!("the layers are {:?}, not {:?}", made.layers.keys(), golden.layers.keys()).into());
     }
-    let wrong: Vec<String> =
-        golden.layers.keys().filter_map(|layer| expect_layer_alike(made, golden, layer, limits).err()?.message().map(str::to_owned)).collect();
+    let layers = golden.layers.keys().map(|layer| expect_layer_alike(made, golden, layer, limits));
+    let outcomes = layers.chain([expect_sky_alike(made, golden)]);
+    let wrong: Vec<String> = outcomes.filter_map(|outcome| outcome.err()?.message().map(str::to_owned)).collect();
     if wrong.is_empty() { Ok(()) } else { Err(wrong.join("; ").into()) }
+}
+
+/// Metrics look at surfaces alone: what pixels beside them show, in half floats.
+fn expect_sky_alike(made: &Layers, golden: &Layers) -> Outcome {
+    let (Ok(depth), Ok(made), Ok(golden)) = (golden.layer("depth"), made.rgb(PICTURE), golden.rgb(PICTURE)) else { return Ok(()) };
+    let beyond: Vec<bool> = depth.channels.values().flatten().map(|depth| *depth == 0.0).collect();
+    let differ =
+        |made: &[f32], golden: &[f32]| made.iter().zip(golden).zip(&beyond).filter(|((a, b), sky)| **sky && (**a - **b).abs() > 0.02 * b.abs()).count();
+    match made.iter().zip(golden).map(|(made, golden)| differ(made, golden)).sum::<usize>() {
+        0 => Ok(()),
+        pixels => Err(format!("the sky differs in {pixels} values of pixels that see no surface").into()),
+    }
 }
 
 fn expect_layer_alike(made: &Layers, golden: &Layers, layer: &str, limits: &Limits) -> Outcome {

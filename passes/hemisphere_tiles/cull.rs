@@ -196,10 +196,15 @@ mod tests {
 
     const UNIT: Node = Node { min: [-1.0; 3], max: [1.0; 3], count: 1, first: 0 };
 
+    /// Triangles, level and whether it is clipped.
+    type Added = ([u32; 2], u32, bool);
+    /// Vertices and instance of a draw.
+    type Drawn = ([u32; 2], u32);
+
     #[test]
     fn ranges_join_across_small_gaps_of_their_own_kind() {
         let whole = |first: u32, end: u32, level: u32| ([first, end].map(|triangle| triangle * (3 << (2 * level))), 7 | level << 24);
-        let cases: [(&[([u32; 2], u32, bool)], &[([u32; 2], u32)]); 5] = [
+        let cases: [(&[Added], &[Drawn]); 5] = [
             (&[([2, 10], 0, false), ([10 + GAP, 40], 0, false)], &[whole(2, 40, 0)]),
             (&[([2, 10], 0, false), ([11 + GAP, 40], 0, false)], &[whole(2, 10, 0), whole(11 + GAP, 40, 0)]),
             (&[([2, 10], 2, true), ([12, 14], 2, true), ([14, 15], 2, true)], &[whole(2, 15, 2)]),
@@ -211,12 +216,8 @@ mod tests {
             let mut list = vec![before];
             let mut ranges = Ranges { first: 1, list: &mut list, instance: 7, rectangle: [1, 2, 3, 4], clipped: None };
             added.iter().for_each(|(range, level, clipped)| ranges.add(*range, *level, *clipped));
-            let draw = |(vertices, tagged): &([u32; 2], u32)| Draw {
-                rectangle: Some([1, 2, 3, 4]),
-                vertices: *vertices,
-                is_indexed: false,
-                instances: [*tagged, tagged + 1],
-            };
+            let draw =
+                |(vertices, tagged): &Drawn| Draw { rectangle: Some([1, 2, 3, 4]), vertices: *vertices, is_indexed: false, instances: [*tagged, tagged + 1] };
             assert_eq!(list, std::iter::once(before).chain(expected.iter().map(draw)).collect::<Vec<_>>());
         }
         // What covers the whole tile is two triangles.

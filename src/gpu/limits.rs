@@ -1,7 +1,8 @@
 //! What a recording asks of an adapter, held against what the adapter grants before anything is built.
 
 use super::device::GpuError;
-use super::shader::{Shader, Slot, SlotKind};
+use super::pipelines::formats;
+use super::shader::{Slot, SlotKind};
 use super::shaders::Shaders;
 use crate::recording::*;
 
@@ -27,7 +28,7 @@ pub(super) fn hold_shaders(recording: &Recording, shaders: &Shaders, granted: &G
     for node in recording.nodes() {
         for command in &node.commands {
             let Some(program) = command.program() else { continue };
-            let asked = Asked { recording, name: format!("{}: {}", node.name, program.shader), program, shader: shaders.of(program) };
+            let asked = Asked { recording, name: format!("{}: {}", node.name, program.shader), program, shaders };
             match command {
                 Command::Compute(compute) => asked.hold_compute(compute, granted.limits)?,
                 Command::Raster(raster) => asked.hold_raster(raster, granted)?,
@@ -60,13 +61,13 @@ struct Asked<'a> {
     /// Node and shader, for messages.
     name: String,
     program: &'a Program,
-    shader: &'a Shader,
+    shaders: &'a Shaders,
 }
 
 impl Asked<'_> {
     fn hold_compute(&self, compute: &Compute, limits: &wgpu::Limits) -> Result<(), GpuError> {
         self.hold_slots(&[compute.entry], limits)?;
-        let Some(group) = self.shader.workgroup(compute.entry) else { return Ok(()) };
+        let Some(group) = self.shaders.of(self.program).workgroup(compute.entry) else { return Ok(()) };
         let most = [limits.max_compute_workgroup_size_x, limits.max_compute_workgroup_size_y, limits.max_compute_workgroup_size_z];
         group.size.iter().zip(most).try_for_each(|(&size, most)| within(&self.name, size.into(), most, "invocations along an edge of a workgroup"))?;
         within(&self.name, group.size.iter().map(|&size| u64::from(size)).product(), limits.max_compute_invocations_per_workgroup, "invocations a workgroup")?;
@@ -83,14 +84,9 @@ impl Asked<'_> {
     }
 
     fn hold_raster(&self, raster: &Raster, granted: &Granted<'_>) -> Result<(), GpuError> {
-        let entries: Vec<_> = [Some(raster.vertex), raster.fragment].into_iter().flatten().collect();
-        self.hold_slots(&entries, granted.limits)?;
-        let targets = raster.colours.iter().filter_map(|target| match self.recording.resource(target.texture).kind {
-            ResourceKind::Texture { format, .. } => Some((format, target.blend)),
-            _ => None,
-        });
+        self.hold_slots(&raster.entries(), granted.limits)?;
         let (mut count, mut bytes) = (0, 0);
-        for (format, blend) in targets {
+        for (format, blend) in formats(self.recording, raster) {
             (count, bytes) = (count + 1, bytes + format.bytes());
             if (format, blend) == (Format::Rgba32Float, Blend::Add) && !granted.features.contains(wgpu::Features::FLOAT32_BLENDABLE) {
                 return Err(self.lacks_blending(granted.adapter));
@@ -110,7 +106,7 @@ impl Asked<'_> {
 
     /// A binding counts in every stage of the command.
     fn hold_slots(&self, entries: &[&str], limits: &wgpu::Limits) -> Result<(), GpuError> {
-        let slots = self.shader.slots(entries).map_err(|reason| GpuError::Shader { shader: self.program.shader.into(), reason })?;
+        let slots = self.shaders.slots(self.program, entries)?;
         let count = |kind: fn(SlotKind) -> bool| slots.iter().filter(|slot| kind(slot.kind)).count() as u64;
         let counts = [
             (count(|kind| matches!(kind, SlotKind::Storage { .. })), limits.max_storage_buffers_per_shader_stage, "storage buffers"),

@@ -70,7 +70,8 @@ fn key_of_raster(recording: &Recording, raster: &Raster) -> String {
     format!("{} {:?} {formats:?} {slots:?} {:?}", raster.program.specialisation(raster.vertex), raster.fragment, raster.topology)
 }
 
-fn formats(recording: &Recording, raster: &Raster) -> Vec<(Format, Blend)> {
+/// Of the images that a command draws into, and how it does.
+pub(super) fn formats(recording: &Recording, raster: &Raster) -> Vec<(Format, Blend)> {
     let format = |target: &Target| match recording.resource(target.texture).kind {
         ResourceKind::Texture { format, .. } => Some((format, target.blend)),
         _ => None,
@@ -93,7 +94,7 @@ impl Builder<'_> {
     fn compute(&self, compute: &Compute) -> Result<Built<wgpu::ComputePipeline>, GpuError> {
         let program = &compute.program;
         let (gpu, module) = (self.gpu, &self.modules[&source(program)]);
-        let slots = self.slots(program, &[compute.entry])?;
+        let slots = self.shaders.slots(program, &[compute.entry])?;
         let layouts = layouts(gpu, &slots, wgpu::ShaderStages::COMPUTE);
         let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label: Some(program.shader),
@@ -109,7 +110,7 @@ impl Builder<'_> {
     fn raster(&self, raster: &Raster, formats: &[(Format, Blend)]) -> Result<Built<wgpu::RenderPipeline>, GpuError> {
         let program = &raster.program;
         let (gpu, module) = (self.gpu, &self.modules[&source(program)]);
-        let slots = self.slots(program, &[Some(raster.vertex), raster.fragment].into_iter().flatten().collect::<Vec<_>>())?;
+        let slots = self.shaders.slots(program, &raster.entries())?;
         let layouts = layouts(gpu, &slots, wgpu::ShaderStages::VERTEX_FRAGMENT);
         let add = wgpu::BlendComponent { src_factor: wgpu::BlendFactor::One, dst_factor: wgpu::BlendFactor::One, operation: wgpu::BlendOperation::Add };
         let targets: Vec<_> = formats
@@ -152,10 +153,6 @@ impl Builder<'_> {
             cache: None,
         });
         Ok(Built { pipeline, slots, layouts })
-    }
-
-    fn slots(&self, program: &Program, entries: &[&str]) -> Result<Vec<Slot>, GpuError> {
-        self.shaders.of(program).slots(entries).map_err(|reason| GpuError::Shader { shader: program.shader.into(), reason })
     }
 }
 

@@ -122,7 +122,7 @@ pub fn kind(scene: &Scene, data: SceneData) -> ResourceKind {
         SceneData::Positions => buffer(triangles * 36),
         SceneData::Corners => buffer(triangles * 48),
         SceneData::Attributes => buffer(triangles * 64),
-        SceneData::Tables | SceneData::AlbedoTables => buffer(Places::of(scene).end * ELEMENT as u64),
+        SceneData::Tables | SceneData::AlbedoTables => buffer(Places::of(scene, scene.emitters().len()).end * ELEMENT as u64),
         SceneData::FirstLights => buffer((FIRST_LIGHTS * size_of::<SceneLight>()) as u64),
         SceneData::Texels => {
             let texels = scene.textures.iter().map(|texture| texture.texels.len() as u64).sum::<u64>().max(1);
@@ -165,18 +165,18 @@ struct Places {
 }
 
 impl Places {
-    fn of(scene: &Scene) -> Self {
-        let elements = |bytes: usize| bytes.div_ceil(ELEMENT) as u64;
+    fn of(scene: &Scene, emitters: usize) -> Self {
+        let elements = |count: usize, bytes: usize| (count * bytes).div_ceil(ELEMENT) as u64;
         let lights = hierarchy::most_elements(scene.triangles.len() as u64);
-        let emitters = lights + elements(scene.lights.len() * size_of::<SceneLight>());
-        let materials = emitters + elements(scene.emitters().len() * size_of::<SceneEmitter>());
-        Self { lights, emitters, materials, end: materials + elements(scene.materials.len() * size_of::<SceneMaterial>()) }
+        let first_emitter = lights + elements(scene.lights.len(), size_of::<SceneLight>());
+        let materials = first_emitter + elements(emitters, size_of::<SceneEmitter>());
+        Self { lights, emitters: first_emitter, materials, end: materials + elements(scene.materials.len(), size_of::<SceneMaterial>()) }
     }
 }
 
 fn tables(scene: &Scene, bvh: &Bvh, materials: &[SceneMaterial]) -> Vec<u8> {
-    let places = Places::of(scene);
     let (lights, emitters) = (lights(scene), emitters(scene));
+    let places = Places::of(scene, emitters.len());
     let mut bytes = cast_slice(&hierarchy::packed(&bvh.nodes(), &bvh.ranges(), &scene.triangles)).to_vec();
     let tables: [(u64, &[u8]); 3] = [(places.lights, cast_slice(&lights)), (places.emitters, cast_slice(&emitters)), (places.materials, cast_slice(materials))];
     for (place, table) in tables {
@@ -226,7 +226,7 @@ pub fn contents(scene: &Scene) -> impl Iterator<Item = Vec<u8>> {
 
 fn parameters(scene: &Scene) -> SceneParameters {
     let emitters = emitters(scene);
-    let places = Places::of(scene);
+    let places = Places::of(scene, emitters.len());
     let (environment, environment_size) = match &scene.environment {
         Environment::Constant(radiance) => (*radiance, [0, 0]),
         Environment::LatLong { width, height, .. } => (Vec3::ZERO, [*width, *height]),

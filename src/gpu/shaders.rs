@@ -1,7 +1,7 @@
 //! The shaders of a recording, by file and imports.
 
 use super::device::GpuError;
-use super::shader::Shader;
+use super::shader::{Shader, Slot};
 use crate::recording::{Program, Recording};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
@@ -31,6 +31,14 @@ impl Shaders {
 
     pub fn of(&self, program: &Program) -> &Shader {
         &self.0[&source(program)]
+    }
+
+    /// What entry points of a program's shader want to be bound.
+    ///
+    /// # Errors
+    /// An entry point that is not there; a binding of a kind that passes do not use.
+    pub fn slots(&self, program: &Program, entries: &[&str]) -> Result<Vec<Slot>, GpuError> {
+        self.of(program).slots(entries).map_err(|reason| GpuError::Shader { shader: program.shader.into(), reason })
     }
 
     pub fn par_iter(&self) -> impl ParallelIterator<Item = (&Source, &Shader)> {

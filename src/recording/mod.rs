@@ -378,6 +378,13 @@ impl Command {
     }
 }
 
+impl Raster {
+    /// The entry points of its shader.
+    pub fn entries(&self) -> Vec<&'static str> {
+        [Some(self.vertex), self.fragment].into_iter().flatten().collect()
+    }
+}
+
 impl Program {
     pub fn new(shader: &'static str) -> Self {
         Self { shader, imports: Vec::new(), constants: Vec::new(), bindings: Vec::new(), parts: Vec::new() }

@@ -92,13 +92,17 @@ fn record_on_device(r: &mut Recorder<'_>, new: &port::Records, cache: &port::Rec
     let added = r.variable("added", false);
     r.before_loop(Command::Clear(surplus));
     let (new, cache) = (*new, *cache);
-    r.host("reserve", &[], &[batch], move |host| {
+    let program = Program::new("add_records");
+    let twin = program.clone().constant("CAPACITY", cache.capacity).variable("NEW", new.count).variable("RECORDS", cache.count).variable("ADDED", added);
+    let twin = Compute { program: twin.bind("reserved", batch), entry: "reserve", groups: Groups::ONE };
+    let run = move |host: &mut dyn HostContext| {
         let [first, count] = reserve(host, &new, &cache)?;
         host.write(batch, 0, bytemuck::bytes_of(&Batch { first, count, padding_a: 0, padding_b: 0 }));
         host.set(added, count);
         Ok(())
-    });
-    let program = Program::new("add_records")
+    };
+    r.twin("reserve", &[], &[batch], run, vec![twin]);
+    let program = program
         .constant("NEIGHBOUR_CLAMPING", r.arguments.bool("neighbour_clamping") as u8)
         .bind("batch", batch)
         .bind("weighting", cache.weighting)
@@ -106,7 +110,7 @@ fn record_on_device(r: &mut Recorder<'_>, new: &port::Records, cache: &port::Rec
         .bind("cache", cache.records)
         .bind("surplus", surplus)
         .bind("level", level);
-    r.compute(program.clone(), "measure", Groups::Fixed([1, 1, 1]));
+    r.compute(program.clone(), "measure", Groups::ONE);
     r.compute(program.clone(), "append", Groups::Counted { count: added, divisor: 64, per: 1 });
     if let Some((from, to)) = coefficients {
         let fours = port::Coefficients::fours(to.order) as u32;

@@ -1,4 +1,5 @@
 #import lib/record
+#import lib/variables
 
 // Appends a batch of records to the cache.
 
@@ -25,6 +26,15 @@ struct Batch {
 // As bits: two pairs, or one of half floats.
 @group(0) @binding(7) var<storage, read_write> coefficients: array<vec2u>;
 
+// The batch, as the device itself makes room for it.
+@group(0) @binding(8) var<storage, read_write> reserved: Batch;
+
+// Most records, and where variables stand.
+override CAPACITY: u32 = 1u;
+override NEW: u32 = 0u;
+override RECORDS: u32 = 0u;
+override ADDED: u32 = 0u;
+
 override COEFFICIENTS: u32 = 1u;
 override HALF: bool = false;
 // Whether the radius may not jump over what a neighbour has seen (Křivánek 2006).
@@ -34,6 +44,16 @@ override NEIGHBOUR_CLAMPING: bool = true;
 const FIRST = 256u;
 
 var<workgroup> parts: array<f32, FIRST>;
+
+// Makes room at the cache's end, where the device drives the loop.
+@compute @workgroup_size(1)
+fn reserve() {
+    let first = variables[RECORDS];
+    let count = min(variables[NEW], CAPACITY - first);
+    reserved = Batch(first, count, 0u, 0u);
+    variables[ADDED] = count;
+    variables[RECORDS] = first + count;
+}
 
 @compute @workgroup_size(256)
 fn measure(@builtin(local_invocation_index) lane: u32) {

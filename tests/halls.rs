@@ -185,6 +185,9 @@ fn costs(hall: &Hall, report: &FrameReport, bytes: u64, by_device: bool) -> Vec<
     tell(&format!("{}: {costs:?}", hall.name));
     let over = costs.into_iter().filter(|(_, now, kept)| 10 * now > 11 * kept || 10 * now < 9 * kept);
     let mut wrong: Vec<String> = over.map(|(what, now, kept)| format!("{now} {what} instead of {kept}")).collect();
+    if by_device {
+        tell(&format!("{} waits", report.waits));
+    }
     wrong.extend((!report.complete).then(|| "it is not complete".to_owned()));
     wrong
 }

@@ -11,6 +11,7 @@ use hemisplat::passes::{
     radiance_projection::matrix_product,
     record,
 };
+use hemisplat::pipeline::ahead;
 use hemisplat::recording::{HostField, HostLayout};
 use naga::TypeInner;
 
@@ -25,6 +26,7 @@ fn shared() -> Vec<(&'static str, Vec<HostLayout>)> {
         ("lobe_coefficients", vec![lobe_coefficients::device::Shape::LAYOUT]),
         ("environment_light", vec![record::TablePlace::LAYOUT]),
         ("add_records", vec![add_records::Batch::LAYOUT]),
+        ("rounds", vec![ahead::Rounds::LAYOUT, ahead::Sizing::LAYOUT]),
         ("find_misses/device_grid", vec![grid::Round::LAYOUT]),
         ("hemisphere_tiles/raster", vec![raster::TileView::LAYOUT, raster::TileCamera::LAYOUT, sift::SiftView::LAYOUT]),
     ]

@@ -979,6 +979,7 @@ fn random_steps(random: &mut Random, resources: usize, depth: usize) -> Vec<Step
                 at_most: 3,
                 steps,
                 time: TimeShare { at_least: 0, records: None, caches: 1 },
+                driver: Driver::Host,
             });
         }
         let commands = (0..random.below(3)).map(|_| Command::Clear(Resource(random.below(resources) as u32))).collect();

@@ -165,7 +165,11 @@ impl<'a> Graph<'a> {
             }
             self.ports.insert(format!("{name}.{output}"), port);
         }
-        let step = |commands| Step::Node(Node { name: name.into(), pass: description.name, commands });
+        let step = |mut commands: Vec<Command>| {
+            // The host decides on each round here; tests/ahead.rs has loops that the device drives.
+            commands.iter_mut().for_each(Command::drop_twin);
+            Step::Node(Node { name: name.into(), pass: description.name, commands })
+        };
         self.recording.steps.push(step(recorded.prologue));
         if self.batch.is_some() {
             self.looped.push(step(recorded.commands))
@@ -188,6 +192,7 @@ impl<'a> Graph<'a> {
             at_most: 100_000,
             steps,
             time: TimeShare { at_least: 0, records: None, caches: 1 },
+            driver: Driver::Host,
         }));
         self.batch = None;
         Ok(())

@@ -1,12 +1,68 @@
 //! Misses found on the device, coarse cells first.
 
-use super::Work;
 use super::grid::{Found, Grid, Round};
+use super::{STALLED_ROUNDS, Work};
 use crate::contract::Recorder;
 use crate::recording::*;
 
 /// Cells up to this edge take one lane each: a workgroup that waits for its lanes costs more than their longer walk.
 const SMALL: u32 = 16;
+
+/// Where the device looks in a round.
+#[derive(Clone, Copy)]
+struct Search {
+    grid: Grid,
+    /// The [`Round`].
+    round: Resource,
+    capacity: u32,
+    size: [u32; 2],
+    /// Blocks that a lane each looks at, and blocks that a workgroup each does.
+    lanes: Variable,
+    blocks: Variable,
+}
+
+impl Search {
+    /// Tells the device of the next round, whose blocks before `start` have been served.
+    fn aim(&self, host: &mut dyn HostContext, start: u32) {
+        let cell = host.variable(self.grid.cell);
+        let round = Round { cell, phase: host.variable(self.grid.phase), capacity: self.capacity, start };
+        host.write(self.round, 0, bytemuck::bytes_of(&round));
+        let count = self.size.map(|edge| edge.div_ceil(2 * cell)).iter().product();
+        let is_small = cell <= SMALL;
+        host.set(self.lanes, if is_small { count } else { 0 });
+        host.set(self.blocks, if is_small { 0 } else { count });
+    }
+
+    /// What [`Grid::advance`] and [`Self::aim`] do, on the device.
+    fn advance(&self, work: &Work, counts: Resource) -> Compute {
+        let (grid, requests) = (self.grid, work.requests);
+        let program = Program::new("find_misses/advance")
+            .constant("WIDTH", self.size[0])
+            .constant("HEIGHT", self.size[1])
+            .constant("SMALL", SMALL)
+            .constant("FINEST", grid.finest)
+            .constant("MOST_REQUESTS", self.capacity)
+            .constant("MOST_MADE", requests.at_most)
+            .constant("MOST_RECORDS", work.cache.capacity)
+            .constant("STALLED_ROUNDS", STALLED_ROUNDS)
+            .constant("NO_PROGRESS", Shortfall::NoProgress.code())
+            .constant("CACHE_FULL", Shortfall::CacheFull.code())
+            .constant("FRAME_LIMIT", Shortfall::FrameLimit.code())
+            .variable("COUNT", requests.count)
+            .variable("MADE", requests.made)
+            .variable("RECORDS", work.cache.count)
+            .variable("NONE", work.none)
+            .variable("STALLED", work.stalled)
+            .variable("CELL", grid.cell)
+            .variable("PHASE", grid.phase)
+            .variable("IDLE", grid.idle)
+            .variable("LANES", self.lanes)
+            .variable("BLOCKS", self.blocks)
+            .bind("next", self.round)
+            .bind("counts", counts);
+        Compute { program, entry: "advance", groups: Groups::ONE }
+    }
+}
 
 pub(super) fn record(r: &mut Recorder<'_>, work: &Work, grid: Grid) {
     let [width, height] = r.setting.size;
@@ -15,17 +71,15 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, grid: Grid) {
     let counts = r.buffer("counts", 16);
     let picked = r.buffer("picked", 4 * work.requests.capacity as u64);
     let capacity = work.requests.capacity;
-    grid.record_start(r, Some((round, capacity)));
-    r.before_loop(Command::Clear(counts));
     let [lanes, blocks] = ["lanes", "blocks"].map(|name| r.variable(name, false));
-    r.host("size", &[], &[], move |host| {
-        let edge = 2 * host.variable(grid.cell);
-        let count = width.div_ceil(edge) * height.div_ceil(edge);
-        let small = host.variable(grid.cell) <= SMALL;
-        host.set(lanes, if small { count } else { 0 });
-        host.set(blocks, if small { 0 } else { count });
+    let search = Search { grid, round, capacity, size: r.setting.size, lanes, blocks };
+    let start = move |host: &mut dyn HostContext| {
+        grid.start(host);
+        search.aim(host, 0);
         Ok(())
-    });
+    };
+    r.before_loop(Command::Host(Host::new("start", Vec::new(), vec![round], start)));
+    r.before_loop(Command::Clear(counts));
     let program = Program::new("find_misses/device_grid")
         .constant("OVERLAP", work.overlap)
         .bind("grid", round)
@@ -38,14 +92,14 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, grid: Grid) {
         .bind("picked", picked);
     r.compute(program.clone(), "search", Groups::Counted { count: blocks, divisor: 1, per: 1 });
     r.compute(program.clone(), "search_small", Groups::Counted { count: lanes, divisor: 64, per: 1 });
-    r.compute(program.clone(), "collect", Groups::Fixed([1, 1, 1]));
+    r.compute(program.clone(), "collect", Groups::ONE);
     r.compute(program, "ask", Groups::Fixed([capacity.div_ceil(64), 1, 1]));
     let work = *work;
-    r.host("advance", &[Read::whole(counts)], &[round], move |host| {
+    let advance = move |host: &mut dyn HostContext| {
         let numbers: Vec<u32> = bytemuck::pod_collect_to_vec(host.read(counts));
         let start = grid.advance(host, &work, Found { requests: numbers[0], candidates: numbers[1], next_block: numbers[2], uncovered: numbers[3] });
-        let next = Round { cell: host.variable(grid.cell), phase: host.variable(grid.phase), capacity, start };
-        host.write(round, 0, bytemuck::bytes_of(&next));
+        search.aim(host, start);
         Ok(())
-    });
+    };
+    r.twin("advance", &[Read::whole(counts)], &[round], advance, vec![search.advance(&work, counts)]);
 }

@@ -4,7 +4,6 @@ use super::Work;
 use crate::contract::{Recorder, Refusal};
 use crate::host_struct;
 use crate::recording::*;
-use std::sync::Arc;
 
 host_struct! {
     /// Which cells a round looks at, as the device is told.
@@ -20,13 +19,13 @@ host_struct! {
 #[derive(Clone, Copy)]
 pub(super) struct Grid {
     coarsest: u32,
-    finest: u32,
+    pub finest: u32,
     /// Edge of the cells.
     pub cell: Variable,
     /// Which of the four cells of a block.
     pub phase: Variable,
     /// How many phases in a row found nothing at the finest level.
-    idle: Variable,
+    pub idle: Variable,
 }
 
 /// What a round found.
@@ -62,17 +61,9 @@ impl Grid {
         Ok(Self { coarsest, finest, cell, phase, idle })
     }
 
-    /// A step before the loop; the device reads the first round, for so many requests, from a buffer.
-    pub fn record_start(self, r: &mut Recorder<'_>, round: Option<(Resource, u32)>) {
-        let run = move |host: &mut dyn HostContext| {
-            host.set(self.cell, self.coarsest);
-            if let Some((round, capacity)) = round {
-                host.write(round, 0, bytemuck::bytes_of(&Round { cell: self.coarsest, phase: 0, capacity, start: 0 }));
-            }
-            Ok(())
-        };
-        let writes = round.iter().map(|(round, _)| *round).collect();
-        r.before_loop(Command::Host(Host { name: "start", reads: Vec::new(), writes, run: Arc::new(run) }));
+    /// Before the loop.
+    pub fn start(&self, host: &mut dyn HostContext) {
+        host.set(self.cell, self.coarsest);
     }
 
     /// Counts what was found and goes on to the next cells; the block from which on those are looked at.

@@ -12,7 +12,11 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, grid: Grid) {
     let size = r.setting.size;
     let start = r.variable("start", false);
     let asked = r.state("asked");
-    grid.record_start(r, None);
+    let begin = move |host: &mut dyn HostContext| {
+        grid.start(host);
+        Ok(())
+    };
+    r.before_loop(Command::Host(Host::new("start", Vec::new(), Vec::new(), begin)));
     let work = *work;
     let (gbuffer, sums, places) = (work.gbuffer, work.sums, work.requests.places);
     let reads = [Read::whole(gbuffer.position), Read::whole(gbuffer.normal), Read::whole(sums)];

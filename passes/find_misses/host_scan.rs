@@ -11,7 +11,6 @@ use crate::math::{projection::Pinhole, weight::Record, weight::Rule};
 use crate::passes::record::{Fresh, Request, pinhole, texels};
 use crate::recording::*;
 use glam::{Vec4, Vec4Swizzles};
-use std::sync::Arc;
 
 /// Least distance between the records of a batch, along a row or a column [pixels].
 const LEAST_SPACING: u32 = 2;
@@ -44,19 +43,16 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, spacing: u32) {
     // Whether this round reads the sums back, and how many records the host's weights hold.
     let [look, seen] = ["look", "seen"].map(|name| r.variable(name, false));
     let (gbuffer, overlap) = (work.gbuffer, work.overlap);
-    r.before_loop(Command::Host(Host {
-        name: "read_surfaces",
-        reads: vec![Read::whole(gbuffer.position), Read::whole(gbuffer.normal)],
-        writes: vec![],
-        run: Arc::new(move |host| {
-            let vectors = |texels: Vec<[f32; 4]>| texels.into_iter().map(Vec4::from).collect();
-            let (position, normal) = (vectors(texels(host, gbuffer.position)), vectors(texels(host, gbuffer.normal)));
-            let walk_from = Walk { width: width as usize, position, normal, weights: Vec::new(), order: None, next: 0, asked: Vec::new(), spacing, overlap };
-            *host.state(walk) = Some(Box::new(walk_from));
-            host.set(look, 1);
-            Ok(())
-        }),
-    }));
+    let read_surfaces = move |host: &mut dyn HostContext| {
+        let vectors = |texels: Vec<[f32; 4]>| texels.into_iter().map(Vec4::from).collect();
+        let (position, normal) = (vectors(texels(host, gbuffer.position)), vectors(texels(host, gbuffer.normal)));
+        let walk_from = Walk { width: width as usize, position, normal, weights: Vec::new(), order: None, next: 0, asked: Vec::new(), spacing, overlap };
+        *host.state(walk) = Some(Box::new(walk_from));
+        host.set(look, 1);
+        Ok(())
+    };
+    let surfaces = vec![Read::whole(gbuffer.position), Read::whole(gbuffer.normal)];
+    r.before_loop(Command::Host(Host::new("read_surfaces", surfaces, Vec::new(), read_surfaces)));
     let cache = work.cache;
     r.host("look", &[], &[], move |host| {
         if host.variable(look) > 0 {

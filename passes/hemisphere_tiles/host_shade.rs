@@ -57,7 +57,7 @@ pub(super) fn record(r: &mut Recorder<'_>, samples: [u32; 2], sees_emission: boo
         *host.state(memory) = Some(Box::new(Arc::new(Lighting { lights, albedos, smooth, lobes, lamps, samples, sees_emission })));
         Ok(())
     };
-    r.before_loop(Command::Host(Host { name: "light", reads: Vec::new(), writes: Vec::new(), run: Arc::new(run) }));
+    r.before_loop(Command::Host(Host::new("light", Vec::new(), Vec::new(), run)));
     memory
 }
 

@@ -22,7 +22,6 @@ use crate::recording::*;
 use bytemuck::cast_slice;
 use glam::{Vec3, Vec4, Vec4Swizzles};
 use rayon::prelude::*;
-use std::sync::Arc;
 
 /// Weights of a coarser accuracy that add up to so much leave nothing to the next one.
 const ENOUGH: f32 = 0.2;
@@ -77,7 +76,7 @@ pub(super) fn record(r: &mut Recorder<'_>, splats: &port::Splats, gbuffer: &port
         host.set(coarsest, times as u32);
         Ok(())
     };
-    r.command(Command::Late(Host { name: "splat_coarser", reads, writes: vec![sums], run: Arc::new(run) }));
+    r.command(Command::Late(Host::new("splat_coarser", reads, vec![sums], run)));
 }
 
 /// The lobes' tables, from one after the other.

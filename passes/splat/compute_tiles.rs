@@ -1,8 +1,7 @@
 //! Records binned over tiles of 16×16 pixels and added in their order, without blending.
 
-use super::{Work, at_start};
+use super::{Work, at_start, fresh};
 use crate::contract::Recorder;
-use crate::passes::record::Stretch;
 use crate::recording::*;
 
 /// Edge of a tile [pixels].
@@ -26,24 +25,7 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work) {
     for buffer in [Some(masks), Some(added), counted.map(|c| c.0)].into_iter().flatten() {
         at_start(r, Command::Clear(buffer));
     }
-    let chunks: Vec<_> = (0..work.cache.capacity.div_ceil(chunk))
-        .map(|i| (r.buffer(&format!("chunk{i}"), size_of::<Stretch>() as u64), r.variable(&format!("count{i}"), false)))
-        .collect();
-    let (first, all, list) = (work.first, work.cache.count, chunks.clone());
-    let written: Vec<_> = chunks.iter().map(|c| c.0).collect();
-    r.host("chunks", &[], &written, move |host| {
-        let (mut first, last) = (host.variable(first), host.variable(all));
-        for &(stretch, records) in &list {
-            let count = last.saturating_sub(first).min(chunk);
-            host.set(records, count);
-            if count > 0 {
-                host.write(stretch, 0, bytemuck::bytes_of(&Stretch { first, count, padding_a: 0, padding_b: 0 }));
-            }
-            first += count;
-        }
-        Ok(())
-    });
-    for (stretch, records) in chunks {
+    for (stretch, records) in fresh::record(r, work, chunk) {
         let program = work
             .contribution(Program::new("splat/compute_tiles"))
             .constant("MASK_WORDS", words)

@@ -12,7 +12,6 @@ use crate::passes::record::{RECORD_BYTES, Record as HostRecord, pinhole};
 use crate::recording::*;
 use bytemuck::cast_slice;
 use glam::Vec4;
-use std::sync::Arc;
 
 /// Steps of tables of matrices.
 const STEPS: usize = 64;
@@ -59,6 +58,6 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, radiance: &Radiance) -> 
         }
         Ok(())
     };
-    r.command(Command::Host(Host { name: "reflect", reads, writes: images, run: Arc::new(splat) }));
+    r.command(Command::Host(Host::new("reflect", reads, images, splat)));
     Ok(())
 }

@@ -5,6 +5,7 @@ use crate::math::harmonics::{Method, reflection::quads};
 use crate::recording::*;
 
 mod compute_tiles;
+mod fresh;
 mod host;
 mod host_radiance;
 mod raster_blend;
@@ -175,13 +176,6 @@ impl Pass for Splat {
                 clear(r, &work);
                 raster_blend::record(r, &work);
             }
-        }
-        // Outside of a fill the sums start anew each time, and all records count again.
-        if r.batch.is_some() {
-            r.host("splatted", &[], &[], move |host| {
-                host.set(first, host.variable(cache.count));
-                Ok(())
-            });
         }
         let lobes = work.radiance.map(|radiance| radiance.visible);
         r.output("sums", Port::Splats(port::Splats { sums, counts, lobes, cache }));

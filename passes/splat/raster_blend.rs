@@ -1,16 +1,18 @@
 //! A screen rectangle a record, blended additively into 32-bit floats.
 
-use super::Work;
+use super::{Work, fresh};
 use crate::contract::Recorder;
 use crate::recording::*;
 
 pub(super) fn record(r: &mut Recorder<'_>, work: &Work) {
     let add = |texture| Target { texture, clear: None, blend: Blend::Add };
+    let [(stretch, count)] = fresh::record(r, work, u32::MAX)[..] else { unreachable!("one stretch holds all") };
     r.command(Command::Raster(Raster {
         program: work
             .contribution(Program::new("splat/raster_blend"))
             .bind("records", work.cache.records)
             .bind("weighting", work.cache.weighting)
+            .bind("stretch", stretch)
             .bind("position", work.gbuffer.position)
             .bind("normal", work.gbuffer.normal),
         vertex: "vertex",
@@ -21,6 +23,6 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work) {
         instances: None,
         indices: None,
         topology: Topology::TriangleStrip,
-        draws: Draws::Instances { vertices: 4, first: Some(work.first), count: work.cache.count },
+        draws: Draws::Instances { vertices: 4, count },
     }));
 }

@@ -1,19 +1,10 @@
 #import lib/camera
 #import lib/random
 #import lib/record
+#import lib/search
 
 // Pixels that need a record, from coarse cells to fine ones: at most one a cell, and only every second cell along
 // each axis in a round, so that the records of a batch stand at least a cell apart.
-
-struct Round {
-    // Edge of a cell [pixels], a power of two.
-    cell: u32,
-    // Which of the four cells of a 2×2 block are looked at: bit 0 along x, bit 1 along y.
-    phase: u32,
-    capacity: u32,
-    // Blocks before this one have been served.
-    start: u32,
-}
 
 @group(0) @binding(0) var<uniform> grid: Round;
 @group(0) @binding(1) var position: texture_2d<f32>;

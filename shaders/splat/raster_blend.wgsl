@@ -7,6 +7,8 @@
 @group(0) @binding(1) var<uniform> weighting: Weighting;
 @group(0) @binding(2) var position: texture_2d<f32>;
 @group(0) @binding(3) var normal: texture_2d<f32>;
+// The records to be splatted.
+@group(0) @binding(4) var<uniform> stretch: Stretch;
 
 // A record and where it is drawn. Each fragment would otherwise read all of the record from memory.
 struct Fragment {
@@ -24,7 +26,8 @@ struct Fragment {
 }
 
 @vertex
-fn vertex(@builtin(vertex_index) corner: u32, @builtin(instance_index) index: u32) -> Fragment {
+fn vertex(@builtin(vertex_index) corner: u32, @builtin(instance_index) instance: u32) -> Fragment {
+    let index = stretch.first + instance;
     let record = records[index];
     let bounds = rectangle_of(record, weighting);
     let at = select(bounds.low, bounds.high, vec2<bool>((corner & 1u) != 0u, corner > 1u));

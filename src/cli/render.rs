@@ -330,6 +330,7 @@ fn text(options: &Options, frame: u32, report: &FrameReport) -> String {
         ("new", report.new_records),
         ("surplus", report.surplus_records),
         ("rounds", report.fill_rounds),
+        ("waits", Some(report.waits)),
         ("uncovered pixels", report.uncovered_pixels),
     ];
     let coarse = report.coarse_pixels.filter(|pixels| *pixels > 0);

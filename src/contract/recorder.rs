@@ -5,7 +5,6 @@ use super::{Arguments, Port};
 use crate::recording::*;
 use crate::scene::{Scene, needs::Needs};
 use std::collections::BTreeMap;
-use std::sync::Arc;
 
 /// What a plan is made for.
 #[derive(Clone, Copy)]
@@ -240,7 +239,19 @@ impl<'a> Recorder<'a> {
         writes: &[Resource],
         run: impl Fn(&mut dyn HostContext) -> Result<(), String> + Send + Sync + 'static,
     ) {
-        self.command(Command::Host(Host { name, reads: reads.to_vec(), writes: writes.to_vec(), run: Arc::new(run) }));
+        self.command(Command::Host(Host::new(name, reads.to_vec(), writes.to_vec(), run)));
+    }
+
+    /// The same with dispatches that do what `run` does to `writes` and to variables, for loops that the device drives.
+    pub fn twin(
+        &mut self,
+        name: &'static str,
+        reads: &[Read],
+        writes: &[Resource],
+        run: impl Fn(&mut dyn HostContext) -> Result<(), String> + Send + Sync + 'static,
+        twin: Vec<Compute>,
+    ) {
+        self.command(Command::Host(Host { twin: Some(twin), ..Host::new(name, reads.to_vec(), writes.to_vec(), run) }));
     }
 }
 

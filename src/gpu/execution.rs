@@ -25,18 +25,18 @@ pub struct Session<'a> {
     pub(super) recording: &'a Recording,
     physical: Vec<Physical>,
     /// Commands of each node, in the order of [`Recording::nodes`].
-    programs: Vec<Vec<Ready>>,
-    variables: Vec<u32>,
+    pub(super) programs: Vec<Vec<Ready>>,
+    pub(super) variables: Vec<u32>,
     /// What each variable was before it became 0, or is.
-    latest: Vec<u32>,
+    pub(super) latest: Vec<u32>,
     lists: HashMap<Resource, Vec<Draw>>,
     states: HashMap<Resource, Option<Box<dyn Any + Send>>>,
     staging: HashMap<Resource, wgpu::Buffer>,
     copies: Copies,
     /// What host steps hand to each other, or to their next round.
     shared: HashSet<Resource>,
-    timing: Option<Timing>,
-    nodes: Vec<NodeTimes>,
+    pub(super) timing: Option<Timing>,
+    pub(super) nodes: Vec<NodeTimes>,
     camera: (Camera, [u32; 2]),
     frames: u32,
     clock: Clock,
@@ -45,9 +45,13 @@ pub struct Session<'a> {
     /// Whether a loop of the frame has ended early, as its time was up or its rounds led nowhere.
     is_cut: bool,
     /// Whether the innermost loop ends with the round that it is in.
-    is_last_round: bool,
+    pub(super) is_last_round: bool,
     /// Why loops end that have work left, by the variables that end them.
-    cut_short: HashMap<Variable, Shortfall>,
+    pub(super) cut_short: HashMap<Variable, Shortfall>,
+    /// Rounds of loops that the device drove, when they ran last, by the variables that count them.
+    pub(super) rounds_before: HashMap<Variable, u32>,
+    /// How often the host waited in this frame for what the device made.
+    pub(super) waits: u32,
     /// Bytes of all buffers and textures.
     pub gpu_bytes: u64,
 }
@@ -59,6 +63,8 @@ pub struct Frame {
     pub nodes: Vec<NodeTimes>,
     /// Rounds of the loops that run until they are done.
     pub fill_rounds: Option<u32>,
+    /// How often the host waited, before the frame's end, for what the device made.
+    pub waits: u32,
     /// Loops that ended before they were done.
     pub unfinished: Vec<Unfinished>,
 }
@@ -97,9 +103,9 @@ enum Physical {
 }
 
 /// Commands recorded but not yet submitted.
-struct Pending {
-    encoder: wgpu::CommandEncoder,
-    empty: bool,
+pub(super) struct Pending {
+    pub encoder: wgpu::CommandEncoder,
+    pub empty: bool,
 }
 
 impl<'a> Session<'a> {
@@ -140,6 +146,8 @@ impl<'a> Session<'a> {
             is_cut: false,
             is_last_round: false,
             cut_short: HashMap::new(),
+            rounds_before: HashMap::new(),
+            waits: 0,
             gpu_bytes: 0,
         };
         session.allocate(placement)?;
@@ -157,7 +165,7 @@ impl<'a> Session<'a> {
                 (_, ResourceKind::Draws | ResourceKind::State) => Physical::Host,
                 (Lifetime::Scene(data), kind) => self.upload(&description.name, kind, &scene_data::bytes(self.scene, self.bvh, *data))?,
                 (Lifetime::Constant(contents), kind) => self.upload(&description.name, kind, contents)?,
-                (Lifetime::History | Lifetime::Frame, kind) => self.create(&description.name, kind)?,
+                (Lifetime::History | Lifetime::Frame | Lifetime::Variables, kind) => self.create(&description.name, kind)?,
                 (Lifetime::Transient, _) => match placement.slots[index] {
                     Some(slot) => shared[slot as usize].share(),
                     None => Physical::Unused,
@@ -176,6 +184,7 @@ impl<'a> Session<'a> {
                     | wgpu::BufferUsages::UNIFORM
                     | wgpu::BufferUsages::VERTEX
                     | wgpu::BufferUsages::INDEX
+                    | wgpu::BufferUsages::INDIRECT
                     | wgpu::BufferUsages::COPY_DST
                     | wgpu::BufferUsages::COPY_SRC;
                 Physical::Buffer(self.gpu.device.create_buffer(&wgpu::BufferDescriptor { label: Some(label), size: *bytes, usage, mapped_at_creation: false }))
@@ -325,7 +334,7 @@ impl<'a> Session<'a> {
         self.start_frame();
         let recording = self.recording;
         let mut pending = self.pending();
-        let mut frame = Frame { seconds: 0.0, nodes: Vec::new(), fill_rounds: None, unfinished: Vec::new() };
+        let mut frame = Frame { seconds: 0.0, nodes: Vec::new(), fill_rounds: None, waits: 0, unfinished: Vec::new() };
         let result = self.run(&recording.steps, 0, &mut pending, &mut frame, pace);
         // Also of a frame that is given up: what its variables count must be there.
         self.submit(&mut pending);
@@ -333,6 +342,7 @@ impl<'a> Session<'a> {
         self.gpu.wait("finishing the frame")?;
         self.collect_times(&mut frame)?;
         frame.seconds = start.elapsed().as_secs_f64();
+        frame.waits = self.waits;
         self.frames += 1;
         Ok(frame)
     }
@@ -343,7 +353,7 @@ impl<'a> Session<'a> {
                 *variable = 0;
             }
         }
-        (self.clock, self.is_timed) = (Clock::new(), false);
+        (self.clock, self.is_timed, self.waits) = (Clock::new(), false, 0);
         (self.is_cut, self.is_last_round) = (false, false);
         self.latest.clone_from(&self.variables);
         self.lists.clear();
@@ -389,6 +399,12 @@ impl<'a> Session<'a> {
     }
 
     fn run_loop(&mut self, repeat: &Repeat, first: usize, pending: &mut Pending, frame: &mut Frame, pace: AskPace) -> Result<usize, GpuError> {
+        if let (Driver::Device { sizes }, Pace::GoOn) = (repeat.driver, pace()) {
+            return self.run_ahead(repeat, sizes, first, pending, frame, pace);
+        }
+        // A node for the device alone.
+        let skipped = usize::from(repeat.driver != Driver::Host);
+        let (steps, first) = (&repeat.steps[skipped..], first + skipped);
         let mut next = first;
         let (mut rounds, mut pacing) = (0, Rounds::default());
         let outer = self.is_last_round;
@@ -410,20 +426,25 @@ impl<'a> Session<'a> {
             self.set_variable(repeat.round, rounds);
             // A loop of so many rounds has nothing to leave for later ones; one with an end to reach must not.
             self.is_last_round = is_over || (repeat.until.is_some() && rounds + 1 == repeat.at_most);
-            next = self.run(&repeat.steps, first, pending, frame, pace)?;
+            next = self.run(steps, first, pending, frame, pace)?;
             rounds += 1;
             if is_over {
                 break;
             }
         }
-        let shortfall = self.shortfall(repeat, rounds, is_done(self, rounds));
+        self.end_loop(repeat, rounds, is_done(self, rounds), frame);
+        self.is_last_round = outer;
+        Ok(next)
+    }
+
+    /// Tells of a loop that ended after so many rounds.
+    pub(super) fn end_loop(&mut self, repeat: &Repeat, rounds: u32, is_done: bool, frame: &mut Frame) {
+        let shortfall = self.shortfall(repeat, rounds, is_done);
         self.is_cut |= shortfall.as_ref().is_some_and(|short| short.because == Shortfall::NoProgress);
         frame.unfinished.extend(shortfall);
-        self.is_last_round = outer;
         if repeat.until.is_some() {
             *frame.fill_rounds.get_or_insert(0) += rounds;
         }
-        Ok(next)
     }
 
     /// Whether a loop has made enough for the picture to be made of it, after so many rounds.
@@ -462,7 +483,7 @@ impl<'a> Session<'a> {
         Ok(())
     }
 
-    fn begin_timing(&mut self, open: &mut bool, index: usize, pending: &mut Pending) -> Result<(), GpuError> {
+    pub(super) fn begin_timing(&mut self, open: &mut bool, index: usize, pending: &mut Pending) -> Result<(), GpuError> {
         if *open {
             return Ok(());
         }
@@ -479,7 +500,7 @@ impl<'a> Session<'a> {
         Ok(())
     }
 
-    fn end_timing(&mut self, open: &mut bool, pending: &mut Pending) -> Result<(), GpuError> {
+    pub(super) fn end_timing(&mut self, open: &mut bool, pending: &mut Pending) -> Result<(), GpuError> {
         if !std::mem::replace(open, false) {
             return Ok(());
         }
@@ -497,7 +518,7 @@ impl<'a> Session<'a> {
         Pending { encoder: self.gpu.device.create_command_encoder(&Default::default()), empty: true }
     }
 
-    fn submit(&self, pending: &mut Pending) {
+    pub(super) fn submit(&self, pending: &mut Pending) {
         let encoder = std::mem::replace(pending, self.pending()).encoder;
         self.gpu.queue.submit([encoder.finish()]);
     }
@@ -512,18 +533,13 @@ impl<'a> Session<'a> {
                 let (texture, format) = self.texture(*from);
                 readback::copy_texture(encoder, texture, format, self.buffer(*to), *offset);
             }
-            (Command::Compute(compute), Ready::Compute { pipeline, groups }) => {
+            (Command::Compute(compute), Ready::Compute(dispatches)) => {
                 let [x, y, z] = self.workgroups(compute.groups);
                 if x * y * z > 0 {
-                    let mut pass = encoder.begin_compute_pass(&Default::default());
-                    pass.set_pipeline(pipeline);
-                    groups.iter().for_each(|(group, bound)| pass.set_bind_group(*group, bound, &[]));
-                    pass.dispatch_workgroups(x, y, z);
+                    dispatches.iter().for_each(|dispatch| dispatch.begin(encoder).dispatch_workgroups(x, y, z));
                 }
             }
-            (Command::Raster(raster), Ready::Raster { pipeline, groups, colours, depth }) => {
-                self.encode_raster(raster, pipeline, groups, colours, depth.as_ref(), encoder)
-            }
+            (Command::Raster(raster), ready) => self.encode_raster(raster, ready, None, encoder),
             _ => unreachable!("commands are prepared as what they are"),
         }
     }
@@ -550,15 +566,9 @@ impl<'a> Session<'a> {
         }
     }
 
-    fn encode_raster(
-        &self,
-        raster: &Raster,
-        pipeline: &wgpu::RenderPipeline,
-        groups: &[(u32, wgpu::BindGroup)],
-        colours: &[wgpu::TextureView],
-        depth: Option<&wgpu::TextureView>,
-        encoder: &mut wgpu::CommandEncoder,
-    ) {
+    /// Draws what the command says, or what a buffer says from an offset on.
+    pub(super) fn encode_raster(&self, raster: &Raster, ready: &Ready, sized: Option<(&wgpu::Buffer, u64)>, encoder: &mut wgpu::CommandEncoder) {
+        let Ready::Raster { pipeline, groups, colours, depth } = ready else { unreachable!("commands are prepared as what they are") };
         let attachments: Vec<_> = raster
             .colours
             .iter()
@@ -573,7 +583,7 @@ impl<'a> Session<'a> {
                 })
             })
             .collect();
-        let depth = depth.map(|view| wgpu::RenderPassDepthStencilAttachment {
+        let depth = depth.as_ref().map(|view| wgpu::RenderPassDepthStencilAttachment {
             view,
             depth_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Clear(0.0), store: wgpu::StoreOp::Store }),
             stencil_ops: None,
@@ -591,13 +601,16 @@ impl<'a> Session<'a> {
         if let Some(indices) = raster.indices {
             pass.set_index_buffer(self.buffer(indices).slice(..), wgpu::IndexFormat::Uint32);
         }
+        if let Some((sizes, offset)) = sized {
+            return pass.draw_indirect(sizes, offset);
+        }
         match &raster.draws {
             Draws::Fixed(draws) => encode_draws(&mut pass, draws),
             Draws::Listed(list) => encode_draws(&mut pass, self.lists.get(list).map_or(&[], Vec::as_slice)),
-            Draws::Instances { vertices, first, count } => {
-                let (first, count) = (first.map_or(0, |f| self.variable(f)), self.variable(*count));
-                if first < count {
-                    pass.draw(0..*vertices, first..count);
+            Draws::Instances { vertices, count } => {
+                let count = self.variable(*count);
+                if count > 0 {
+                    pass.draw(0..*vertices, 0..count);
                 }
             }
         }
@@ -645,6 +658,7 @@ impl<'a> Session<'a> {
             }
         }
         if !copies.is_empty() {
+            self.waits += 1;
             self.submit(pending);
         }
         for (read, bytes, staging) in copies {
@@ -659,7 +673,7 @@ impl<'a> Session<'a> {
     }
 
     /// Brings to the device what a command may look at; the host takes it for changed by the command.
-    fn catch_up_all(&mut self, command: &Command, pending: &mut Pending) {
+    pub(super) fn catch_up_all(&mut self, command: &Command, pending: &mut Pending) {
         for resource in command.resources() {
             self.catch_up(resource, pending);
             self.copies.forget(|other| other == resource);
@@ -711,14 +725,14 @@ impl<'a> Session<'a> {
     }
 
     /// The staging buffer that host steps read a resource through, made once.
-    fn kept_staging(&mut self, resource: Resource) -> wgpu::Buffer {
+    pub(super) fn kept_staging(&mut self, resource: Resource) -> wgpu::Buffer {
         let whole = self.whole_bytes(resource);
         let gpu = self.gpu;
         self.staging.entry(resource).or_insert_with(|| readback::staging(gpu, whole)).clone()
     }
 
     /// Encodes the copy of what is read; its bytes.
-    fn copy_out(&self, pending: &mut Pending, read: Read, staging: &wgpu::Buffer) -> u64 {
+    pub(super) fn copy_out(&self, pending: &mut Pending, read: Read, staging: &wgpu::Buffer) -> u64 {
         let whole = self.whole_bytes(read.resource);
         let bytes = read.counted.map_or(whole, |(stride, count)| (stride * self.variable(count) as u64).min(whole)).next_multiple_of(4);
         match &self.physical[read.resource.0 as usize] {

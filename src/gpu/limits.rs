@@ -23,16 +23,14 @@ pub(super) struct Granted<'a> {
 }
 
 /// The same with the recording's shaders at hand.
-pub(super) fn hold_shaders(recording: &Recording, shaders: &Shaders, granted: &Granted<'_>) -> Result<(), GpuError> {
+pub(super) fn hold_shaders<'r>(recording: &'r Recording, shaders: &'r Shaders, granted: &Granted<'_>) -> Result<(), GpuError> {
     recording.resources.iter().try_for_each(|resource| hold_resource(resource, granted.limits))?;
     for node in recording.nodes() {
         for command in &node.commands {
-            let Some(program) = command.program() else { continue };
-            let asked = Asked { recording, name: format!("{}: {}", node.name, program.shader), program, shaders };
-            match command {
-                Command::Compute(compute) => asked.hold_compute(compute, granted.limits)?,
-                Command::Raster(raster) => asked.hold_raster(raster, granted)?,
-                Command::Clear(_) | Command::Copy { .. } | Command::Unroll { .. } | Command::Host(_) | Command::Late(_) => {}
+            let asked = |program: &'r Program| Asked { recording, name: format!("{}: {}", node.name, program.shader), program, shaders };
+            command.computes().iter().try_for_each(|compute| asked(&compute.program).hold_compute(compute, granted.limits))?;
+            if let Command::Raster(raster) = command {
+                asked(&raster.program).hold_raster(raster, granted)?;
             }
         }
     }

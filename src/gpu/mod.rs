@@ -1,5 +1,6 @@
 //! Executing recordings on a device.
 
+mod ahead;
 mod clock;
 mod copies;
 pub mod device;

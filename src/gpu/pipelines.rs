@@ -33,10 +33,9 @@ impl Pipelines {
     pub fn build(gpu: &Gpu, recording: &Recording, shaders: &Shaders) -> Result<Self, GpuError> {
         let (mut computes, mut rasters) = (BTreeMap::new(), BTreeMap::new());
         for command in recording.nodes().into_iter().flat_map(|node| &node.commands) {
-            match command {
-                Command::Compute(compute) => _ = computes.insert(key_of_compute(compute), compute),
-                Command::Raster(raster) => _ = rasters.insert(key_of_raster(recording, raster), raster),
-                Command::Clear(_) | Command::Copy { .. } | Command::Unroll { .. } | Command::Host(_) | Command::Late(_) => {}
+            computes.extend(command.computes().iter().map(|compute| (key_of_compute(compute), compute)));
+            if let Command::Raster(raster) = command {
+                rasters.insert(key_of_raster(recording, raster), raster);
             }
         }
         let modules: Modules = shaders.par_iter().map(|(source, shader)| (source.clone(), module(gpu, source.0, &shader.text))).collect();

@@ -10,10 +10,8 @@ use std::num::NonZeroU64;
 
 /// A command with everything that encoding it needs.
 pub(super) enum Ready {
-    Compute {
-        pipeline: wgpu::ComputePipeline,
-        groups: Vec<(u32, wgpu::BindGroup)>,
-    },
+    /// One, or those that do what a host step does.
+    Compute(Vec<Dispatch>),
     Raster {
         pipeline: wgpu::RenderPipeline,
         groups: Vec<(u32, wgpu::BindGroup)>,
@@ -29,6 +27,22 @@ pub(super) enum Ready {
     Plain,
 }
 
+/// A dispatch but for its size.
+pub(super) struct Dispatch {
+    pub pipeline: wgpu::ComputePipeline,
+    pub groups: Vec<(u32, wgpu::BindGroup)>,
+}
+
+impl Dispatch {
+    /// A pass that has all but the number of workgroups.
+    pub fn begin<'e>(&self, encoder: &'e mut wgpu::CommandEncoder) -> wgpu::ComputePass<'e> {
+        let mut pass = encoder.begin_compute_pass(&Default::default());
+        pass.set_pipeline(&self.pipeline);
+        self.groups.iter().for_each(|(group, bound)| pass.set_bind_group(*group, bound, &[]));
+        pass
+    }
+}
+
 impl Session<'_> {
     /// The commands of a recording, each with its shader built and what it touches bound, by node.
     pub(super) fn prepare_all(&self, shaders: &Shaders) -> Result<Vec<Vec<Ready>>, GpuError> {
@@ -42,10 +56,9 @@ impl Session<'_> {
     fn prepare(&self, command: &Command, pipelines: &Pipelines) -> Result<Ready, GpuError> {
         match command {
             Command::Clear(resource) => Ok(self.prepare_clear(*resource)),
-            Command::Copy { .. } | Command::Unroll { .. } | Command::Host(_) | Command::Late(_) => Ok(Ready::Plain),
-            Command::Compute(compute) => {
-                let built = pipelines.of_compute(compute);
-                Ok(Ready::Compute { pipeline: built.pipeline.clone(), groups: self.bind(&compute.program, built)? })
+            Command::Copy { .. } | Command::Unroll { .. } | Command::Late(_) => Ok(Ready::Plain),
+            Command::Compute(_) | Command::Host(_) => {
+                command.computes().iter().map(|compute| self.prepare_dispatch(compute, pipelines)).collect::<Result<_, _>>().map(Ready::Compute)
             }
             Command::Raster(raster) => {
                 let built = pipelines.of_raster(self.recording, raster);
@@ -58,6 +71,11 @@ impl Session<'_> {
                 })
             }
         }
+    }
+
+    fn prepare_dispatch(&self, compute: &Compute, pipelines: &Pipelines) -> Result<Dispatch, GpuError> {
+        let built = pipelines.of_compute(compute);
+        Ok(Dispatch { pipeline: built.pipeline.clone(), groups: self.bind(&compute.program, built)? })
     }
 
     fn prepare_clear(&self, resource: Resource) -> Ready {

@@ -2,7 +2,7 @@
 
 use super::device::GpuError;
 use super::shader::{Shader, Slot};
-use crate::recording::{Program, Recording};
+use crate::recording::{Command, Program, Recording};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -21,7 +21,7 @@ impl Shaders {
     /// A shader that is not valid.
     pub fn load(recording: &Recording) -> Result<Self, GpuError> {
         let commands = recording.nodes().into_iter().flat_map(|node| &node.commands);
-        let sources: BTreeSet<_> = commands.filter_map(|command| command.program().map(source)).collect();
+        let sources: BTreeSet<_> = commands.flat_map(Command::programs).map(source).collect();
         let load = |source: Source| {
             let shader = Shader::load(source.0, &source.1)?;
             Ok((source, shader))

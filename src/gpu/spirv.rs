@@ -48,12 +48,11 @@ pub fn to_text(sizes: &[Size]) -> String {
 
 fn entries(command: &Command) -> Vec<(&Program, ShaderStage, &'static str)> {
     match command {
-        Command::Compute(compute) => vec![(&compute.program, ShaderStage::Compute, compute.entry)],
         Command::Raster(raster) => {
             let fragment = raster.fragment.map(|entry| (&raster.program, ShaderStage::Fragment, entry));
             std::iter::once((&raster.program, ShaderStage::Vertex, raster.vertex)).chain(fragment).collect()
         }
-        Command::Clear(_) | Command::Copy { .. } | Command::Unroll { .. } | Command::Host(_) | Command::Late(_) => Vec::new(),
+        _ => command.computes().iter().map(|compute| (&compute.program, ShaderStage::Compute, compute.entry)).collect(),
     }
 }
 

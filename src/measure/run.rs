@@ -32,6 +32,8 @@ pub struct FrameReport {
     /// Records that an earlier one of their batch would have covered.
     pub surplus_records: Option<u32>,
     pub fill_rounds: Option<u32>,
+    /// How often the host waited, before the frame's end, for what the device made.
+    pub waits: u32,
     pub uncovered_pixels: Option<u32>,
     /// Pixels that miss a record, as time was up, and have the light of farther ones.
     pub coarse_pixels: Option<u32>,
@@ -252,6 +254,7 @@ fn report(frame: Frame, numbers: &[Number<'_>]) -> FrameReport {
         new_records: total(numbers, "new_records"),
         surplus_records: total(numbers, "surplus_records"),
         fill_rounds: frame.fill_rounds,
+        waits: frame.waits,
         uncovered_pixels,
         coarse_pixels,
         coarsest,
@@ -287,7 +290,7 @@ mod tests {
             number("third", "records", 3, 10),
         ];
         let node = |name: &str| NodeTimes { node: name.into(), ..NodeTimes::default() };
-        let frame = Frame { seconds: 1.0, nodes: vec![node("near"), node("far")], fill_rounds: None, unfinished: Vec::new() };
+        let frame = Frame { seconds: 1.0, nodes: vec![node("near"), node("far")], fill_rounds: None, waits: 0, unfinished: Vec::new() };
         let report = report(frame, &numbers);
         assert_eq!((report.uncovered_pixels, report.complete), (Some(7), false));
         assert_eq!((report.records.irradiance, report.new_records), (Some(110), None));
@@ -301,7 +304,7 @@ mod tests {
     fn a_loop_without_room_is_unfinished_where_pixels_are_uncovered() {
         let ended = |is_certain| Unfinished { name: "fill".into(), because: Shortfall::CacheFull, is_certain };
         let unfinished = |pixels, is_certain| {
-            let frame = Frame { seconds: 1.0, nodes: Vec::new(), fill_rounds: Some(1), unfinished: vec![ended(is_certain)] };
+            let frame = Frame { seconds: 1.0, nodes: Vec::new(), fill_rounds: Some(1), waits: 0, unfinished: vec![ended(is_certain)] };
             let report = report(frame, &[number("light", "uncovered_pixels", 0, pixels)]);
             (report.unfinished.len(), report.complete)
         };

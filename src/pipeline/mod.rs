@@ -2,6 +2,7 @@
 //!
 //! Nothing here reads files or touches a device: texts come through a function that the caller gives, plans are values.
 
+pub mod ahead;
 mod check;
 pub mod diagnostics;
 pub mod document;

@@ -1,5 +1,6 @@
 //! A pipeline made ready for one scene: what stays, every resource and command, and the memory they share. Needs no device.
 
+use super::ahead;
 use super::history::{self, Key, Shape, Shapes};
 use super::{Edge, Layer, Loop, Node, Pipeline, Problem, Problems, When, Work, graph::family};
 use crate::contract::recorder::{Persistent, Recorded, Recorder, Reported, Setting};
@@ -274,6 +275,8 @@ impl<'a> Planner<'a> {
         share_time(&mut planner.recording.steps, &mut Vec::new());
         let keep = planner.keep_earlier(|key| key.when == When::PreviousFrame);
         planner.recording.steps.extend(step("end of frame", "PreviousFrame", keep));
+        let remarks = ahead::drive(&mut planner.recording, setting.device);
+        planner.remarks.extend(remarks);
         planner
     }
 
@@ -372,7 +375,7 @@ impl<'a> Planner<'a> {
             0 => u32::try_from(pixels + IDLE_ROUNDS).unwrap_or(u32::MAX),
             rounds => u32::try_from(rounds).unwrap_or(u32::MAX),
         };
-        Some(Repeat { name: node.name.clone(), until, round, at_most, steps, time })
+        Some(Repeat { name: node.name.clone(), until, round, at_most, steps, time, driver: Driver::Host })
     }
 
     fn record(&mut self, node: &Node, within: Within, level: &mut Level) {
@@ -660,7 +663,7 @@ impl Plan {
                 Lifetime::Transient => {}
                 Lifetime::History => memory.history += bytes,
                 Lifetime::Constant(_) => memory.constants += bytes,
-                Lifetime::Scene(_) | Lifetime::Frame => memory.scene += bytes,
+                Lifetime::Scene(_) | Lifetime::Frame | Lifetime::Variables => memory.scene += bytes,
             }
         }
         memory

@@ -85,7 +85,15 @@ pub enum Lifetime {
     Scene(SceneData),
     /// The camera of the frame, written as each frame starts.
     Frame,
+    /// All variables, for loops that the device drives: [`VARIABLES_BEFORE`] words of the loop, then one word each.
+    Variables,
 }
+
+/// The shaders' name for the variables.
+pub const VARIABLES: &str = "variables";
+
+/// Words of [`VARIABLES`] before the first variable, as `shaders/lib/variables.wgsl` has them.
+pub const VARIABLES_BEFORE: u32 = 4;
 
 /// The parts of a scene that shaders read, bound by these names.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -138,6 +146,17 @@ pub struct Repeat {
     pub at_most: u32,
     pub steps: Vec<Step>,
     pub time: TimeShare,
+    pub driver: Driver,
+}
+
+/// Who decides whether a loop runs another round.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Driver {
+    /// The host, which looks at each round's end.
+    Host,
+    /// The device: rounds are recorded ahead, and those that are not needed do nothing. The loop's first node begins a round and sizes what is in it,
+    /// which it leaves here, four words each; it has no part in rounds that the host decides on. Host steps are done by their twins.
+    Device { sizes: Resource },
 }
 
 /// What a loop has of the time that is given to a frame.
@@ -275,10 +294,9 @@ pub enum Draws {
     Fixed(Vec<Draw>),
     /// What a host step put into a [`ResourceKind::Draws`].
     Listed(Resource),
-    /// One draw of `vertices` vertices, instances `first .. count`.
+    /// One draw of `vertices` vertices and so many instances.
     Instances {
         vertices: u32,
-        first: Option<Variable>,
         count: Variable,
     },
 }
@@ -300,6 +318,8 @@ pub struct Host {
     pub reads: Vec<Read>,
     pub writes: Vec<Resource>,
     pub run: HostFunction,
+    /// Dispatches that do the same to what the step writes and to variables, for loops that the device drives.
+    pub twin: Option<Vec<Compute>>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -344,6 +364,18 @@ pub trait HostContext {
 }
 
 impl Shortfall {
+    const ALL: [Self; 5] = [Self::Time, Self::Rounds, Self::CacheFull, Self::FrameLimit, Self::NoProgress];
+
+    /// What the device knows it by, from 1 on.
+    pub fn code(self) -> u32 {
+        self as u32 + 1
+    }
+
+    /// What a code stands for; None for 0.
+    pub fn of_code(code: u32) -> Option<Self> {
+        Self::ALL.into_iter().find(|shortfall| shortfall.code() == code)
+    }
+
     /// Completes "the loop ended because …".
     pub fn phrase(self) -> &'static str {
         match self {
@@ -368,12 +400,51 @@ impl Shortfall {
 }
 
 impl Command {
-    /// The shader that it runs, if it runs one.
-    pub fn program(&self) -> Option<&Program> {
+    /// The shaders that it runs.
+    pub fn programs(&self) -> Vec<&Program> {
         match self {
-            Self::Compute(compute) => Some(&compute.program),
-            Self::Raster(raster) => Some(&raster.program),
-            Self::Clear(_) | Self::Copy { .. } | Self::Unroll { .. } | Self::Host(_) | Self::Late(_) => None,
+            Self::Raster(raster) => vec![&raster.program],
+            _ => self.computes().iter().map(|compute| &compute.program).collect(),
+        }
+    }
+
+    /// Its dispatches, a twin's too.
+    pub fn computes(&self) -> &[Compute] {
+        match self {
+            Self::Compute(compute) => std::slice::from_ref(compute),
+            Self::Host(Host { twin: Some(twin), .. }) => twin,
+            _ => &[],
+        }
+    }
+
+    /// Leaves out what a loop that the device drives would run in the place of a host step.
+    pub fn drop_twin(&mut self) {
+        if let Self::Host(host) = self {
+            host.twin = None;
+        }
+    }
+
+    /// Whether a loop that the device drives can run it: everything is sized there, and nothing happens in rounds that are not needed.
+    fn runs_ahead(&self) -> bool {
+        match self {
+            Self::Compute(_) => true,
+            Self::Raster(raster) => {
+                matches!(raster.draws, Draws::Instances { .. }) && raster.colours.iter().all(|target| target.clear.is_none()) && raster.depth.is_none()
+            }
+            Self::Host(host) => host.twin.is_some(),
+            Self::Clear(_) | Self::Copy { .. } | Self::Unroll { .. } | Self::Late(_) => false,
+        }
+    }
+}
+
+impl Step {
+    /// What keeps the device from driving a loop of this step, if anything does.
+    pub fn obstacle_on_device(&self) -> Option<String> {
+        match self {
+            Self::Repeat(inner) => Some(format!("`{}` is a loop inside it", inner.name)),
+            Self::Node(node) => {
+                node.commands.iter().find(|command| !command.runs_ahead()).map(|_| format!("`{}` has a step that the host alone can do", node.name))
+            }
         }
     }
 }
@@ -382,6 +453,22 @@ impl Raster {
     /// The entry points of its shader.
     pub fn entries(&self) -> Vec<&'static str> {
         [Some(self.vertex), self.fragment].into_iter().flatten().collect()
+    }
+}
+
+impl Groups {
+    pub const ONE: Self = Self::Fixed([1, 1, 1]);
+}
+
+impl Host {
+    /// A step that a loop which the device drives cannot have.
+    pub fn new(
+        name: &'static str,
+        reads: Vec<Read>,
+        writes: Vec<Resource>,
+        run: impl Fn(&mut dyn HostContext) -> Result<(), String> + Send + Sync + 'static,
+    ) -> Self {
+        Self { name, reads, writes, run: Arc::new(run), twin: None }
     }
 }
 
@@ -408,6 +495,11 @@ impl Program {
     pub fn bind(mut self, name: &'static str, resource: Resource) -> Self {
         self.bindings.push((name, resource));
         self
+    }
+
+    /// Tells the shader by this constant where a variable stands in [`VARIABLES`].
+    pub fn variable(self, name: &'static str, variable: Variable) -> Self {
+        self.constant(name, VARIABLES_BEFORE + variable.0)
     }
 
     /// Binds a resource of which only so many bytes are touched.
@@ -508,7 +600,10 @@ impl Command {
                 }
                 all
             }
-            Self::Host(host) | Self::Late(host) => host.reads.iter().map(|r| r.resource).chain(host.writes.iter().copied()).collect(),
+            Self::Host(host) | Self::Late(host) => {
+                let twins = self.computes().iter().flat_map(|compute| compute.program.bindings.iter().map(|b| b.1));
+                host.reads.iter().map(|r| r.resource).chain(host.writes.iter().copied()).chain(twins).collect()
+            }
         }
     }
 }

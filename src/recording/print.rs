@@ -1,6 +1,6 @@
 //! A recording as text: what `explain` shows and what tests compare.
 
-use super::{Command, Draws, Groups, Host, Lifetime, Lifetimes, Placement, Recording, ResourceKind, Step};
+use super::{Command, Draws, Driver, Groups, Host, Lifetime, Lifetimes, Placement, Recording, ResourceKind, Step};
 use std::fmt::Write;
 
 impl Recording {
@@ -12,7 +12,7 @@ impl Recording {
                 Lifetime::History => "history".into(),
                 Lifetime::Constant(_) => "constant".into(),
                 Lifetime::Scene(_) => "scene".into(),
-                Lifetime::Frame => "frame".into(),
+                Lifetime::Frame | Lifetime::Variables => "frame".into(),
                 Lifetime::Transient => match (lifetimes.span(super::Resource(index as u32)), placement.slots[index]) {
                     (Some([a, b]), Some(slot)) => format!("steps {a}..={b}, allocation {slot}"),
                     (Some([a, b]), None) => format!("steps {a}..={b}, on the host"),
@@ -38,9 +38,11 @@ impl Recording {
                     }
                 }
                 Step::Repeat(repeat) => {
+                    let ahead = if repeat.driver == Driver::Host { "" } else { ", driven by the device" };
                     let _ = match repeat.until {
                         Some(until) => {
-                            writeln!(text, "{indent}repeat {} until {}, at most {} rounds", repeat.name, self.variables[until.0 as usize].name, repeat.at_most)
+                            let until = &self.variables[until.0 as usize].name;
+                            writeln!(text, "{indent}repeat {} until {until}, at most {} rounds{ahead}", repeat.name, repeat.at_most)
                         }
                         None => writeln!(text, "{indent}repeat {}, {} rounds", repeat.name, repeat.at_most),
                     };

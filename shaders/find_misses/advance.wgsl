@@ -1,0 +1,95 @@
+#import lib/search
+#import lib/variables
+
+// What passes/find_misses/grid.rs does between two rounds, where the device drives the loop: counts what was found and goes on to the next cells.
+
+@group(0) @binding(0) var<storage, read_write> next: Round;
+// As the search leaves them.
+@group(0) @binding(1) var<storage, read> counts: array<u32, 4>;
+
+// Of the picture [pixels].
+override WIDTH: u32 = 1u;
+override HEIGHT: u32 = 1u;
+// Cells up to this edge take one lane each.
+override SMALL: u32 = 1u;
+override FINEST: u32 = 1u;
+override MOST_REQUESTS: u32 = 1u;
+override MOST_MADE: u32 = 1u;
+override MOST_RECORDS: u32 = 1u;
+override STALLED_ROUNDS: u32 = 1u;
+// Codes of shortfalls.
+override NO_PROGRESS: u32 = 0u;
+override CACHE_FULL: u32 = 0u;
+override FRAME_LIMIT: u32 = 0u;
+// Where variables stand.
+override COUNT: u32 = 0u;
+override MADE: u32 = 0u;
+override RECORDS: u32 = 0u;
+override NONE: u32 = 0u;
+override STALLED: u32 = 0u;
+override CELL: u32 = 0u;
+override PHASE: u32 = 0u;
+override IDLE: u32 = 0u;
+override LANES: u32 = 0u;
+override BLOCKS: u32 = 0u;
+
+fn count_stalled() {
+    let asked = variables[COUNT];
+    if asked > 0u {
+        variables[STALLED] = select(0u, variables[STALLED] + 1u, counts[3] >= asked);
+    }
+}
+
+// How many more records there may be. Without room the loop must end.
+fn room() -> u32 {
+    let unasked = MOST_MADE - min(MOST_MADE, variables[MADE]);
+    let free = MOST_RECORDS - min(MOST_RECORDS, variables[RECORDS]);
+    if variables[IS_LAST_ROUND] != 0u {
+        return 0u;
+    }
+    if variables[STALLED] >= STALLED_ROUNDS {
+        variables[SHORTFALL] = NO_PROGRESS;
+        return 0u;
+    }
+    if free == 0u {
+        variables[SHORTFALL] = CACHE_FULL;
+    } else if unasked == 0u {
+        variables[SHORTFALL] = FRAME_LIMIT;
+    }
+    return min(unasked, free);
+}
+
+// The block from which on the next round looks.
+fn start_of_next() -> u32 {
+    // What did not fit into the batch is looked for again, among what the batch leaves uncovered.
+    if counts[1] > MOST_REQUESTS {
+        return counts[2];
+    }
+    let phase = variables[PHASE] + 1u;
+    variables[PHASE] = phase % 4u;
+    if phase == 4u {
+        if variables[CELL] != FINEST {
+            variables[CELL] /= 2u;
+        } else if FINEST > 1u {
+            variables[NONE] = 1u;
+        }
+    }
+    return 0u;
+}
+
+@compute @workgroup_size(1)
+fn advance() {
+    count_stalled();
+    let most = room();
+    let requests = min(counts[0], most);
+    variables[COUNT] = requests;
+    variables[MADE] += requests;
+    variables[IDLE] = select(0u, variables[IDLE] + 1u, variables[CELL] == FINEST && counts[1] == 0u);
+    variables[NONE] = u32(variables[IDLE] == 4u || most == 0u);
+    let start = start_of_next();
+    let cell = variables[CELL];
+    next = Round(cell, variables[PHASE], MOST_REQUESTS, start);
+    let blocks = ((WIDTH + 2u * cell - 1u) / (2u * cell)) * ((HEIGHT + 2u * cell - 1u) / (2u * cell));
+    variables[LANES] = select(0u, blocks, cell <= SMALL);
+    variables[BLOCKS] = select(blocks, 0u, cell <= SMALL);
+}

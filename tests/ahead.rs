@@ -1,0 +1,105 @@
+//! Loops that the device drives against the same loops where the host decides on each round: the same pictures, records and rounds, and few waits.
+//!
+//! Needs a GPU adapter, a software one will do: the plans are made as for hardware.
+
+mod skips;
+
+use hemisplat::{
+    contract::recorder::Setting,
+    gpu::{Gpu, Pace, scene::kind},
+    measure::{
+        layers::Layers,
+        run::{FrameReport, Run},
+    },
+    passes::REGISTRY,
+    pipeline::{Plan, load, plan},
+    recording::{Device, Driver, Step},
+    scene::{Scene, bvh::Bvh, load as scenes, needs::Needs},
+};
+use libtest_mimic::{Arguments, Failed};
+use skips::Missing;
+use std::{io, path::Path, sync::Arc, time::Duration};
+
+type Outcome = Result<(), Failed>;
+
+/// Pipeline, scene, size, whether the device blends, parameters that are set, and most waits of the first frame.
+struct Case {
+    name: &'static str,
+    pipeline: &'static str,
+    scene: &'static str,
+    size: [u32; 2],
+    blends: bool,
+    set: &'static [&'static str],
+    waits: u32,
+}
+
+const CASES: [Case; 6] = [
+    Case { name: "hall", pipeline: "irradiance", scene: "hall", size: [160, 120], blends: true, set: &[], waits: 8 },
+    Case { name: "hall_without_blending", pipeline: "irradiance", scene: "hall", size: [96, 64], blends: false, set: &[], waits: 8 },
+    Case { name: "one_rate", pipeline: "irradiance-device", scene: "cornell", size: [64, 64], blends: true, set: &[], waits: 4 },
+    Case { name: "glossy", pipeline: "radiance", scene: "cornell-glossy", size: [48, 48], blends: true, set: &[], waits: 12 },
+    Case { name: "few_rounds", pipeline: "irradiance", scene: "hall", size: [64, 48], blends: true, set: &["fill.max_rounds=9"], waits: 8 },
+    Case { name: "full_cache", pipeline: "irradiance", scene: "hall", size: [64, 48], blends: true, set: &["cache.capacity=70"], waits: 8 },
+];
+
+fn main() {
+    let gpu = Gpu::open().map(Arc::new).map_err(|error| error.to_string());
+    let missing = gpu.as_ref().err().map(|reason| Missing::new("gpu", reason));
+    let trial = |case: &'static Case| {
+        let gpu = gpu.clone();
+        skips::trial(case.name, missing.as_ref(), move || agrees(&*gpu?, case))
+    };
+    libtest_mimic::run(&Arguments::from_args(), CASES.iter().map(trial).collect()).exit()
+}
+
+fn agrees(gpu: &Gpu, case: &Case) -> Outcome {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("scenes/{}.ron", case.scene));
+    let mut scene = scenes::load(&path, &scenes::LoadOptions::default()).map_err(|error| error.to_string())?;
+    let bvh = Bvh::build(&mut scene);
+    let plan = planned(case, &scene)?;
+    let loops = plan.recording.steps.iter().filter_map(|step| if let Step::Repeat(repeat) = step { Some(repeat) } else { None });
+    let by_host: Vec<&str> = loops.filter(|repeat| repeat.driver == Driver::Host).map(|repeat| &repeat.name[..]).collect();
+    check(by_host.is_empty(), || format!("the host drives {by_host:?}: {:?}", plan.remarks))?;
+    let frames = |pace: Pace| -> Result<Vec<(FrameReport, Layers)>, Failed> {
+        let mut run = Run::new(gpu, &scene, &bvh, &plan, &scene.cameras[0], case.size).map_err(|error| error.to_string())?;
+        let mut frame = || {
+            let report = run.frame(&|| pace)?;
+            Ok((report, run.picture()?))
+        };
+        (0..2).map(|_| frame().map_err(|error: hemisplat::measure::run::RunError| error.to_string().into())).collect()
+    };
+    // A time that is never up leaves each round to the host.
+    let (ahead, by_host) = (frames(Pace::GoOn)?, frames(Pace::Within(Duration::from_secs(1 << 20)))?);
+    for ((one, a), (other, b)) in ahead.iter().zip(&by_host) {
+        let told =
+            |report: &FrameReport| format!("{:?}", (&report.records, report.new_records, report.surplus_records, report.fill_rounds, &report.unfinished));
+        check(told(one) == told(other), || format!("{} is not {}", told(one), told(other)))?;
+        let runs = |report: &FrameReport| {
+            report.passes.iter().map(|pass| (pass.node.clone(), pass.runs)).filter(|(name, _)| name.contains("tiles")).collect::<Vec<_>>()
+        };
+        check(runs(one) == runs(other), || format!("{:?} is not {:?}", runs(one), runs(other)))?;
+        for (name, layer) in &a.layers {
+            check(b.layers.get(name) == Some(layer), || format!("`{name}` differs"))?;
+        }
+        check(other.waits >= other.fill_rounds.unwrap_or(0), || format!("{} waits, {:?} rounds", other.waits, other.fill_rounds))?;
+    }
+    let waits: Vec<u32> = ahead.iter().map(|(report, _)| report.waits).collect();
+    if std::env::var_os("HEMISPLAT_TOLD").is_some() {
+        println!("{}: {waits:?} waits", case.name);
+    }
+    check(waits[0] <= case.waits && waits[1] <= waits[0], || {
+        format!("{waits:?} waits, rounds {:?}", ahead.iter().map(|(report, _)| report.fill_rounds).collect::<Vec<_>>())
+    })
+}
+
+fn planned(case: &Case, scene: &Scene) -> Result<Plan, Failed> {
+    let set: Vec<String> = case.set.iter().map(|set| (*set).to_owned()).collect();
+    let pipeline = load(case.pipeline, &set, REGISTRY, &mut |_| Err(io::ErrorKind::NotFound.into())).map_err(|problems| format!("{problems:?}"))?;
+    let needs = Needs::of(scene);
+    let setting = Setting { scene, needs: &needs, device: Device::Hardware { blends: case.blends }, size: case.size, tables: None };
+    Ok(plan(&pipeline, setting, &[], &|data| kind(scene, data)).map_err(|problems| format!("{problems:?}"))?)
+}
+
+fn check(holds: bool, what: impl FnOnce() -> String) -> Outcome {
+    if holds { Ok(()) } else { Err(what().into()) }
+}

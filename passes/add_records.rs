@@ -22,7 +22,7 @@ static DESCRIPTION: Description = Description {
             kind: ParameterKind::Choice {
                 choices: &[
                     Choice {
-                        name: "Suited",
+                        name: "Auto",
                         about: "on the host where the device is a driver on its cores and records hold no radiance, on the device elsewhere",
                         parameters: &[],
                     },
@@ -38,8 +38,8 @@ static DESCRIPTION: Description = Description {
         },
     ],
     inputs: &[
-        Input { name: "to", about: "the cache", accepts: PortKind::RecordCache, required: true },
-        Input { name: "records", about: "the new records", accepts: PortKind::Records, required: true },
+        Input { name: "to", about: "the cache", accepts: PortKind::RecordCache, required: true, changes: true },
+        Input { name: "records", about: "the new records", accepts: PortKind::Records, required: true, changes: false },
     ],
     outputs: &[Output { name: "cache", about: "the cache with the new records", kind: PortKind::RecordCache }],
 };
@@ -72,7 +72,7 @@ impl Pass for AddRecords {
                 ));
             }
         };
-        if coefficients.is_none() && r.arguments.choice("by").0 == "Suited" && r.setting.fills_on_host() {
+        if coefficients.is_none() && r.arguments.choice("by").0 == "Auto" && r.setting.fills_on_host() {
             r.remark("records join on the host, as the device is a driver on the same cores");
             record_on_host(r, &new, &cache);
         } else {

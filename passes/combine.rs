@@ -11,10 +11,10 @@ static DESCRIPTION: Description = Description {
     source: "RCS section 4, step 5",
     parameters: &[],
     inputs: &[
-        Input { name: "gbuffer", about: "the visible surfaces", accepts: PortKind::GBuffer, required: true },
-        Input { name: "direct", about: "reflected direct light", accepts: PortKind::DirectLight, required: false },
-        Input { name: "indirect", about: "indirect radiance that diffuse parts reflect", accepts: PortKind::Image, required: false },
-        Input { name: "glossy", about: "indirect radiance that lobes reflect", accepts: PortKind::Image, required: false },
+        Input { name: "gbuffer", about: "the visible surfaces", accepts: PortKind::GBuffer, required: true, changes: false },
+        Input { name: "direct", about: "reflected direct light", accepts: PortKind::DirectLight, required: false, changes: false },
+        Input { name: "indirect", about: "indirect radiance that diffuse parts reflect", accepts: PortKind::Image, required: false, changes: false },
+        Input { name: "glossy", about: "indirect radiance that lobes reflect", accepts: PortKind::Image, required: false, changes: false },
     ],
     outputs: &[
         Output { name: "picture", about: "radiance toward the camera", kind: PortKind::Image },

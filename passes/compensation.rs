@@ -27,7 +27,7 @@ static DESCRIPTION: Description = Description {
             ],
         },
     }],
-    inputs: &[Input { name: "of", about: "the tiles", accepts: PortKind::Tiles, required: true }],
+    inputs: &[Input { name: "of", about: "the tiles", accepts: PortKind::Tiles, required: true, changes: false }],
     outputs: &[Output { name: "tiles", about: "the tiles with their weights", kind: PortKind::WeightedTiles }],
 };
 

@@ -97,6 +97,7 @@ static DESCRIPTION: Description = Description {
         about: "what records of radiance keep coefficients for; without it records hold irradiance alone",
         accepts: PortKind::Lobes,
         required: false,
+        changes: false,
     }],
     outputs: &[Output { name: "cache", about: "the records", kind: PortKind::RecordCache }],
 };

@@ -104,7 +104,7 @@ impl Maps {
     /// Keeps a map that has been drawn.
     fn keep(&self, r: &mut Recorder<'_>, layer: u32) {
         if self.pitch.is_some() {
-            r.command(Command::Unroll { from: self.drawn, to: self.depth, offset: layer as u64 * self.map_bytes });
+            r.command(Command::CopyToBuffer { from: self.drawn, to: self.depth, offset: layer as u64 * self.map_bytes });
         }
     }
 }

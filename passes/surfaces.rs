@@ -24,8 +24,8 @@ static DESCRIPTION: Description = Description {
         },
     }],
     inputs: &[
-        Input { name: "of", about: "the visible surfaces", accepts: PortKind::GBuffer, required: true },
-        Input { name: "lobes", about: "their lobes; glossy surfaces need them", accepts: PortKind::Lobes, required: false },
+        Input { name: "of", about: "the visible surfaces", accepts: PortKind::GBuffer, required: true, changes: false },
+        Input { name: "lobes", about: "their lobes; glossy surfaces need them", accepts: PortKind::Lobes, required: false, changes: false },
     ],
     outputs: &[
         Output { name: "gbuffer", about: "the surfaces that stay", kind: PortKind::GBuffer },

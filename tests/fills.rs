@@ -157,7 +157,7 @@ fn look_around(gpu: &Gpu, name: &str, views: usize) -> Outcome {
         let mut run = Run::new(gpu, &scene, &bvh, &plan, &scene.cameras[0], size).map_err(|error| error.to_string())?;
         for number in (index..views).step_by(SIZES.len()).filter(|number| chosen(*number)) {
             let camera = camera(&scene, number);
-            run.forget().map_err(|error| error.to_string())?;
+            run.reset().map_err(|error| error.to_string())?;
             run.set_camera(&camera);
             let start = Instant::now();
             let report = run.frame(&|| Pace::GoOn).map_err(|error| format!("{name} {number}: {error}"))?;

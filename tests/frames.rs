@@ -582,7 +582,7 @@ fn rounds_in_time() -> Outcome {
         let mean = whole.iter().sum::<f32>() / whole.len() as f32;
         let error = |found: &[f32]| (found.iter().zip(&whole).map(|(a, b)| (a - b).powi(2)).sum::<f32>() / whole.len() as f32).sqrt() / mean;
         let with_rounds = |rounds: u32| {
-            run.forget().map_err(failed)?;
+            run.reset().map_err(failed)?;
             let asked = Cell::new(0);
             let pace = || Pace::Within(Duration::from_secs(if asked.replace(asked.get() + 1) < rounds { 3600 } else { 0 }));
             let (report, found) = frame(run, &pace)?;

@@ -25,7 +25,7 @@ const fn parameter(name: &'static str, about: &'static str, unit: &'static str, 
 }
 
 const fn input(name: &'static str, accepts: PortKind, required: bool) -> Input {
-    Input { name, about: accepts_about(accepts), accepts, required }
+    Input { name, about: accepts_about(accepts), accepts, required, changes: false }
 }
 
 const fn accepts_about(kind: PortKind) -> &'static str {
@@ -94,12 +94,20 @@ static RELAY: Mock = mock("Relay", &[], &[input("at", PortKind::Requests, true)]
 /// Makes an image twice as wide as the one it gets.
 static GROW: Mock = mock("Grow", &[], &[input("of", PortKind::Image, true)], &[output("image", PortKind::Image)]);
 
-static MOCKS: &Registry = &[&SURFACES, &SHADOWS, &LIT, &SHADOW_VIEW, &SEEK, &GATHER, &SUM, &RELAY, &GROW];
+/// Changes the image that it gets.
+static CHANGE: Mock = mock(
+    "Change",
+    &[],
+    &[Input { changes: true, ..input("of", PortKind::Image, true) }, input("by", PortKind::Image, false)],
+    &[output("image", PortKind::Image)],
+);
+
+static MOCKS: &Registry = &[&SURFACES, &SHADOWS, &LIT, &SHADOW_VIEW, &SEEK, &GATHER, &SUM, &RELAY, &GROW, &CHANGE];
 
 impl Pass for Mock {
     fn description(&self) -> &'static Description {
         // Mocks are statics: what they hold lives as long as the registry that lists them.
-        let all: [&'static Mock; 9] = [&SURFACES, &SHADOWS, &LIT, &SHADOW_VIEW, &SEEK, &GATHER, &SUM, &RELAY, &GROW];
+        let all: [&'static Mock; 10] = [&SURFACES, &SHADOWS, &LIT, &SHADOW_VIEW, &SEEK, &GATHER, &SUM, &RELAY, &GROW, &CHANGE];
         &all.into_iter().find(|mock| mock.description.name == self.description.name).unwrap().description
     }
 
@@ -231,6 +239,14 @@ const BAD: &[(&str, &str, &str, &[&str])] = &[
             (name: "s", pass: Seek(in: "a")),
             (name: "g", pass: Gather(at: "s")),
         ])),"#, "a", &["pipeline::cycle"]),
+    ("changed_twice", r#"        (name: "a", pass: Surfaces()),
+        (name: "b", pass: Change(of: "a")),
+        (name: "c", pass: Change(of: "a")),"#, "c", &["pipeline::changed_twice"]),
+    ("cycle_of_versions", r#"        (name: "a", pass: Surfaces()),
+        (name: "b", pass: Change(of: "a", by: "d")),
+        (name: "c", pass: Change(of: "b")),
+        (name: "d", pass: Sum(a: "a")),
+        (name: "e", pass: Sum(a: "b", b: "c")),"#, "e", &["pipeline::cycle"]),
     ("other_round", r#"        (name: "a", pass: Surfaces()),
         (name: "b", pass: Sum(a: PreviousRound("a"))),"#, "b", &["pipeline::other_round"]),
     ("previous_of_an_output", r#"        (name: "a", pass: Surfaces()),"#, "a\", \"last\": PreviousFrame(\"a\"), \"b\": \"a", &["pipeline::other_round"]),

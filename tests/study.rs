@@ -329,7 +329,7 @@ fn traffic_of(pipeline: &str, resolution: u32, set: &str) -> Result<Traffic, Fai
     let needs = Needs::of(&scene);
     let setting = Setting { scene: &scene, needs: &needs, device: hemisplat::recording::Device::ABLE, size: [32, 24], tables: None };
     let plan = pipeline::plan(&pipeline, setting, &[], &|data| kind(&scene, data)).map_err(told)?;
-    Ok(traffic(&plan.recording, &["records"]).map_err(|error| error.to_string())?.ok_or("no tiles")?)
+    Ok(traffic(&plan, &["records"]).map_err(|error| error.to_string())?.ok_or("no tiles")?)
 }
 
 /// A sample is 16 bytes, six parts of it 96 or as halves 48, a request 32 and a record 144.

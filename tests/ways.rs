@@ -35,7 +35,8 @@ type Outcome = Result<(), Failed>;
 type Case = fn(&Stage) -> Outcome;
 
 fn main() {
-    let cases: [(&str, bool, Case); 14] = [
+    let cases: [(&str, bool, Case); 15] = [
+        ("host_steps_touch_nothing_undeclared", false, undeclared_is_refused),
         ("sums_agree_with_double_precision", false, sums_agree),
         ("curvatures_agree_with_double_precision", false, curvatures_agree),
         ("half_precision_sums_stay_finite", false, half_sums_are_bounded),
@@ -150,7 +151,7 @@ impl<'a> Graph<'a> {
         let join = |input: &str| inputs.iter().find(|i| i.0 == input).and_then(|i| self.ports.get(i.1)).cloned();
         let joined: BTreeMap<_, _> = description.inputs.iter().filter_map(|i| Some((i.name, join(i.name)?))).collect();
         // What is suited to a driver on the CPU is the host.
-        let device = if values.contains(&("by", "Suited")) { Device::Software } else { Device::ABLE };
+        let device = if values.contains(&("by", "Auto")) { Device::Software } else { Device::ABLE };
         let setting = Setting { scene: &self.stage.scene, needs: &self.stage.needs, device, size: self.size, tables: None };
         let mut recorder = Recorder::new(name, &given, setting, &joined, &mut self.recording);
         if let Some((batch, sequential)) = self.batch {
@@ -221,6 +222,36 @@ impl<'a> Graph<'a> {
             Reported::Buffer(buffer, index) => Ok(read::<u32>(session, buffer)?[index as usize]),
         }
     }
+}
+
+/// A host step that reads or writes what it has not said ends the frame, by name.
+fn undeclared_is_refused(stage: &Stage) -> Outcome {
+    type Step = fn(&mut dyn HostContext, Resource);
+    let steps: [(&str, Step); 3] = [
+        ("read", |host, resource| _ = host.read(resource)),
+        ("write", |host, resource| host.write(resource, 0, &[1; 16])),
+        ("take", |host, resource| {
+            let contents = host.take(resource);
+            host.put(resource, contents, 16);
+        }),
+    ];
+    for (name, step) in steps {
+        for is_declared in [false, true] {
+            let mut graph = Graph::new(stage, [8, 8]);
+            let buffer = graph.buffer("someone.numbers", &[0; 16]);
+            let (reads, writes) = if is_declared { (vec![Read::whole(buffer)], vec![buffer]) } else { Default::default() };
+            let run = move |host: &mut dyn HostContext| {
+                step(host, buffer);
+                Ok(())
+            };
+            let commands = vec![Command::Host(Host::new(name, reads, writes, run))];
+            graph.recording.steps.push(hemisplat::recording::Step::Node(Node { name: "node".into(), pass: "Test", commands }));
+            let told = graph.session(&[])?.frame(&|| Pace::GoOn).err().map(|error| error.to_string());
+            let expected = (!is_declared).then(|| format!("node: `{name}` touches someone.numbers, which it does not declare"));
+            check(told == expected, || format!("{told:?}, not {expected:?}"))?;
+        }
+    }
+    Ok(())
 }
 
 /// Values by name, all others their defaults; `MipmapChain:F16` chooses the first parameter of a choice too.
@@ -715,7 +746,7 @@ fn fills_agree(stage: &Stage) -> Outcome {
     let mean = expected.iter().flatten().sum::<f32>() / expected.len() as f32;
     for choice in 1..16u32 {
         let pick = |bit: u32, ways: [&'static str; 2]| ways[(choice >> bit & 1) as usize];
-        let ways = [pick(0, ["ComputeTiles", "Host"]), pick(1, ["DeviceGrid", "HostGrid"]), pick(2, ["WorkgroupTree", "Host"]), pick(3, ["Device", "Suited"])];
+        let ways = [pick(0, ["ComputeTiles", "Host"]), pick(1, ["DeviceGrid", "HostGrid"]), pick(2, ["WorkgroupTree", "Host"]), pick(3, ["Device", "Auto"])];
         let (found, other) = filled_twice(stage, IN_BATCHES, ways)?;
         let squares: f32 = found.iter().flatten().zip(expected.iter().flatten()).map(|(a, b)| (a - b).powi(2)).sum();
         let error = (squares / expected.len() as f32).sqrt() / mean;
@@ -731,13 +762,13 @@ fn clamping_agrees(stage: &Stage) -> Outcome {
     let records = |clamps: bool, add: &'static str| -> Result<u32, Failed> {
         Ok(filled_twice(stage, Fill { clamps, ..IN_BATCHES }, ["ComputeTiles", "DeviceGrid", "WorkgroupTree", add])?.1["records"])
     };
-    let (free, device, host) = (records(false, "Device")?, records(true, "Device")?, records(true, "Suited")?);
+    let (free, device, host) = (records(false, "Device")?, records(true, "Device")?, records(true, "Auto")?);
     check(device > free && device.abs_diff(host) * 100 <= device, || format!("{free} records, clamped {device} on the device and {host} on the host"))
 }
 
 /// One by one, so that each record is clamped by all before it that face alike: no radius exceeds that of one of them and the way to it.
 fn clamping_bounds(stage: &Stage) -> Outcome {
-    for add in ["Device", "Suited"] {
+    for add in ["Device", "Auto"] {
         let Filled { records, .. } = filled(stage, Fill { batch: 1, sequential: false, clamps: true }, ["ComputeTiles", "DeviceGrid", "WorkgroupTree", add])?;
         let mut met = 0;
         for (number, record) in records.iter().enumerate() {
@@ -783,7 +814,7 @@ fn batches_serve_each_cell_once(stage: &Stage) -> Outcome {
 
 fn sequential_walk(stage: &Stage) -> Outcome {
     for splat in stage.splats() {
-        let (_, reports) = filled_twice(stage, Fill { batch: 1, sequential: true, ..IN_BATCHES }, [splat, "HostScan", "WorkgroupTree", "Suited"])?;
+        let (_, reports) = filled_twice(stage, Fill { batch: 1, sequential: true, ..IN_BATCHES }, [splat, "HostScan", "WorkgroupTree", "Auto"])?;
         check(reports["surplus_records"] == 0, || format!("{reports:?}"))?;
     }
     Ok(())

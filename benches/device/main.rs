@@ -160,7 +160,7 @@ impl Stage {
         let mut run = self.run(gpu, plan, edge)?;
         let mut reports = Vec::new();
         for _ in 0..=runs {
-            run.forget()?;
+            run.reset()?;
             reports.push(run.frame(&|| Pace::GoOn)?);
         }
         reports.remove(0);
@@ -226,7 +226,7 @@ fn pass(reports: &[FrameReport], index: usize, plan: &Plan, peak: &Peak) -> Resu
     let first = &reports[0].passes[index];
     let device_ms = all().map(|pass| pass.gpu_ms).collect::<Option<Vec<_>>>().map(|all| median(all.into_iter()));
     let host_ms = median(all().map(|pass| pass.cpu_ms));
-    let moved = traffic(&plan.recording, &[first.node.as_str()])?.zip(tiles(&plan.recording));
+    let moved = traffic(plan, &[first.node.as_str()])?.zip(tiles(plan));
     let moved_bytes = moved.map(|(traffic, tiles)| (traffic.read_bytes + traffic.written_bytes) * tiles * f64::from(first.runs));
     let share = moved_bytes.zip(device_ms).map(|(bytes, ms)| bytes / (ms * 1e-3).max(1e-9) / peak.bytes_per_second);
     // More than the device can move: the node touches a part of what it binds.

@@ -49,7 +49,7 @@ static DESCRIPTION: Description = Description {
             unit: "",
             kind: ParameterKind::Choice {
                 choices: &[
-                    Choice { name: "Suited", about: "the device; the host where the device is a driver on the same cores", parameters: &[] },
+                    Choice { name: "Auto", about: "the device; the host where the device is a driver on the same cores", parameters: &[] },
                     Choice { name: "Device", about: "a shader, one ray after the other", parameters: &[] },
                     Choice { name: "Host", about: "the host, 64 rays of a pixel together", parameters: &[] },
                 ],
@@ -57,9 +57,21 @@ static DESCRIPTION: Description = Description {
         },
     ],
     inputs: &[
-        Input { name: "gbuffer", about: "the visible surfaces", accepts: PortKind::GBuffer, required: true },
-        Input { name: "sky", about: "light of the sky that another pass computed; without it rays are traced", accepts: PortKind::Image, required: false },
-        Input { name: "shadow", about: "maps of the punctual lights; without them shadows are traced by rays", accepts: PortKind::ShadowMaps, required: false },
+        Input { name: "gbuffer", about: "the visible surfaces", accepts: PortKind::GBuffer, required: true, changes: false },
+        Input {
+            name: "sky",
+            about: "light of the sky that another pass computed; without it rays are traced",
+            accepts: PortKind::Image,
+            required: false,
+            changes: false,
+        },
+        Input {
+            name: "shadow",
+            about: "maps of the punctual lights; without them shadows are traced by rays",
+            accepts: PortKind::ShadowMaps,
+            required: false,
+            changes: false,
+        },
     ],
     outputs: &[Output { name: "radiance", about: "reflected direct radiance toward the camera", kind: PortKind::DirectLight }],
 };
@@ -119,7 +131,7 @@ fn light_by_host(r: &mut Recorder<'_>, [area, sky]: [u32; 2]) -> Result<Option<[
     let needs = r.setting.needs;
     let samples = [if needs.emissive_triangles > 0 { area } else { 0 }, if needs.environment { sky } else { 0 }];
     let by = r.arguments.choice("by").0;
-    let is_suited = by == "Host" || (by == "Suited" && r.setting.device == Device::Software);
+    let is_suited = by == "Host" || (by == "Auto" && r.setting.device == Device::Software);
     if samples == [0; 2] || !is_suited {
         return Ok(None);
     }
@@ -129,7 +141,7 @@ fn light_by_host(r: &mut Recorder<'_>, [area, sky]: [u32; 2]) -> Result<Option<[
     }
     let told = format!("the light of so many pixels does not fit into {} MiB", MOST_BYTES >> 20);
     if by == "Host" {
-        return Err(Refusal::of_parameter("by", "plan::light_by_host", told, "draw a smaller picture, or set by to Suited"));
+        return Err(Refusal::of_parameter("by", "plan::light_by_host", told, "draw a smaller picture, or set by to Auto"));
     }
     r.remark(format!("{told}: the device adds it up"));
     Ok(None)

@@ -32,7 +32,7 @@ static DESCRIPTION: Description = Description {
             unit: "",
             kind: ParameterKind::Choice {
                 choices: &[
-                    Choice { name: "Suited", about: "on the device; on the host where the device is a driver on the same cores", parameters: &[] },
+                    Choice { name: "Auto", about: "on the device; on the host where the device is a driver on the same cores", parameters: &[] },
                     Choice { name: "Device", about: "by a shader, a pixel an invocation", parameters: &[] },
                     Choice { name: "Host", about: "on the host, eight pixels side by side", parameters: &[] },
                 ],
@@ -40,8 +40,8 @@ static DESCRIPTION: Description = Description {
         },
     ],
     inputs: &[
-        Input { name: "gbuffer", about: "the visible surfaces", accepts: PortKind::GBuffer, required: true },
-        Input { name: "lobes", about: "the lobes of the glossy ones among them", accepts: PortKind::VisibleLobes, required: false },
+        Input { name: "gbuffer", about: "the visible surfaces", accepts: PortKind::GBuffer, required: true, changes: false },
+        Input { name: "lobes", about: "the lobes of the glossy ones among them", accepts: PortKind::VisibleLobes, required: false, changes: false },
     ],
     outputs: &[Output { name: "radiance", about: "radiance of the sky that is reflected toward the camera", kind: PortKind::Image }],
 };
@@ -93,7 +93,7 @@ impl Pass for EnvironmentLight {
         let radiance = r.image("radiance", Format::Rgba32Float);
         let work = Work { gbuffer, order, sky: expansion(&r.setting.scene.environment, order), lobes, radiance };
         match (r.arguments.choice("by").0, r.setting.device) {
-            ("Suited", Device::Software) => {
+            ("Auto", Device::Software) => {
                 r.remark("the sky is turned on the host, as the device is a driver on the same cores");
                 host::record(r, work);
             }

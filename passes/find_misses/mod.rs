@@ -69,9 +69,15 @@ static DESCRIPTION: Description = Description {
         },
     ],
     inputs: &[
-        Input { name: "gbuffer", about: "the visible surfaces", accepts: PortKind::GBuffer, required: true },
-        Input { name: "splats", about: "what the records so far cover", accepts: PortKind::Splats, required: true },
-        Input { name: "after", about: "requests of a loop before this one, which count toward the same limit", accepts: PortKind::Requests, required: false },
+        Input { name: "gbuffer", about: "the visible surfaces", accepts: PortKind::GBuffer, required: true, changes: false },
+        Input { name: "splats", about: "what the records so far cover", accepts: PortKind::Splats, required: true, changes: false },
+        Input {
+            name: "after",
+            about: "requests of a loop before this one, which count toward the same limit",
+            accepts: PortKind::Requests,
+            required: false,
+            changes: false,
+        },
     ],
     outputs: &[
         Output { name: "requests", about: "places that need a record", kind: PortKind::Requests },

@@ -6,20 +6,20 @@ use crate::math::frame::Frame;
 use crate::passes::record::{REQUEST_BYTES, Request};
 use crate::recording::*;
 use crate::scene::{
-    packets::{Fan, Numbers, View},
+    packets::{Numbers, RayBundle, View},
     shadow_maps::ShadowMaps,
 };
 use glam::Vec3;
 
 /// The host finds the triangles, the device is to shade them.
 pub(super) fn record(r: &mut Recorder<'_>, work: &Work) {
-    let fan = Fan::new(&work.table);
+    let bundle = RayBundle::new(&work.table);
     let (requests, seen) = (work.requests, work.seen);
     r.host("cast", &[Read::counted(requests.places, REQUEST_BYTES, requests.count)], &[seen], move |host| {
         let places: Vec<Request> = bytemuck::pod_collect_to_vec(host.read(requests.places));
         let mut triangles = host.take(seen);
-        let numbers: &mut [u32] = &mut bytemuck::cast_slice_mut(&mut triangles)[..places.len() * fan.samples];
-        host.bvh().packets(host.scene()).look(host.scene(), &views(&places), &fan, &Numbers, numbers);
+        let numbers: &mut [u32] = &mut bytemuck::cast_slice_mut(&mut triangles)[..places.len() * bundle.samples];
+        host.bvh().packets(host.scene()).trace(host.scene(), &views(&places), &bundle, &Numbers, numbers);
         let bytes = size_of_val(numbers) as u64;
         host.put(seen, triangles, bytes);
         Ok(())
@@ -28,7 +28,7 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work) {
 
 /// The host shades them, too: the buffer of radiance and distance.
 pub(super) fn record_shaded(r: &mut Recorder<'_>, work: &Work, maps: Option<port::ShadowMaps>, sees_emission: bool) -> Resource {
-    let fan = Fan::new(&work.table);
+    let bundle = RayBundle::new(&work.table);
     let (requests, radiance) = (work.requests, work.radiance(r));
     let lighting = host_shade::record(r, SAMPLES_OF_EMITTERS, sees_emission);
     let reads: Vec<Read> = maps.iter().map(|maps| Read::whole(maps.depth)).chain([Read::counted(requests.places, REQUEST_BYTES, requests.count)]).collect();
@@ -38,9 +38,9 @@ pub(super) fn record_shaded(r: &mut Recorder<'_>, work: &Work, maps: Option<port
         let lighting = host_shade::lighting(host, lighting)?;
         let maps = maps.map_or_else(ShadowMaps::default, |maps| host_shade::shadow_maps(&maps, host));
         let emitters = lighting.emitters(host.scene(), host.bvh());
-        let eye = host_shade::Shading { lighting: &lighting, maps, scene: host.scene(), emitters, places: &places };
-        let seen = &mut samples[..places.len() * fan.samples];
-        host.bvh().packets(host.scene()).look(host.scene(), &views(&places), &fan, &eye, seen);
+        let shader = host_shade::Shading { lighting: &lighting, maps, scene: host.scene(), emitters, places: &places };
+        let seen = &mut samples[..places.len() * bundle.samples];
+        host.bvh().packets(host.scene()).trace(host.scene(), &views(&places), &bundle, &shader, seen);
         let bytes = size_of_val(seen) as u64;
         host.put(radiance, samples, bytes);
         Ok(())

@@ -12,7 +12,7 @@ use crate::scene::{
     LightKind, Rgb, Scene, Triangle,
     bvh::Bvh,
     emitters::{Emitters, Lamp},
-    packets::{Eye, Met, RAYS, ToDo},
+    packets::{HitShader, Hits, RAYS, ToDo},
     shadow_maps::{Lookups, Receivers, ShadowCameras, ShadowMaps},
     surface::{Gloss, Ray},
 };
@@ -112,30 +112,30 @@ struct Surfaces<S: Simd> {
     distance: f32x8<S>,
 }
 
-impl Eye for Shading<'_> {
+impl HitShader for Shading<'_> {
     type Seen = Vec4;
     const NOTHING: Vec4 = Vec4::new(0.0, 0.0, 0.0, FAR_AWAY);
 
     #[inline(always)]
-    fn see<S: Simd>(&self, simd: S, met: &Met<'_>, tile: &mut [Vec4]) {
+    fn shade<S: Simd>(&self, simd: S, hits: &Hits<'_>, tile: &mut [Vec4]) {
         // All of a packet's triangles are fetched before any is worked on, so that memory is waited for once.
         let mut fetched = [const { None }; GROUPS];
         for (group, fetched) in fetched.iter_mut().enumerate() {
             let first = group * LANES;
-            if met.triangles[first..first + LANES] != [0; LANES] {
-                *fetched = Some(self.gathered(simd, met, first));
+            if hits.triangles[first..first + LANES] != [0; LANES] {
+                *fetched = Some(self.gathered(simd, hits, first));
             }
         }
         let mut surfaces = [const { None }; GROUPS];
         for (surfaces, fetched) in surfaces.iter_mut().zip(&fetched) {
             if let Some(fetched) = fetched {
-                *surfaces = Some(self.surfaces(simd, met.origin, fetched));
+                *surfaces = Some(self.surfaces(simd, hits.origin, fetched));
             }
         }
-        let mut others = if self.is_plain() { None } else { Some(self.others(simd, met)) };
+        let mut others = if self.is_plain() { None } else { Some(self.others(simd, hits)) };
         let mut light = [Vectors::splat(simd, Vec3::ZERO); GROUPS];
         for (index, (kind, cameras)) in (0..).zip(&self.lighting.lights) {
-            self.add_light(simd, (index, kind, cameras), met, &surfaces, (&mut light, others.as_deref_mut()));
+            self.add_light(simd, (index, kind, cameras), hits, &surfaces, (&mut light, others.as_deref_mut()));
         }
         for group in 0..GROUPS {
             let Some(surfaces) = &surfaces[group] else { continue };
@@ -144,15 +144,15 @@ impl Eye for Shading<'_> {
             let (red, green, blue, distance) = (light.x.to_array(), light.y.to_array(), light.z.to_array(), surfaces.distance.to_array());
             for lane in 0..LANES {
                 let ray = group * LANES + lane;
-                if met.triangles[ray] != 0 && met.samples[ray] != u32::MAX {
+                if hits.triangles[ray] != 0 && hits.samples[ray] != u32::MAX {
                     let diffuse = Vec3::new(red[lane], green[lane], blue[lane]);
                     let other = others.as_ref().map_or(Vec3::ZERO, |others| others[ray].light);
-                    tile[met.samples[ray] as usize] = (diffuse + other).extend(distance[lane]);
+                    tile[hits.samples[ray] as usize] = (diffuse + other).extend(distance[lane]);
                 }
             }
         }
         if self.lighting.sees_emission {
-            self.see_sky(met, tile);
+            self.see_sky(hits, tile);
         }
     }
 }
@@ -180,15 +180,15 @@ impl Shading<'_> {
 
     /// For each ray that meets something, light of lamps and the sky, and its lobe.
     #[inline(always)]
-    fn others<S: Simd>(&self, simd: S, met: &Met<'_>) -> Box<[Other; RAYS]> {
+    fn others<S: Simd>(&self, simd: S, hits: &Hits<'_>) -> Box<[Other; RAYS]> {
         let mut others = Box::new([Other::NONE; RAYS]);
         let mut to_do = ToDo::default();
         for (index, other) in others.iter_mut().enumerate() {
-            let Some(number) = met.triangles[index].checked_sub(1).filter(|_| met.samples[index] != u32::MAX) else { continue };
-            let ray = Ray { origin: met.origin, direction: met.directions[index] };
+            let Some(number) = hits.triangles[index].checked_sub(1).filter(|_| hits.samples[index] != u32::MAX) else { continue };
+            let ray = Ray { origin: hits.origin, direction: hits.directions[index] };
             let barycentric = self.scene.triangles[number as usize].barycentric(ray);
             let surface = if self.lighting.lobes { self.scene.surface(number, barycentric, ray) } else { self.scene.diffuse_surface(number, barycentric, ray) };
-            let seed = combine(self.places[met.view].turn.to_bits(), met.samples[index]);
+            let seed = combine(self.places[hits.view].turn.to_bits(), hits.samples[index]);
             let emitted = if self.lighting.sees_emission { self.emitted(number, ray.direction) } else { Vec3::ZERO };
             other.light = emitted + self.emitters.light(simd, &surface, seed, &mut to_do);
             other.reflectance = surface.reflectance * FRAC_1_PI;
@@ -205,22 +205,22 @@ impl Shading<'_> {
     }
 
     /// What rays that meet nothing see.
-    fn see_sky(&self, met: &Met<'_>, tile: &mut [Vec4]) {
-        for (index, sample) in met.samples.iter().enumerate().filter(|(index, sample)| met.triangles[*index] == 0 && **sample != u32::MAX) {
-            tile[*sample as usize] = self.scene.environment.radiance(met.directions[index]).extend(FAR_AWAY);
+    fn see_sky(&self, hits: &Hits<'_>, tile: &mut [Vec4]) {
+        for (index, sample) in hits.samples.iter().enumerate().filter(|(index, sample)| hits.triangles[*index] == 0 && **sample != u32::MAX) {
+            tile[*sample as usize] = self.scene.environment.radiance(hits.directions[index]).extend(FAR_AWAY);
         }
     }
 
     /// What rays from the `first` on meet. Lanes that met nothing do as the first triangle's would.
     #[inline(always)]
-    fn gathered<S: Simd>(&self, simd: S, met: &Met<'_>, first: usize) -> Gathered<'_, S> {
+    fn gathered<S: Simd>(&self, simd: S, hits: &Hits<'_>, first: usize) -> Gathered<'_, S> {
         let [mut corner, mut first_edge, mut second_edge, mut directions] = [[[0.0; LANES]; 3]; 4];
         let (mut triangles, mut materials) = ([&self.scene.triangles[0]; LANES], [0; LANES]);
         for lane in 0..LANES {
-            let triangle = &self.scene.triangles[met.triangles[first + lane].saturating_sub(1) as usize];
+            let triangle = &self.scene.triangles[hits.triangles[first + lane].saturating_sub(1) as usize];
             (triangles[lane], materials[lane]) = (triangle, triangle.material);
             let [a, b, c] = triangle.positions;
-            for (into, vector) in [(&mut corner, a), (&mut first_edge, b - a), (&mut second_edge, c - a), (&mut directions, met.directions[first + lane])] {
+            for (into, vector) in [(&mut corner, a), (&mut first_edge, b - a), (&mut second_edge, c - a), (&mut directions, hits.directions[first + lane])] {
                 (into[0][lane], into[1][lane], into[2][lane]) = (vector.x, vector.y, vector.z);
             }
         }
@@ -258,11 +258,11 @@ impl Shading<'_> {
         &self,
         simd: S,
         (index, kind, cameras): (u32, &LightKind, &ShadowCameras),
-        met: &Met<'_>,
+        hits: &Hits<'_>,
         surfaces: &[Option<Surfaces<S>>; GROUPS],
         (light, others): (&mut [Vectors<S>; GROUPS], Option<&mut [Other; RAYS]>),
     ) {
-        let turn = u32x8::splat(simd, self.places[met.view].turn.to_bits());
+        let turn = u32x8::splat(simd, self.places[hits.view].turn.to_bits());
         let (mut lookups, mut visibility, mut received) = (Lookups::NONE, [0.0; RAYS], [f32x8::splat(simd, 0.0); GROUPS]);
         let mut ways = [Vectors::splat(simd, Vec3::ZERO); GROUPS];
         for group in 0..GROUPS {
@@ -271,9 +271,9 @@ impl Shading<'_> {
             (ways[group], received[group]) = (to_light, arriving);
             let first = group * LANES;
             let (mut samples, mut met_any) = ([0; LANES], 0);
-            samples.copy_from_slice(&met.samples[first..first + LANES]);
+            samples.copy_from_slice(&hits.samples[first..first + LANES]);
             for lane in 0..LANES {
-                met_any |= u32::from(met.triangles[first + lane] != 0) << lane;
+                met_any |= u32::from(hits.triangles[first + lane] != 0) << lane;
             }
             let seeds = combinations(turn, u32x8::load_array(simd, samples)) + (5 + 2 * index);
             let points = Receivers { position: surfaces.position, normal: surfaces.face, seeds, first };

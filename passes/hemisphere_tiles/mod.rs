@@ -77,7 +77,7 @@ static DESCRIPTION: Description = Description {
             kind: ParameterKind::Choice {
                 choices: &[
                     Choice {
-                        name: "Suited",
+                        name: "Auto",
                         about: "on the host as its rays end, where it casts them and no emitter, sky or lobe is to be looked at; on the device elsewhere",
                         parameters: &[],
                     },
@@ -100,14 +100,21 @@ static DESCRIPTION: Description = Description {
         },
     ],
     inputs: &[
-        Input { name: "at", about: "places that need a record", accepts: PortKind::Requests, required: true },
+        Input { name: "at", about: "places that need a record", accepts: PortKind::Requests, required: true, changes: false },
         Input {
             name: "direct",
             about: "the direct pass: what it lights surfaces from, records leave out; without it records see all emission",
             accepts: PortKind::DirectLight,
             required: false,
+            changes: false,
         },
-        Input { name: "shadow", about: "maps of the punctual lights; without them shadows are traced by rays", accepts: PortKind::ShadowMaps, required: false },
+        Input {
+            name: "shadow",
+            about: "maps of the punctual lights; without them shadows are traced by rays",
+            accepts: PortKind::ShadowMaps,
+            required: false,
+            changes: false,
+        },
     ],
     outputs: &[Output { name: "tiles", about: "the atlas", kind: PortKind::Tiles }],
 };
@@ -222,15 +229,15 @@ fn is_shaded_by_host(r: &mut Recorder<'_>, casts: bool, maps: Option<&port::Shad
         (needs.shadowed_lights > 0 && maps.is_none_or(|maps| maps.pitch.is_none()), "there are no shadow maps in a buffer"),
     ];
     match (shading, obstacles.into_iter().find(|(holds, _)| *holds)) {
-        ("Device", _) | ("Suited", Some(_)) => Ok(false),
+        ("Device", _) | ("Auto", Some(_)) => Ok(false),
         (_, Some((_, obstacle))) => Err(Refusal::of_parameter(
             "shading",
             "plan::shading_by_host",
             format!("the host cannot shade what tiles see here, as {obstacle}"),
-            "set `shading` to Suited or Device",
+            "set `shading` to Auto or Device",
         )),
         (shading, None) => {
-            if shading == "Suited" {
+            if shading == "Auto" {
                 r.remark("what rays see is shaded on the host as they end");
             }
             Ok(true)

@@ -71,7 +71,7 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, sift: bool) {
         topology: Topology::Triangles,
         draws: Draws::Listed(draws),
     }));
-    r.command(Command::Unroll { from: atlas, to: work.seen, offset: 0 });
+    r.command(Command::CopyToBuffer { from: atlas, to: work.seen, offset: 0 });
 }
 
 fn program(r: &Recorder<'_>, work: &Work, views: Resource) -> Program {

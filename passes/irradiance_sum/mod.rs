@@ -36,7 +36,7 @@ static DESCRIPTION: Description = Description {
                         parameters: &[reduce::STORAGE],
                     },
                     Choice { name: "CpuReadback", about: "the tiles are read back and added on the host in double precision", parameters: &[] },
-                    Choice { name: "Suited", about: "`Host` where the host has shaded the tiles, `WorkgroupTree` elsewhere", parameters: &[] },
+                    Choice { name: "Auto", about: "`Host` where the host has shaded the tiles, `WorkgroupTree` elsewhere", parameters: &[] },
                     Choice {
                         name: "Host",
                         about: "the tiles are added on the host in single precision, by its vector instructions; read back where they were shaded on the device",
@@ -66,7 +66,7 @@ static DESCRIPTION: Description = Description {
         },
         Parameter { name: "gradients", about: "rotation and translation gradients, or none", unit: "", kind: ParameterKind::Bool { default: true } },
     ],
-    inputs: &[Input { name: "of", about: "tiles with weights", accepts: PortKind::WeightedTiles, required: true }],
+    inputs: &[Input { name: "of", about: "tiles with weights", accepts: PortKind::WeightedTiles, required: true, changes: false }],
     outputs: &[Output { name: "records", about: "one record a tile", kind: PortKind::Records }],
 };
 
@@ -113,7 +113,7 @@ impl Pass for IrradianceSum {
         let work = Work { weighted, records, gradients, radius };
         let shaded_by_host = work.weighted.tiles.shaded_by_host;
         match r.arguments.choice("by") {
-            ("Suited", _) if shaded_by_host => {
+            ("Auto", _) if shaded_by_host => {
                 r.remark("tiles are summed on the host, which has shaded them");
                 host::record(r, &work);
             }

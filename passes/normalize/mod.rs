@@ -13,8 +13,8 @@ static DESCRIPTION: Description = Description {
     source: "RCS 1 and section 4, step 5",
     parameters: &[],
     inputs: &[
-        Input { name: "splats", about: "the sums", accepts: PortKind::Splats, required: true },
-        Input { name: "gbuffer", about: "the visible surfaces", accepts: PortKind::GBuffer, required: true },
+        Input { name: "splats", about: "the sums", accepts: PortKind::Splats, required: true, changes: true },
+        Input { name: "gbuffer", about: "the visible surfaces", accepts: PortKind::GBuffer, required: true, changes: false },
     ],
     outputs: &[
         Output {

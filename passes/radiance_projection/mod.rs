@@ -24,11 +24,7 @@ static DESCRIPTION: Description = Description {
             unit: "",
             kind: ParameterKind::Choice {
                 choices: &[
-                    Choice {
-                        name: "Suited",
-                        about: "`Host` where the device is a driver on the cores of the host, `MatrixProduct` elsewhere",
-                        parameters: &[],
-                    },
+                    Choice { name: "Auto", about: "`Host` where the device is a driver on the cores of the host, `MatrixProduct` elsewhere", parameters: &[] },
                     Choice { name: "Host", about: "the same product on the host, in single precision", parameters: &[] },
                     Choice { name: "MatrixProduct", about: "on the device: samples times a table of the basis", parameters: &[] },
                     Choice { name: "CpuReadback", about: "the tiles are read back and projected on the host in double precision (THESIS)", parameters: &[] },
@@ -38,9 +34,9 @@ static DESCRIPTION: Description = Description {
         Parameter { name: "gradients", about: "translation gradients of every coefficient, or none", unit: "", kind: ParameterKind::Bool { default: true } },
     ],
     inputs: &[
-        Input { name: "of", about: "tiles with weights", accepts: PortKind::WeightedTiles, required: true },
-        Input { name: "records", about: "the records of the same tiles", accepts: PortKind::Records, required: true },
-        Input { name: "lobes", about: "what the coefficients are for: they have its order", accepts: PortKind::Lobes, required: true },
+        Input { name: "of", about: "tiles with weights", accepts: PortKind::WeightedTiles, required: true, changes: false },
+        Input { name: "records", about: "the records of the same tiles", accepts: PortKind::Records, required: true, changes: true },
+        Input { name: "lobes", about: "what the coefficients are for: they have its order", accepts: PortKind::Lobes, required: true, changes: false },
     ],
     outputs: &[Output { name: "records", about: "the records with their coefficients", kind: PortKind::Records }],
 };
@@ -81,7 +77,7 @@ impl Pass for RadianceProjection {
         match (r.arguments.choice("by").0, r.setting.device) {
             ("CpuReadback", _) => cpu_readback::record(r, &work),
             ("Host", _) => host::record(r, &work),
-            ("Suited", Device::Software) => {
+            ("Auto", Device::Software) => {
                 r.remark("tiles are projected on the host, as the device is a driver on the same cores");
                 host::record(r, &work);
             }

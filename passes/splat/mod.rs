@@ -25,7 +25,7 @@ static DESCRIPTION: Description = Description {
                 choices: &[
                     Choice { name: "RasterBlend", about: "a screen rectangle a record, blended additively (RCS)", parameters: &[] },
                     Choice {
-                        name: "Suited",
+                        name: "Auto",
                         about: "`Host` where the device is a driver on the cores of the host; elsewhere `RasterBlend` for irradiance if the device blends 32-bit floats, `ComputeTiles` if not, and for radiance",
                         parameters: &[],
                     },
@@ -58,13 +58,14 @@ static DESCRIPTION: Description = Description {
         Parameter { name: "count", about: "also counts the records of each pixel", unit: "", kind: ParameterKind::Bool { default: false } },
     ],
     inputs: &[
-        Input { name: "records", about: "the cache", accepts: PortKind::RecordCache, required: true },
-        Input { name: "gbuffer", about: "the visible surfaces", accepts: PortKind::GBuffer, required: true },
+        Input { name: "records", about: "the cache", accepts: PortKind::RecordCache, required: true, changes: false },
+        Input { name: "gbuffer", about: "the visible surfaces", accepts: PortKind::GBuffer, required: true, changes: false },
         Input {
             name: "lobes",
             about: "the lobes of these surfaces: then the sums are of the radiance that they reflect toward the camera, and all records count each time",
             accepts: PortKind::VisibleLobes,
             required: false,
+            changes: false,
         },
     ],
     outputs: &[Output { name: "sums", about: "weighted sums", kind: PortKind::Splats }],
@@ -122,7 +123,7 @@ fn radiance(r: &Recorder<'_>, cache: &port::RecordCache) -> Result<Option<Radian
         _ => None,
     };
     let by = r.arguments.choice("by").0;
-    let on_host = by == "Host" || (by == "Suited" && r.setting.device == Device::Software);
+    let on_host = by == "Host" || (by == "Auto" && r.setting.device == Device::Software);
     if rotation.is_some() && !on_host {
         return Err(Refusal::of_parameter(
             "rotation",
@@ -157,18 +158,18 @@ impl Pass for Splat {
         }
         let work = Work { gbuffer, cache, sums, counts, first, radiance };
         match (r.arguments.choice("by").0, &work.radiance) {
-            ("Suited", Some(radiance)) if r.setting.device == Device::Software => {
+            ("Auto", Some(radiance)) if r.setting.device == Device::Software => {
                 r.remark("radiance is splatted on the host, as the device is a driver on the same cores");
                 host_radiance::record(r, &work, radiance)?;
             }
-            ("Suited", None) if r.setting.fills_on_host() => {
+            ("Auto", None) if r.setting.fills_on_host() => {
                 r.remark("records are splatted on the host, as the device is a driver on the same cores");
                 host::record(r, &work);
             }
             ("Host", Some(radiance)) => host_radiance::record(r, &work, radiance)?,
             ("Host", None) => host::record(r, &work),
-            ("ComputeTiles", _) | ("Suited", Some(_)) => tiled(r, &work),
-            ("Suited", None) if r.setting.device == (Device::Hardware { blends: false }) => {
+            ("ComputeTiles", _) | ("Auto", Some(_)) => tiled(r, &work),
+            ("Auto", None) if r.setting.device == (Device::Hardware { blends: false }) => {
                 r.remark("records are splatted in compute, as the device cannot blend 32-bit floats");
                 tiled(r, &work);
             }

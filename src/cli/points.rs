@@ -72,7 +72,7 @@ fn told(problems: &Problems) -> String {
 pub(super) fn weigh(moved: &[Word], plans: &[Option<Plan>], points: &mut [Point]) -> Result<(), Failure> {
     let nodes: Vec<&str> = moved.iter().map(|node| node.text.as_str()).collect();
     for (plan, point) in plans.iter().zip(points).filter(|_| !nodes.is_empty()) {
-        point.traffic = plan.as_ref().map(|plan| traffic(&plan.recording, &nodes)).transpose().map_err(Failure::work)?.flatten();
+        point.traffic = plan.as_ref().map(|plan| traffic(plan, &nodes)).transpose().map_err(Failure::work)?.flatten();
     }
     Ok(())
 }

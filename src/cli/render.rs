@@ -187,7 +187,7 @@ impl<'o> Film<'o> {
             return Err(Failure::interrupted(&[]));
         }
         let camera = camera_of_frame(self.view, frame);
-        run.follow(plans.of_frame(frame)).map_err(Failure::of_run)?;
+        run.switch_to(plans.of_frame(frame)).map_err(Failure::of_run)?;
         run.set_camera(camera);
         let drawn = self.draw(frame, run);
         // Records that a faulty frame leaves are not for other runs; those of one that was given up are whole.

@@ -108,6 +108,8 @@ pub struct Input {
     pub accepts: PortKind,
     /// An optional input may be left out of the pipeline, or its source dropped from the plan.
     pub required: bool,
+    /// Whether the pass changes what it is given, in place. Its output is a newer version then: all others that name the older one run before it.
+    pub changes: bool,
 }
 
 #[derive(Debug)]

@@ -1,9 +1,11 @@
 //! Loops that the device drives: rounds are recorded ahead of the host's knowing whether they are needed, and it looks every so many of them.
 
 use super::device::GpuError;
-use super::execution::{AskPace, Frame, Pace, Pending, Session};
+use super::encode::Pending;
+use super::frame::{AskPace, Frame, Pace};
 use super::programs::Ready;
 use super::readback;
+use super::session::Session;
 use super::timing::Timing;
 use crate::recording::*;
 

@@ -45,14 +45,14 @@ impl Copies {
     pub fn entry(&mut self, resource: Resource) -> &mut HostCopy {
         let (owner, copy) = self.copies.entry(self.room(resource)).or_insert_with(|| (resource, HostCopy::default()));
         if std::mem::replace(owner, resource) != resource {
-            copy.forget();
+            copy.invalidate();
         }
         copy
     }
 
     /// Forgets what resources hold that are as told, not the room for it.
-    pub fn forget(&mut self, which: impl Fn(Resource) -> bool) {
-        self.copies.values_mut().filter(|(resource, _)| which(*resource)).for_each(|(_, copy)| copy.forget());
+    pub fn invalidate(&mut self, which: impl Fn(Resource) -> bool) {
+        self.copies.values_mut().filter(|(resource, _)| which(*resource)).for_each(|(_, copy)| copy.invalidate());
     }
 
     fn room(&self, resource: Resource) -> Room {
@@ -66,7 +66,7 @@ impl HostCopy {
         (bytes <= self.valid).then(|| &bytemuck::cast_slice(&self.contents)[..bytes])
     }
 
-    pub fn forget(&mut self) {
+    pub fn invalidate(&mut self) {
         (self.valid, self.ahead) = (0, 0..0);
     }
 
@@ -166,7 +166,7 @@ mod tests {
         });
         assert!(looked.is_ok());
         assert!(copy.write(8, &[1; 4]) && copy.known(12) == Some(&[5, 5, 5, 5, 5, 5, 5, 5, 1, 1, 1, 1]));
-        copy.forget();
+        copy.invalidate();
         assert!(copy.known(1).is_none() && copy.ahead().is_none());
     }
 

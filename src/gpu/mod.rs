@@ -2,19 +2,26 @@
 
 mod ahead;
 mod clock;
+mod coherence;
 mod copies;
 pub mod device;
-pub mod execution;
+mod encode;
+mod frame;
 mod hierarchy;
+mod host;
 pub mod limits;
+mod memory;
 mod pipelines;
 mod programs;
 mod readback;
 pub mod scene;
+mod session;
 pub mod shader;
 mod shaders;
 pub mod spirv;
 mod timing;
 
+pub use coherence::Reader;
 pub use device::{Adapter, Gpu, GpuError, expected_device};
-pub use execution::{AskPace, Frame, NodeTimes, Pace, Reader, Session, Unfinished};
+pub use frame::{AskPace, Frame, NodeTimes, Pace, Unfinished};
+pub use session::Session;

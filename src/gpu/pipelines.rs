@@ -1,7 +1,7 @@
 //! Shader pipelines of a recording: what its commands run, before anything is bound.
 
 use super::device::{Gpu, GpuError};
-use super::execution::texture_format;
+use super::memory::texture_format;
 use super::shader::{Slot, SlotKind};
 use super::shaders::{Shaders, Source, source};
 use crate::recording::*;

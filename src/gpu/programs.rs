@@ -1,8 +1,8 @@
 //! A session's commands, ready to be encoded: their pipelines and bind groups.
 
 use super::device::GpuError;
-use super::execution::Session;
 use super::pipelines::{Built, Pipelines};
+use super::session::Session;
 use super::shader::{Slot, SlotKind};
 use super::shaders::Shaders;
 use crate::recording::*;
@@ -56,7 +56,7 @@ impl Session<'_> {
     fn prepare(&self, command: &Command, pipelines: &Pipelines) -> Result<Ready, GpuError> {
         match command {
             Command::Clear(resource) => Ok(self.prepare_clear(*resource)),
-            Command::Copy { .. } | Command::Unroll { .. } | Command::Late(_) => Ok(Ready::Plain),
+            Command::Copy { .. } | Command::CopyToBuffer { .. } | Command::Late(_) => Ok(Ready::Plain),
             Command::Compute(_) | Command::Host(_) => {
                 command.computes().iter().map(|compute| self.prepare_dispatch(compute, pipelines)).collect::<Result<_, _>>().map(Ready::Compute)
             }

@@ -43,7 +43,7 @@ impl<'a> Contender<'a> {
 
     /// One run from empty caches.
     pub fn measure(&mut self, pace: AskPace) -> Result<(), RunError> {
-        self.run.forget()?;
+        self.run.reset()?;
         self.frames.push(self.run.frame(pace)?);
         self.pictures_repeat &= checksum(&self.run.picture()?) == self.picture;
         Ok(())

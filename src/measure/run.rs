@@ -113,8 +113,8 @@ impl<'a> Run<'a> {
     ///
     /// # Errors
     /// Where the plan needs other memory or other programs.
-    pub fn follow(&mut self, plan: &'a Plan) -> Result<(), RunError> {
-        self.session.follow(&plan.recording)?;
+    pub fn switch_to(&mut self, plan: &'a Plan) -> Result<(), RunError> {
+        self.session.switch_to(&plan.recording)?;
         self.plan = plan;
         Ok(())
     }
@@ -124,8 +124,8 @@ impl<'a> Run<'a> {
     }
 
     /// As before the first frame: no records, no histories.
-    pub fn forget(&mut self) -> Result<(), RunError> {
-        Ok(self.session.forget()?)
+    pub fn reset(&mut self) -> Result<(), RunError> {
+        Ok(self.session.reset()?)
     }
 
     /// Renders one frame and reads its numbers.

@@ -1,6 +1,8 @@
 //! How many bytes nodes move for each tile, as the recording has it: no caches, every byte that a command touches once.
 
+use crate::contract::Port;
 use crate::gpu::{GpuError, shader::Shader};
+use crate::pipeline::Plan;
 use crate::recording::{Command, Compute, Host, Lifetime, Recording, Resource};
 use serde::Serialize;
 use std::ops::Add;
@@ -32,8 +34,9 @@ impl Add for Traffic {
 ///
 /// # Errors
 /// A shader that cannot be read.
-pub fn traffic(recording: &Recording, nodes: &[&str]) -> Result<Option<Traffic>, GpuError> {
-    let Some(tiles) = tiles(recording) else { return Ok(None) };
+pub fn traffic(plan: &Plan, nodes: &[&str]) -> Result<Option<Traffic>, GpuError> {
+    let Some(tiles) = tiles(plan) else { return Ok(None) };
+    let recording = &plan.recording;
     let commands = recording.nodes().into_iter().filter(|node| nodes.contains(&node.name.as_str())).flat_map(|node| &node.commands);
     let all = commands.map(|command| of_command(recording, command, tiles)).collect::<Result<Option<Vec<_>>, _>>();
     // None of one is None of all.
@@ -41,19 +44,15 @@ pub fn traffic(recording: &Recording, nodes: &[&str]) -> Result<Option<Traffic>,
 }
 
 /// Tiles of a batch, by which [`traffic`] divides.
-pub fn tiles(recording: &Recording) -> Option<f64> {
-    let programs = recording.nodes().into_iter().flat_map(|node| &node.commands).filter_map(|command| match command {
-        Command::Compute(compute) => Some(&compute.program),
-        _ => None,
-    });
-    programs.flat_map(|program| &program.constants).find(|(name, _)| *name == "TILE_CAPACITY").map(|(_, tiles)| *tiles)
+pub fn tiles(plan: &Plan) -> Option<f64> {
+    plan.ports.values().find_map(|port| if let Port::Tiles(tiles) = port { Some(f64::from(tiles.requests.capacity)) } else { None })
 }
 
 fn of_command(recording: &Recording, command: &Command, tiles: f64) -> Result<Option<Traffic>, GpuError> {
     let bytes = |resource: Resource| recording.resource(resource).kind.bytes() as f64 / tiles;
     Ok(match command {
         Command::Clear(resource) => Some(Traffic { written_bytes: bytes(*resource), ..Traffic::default() }),
-        Command::Copy { from, to } | Command::Unroll { from, to, .. } => {
+        Command::Copy { from, to } | Command::CopyToBuffer { from, to, .. } => {
             Some(Traffic { read_bytes: bytes(*from), written_bytes: bytes(*to), ..Traffic::default() })
         }
         Command::Compute(compute) => Some(of_dispatch(recording, compute, tiles)?),

@@ -264,7 +264,7 @@ impl<'d> Checker<'d, '_> {
             return None;
         }
         let from = Origin { node: reference.node, output: output.name, place: reference.place };
-        Some(Edge { input: input.name, required: input.required, when: reference.when, round_of, from })
+        Some(Edge { input: input.name, required: input.required, changes: input.changes, when: reference.when, round_of, from })
     }
 
     fn layer(&mut self, name: &Word, written: &Written) -> Option<Layer> {

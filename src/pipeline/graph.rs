@@ -1,4 +1,4 @@
-//! The order in which nodes run: sources before consumers, otherwise the document's.
+//! The order in which nodes run: sources before consumers, whoever names a version before who changes it, otherwise the document's.
 
 use super::diagnostics::Problem;
 use super::{Edge, Node, When, Work};
@@ -7,15 +7,27 @@ use petgraph::graph::{DiGraph, NodeIndex};
 use petgraph::visit::EdgeRef;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
-/// The nodes of one level and, for every edge between them, the document's edge behind it.
-type Level<'n> = DiGraph<usize, (&'n Node, &'n Edge)>;
+/// The nodes of one level, and why one waits for another.
+type Level<'n> = DiGraph<usize, Wait<'n>>;
+
+/// An input of a node.
+type Use<'n> = (&'n Node, &'n Edge);
+
+/// Why a node waits for another.
+#[derive(Clone, Copy)]
+enum Wait<'n> {
+    /// It takes what the other makes.
+    Input(Use<'n>),
+    /// It changes what the other is to see unchanged.
+    Version { changed: Use<'n>, seen: Use<'n> },
+}
 
 /// Sorts the nodes, those inside loops too. A loop is one node of the level that holds it.
 ///
 /// # Errors
-/// A problem for each cycle, with its path spelled out.
+/// A problem for each cycle, with its path spelled out, and for each version that several nodes change.
 pub fn order(nodes: Vec<Node>) -> Result<Vec<Node>, Vec<Problem>> {
-    let mut problems = Vec::new();
+    let mut problems = refuse_forks(&nodes);
     let sorted = order_level(nodes, &mut problems);
     if problems.is_empty() { Ok(sorted) } else { Err(problems) }
 }
@@ -57,12 +69,47 @@ fn level(nodes: &[Node]) -> Level<'_> {
                 let ends = holders.get(edge.from.node.as_str()).zip(holders.get(member.name.as_str()));
                 // Inside a loop the edge belongs to the loop's own level; a node that reads itself is a cycle of its level.
                 if let Some((from, to)) = ends.filter(|(from, to)| from != to || edge.from.node == node.name) {
-                    graph.add_edge(*from, *to, (member, edge));
+                    graph.add_edge(*from, *to, Wait::Input((member, edge)));
                 }
             }
         });
     }
+    for (changed, seen) in versions(nodes).into_iter().filter(|(_, (_, seen))| !seen.changes) {
+        let ends = holders.get(seen.0.name.as_str()).zip(holders.get(changed.0.name.as_str()));
+        if let Some((from, to)) = ends.filter(|(from, to)| from != to) {
+            graph.add_edge(*from, *to, Wait::Version { changed, seen });
+        }
+    }
     graph
+}
+
+/// Each use that changes what another use of the same output sees, with that other.
+fn versions(nodes: &[Node]) -> Vec<(Use<'_>, Use<'_>)> {
+    let mut uses: BTreeMap<(&str, &str), Vec<Use<'_>>> = BTreeMap::new();
+    for node in nodes {
+        family(node, &mut |member| {
+            for edge in member.inputs.iter().filter(|edge| edge.when == When::Now) {
+                uses.entry((&edge.from.node, edge.from.output)).or_default().push((member, edge));
+            }
+        });
+    }
+    let of_output = |uses: &Vec<Use<'_>>| -> Vec<(usize, usize)> {
+        let changing = (0..uses.len()).filter(|at| uses[*at].1.changes);
+        changing.flat_map(|at| (0..uses.len()).filter(move |other| *other != at).map(move |other| (at, other))).collect()
+    };
+    uses.values().flat_map(|uses| of_output(uses).into_iter().map(|(at, other)| (uses[at], uses[other]))).collect()
+}
+
+/// Of two nodes that change one version neither can come after the other.
+fn refuse_forks(nodes: &[Node]) -> Vec<Problem> {
+    let forks = versions(nodes).into_iter().filter(|((node, _), (other, edge))| edge.changes && node.name < other.name);
+    let refuse = |((node, edge), (other, second)): (Use<'_>, Use<'_>)| {
+        let written = edge.written();
+        let message = format!("`{}` and `{}` both change {written}", node.name, other.name);
+        let problem = Problem::new("pipeline::changed_twice", message).at(&edge.from.place, "changed here").at(&second.from.place, "and here");
+        problem.help(format!("let one of them take what the other makes: \"{}\" in place of {written}", node.name))
+    };
+    forks.map(refuse).collect()
 }
 
 /// The node and all inside it.
@@ -94,30 +141,50 @@ fn sort(graph: &Level<'_>) -> Vec<usize> {
 /// The shortest cycle through the component's first node, if it is one.
 fn cycle(graph: &Level<'_>, component: &[NodeIndex]) -> Option<Problem> {
     let start = *component.iter().min()?;
-    let mut came: BTreeMap<NodeIndex, (&Node, &Edge, NodeIndex)> = BTreeMap::new();
+    let mut came: BTreeMap<NodeIndex, (Wait<'_>, NodeIndex)> = BTreeMap::new();
     let mut queue = VecDeque::from([start]);
     while let Some(node) = queue.pop_front() {
         for edge in graph.edges(node).filter(|edge| component.contains(&edge.target())) {
-            let (consumer, written) = *edge.weight();
             came.entry(edge.target()).or_insert_with(|| {
                 queue.push_back(edge.target());
-                (consumer, written, node)
+                (*edge.weight(), node)
             });
         }
     }
     let mut path = Vec::new();
     let mut at = start;
     loop {
-        let (consumer, edge, before) = came.get(&at)?;
-        path.push((*consumer, *edge));
+        let (wait, before) = came.get(&at)?;
+        path.push(*wait);
         at = *before;
         if at == start {
             break;
         }
     }
-    let spelled: Vec<String> = path.iter().map(|(consumer, edge)| format!("{}.{} → {}", consumer.name, edge.input, edge.from.node)).collect();
+    let spelled: Vec<String> = path.iter().map(Wait::spelled).collect();
     let problem = Problem::new("pipeline::cycle", format!("these edges go in a circle: {}", spelled.join(", ")));
-    let labelled =
-        path.iter().fold(problem, |problem, (consumer, edge)| problem.at(&edge.from.place, format!("`{}` waits for `{}`", consumer.name, edge.from.node)));
-    Some(labelled.help("only PreviousRound(\"…\") and PreviousFrame(\"…\") can close a loop"))
+    let labelled = path.iter().fold(problem, |problem, wait| wait.label(problem));
+    let version = path.iter().find_map(|wait| if let Wait::Version { changed, seen } = wait { Some((changed.0, seen.0)) } else { None });
+    Some(labelled.help(match version {
+        Some((changed, seen)) => format!("let `{}` take what `{}` makes, if it may see what that changes", seen.name, changed.name),
+        None => "only PreviousRound(\"…\") and PreviousFrame(\"…\") can close a loop".into(),
+    }))
+}
+
+impl Wait<'_> {
+    fn spelled(&self) -> String {
+        match self {
+            Self::Input((consumer, edge)) => format!("{}.{} → {}", consumer.name, edge.input, edge.from.node),
+            Self::Version { changed, seen } => {
+                format!("{}.{} changes {}, which {}.{} takes unchanged", changed.0.name, changed.1.input, changed.1.from.node, seen.0.name, seen.1.input)
+            }
+        }
+    }
+
+    fn label(&self, problem: Problem) -> Problem {
+        match self {
+            Self::Input((consumer, edge)) => problem.at(&edge.from.place, format!("`{}` waits for `{}`", consumer.name, edge.from.node)),
+            Self::Version { changed, seen } => problem.at(&changed.1.from.place, format!("`{}` waits until `{}` has run", changed.0.name, seen.0.name)),
+        }
+    }
 }

@@ -59,7 +59,7 @@ static FILL: Description = Description {
             kind: ParameterKind::Integer { default: 0, min: 0, max: u32::MAX as i64 },
         },
     ],
-    inputs: &[Input { name: "until", about: "ends the loop when set; from a node inside", accepts: PortKind::Flag, required: true }],
+    inputs: &[Input { name: "until", about: "ends the loop when set; from a node inside", accepts: PortKind::Flag, required: true, changes: false }],
     outputs: &[],
 };
 

@@ -81,6 +81,8 @@ pub enum Work {
 pub struct Edge {
     pub input: &'static str,
     pub required: bool,
+    /// See [`crate::contract::Input::changes`].
+    pub changes: bool,
     pub when: When,
     /// The loop whose round before is meant: the innermost that holds both ends. None for other edges.
     pub round_of: Option<String>,

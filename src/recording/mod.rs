@@ -196,7 +196,7 @@ pub enum Command {
         to: Resource,
     },
     /// Copies a texture's texels to a buffer from the byte `offset` on, a row after the other: [`Format::row_bytes`].
-    Unroll {
+    CopyToBuffer {
         from: Resource,
         to: Resource,
         offset: u64,
@@ -432,12 +432,19 @@ impl Command {
                 matches!(raster.draws, Draws::Instances { .. }) && raster.colours.iter().all(|target| target.clear.is_none()) && raster.depth.is_none()
             }
             Self::Host(host) => host.twin.is_some(),
-            Self::Clear(_) | Self::Copy { .. } | Self::Unroll { .. } | Self::Late(_) => false,
+            Self::Clear(_) | Self::Copy { .. } | Self::CopyToBuffer { .. } | Self::Late(_) => false,
         }
     }
 }
 
 impl Step {
+    pub fn name(&self) -> &str {
+        match self {
+            Self::Node(node) => &node.name,
+            Self::Repeat(repeat) => &repeat.name,
+        }
+    }
+
     /// What keeps the device from driving a loop of this step, if anything does.
     pub fn obstacle_on_device(&self) -> Option<String> {
         match self {
@@ -586,7 +593,7 @@ impl Command {
     pub fn resources(&self) -> Vec<Resource> {
         match self {
             Self::Clear(resource) => vec![*resource],
-            Self::Copy { from, to } | Self::Unroll { from, to, .. } => vec![*from, *to],
+            Self::Copy { from, to } | Self::CopyToBuffer { from, to, .. } => vec![*from, *to],
             Self::Compute(compute) => compute.program.bindings.iter().map(|b| b.1).collect(),
             Self::Raster(raster) => {
                 let mut all: Vec<_> = raster.program.bindings.iter().map(|b| b.1).collect();

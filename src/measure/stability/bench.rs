@@ -160,7 +160,7 @@ impl<'a> Bench<'a> {
         let plan = self.plan(&stage, changes)?;
         let mut run = self.run(&stage, &plan)?;
         let first = whole(&mut run)?;
-        run.forget()?;
+        run.reset()?;
         if whole(&mut run)? == first { Ok(first) } else { Err(Trouble::Failed("two runs draw different pictures".into())) }
     }
 

@@ -66,7 +66,7 @@ pub struct Packets {
 }
 
 /// The directions of a tile's samples in packets of neighbours, in the tile's frame.
-pub struct Fan {
+pub struct RayBundle {
     packets: Vec<Directions>,
     /// Samples of the tile.
     pub samples: usize,
@@ -80,7 +80,7 @@ struct Directions {
     middle: Vec3,
 }
 
-impl Fan {
+impl RayBundle {
     /// Samples without weight have no ray.
     pub fn new(table: &Table) -> Self {
         let corners = (0..table.height).step_by(EDGE as usize).flat_map(|y| (0..table.width).step_by(EDGE as usize).map(move |x| [x, y]));
@@ -187,14 +187,14 @@ impl Packets {
 
     /// For each sample of each view what `eye` makes of the triangle that it sees: one-sided surfaces are seen from their front only,
     /// holes of alpha-masked textures not at all. Samples without a ray see nothing.
-    pub fn look<E: Eye>(&self, scene: &Scene, views: &[View], fan: &Fan, eye: &E, seen: &mut [E::Seen]) {
-        seen.par_chunks_exact_mut(fan.samples).zip(views).enumerate().for_each_init(Vec::new, |stack, (index, (seen, view))| {
+    pub fn trace<E: HitShader>(&self, scene: &Scene, views: &[View], bundle: &RayBundle, shader: &E, seen: &mut [E::Seen]) {
+        seen.par_chunks_exact_mut(bundle.samples).zip(views).enumerate().for_each_init(Vec::new, |stack, (index, (seen, view))| {
             seen.fill(E::NOTHING);
             let start = view.position + view.frame.normal * surface_offset(1.0 / self.scale, view.position);
             let origin = self.inside(start).clamp(Vec3::splat(-FARTHEST), Vec3::splat(FARTHEST));
             let walker = Walker { packets: self, scene, origin };
             let from = Start { view: index, place: start, frame: &view.frame };
-            dispatch!(Level::new(), simd => walker.look(simd, &from, fan, eye, stack, seen));
+            dispatch!(Level::new(), simd => walker.trace(simd, &from, bundle, shader, stack, seen));
         });
     }
 }
@@ -208,7 +208,7 @@ struct Start<'a> {
 }
 
 /// What the rays of a packet met.
-pub struct Met<'a> {
+pub struct Hits<'a> {
     /// Of the list of views.
     pub view: usize,
     /// Where the rays start.
@@ -222,24 +222,24 @@ pub struct Met<'a> {
 }
 
 /// What becomes of what rays meet.
-pub trait Eye: Sync {
+pub trait HitShader: Sync {
     type Seen: Copy + Send;
     const NOTHING: Self::Seen;
 
     /// Puts what a packet sees into its places of a tile. To be inlined always.
-    fn see<S: Simd>(&self, simd: S, met: &Met<'_>, tile: &mut [Self::Seen]);
+    fn shade<S: Simd>(&self, simd: S, hits: &Hits<'_>, tile: &mut [Self::Seen]);
 }
 
 /// Sees the numbers of triangles, + 1, or 0.
 pub struct Numbers;
 
-impl Eye for Numbers {
+impl HitShader for Numbers {
     type Seen = u32;
     const NOTHING: u32 = 0;
 
     #[inline(always)]
-    fn see<S: Simd>(&self, _simd: S, met: &Met<'_>, tile: &mut [u32]) {
-        for (&sample, &triangle) in met.samples.iter().zip(met.triangles) {
+    fn shade<S: Simd>(&self, _simd: S, hits: &Hits<'_>, tile: &mut [u32]) {
+        for (&sample, &triangle) in hits.samples.iter().zip(hits.triangles) {
             if sample != u32::MAX {
                 tile[sample as usize] = triangle;
             }
@@ -299,12 +299,12 @@ struct Meeting<S: Simd> {
 // All that runs within `dispatch!` is inlined into it, closures too: what is not would not have its vector instructions.
 impl Walker<'_> {
     #[inline(always)]
-    fn look<S: Simd, E: Eye>(&self, simd: S, from: &Start<'_>, fan: &Fan, eye: &E, stack: &mut Vec<Visit>, seen: &mut [E::Seen]) {
-        for packet in &fan.packets {
+    fn trace<S: Simd, E: HitShader>(&self, simd: S, from: &Start<'_>, bundle: &RayBundle, shader: &E, stack: &mut Vec<Visit>, seen: &mut [E::Seen]) {
+        for packet in &bundle.packets {
             let mut rays = Rays::new(from.frame, packet);
             self.walk(simd, &mut rays, stack);
-            let met = Met { view: from.view, origin: from.place, samples: &packet.samples, directions: &rays.direction, triangles: &rays.seen };
-            eye.see(simd, &met, seen);
+            let hits = Hits { view: from.view, origin: from.place, samples: &packet.samples, directions: &rays.direction, triangles: &rays.seen };
+            shader.shade(simd, &hits, seen);
         }
     }
 
@@ -364,17 +364,17 @@ impl Walker<'_> {
     /// Whether any ray has met a triangle of a leaf.
     #[inline(always)]
     fn meet_leaf<S: Simd>(&self, simd: S, visit: &Visit, rays: &mut Rays) -> bool {
-        let (mut place, mut met) = ((visit.content & !LEAF) as usize, false);
+        let (mut place, mut hits) = ((visit.content & !LEAF) as usize, false);
         loop {
             let block = &self.packets.blocks[place];
             let seen = self.seen_block(simd, block);
             let mut left = visit.rays;
             while left != 0 {
-                met |= self.meet(simd, block, &seen, rays, left.trailing_zeros() as usize % RAYS);
+                hits |= self.meet(simd, block, &seen, rays, left.trailing_zeros() as usize % RAYS);
                 left &= left - 1;
             }
             if !block.goes_on {
-                return met;
+                return hits;
             }
             place += 1;
         }
@@ -426,8 +426,8 @@ impl<S: Simd> SeenBlock<S> {
         let zero = f32x8::splat(simd, 0.0);
         let inside = changed(u, sign).min(changed(v, sign)).min(changed(w, sign)).simd_ge(zero);
         let distance = self.heights / determinant;
-        let met = inside & distance.simd_gt(zero) & distance.simd_le(f32x8::splat(simd, limit));
-        Meeting { lanes: met.to_bitmask() as u32, distance, v, w, determinant }
+        let hits = inside & distance.simd_gt(zero) & distance.simd_le(f32x8::splat(simd, limit));
+        Meeting { lanes: hits.to_bitmask() as u32, distance, v, w, determinant }
     }
 }
 
@@ -496,12 +496,12 @@ mod tests {
             let mut scene = clutter(scale);
             let bvh = Bvh::build(&mut scene);
             let table = table(shape, resolution);
-            let fan = Fan::new(&table);
+            let bundle = RayBundle::new(&table);
             let views: Vec<View> = scene.triangles.iter().step_by(29).map(|t| view(t.positions.iter().sum::<Vec3>() / 3.0, t.face_normal())).collect();
-            let mut seen = vec![0; views.len() * fan.samples];
-            bvh.packets(&scene).look(&scene, &views, &fan, &Numbers, &mut seen);
+            let mut seen = vec![0; views.len() * bundle.samples];
+            bvh.packets(&scene).trace(&scene, &views, &bundle, &Numbers, &mut seen);
             let (mut rays, mut others) = (0, 0);
-            for (view, tile) in views.iter().zip(seen.chunks(fan.samples)) {
+            for (view, tile) in views.iter().zip(seen.chunks(bundle.samples)) {
                 let origin = view.position + view.frame.normal * surface_offset(scene.extent(), view.position);
                 for (sample, found) in table.samples.iter().zip(tile) {
                     if sample.plain_weight == 0.0 {
@@ -530,9 +530,9 @@ mod tests {
         let bvh = Bvh::build(&mut scene);
         let table = table(Shape::Hemispherical, 160);
         let views: Vec<View> = (0..40).map(|k| view(Vec3::new(0.3 * (k as f32).sin(), 0.01 * k as f32, 0.2), Vec3::new((k as f32).cos(), 1.0, 0.3))).collect();
-        let fan = Fan::new(&table);
-        let mut seen = vec![0; views.len() * fan.samples];
-        bvh.packets(&scene).look(&scene, &views, &fan, &Numbers, &mut seen);
+        let bundle = RayBundle::new(&table);
+        let mut seen = vec![0; views.len() * bundle.samples];
+        bvh.packets(&scene).trace(&scene, &views, &bundle, &Numbers, &mut seen);
         let with_ray = table.samples.iter().cycle().zip(&seen).filter(|(sample, _)| sample.plain_weight > 0.0);
         assert_eq!(with_ray.filter(|(_, found)| **found == 0).count(), 0);
     }

@@ -1,0 +1,183 @@
+//! What host and device have of each resource: copied only when the other side reads it.
+
+use super::copies::HostCopy;
+use super::device::GpuError;
+use super::encode::Pending;
+use super::memory::Physical;
+use super::readback;
+use super::session::Session;
+use crate::recording::*;
+use std::collections::HashMap;
+
+/// Of a resource that a host step reads.
+pub(super) struct Contents {
+    pub bytes: usize,
+    /// None where they are among the session's copies.
+    pub own: Option<HostCopy>,
+}
+
+impl Session<'_> {
+    /// Contents of a buffer, or of a texture as rows without padding.
+    pub fn read(&self, resource: Resource) -> Result<Vec<u8>, GpuError> {
+        self.reader().look(resource, <[u8]>::to_vec)
+    }
+
+    /// To read one resource after the other.
+    pub fn reader(&self) -> Reader<'_> {
+        Reader { session: self, staging: None, contents: Vec::new() }
+    }
+
+    /// What a host step reads: bytes of each resource, and the contents of those that it shares with no other.
+    pub(super) fn read_back(&mut self, host: &Host, pending: &mut Pending) -> Result<HashMap<Resource, Contents>, GpuError> {
+        let mut contents = HashMap::new();
+        let mut copies = Vec::new();
+        for read in &host.reads {
+            let wanted = self.wanted_bytes(*read);
+            let is_known = self.copies.get(read.resource).is_some_and(|copy| copy.known(wanted).is_some());
+            let is_shared = is_known || self.shared.contains(&read.resource);
+            contents.insert(read.resource, Contents { bytes: wanted, own: (!is_shared).then(HostCopy::default) });
+            if !is_known && wanted > 0 {
+                self.catch_up(read.resource, pending);
+                let staging = self.kept_staging(read.resource);
+                copies.push((*read, self.copy_out(pending, *read, &staging), staging));
+            }
+        }
+        if !copies.is_empty() {
+            self.waits += 1;
+            self.submit(pending);
+        }
+        for (read, bytes, staging) in copies {
+            let own = contents.get_mut(&read.resource).and_then(|contents| contents.own.as_mut());
+            let mut copies = std::mem::take(&mut self.copies);
+            let copy = own.unwrap_or_else(|| copies.entry(read.resource));
+            let result = copy.look(self.wanted_bytes(read), |into| self.finish_read(read, &staging, bytes, into));
+            self.copies = copies;
+            result?;
+        }
+        Ok(contents)
+    }
+
+    /// Brings to the device what a command may look at; the host takes it for changed by the command.
+    pub(super) fn catch_up_all(&mut self, command: &Command, pending: &mut Pending) {
+        for resource in command.resources() {
+            self.catch_up(resource, pending);
+            self.copies.invalidate(|other| other == resource);
+        }
+    }
+
+    /// Brings to the device what the host alone has of a resource, after the commands so far: they may look at another that has the same memory.
+    pub(super) fn catch_up(&mut self, resource: Resource, pending: &mut Pending) {
+        if self.copies.get(resource).is_some_and(|copy| copy.ahead().is_some()) {
+            if !pending.empty {
+                self.submit(pending);
+            }
+            self.upload_ahead(resource);
+            self.copies.entry(resource).caught_up();
+        }
+    }
+
+    pub(super) fn upload_ahead(&self, resource: Resource) {
+        let Some((offset, bytes)) = self.copies.get(resource).and_then(HostCopy::ahead) else { return };
+        match &self.physical[resource.0 as usize] {
+            Physical::Buffer(buffer) => self.gpu.queue.write_buffer(buffer, offset as u64, &padded(bytes)),
+            Physical::Texture { texture, format } => self.write_texture(texture, *format, bytes),
+            Physical::Host | Physical::Unused => {}
+        }
+    }
+
+    pub(super) fn write_texture(&self, texture: &wgpu::Texture, format: Format, rows: &[u8]) {
+        let row = (texture.width() as u64 * format.bytes()) as u32;
+        let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row), rows_per_image: Some(texture.height()) };
+        self.gpu.queue.write_texture(texture.as_image_copy(), rows, layout, texture.size());
+    }
+
+    /// Bytes of a resource, rows of a texture without padding.
+    pub(super) fn unpadded_bytes(&self, resource: Resource) -> usize {
+        self.recording.resource(resource).kind.bytes() as usize
+    }
+
+    pub(super) fn wanted_bytes(&self, read: Read) -> usize {
+        let whole = self.unpadded_bytes(read.resource);
+        read.counted.map_or(whole, |(stride, count)| (stride as usize * self.variable(count) as usize).min(whole))
+    }
+
+    /// Bytes of a resource read back whole, rows of a texture padded.
+    pub(super) fn whole_bytes(&self, resource: Resource) -> u64 {
+        match &self.physical[resource.0 as usize] {
+            Physical::Texture { texture, format } => format.row_bytes(texture.width()) * texture.height() as u64 * texture.depth_or_array_layers() as u64,
+            _ => self.buffer(resource).size(),
+        }
+    }
+
+    /// The staging buffer that host steps read a resource through, made once.
+    pub(super) fn kept_staging(&mut self, resource: Resource) -> wgpu::Buffer {
+        let whole = self.whole_bytes(resource);
+        let gpu = self.gpu;
+        self.staging.entry(resource).or_insert_with(|| readback::staging(gpu, whole)).clone()
+    }
+
+    /// Encodes the copy of what is read; its bytes.
+    pub(super) fn copy_out(&self, pending: &mut Pending, read: Read, staging: &wgpu::Buffer) -> u64 {
+        let whole = self.whole_bytes(read.resource);
+        let bytes = read.counted.map_or(whole, |(stride, count)| (stride * self.variable(count) as u64).min(whole)).next_multiple_of(4);
+        match &self.physical[read.resource.0 as usize] {
+            Physical::Texture { texture, format } => readback::copy_texture(&mut pending.encoder, texture, *format, staging, 0),
+            _ if bytes > 0 => pending.encoder.copy_buffer_to_buffer(self.buffer(read.resource), 0, staging, 0, bytes),
+            _ => {}
+        }
+        bytes
+    }
+
+    pub(super) fn finish_read(&self, read: Read, staging: &wgpu::Buffer, bytes: u64, into: &mut [u8]) -> Result<(), GpuError> {
+        if bytes == 0 {
+            return Ok(());
+        }
+        readback::look(self.gpu, staging, bytes, |contents| match &self.physical[read.resource.0 as usize] {
+            Physical::Texture { texture, format } => readback::unpad(contents, texture.width(), *format, into),
+            _ => into.copy_from_slice(&contents[..into.len()]),
+        })
+    }
+}
+
+/// Reads resources between frames, all through the same memory.
+pub struct Reader<'s> {
+    session: &'s Session<'s>,
+    staging: Option<wgpu::Buffer>,
+    contents: Vec<u8>,
+}
+
+impl Reader<'_> {
+    /// Looks at the contents of a buffer, or of a texture as rows without padding: where they lie, if they have none there.
+    pub fn look<T>(&mut self, resource: Resource, look: impl FnOnce(&[u8]) -> T) -> Result<T, GpuError> {
+        let (session, unpadded) = (self.session, self.session.unpadded_bytes(resource));
+        if let Some(known) = session.copies.get(resource).and_then(|copy| copy.known(unpadded)) {
+            return Ok(look(known));
+        }
+        session.upload_ahead(resource);
+        let whole = session.whole_bytes(resource);
+        let kept = self.staging.take().filter(|staging| staging.size() >= whole);
+        let staging = kept.unwrap_or_else(|| readback::staging(session.gpu, whole));
+        let (mut pending, read) = (session.pending(), Read::whole(resource));
+        let bytes = session.copy_out(&mut pending, read, &staging);
+        session.submit(&mut pending);
+        let seen = if bytes == unpadded as u64 && bytes > 0 {
+            readback::look(session.gpu, &staging, bytes, look)?
+        } else {
+            self.contents.resize(unpadded, 0);
+            session.finish_read(read, &staging, bytes, &mut self.contents)?;
+            look(&self.contents)
+        };
+        self.staging = Some(staging);
+        Ok(seen)
+    }
+}
+
+/// Writes to buffers come in fours of bytes.
+fn padded(bytes: &[u8]) -> std::borrow::Cow<'_, [u8]> {
+    if bytes.len().is_multiple_of(4) {
+        return bytes.into();
+    }
+    let mut padded = bytes.to_vec();
+    padded.resize(bytes.len().next_multiple_of(4), 0);
+    padded.into()
+}

@@ -1,0 +1,263 @@
+//! A frame: steps in order, loops until they are done or the time is up.
+
+use super::clock::{Clock, Rounds};
+use super::device::GpuError;
+use super::encode::Pending;
+use super::scene as scene_data;
+use super::session::Session;
+use super::timing::Timing;
+use crate::recording::*;
+use serde::Serialize;
+use std::time::{Duration, Instant};
+
+/// What a frame took.
+#[derive(Debug, Clone)]
+pub struct Frame {
+    pub seconds: f64,
+    pub nodes: Vec<NodeTimes>,
+    /// Rounds of the loops that run until they are done.
+    pub fill_rounds: Option<u32>,
+    /// How often the host waited, before the frame's end, for what the device made.
+    pub waits: u32,
+    /// Loops that ended before they were done.
+    pub unfinished: Vec<Unfinished>,
+}
+
+/// A loop that ended before it was done.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Unfinished {
+    #[serde(rename = "loop")]
+    pub name: String,
+    pub because: Shortfall,
+    /// Whether work is left for sure. If not, the loop could do no more and did not look whether it had to.
+    #[serde(skip)]
+    pub is_certain: bool,
+}
+
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct NodeTimes {
+    pub node: String,
+    pub pass: &'static str,
+    /// None where the adapter has no timestamps.
+    pub gpu_ms: Option<f64>,
+    /// Time in host steps, waiting for what they read included.
+    pub cpu_ms: f64,
+    pub runs: u32,
+}
+
+/// What becomes of a frame that is under way.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Pace {
+    GoOn,
+    /// So much time is left to the frame: its loops end in time for what comes after them.
+    Within(Duration),
+    /// The frame is given up.
+    Stop,
+}
+
+/// Asked as each round of a loop starts.
+pub type AskPace<'k> = &'k dyn Fn() -> Pace;
+
+impl Session<'_> {
+    /// Runs the recording once.
+    pub fn frame(&mut self, pace: AskPace) -> Result<Frame, GpuError> {
+        let start = Instant::now();
+        self.start_frame();
+        let recording = self.recording;
+        let mut pending = self.pending();
+        let mut frame = Frame { seconds: 0.0, nodes: Vec::new(), fill_rounds: None, waits: 0, unfinished: Vec::new() };
+        let result = self.run(&recording.steps, 0, &mut pending, &mut frame, pace);
+        // Also of a frame that is given up: what its variables count must be there.
+        self.submit(&mut pending);
+        result?;
+        self.gpu.wait("finishing the frame")?;
+        self.collect_times(&mut frame)?;
+        frame.seconds = start.elapsed().as_secs_f64();
+        frame.waits = self.waits;
+        self.frames += 1;
+        Ok(frame)
+    }
+
+    pub(super) fn start_frame(&mut self) {
+        for (variable, description) in self.variables.iter_mut().zip(&self.recording.variables) {
+            if !description.history {
+                *variable = 0;
+            }
+        }
+        (self.clock, self.is_timed, self.waits) = (Clock::new(), false, 0);
+        (self.is_cut, self.is_last_round) = (false, false);
+        self.latest.clone_from(&self.variables);
+        self.lists.clear();
+        self.states.clear();
+        let recording = self.recording;
+        self.copies.invalidate(|resource| matches!(recording.resource(resource).lifetime, Lifetime::Transient));
+        for node in &mut self.nodes {
+            (node.gpu_ms, node.cpu_ms, node.runs) = (None, 0.0, 0);
+        }
+        let camera = scene_data::camera(&self.camera.0, self.camera.1, self.extent, self.frames);
+        for (index, resource) in self.recording.resources.iter().enumerate() {
+            if matches!(resource.lifetime, Lifetime::Frame) {
+                self.write(Resource(index as u32), bytemuck::bytes_of(&camera));
+            }
+        }
+    }
+
+    pub(super) fn collect_times(&mut self, frame: &mut Frame) -> Result<(), GpuError> {
+        frame.nodes = self.nodes.clone();
+        if let Some(timing) = &mut self.timing {
+            timing.collect(self.gpu)?;
+            for (node, ms) in frame.nodes.iter_mut().zip(timing.take()) {
+                node.gpu_ms = Some(ms);
+            }
+        }
+        frame.nodes = merge(std::mem::take(&mut frame.nodes));
+        Ok(())
+    }
+
+    /// Runs steps whose first node has the index `first`; returns the index after the last.
+    pub(super) fn run(&mut self, steps: &[Step], first: usize, pending: &mut Pending, frame: &mut Frame, pace: AskPace) -> Result<usize, GpuError> {
+        let mut index = first;
+        for step in steps {
+            match step {
+                Step::Node(node) => {
+                    self.run_node(node, index, pending)?;
+                    index += 1;
+                }
+                Step::Repeat(repeat) => index = self.run_loop(repeat, index, pending, frame, pace)?,
+            }
+        }
+        Ok(index)
+    }
+
+    pub(super) fn run_loop(&mut self, repeat: &Repeat, first: usize, pending: &mut Pending, frame: &mut Frame, pace: AskPace) -> Result<usize, GpuError> {
+        if let (Driver::Device { sizes }, Pace::GoOn) = (repeat.driver, pace()) {
+            return self.run_ahead(repeat, sizes, first, pending, frame, pace);
+        }
+        // A node for the device alone.
+        let skipped = usize::from(repeat.driver != Driver::Host);
+        let (steps, first) = (&repeat.steps[skipped..], first + skipped);
+        let mut next = first;
+        let (mut rounds, mut pacing) = (0, Rounds::default());
+        let outer = self.is_last_round;
+        let is_done = |session: &Self, rounds| repeat.until.map_or(rounds == repeat.at_most, |until| session.variable(until) != 0);
+        if let Some(until) = repeat.until {
+            self.set_variable(until, 0);
+            self.cut_short.remove(&until);
+        }
+        while !is_done(self, rounds) && rounds < repeat.at_most {
+            let is_over = match pace() {
+                Pace::GoOn => false,
+                Pace::Within(left) => {
+                    self.is_timed = true;
+                    pacing.are_over(&mut self.clock, left, &repeat.time) && self.may_end(&repeat.time, rounds)
+                }
+                Pace::Stop => return Err(GpuError::Interrupted),
+            };
+            self.is_cut |= is_over;
+            self.set_variable(repeat.round, rounds);
+            // A loop of so many rounds has nothing to leave for later ones; one with an end to reach must not.
+            self.is_last_round = is_over || (repeat.until.is_some() && rounds + 1 == repeat.at_most);
+            next = self.run(steps, first, pending, frame, pace)?;
+            rounds += 1;
+            if is_over {
+                break;
+            }
+        }
+        self.end_loop(repeat, rounds, is_done(self, rounds), frame);
+        self.is_last_round = outer;
+        Ok(next)
+    }
+
+    /// Tells of a loop that ended after so many rounds.
+    pub(super) fn end_loop(&mut self, repeat: &Repeat, rounds: u32, is_done: bool, frame: &mut Frame) {
+        let shortfall = self.shortfall(repeat, rounds, is_done);
+        self.is_cut |= shortfall.as_ref().is_some_and(|short| short.because == Shortfall::NoProgress);
+        frame.unfinished.extend(shortfall);
+        if repeat.until.is_some() {
+            *frame.fill_rounds.get_or_insert(0) += rounds;
+        }
+    }
+
+    /// Whether a loop has made enough for the picture to be made of it, after so many rounds.
+    pub(super) fn may_end(&self, time: &TimeShare, rounds: u32) -> bool {
+        rounds >= time.at_least && time.records.is_none_or(|records| self.variable(records) > 0)
+    }
+
+    /// Why a loop ended that was not done after so many rounds, or may not have been.
+    pub(super) fn shortfall(&self, repeat: &Repeat, rounds: u32, is_done: bool) -> Option<Unfinished> {
+        let bound = if rounds < repeat.at_most { Shortfall::Time } else { Shortfall::Rounds };
+        let told = repeat.until.and_then(|until| self.cut_short.get(&until).copied());
+        let because = told.or_else(|| (!is_done || self.is_last_round).then_some(bound))?;
+        Some(Unfinished { name: repeat.name.clone(), because, is_certain: !is_done || because == Shortfall::NoProgress })
+    }
+
+    pub(super) fn run_node(&mut self, node: &Node, index: usize, pending: &mut Pending) -> Result<(), GpuError> {
+        self.nodes[index].runs += 1;
+        let mut open = false;
+        for (position, command) in node.commands.iter().enumerate() {
+            if matches!(command, Command::Late(_)) && !self.is_cut {
+                continue;
+            }
+            if let Command::Host(host) | Command::Late(host) = command {
+                self.end_timing(&mut open, pending)?;
+                let start = Instant::now();
+                self.run_host(host, node, pending)?;
+                self.nodes[index].cpu_ms += start.elapsed().as_secs_f64() * 1e3;
+            } else {
+                self.catch_up_all(command, pending);
+                self.begin_timing(&mut open, index, pending)?;
+                self.encode(command, index, position, pending);
+                pending.empty = false;
+            }
+        }
+        self.end_timing(&mut open, pending)?;
+        Ok(())
+    }
+
+    pub(super) fn begin_timing(&mut self, open: &mut bool, index: usize, pending: &mut Pending) -> Result<(), GpuError> {
+        if *open {
+            return Ok(());
+        }
+        if self.timing.as_ref().is_some_and(Timing::is_full) {
+            self.submit(pending);
+        }
+        if let Some(timing) = &mut self.timing {
+            if timing.is_full() {
+                timing.collect(self.gpu)?;
+            }
+            timing.begin(&mut pending.encoder, index);
+            *open = true;
+        }
+        Ok(())
+    }
+
+    pub(super) fn end_timing(&mut self, open: &mut bool, pending: &mut Pending) -> Result<(), GpuError> {
+        if !std::mem::replace(open, false) {
+            return Ok(());
+        }
+        if self.timing.as_ref().is_some_and(Timing::waits) {
+            self.submit(pending);
+            self.gpu.wait("running a node")?;
+        }
+        if let Some(timing) = &mut self.timing {
+            timing.end(&mut pending.encoder);
+        }
+        Ok(())
+    }
+}
+
+/// A node in a loop may have a part before the loop: one entry for both.
+fn merge(nodes: Vec<NodeTimes>) -> Vec<NodeTimes> {
+    let mut merged: Vec<NodeTimes> = Vec::new();
+    for node in nodes {
+        match merged.iter_mut().find(|m| m.node == node.node) {
+            Some(into) => {
+                into.gpu_ms = into.gpu_ms.zip(node.gpu_ms).map(|(a, b)| a + b);
+                into.cpu_ms += node.cpu_ms;
+                into.runs = into.runs.max(node.runs);
+            }
+            None => merged.push(node),
+        }
+    }
+    merged
+}

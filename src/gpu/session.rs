@@ -1,0 +1,169 @@
+//! A recording made ready on a device: its memory, its shader pipelines, and where it stands.
+
+use super::clock::Clock;
+use super::copies::Copies;
+use super::device::{Gpu, GpuError};
+use super::encode::clear_texture;
+use super::frame::NodeTimes;
+use super::host::shared;
+use super::limits::{self, Granted};
+use super::memory::Physical;
+use super::programs::{Ready, layer_views};
+use super::shaders::Shaders;
+use super::timing::Timing;
+use crate::recording::*;
+use crate::scene::{Camera, Scene, bvh::Bvh};
+use std::any::Any;
+use std::collections::{HashMap, HashSet};
+
+/// A recording made ready on a device. History resources live as long as the session.
+pub struct Session<'a> {
+    pub(super) gpu: &'a Gpu,
+    pub(super) scene: &'a Scene,
+    pub(super) extent: f32,
+    pub(super) bvh: &'a Bvh,
+    pub(super) recording: &'a Recording,
+    pub(super) physical: Vec<Physical>,
+    /// Commands of each node, in the order of [`Recording::nodes`].
+    pub(super) programs: Vec<Vec<Ready>>,
+    pub(super) variables: Vec<u32>,
+    /// What each variable was before it became 0, or is.
+    pub(super) latest: Vec<u32>,
+    pub(super) lists: HashMap<Resource, Vec<Draw>>,
+    pub(super) states: HashMap<Resource, Option<Box<dyn Any + Send>>>,
+    pub(super) staging: HashMap<Resource, wgpu::Buffer>,
+    pub(super) copies: Copies,
+    /// What host steps hand to each other, or to their next round.
+    pub(super) shared: HashSet<Resource>,
+    pub(super) timing: Option<Timing>,
+    pub(super) nodes: Vec<NodeTimes>,
+    pub(super) camera: (Camera, [u32; 2]),
+    pub(super) frames: u32,
+    pub(super) clock: Clock,
+    /// Whether the time of the frame is limited.
+    pub(super) is_timed: bool,
+    /// Whether a loop of the frame has ended early, as its time was up or its rounds led nowhere.
+    pub(super) is_cut: bool,
+    /// Whether the innermost loop ends with the round that it is in.
+    pub(super) is_last_round: bool,
+    /// Why loops end that have work left, by the variables that end them.
+    pub(super) cut_short: HashMap<Variable, Shortfall>,
+    /// Rounds of loops that the device drove, when they ran last, by the variables that count them.
+    pub(super) rounds_before: HashMap<Variable, u32>,
+    /// How often the host waited in this frame for what the device made.
+    pub(super) waits: u32,
+    /// Bytes of all buffers and textures.
+    pub gpu_bytes: u64,
+}
+
+impl<'a> Session<'a> {
+    /// Allocates, uploads the scene and builds all shader pipelines. What the placement keeps alive to the end can be
+    /// read after a frame.
+    pub fn new(
+        gpu: &'a Gpu,
+        scene: &'a Scene,
+        bvh: &'a Bvh,
+        recording: &'a Recording,
+        placement: &Placement,
+        camera: &Camera,
+        size: [u32; 2],
+    ) -> Result<Self, GpuError> {
+        let shaders = Shaders::load(recording)?;
+        limits::hold_shaders(recording, &shaders, &Granted { limits: &gpu.limits, features: gpu.features, adapter: &gpu.adapter.name })?;
+        let mut session = Self {
+            gpu,
+            scene,
+            extent: scene.extent(),
+            bvh,
+            recording,
+            physical: Vec::new(),
+            programs: Vec::new(),
+            variables: vec![0; recording.variables.len()],
+            latest: vec![0; recording.variables.len()],
+            lists: HashMap::new(),
+            states: HashMap::new(),
+            staging: HashMap::new(),
+            copies: Copies::new(placement),
+            shared: shared(recording),
+            timing: Timing::new(gpu, recording.nodes().len()),
+            nodes: Vec::new(),
+            camera: (camera.clone(), size),
+            frames: 0,
+            clock: Clock::new(),
+            is_timed: false,
+            is_cut: false,
+            is_last_round: false,
+            cut_short: HashMap::new(),
+            rounds_before: HashMap::new(),
+            waits: 0,
+            gpu_bytes: 0,
+        };
+        session.allocate(placement)?;
+        session.programs = session.prepare_all(&shaders)?;
+        session.nodes = recording.nodes().into_iter().map(|node| NodeTimes { node: node.name.clone(), pass: node.pass, ..Default::default() }).collect();
+        Ok(session)
+    }
+
+    /// Changes the camera for the frames to come; the size stays.
+    pub fn set_camera(&mut self, camera: &Camera) {
+        self.camera.0 = camera.clone();
+    }
+
+    /// Runs another recording from the next frame on, with the histories as they are: one that differs in contents of constants,
+    /// host functions and bounds of loops at most.
+    pub fn switch_to(&mut self, recording: &'a Recording) -> Result<(), GpuError> {
+        if let Some(what) = self.recording.difference(recording) {
+            return Err(GpuError::OtherRecording { what });
+        }
+        for (index, (before, after)) in self.recording.resources.iter().zip(&recording.resources).enumerate() {
+            if let (Lifetime::Constant(before), Lifetime::Constant(after)) = (&before.lifetime, &after.lifetime)
+                && before != after
+            {
+                self.write(Resource(index as u32), after);
+            }
+        }
+        self.recording = recording;
+        Ok(())
+    }
+
+    /// As before the first frame: histories are zero, frames count from 0 again. Returns once the device has done it.
+    pub fn reset(&mut self) -> Result<(), GpuError> {
+        let recording = self.recording;
+        let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
+        for (physical, description) in self.physical.iter().zip(&recording.resources) {
+            match physical {
+                _ if !matches!(description.lifetime, Lifetime::History) => {}
+                Physical::Buffer(buffer) => encoder.clear_buffer(buffer, 0, None),
+                Physical::Texture { texture, format } => layer_views(texture).iter().for_each(|layer| clear_texture(&mut encoder, layer, *format)),
+                Physical::Host | Physical::Unused => {}
+            }
+        }
+        self.gpu.queue.submit([encoder.finish()]);
+        self.copies.invalidate(|resource| matches!(recording.resource(resource).lifetime, Lifetime::History));
+        self.variables.fill(0);
+        self.frames = 0;
+        self.gpu.wait("emptying histories")
+    }
+
+    /// Value of a variable after the last frame.
+    pub fn variable(&self, variable: Variable) -> u32 {
+        self.variables[variable.0 as usize]
+    }
+
+    /// The last value of a variable in the last frame that was not 0, if there was one: how many items the last round left that
+    /// worked on any.
+    pub fn latest(&self, variable: Variable) -> u32 {
+        self.latest[variable.0 as usize]
+    }
+
+    pub fn set_variable(&mut self, variable: Variable, value: u32) {
+        self.variables[variable.0 as usize] = value;
+    }
+
+    /// Overwrites the start of a buffer.
+    pub fn write(&mut self, resource: Resource, bytes: &[u8]) {
+        self.upload_ahead(resource);
+        self.copies.invalidate(|other| other == resource);
+        self.gpu.queue.write_buffer(self.buffer(resource), 0, bytes);
+    }
+}

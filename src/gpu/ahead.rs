@@ -17,6 +17,7 @@ const MOST: u32 = 64;
 /// Words before the variables, as `shaders/lib/variables.wgsl` names them.
 struct Progress {
     rounds: u32,
+    is_over: bool,
     is_last_round: bool,
     shortfall: Option<Shortfall>,
 }
@@ -42,7 +43,7 @@ impl Session<'_> {
             }
             let progress = self.look_at_variables(pending)?;
             let is_done = self.is_done(repeat);
-            if is_done || progress.rounds == repeat.at_most {
+            if is_done || progress.is_over || progress.rounds == repeat.at_most {
                 self.is_last_round = progress.is_last_round;
                 self.cut_short.extend(repeat.until.zip(progress.shortfall));
                 self.end_loop(repeat, progress.rounds, is_done, frame);
@@ -141,6 +142,6 @@ impl Session<'_> {
         let count = self.variables.len();
         self.variables.copy_from_slice(&numbers[..count]);
         self.latest.copy_from_slice(&numbers[count..2 * count]);
-        Ok(Progress { rounds: before[0], is_last_round: before[2] != 0, shortfall: Shortfall::of_code(before[3]) })
+        Ok(Progress { rounds: before[0], is_over: before[1] != 0, is_last_round: before[2] != 0, shortfall: Shortfall::of_code(before[3]) })
     }
 }

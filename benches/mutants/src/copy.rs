@@ -90,9 +90,9 @@ fn rewrite<'a>(work: &Work, sources: &'a BTreeMap<String, Source>) -> (Vec<(usiz
     (numbers, files)
 }
 
-/// Errors of the library with a place in its files.
+/// Errors of the library with a place in its files; built with its tests, as these will be, so that crates are built once.
 fn errors(work: &Work) -> Vec<Value> {
-    let built = work.cargo("build").args(["--lib", "--message-format=json"]).stderr(Stdio::inherit()).output().expect("cargo");
+    let built = work.cargo("test").args(["--no-run", "--lib", "--message-format=json"]).stderr(Stdio::inherit()).output().expect("cargo");
     let messages = String::from_utf8_lossy(&built.stdout).lines().filter_map(|line| serde_json::from_str::<Value>(line).ok()).collect::<Vec<_>>();
     let messages = messages.into_iter().filter(|message| message["reason"] == "compiler-message").map(|mut message| message["message"].take());
     let errors: Vec<_> = messages.filter(|message| message["level"] == "error" && message["spans"].as_array().is_some_and(|spans| !spans.is_empty())).collect();

@@ -9,7 +9,8 @@
 //! `build` takes the changes that cargo-mutants lists for the files and puts all of them into a copy of the project, each behind a number that the
 //! environment names, so that one build serves all. Then it runs each of the tests once, to see which changes it reaches, and leaves out those that take
 //! longer than the seconds given. `run` makes the changes one by one, in an order drawn by lot, and runs the tests that reach each, until one fails, or
-//! the seconds for one change or the minutes for all are over. `again` does so with those that passed so far.
+//! the seconds for one change or the minutes for all are over. `again` does so with those that passed so far. Minutes are those of the clock. Seconds are
+//! those that processors work for a test, so that it is the same whatever else they do; a test that waits is stopped after far more of the clock.
 //!
 //! The first word after them names the set of changes, which is kept in a folder of `out/mutants`: `state.json` has changes and tests, `results.jsonl`
 //! one line a change, the last of each holds. A change is known by its place, so that results outlive tests that are added at the end of a file.
@@ -69,7 +70,7 @@ struct State {
 #[derive(Serialize, Deserialize)]
 struct Outcome {
     name: String,
-    /// `noticed`, `endless`, `passed`, `unfinished`, `unreached`
+    /// `noticed`, `endless`, `hung`, `passed`, `unfinished`, `unreached`
     outcome: String,
     /// The test that ended it.
     by: Option<String>,
@@ -139,7 +140,7 @@ fn main() {
     match arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
         ["build", set, files, tests, longest] => build(&Work::of(set), files, tests, number(longest)),
         ["run", set, seconds, minutes] => run(&Work::of(set), number(seconds), number(minutes), &[]),
-        ["again", set, seconds, minutes] => run(&Work::of(set), number(seconds), number(minutes), &["passed", "unfinished", "unreached"]),
+        ["again", set, seconds, minutes] => run(&Work::of(set), number(seconds), number(minutes), &["hung", "passed", "unfinished", "unreached"]),
         _ => eprintln!("build SET FILES,... TESTS,... LONGEST_TEST_SECONDS | run SET SECONDS_EACH MINUTES | again SET SECONDS_EACH MINUTES"),
     }
 }
@@ -236,12 +237,12 @@ fn make(work: &Work, state: &State, number: usize, limit: f64, worth: &Mutex<Wor
             outcome.left += 1;
             continue;
         }
-        let (ended, seconds) = test.run(work, ("MUTANT", &number.to_string()), 10.0 * test.seconds + 5.0);
+        let (ended, seconds) = test.run(work, ("MUTANT", &number.to_string()), 3.0 * test.seconds + 3.0);
         outcome.seconds += seconds;
         worth.lock().expect("no panic").add(file(name), *index, ended != Ended::Passed);
         if ended != Ended::Passed {
             outcome.by = Some(test.title());
-            outcome.outcome = if ended == Ended::Failed { "noticed" } else { "endless" }.into();
+            outcome.outcome = ended.word().into();
             return outcome;
         }
     }

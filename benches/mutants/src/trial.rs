@@ -11,6 +11,9 @@ use std::{
     time::{Duration, Instant},
 };
 
+/// How many seconds of the clock a test may take for each of processors that it may.
+const PATIENCE: f64 = 20.0;
+
 /// One of the copy's tests.
 #[derive(Serialize, Deserialize)]
 pub struct Test {
@@ -18,7 +21,7 @@ pub struct Test {
     pub of: String,
     program: PathBuf,
     pub name: String,
-    /// Without a change, while places are recorded.
+    /// Of processors, without a change, while places are recorded.
     pub seconds: f64,
     /// First numbers of the places.
     pub reached: BTreeSet<usize>,
@@ -28,8 +31,22 @@ pub struct Test {
 pub enum Ended {
     Passed,
     Failed,
-    /// Not in its time.
+    /// Not in its seconds of processors.
     Stopped,
+    /// Not in far more seconds of the clock, so that it waits for something, or other work holds the processors.
+    Hung,
+}
+
+impl Ended {
+    /// What it says of a change.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Passed => "passed",
+            Self::Failed => "noticed",
+            Self::Stopped => "endless",
+            Self::Hung => "hung",
+        }
+    }
 }
 
 impl Test {
@@ -37,7 +54,7 @@ impl Test {
         format!("{}: {}", self.of, self.name)
     }
 
-    /// With a setting of the switch.
+    /// With a setting of the switch. Seconds are those of processors, which other work on the machine leaves as they are.
     pub fn run(&self, work: &Work, switch: (&str, &str), limit: f64) -> (Ended, f64) {
         let started = Instant::now();
         // What a change asks for may have no bounds: 16 GiB of memory and 2 of a file are those. A group of processes ends together.
@@ -52,16 +69,18 @@ impl Test {
             .spawn()
             .expect("a shell");
         loop {
-            let seconds = started.elapsed().as_secs_f64();
-            match child.try_wait().expect("a child") {
-                Some(status) => return (if status.success() { Ended::Passed } else { Ended::Failed }, seconds),
-                None if seconds > limit => {
-                    let _ = Command::new("kill").args(["-KILL", "--", &format!("-{}", child.id())]).status();
-                    let _ = child.wait();
-                    return (Ended::Stopped, seconds);
-                }
-                None => std::thread::sleep(Duration::from_millis(3)),
+            let Used { ended, seconds } = Used::by(child.id());
+            let overdue = if seconds > limit { Some(Ended::Stopped) } else { (started.elapsed().as_secs_f64() > PATIENCE * limit).then_some(Ended::Hung) };
+            if ended {
+                let passed = child.wait().expect("a child").success();
+                return (if passed { Ended::Passed } else { Ended::Failed }, seconds);
             }
+            if let Some(overdue) = overdue {
+                let _ = Command::new("kill").args(["-KILL", "--", &format!("-{}", child.id())]).status();
+                let _ = child.wait();
+                return (overdue, seconds);
+            }
+            std::thread::sleep(Duration::from_millis(3));
         }
     }
 
@@ -78,6 +97,24 @@ impl Test {
             eprintln!("left out: {} {} {}", self.of, self.name, if ended == Ended::Failed { "fails" } else { "takes longer" });
         }
         ended == Ended::Passed
+    }
+}
+
+/// What a child has used so far.
+struct Used {
+    /// A child that ended tells its seconds until it is waited for.
+    ended: bool,
+    /// Of processors: its own, of all threads, and those of its children that it waited for.
+    seconds: f64,
+}
+
+impl Used {
+    /// As Linux tells: `PID (NAME) STATE ...`, where times are in hundredths of a second. Names may hold anything.
+    fn by(child: u32) -> Self {
+        let text = std::fs::read_to_string(format!("/proc/{child}/stat")).expect("Linux");
+        let fields: Vec<&str> = text.rsplit(')').next().unwrap_or_default().split_whitespace().collect();
+        let ticks = fields[11..15].iter().map(|field| field.parse::<f64>().expect("a time"));
+        Self { ended: fields[0] == "Z", seconds: ticks.sum::<f64>() / 100.0 }
     }
 }
 

@@ -24,10 +24,11 @@ type Places = (Vec<(Range<usize>, usize)>, Vec<(Range<usize>, Vec<usize>)>);
 pub fn make(work: &Work, changes: &mut [Change]) -> Vec<(usize, usize)> {
     let mut sources = BTreeMap::<String, Source>::new();
     let mut without = Vec::new();
-    let of_file: BTreeMap<&str, Vec<(usize, &Change)>> = changes.iter().enumerate().fold(BTreeMap::new(), |mut files, (index, change)| {
-        files.entry(change.file.as_str()).or_insert_with(Vec::new).push((index, change));
-        files
-    });
+    let of_file: BTreeMap<&str, Vec<(usize, &Change)>> =
+        changes.iter().enumerate().filter(|(_, change)| change.left_out.is_none()).fold(BTreeMap::new(), |mut files, (index, change)| {
+            files.entry(change.file.as_str()).or_insert_with(Vec::new).push((index, change));
+            files
+        });
     for (file, changes) in of_file {
         let text = std::fs::read_to_string(work.project.join(file)).expect("a file of the list");
         let (places, left) = places(&text, &changes);

@@ -6,11 +6,12 @@
 //! cargo run --release --manifest-path benches/mutants/Cargo.toml -- run passes 60 90
 //! ```
 //!
-//! `build` takes the changes that cargo-mutants lists for the files and puts all of them into a copy of the project, each behind a number that the
-//! environment names, so that one build serves all. Then it runs each of the tests once, to see which changes it reaches, and leaves out those that take
-//! longer than the seconds given. `run` makes the changes one by one, in an order drawn by lot, and runs the tests that reach each, until one fails, or
-//! the seconds for one change or the minutes for all are over. `again` does so with those that passed so far. Minutes are those of the clock. Seconds are
-//! those that processors work for a test, so that it is the same whatever else they do; a test that waits is stopped after far more of the clock.
+//! `build` takes the changes that cargo-mutants lists for the files and puts all of them into a copy of the project, each behind a number that the environment
+//! names, so that one build serves all. Then it runs each of the tests once, to see which changes it reaches, and leaves out those that take longer than the
+//! seconds given; `lib=passes::` in place of `lib` takes those tests alone whose names hold that. `run` makes the changes one by one, in an order drawn by lot,
+//! and runs the tests that reach each, until one fails, or the seconds for one change or the minutes for all are over. `again` does so with those that passed
+//! so far. Minutes are those of the clock. Seconds are those that processors work for a test, so that it is the same whatever else they do; a test that waits
+//! is stopped after far more of the clock.
 //!
 //! The first word after them names the set of changes, which is kept in a folder of `out/mutants`: `state.json` has changes and tests, `results.jsonl`
 //! one line a change, the last of each holds. A change is known by its place, so that results outlive tests that are added at the end of a file.
@@ -128,6 +129,16 @@ impl Work {
         done.into_inner().expect("no panic").into_values().collect()
     }
 
+    /// What `build` kept.
+    fn state(&self) -> Option<State> {
+        serde_json::from_slice(&std::fs::read(self.folder.join("state.json")).ok()?).ok()
+    }
+
+    fn keep(&self, state: &State) {
+        let state = serde_json::to_vec(state).expect("plain values");
+        std::fs::write(self.folder.join("state.json"), state).expect("room for the state");
+    }
+
     fn outcomes(&self) -> HashMap<String, Outcome> {
         let text = std::fs::read_to_string(self.folder.join("results.jsonl")).unwrap_or_default();
         text.lines().filter_map(|line| serde_json::from_str::<Outcome>(line).ok()).map(|outcome| (outcome.name.clone(), outcome)).collect()
@@ -153,17 +164,20 @@ fn build(work: &Work, files: &str, tests: &str, longest: f64) {
     }
     let listed = list.output().expect("cargo-mutants");
     let mut changes: Vec<Change> = serde_json::from_slice(&listed.stdout).expect("a list of changes");
+    // What did not compile before is not tried again: each try builds the library anew.
+    let left_out: HashMap<String, String> = work.state().into_iter().flat_map(|state| state.changes).filter_map(|c| Some((c.name, c.left_out?))).collect();
+    changes.iter_mut().for_each(|change| change.left_out = left_out.get(&change.name).cloned());
     let numbers = copy::make(work, &mut changes);
-    println!("{} changes, {} of them can be made", changes.len(), numbers.len());
-    let tests = trial::measured(work, &tests.split(',').map(str::to_owned).collect::<Vec<_>>(), longest);
-    println!("{} tests, {:.0} s", tests.len(), tests.iter().map(|test| test.seconds).sum::<f64>());
-    let state = serde_json::to_vec(&State { changes, numbers, tests }).expect("plain values");
-    std::fs::write(work.folder.join("state.json"), state).expect("room for the state");
+    let mut state = State { changes, numbers, tests: Vec::new() };
+    work.keep(&state);
+    println!("{} changes, {} of them can be made", state.changes.len(), state.numbers.len());
+    state.tests = trial::measured(work, &tests.split(',').map(str::to_owned).collect::<Vec<_>>(), longest);
+    println!("{} tests, {:.0} s", state.tests.len(), state.tests.iter().map(|test| test.seconds).sum::<f64>());
+    work.keep(&state);
 }
 
 fn run(work: &Work, seconds: f64, minutes: f64, anew: &[&str]) {
-    let state = std::fs::read(work.folder.join("state.json")).expect("`build` first");
-    let state: State = serde_json::from_slice(&state).expect("what `build` wrote");
+    let state = work.state().expect("`build` first");
     let before = work.outcomes();
     let is_open = |name: &str| before.get(name).is_none_or(|outcome| anew.contains(&outcome.outcome.as_str()));
     let mut open: Vec<usize> = (0..state.numbers.len()).filter(|number| is_open(&state.changes[state.numbers[*number].0].name)).collect();

@@ -4,7 +4,7 @@ use crate::Work;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::{
-    collections::BTreeSet,
+    collections::{BTreeSet, HashMap},
     os::unix::process::CommandExt,
     path::PathBuf,
     process::{Command, Stdio},
@@ -118,9 +118,10 @@ impl Used {
     }
 }
 
-/// Builds tests of the copy and measures each that passes in time.
+/// Builds tests of the copy and measures each that passes in time: of `lib` or a file, or `FILE=PART` those whose names hold a part.
 pub fn measured(work: &Work, of: &[String], longest: f64) -> Vec<Test> {
-    let targets = of.iter().flat_map(|of| if of == "lib" { vec!["--lib"] } else { vec!["--test", of] });
+    let parts: HashMap<&str, &str> = of.iter().map(|of| of.split_once('=').unwrap_or((of, ""))).collect();
+    let targets = parts.keys().flat_map(|of| if *of == "lib" { vec!["--lib"] } else { vec!["--test", of] });
     let built = work.cargo("test").args(["--no-run", "--message-format=json"]).args(targets).stderr(Stdio::inherit()).output().expect("cargo");
     assert!(built.status.success(), "the tests do not build");
     let messages = String::from_utf8_lossy(&built.stdout).lines().filter_map(|line| serde_json::from_str::<Value>(line).ok()).collect::<Vec<_>>();
@@ -129,7 +130,7 @@ pub fn measured(work: &Work, of: &[String], longest: f64) -> Vec<Test> {
         .filter(|message| message["profile"]["test"] == true)
         .filter_map(|message| {
             let of = if message["target"]["kind"][0] == "test" { message["target"]["name"].as_str()? } else { "lib" };
-            Some(list(work, of, message["executable"].as_str()?))
+            Some(list(work, of, parts.get(of)?, message["executable"].as_str()?))
         })
         .flatten()
         .collect();
@@ -139,7 +140,7 @@ pub fn measured(work: &Work, of: &[String], longest: f64) -> Vec<Test> {
     tests
 }
 
-fn list(work: &Work, of: &str, program: &str) -> Vec<Test> {
+fn list(work: &Work, of: &str, part: &str, program: &str) -> Vec<Test> {
     let names = |more: &[&str]| {
         let listed = work.tests(&mut Command::new(program)).args(["--list", "--format", "terse"]).args(more).output().expect("a test");
         let listed = String::from_utf8_lossy(&listed.stdout).into_owned();
@@ -147,5 +148,5 @@ fn list(work: &Work, of: &str, program: &str) -> Vec<Test> {
     };
     let long = names(&["--ignored"]);
     let test = |name| Test { of: of.into(), program: program.into(), name, seconds: 0.0, reached: BTreeSet::new() };
-    names(&[]).into_iter().filter(|name| !long.contains(name)).map(test).collect()
+    names(&[]).into_iter().filter(|name| name.contains(part) && !long.contains(name)).map(test).collect()
 }

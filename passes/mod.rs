@@ -13,6 +13,8 @@ pub mod gbuffer;
 pub mod hemisphere_tiles;
 pub mod irradiance_sum;
 pub mod lobe_coefficients;
+#[cfg(test)]
+mod mock;
 pub mod normalize;
 pub mod radiance_projection;
 pub mod record;

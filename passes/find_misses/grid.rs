@@ -91,3 +91,78 @@ impl Grid {
         0
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::work;
+    use super::*;
+    use crate::passes::mock::MockHost;
+
+    const GRID: Grid = Grid { coarsest: 4, finest: 1, cell: Variable(10), phase: Variable(11), idle: Variable(12) };
+
+    fn host_at(cell: u32, phase: u32) -> MockHost {
+        let mut host = MockHost::new(Vec::new(), [4, 4]);
+        host.variables.extend([(GRID.cell, cell), (GRID.phase, phase)]);
+        host
+    }
+
+    fn found(requests: u32, candidates: u32) -> Found {
+        Found { requests, candidates, next_block: 77, uncovered: 0 }
+    }
+
+    #[test]
+    fn cells_are_halved_after_their_four_phases() {
+        let (work, mut host) = (work(), host_at(4, 0));
+        let mut looked_at = Vec::new();
+        for _ in 0..13 {
+            looked_at.push((host.variable(GRID.cell), host.variable(GRID.phase)));
+            assert_eq!(GRID.advance(&mut host, &work, found(1, 1)), 0);
+            assert_eq!(host.variable(work.none), 0);
+        }
+        let each = |cell| (0..4).map(move |phase| (cell, phase));
+        assert!(looked_at.into_iter().eq(each(4).chain(each(2)).chain(each(1)).chain([(1, 0)])));
+        assert_eq!((host.variable(work.requests.count), host.variable(work.requests.made)), (1, 13));
+    }
+
+    #[test]
+    fn what_does_not_fit_into_a_batch_is_looked_for_again() {
+        let (work, mut host) = (work(), host_at(2, 3));
+        assert_eq!(GRID.advance(&mut host, &work, found(10, 11)), 77);
+        assert_eq!((host.variable(GRID.cell), host.variable(GRID.phase), host.variable(work.none)), (2, 3, 0));
+        assert_eq!(GRID.advance(&mut host, &work, found(10, 10)), 0);
+        assert_eq!((host.variable(GRID.cell), host.variable(GRID.phase)), (1, 0));
+    }
+
+    #[test]
+    fn a_search_ends_when_four_phases_of_single_pixels_find_nothing() {
+        let (work, mut host) = (work(), host_at(1, 2));
+        for (candidates, ends) in [(0, 0), (0, 0), (0, 0), (1, 0), (0, 0), (0, 0), (0, 0), (0, 1)] {
+            GRID.advance(&mut host, &work, found(candidates, candidates));
+            assert_eq!(host.variable(work.none), ends);
+        }
+        // Of coarser cells it ends nothing.
+        let mut host = host_at(4, 0);
+        (0..8).for_each(|_| _ = GRID.advance(&mut host, &work, found(0, 0)));
+        assert_eq!((host.variable(work.none), host.variable(GRID.idle)), (0, 0));
+    }
+
+    #[test]
+    fn a_search_down_to_larger_cells_ends_after_their_phases() {
+        let grid = Grid { finest: 2, ..GRID };
+        let (work, mut host) = (work(), host_at(4, 3));
+        for ends in [0, 0, 0, 0, 1] {
+            grid.advance(&mut host, &work, found(1, 1));
+            assert_eq!((host.variable(work.none), host.variable(GRID.cell)), (ends, 2));
+        }
+    }
+
+    #[test]
+    fn a_search_ends_without_room() {
+        let (work, mut host) = (work(), host_at(2, 0));
+        host.set(work.requests.made, 47);
+        GRID.advance(&mut host, &work, found(10, 20));
+        assert_eq!([work.requests.count, work.requests.made, work.none].map(|variable| host.variable(variable)), [3, 50, 0]);
+        GRID.advance(&mut host, &work, found(10, 20));
+        assert_eq!([work.requests.count, work.requests.made, work.none].map(|variable| host.variable(variable)), [0, 50, 1]);
+    }
+}

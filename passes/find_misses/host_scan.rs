@@ -195,4 +195,99 @@ mod tests {
             assert!(order.into_iter().eq(0..size[0] * size[1]), "{size:?}");
         }
     }
+
+    #[test]
+    fn the_widest_spacing_leaves_eight_pixels_or_more_along_the_longer_side() {
+        let cases = [([1, 1], 1), ([15, 15], 1), ([16, 3], 2), ([3, 16], 2), ([64, 48], 8), ([100, 130], 16), ([1024, 512], 128)];
+        assert!(cases.iter().all(|(size, spacing)| widest_spacing(*size) == *spacing));
+    }
+}
+
+#[cfg(test)]
+mod walks {
+    use super::*;
+    use crate::passes::mock;
+    use glam::Vec3;
+
+    /// Of 8×6 pixels without a record, which see a wall 4 away.
+    fn walk(spacing: u32, order: Option<Vec<u32>>) -> Walk {
+        let across = |at: usize, pixels: usize| (at as f32 + 0.5) / pixels as f32 * 2.0 - 1.0;
+        let place = |pixel: usize| Vec4::new(4.0 * across(pixel % 8, 8), -3.0 * across(pixel / 8, 6), -4.0, 1.0);
+        let position = (0..48).map(place).collect();
+        Walk { width: 8, position, normal: vec![Vec4::Z; 48], weights: vec![0.0; 48], order, next: 0, asked: Vec::new(), spacing, overlap: 0.25 }
+    }
+
+    #[test]
+    fn a_batch_takes_pixels_that_stand_apart() {
+        let mut found = walk(3, None);
+        assert_eq!(found.misses(100), [0, 3, 6, 24, 27, 30]);
+        // Next time they stand closer, but not side by side.
+        assert_eq!(found.spacing, LEAST_SPACING);
+        found.misses(100);
+        assert_eq!(found.spacing, LEAST_SPACING);
+        let mut wide = walk(9, None);
+        assert_eq!((wide.misses(100), wide.spacing), (vec![0], 4));
+    }
+
+    #[test]
+    fn a_full_batch_keeps_the_distance() {
+        let mut full = walk(4, None);
+        assert_eq!((full.misses(3), full.spacing), (vec![0, 4, 32], 4));
+        assert_eq!((full.misses(5), full.spacing), (vec![0, 4, 32, 36], 2));
+    }
+
+    #[test]
+    fn pixels_in_another_order_stand_apart_from_those_below_too() {
+        let mut upwards = walk(4, Some((0..48).rev().collect()));
+        assert_eq!(upwards.misses(100), [47, 43, 15, 11]);
+        // A row of which the lower half has come before the upper.
+        let mut halves = walk(2, Some((24..48).chain(0..24).collect()));
+        let found = halves.misses(100);
+        assert_eq!(found[..8], [24, 26, 28, 30, 40, 42, 44, 46]);
+        assert_eq!(found[8..], [0, 2, 4, 6]);
+    }
+
+    #[test]
+    fn covered_pixels_and_those_that_see_nothing_miss_no_record() {
+        let mut some = walk(2, None);
+        some.weights.fill(1.0);
+        (some.weights[3], some.weights[20], some.weights[21], some.weights[30]) = (0.25, 0.26, -1.0, 0.0);
+        assert_eq!((0..48).filter(|pixel| some.misses_at(*pixel)).collect::<Vec<_>>(), [3, 30]);
+        assert_eq!(some.misses(100), [3, 30]);
+        assert_eq!([some.first_miss(), some.first_miss(), some.first_miss()], [Some(3), Some(30), None]);
+        // The walk is over, until it begins anew.
+        some.weights[40] = 0.0;
+        assert_eq!(some.first_miss(), None);
+        some.next = 0;
+        assert_eq!(some.first_miss(), Some(3));
+        let mut backwards = walk(2, Some((0..48).rev().collect()));
+        assert_eq!([backwards.first_miss(), backwards.first_miss()], [Some(47), Some(46)]);
+    }
+
+    #[test]
+    fn a_record_adds_its_weight_to_all_that_it_reaches() {
+        let camera = Pinhole { eye: Vec3::ZERO, right: Vec3::X, up: Vec3::Y, forward: Vec3::NEG_Z, half_extent: glam::Vec2::new(1.0, 0.75), size: [8, 6] };
+        let record = Record {
+            position: Vec3::new(1.0, -0.5, -4.0),
+            radius: 4.0,
+            normal: Vec3::Z,
+            minimum_distance: 1.0,
+            irradiance: Vec3::ONE,
+            footprint: 1.0,
+            rotation: [Vec3::ZERO; 3],
+            translation: [Vec3::ZERO; 3],
+            stretch: Vec3::ZERO,
+            relative_gradient: 0.0,
+            fineness: 1.0,
+        };
+        let (mut walk, rule) = (walk(2, None), mock::rule());
+        walk.weights[28] = -1.0;
+        walk.weights[29] = 0.5;
+        let before = walk.weights.clone();
+        walk.splat(&record, &rule, &camera);
+        let weight = |pixel: usize| rule.weight(&record, walk.position[pixel].xyz(), Vec3::Z);
+        let expected: Vec<f32> = (0..48).map(|pixel| if pixel == 28 { -1.0 } else { before[pixel] + weight(pixel) }).collect();
+        assert_eq!(walk.weights, expected);
+        assert!((8..40).contains(&expected.iter().filter(|weight| **weight > 0.0).count()));
+    }
 }

@@ -207,3 +207,95 @@ fn first_rounds(r: &Recorder<'_>, capacity: u32) -> u32 {
 fn request(place: Vec4, facing: Vec4, pixel: u32) -> Request {
     Request { position: place.xyz().into(), footprint: place.w, normal: facing.xyz().into(), turn: TAU * unit(hash(pixel + 1)) }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::contract::{Arguments, Value, recorder::Setting};
+    use crate::passes::mock::{self, MockHost};
+    use crate::scene::needs::Needs;
+    use std::collections::BTreeMap;
+
+    /// A batch holds ten requests, a cache 100 records and a frame adds 50.
+    pub(super) fn work() -> Work {
+        let [position, normal, reflectance, triangles, sums, places] = [2, 3, 4, 5, 6, 7].map(Resource);
+        let [count, made, none, stalled] = [1, 2, 3, 4].map(Variable);
+        Work {
+            gbuffer: port::GBuffer { position, normal, reflectance, triangles },
+            sums,
+            cache: mock::cache(100),
+            requests: port::Requests { places, count, capacity: 10, made, at_most: 50 },
+            none,
+            stalled,
+            overlap: 0.25,
+        }
+    }
+
+    /// Room for records, and why the loop ends: with so many records in the cache, made in this frame, and rounds that brought nothing.
+    fn room(records: u32, made: u32, stalled: u32, is_last_round: bool) -> (u32, Option<Shortfall>) {
+        let (work, mut host) = (work(), MockHost::new(Vec::new(), [4, 4]));
+        host.is_last_round = is_last_round;
+        host.variables.extend([(work.cache.count, records), (work.requests.made, made), (work.stalled, stalled)]);
+        let room = work.room(&mut host, 0);
+        assert!(host.cut_short.is_none_or(|(until, _)| until == work.none));
+        (room, host.cut_short.map(|(_, because)| because))
+    }
+
+    #[test]
+    fn rounds_have_the_room_that_frame_and_cache_leave() {
+        assert_eq!(room(0, 0, 0, false), (50, None));
+        assert_eq!(room(30, 20, 0, false), (30, None));
+        assert_eq!(room(90, 20, 0, false), (10, None));
+        assert_eq!(room(99, 49, STALLED_ROUNDS - 1, false), (1, None));
+    }
+
+    #[test]
+    fn a_loop_without_room_tells_why() {
+        assert_eq!(room(100, 0, 0, false), (0, Some(Shortfall::CacheFull)));
+        assert_eq!(room(0, 50, 0, false), (0, Some(Shortfall::FrameLimit)));
+        assert_eq!(room(100, 60, 0, false), (0, Some(Shortfall::CacheFull)));
+        assert_eq!(room(100, 0, STALLED_ROUNDS, false), (0, Some(Shortfall::NoProgress)));
+        // What ends a loop in its last round is not for the step to tell.
+        assert_eq!(room(100, 50, STALLED_ROUNDS, true), (0, None));
+    }
+
+    #[test]
+    fn rounds_that_cover_nothing_are_counted_until_one_does() {
+        let (work, mut host) = (work(), MockHost::new(Vec::new(), [4, 4]));
+        for (asked, uncovered, stalled) in [(3, 3, 1), (5, 5, 2), (0, 0, 2), (3, 4, 3), (3, 2, 0), (1, 0, 0), (1, 1, 1)] {
+            host.set(work.requests.count, asked);
+            work.count_stalled(&mut host, uncovered);
+            assert_eq!(host.variable(work.stalled), stalled, "{asked} {uncovered}");
+        }
+    }
+
+    #[test]
+    fn a_request_has_what_its_pixel_sees_and_a_turn_of_its_own() {
+        let (place, facing) = (Vec4::new(1.0, 2.0, 3.0, 0.5), Vec4::new(0.0, 0.6, 0.8, 7.0));
+        let made = request(place, facing, 5);
+        assert_eq!((made.position, made.footprint, made.normal), ([1.0, 2.0, 3.0], 0.5, [0.0, 0.6, 0.8]));
+        let turns: Vec<f32> = (0..64).map(|pixel| request(place, facing, pixel).turn).collect();
+        let in_part = |part: usize| turns.iter().filter(|turn| (**turn / TAU * 4.0) as usize == part).count();
+        assert!(turns.iter().all(|turn| (0.0..TAU).contains(turn)) && (0..4).all(|part| in_part(part) > 6), "{turns:?}");
+        assert_eq!(turns[5], TAU * unit(hash(6)));
+    }
+
+    /// Rounds that look at the first places of a picture, by a way of finding misses.
+    fn first_rounds_of(size: [u32; 2], by: &'static str, more: &'static [Parameter], capacity: u32) -> u32 {
+        let (host, needs, inputs, mut recording) = (MockHost::new(Vec::new(), size), Needs::default(), BTreeMap::new(), Recording::default());
+        let mut arguments = Arguments::defaults(DESCRIPTION.parameters);
+        arguments.set("by", Value::Choice(by, Arguments::defaults(more)));
+        let setting = Setting { scene: host.scene(), needs: &needs, device: Device::ABLE, size, tables: None };
+        first_rounds(&Recorder::new("misses", &arguments, setting, &inputs, &mut recording), capacity)
+    }
+
+    #[test]
+    fn whatever_the_time_places_all_over_the_picture_are_looked_at() {
+        // A grid of 8×6 pixels that are 8 apart.
+        assert_eq!([48, 10, 1].map(|capacity| first_rounds_of([64, 48], "HostScan", &[], capacity)), [1, 5, 48]);
+        // Four phases of one cell, four of 4, and of 12 as many as take 44 places: all four.
+        assert_eq!([100, 10, 1].map(|capacity| first_rounds_of([64, 48], "Grid", CELLS, capacity)), [12, 16, 68]);
+        // Where there are fewer pixels than that, all of them: four phases of one cell, and two.
+        assert_eq!([100, 1].map(|capacity| first_rounds_of([3, 2], "Grid", CELLS, capacity)), [6, 6]);
+    }
+}

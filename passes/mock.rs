@@ -1,0 +1,135 @@
+//! A host without a device, for tests of steps and of what they share: variables that are 0 until set, contents that tests put there.
+
+use crate::contract::port;
+use crate::math::weight::{Rule, Weighting};
+use crate::recording::*;
+use crate::scene::{Camera, Environment, FieldOfView, Scene, Triangle, bvh::Bvh};
+use glam::{DVec3, Vec3, Vec4};
+use std::any::Any;
+use std::collections::HashMap;
+
+pub struct MockHost {
+    pub variables: HashMap<Variable, u32>,
+    /// A whole number of 16 bytes each.
+    pub contents: HashMap<Resource, Vec<Vec4>>,
+    pub draws: HashMap<Resource, Vec<Draw>>,
+    pub states: HashMap<Resource, Option<Box<dyn Any + Send>>>,
+    pub is_last_round: bool,
+    pub is_timed: bool,
+    pub cut_short: Option<(Variable, Shortfall)>,
+    pub size: [u32; 2],
+    pub scene: Scene,
+    pub bvh: Bvh,
+}
+
+impl MockHost {
+    /// The camera stands at 0 and looks along −z, 90 degrees wide.
+    pub fn new(triangles: Vec<Triangle>, size: [u32; 2]) -> Self {
+        let camera = Camera {
+            name: String::new(),
+            eye: Vec3::ZERO,
+            direction: Vec3::NEG_Z,
+            up: Vec3::Y,
+            field_of_view: FieldOfView::Horizontal(std::f32::consts::FRAC_PI_2),
+            size: None,
+        };
+        let mut scene = Scene {
+            name: String::new(),
+            triangles,
+            materials: Vec::new(),
+            textures: Vec::new(),
+            lights: Vec::new(),
+            environment: Environment::Constant(Vec3::ZERO),
+            cameras: vec![camera],
+            origin: DVec3::ZERO,
+            notes: Vec::new(),
+        };
+        let bvh = Bvh::build(&mut scene);
+        Self {
+            variables: HashMap::new(),
+            contents: HashMap::new(),
+            draws: HashMap::new(),
+            states: HashMap::new(),
+            is_last_round: false,
+            is_timed: false,
+            cut_short: None,
+            size,
+            scene,
+            bvh,
+        }
+    }
+}
+
+impl HostContext for MockHost {
+    fn read(&self, resource: Resource) -> &[u8] {
+        bytemuck::cast_slice(&self.contents[&resource])
+    }
+
+    fn write(&mut self, resource: Resource, offset: u64, bytes: &[u8]) {
+        let (contents, offset) = (self.contents.entry(resource).or_default(), offset as usize);
+        contents.resize(contents.len().max((offset + bytes.len()).div_ceil(16)), Vec4::ZERO);
+        bytemuck::cast_slice_mut::<_, u8>(contents)[offset..][..bytes.len()].copy_from_slice(bytes);
+    }
+
+    fn take(&mut self, resource: Resource) -> Vec<Vec4> {
+        self.contents.remove(&resource).unwrap_or_default()
+    }
+
+    fn put(&mut self, resource: Resource, contents: Vec<Vec4>, _bytes: u64) {
+        self.contents.insert(resource, contents);
+    }
+
+    fn variable(&self, variable: Variable) -> u32 {
+        self.variables.get(&variable).copied().unwrap_or(0)
+    }
+
+    fn set(&mut self, variable: Variable, value: u32) {
+        self.variables.insert(variable, value);
+    }
+
+    fn draws(&mut self, resource: Resource) -> &mut Vec<Draw> {
+        self.draws.entry(resource).or_default()
+    }
+
+    fn state(&mut self, resource: Resource) -> &mut Option<Box<dyn Any + Send>> {
+        self.states.entry(resource).or_default()
+    }
+
+    fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    fn bvh(&self) -> &Bvh {
+        &self.bvh
+    }
+
+    fn extent(&self) -> f32 {
+        self.scene.extent()
+    }
+
+    fn is_last_round(&self) -> bool {
+        self.is_last_round
+    }
+
+    fn is_timed(&self) -> bool {
+        self.is_timed
+    }
+
+    fn cut_short(&mut self, until: Variable, because: Shortfall) {
+        self.cut_short = Some((until, because));
+    }
+
+    fn camera(&self) -> (&Camera, [u32; 2]) {
+        (&self.scene.cameras[0], self.size)
+    }
+}
+
+/// Records reach half of their radius; pixels and surroundings set no limits.
+pub fn rule() -> Rule {
+    Rule { weighting: Weighting::Compact, accuracy: 0.5, spacing: [0.0, 1e6], nearest: 1e6, change: 1e6, overlap: 0.25, contrast: 1.0, finest_spacing: 0.0 }
+}
+
+/// A cache in resource 0 whose records variable 0 counts.
+pub fn cache(capacity: u32) -> port::RecordCache {
+    port::RecordCache { records: Resource(0), coefficients: None, count: Variable(0), capacity, weighting: Resource(1), rule: rule() }
+}

@@ -178,3 +178,118 @@ fn clamped_radius(record: &Record, others: &[Record]) -> f32 {
     let facing_alike = others.iter().filter(|other| Vec3::from(other.normal).dot(normal) > 0.7);
     facing_alike.map(|other| other.radius + position.distance(other.position.into())).fold(record.radius, f32::min)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::contract::{Arguments, Value, recorder::Setting};
+    use crate::passes::mock::{self, MockHost};
+    use crate::scene::needs::Needs;
+    use std::collections::BTreeMap;
+
+    fn cache(capacity: u32) -> port::RecordCache {
+        let rule = port::Rule { spacing: [1.0, 1e6], finest_spacing: 0.01, ..mock::rule() };
+        port::RecordCache { rule, ..mock::cache(capacity) }
+    }
+
+    fn batch() -> port::Records {
+        port::Records { records: Resource(2), coefficients: None, count: Variable(1), capacity: 300 }
+    }
+
+    fn record(x: f32, normal: Vec3, light: f32) -> weight::Record {
+        weight::Record {
+            position: Vec3::new(x, 0.0, 0.0),
+            radius: 4.0,
+            normal,
+            minimum_distance: 1.0,
+            irradiance: Vec3::splat(light),
+            footprint: 0.1,
+            rotation: [Vec3::ZERO; 3],
+            translation: [Vec3::ZERO; 3],
+            stretch: Vec3::ZERO,
+            relative_gradient: 40.0,
+            fineness: 7.0,
+        }
+    }
+
+    /// Joins records on the host: all of the cache, and how many of them were surplus.
+    fn joined(before: &[weight::Record], new: &[weight::Record], clamps: bool) -> (Vec<weight::Record>, u32) {
+        let (mut host, needs, inputs, mut recording) = (MockHost::new(Vec::new(), [4, 4]), Needs::default(), BTreeMap::new(), Recording::default());
+        recording.variables.extend((0..8).map(|_| VariableDescription { name: String::new(), history: false }));
+        let mut arguments = Arguments::defaults(DESCRIPTION.parameters);
+        arguments.set("neighbour_clamping", Value::Bool(clamps));
+        let recorded = {
+            let setting = Setting { scene: host.scene(), needs: &needs, device: Device::Software, size: [4, 4], tables: None };
+            let mut r = Recorder::new("add", &arguments, setting, &inputs, &mut recording);
+            record_on_host(&mut r, &batch(), &cache(900));
+            r.finish()
+        };
+        let [Command::Host(step)] = &recorded.commands[..] else { panic!("a step of the host") };
+        let [(_, crate::contract::recorder::Reported::Variable(surplus))] = recorded.reports[..] else { panic!("the surplus records") };
+        for (records, count, resource) in [(before, Variable(0), Resource(0)), (new, Variable(1), Resource(2))] {
+            let records: Vec<Record> = records.iter().map(Record::from).collect();
+            host.write(resource, 0, bytemuck::cast_slice(&records));
+            host.set(count, records.len() as u32);
+        }
+        host.set(surplus, 5);
+        (step.run)(&mut host).unwrap();
+        assert_eq!(host.variable(Variable(0)) as usize, before.len() + new.len());
+        (bytemuck::cast_slice::<_, Record>(host.read(Resource(0))).iter().map(weight::Record::from).collect(), host.variable(surplus) - 5)
+    }
+
+    #[test]
+    fn a_batch_joins_while_the_cache_has_room() {
+        let mut host = MockHost::new(Vec::new(), [4, 4]);
+        host.variables.extend([(Variable(0), 90), (Variable(1), 10)]);
+        assert_eq!(reserve(&mut host, &batch(), &cache(100)), Ok([90, 10]));
+        assert_eq!(host.variable(Variable(0)), 100);
+        host.set(Variable(1), 1);
+        assert!(reserve(&mut host, &batch(), &cache(100)).unwrap_err().contains("100 records do not suffice"));
+        assert_eq!(host.variable(Variable(0)), 100);
+        host.set(Variable(1), 0);
+        assert_eq!(reserve(&mut host, &batch(), &cache(100)), Ok([100, 0]));
+    }
+
+    #[test]
+    fn records_join_behind_those_before_and_what_others_of_their_batch_cover_is_surplus() {
+        let before = [record(0.0, Vec3::Z, 1.0), record(50.0, Vec3::Z, 3.0)];
+        // Records reach 2, and weigh the overlap or more up to 1.5. Those before the batch make none surplus, nor do later ones.
+        let new = [0.0, 10.0, 11.4, 12.9, 30.0, 10.0].map(|x| record(x, Vec3::Z, 2.0));
+        let (all, surplus) = joined(&before, &new, false);
+        assert_eq!(all[..2], before);
+        let fineness = cache(900).rule.fineness(&new[0], 2.0);
+        assert!(fineness < 0.5);
+        assert_eq!(all[2..], new.map(|record| weight::Record { fineness, ..record }));
+        let expected = (0..new.len())
+            .filter(|at| new[..*at].iter().any(|other| cache(900).rule.weight(&weight::Record { fineness, ..*other }, new[*at].position, Vec3::Z) > 0.25));
+        assert_eq!(surplus as usize, expected.count());
+        assert!(surplus > 1);
+    }
+
+    #[test]
+    fn the_first_records_tell_what_the_pictures_light_is() {
+        let level = |before: usize| {
+            let before: Vec<_> = (0..before).map(|at| record(at as f32 * 9.0, Vec3::Z, 1.0)).collect();
+            let (all, _) = joined(&before, &[record(-50.0, Vec3::Z, 5.0)], false);
+            all.last().unwrap().fineness
+        };
+        let expected = |level: f32| cache(900).rule.fineness(&record(-50.0, Vec3::Z, 5.0), level);
+        assert_eq!(level(0), expected(5.0));
+        assert_eq!(level(1), expected(3.0));
+        assert_eq!([level(FIRST), level(FIRST + 3)], [expected(1.0); 2]);
+    }
+
+    #[test]
+    fn radii_are_clamped_by_neighbours_that_face_alike() {
+        let tilted = |cosine: f32| Vec3::new((1.0 - cosine * cosine).sqrt(), 0.0, cosine);
+        let small = |x: f32, normal: Vec3| Record { radius: 0.5, ..Record::from(&record(x, normal, 1.0)) };
+        let new = Record::from(&record(0.0, Vec3::Z, 1.0));
+        assert_eq!(clamped_radius(&new, &[small(2.0, Vec3::Z)]), 2.5);
+        assert_eq!(clamped_radius(&new, &[small(3.0, Vec3::Z), small(-1.0, tilted(0.71)), small(2.0, Vec3::Z)]), 1.5);
+        assert_eq!(clamped_radius(&new, &[small(1.0, tilted(0.69)), small(3.6, Vec3::Z)]), 4.0);
+        // Those before the batch clamp where they are to.
+        let before = [weight::Record { radius: 0.5, ..record(1.0, Vec3::Z, 1.0) }];
+        let radius = |clamps: bool| joined(&before, &[record(0.0, Vec3::Z, 1.0)], clamps).0[1].radius;
+        assert_eq!([radius(true), radius(false)], [1.5, 4.0]);
+    }
+}

@@ -284,3 +284,58 @@ pub fn pinhole(host: &dyn HostContext) -> Pinhole {
     let (camera, size) = host.camera();
     Pinhole { eye: camera.eye, right: camera.right(), up: camera.up, forward: camera.direction, half_extent: camera.half_extent(size), size }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DVec3;
+
+    #[test]
+    fn tables_begin_where_those_before_them_end() {
+        let places: Vec<_> = table_places(&[3, 1, 4], 5).iter().map(|place| (place.first, place.order)).collect();
+        let [three, one] = [3, 1].map(|order| table_fours(order, 5) as u32);
+        assert_eq!(places, [(0, 3), (three, 1), (three + one, 4)]);
+    }
+
+    #[test]
+    fn records_come_back_as_they_were() {
+        let vectors = |x: f32| [0.0, 10.0, 20.0].map(|more| Vec3::new(x, x + 1.0, x + 2.0) + more);
+        let record = weight::Record {
+            position: Vec3::new(1.0, 2.0, 3.0),
+            radius: 4.0,
+            normal: Vec3::new(5.0, 6.0, 7.0),
+            minimum_distance: 8.0,
+            irradiance: Vec3::new(9.0, 10.0, 11.0),
+            footprint: 12.0,
+            rotation: vectors(100.0),
+            translation: vectors(200.0),
+            stretch: Vec3::new(13.0, 14.0, 15.0),
+            relative_gradient: 16.0,
+            fineness: 17.0,
+        };
+        assert_eq!(weight::Record::from(&Record::from(&record)), record);
+    }
+
+    #[test]
+    fn records_of_sums_have_gradients_where_they_are_asked_for() {
+        let request = Request { position: [1.0, 2.0, 3.0], footprint: 0.25, normal: [0.0, 0.0, 1.0], turn: 0.3 };
+        let summed = Summed {
+            irradiance: DVec3::new(1.0, 2.0, 3.0),
+            rotation: [DVec3::X; 3],
+            translation: [DVec3::Y; 3],
+            hessian: DVec3::new(0.5, 0.0, 0.25),
+            harmonic_mean_cosine: 2.0,
+            harmonic_mean_plain: 3.0,
+            min_distance: f64::INFINITY,
+        };
+        let with = summed_record(&request, &summed, true, Radius::HarmonicMean);
+        let without = summed_record(&request, &summed, false, Radius::HarmonicMean);
+        assert_eq!((with.position, with.irradiance, with.footprint, with.radius), (request.position, [1.0, 2.0, 3.0], 0.25, 2.0));
+        assert_eq!(with.minimum_distance, FAR_AWAY as f32);
+        let [told, left_out] = [&with, &without].map(weight::Record::from);
+        assert!(told.rotation[0] != Vec3::ZERO && told.translation[0] != Vec3::ZERO && told.relative_gradient > 0.0);
+        assert_eq!((left_out.rotation, left_out.translation, left_out.relative_gradient), ([Vec3::ZERO; 3], [Vec3::ZERO; 3], 0.0));
+        assert_eq!((left_out.irradiance, left_out.radius), (told.irradiance, told.radius));
+        assert_ne!(summed_record(&request, &summed, true, Radius::Curvature).radius, with.radius);
+    }
+}

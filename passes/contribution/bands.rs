@@ -95,3 +95,51 @@ fn add_to_band<S: Simd, C: Contribution>(
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Adds a number a pixel, and which of them it was.
+    struct Numbers;
+
+    impl Contribution for Numbers {
+        type Record = f32;
+
+        fn add<S: Simd>(&self, _simd: S, record: &f32, pixels: Range<usize>, band: &mut Band<'_>) {
+            pixels.for_each(|pixel| band.add(pixel, Vec4::new(*record, 1.0, pixel as f32, 0.0)));
+        }
+    }
+
+    #[test]
+    fn each_pixel_of_a_rectangle_is_added_to_once() {
+        let size = [5, 2 * ROWS + 3];
+        let rectangle = |min: [u32; 2], max: [u32; 2]| PixelRectangle { min, max };
+        let rows = |first: u32, end: u32| rectangle([1, first], [4, end]);
+        let placed = [
+            (rectangle([0, 0], size), 1.0),
+            (rows(0, ROWS), 2.0),
+            (rows(ROWS, ROWS + 1), 4.0),
+            (rows(ROWS - 1, ROWS), 8.0),
+            (rows(ROWS - 2, 2 * ROWS + 1), 16.0),
+            (rows(2 * ROWS + 2, 2 * ROWS + 3), 32.0),
+            (rectangle([2, 3], [2, 9]), 64.0),
+        ];
+        let pixels = (size[0] * size[1]) as usize;
+        let mut images = [vec![Vec4::ZERO; pixels], vec![Vec4::ZERO; pixels]];
+        add(size[0], &placed, &mut images, &Numbers);
+        for pixel in 0..size[0] * size[1] {
+            let at = [pixel % size[0], pixel / size[0]];
+            let inside = |bounds: &PixelRectangle| (0..2).all(|axis| (bounds.min[axis]..bounds.max[axis]).contains(&at[axis]));
+            let of = placed.iter().filter(|(bounds, _)| inside(bounds));
+            let (count, sum) = of.fold((0.0, 0.0), |(count, sum), (_, number)| (count + 1.0, sum + number));
+            assert_eq!(images[0][pixel as usize], Vec4::new(sum, count, count * pixel as f32, 0.0), "{at:?}");
+            assert_eq!(images[1][pixel as usize], Vec4::splat(count));
+        }
+        // Without a second image nothing is counted.
+        let [both, _] = images;
+        let mut alone = [vec![Vec4::ZERO; pixels]];
+        add(size[0], &placed, &mut alone, &Numbers);
+        assert_eq!(alone[0], both);
+    }
+}

@@ -87,3 +87,45 @@ impl Reflection<'_> {
         Some(radiance.extend(1.0) * weight)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn record(light: f32, relative_gradient: f32) -> Record {
+        Record {
+            position: Vec3::ZERO,
+            radius: 1.0,
+            normal: Vec3::Z,
+            minimum_distance: 1.0,
+            irradiance: Vec3::splat(light),
+            footprint: 1.0,
+            rotation: [Vec3::ZERO; 3],
+            translation: [Vec3::ZERO; 3],
+            stretch: Vec3::ZERO,
+            relative_gradient,
+            fineness: 1.0,
+        }
+    }
+
+    #[test]
+    fn halves_are_in_units_of_their_record() {
+        let records = [record(4.0, 0.5), record(1.0, 8.0)];
+        // Six fours each: two of expansions, four of derivatives.
+        let halves: Vec<[f16; 4]> = (0..12).map(|at| [0.0, 0.25, 0.5, 0.75].map(|more| f16::from_f32(at as f32 + more))).collect();
+        let values = fours(bytemuck::cast_slice(&halves), port::Precision::Half, &records);
+        let units = [[4.0, 2.0], [1.0, 8.0]];
+        for (at, value) in values.iter().enumerate() {
+            let unit = units[at / 6][usize::from(at % 6 >= 2)];
+            assert_eq!(*value, (at as f32 + Vec4::new(0.0, 0.25, 0.5, 0.75)) * unit, "{at}");
+        }
+        assert_eq!(values.len(), 12);
+        assert!(fours(&[], port::Precision::Half, &[]).is_empty());
+    }
+
+    #[test]
+    fn whole_floats_are_as_they_are() {
+        let values = [Vec4::new(1.0, 2.0, 3.0, 4.0), Vec4::splat(0.1)];
+        assert_eq!(fours(bytemuck::cast_slice(&values), port::Precision::Single, &[record(4.0, 0.5)]), values);
+    }
+}

@@ -344,3 +344,82 @@ mod tests {
         }
     }
 }
+
+#[cfg(test)]
+mod steps {
+    use super::*;
+    use crate::contract::{Arguments, recorder::Reported, recorder::Setting};
+    use crate::passes::mock::{self, MockHost};
+    use crate::scene::needs::Needs;
+    use std::collections::BTreeMap;
+
+    const SIZE: [u32; 2] = [8, 8];
+
+    /// Closes the gaps of a picture of a wall 4 away, which these records light: the sums, pixels that were closed and the coarsest accuracy.
+    fn closed(sums: &[Vec4], records: &[Record]) -> (Vec<Vec4>, u32, u32) {
+        let (mut host, needs, inputs, arguments) = (MockHost::new(Vec::new(), SIZE), Needs::default(), BTreeMap::new(), Arguments::defaults(&[]));
+        let mut recording = Recording::default();
+        recording.variables.push(VariableDescription { name: String::new(), history: false });
+        let [position, normal, reflectance, triangles, of_sums] = [2, 3, 4, 5, 6].map(Resource);
+        let recorded = {
+            let setting = Setting { scene: host.scene(), needs: &needs, device: Device::Software, size: SIZE, tables: None };
+            let mut r = Recorder::new("normalize", &arguments, setting, &inputs, &mut recording);
+            let splats = port::Splats { sums: of_sums, counts: None, lobes: None, cache: mock::cache(100) };
+            super::record(&mut r, &splats, &port::GBuffer { position, normal, reflectance, triangles });
+            r.finish()
+        };
+        let records: Vec<HostRecord> = records.iter().map(HostRecord::from).collect();
+        host.write(Resource(0), 0, cast_slice(&records));
+        let place = |pixel: u32| Vec4::new((pixel % 8) as f32 - 3.5, 3.5 - (pixel / 8) as f32, -4.0, 1.0);
+        host.contents.extend([(position, (0..64).map(place).collect()), (normal, vec![Vec4::Z; 64]), (of_sums, sums.to_vec())]);
+        let [Command::Late(step)] = &recorded.commands[..] else { panic!("a late step") };
+        (step.run)(&mut host).unwrap();
+        let [pixels, coarsest] = ["coarse_pixels", "coarsest"].map(|name| {
+            let found = recorded.reports.iter().find(|(told, _)| *told == name);
+            let Some((_, Reported::Variable(variable))) = found else { panic!("{name}") };
+            host.variable(*variable)
+        });
+        (host.contents.remove(&of_sums).unwrap(), pixels, coarsest)
+    }
+
+    fn lit() -> Record {
+        Record {
+            position: Vec3::new(0.0, 0.0, -4.0),
+            radius: 1.0,
+            normal: Vec3::Z,
+            minimum_distance: 1.0,
+            irradiance: Vec3::new(1.0, 2.0, 3.0),
+            footprint: 1.0,
+            rotation: [Vec3::ZERO; 3],
+            translation: [Vec3::ZERO; 3],
+            stretch: Vec3::ZERO,
+            relative_gradient: 0.0,
+            fineness: 1.0,
+        }
+    }
+
+    #[test]
+    fn gaps_have_the_light_of_coarser_records_and_other_pixels_keep_theirs() {
+        let light = Vec3::new(9.0, 8.0, 7.0).extend(1.0);
+        let sums: Vec<Vec4> = (0..64).map(|pixel| if pixel % 4 == 0 { Vec4::ZERO } else { light }).collect();
+        let (closed, pixels, coarsest) = closed(&sums, &[lit()]);
+        assert_eq!(pixels, 16);
+        // A record reaches half a unit; its weight is a fifth or more up to most of its reach, and the farthest gap is 5 away.
+        assert!(coarsest == 16 || coarsest == 32, "{coarsest}");
+        for (pixel, sum) in closed.iter().enumerate() {
+            if pixel % 4 == 0 {
+                assert!((*sum / sum.w - Vec4::new(1.0, 2.0, 3.0, 1.0)).abs().max_element() < 1e-4 && sum.w > 0.0, "{pixel} {sum}");
+            } else {
+                assert_eq!(*sum, light);
+            }
+        }
+    }
+
+    #[test]
+    fn a_picture_without_gaps_or_records_stays_as_it_is() {
+        let light = vec![Vec4::ONE; 64];
+        assert_eq!(closed(&light, &[lit()]), (light.clone(), 0, 0));
+        let gaps = vec![Vec4::ZERO; 64];
+        assert_eq!(closed(&gaps, &[]), (gaps.clone(), 0, 0));
+    }
+}

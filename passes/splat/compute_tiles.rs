@@ -44,3 +44,74 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work) {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::contract::{Arguments, port, recorder::Recorded, recorder::Setting};
+    use crate::passes::mock::{self, MockHost};
+    use crate::scene::needs::Needs;
+    use std::collections::BTreeMap;
+
+    fn recorded(size: [u32; 2], capacity: u32, recording: &mut Recording) -> Recorded {
+        let (host, needs, inputs, arguments) = (MockHost::new(Vec::new(), size), Needs::default(), BTreeMap::new(), Arguments::defaults(&[]));
+        recording.variables.extend((0..8).map(|_| VariableDescription { name: String::new(), history: false }));
+        recording.resources.extend((0..8).map(|_| ResourceDescription { name: String::new(), kind: ResourceKind::State, lifetime: Lifetime::Transient }));
+        let setting = Setting { scene: host.scene(), needs: &needs, device: Device::ABLE, size, tables: None };
+        let mut r = Recorder::new("splat", &arguments, setting, &inputs, recording).in_loop(10, false);
+        let [position, normal, reflectance, triangles, sums] = [2, 3, 4, 5, 6].map(Resource);
+        let gbuffer = port::GBuffer { position, normal, reflectance, triangles };
+        record(&mut r, &Work { gbuffer, cache: mock::cache(capacity), sums, counts: None, first: Variable(1), radiance: None });
+        r.finish()
+    }
+
+    /// Bytes of the buffer of masks, and records that a chunk may have.
+    fn masks(size: [u32; 2]) -> (u64, u32) {
+        let mut recording = Recording::default();
+        let recorded = recorded(size, 100, &mut recording);
+        let divisor = recorded.commands.iter().find_map(|command| match command {
+            Command::Compute(Compute { entry: "add", groups: Groups::Counted { divisor, .. }, .. }) => Some(*divisor),
+            _ => None,
+        });
+        let masks = recording.resources.iter().find(|resource| resource.name == "splat.masks").map(|resource| &resource.kind);
+        let Some(ResourceKind::Buffer { bytes }) = masks else { panic!("a buffer") };
+        (*bytes, divisor.unwrap())
+    }
+
+    #[test]
+    fn masks_of_large_pictures_have_room_for_fewer_records() {
+        // A bit for each record, and a bit for each word of those, of each tile.
+        assert_eq!(masks([64, 49]), (4 * 4 * (1024 + 32) * 4, 32_768));
+        assert_eq!(masks([4096, 4096]), (65_536 * (96 + 3) * 4, 3072));
+        assert_eq!(masks([16_384, 16_384]), (1_048_576 * (32 + 1) * 4, 1024));
+    }
+
+    #[test]
+    fn new_records_are_shared_out_to_chunks() {
+        let mut recording = Recording::default();
+        let recorded = recorded([64, 48], 70_000, &mut recording);
+        let step = recorded.commands.iter().find_map(|command| if let Command::Host(step) = command { Some(step) } else { None }).unwrap();
+        let counts = recorded.commands.iter().filter_map(|command| match command {
+            Command::Compute(Compute { entry: "bin", groups: Groups::Counted { count, .. }, .. }) => Some(*count),
+            _ => None,
+        });
+        let counts: Vec<Variable> = counts.collect();
+        let mut host = MockHost::new(Vec::new(), [64, 48]);
+        let mut stretches = |first: u32, last: u32| {
+            host.variables.extend([(Variable(1), first), (Variable(0), last)]);
+            (step.run)(&mut host).unwrap();
+            let stretches = step.writes.iter().zip(&counts).map(|(stretch, count)| match host.variable(*count) {
+                0 => [0; 2],
+                count => {
+                    let [first, listed, ..] = *bytemuck::cast_slice::<_, u32>(host.read(*stretch)) else { panic!("a stretch") };
+                    assert_eq!(count, listed);
+                    [first, count]
+                }
+            });
+            stretches.collect::<Vec<_>>()
+        };
+        assert_eq!(stretches(10, 40_000), [[10, 32_768], [32_778, 7222], [0; 2]]);
+        assert_eq!(stretches(0, 70_000), [[0, 32_768], [32_768, 32_768], [65_536, 4464]]);
+        assert_eq!(stretches(500, 500), [[0; 2]; 3]);
+    }
+}

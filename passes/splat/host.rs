@@ -46,3 +46,72 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work) {
     };
     r.command(Command::Host(Host::new("splat", reads, images, splat)));
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::contract::{Arguments, port, recorder::Setting};
+    use crate::passes::mock::{self, MockHost};
+    use crate::scene::needs::Needs;
+    use glam::{Vec3, Vec4Swizzles};
+    use std::collections::BTreeMap;
+
+    #[test]
+    fn new_records_are_added_to_what_there_is() {
+        let size = [12, 10];
+        let [position, normal, reflectance, triangles, sums, counts] = [2, 3, 4, 5, 6, 7].map(Resource);
+        let (mut host, needs, inputs, arguments) = (MockHost::new(Vec::new(), size), Needs::default(), BTreeMap::new(), Arguments::defaults(&[]));
+        let mut recording = Recording::default();
+        let recorded = {
+            let setting = Setting { scene: host.scene(), needs: &needs, device: Device::Software, size, tables: None };
+            let mut r = Recorder::new("splat", &arguments, setting, &inputs, &mut recording).in_loop(10, false);
+            let gbuffer = port::GBuffer { position, normal, reflectance, triangles };
+            record(&mut r, &Work { gbuffer, cache: mock::cache(100), sums, counts: Some(counts), first: Variable(1), radiance: None });
+            r.finish()
+        };
+        let record = |x: f32, light: f32| Record {
+            position: Vec3::new(x, 0.5, -4.0),
+            radius: 3.0,
+            normal: Vec3::Z,
+            minimum_distance: 1.0,
+            irradiance: Vec3::new(light, 2.0, 3.0),
+            footprint: 1.0,
+            rotation: [Vec3::ZERO; 3],
+            translation: [Vec3::X; 3],
+            stretch: Vec3::ZERO,
+            relative_gradient: 0.1,
+            fineness: 1.0,
+        };
+        // The first one has been splatted before; the last one is behind the camera.
+        let records = [record(0.0, 9.0), record(-2.0, 1.0), record(1.0, 4.0), Record { position: Vec3::new(0.0, 0.0, 9.0), ..record(0.0, 9.0) }];
+        host.variables.extend([(Variable(0), 4), (Variable(1), 1)]);
+        let of_host: Vec<HostRecord> = records.iter().map(HostRecord::from).collect();
+        host.write(Resource(0), 0, bytemuck::cast_slice(&of_host));
+        let place = |pixel: u32| {
+            let [x, y] = [pixel % 12, pixel / 12].map(|at| at as f32);
+            Vec4::new((x + 0.5) / 6.0 - 1.0, 10.0 / 12.0 - (y + 0.5) / 6.0, -1.0, 0.0) * 4.0 + Vec4::W * f32::from(pixel != 66)
+        };
+        let positions: Vec<Vec4> = (0..120).map(place).collect();
+        host.contents.extend([(position, positions.clone()), (normal, vec![Vec4::Z; 120]), (sums, vec![Vec4::ONE; 120]), (counts, vec![Vec4::ONE; 120])]);
+        let [Command::Host(step)] = &recorded.commands[..] else { panic!("a step") };
+        (step.run)(&mut host).unwrap();
+        let rule = mock::rule();
+        let mut some = 0;
+        for (pixel, place) in positions.iter().enumerate() {
+            let weighted = |record: &Record| {
+                let weight = if place.w > 0.0 { rule.weight(record, place.xyz(), Vec3::Z) } else { 0.0 };
+                (weight > 0.0).then(|| rule.estimate(record, place.xyz(), Vec3::Z).extend(1.0) * weight)
+            };
+            let added: Vec<Vec4> = records[1..].iter().filter_map(weighted).collect();
+            let difference = host.contents[&sums][pixel] - Vec4::ONE - added.iter().sum::<Vec4>();
+            assert!(difference.abs().max_element() < 1e-4, "{pixel} {difference}");
+            assert_eq!(host.contents[&counts][pixel], Vec4::splat(1.0 + added.len() as f32));
+            some += usize::from(!added.is_empty());
+        }
+        assert!((20..110).contains(&some));
+        // As a loop starts all is black.
+        let [Command::Host(clear)] = &recorded.prologue[..] else { panic!("a step") };
+        (clear.run)(&mut host).unwrap();
+        assert_eq!([sums, counts].map(|image| host.contents[&image].clone()), [(); 2].map(|()| vec![Vec4::ZERO; 120]));
+    }
+}

@@ -191,3 +191,63 @@ mod tests {
         }
     }
 }
+
+#[cfg(test)]
+mod ranges {
+    use super::*;
+    use glam::Vec2;
+
+    /// A chunk of small triangles around each place.
+    fn chunks(places: &[Vec3]) -> Chunks {
+        let triangle = |place: Vec3| {
+            let positions = [place, place + Vec3::splat(0.01), place - Vec3::new(0.01, 0.0, 0.01)];
+            Triangle { positions, normals: [Vec3::Z; 3], uvs: [Vec2::ZERO; 3], material: 0 }
+        };
+        Chunks::new(&places.iter().flat_map(|place| vec![triangle(*place); CHUNK as usize]).collect::<Vec<_>>())
+    }
+
+    fn point(position: Vec3) -> Light {
+        Light { name: String::new(), kind: LightKind::Point { position, intensity: Vec3::ONE }, shadows: true }
+    }
+
+    #[test]
+    fn what_lies_along_an_axis_is_on_one_side() {
+        let around = [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z, Vec3::NEG_Z];
+        let position = Vec3::new(0.5, -0.25, 2.0);
+        let chunks = chunks(&around.map(|way| position + 3.0 * way));
+        for face in 0..6 {
+            assert_eq!(chunks.seen(&point(position), face), [[face * CHUNK, (face + 1) * CHUNK]]);
+        }
+    }
+
+    #[test]
+    fn chunks_side_by_side_are_drawn_as_one() {
+        let [right, left] = [Vec3::X, Vec3::NEG_X];
+        let chunks = chunks(&[right, right, left, right, left, left]);
+        assert_eq!(chunks.seen(&point(Vec3::ZERO), 0), [[0, 2 * CHUNK], [3 * CHUNK, 4 * CHUNK]]);
+        assert_eq!(chunks.seen(&point(Vec3::ZERO), 1), [[2 * CHUNK, 3 * CHUNK], [4 * CHUNK, 6 * CHUNK]]);
+        // What the light is in is on all sides.
+        let chunks = self::chunks(&[Vec3::ZERO]);
+        assert!((0..6).all(|face| chunks.seen(&point(Vec3::splat(0.001)), face) == [[0, CHUNK]]));
+    }
+
+    #[test]
+    fn the_last_chunk_ends_with_the_triangles() {
+        let mut chunks = chunks(&[Vec3::X, Vec3::X]);
+        chunks.triangles -= 3;
+        assert_eq!(chunks.seen(&point(Vec3::ZERO), 0), [[0, 2 * CHUNK - 3]]);
+    }
+
+    #[test]
+    fn maps_of_one_side_see_all() {
+        let chunks = chunks(&[Vec3::X, Vec3::NEG_X]);
+        let directional = Light { kind: LightKind::Directional { direction: Vec3::X, irradiance: Vec3::ONE }, ..point(Vec3::ZERO) };
+        assert_eq!(chunks.seen(&directional, 0), [[0, 2 * CHUNK]]);
+        let spot = |outer: f32| Light {
+            kind: LightKind::Spot { position: Vec3::ZERO, direction: Vec3::X, intensity: Vec3::ONE, inner: 0.1, outer },
+            ..point(Vec3::ZERO)
+        };
+        assert_eq!(chunks.seen(&spot(0.3), 0), [[0, 2 * CHUNK]]);
+        assert_eq!(chunks.seen(&spot(1.5), 0), [[0, CHUNK]]);
+    }
+}

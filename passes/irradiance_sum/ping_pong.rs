@@ -64,3 +64,31 @@ fn add(tile: &[u8], extent: f64, exposure: f64) -> Summed {
         min_distance: extent / f64::from(nearest),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Vec4;
+
+    /// Four texels of each part, which are what is given on average.
+    fn tile(parts: [Vec4; PARTS as usize]) -> Vec<u8> {
+        let around = [Vec4::splat(0.5), Vec4::splat(-0.5), Vec4::new(-0.25, 0.25, 0.25, -1.0), Vec4::new(0.25, -0.25, -0.25, 1.0)];
+        let texels: Vec<Vec4> = parts.iter().flat_map(|part| around.map(|off| *part + off)).collect();
+        bytemuck::cast_slice(&texels).to_vec()
+    }
+
+    #[test]
+    fn parts_are_undone_as_they_were_scaled() {
+        let part = |x: f32| Vec4::new(x, x + 1.0, x + 2.0, x + 3.0);
+        let summed = add(&tile([part(1.0), part(11.0), part(21.0), part(31.0), part(41.0), part(51.0)]), 4.0, 2.0);
+        // Light is over the exposure, gradients over the extent, second derivatives over its square.
+        assert_eq!(summed.irradiance, DVec3::new(0.5, 1.0, 1.5));
+        assert_eq!(summed.rotation, [DVec3::new(5.5, 6.0, 0.0), DVec3::new(6.5, 7.0, 0.0), DVec3::new(10.5, 11.0, 0.0)]);
+        assert_eq!(summed.translation, [31.0, 41.0, 51.0].map(|x| DVec3::new(x, x + 1.0, x + 2.0) / 8.0));
+        assert_eq!(summed.hessian, DVec3::new(34.0, 44.0, 54.0) / 32.0);
+        // The weight over the weighted inverses of distances, which are in extents; neither has the exposure.
+        assert_eq!([summed.harmonic_mean_cosine, summed.harmonic_mean_plain], [23.0 / (4.0 / 4.0); 2]);
+        // The largest inverse of the four.
+        assert_eq!(summed.min_distance, 4.0 / 25.0);
+    }
+}

@@ -129,3 +129,45 @@ impl Work<'_> {
         (0..).find(|level| !can(*level)).unwrap_or(0)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::contract::port;
+    use crate::math::hemisphere::{Method, Shape, Table};
+    use crate::passes::record::Radius;
+    use std::sync::Arc;
+
+    /// Five tiles.
+    fn tiles(shape: Shape, resolution: u32) -> port::WeightedTiles {
+        let table = Arc::new(Table::new(shape, resolution, Method::None).unwrap());
+        let requests = port::Requests { places: Resource(0), count: Variable(0), capacity: 5, made: Variable(1), at_most: 100 };
+        let tiles = port::Tiles { samples: Resource(1), shaded_by_host: false, requests, shape, resolution, table: table.clone(), tiles_per_row: 2 };
+        port::WeightedTiles { tiles, table }
+    }
+
+    fn work(weighted: &port::WeightedTiles) -> Work<'_> {
+        Work { weighted, records: Resource(2), gradients: true, radius: Radius::HarmonicMean }
+    }
+
+    #[test]
+    fn tiles_are_halved_while_both_sides_are_even_and_one_is_too_large() {
+        let halved = |resolution: u32| [1, 16].map(|enough| work(&tiles(Shape::Cosine, resolution)).levels(enough));
+        assert_eq!([64, 48, 32, 16, 15].map(halved), [[6, 2], [4, 2], [5, 1], [4, 0], [0, 0]]);
+        let cube = tiles(Shape::Hemicube, 16);
+        assert_ne!(cube.table.width, cube.table.height);
+        assert_eq!(work(&cube).levels(cube.table.width.max(cube.table.height) - 1), 1);
+        assert_eq!(work(&cube).levels(cube.table.width.max(cube.table.height)), 0);
+    }
+
+    #[test]
+    fn levels_have_a_quarter_of_the_texels_each() {
+        let weighted = tiles(Shape::Cosine, 48);
+        let work = work(&weighted);
+        assert_eq!([0, 1, 4].map(|level| work.level_size(level)), [[48, 48], [24, 24], [3, 3]]);
+        assert_eq!(work.level_bytes(1, Format::Rgba32Float), 5 * 24 * 24 * 6 * 16);
+        assert_eq!(work.level_bytes(1, Format::Rgba16Float), 5 * 24 * 24 * 6 * 8);
+        let groups = |level| work.groups(level);
+        assert_eq!([0, 4].map(groups), [36, 1].map(|per| Groups::Counted { count: Variable(0), divisor: 1, per }));
+    }
+}

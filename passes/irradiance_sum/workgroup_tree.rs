@@ -74,3 +74,42 @@ fn cells(table: &Table) -> (Vec<Cell>, Vec<Edge>) {
     }
     (cells, seams)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::hemisphere::{Method, Shape};
+
+    #[test]
+    fn each_wall_stands_in_one_place() {
+        for shape in [Shape::Hemicube, Shape::Cosine, Shape::Hemispherical, Shape::Plane { fov_degrees: 90.0 }] {
+            let table = Table::new(shape, 10, Method::None).unwrap();
+            let (cells, seams) = cells(&table);
+            assert_eq!(cells.len() as u32, table.width * table.height.next_multiple_of(2));
+            let of_seam = |edge: &Edge| seams.iter().any(|seam| seam == edge);
+            let [mut left, mut above] = [0, 0];
+            for edge in &table.edges {
+                let (cell, wall) = (&cells[edge.b as usize], edge.gradient.map(|x| x as f32));
+                let bends = edge.hessian.map(|x| x as f32);
+                let is = |found: [f32; 4], [xy, yy]: [f32; 2]| found == [wall[0], wall[1], wall[2], bends[0]] && [xy, yy] == [bends[1], bends[2]];
+                let column = edge.b % table.width;
+                if edge.a + 1 == edge.b && column > 0 {
+                    assert!(is(cell.left, [cell.bends[0], cell.bends[1]]) && !of_seam(edge));
+                    left += 1;
+                } else if edge.a + table.width == edge.b {
+                    assert!(is(cell.above, [cell.bends[2], cell.bends[3]]) && !of_seam(edge));
+                    above += 1;
+                } else {
+                    assert!(of_seam(edge));
+                }
+            }
+            assert_eq!(left + above + seams.len(), table.edges.len());
+            assert!(left > 0 && above > 0);
+            for (cell, sample) in cells.iter().zip(&table.samples) {
+                let inverse = if sample.plain_weight > 0.0 { 1.0 / sample.depth_cosine } else { 0.0 };
+                assert_eq!(cell.weights, [sample.cosine_weight, sample.rotation[0], sample.rotation[1], inverse].map(|x| x as f32));
+            }
+            assert!(cells[table.samples.len()..].iter().all(|cell| bytemuck::bytes_of(cell).iter().all(|byte| *byte == 0)));
+        }
+    }
+}

@@ -90,3 +90,16 @@ pub(super) fn record(r: &mut Recorder<'_>, lobes: &[lobe::Shape], places: &[Tabl
     r.compute(program, "lay_out", groups((lobes.len() * edge * edge * room).div_ceil(64)));
     Ok(values)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn groups_beyond_what_one_axis_takes_go_along_two() {
+        let cases = [(1, [1, 1]), (MOST_GROUPS, [MOST_GROUPS, 1]), (MOST_GROUPS + 1, [MOST_GROUPS, 2]), (3 * MOST_GROUPS, [MOST_GROUPS, 3])];
+        for (count, [x, y]) in cases {
+            assert_eq!(groups(count as usize), Groups::Fixed([x, y, 1]));
+        }
+    }
+}

@@ -280,3 +280,77 @@ mod tests {
         }
     }
 }
+
+#[cfg(test)]
+mod orders {
+    use super::*;
+    use crate::contract::{Value, recorder::Setting};
+    use crate::passes::mock::MockHost;
+    use crate::recording::{Device, HostContext, Recording};
+
+    /// A lobe that ten degrees hold, and one that they do not.
+    const EXPONENTS: [f32; 2] = [3.0, 400.0];
+
+    /// What is chosen and told, with some parameters set.
+    fn chosen(set: &[(&'static str, Value)], exponents: &[f32]) -> (Result<Vec<u32>, Refusal>, Vec<String>) {
+        let shapes: Vec<Used> =
+            exponents.iter().map(|exponent| Used { shape: Shape::Phong { exponent: *exponent }, materials: vec![format!("m{exponent}")] }).collect();
+        let mut arguments = Arguments::defaults(DESCRIPTION.parameters);
+        set.iter().for_each(|(name, value)| arguments.set(name, value.clone()));
+        let (host, needs, inputs, mut recording) = (MockHost::new(Vec::new(), [4, 4]), Needs::default(), BTreeMap::new(), Recording::default());
+        let setting = Setting { scene: host.scene(), needs: &needs, device: Device::ABLE, size: [4, 4], tables: None };
+        let mut r = Recorder::new("lobes", &arguments, setting, &inputs, &mut recording);
+        let orders = chosen_orders(&mut r, Harmonics::Hemispherical, &shapes);
+        (orders, r.finish().remarks)
+    }
+
+    /// The lowest order that loses no more.
+    fn enough(exponent: f32, lost: f64) -> Option<u32> {
+        let held = energy_by_order(Shape::Phong { exponent }, Harmonics::Hemispherical, MOST);
+        (1..=MOST as u32).find(|order| 1.0 - held[*order as usize - 1] <= lost)
+    }
+
+    fn fixed(order: i64) -> (&'static str, Value) {
+        let parameters: &'static [Parameter] = match &DESCRIPTION.parameters[1].kind {
+            ParameterKind::Choice { choices } => choices[1].parameters,
+            _ => &[],
+        };
+        let mut inner = Arguments::defaults(parameters);
+        inner.set("order", Value::Integer(order));
+        ("order", Value::Choice("Fixed", inner))
+    }
+
+    #[test]
+    fn each_lobe_has_the_lowest_order_that_holds_it() {
+        let wide = enough(EXPONENTS[0], 0.0005).unwrap();
+        assert!(wide < 10 && enough(EXPONENTS[1], 0.0005).is_none_or(|order| order > 10));
+        let (orders, remarks) = chosen(&[], &EXPONENTS);
+        assert_eq!(orders, Ok(vec![wide, 10]));
+        let [blurred, told] = &remarks[..] else { panic!("{remarks:?}") };
+        assert!(blurred.starts_with("the lobe of m400 takes order ") && blurred.contains("to keep 99.95 % of its energy; order 10 keeps"), "{blurred}");
+        assert!(blurred.ends_with(": it is blurred"));
+        assert_eq!(*told, format!("order 10 for m400, order {wide} for m3"));
+        assert_eq!(chosen(&[], &[]), (Ok(vec![]), vec![]));
+    }
+
+    #[test]
+    fn a_fixed_order_is_that_of_all_lobes() {
+        let wide = enough(EXPONENTS[0], LOST).unwrap();
+        let (orders, remarks) = chosen(&[fixed(wide.into())], &EXPONENTS[..1]);
+        assert_eq!((orders, remarks.len()), (Ok(vec![wide]), 1));
+        let (orders, remarks) = chosen(&[fixed(i64::from(wide) - 1)], &EXPONENTS[..1]);
+        assert_eq!((orders, remarks.len()), (Ok(vec![wide - 1]), 2));
+        assert!(remarks[0].starts_with(&format!("the lobe of m3 takes order {wide} to keep 95.00 % of its energy; order {} keeps", wide - 1)), "{remarks:?}");
+    }
+
+    #[test]
+    fn lobes_that_are_too_sharp_are_refused_where_they_are_to() {
+        let refuse = ("too_sharp", Value::Choice("Refuse", Arguments::defaults(&[])));
+        assert!(chosen(std::slice::from_ref(&refuse), &EXPONENTS[..1]).0.is_ok());
+        let (refused, _) = chosen(&[refuse], &EXPONENTS);
+        let refused = refused.unwrap_err();
+        assert_eq!((refused.code, refused.parameter), ("plan::too_sharp", Some("order")));
+        let held = energy_by_order(Shape::Phong { exponent: EXPONENTS[1] }, Harmonics::Hemispherical, MOST);
+        assert!(refused.message.ends_with(&format!("order 10 keeps {:.2} %", 100.0 * held[9])), "{}", refused.message);
+    }
+}

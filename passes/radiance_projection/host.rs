@@ -124,3 +124,34 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work<'_>) {
         Ok(())
     });
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::hemisphere::{Method, Shape, Table};
+
+    #[test]
+    fn single_precision_projects_as_double_does() {
+        for shape in [Shape::Hemicube, Shape::Cosine] {
+            let (table, order, nearest) = (Table::new(shape, 8, Method::None).unwrap(), 3, 0.5);
+            let expansion = Expansion::new(&table, order);
+            let tables = Tables::new(&expansion, |at| table.samples[at as usize].depth_cosine);
+            // Some of what is seen is nearer than the nearest that counts.
+            let tiles = [0, 1].map(|tile| {
+                let seen = |at: usize| Vec4::new(((at * 7 + tile) % 5) as f32, ((at * 3) % 4) as f32, (at % 3) as f32, 0.25 + ((at * 5 + tile) % 7) as f32);
+                (0..table.samples.len()).map(seen).collect::<Vec<Vec4>>()
+            });
+            let projected = tables.project(&[0, 1].map(|tile| tables.factors(&tiles[tile], nearest)));
+            for (tile, planes) in tiles.iter().zip(&projected) {
+                let radiance: Vec<[f32; 4]> = tile.iter().map(|seen| seen.to_array()).collect();
+                let Projected(expected) = expansion.project(&table, &radiance, nearest.into()).unwrap();
+                let Projected(found) = Projected::of_fours(planes, order);
+                assert_eq!(planes.len(), PLANES * quads(order));
+                for (expected, found) in expected.iter().zip(&found) {
+                    let scale = expected.iter().fold(0.0f64, |most, value| most.max(value.abs()));
+                    assert!(scale > 0.1 && expected.iter().zip(found).all(|(a, b)| (a - b).abs() < 1e-4 * scale), "{expected:?} is not {found:?}");
+                }
+            }
+        }
+    }
+}

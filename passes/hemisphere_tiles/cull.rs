@@ -253,3 +253,77 @@ mod tests {
         assert_eq!(at(1e9, 1.0), 0);
     }
 }
+
+#[cfg(test)]
+mod views {
+    use super::*;
+    use crate::math::hemisphere::{Method, Shape, Table};
+    use crate::passes::mock::MockHost;
+    use glam::Vec2;
+
+    /// Small triangles all around, on no grid.
+    fn triangles() -> Vec<Triangle> {
+        let number = |at: u32| crate::math::random::unit(crate::math::random::hash(at)) * 2.0 - 1.0;
+        let place = |at: u32| 3.0 * Vec3::new(number(3 * at), number(3 * at + 1), number(3 * at + 2));
+        let corners = (0..3000).map(place).map(|at| [at, at + Vec3::new(0.01, 0.0, 0.0), at + Vec3::new(0.0, 0.01, 0.01)]);
+        corners.map(|positions| Triangle { positions, normals: [Vec3::Z; 3], uvs: [Vec2::ZERO; 3], material: 0 }).collect()
+    }
+
+    /// Whether a view sees a place, given from where its request is.
+    fn sees(view: &View, frame: &Frame, way: Vec3) -> bool {
+        let local = frame.to_local(way).as_dvec3();
+        let [right, up, forward] = [view.right, view.up, view.forward].map(|axis| axis.dot(local));
+        let at = glam::DVec2::new(right, up) / if view.linear { forward } else { way.length().into() };
+        let inside = at.cmpge(view.minimum).all() && at.cmple(view.maximum).all();
+        local.z > 0.0 && forward > 0.0 && inside
+    }
+
+    #[test]
+    fn views_draw_all_that_they_see_and_little_more() {
+        let request = |position: [f32; 3], normal: Vec3| Request { position, footprint: 1.0, normal: normal.normalize().into(), turn: 0.7 };
+        let places = [request([0.1, 0.2, 0.3], Vec3::new(1.0, 2.0, 3.0)), request([-1.0, 0.5, 1.0], Vec3::NEG_Z)];
+        for (shape, most) in [(Shape::Hemicube, 0.35), (Shape::Plane { fov_degrees: 60.0 }, 0.2), (Shape::Hemispherical, 0.7)] {
+            let table = Table::new(shape, 16, Method::None).unwrap();
+            let mut host = MockHost::new(triangles(), [4, 4]);
+            Culled::with(&mut host, Resource(0), |found, host| {
+                // What was found before counts no more.
+                found.refill(&places[1..], &table.views, |_| [0, 0]);
+                found.refill(&places, &table.views, |tile| [100 * tile + 7, 9]);
+                assert_eq!(found.views.len(), 2 * table.views.len());
+                assert!(found.views.windows(2).all(|pair| pair[0].end == pair[1].start) && found.views.last().unwrap().end == found.draws.len());
+                for (index, part) in found.views.iter().enumerate() {
+                    let (tile, view) = (index / table.views.len(), &table.views[index % table.views.len()]);
+                    let [x, y, width, height] = view.rectangle;
+                    let mut drawn = vec![false; host.scene().triangles.len()];
+                    for draw in &found.draws[part.clone()] {
+                        assert_eq!(draw.rectangle, Some([100 * tile as u32 + 7 + x, 9 + y, width, height]));
+                        assert_eq!((draw.instances[0] & 0xff_ffff, draw.instances[1] - draw.instances[0]), (index as u32, 1));
+                        let level = draw.instances[0] >> 24;
+                        assert!(level == 0 || !view.linear);
+                        let per_triangle = if level == WHOLE { 6 } else { 3 * 4u32.pow(level) };
+                        drawn[(draw.vertices[0] / per_triangle) as usize..(draw.vertices[1] / per_triangle) as usize].fill(true);
+                    }
+                    let place = &places[tile];
+                    let frame = Frame::new(place.normal.into()).turned(place.turn);
+                    let seen = |triangle: &Triangle| sees(view, &frame, triangle.positions[0] - Vec3::from(place.position));
+                    assert!(host.scene().triangles.iter().zip(&drawn).all(|(triangle, drawn)| *drawn || !seen(triangle)), "{shape:?} {index}");
+                    let share = drawn.iter().filter(|drawn| **drawn).count() as f32 / drawn.len() as f32;
+                    assert!(share < most, "{share} in {shape:?} {index}");
+                }
+            });
+            assert!(host.states[&Resource(0)].is_some());
+        }
+    }
+
+    #[test]
+    fn planes_bound_what_a_view_sees() {
+        let table = Table::new(Shape::Plane { fov_degrees: 60.0 }, 8, Method::None).unwrap();
+        let (view, frame) = (&table.views[0], Frame::new(Vec3::new(1.0, 2.0, 2.0) / 3.0));
+        let planes = planes(&frame, view);
+        for at in 0..2000u32 {
+            let number = |axis: u32| crate::math::random::unit(crate::math::random::hash(3 * at + axis)) * 2.0 - 1.0;
+            let way = Vec3::new(number(0), number(1), number(2));
+            assert_eq!(planes.iter().all(|plane| plane.dot(way) >= 0.0), sees(view, &frame, way), "{way}");
+        }
+    }
+}

@@ -143,3 +143,85 @@ mod tests {
         }
     }
 }
+
+#[cfg(test)]
+mod lists {
+    use super::*;
+    use crate::contract::port;
+    use crate::math::hemisphere::{Method, Shape, Table};
+    use crate::passes::mock::MockHost;
+    use std::sync::Arc;
+
+    fn work(shape: Shape, resolution: u32, capacity: u32) -> Work {
+        let requests = port::Requests { places: Resource(0), count: Variable(0), capacity, made: Variable(1), at_most: 1000 };
+        let table = Arc::new(Table::new(shape, resolution, Method::None).unwrap());
+        Work { requests, table, shape, samples: Resource(1), seen: Resource(2), size: [64, 64], tiles_per_row: 2, is_raster: true }
+    }
+
+    #[test]
+    fn views_have_room_for_what_their_samples_may_see() {
+        // Of many samples, of few, of few triangles, and where all tiles share what a buffer may have.
+        let wide = Room::new(&work(Shape::Hemispherical, 64, 3), 100_000);
+        assert_eq!((&wide.views[..], wide.per_tile), (&[[0, 4 * 64 * 64]][..], 4 * 64 * 64));
+        let cube = Room::new(&work(Shape::Hemicube, 8, 3), 100_000);
+        let each: Vec<[u32; 2]> = (0..5).map(|view| [4096 * view, 4096]).collect();
+        assert_eq!((&cube.views, cube.per_tile), (&each, 5 * 4096));
+        assert_eq!([cube.of(0), cube.of(4), cube.of(7)], [[0, 4096], [4 * 4096, 4096], [7 * 4096, 4096]]);
+        assert_eq!(Room::new(&work(Shape::Hemicube, 8, 3), 100).views[2], [200, 100]);
+        let many = Room::new(&work(Shape::Hemicube, 8, 1024), 100_000);
+        assert_eq!(many.views[1], [(64 << 20) / (12 * 1024 * 5); 2]);
+        assert!(!pays(&work(Shape::Hemispherical, 64, 3), 64 * 64) && pays(&work(Shape::Hemispherical, 64, 3), 64 * 64 + 1));
+    }
+
+    fn draw(first: u32, end: u32) -> Draw {
+        Draw { rectangle: Some([1, 2, 3, 4]), vertices: [3 * first, 3 * end], is_indexed: false, instances: [9, 10] }
+    }
+
+    /// Views of three draws, one draw, none and one.
+    fn with_views(step: impl Fn(&mut Culled)) {
+        Culled::with(&mut MockHost::new(Vec::new(), [4, 4]), Resource(0), |found, _| {
+            found.draws = vec![draw(0, 40), draw(60, 61), draw(100, 132), draw(5, 9), draw(7, 300)];
+            found.views = vec![0..3, 3..4, 4..4, 4..5];
+            step(found);
+        });
+    }
+
+    fn room() -> Room {
+        Room { views: vec![[0, 50], [50, 10]], per_tile: 60 }
+    }
+
+    #[test]
+    fn views_ask_for_all_that_they_may_see_where_it_fits() {
+        with_views(|found| {
+            let told = |capacity: usize| {
+                let (words, views) = ask(found, &room(), capacity);
+                (words, views.iter().map(|view| [view.first, view.end, view.base, view.room]).collect::<Vec<_>>())
+            };
+            let word = |first: u32, count: u32| first << 6 | count;
+            let mut expected = vec![word(0, 32), word(32, 8), word(60, 1), word(100, 32), word(5, 4)];
+            let rooms = [[0, 50], [50, 10], [60, 50], [110, 10]];
+            let views = |ends: [[u32; 2]; 4]| (0..4).map(|view| [ends[view][0], ends[view][1], rooms[view][0], rooms[view][1]]).collect::<Vec<_>>();
+            // The last view takes ten words.
+            assert_eq!(told(14), (expected.clone(), views([[0, 4], [4, 5], [5, 5], [5, 5]])));
+            expected.extend(split([7, 300]));
+            assert_eq!(told(15), (expected, views([[0, 4], [4, 5], [5, 5], [5, 15]])));
+            assert_eq!(told(3), (vec![word(5, 4)], views([[0, 0], [0, 1], [1, 1], [1, 1]])));
+        });
+    }
+
+    #[test]
+    fn views_draw_what_was_kept_or_all_where_it_found_no_room() {
+        with_views(|found| {
+            let listed = |kept: [[u32; 2]; 4]| {
+                let mut draws = vec![draw(0, 1)];
+                list(found, &kept, &room(), &mut draws);
+                draws
+            };
+            let kept = |first: u32, end: u32| Draw { is_indexed: true, ..draw(first, end) };
+            // Those inside stand at the front of the room, those that cross bounds at its end.
+            assert_eq!(listed([[3, 2], [10, 0], [0, 0], [0, 0]]), [kept(0, 3), kept(48, 50), kept(50, 60)]);
+            assert_eq!(listed([[0, 0], [0, 1], [0, 0], [4, 6]]), [kept(59, 60), kept(110, 114), kept(114, 120)]);
+            assert_eq!(listed([[49, 2], [0, 0], [0, 0], [5, 6]]), [draw(0, 40), draw(60, 61), draw(100, 132), draw(7, 300)]);
+        });
+    }
+}

@@ -379,3 +379,192 @@ fn from_point<S: Simd>(simd: S, point: Vec3, surfaces: &Surfaces<S>) -> (Vectors
     let inverse = f32x8::splat(simd, 1.0) / distance;
     (d.scaled(inverse), inverse * inverse)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use fearless_simd::{Level, dispatch};
+
+    /// Of a surface at the origin: the way to a light, what arrives, and whether anything does.
+    #[inline(always)]
+    fn received<S: Simd>(simd: S, kind: &LightKind, face: Vec3, normal: Vec3) -> (Vec3, f32, bool) {
+        let [position, face, normal, reflectance] = [Vec3::ZERO, face, normal, Vec3::ONE].map(|vector| Vectors::splat(simd, vector));
+        let surfaces = Surfaces { position, face, normal, reflectance, distance: f32x8::splat(simd, 1.0) };
+        let (way, light, is_lit) = arriving(simd, kind, &surfaces);
+        (Vec3::new(way.x.to_array()[3], way.y.to_array()[3], way.z.to_array()[3]), light.to_array()[3], is_lit.to_bitmask() & 8 != 0)
+    }
+
+    fn expect(kind: LightKind, [face, normal]: [Vec3; 2], way: Vec3, light: f32) {
+        let found = dispatch!(Level::new(), simd => received(simd, &kind, face, normal));
+        assert!((found.0 - way).length() < 1e-6 && (found.1 - light).abs() <= 1e-5 * light, "{found:?} is not {way} {light}");
+        assert_eq!(found.2, light > 0.0);
+    }
+
+    #[test]
+    fn surfaces_receive_what_reaches_both_of_their_normals() {
+        let up = [Vec3::Z; 2];
+        let tilted = Vec3::new(0.6, 0.0, 0.8);
+        let point = |position: Vec3| LightKind::Point { position, intensity: Vec3::ONE };
+        expect(point(Vec3::new(0.0, 0.0, 3.0)), up, Vec3::Z, 1.0 / 9.0);
+        expect(point(Vec3::new(0.0, 0.0, 3.0)), [Vec3::Z, tilted], Vec3::Z, 0.8 / 9.0);
+        expect(point(Vec3::new(3.0, 0.0, 4.0)), up, tilted, 0.8 / 25.0);
+        // From behind the plane, or behind what the normal is shaded as.
+        expect(point(Vec3::new(4.0, 0.0, -1.0)), [Vec3::Z, tilted], Vec3::new(4.0, 0.0, -1.0).normalize(), 0.0);
+        expect(point(Vec3::new(-4.0, 0.0, 1.0)), [Vec3::Z, tilted], Vec3::new(-4.0, 0.0, 1.0).normalize(), 0.0);
+        let directional = LightKind::Directional { direction: -tilted, irradiance: Vec3::ONE };
+        expect(directional, up, tilted, 0.8);
+        expect(directional, [Vec3::NEG_Z; 2], tilted, 0.0);
+    }
+
+    #[test]
+    fn spots_fade_from_their_inner_angle_to_their_outer() {
+        let (inner, outer) = (0.2f32, 0.6f32);
+        let up = [Vec3::Z; 2];
+        for angle in [0.0f32, 0.15, 0.25, 0.4, 0.55, 0.65] {
+            let position = 2.0 * Vec3::new(angle.sin(), 0.0, angle.cos());
+            let spot = LightKind::Spot { position, direction: Vec3::NEG_Z, intensity: Vec3::ONE, inner, outer };
+            let ramp = ((angle.cos() - outer.cos()) / (inner.cos() - outer.cos())).clamp(0.0, 1.0);
+            expect(spot, up, position / 2.0, ramp * ramp * angle.cos() / 4.0);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tiles {
+    use super::*;
+    use crate::math::frame::Frame;
+    use crate::math::hemisphere::{Method, Shape, Table};
+    use crate::math::random::{hash, unit};
+    use crate::passes::mock::MockHost;
+    use crate::scene::{
+        Environment, Glossy, Light, Material, Texture,
+        packets::{Fan, Numbers, View},
+        surface_offset,
+    };
+    use fearless_simd::{Level, dispatch};
+
+    fn number(at: u32) -> f32 {
+        2.0 * unit(hash(at)) - 1.0
+    }
+
+    fn point(at: u32) -> Vec3 {
+        Vec3::new(number(3 * at), number(3 * at + 1), number(3 * at + 2))
+    }
+
+    /// Triangles all around, plain, emissive from one side and from both, glossy and textured, some of them smooth.
+    fn surroundings() -> MockHost {
+        let triangle = |at: u32| {
+            let centre = point(at).normalize() * (2.0 + unit(hash(at)));
+            let positions = [1, 2, 3].map(|corner| centre + 0.6 * point(1000 + 3 * at + corner));
+            let face = (positions[1] - positions[0]).cross(positions[2] - positions[0]).normalize();
+            let normals = [1, 2, 3].map(|corner| (face + 0.3 * point(5000 + 3 * at + corner)).normalize());
+            Triangle { positions, normals, uvs: [Vec2::ZERO, Vec2::X, Vec2::Y], material: at % 5 }
+        };
+        let mut host = MockHost::new((0..120).map(triangle).collect(), [4, 4]);
+        let grey = |name: &str| Material::diffuse(name, Vec3::new(0.5, 0.4, 0.3));
+        host.scene.materials = vec![
+            grey("plain"),
+            Material { emission: Vec3::new(3.0, 2.0, 1.0), ..grey("lamp") },
+            Material { emission: Vec3::new(1.0, 2.0, 3.0), two_sided: true, ..grey("lamp of two sides") },
+            Material { glossy: Some(Glossy::Phong { reflectance: Vec3::new(0.2, 0.3, 0.4), exponent: 5.0 }), ..grey("glossy") },
+            Material { texture: Some(0), ..grey("textured") },
+        ];
+        let texels = vec![[255, 0, 0, 255], [0, 255, 0, 255], [0, 0, 255, 255], [200, 100, 50, 255]];
+        host.scene.textures = vec![Texture { name: String::new(), width: 2, height: 2, texels }];
+        let kinds = [
+            LightKind::Point { position: Vec3::new(0.5, 0.2, -0.3), intensity: Vec3::new(4.0, 5.0, 6.0) },
+            LightKind::Spot { position: Vec3::new(-0.4, 0.1, 0.2), direction: Vec3::Y, intensity: Vec3::splat(9.0), inner: 0.3, outer: 1.2 },
+            LightKind::Directional { direction: Vec3::new(0.6, 0.0, 0.8), irradiance: Vec3::new(1.0, 0.5, 0.2) },
+        ];
+        host.scene.lights = kinds.map(|kind| Light { name: String::new(), kind, shadows: false }).into();
+        host.scene.environment = Environment::Constant(Vec3::new(0.1, 0.2, 0.3));
+        host
+    }
+
+    fn lighting(scene: &Scene, lobes: bool, sees_emission: bool, samples: [u32; 2]) -> Lighting {
+        Lighting {
+            lights: scene.lights.iter().map(|light| light.kind).zip(ShadowCameras::all(scene)).collect(),
+            albedos: scene.materials.iter().map(Material::albedo).collect(),
+            smooth: true,
+            lobes,
+            lamps: if samples[0] > 0 { Lamp::all(scene) } else { Vec::new() },
+            samples,
+            sees_emission,
+        }
+    }
+
+    /// What a surface receives of a light's unit intensity.
+    fn arriving(kind: &LightKind, position: Vec3, [face, normal]: [Vec3; 2]) -> (Vec3, f32) {
+        let (way, falloff) = match *kind {
+            LightKind::Directional { direction, .. } => (-direction, 1.0),
+            LightKind::Point { position: from, .. } => ((from - position).normalize(), 1.0 / from.distance_squared(position)),
+            LightKind::Spot { position: from, direction, inner, outer, .. } => {
+                let way = (from - position).normalize();
+                let ramp = ((-way.dot(direction) - outer.cos()) / (inner.cos() - outer.cos())).clamp(0.0, 1.0);
+                (way, ramp * ramp / from.distance_squared(position))
+            }
+        };
+        (way, if face.dot(way) > 0.0 { falloff * normal.dot(way).max(0.0) } else { 0.0 })
+    }
+
+    /// Radiance and distance along a ray that meets a triangle, computed alone.
+    fn seen(host: &MockHost, lighting: &Lighting, (ray, triangle, seed): (Ray, u32, u32)) -> Vec4 {
+        let scene = &host.scene;
+        let barycentric = scene.triangles[triangle as usize].barycentric(ray);
+        let surface = if lighting.lobes { scene.surface(triangle, barycentric, ray) } else { scene.diffuse_surface(triangle, barycentric, ray) };
+        let mut light = Vec3::ZERO;
+        for (kind, _) in &lighting.lights {
+            let (way, received) = arriving(kind, surface.position, [surface.face, surface.normal]);
+            let lobe = surface.glossy.map_or(Vec3::ZERO, |gloss| gloss.lobe.value(gloss.outgoing, gloss.frame.to_local(way)));
+            light += kind.intensity() * received * (surface.reflectance * FRAC_1_PI + lobe);
+        }
+        let material = &scene.materials[scene.triangles[triangle as usize].material as usize];
+        let front = scene.triangles[triangle as usize].face_normal().dot(ray.direction) <= 0.0;
+        if lighting.sees_emission && (front || material.two_sided) {
+            light += material.emission;
+        }
+        let emitters = lighting.emitters(scene, &host.bvh);
+        light += dispatch!(Level::new(), simd => emitters.light(simd, &surface, seed, &mut ToDo::default()));
+        light.extend(surface.position.distance(ray.origin))
+    }
+
+    #[test]
+    fn eight_samples_side_by_side_are_shaded_as_each_alone() {
+        let host = surroundings();
+        let table = Table::new(Shape::Cosine, 18, Method::None).unwrap();
+        let fan = Fan::new(&table);
+        let places = [0.3, 0.9].map(|turn| Request { position: [0.1, turn, 0.2], footprint: 1.0, normal: [0.0, 0.6, 0.8], turn });
+        let views = places.each_ref().map(|place| View { position: place.position.into(), frame: Frame::new(place.normal.into()).turned(place.turn) });
+        let mut numbers = vec![0; 2 * fan.samples];
+        host.bvh.packets(&host.scene).look(&host.scene, &views, &fan, &Numbers, &mut numbers);
+        for (lobes, sees_emission, samples) in [(false, false, [0, 0]), (true, true, [0, 0]), (true, false, [2, 3]), (false, true, [2, 0])] {
+            let lighting = lighting(&host.scene, lobes, sees_emission, samples);
+            let eye = Shading {
+                lighting: &lighting,
+                maps: ShadowMaps::default(),
+                scene: &host.scene,
+                emitters: lighting.emitters(&host.scene, &host.bvh),
+                places: &places,
+            };
+            let mut found = vec![Vec4::ZERO; 2 * fan.samples];
+            host.bvh.packets(&host.scene).look(&host.scene, &views, &fan, &eye, &mut found);
+            let [mut met, mut others] = [0, 0];
+            for (index, found) in found.into_iter().enumerate() {
+                let (view, sample) = (&views[index / fan.samples], index % fan.samples);
+                let direction = view.frame.to_world(Vec3::from(table.samples[sample].direction.map(|d| d as f32)));
+                let Some(triangle) = numbers[index].checked_sub(1) else {
+                    let sky = if sees_emission { Vec3::new(0.1, 0.2, 0.3) } else { Vec3::ZERO };
+                    assert_eq!(found, sky.extend(FAR_AWAY));
+                    continue;
+                };
+                let origin = view.position + view.frame.normal * surface_offset(host.scene.extent(), view.position);
+                let seed = combine(places[index / fan.samples].turn.to_bits(), sample as u32);
+                let expected = seen(&host, &lighting, (Ray { origin, direction }, triangle, seed));
+                met += 1;
+                others += u32::from((found - expected).abs().max_element() > 2e-3 * expected.max_element());
+            }
+            // Shadow rays that graze an edge may tell otherwise.
+            assert!(met > 200 && others <= if samples == [0, 0] { 0 } else { 3 }, "{others} of {met} differ with {lobes} {sees_emission} {samples:?}");
+        }
+    }
+}

@@ -258,7 +258,7 @@ mod tests {
         let (all, surplus) = joined(&before, &new, false);
         assert_eq!(all[..2], before);
         let fineness = cache(900).rule.fineness(&new[0], 2.0);
-        assert!(fineness < 0.5);
+        assert!(fineness < 1.0);
         assert_eq!(all[2..], new.map(|record| weight::Record { fineness, ..record }));
         let expected = (0..new.len())
             .filter(|at| new[..*at].iter().any(|other| cache(900).rule.weight(&weight::Record { fineness, ..*other }, new[*at].position, Vec3::Z) > 0.25));

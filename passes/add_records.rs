@@ -201,14 +201,11 @@ mod tests {
             position: Vec3::new(x, 0.0, 0.0),
             radius: 4.0,
             normal,
-            minimum_distance: 1.0,
             irradiance: Vec3::splat(light),
             footprint: 0.1,
-            rotation: [Vec3::ZERO; 3],
-            translation: [Vec3::ZERO; 3],
-            stretch: Vec3::ZERO,
             relative_gradient: 40.0,
             fineness: 7.0,
+            ..mock::record()
         }
     }
 

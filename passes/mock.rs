@@ -1,7 +1,7 @@
 //! A host without a device, for tests of steps and of what they share: variables that are 0 until set, contents that tests put there.
 
 use crate::contract::port;
-use crate::math::weight::{Rule, Weighting};
+use crate::math::weight::{Record, Rule, Weighting};
 use crate::recording::*;
 use crate::scene::{Camera, Environment, FieldOfView, Scene, Triangle, bvh::Bvh};
 use glam::{DVec3, Vec3, Vec4};
@@ -127,6 +127,23 @@ impl HostContext for MockHost {
 /// Records reach half of their radius; pixels and surroundings set no limits.
 pub fn rule() -> Rule {
     Rule { weighting: Weighting::Compact, accuracy: 0.5, spacing: [0.0, 1e6], nearest: 1e6, change: 1e6, overlap: 0.25, contrast: 1.0, finest_spacing: 0.0 }
+}
+
+/// A record at 0 that faces along z, of white light, without gradients.
+pub fn record() -> Record {
+    Record {
+        position: Vec3::ZERO,
+        radius: 1.0,
+        normal: Vec3::Z,
+        minimum_distance: 1.0,
+        irradiance: Vec3::ONE,
+        footprint: 1.0,
+        rotation: [Vec3::ZERO; 3],
+        translation: [Vec3::ZERO; 3],
+        stretch: Vec3::ZERO,
+        relative_gradient: 0.0,
+        fineness: 1.0,
+    }
 }
 
 /// A cache in resource 0 whose records variable 0 counts.

@@ -91,21 +91,10 @@ impl Reflection<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::passes::mock;
 
     fn record(light: f32, relative_gradient: f32) -> Record {
-        Record {
-            position: Vec3::ZERO,
-            radius: 1.0,
-            normal: Vec3::Z,
-            minimum_distance: 1.0,
-            irradiance: Vec3::splat(light),
-            footprint: 1.0,
-            rotation: [Vec3::ZERO; 3],
-            translation: [Vec3::ZERO; 3],
-            stretch: Vec3::ZERO,
-            relative_gradient,
-            fineness: 1.0,
-        }
+        Record { irradiance: Vec3::splat(light), relative_gradient, ..mock::record() }
     }
 
     #[test]

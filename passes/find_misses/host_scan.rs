@@ -267,19 +267,7 @@ mod walks {
     #[test]
     fn a_record_adds_its_weight_to_all_that_it_reaches() {
         let camera = Pinhole { eye: Vec3::ZERO, right: Vec3::X, up: Vec3::Y, forward: Vec3::NEG_Z, half_extent: glam::Vec2::new(1.0, 0.75), size: [8, 6] };
-        let record = Record {
-            position: Vec3::new(1.0, -0.5, -4.0),
-            radius: 4.0,
-            normal: Vec3::Z,
-            minimum_distance: 1.0,
-            irradiance: Vec3::ONE,
-            footprint: 1.0,
-            rotation: [Vec3::ZERO; 3],
-            translation: [Vec3::ZERO; 3],
-            stretch: Vec3::ZERO,
-            relative_gradient: 0.0,
-            fineness: 1.0,
-        };
+        let record = Record { position: Vec3::new(1.0, -0.5, -4.0), radius: 4.0, ..mock::record() };
         let (mut walk, rule) = (walk(2, None), mock::rule());
         walk.weights[28] = -1.0;
         walk.weights[29] = 0.5;

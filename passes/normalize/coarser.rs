@@ -209,7 +209,7 @@ impl Gap {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::weight::Weighting;
+    use crate::passes::mock;
 
     const OVERLAP: f32 = 0.5;
 
@@ -295,29 +295,8 @@ mod tests {
 
     #[test]
     fn sums_at_gaps_are_those_of_the_whole_picture() {
-        let rule = Rule {
-            weighting: Weighting::Compact,
-            accuracy: 0.2,
-            spacing: [0.0, 1e6],
-            nearest: 1e6,
-            change: 1e6,
-            overlap: OVERLAP,
-            contrast: 1.0,
-            finest_spacing: 0.0,
-        };
-        let record = |x: f32, light: f32| Record {
-            position: Vec3::new(x, 0.0, -4.0),
-            radius: 1.0,
-            normal: Vec3::Z,
-            minimum_distance: 1.0,
-            irradiance: Vec3::new(light, 2.0 * light, 3.0),
-            footprint: 1.0,
-            rotation: [Vec3::ZERO; 3],
-            translation: [Vec3::ZERO; 3],
-            stretch: Vec3::ZERO,
-            relative_gradient: 0.0,
-            fineness: 1.0,
-        };
+        let rule = Rule { accuracy: 0.2, overlap: OVERLAP, ..mock::rule() };
+        let record = |x: f32, light: f32| Record { position: Vec3::new(x, 0.0, -4.0), irradiance: Vec3::new(light, 2.0 * light, 3.0), ..mock::record() };
         let (size, records) = ([5, 20], [record(-2.0, 1.0), record(2.0, 4.0)]);
         let camera = Pinhole { eye: Vec3::ZERO, right: Vec3::X, up: Vec3::Y, forward: Vec3::NEG_Z, half_extent: glam::Vec2::ONE, size };
         let across = |part: u32, parts: u32| (2.0 * (part as f32 + 0.5) / parts as f32 - 1.0) * 4.0;

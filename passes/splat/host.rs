@@ -72,15 +72,10 @@ mod tests {
         let record = |x: f32, light: f32| Record {
             position: Vec3::new(x, 0.5, -4.0),
             radius: 3.0,
-            normal: Vec3::Z,
-            minimum_distance: 1.0,
             irradiance: Vec3::new(light, 2.0, 3.0),
-            footprint: 1.0,
-            rotation: [Vec3::ZERO; 3],
             translation: [Vec3::X; 3],
-            stretch: Vec3::ZERO,
             relative_gradient: 0.1,
-            fineness: 1.0,
+            ..mock::record()
         };
         // The first one has been splatted before; the last one is behind the camera.
         let records = [record(0.0, 9.0), record(-2.0, 1.0), record(1.0, 4.0), Record { position: Vec3::new(0.0, 0.0, 9.0), ..record(0.0, 9.0) }];

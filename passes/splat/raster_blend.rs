@@ -5,8 +5,13 @@ use crate::contract::Recorder;
 use crate::recording::*;
 
 pub(super) fn record(r: &mut Recorder<'_>, work: &Work) {
+    for (stretch, count) in fresh::record(r, work, u32::MAX) {
+        draw(r, work, stretch, count);
+    }
+}
+
+fn draw(r: &mut Recorder<'_>, work: &Work, stretch: Resource, count: Variable) {
     let add = |texture| Target { texture, clear: None, blend: Blend::Add };
-    let [(stretch, count)] = fresh::record(r, work, u32::MAX)[..] else { unreachable!("one stretch holds all") };
     r.command(Command::Raster(Raster {
         program: work
             .contribution(Program::new("splat/raster_blend"))

@@ -2,7 +2,7 @@
 
 use super::device::GpuError;
 use super::encode::Pending;
-use super::frame::{AskPace, Frame, Pace};
+use super::frame::{AskPace, Pace};
 use super::programs::Ready;
 use super::readback;
 use super::session::Session;
@@ -23,70 +23,50 @@ struct Progress {
 }
 
 impl Session<'_> {
-    /// Runs a loop whose first node has the index `first`; returns the index after the last.
-    pub(super) fn run_ahead(
-        &mut self,
-        repeat: &Repeat,
-        sizes: Resource,
-        first: usize,
-        pending: &mut Pending,
-        frame: &mut Frame,
-        pace: AskPace,
-    ) -> Result<usize, GpuError> {
-        let outer = self.is_last_round;
-        self.start_ahead(repeat);
+    /// Runs a loop whose first node has the index `first`; how many rounds there were.
+    pub(super) fn run_ahead(&mut self, repeat: &Repeat, sizes: Resource, first: usize, pending: &mut Pending, pace: AskPace) -> Result<u32, GpuError> {
+        self.bring_variables();
         // As many as the last time, and one that finds the end.
         let mut ahead = self.rounds_before.get(&repeat.round).map_or(FIRST, |rounds| rounds + 1).min(MOST);
-        let progress = loop {
+        let rounds = loop {
             for _ in 0..ahead {
                 self.encode_round(repeat, sizes, first, pending)?;
             }
             let progress = self.look_at_variables(pending)?;
-            let is_done = self.is_done(repeat);
-            if is_done || progress.is_over || progress.rounds == repeat.at_most {
+            if progress.is_over || self.is_done(repeat, progress.rounds) || progress.rounds == repeat.at_most {
                 self.is_last_round = progress.is_last_round;
                 self.cut_short.extend(repeat.until.zip(progress.shortfall));
-                self.end_loop(repeat, progress.rounds, is_done, frame);
-                break progress;
+                break progress.rounds;
             }
             if pace() == Pace::Stop {
                 return Err(GpuError::Interrupted);
             }
             ahead = (2 * ahead).min(MOST);
         };
-        self.rounds_before.insert(repeat.round, progress.rounds);
-        self.is_last_round = outer;
-        let end = first + repeat.steps.len();
-        self.nodes[first + 1..end].iter_mut().for_each(|node| node.runs += progress.rounds);
-        Ok(end)
-    }
-
-    fn is_done(&self, repeat: &Repeat) -> bool {
-        repeat.until.is_some_and(|until| self.variable(until) != 0)
+        self.rounds_before.insert(repeat.round, rounds);
+        self.nodes[first + 1..first + repeat.steps.len()].iter_mut().for_each(|node| node.runs += rounds);
+        Ok(rounds)
     }
 
     /// Brings the variables to the device, as a loop starts.
-    fn start_ahead(&mut self, repeat: &Repeat) {
-        if let Some(until) = repeat.until {
-            self.set_variable(until, 0);
-            self.cut_short.remove(&until);
-        }
+    fn bring_variables(&mut self) {
         let words: Vec<u32> = [0; VARIABLES_BEFORE as usize].iter().chain(&self.variables).chain(&self.latest).copied().collect();
-        if let Some(variables) = self.on_device() {
-            self.write(variables, bytemuck::cast_slice(&words));
-        }
+        self.write(self.variables_on_device(), bytemuck::cast_slice(&words));
     }
 
-    fn on_device(&self) -> Option<Resource> {
-        self.recording.resources.iter().position(|resource| resource.lifetime == Lifetime::Variables).map(|index| Resource(index as u32))
+    fn variables_on_device(&self) -> Resource {
+        let found = self.recording.resources.iter().position(|resource| resource.lifetime == Lifetime::Variables);
+        found.map_or_else(|| unreachable!("such loops have variables on the device"), |index| Resource(index as u32))
     }
 
     fn encode_round(&mut self, repeat: &Repeat, sizes: Resource, first: usize, pending: &mut Pending) -> Result<(), GpuError> {
-        self.encode_sizing(first, 0, pending);
-        self.encode_sizing(first, 1, pending);
+        let nodes: Vec<&Node> = repeat.steps.iter().filter_map(|step| if let Step::Node(node) = step { Some(node) } else { None }).collect();
+        let [begin, size] = [0, 1].map(|position| (&nodes[0].commands[position], position));
+        for (command, position) in [begin, size] {
+            self.encode(command, first, position, pending);
+        }
         let mut next_size = 0;
-        for (step, index) in repeat.steps[1..].iter().zip(first + 1..) {
-            let Step::Node(node) = step else { unreachable!("such loops hold no others") };
+        for (node, index) in nodes.into_iter().zip(first..).skip(1) {
             let mut open = false;
             for (position, command) in node.commands.iter().enumerate() {
                 self.catch_up_all(command, pending);
@@ -96,20 +76,13 @@ impl Session<'_> {
                 next_size += self.encode_sized(command, &self.programs[index][position], (sizes, next_size), pending);
                 // What a host step's twin has counted changes the sizes of what follows.
                 if matches!(command, Command::Host(_)) {
-                    self.encode_sizing(first, 1, pending);
+                    self.encode(size.0, first, size.1, pending);
                 }
             }
             self.end_timing(&mut open, pending)?;
         }
         pending.empty = false;
         Ok(())
-    }
-
-    /// One of the two commands that begin a round and size it.
-    fn encode_sizing(&self, first: usize, position: usize, pending: &mut Pending) {
-        if let Ready::Compute(dispatches) = &self.programs[first][position] {
-            dispatches.iter().for_each(|dispatch| dispatch.begin(&mut pending.encoder).dispatch_workgroups(1, 1, 1));
-        }
     }
 
     /// Encodes a command with sizes from a place of theirs on; how many it takes.
@@ -132,7 +105,7 @@ impl Session<'_> {
 
     /// Waits for all that was recorded, and takes the variables over.
     fn look_at_variables(&mut self, pending: &mut Pending) -> Result<Progress, GpuError> {
-        let Some(variables) = self.on_device() else { unreachable!("such loops have variables on the device") };
+        let variables = self.variables_on_device();
         let staging = self.kept_staging(variables);
         let bytes = self.copy_out(pending, Read::whole(variables), &staging);
         self.submit(pending);

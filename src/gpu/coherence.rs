@@ -66,7 +66,7 @@ impl Session<'_> {
     }
 
     /// Brings to the device what the host alone has of a resource, after the commands so far: they may look at another that has the same memory.
-    pub(super) fn catch_up(&mut self, resource: Resource, pending: &mut Pending) {
+    fn catch_up(&mut self, resource: Resource, pending: &mut Pending) {
         if self.copies.get(resource).is_some_and(|copy| copy.ahead().is_some()) {
             if !pending.empty {
                 self.submit(pending);
@@ -96,13 +96,13 @@ impl Session<'_> {
         self.recording.resource(resource).kind.bytes() as usize
     }
 
-    pub(super) fn wanted_bytes(&self, read: Read) -> usize {
+    fn wanted_bytes(&self, read: Read) -> usize {
         let whole = self.unpadded_bytes(read.resource);
         read.counted.map_or(whole, |(stride, count)| (stride as usize * self.variable(count) as usize).min(whole))
     }
 
     /// Bytes of a resource read back whole, rows of a texture padded.
-    pub(super) fn whole_bytes(&self, resource: Resource) -> u64 {
+    fn whole_bytes(&self, resource: Resource) -> u64 {
         match &self.physical[resource.0 as usize] {
             Physical::Texture { texture, format } => format.row_bytes(texture.width()) * texture.height() as u64 * texture.depth_or_array_layers() as u64,
             _ => self.buffer(resource).size(),
@@ -128,7 +128,7 @@ impl Session<'_> {
         bytes
     }
 
-    pub(super) fn finish_read(&self, read: Read, staging: &wgpu::Buffer, bytes: u64, into: &mut [u8]) -> Result<(), GpuError> {
+    fn finish_read(&self, read: Read, staging: &wgpu::Buffer, bytes: u64, into: &mut [u8]) -> Result<(), GpuError> {
         if bytes == 0 {
             return Ok(());
         }

@@ -42,7 +42,7 @@ impl Session<'_> {
         }
     }
 
-    pub(super) fn encode_copy(&self, from: Resource, to: Resource, encoder: &mut wgpu::CommandEncoder) {
+    fn encode_copy(&self, from: Resource, to: Resource, encoder: &mut wgpu::CommandEncoder) {
         match self.recording.resource(to).kind {
             ResourceKind::Texture { .. } => {
                 let (from, to) = (self.texture(from).0, self.texture(to).0);
@@ -53,7 +53,7 @@ impl Session<'_> {
         }
     }
 
-    pub(super) fn workgroups(&self, groups: Groups) -> [u32; 3] {
+    fn workgroups(&self, groups: Groups) -> [u32; 3] {
         match groups {
             Groups::Fixed(groups) => groups,
             Groups::Counted { count, divisor, per } => {

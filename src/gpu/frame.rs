@@ -78,7 +78,7 @@ impl Session<'_> {
         Ok(frame)
     }
 
-    pub(super) fn start_frame(&mut self) {
+    fn start_frame(&mut self) {
         for (variable, description) in self.variables.iter_mut().zip(&self.recording.variables) {
             if !description.history {
                 *variable = 0;
@@ -102,7 +102,7 @@ impl Session<'_> {
         }
     }
 
-    pub(super) fn collect_times(&mut self, frame: &mut Frame) -> Result<(), GpuError> {
+    fn collect_times(&mut self, frame: &mut Frame) -> Result<(), GpuError> {
         frame.nodes = self.nodes.clone();
         if let Some(timing) = &mut self.timing {
             timing.collect(self.gpu)?;
@@ -115,7 +115,7 @@ impl Session<'_> {
     }
 
     /// Runs steps whose first node has the index `first`; returns the index after the last.
-    pub(super) fn run(&mut self, steps: &[Step], first: usize, pending: &mut Pending, frame: &mut Frame, pace: AskPace) -> Result<usize, GpuError> {
+    fn run(&mut self, steps: &[Step], first: usize, pending: &mut Pending, frame: &mut Frame, pace: AskPace) -> Result<usize, GpuError> {
         let mut index = first;
         for step in steps {
             match step {
@@ -129,22 +129,32 @@ impl Session<'_> {
         Ok(index)
     }
 
-    pub(super) fn run_loop(&mut self, repeat: &Repeat, first: usize, pending: &mut Pending, frame: &mut Frame, pace: AskPace) -> Result<usize, GpuError> {
-        if let (Driver::Device { sizes }, Pace::GoOn) = (repeat.driver, pace()) {
-            return self.run_ahead(repeat, sizes, first, pending, frame, pace);
-        }
-        // A node for the device alone.
-        let skipped = usize::from(repeat.driver != Driver::Host);
-        let (steps, first) = (&repeat.steps[skipped..], first + skipped);
-        let mut next = first;
-        let (mut rounds, mut pacing) = (0, Rounds::default());
+    fn run_loop(&mut self, repeat: &Repeat, first: usize, pending: &mut Pending, frame: &mut Frame, pace: AskPace) -> Result<usize, GpuError> {
         let outer = self.is_last_round;
-        let is_done = |session: &Self, rounds| repeat.until.map_or(rounds == repeat.at_most, |until| session.variable(until) != 0);
         if let Some(until) = repeat.until {
             self.set_variable(until, 0);
             self.cut_short.remove(&until);
         }
-        while !is_done(self, rounds) && rounds < repeat.at_most {
+        let rounds = match repeat.driver {
+            Driver::Device { sizes } if pace() == Pace::GoOn => self.run_ahead(repeat, sizes, first, pending, pace)?,
+            _ => self.run_rounds(repeat, first, pending, frame, pace)?,
+        };
+        let shortfall = self.shortfall(repeat, rounds);
+        self.is_cut |= shortfall.as_ref().is_some_and(|short| short.because == Shortfall::NoProgress);
+        frame.unfinished.extend(shortfall);
+        self.is_last_round = outer;
+        if repeat.until.is_some() {
+            *frame.fill_rounds.get_or_insert(0) += rounds;
+        }
+        Ok(first + count(&repeat.steps))
+    }
+
+    /// Runs a loop whose first node has the index `first`, deciding on each round; how many there were.
+    fn run_rounds(&mut self, repeat: &Repeat, first: usize, pending: &mut Pending, frame: &mut Frame, pace: AskPace) -> Result<u32, GpuError> {
+        // A node for the device alone.
+        let skipped = usize::from(repeat.driver != Driver::Host);
+        let (mut rounds, mut pacing) = (0, Rounds::default());
+        while !self.is_done(repeat, rounds) && rounds < repeat.at_most {
             let is_over = match pace() {
                 Pace::GoOn => false,
                 Pace::Within(left) => {
@@ -157,41 +167,35 @@ impl Session<'_> {
             self.set_variable(repeat.round, rounds);
             // A loop of so many rounds has nothing to leave for later ones; one with an end to reach must not.
             self.is_last_round = is_over || (repeat.until.is_some() && rounds + 1 == repeat.at_most);
-            next = self.run(steps, first, pending, frame, pace)?;
+            self.run(&repeat.steps[skipped..], first + skipped, pending, frame, pace)?;
             rounds += 1;
             if is_over {
                 break;
             }
         }
-        self.end_loop(repeat, rounds, is_done(self, rounds), frame);
-        self.is_last_round = outer;
-        Ok(next)
+        Ok(rounds)
     }
 
-    /// Tells of a loop that ended after so many rounds.
-    pub(super) fn end_loop(&mut self, repeat: &Repeat, rounds: u32, is_done: bool, frame: &mut Frame) {
-        let shortfall = self.shortfall(repeat, rounds, is_done);
-        self.is_cut |= shortfall.as_ref().is_some_and(|short| short.because == Shortfall::NoProgress);
-        frame.unfinished.extend(shortfall);
-        if repeat.until.is_some() {
-            *frame.fill_rounds.get_or_insert(0) += rounds;
-        }
+    /// Whether a loop has reached its end, after so many rounds.
+    pub(super) fn is_done(&self, repeat: &Repeat, rounds: u32) -> bool {
+        repeat.until.map_or(rounds == repeat.at_most, |until| self.variable(until) != 0)
     }
 
     /// Whether a loop has made enough for the picture to be made of it, after so many rounds.
-    pub(super) fn may_end(&self, time: &TimeShare, rounds: u32) -> bool {
+    fn may_end(&self, time: &TimeShare, rounds: u32) -> bool {
         rounds >= time.at_least && time.records.is_none_or(|records| self.variable(records) > 0)
     }
 
     /// Why a loop ended that was not done after so many rounds, or may not have been.
-    pub(super) fn shortfall(&self, repeat: &Repeat, rounds: u32, is_done: bool) -> Option<Unfinished> {
+    fn shortfall(&self, repeat: &Repeat, rounds: u32) -> Option<Unfinished> {
+        let is_done = self.is_done(repeat, rounds);
         let bound = if rounds < repeat.at_most { Shortfall::Time } else { Shortfall::Rounds };
         let told = repeat.until.and_then(|until| self.cut_short.get(&until).copied());
         let because = told.or_else(|| (!is_done || self.is_last_round).then_some(bound))?;
         Some(Unfinished { name: repeat.name.clone(), because, is_certain: !is_done || because == Shortfall::NoProgress })
     }
 
-    pub(super) fn run_node(&mut self, node: &Node, index: usize, pending: &mut Pending) -> Result<(), GpuError> {
+    fn run_node(&mut self, node: &Node, index: usize, pending: &mut Pending) -> Result<(), GpuError> {
         self.nodes[index].runs += 1;
         let mut open = false;
         for (position, command) in node.commands.iter().enumerate() {
@@ -244,6 +248,11 @@ impl Session<'_> {
         }
         Ok(())
     }
+}
+
+/// Nodes, those inside loops too.
+fn count(steps: &[Step]) -> usize {
+    steps.iter().map(|step| if let Step::Repeat(repeat) = step { count(&repeat.steps) } else { 1 }).sum()
 }
 
 /// A node in a loop may have a part before the loop: one entry for both.

@@ -66,9 +66,13 @@ impl HostView<'_, '_> {
     fn may_write(&self, resource: Resource) -> bool {
         let may = self.host.writes.contains(&resource);
         if !may {
-            self.undeclared.set(self.undeclared.get().or(Some(resource)));
+            self.refuse(resource);
         }
         may
+    }
+
+    fn refuse(&self, resource: Resource) {
+        self.undeclared.set(self.undeclared.get().or(Some(resource)));
     }
 }
 
@@ -76,7 +80,7 @@ impl HostContext for HostView<'_, '_> {
     fn read(&self, resource: Resource) -> &[u8] {
         let nothing: &[Vec4] = &[];
         let Some(contents) = self.contents.get(&resource) else {
-            self.undeclared.set(self.undeclared.get().or(Some(resource)));
+            self.refuse(resource);
             return bytemuck::cast_slice(nothing);
         };
         let copy = contents.own.as_ref().or_else(|| self.copies.get(resource));

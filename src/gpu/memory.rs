@@ -38,7 +38,7 @@ impl Session<'_> {
         self.gpu.check("uploading the scene")
     }
 
-    pub(super) fn create(&mut self, label: &str, kind: &ResourceKind) -> Result<Physical, GpuError> {
+    fn create(&mut self, label: &str, kind: &ResourceKind) -> Result<Physical, GpuError> {
         self.gpu_bytes += kind.bytes();
         let physical = match kind {
             ResourceKind::Buffer { bytes } => {
@@ -60,7 +60,7 @@ impl Session<'_> {
         Ok(physical)
     }
 
-    pub(super) fn create_texture(&self, label: &str, size: [u32; 2], layers: u32, format: Format) -> wgpu::Texture {
+    fn create_texture(&self, label: &str, size: [u32; 2], layers: u32, format: Format) -> wgpu::Texture {
         let mut usage =
             wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC | wgpu::TextureUsages::COPY_DST;
         if format != Format::Depth32Float {
@@ -78,7 +78,7 @@ impl Session<'_> {
         })
     }
 
-    pub(super) fn upload(&mut self, label: &str, kind: &ResourceKind, bytes: &[u8]) -> Result<Physical, GpuError> {
+    fn upload(&mut self, label: &str, kind: &ResourceKind, bytes: &[u8]) -> Result<Physical, GpuError> {
         let physical = self.create(label, kind)?;
         match &physical {
             Physical::Buffer(buffer) => self.gpu.queue.write_buffer(buffer, 0, bytes),

@@ -141,6 +141,7 @@ impl<'a> Session<'a> {
         self.gpu.queue.submit([encoder.finish()]);
         self.copies.invalidate(|resource| matches!(recording.resource(resource).lifetime, Lifetime::History));
         self.variables.fill(0);
+        self.rounds_before.clear();
         self.frames = 0;
         self.gpu.wait("emptying histories")
     }

@@ -1,5 +1,6 @@
 //! Loops that the device drives: rounds are recorded ahead, and what is in them is sized where it is counted.
 
+use super::Loop;
 use crate::host_struct;
 use crate::recording::*;
 
@@ -60,28 +61,46 @@ fn is_driven_by_device(step: &Step) -> bool {
 
 fn drive_level(steps: &mut [Step], recording: &mut Recording, device: Device, remarks: &mut Vec<(String, String)>) {
     for step in steps {
-        match step {
+        let repeat = match step {
             // What does not run is not compiled.
-            Step::Node(node) => node.commands.iter_mut().for_each(Command::drop_twin),
-            Step::Repeat(repeat) => match (device, obstacle(repeat)) {
-                (Device::Hardware { .. }, None) => drive_by_device(repeat, recording),
-                (_, obstacle) => {
-                    if let (Device::Hardware { .. }, Some(obstacle)) = (device, obstacle) {
-                        remarks.push((repeat.name.clone(), format!("the host decides on each round, as {obstacle}")));
-                    }
-                    drive_level(&mut repeat.steps, recording, device, remarks);
-                }
-            },
+            Step::Node(node) => {
+                node.commands.iter_mut().for_each(Command::drop_twin);
+                continue;
+            }
+            Step::Repeat(repeat) => repeat,
+        };
+        let is_worth_it = matches!(device, Device::Hardware { .. });
+        let obstacle = obstacle(repeat);
+        if is_worth_it && obstacle.is_none() {
+            drive_by_device(repeat, recording);
+        } else {
+            remarks.extend(obstacle.filter(|_| is_worth_it).map(|obstacle| (repeat.name.clone(), format!("the host decides on each round, as {obstacle}"))));
+            drive_level(&mut repeat.steps, recording, device, remarks);
         }
     }
 }
 
 /// What keeps the device from driving a loop.
 fn obstacle(repeat: &Repeat) -> Option<String> {
-    let found = repeat.steps.iter().find_map(Step::obstacle_on_device);
+    let of_step = |step: &Step| match step {
+        Step::Repeat(inner) => Some(format!("`{}` is a loop inside it", inner.name)),
+        Step::Node(node) => (!node.commands.iter().all(is_sized_on_device)).then(|| format!("`{}` has a step that the host alone can do", node.name)),
+    };
     let is_unended = || repeat.until.is_none().then(|| "nothing there ends it early".to_owned());
     let has_many = || (sizings(repeat).len() > MOST_SIZES).then(|| format!("its rounds have more than {MOST_SIZES} steps"));
-    found.or_else(is_unended).or_else(has_many)
+    repeat.steps.iter().find_map(of_step).or_else(is_unended).or_else(has_many)
+}
+
+/// Whether a command can be sized on the device, so that it does nothing in rounds that are not needed.
+fn is_sized_on_device(command: &Command) -> bool {
+    match command {
+        Command::Compute(_) => true,
+        Command::Raster(raster) => {
+            matches!(raster.draws, Draws::Instances { .. }) && raster.colours.iter().all(|target| target.clear.is_none()) && raster.depth.is_none()
+        }
+        Command::Host(host) => host.twin.is_some(),
+        Command::Clear(_) | Command::Copy { .. } | Command::CopyToBuffer { .. } | Command::Late(_) => false,
+    }
 }
 
 fn drive_by_device(repeat: &mut Repeat, recording: &mut Recording) {
@@ -108,7 +127,9 @@ fn drive_by_device(repeat: &mut Repeat, recording: &mut Recording) {
     let sizes = declare(".sizes", 16 * sizings.len() as u64, Lifetime::Transient);
     let program = Program::new("rounds").bind("rounds", rounds).bind("sized_by", sized_by).bind("sizes", sizes);
     let compute = |entry| Command::Compute(Compute { program: program.clone(), entry, groups: Groups::ONE });
-    repeat.steps.insert(0, Step::Node(Node { name: repeat.name.clone(), pass: "Fill", commands: vec![compute("begin"), compute("size")] }));
+    repeat
+        .steps
+        .insert(0, Step::Node(Node { name: repeat.name.clone(), pass: Loop::Fill.description().name, commands: vec![compute("begin"), compute("size")] }));
     repeat.driver = Driver::Device { sizes };
 }
 

@@ -93,11 +93,13 @@ fn versions(nodes: &[Node]) -> Vec<(Use<'_>, Use<'_>)> {
             }
         });
     }
-    let of_output = |uses: &Vec<Use<'_>>| -> Vec<(usize, usize)> {
-        let changing = (0..uses.len()).filter(|at| uses[*at].1.changes);
-        changing.flat_map(|at| (0..uses.len()).filter(move |other| *other != at).map(move |other| (at, other))).collect()
-    };
-    uses.values().flat_map(|uses| of_output(uses).into_iter().map(|(at, other)| (uses[at], uses[other]))).collect()
+    let mut pairs = Vec::new();
+    for uses in uses.values() {
+        for (at, changed) in uses.iter().enumerate().filter(|(_, (_, edge))| edge.changes) {
+            pairs.extend(uses.iter().enumerate().filter(|(other, _)| *other != at).map(|(_, seen)| (*changed, *seen)));
+        }
+    }
+    pairs
 }
 
 /// Of two nodes that change one version neither can come after the other.

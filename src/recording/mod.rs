@@ -423,18 +423,6 @@ impl Command {
             host.twin = None;
         }
     }
-
-    /// Whether a loop that the device drives can run it: everything is sized there, and nothing happens in rounds that are not needed.
-    fn runs_ahead(&self) -> bool {
-        match self {
-            Self::Compute(_) => true,
-            Self::Raster(raster) => {
-                matches!(raster.draws, Draws::Instances { .. }) && raster.colours.iter().all(|target| target.clear.is_none()) && raster.depth.is_none()
-            }
-            Self::Host(host) => host.twin.is_some(),
-            Self::Clear(_) | Self::Copy { .. } | Self::CopyToBuffer { .. } | Self::Late(_) => false,
-        }
-    }
 }
 
 impl Step {
@@ -442,16 +430,6 @@ impl Step {
         match self {
             Self::Node(node) => &node.name,
             Self::Repeat(repeat) => &repeat.name,
-        }
-    }
-
-    /// What keeps the device from driving a loop of this step, if anything does.
-    pub fn obstacle_on_device(&self) -> Option<String> {
-        match self {
-            Self::Repeat(inner) => Some(format!("`{}` is a loop inside it", inner.name)),
-            Self::Node(node) => {
-                node.commands.iter().find(|command| !command.runs_ahead()).map(|_| format!("`{}` has a step that the host alone can do", node.name))
-            }
         }
     }
 }

@@ -24,13 +24,13 @@ use std::path::{Path, PathBuf};
 
 /// Shape and way of every kind of tile.
 const TILES: [(&str, &str); 8] = [
-    ("Cosine", "RayCast"),
-    ("Concentric", "RayCast"),
-    ("Plane", "RayCast"),
+    ("Cosine", "Device"),
+    ("Concentric", "Device"),
+    ("Plane", "Device"),
     ("Plane", "Raster"),
-    ("Hemicube", "RayCast"),
+    ("Hemicube", "Device"),
     ("Hemicube", "Raster"),
-    ("Hemispherical", "RayCast"),
+    ("Hemispherical", "Device"),
     ("Hemispherical", "Raster"),
 ];
 /// Scenes by the triangles asked of their generator, and Sibenik's file.
@@ -104,9 +104,15 @@ fn seconds(report: &FrameReport, node: &str) -> f64 {
     report.passes.iter().filter(|pass| pass.node == node).map(|pass| (pass.gpu_ms.unwrap_or(0.0) + pass.cpu_ms) * 1e-3).sum()
 }
 
+/// What makes a node work this way: the side that does it, or an algorithm.
+fn way(node: &str, way: &str) -> String {
+    let parameter = if ["Host", "Device"].contains(&way) { "place" } else { "by" };
+    format!("{node}.{parameter}={way}")
+}
+
 fn tile_case<'s>(stage: &'s Stage, (shape, by): (&str, &str)) -> Result<Case<'s>, Failure> {
     let shaped = if shape == "Plane" { "Plane(fov: 126.87)" } else { shape };
-    let plan = stage.plan(&[format!("tiles.shape={shaped}"), format!("tiles.by={by}")], SMALL)?;
+    let plan = stage.plan(&[format!("tiles.shape={shaped}"), way("tiles", by)], SMALL)?;
     let triangles = stage.scene.triangles.len();
     let measure = move |gpu: &Gpu| {
         let report = stage.frames(gpu, &plan, SMALL, 1)?.remove(0);
@@ -123,7 +129,7 @@ fn tile_case<'s>(stage: &'s Stage, (shape, by): (&str, &str)) -> Result<Case<'s>
 /// The first frame finds the records, with small tiles; the second splats them all at once.
 fn splat_case<'s>(stage: &'s Stage, by: &str, (records, accuracy, spacing): (u32, &str, &str)) -> Result<Case<'s>, Failure> {
     let sets = [
-        format!("splats.by={by}"),
+        way("splats", by),
         "tiles.resolution=4".into(),
         format!("cache.capacity={records}"),
         format!("cache.accuracy={accuracy}"),

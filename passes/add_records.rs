@@ -1,7 +1,7 @@
 //! New records join the cache.
 
 use super::record::{RECORD_BYTES, Record};
-use crate::contract::{Choice, Description, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, port};
+use crate::contract::{Description, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Recorder, Refusal, port};
 use crate::host_struct;
 use crate::math::{colour::luminance, weight};
 use crate::recording::*;
@@ -16,26 +16,12 @@ static DESCRIPTION: Description = Description {
     source: "RCS section 4, step 4; neighbour clamping: Křivánek and others 2006",
     parameters: &[
         Parameter {
-            name: "by",
-            about: "where they join",
-            unit: "",
-            kind: ParameterKind::Choice {
-                choices: &[
-                    Choice {
-                        name: "Auto",
-                        about: "on the host where the device is a driver on its cores and records hold no radiance, on the device elsewhere",
-                        parameters: &[],
-                    },
-                    Choice { name: "Device", about: "by a shader", parameters: &[] },
-                ],
-            },
-        },
-        Parameter {
             name: "neighbour_clamping",
             about: "a radius is at most a neighbour's plus the distance to it",
             unit: "",
             kind: ParameterKind::Bool { default: false },
         },
+        PLACE,
     ],
     inputs: &[
         Input { name: "to", about: "the cache", accepts: PortKind::RecordCache, required: true, changes: true },
@@ -72,11 +58,10 @@ impl Pass for AddRecords {
                 ));
             }
         };
-        if coefficients.is_none() && r.arguments.choice("by").0 == "Auto" && r.setting.fills_on_host() {
-            r.remark("records join on the host, as the device is a driver on the same cores");
-            record_on_host(r, &new, &cache);
-        } else {
-            record_on_device(r, &new, &cache, coefficients);
+        let bodies = r.over_pixels().unless(coefficients.is_some(), "records hold radiance");
+        match r.place(bodies)? {
+            Place::Host => record_on_host(r, &new, &cache),
+            Place::Device => record_on_device(r, &new, &cache, coefficients),
         }
         r.report_variable(if cache.coefficients.is_some() { "radiance_records" } else { "records" }, cache.count);
         r.persist("records", cache.records, RECORD_BYTES, cache.count);
@@ -216,7 +201,7 @@ mod tests {
         let mut arguments = Arguments::defaults(DESCRIPTION.parameters);
         arguments.set("neighbour_clamping", Value::Bool(clamps));
         let recorded = {
-            let setting = Setting { scene: host.scene(), needs: &needs, device: Device::Software, size: [4, 4], tables: None };
+            let setting = Setting { scene: host.scene(), needs: &needs, device: Device::SOFTWARE, size: [4, 4], tables: None };
             let mut r = Recorder::new("add", &arguments, setting, &inputs, &mut recording);
             record_on_host(&mut r, &batch(), &cache(900));
             r.finish()

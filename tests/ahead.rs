@@ -96,7 +96,7 @@ fn planned(case: &Case, scene: &Scene) -> Result<Plan, Failed> {
     let set: Vec<String> = case.set.iter().map(|set| (*set).to_owned()).collect();
     let pipeline = load(case.pipeline, &set, REGISTRY, &mut |_| Err(io::ErrorKind::NotFound.into())).map_err(|problems| format!("{problems:?}"))?;
     let needs = Needs::of(scene);
-    let setting = Setting { scene, needs: &needs, device: Device::Hardware { blends: case.blends }, size: case.size, tables: None };
+    let setting = Setting { scene, needs: &needs, device: Device { blends: case.blends, ..Device::ABLE }, size: case.size, tables: None };
     Ok(plan(&pipeline, setting, &[], &|data| kind(scene, data)).map_err(|problems| format!("{problems:?}"))?)
 }
 

@@ -190,13 +190,14 @@ fn colourful(geometry: &str, at: impl Fn([f64; 3]) -> String) -> String {
 #[derive(Debug, Clone, Copy)]
 struct View {
     shape: &'static str,
-    by: &'static str,
+    /// Who casts rays, or that no rays are cast.
+    way: &'static str,
     method: &'static str,
 }
 
 /// Samples along a side, where nothing else is said.
 const RESOLUTION: u32 = 64;
-const SUMS: [&str; 5] = ["WorkgroupTree", "MipmapChain", "PingPong", "CpuReadback", "Host"];
+const SUMS: [&str; 5] = ["Device", "MipmapChain", "PingPong", "CpuReadback", "Host"];
 /// Half width of the sampling plane at distance 1, as RCS has it.
 const HALF_WIDTH: f64 = 2.0;
 
@@ -204,37 +205,38 @@ const HALF_WIDTH: f64 = 2.0;
 fn views() -> Vec<View> {
     let shapes = [
         ("Plane", "Raster"),
-        ("Plane", "RayCast"),
-        ("Plane", "HostRayCast"),
+        ("Plane", "Device"),
+        ("Plane", "Host"),
         ("Hemicube", "Raster"),
-        ("Hemicube", "RayCast"),
-        ("Hemicube", "HostRayCast"),
+        ("Hemicube", "Device"),
+        ("Hemicube", "Host"),
         ("Hemispherical", "Raster"),
-        ("Hemispherical", "RayCast"),
-        ("Hemispherical", "HostRayCast"),
-        ("Cosine", "RayCast"),
-        ("Cosine", "HostRayCast"),
-        ("Concentric", "RayCast"),
-        ("Concentric", "HostRayCast"),
+        ("Hemispherical", "Device"),
+        ("Hemispherical", "Host"),
+        ("Cosine", "Device"),
+        ("Cosine", "Host"),
+        ("Concentric", "Device"),
+        ("Concentric", "Host"),
     ];
     let methods = |shape| if shape == "Plane" { &["BorderExtension", "CoverageRatio", "None"][..] } else { &["None"] };
-    shapes.into_iter().flat_map(|(shape, by)| methods(shape).iter().map(move |method| View { shape, by, method })).collect()
+    shapes.into_iter().flat_map(|(shape, way)| methods(shape).iter().map(move |method| View { shape, way, method })).collect()
 }
 
 impl View {
     fn name(&self) -> String {
-        format!("{} {} {}", self.shape, self.by, self.method)
+        format!("{} {} {}", self.shape, self.way, self.method)
     }
 
     fn sets(&self, resolution: u32, sum: &str) -> Vec<String> {
         let shape = if self.shape == "Plane" { format!("Plane(fov: {})", 2.0 * HALF_WIDTH.atan().to_degrees()) } else { self.shape.into() };
-        let Self { by, method, .. } = self;
+        let Self { method, .. } = self;
         vec![
             format!("tiles.shape={shape}"),
-            format!("tiles.by={by}"),
+            format!("tiles.by={}", if self.way == "Raster" { "Raster" } else { "Rays" }),
+            format!("tiles.place={}", if self.way == "Raster" { "Auto" } else { self.way }),
             format!("tiles.resolution={resolution}"),
             format!("closed.method={method}"),
-            format!("records.by={sum}"),
+            if sum == "Host" || sum == "Device" { format!("records.place={sum}") } else { format!("records.by={sum}") },
             // What fits into a batch of the largest tiles.
             "fill.order=Batched(at_most: 8)".into(),
         ]
@@ -707,7 +709,7 @@ type Mistake = fn(&mut Record);
 
 /// Small mistakes, each made in all records: one that the forms let pass would prove nothing.
 fn mistakes_are_refused(gpu: &Gpu) -> Outcome {
-    let view = View { shape: "Hemicube", by: "RayCast", method: "None" };
+    let view = View { shape: "Hemicube", way: "Device", method: "None" };
     let records = lit(gpu, &Room::new(LAMPS)?, EDGE, &see_lamps(view.sets(RESOLUTION, SUMS[0])))?;
     cube_forms(&view, RESOLUTION, &records)?;
     let mistakes: [(&str, Mistake); 8] = [

@@ -154,10 +154,10 @@ fn files() -> BTreeMap<&'static str, Vec<u8>> {
 
 /// Code and arguments, one case each, and whether a GPU is needed.
 #[rustfmt::skip]
-const CASES: [(&str, &str, bool); 67] = [
+const CASES: [(&str, &str, bool); 65] = [
     ("plan::batch", "check irradiance --scene white.ron --set tiles.resolution=512", false),
-    ("plan::coarsest", "check irradiance --scene white.ron --set misses.by=DeviceGrid(coarsest:3)", false),
-    ("plan::finest", "check irradiance --scene white.ron --set misses.by=DeviceGrid(finest:3)", false),
+    ("plan::coarsest", "check irradiance --scene white.ron --set misses.by=Grid(coarsest:3)", false),
+    ("plan::finest", "check irradiance --scene white.ron --set misses.by=Grid(finest:3)", false),
     ("plan::curvature", "check irradiance-curvature --scene white.ron --set records.gradients=false", false),
     ("plan::mipmap", "check irradiance-mipmap --scene white.ron --set tiles.resolution=22", false),
     ("plan::raster_shape", "check irradiance-cosine --scene white.ron --set tiles.by=Raster", false),
@@ -167,11 +167,9 @@ const CASES: [(&str, &str, bool); 67] = [
     ("plan::glossy", "check irradiance --scene glossy.ron --strict", false),
     ("plan::lobes", "check surfaces.ron --scene glossy.ron", false),
     ("plan::harmonics", "check radiance --scene glossy.ron --set lobes.harmonics=Spherical", false),
-    ("plan::lobes_on_device", "check radiance --scene glossy.ron --set lobes.by=Device --set reflections.by=Host", false),
+    ("plan::lobes_on_device", "check environment --scene teapot-overcast --set lobes.place=Device", false),
     ("plan::lobe_tables", "check radiance --scene lobes.ron --set lobes.grid=128 --set lobes.order=Fixed(order:20)", false),
-    ("plan::light_by_host", "check irradiance --scene cornell --size 4096x4096 --set direct.by=Host", false),
-    ("plan::shading_by_host", "check irradiance --scene cornell --set tiles.by=RayCast --set tiles.shading=Host", false),
-    ("plan::rotation", "check radiance-rotated --scene glossy.ron --set reflections.by=ComputeTiles", false),
+    ("plan::place", "check irradiance-plane --scene cornell --set tiles.place=Host", false),
     ("plan::too_sharp", "check radiance --scene glossy.ron --set lobes.order=Fixed(order:2) --set lobes.too_sharp=Refuse", false),
     ("plan::coefficients", "check radiance --scene glossy.ron --set glossy_added.records=\"glossy_sums\"", false),
     ("cli::unknown_pass", "passes Splatt", false),

@@ -391,7 +391,7 @@ fn bad_records() -> Outcome {
     }
     check(fs::read(place.path("records")).map_err(failed)? == good, || "a file that is refused stays as it is".into())?;
     // Those that only say where records stand, or how they count, do not matter.
-    for set in ["misses.by=HostScan", "cache.accuracy=0.5", "fill.order=Batched(at_most: 32)", "direct.emitters.area_samples=4"] {
+    for set in ["misses.by=Scan", "cache.accuracy=0.5", "fill.order=Batched(at_most: 32)", "direct.emitters.area_samples=4"] {
         place.rendered(&["--cache", "records", "--set", set, "-o", "fits.exr"])?;
     }
     check(!place.path("out.exr").exists(), || "a picture was written".into())
@@ -507,7 +507,7 @@ fn accuracy_per_frame() -> Outcome {
 
 fn refused_per_frame() -> Outcome {
     let place = Place::new()?;
-    let refusal = |set: &str, message: &str| is(&place.render(&["--set", "tiles.shading=Device", "--set-frames", set, "-o", "out.exr"])?, 2, message);
+    let refusal = |set: &str, message: &str| is(&place.render(&["--set", "tiles.place=Device", "--set-frames", set, "-o", "out.exr"])?, 2, message);
     for (set, what) in [
         ("tiles.resolution=8,16", "`tiles.directions` needs other memory"),
         ("splats.by=RasterBlend,ComputeTiles", "`splats.masks` is there in one only"),
@@ -596,8 +596,8 @@ fn rounds_in_time() -> Outcome {
 
 fn full_cache() -> Outcome {
     let place = Place::new()?;
-    for misses in ["DeviceGrid", "HostScan"] {
-        let stats = place.rendered(&["--set", "cache.capacity=30", "--set", &format!("misses.by={misses}"), "-o", "out.exr"])?;
+    for misses in ["misses.place=Device", "misses.by=Scan"] {
+        let stats = place.rendered(&["--set", "cache.capacity=30", "--set", misses, "-o", "out.exr"])?;
         check(number(&stats, 0, "/records/irradiance")? == 30 && stats["complete"] == false, || format!("{misses}: {stats}"))?;
     }
     Ok(())
@@ -632,21 +632,24 @@ fn reasons() -> Outcome {
 /// Records are made where another search asks for them, and that search asks for one.
 fn no_progress() -> Outcome {
     let place = Place::new()?;
-    for (order, by) in
-        [("Batched(at_most: 8)", "HostGrid"), ("Batched(at_most: 8)", "DeviceGrid"), ("Batched(at_most: 8)", "HostScan"), ("Sequential", "HostScan")]
-    {
+    for (order, key, way) in [
+        ("Batched(at_most: 8)", "place", "Host"),
+        ("Batched(at_most: 8)", "place", "Device"),
+        ("Batched(at_most: 8)", "by", "Scan"),
+        ("Sequential", "by", "Scan"),
+    ] {
         let variant = format!(
             r#"Variant(version: 1, about: "test", of: "irradiance-one-rate.ron",
                 add: {{ "misses": [(name: "others", pass: FindMisses(gbuffer: "gbuffer", splats: "splats", at_most: 1))] }},
-                set: {{ "fill.order": {order}, "misses.by": {by}, "tiles.at": "others" }})"#
+                set: {{ "fill.order": {order}, "misses.{key}": {way}, "tiles.at": "others" }})"#
         );
         fs::write(place.path("stuck.ron"), variant).map_err(failed)?;
         let ended = place.render_by("stuck.ron", "cornell.ron", &["--strict", "-o", "out.exr"])?;
         is(&unwrapped(ended), 1, "new records did not cover the pixels that they were made for")?;
         let stats = place.stats()?;
         let told = &stats["frames"][0]["unfinished"];
-        check(*told == serde_json::json!([{ "loop": "fill", "because": "no_progress" }]), || format!("{by}: {told}"))?;
-        check(number(&stats, 0, "/fill_rounds")? < 100 && number(&stats, 0, "/records/irradiance")? == 1, || format!("{by}: {stats}"))?;
+        check(*told == serde_json::json!([{ "loop": "fill", "because": "no_progress" }]), || format!("{way}: {told}"))?;
+        check(number(&stats, 0, "/fill_rounds")? < 100 && number(&stats, 0, "/records/irradiance")? == 1, || format!("{way}: {stats}"))?;
     }
     Ok(())
 }

@@ -71,7 +71,7 @@ const LARGE: [(&str, &[&str], &str, &str, &str); 7] = [
     ("irradiance-device", &[], "balls", "240x200", "irradiance"),
     ("radiance", &[], "balls", "240x200", "radiance"),
     // A driver on the CPU takes half a minute for the tables of these lobes.
-    ("radiance-device", &["--set", "lobes.by=Host"], "balls", "240x200", "radiance"),
+    ("radiance-device", &["--set", "lobes.place=Host"], "balls", "240x200", "radiance"),
     ("radiance-rotated", &[], "balls", "240x200", "radiance-rotated"),
 ];
 
@@ -439,7 +439,7 @@ const OTHER_VALUES: [(&str, &str); 8] = [
     (".emitters.area_samples", "3"),
     (".emitters.sky_samples", "3"),
     (".emitters", "Records"),
-    (".by", "Device"),
+    (".place", "Device"),
 ];
 
 /// What `explain` calls without effect has none: not on one bit of the picture.
@@ -602,7 +602,7 @@ fn ways_of_rotation_agree() -> Outcome {
     let drawn = |rotation: &str| -> Result<Layers, Failed> {
         let made = folder.path().join("made.exr");
         let set = format!("reflections.rotation={rotation}");
-        let arguments = ["render", "radiance", "--scene", "balls", "--size", "120x100", "--set", "reflections.by=Host", "--set", &set, "--quiet", "-o"];
+        let arguments = ["render", "radiance", "--scene", "balls", "--size", "120x100", "--set", "reflections.place=Host", "--set", &set, "--quiet", "-o"];
         hemisplat(&[&arguments[..], &[&made.to_string_lossy()]].concat())?;
         picture(&made)
     };
@@ -629,15 +629,15 @@ fn lobes_have_their_own_orders() -> Outcome {
     std::fs::write(&pair, text).map_err(|e| e.to_string())?;
     let order = "lobes.order=Enough(lost:0.02,at_most:20)";
     for (scene, told, by) in [
-        ("balls", "order 8 for gold and plastic, order 7 for phong, order 5 for brushed", "lobes.by=Host"),
-        (&pair, "order 5 for sharp, order 3 for broad", "lobes.by=Device"),
+        ("balls", "order 8 for gold and plastic, order 7 for phong, order 5 for brushed", "lobes.place=Host"),
+        (&pair, "order 5 for sharp, order 3 for broad", "lobes.place=Device"),
     ] {
         let explained = hemisplat(&["explain", "radiance", "--scene", scene, "--set", order])?;
         let found: Vec<&str> = explained.lines().filter_map(|line| line.strip_prefix("remark lobes: ")).collect();
-        if found != [told] {
+        if !found.contains(&told) {
             return Err(format!("{scene} is explained by {found:?}, not by {told:?}").into());
         }
-        for (pipeline, by, made) in [("radiance", "lobes.by=Host", &host), ("radiance-device", by, &device)] {
+        for (pipeline, by, made) in [("radiance", "lobes.place=Host", &host), ("radiance-device", by, &device)] {
             hemisplat(&["render", pipeline, "--scene", scene, "--size", "96x64", "--set", order, "--set", by, "--quiet", "-o", made])?;
         }
         let error = apart(&picture(Path::new(&device))?, &picture(Path::new(&host))?, "glossy")?;
@@ -670,8 +670,7 @@ fn shading_by_host_and_device_agrees() -> Outcome {
     }
     for taps in ["tiles.taps=1", "tiles.taps=9"] {
         for (way, made) in [("Host", &host), ("Device", &device)] {
-            let way = format!("tiles.shading={way}");
-            let ways = ["--set", taps, "--set", "tiles.by=HostRayCast", "--set", &way];
+            let ways = ["--set", taps, "--set", &format!("tiles.place={way}")];
             hemisplat(&[&["render", "irradiance", "--scene", &scene, "--size", "96x64", "--quiet", "-o", made][..], &ways].concat())?;
         }
         let error = apart(&picture(Path::new(&host))?, &picture(Path::new(&device))?, "irradiance")?;
@@ -687,16 +686,8 @@ fn shading_by_host_and_device_agrees() -> Outcome {
 /// where records see them.
 fn shading_of_lamps_skies_and_lobes_by_host_and_device_agrees() -> Outcome {
     let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
-    let [scene, host, device] = ["all.ron", "host.exr", "device.exr"].map(|name| folder.path().join(name).to_string_lossy().into_owned());
-    let text = "Scene(version: 1, geometry: [Sphere(centre: (-1.2, 1, 0), radius: 1, subdivisions: 3, material: \"brushed\"), Sphere(centre: (1.2, 1, 0), radius: 1, subdivisions: 3, material: \"gold\"),
-        Sphere(centre: (0, 0.4, 1.4), radius: 0.4, subdivisions: 3, material: \"phong\"), Quad(corners: ((-4, 0, -4), (-4, 0, 4), (4, 0, 4), (4, 0, -4)), material: \"floor\"),
-        Quad(corners: ((-4, 0, -2), (4, 0, -2), (4, 4, -2), (-4, 4, -2)), material: \"wall\"), Quad(corners: ((-2, 3, -1), (-1, 3, -1), (-1, 3, 0), (-2, 3, 0)), material: \"lamp\")],
-        materials: { \"brushed\": Ward(reflectance: (0.1, 0.1, 0.1), specular: (0.7, 0.7, 0.8), alpha: (0.2, 0.6)), \"gold\": MetallicRoughness(base: (0.9, 0.7, 0.3), metallic: 0.6, roughness: 0.6),
-        \"phong\": Phong(reflectance: (0.2, 0.2, 0.2), specular: (0.6, 0.6, 0.6), exponent: 5), \"floor\": Diffuse(reflectance: (0.5, 0.5, 0.5)), \"wall\": Diffuse(reflectance: (0.3, 0.4, 0.7)),
-        \"lamp\": Emitter(radiance: (9, 9, 9)) }, normals: Smooth(degrees: 40), environment: Overcast(zenith: (0.4, 0.5, 0.6)),
-        lights: [Point(position: (-2, 3, 2), intensity: (30, 28, 25)), Directional(direction: (1, -3, -1), irradiance: (2, 2, 1.8))],
-        cameras: { \"main\": (eye: (0, 2, 6), target: (0, 0.8, 0), fov: 36) })";
-    std::fs::write(&scene, text).map_err(|e| e.to_string())?;
+    let [host, device] = ["host.exr", "device.exr"].map(|name| folder.path().join(name).to_string_lossy().into_owned());
+    let scene = root().join("tests/places/kinds.ron").to_string_lossy().into_owned();
     for (pipeline, emitters, layers) in [
         ("irradiance-one-rate", "Sampled", &["irradiance"][..]),
         ("irradiance-one-rate", "Records", &["irradiance"]),
@@ -706,8 +697,7 @@ fn shading_of_lamps_skies_and_lobes_by_host_and_device_agrees() -> Outcome {
         for (way, made) in [("Host", &host), ("Device", &device)] {
             let emitters = format!("direct.emitters={emitters}");
             let nodes: &[&str] = if pipeline == "radiance" { &["tiles", "detail_tiles", "glossy_tiles"] } else { &["tiles"] };
-            let ways: Vec<String> =
-                nodes.iter().flat_map(|node| [format!("{node}.by=HostRayCast"), format!("{node}.shading={way}")]).chain([emitters]).collect();
+            let ways: Vec<String> = nodes.iter().map(|node| format!("{node}.place={way}")).chain([emitters]).collect();
             let sets: Vec<&str> = ways.iter().flat_map(|way| ["--set", way]).collect();
             hemisplat(&[&["render", pipeline, "--scene", &scene, "--size", "64x48", "--quiet", "-o", made], &sets[..]].concat())?;
         }
@@ -742,7 +732,7 @@ fn light_by_host_and_device_agrees() -> Outcome {
         (&ball, ["direct.emitters.area_samples=65", "direct.emitters.sky_samples=33"]),
     ] {
         for (way, made) in [("Host", &host), ("Device", &device)] {
-            let way = format!("direct.by={way}");
+            let way = format!("direct.place={way}");
             hemisplat(&["render", &pipeline, "--scene", scene, "--size", "96x64", "--set", sets[0], "--set", sets[1], "--set", &way, "--quiet", "-o", made])?;
         }
         let error = apart(&picture(Path::new(&host))?, &picture(Path::new(&device))?, "direct")?;
@@ -772,7 +762,7 @@ fn skies_by_harmonics_are_those_of_the_reference() -> Outcome {
         let of = ["--scene", &scene, "--size", "32x32", "--quiet"];
         hemisplat(&[&["reference", "--spp", "1024", "-o", &truth][..], &of].concat())?;
         for (pipeline, way) in [("environment", "Host"), ("environment", "Device"), ("environment-spherical", "Host")] {
-            hemisplat(&[&["render", pipeline, "--set", &format!("sky.by={way}"), "-o", &made][..], &of].concat())?;
+            hemisplat(&[&["render", pipeline, "--set", &format!("sky.place={way}"), "-o", &made][..], &of].concat())?;
             let errors = metrics(&picture(Path::new(&made))?, &picture(Path::new(&truth))?, "direct")?;
             if errors.rmse_over_mean > 0.03 || errors.bias_over_mean.abs() > 0.005 {
                 return Err(
@@ -790,7 +780,7 @@ fn lobes_on_the_device_are_those_of_the_reference() -> Outcome {
     let [made, truth] = ["made.exr", "truth.exr"].map(|name| folder.path().join(name).to_string_lossy().into_owned());
     let scene = ["--scene", "balls", "--size", "160x90", "--quiet"];
     hemisplat(&[&["reference", "--spp", "1024", "--stride", "2", "-o", &truth][..], &scene].concat())?;
-    hemisplat(&[&["render", "radiance", "--set", "direct.by=Device", "--set", "glossy_cache.minimum_spacing=3", "-o", &made][..], &scene].concat())?;
+    hemisplat(&[&["render", "radiance", "--set", "direct.place=Device", "--set", "glossy_cache.minimum_spacing=3", "-o", &made][..], &scene].concat())?;
     let (made, truth) = (picture(Path::new(&made))?, picture(Path::new(&truth))?);
     // Edges of shadows and of balls; a lobe twice as wide, or around another direction, is 30 % and more.
     for (layer, limit) in [("direct", 0.08), ("glossy", 0.12), (PICTURE, 0.08)] {

@@ -73,7 +73,7 @@ fn a_scene_that_needs_little_has_less_to_hold() {
 
 #[test]
 fn explain_tells_the_sizes_of_shaders() {
-    let sets = ["tiles.by=RayCast", "splats.by=RasterBlend", "misses.by=DeviceGrid", "added.by=Device"];
+    let sets = ["tiles.place=Device", "splats.place=Device", "misses.place=Device", "added.place=Device"];
     let arguments: Vec<&str> =
         ["explain", "irradiance-general", "--scene", "cornell"].into_iter().chain(sets.into_iter().flat_map(|set| ["--set", set])).collect();
     let output = assert_cmd::Command::new(env!("CARGO_BIN_EXE_hemisplat")).args(arguments).output().unwrap();

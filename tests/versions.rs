@@ -49,7 +49,7 @@ fn written_out() -> impl Iterator<Item = (&'static str, &'static str)> {
 fn plans_are_the_same() -> Outcome {
     let scene = scene()?;
     for (file, text) in written_out() {
-        for device in [Device::ABLE, Device::Software] {
+        for device in [Device::ABLE, Device::SOFTWARE] {
             let kept = told(&planned(text, &scene, device)?);
             for seed in 1..9 {
                 let shuffled = shuffled(text, &mut Numbers(seed));
@@ -67,7 +67,7 @@ fn nodes_change_what_they_say() -> Outcome {
     for (file, _) in EMBEDDED {
         let pipeline = load(file, &[], REGISTRY, &mut |_| Err(io::ErrorKind::NotFound.into())).map_err(|problems| format!("{problems:?}"))?;
         let inputs: BTreeMap<&str, &[Edge]> = all(&pipeline.nodes).into_iter().map(|node| (&node.name[..], &node.inputs[..])).collect();
-        for device in [Device::ABLE, Device::Hardware { blends: false }, Device::Software] {
+        for device in [Device::ABLE, Device { blends: false, ..Device::ABLE }, Device::SOFTWARE] {
             let needs = Needs::of(&scene);
             let setting = Setting { scene: &scene, needs: &needs, device, size: SIZE, tables: None };
             let Ok(plan) = plan(&pipeline, setting, &[], &|data| kind(&scene, data)) else { continue };

@@ -8,7 +8,7 @@ mod skips;
 
 use glam::{Vec2, Vec3};
 use hemisplat::{
-    contract::{Arguments as Given, ParameterKind, Port, Recorder, Value, find, port, recorder::Reported, recorder::Setting},
+    contract::{Arguments as Given, ParameterKind, Place, Port, Recorder, Value, find, port, recorder::Reported, recorder::Setting},
     gpu::{Gpu, Pace, Session, scene as scene_data, shader},
     math::{
         hemisphere::{Method, Shape, Table},
@@ -150,9 +150,7 @@ impl<'a> Graph<'a> {
         let given = arguments(description.parameters, values);
         let join = |input: &str| inputs.iter().find(|i| i.0 == input).and_then(|i| self.ports.get(i.1)).cloned();
         let joined: BTreeMap<_, _> = description.inputs.iter().filter_map(|i| Some((i.name, join(i.name)?))).collect();
-        // What is suited to a driver on the CPU is the host.
-        let device = if values.contains(&("by", "Auto")) { Device::Software } else { Device::ABLE };
-        let setting = Setting { scene: &self.stage.scene, needs: &self.stage.needs, device, size: self.size, tables: None };
+        let setting = Setting { scene: &self.stage.scene, needs: &self.stage.needs, device: Device::ABLE, size: self.size, tables: None };
         let mut recorder = Recorder::new(name, &given, setting, &joined, &mut self.recording);
         if let Some((batch, sequential)) = self.batch {
             recorder = recorder.in_loop(batch, sequential);
@@ -252,6 +250,11 @@ fn undeclared_is_refused(stage: &Stage) -> Outcome {
         }
     }
     Ok(())
+}
+
+/// The parameter that a way is a value of.
+fn way(name: &str) -> (&str, &str) {
+    (if ["Host", "Device"].contains(&name) { "place" } else { "by" }, name)
 }
 
 /// Values by name, all others their defaults; `MipmapChain:F16` chooses the first parameter of a choice too.
@@ -361,7 +364,7 @@ fn summed(stage: &Stage, table: &Arc<Table>, shape: (Shape, u32), by: &str, radi
     };
     let tiles = port::Tiles {
         samples: graph.buffer("samples", bytemuck::cast_slice(&samples)),
-        shaded_by_host: false,
+        place: Place::Device,
         requests,
         shape: shape.0,
         resolution: shape.1,
@@ -369,7 +372,7 @@ fn summed(stage: &Stage, table: &Arc<Table>, shape: (Shape, u32), by: &str, radi
         table: table.clone(),
     };
     graph.ports.insert("tiles".into(), Port::WeightedTiles(port::WeightedTiles { tiles, table: table.clone() }));
-    graph.node("records", "IrradianceSum", &[("by", by), ("radius", &format!("{radius:?}"))], &[("of", "tiles")])?;
+    graph.node("records", "IrradianceSum", &[way(by), ("radius", &format!("{radius:?}"))], &[("of", "tiles")])?;
     let Some(Port::Records(port::Records { records, .. })) = graph.ports.get("records") else { return Err("no records".into()) };
     let mut session = graph.session(&[*records])?;
     session.set_variable(requests.count, TILES as u32);
@@ -496,7 +499,8 @@ fn seen(stage: &Stage, shape: &str, by: &str) -> Result<Vec<[f32; 4]>, Failed> {
         at_most: u32::MAX,
     };
     graph.ports.insert("misses".into(), Port::Requests(requests));
-    graph.node("tiles", "HemisphereTiles", &[("shape", shape), ("by", by), ("resolution", "20")], &[("at", "misses")])?;
+    graph.node("shadow", "ShadowMap", &[("resolution", "512")], &[])?;
+    graph.node("tiles", "HemisphereTiles", &[("shape", shape), way(by), ("resolution", "20")], &[("at", "misses"), ("shadow", "shadow")])?;
     let Some(Port::Tiles(tiles)) = graph.ports.get("tiles").cloned() else { return Err("no tiles".into()) };
     let mut session = graph.session(&[tiles.samples])?;
     session.set_variable(requests.count, places.len() as u32);
@@ -507,7 +511,7 @@ fn seen(stage: &Stage, shape: &str, by: &str) -> Result<Vec<[f32; 4]>, Failed> {
 fn rays_agree(stage: &Stage) -> Outcome {
     let holed = Stage::with_holes()?;
     for (stage, shape) in [(stage, "Hemispherical"), (stage, "Hemicube"), (stage, "Concentric"), (&holed, "Hemispherical"), (&holed, "Cosine")] {
-        let [device, host] = [seen(stage, shape, "RayCast")?, seen(stage, shape, "HostRayCast")?];
+        let [device, host] = [seen(stage, shape, "Device")?, seen(stage, shape, "Host")?];
         let same = || device.iter().zip(&host).filter(|(a, b)| (a[3] - b[3]).abs() <= 1e-4 * a[3].max(b[3]));
         let apart = device.len() - same().count();
         println!("{shape}: {apart} of {} samples differ", device.len());
@@ -596,7 +600,7 @@ fn splatted(stage: &Stage, records: &[Record], rule: Rule, size: [u32; 2], by: &
         rule,
     };
     graph.ports.insert("cache".into(), Port::RecordCache(cache));
-    graph.node("splats", "Splat", &[("by", by), ("count", "true")], &[("records", "cache"), ("gbuffer", "gbuffer")])?;
+    graph.node("splats", "Splat", &[way(by), ("count", "true")], &[("records", "cache"), ("gbuffer", "gbuffer")])?;
     let Some(Port::Splats(port::Splats { sums, counts: Some(counts), .. })) = graph.ports.get("splats").cloned() else { return Err("no sums".into()) };
     let mut session = graph.session(&[sums, counts])?;
     session.set_variable(cache.count, records.len() as u32);
@@ -692,15 +696,15 @@ fn filled(stage: &Stage, fill: Fill, [splat, misses, sum, add]: [&str; 4]) -> Re
     graph.node("cache", "RecordCache", &[("minimum_spacing", "4")], &[])?;
     let Some(&Port::RecordCache(cache)) = graph.ports.get("cache") else { return Err("no cache".into()) };
     graph.batch = Some((fill.batch, fill.sequential));
-    graph.node("splats", "Splat", &[("by", splat)], &[("records", "cache"), ("gbuffer", "gbuffer")])?;
-    graph.node("misses", "FindMisses", &[("by", misses)], &[("gbuffer", "gbuffer"), ("splats", "splats")])?;
+    graph.node("splats", "Splat", &[way(splat)], &[("records", "cache"), ("gbuffer", "gbuffer")])?;
+    graph.node("misses", "FindMisses", &[way(misses)], &[("gbuffer", "gbuffer"), ("splats", "splats")])?;
     graph.node("tiles", "HemisphereTiles", &[("resolution", "8")], &[("at", "misses")])?;
     graph.node("closed", "Compensation", &[], &[("of", "tiles")])?;
-    graph.node("records", "IrradianceSum", &[("by", sum)], &[("of", "closed")])?;
+    graph.node("records", "IrradianceSum", &[way(sum)], &[("of", "closed")])?;
     graph.node(
         "added",
         "AddRecords",
-        &[("by", add), ("neighbour_clamping", if fill.clamps { "true" } else { "false" })],
+        &[way(add), ("neighbour_clamping", if fill.clamps { "true" } else { "false" })],
         &[("to", "cache"), ("records", "records")],
     )?;
     graph.end_loop("misses.none")?;
@@ -730,23 +734,24 @@ fn filled_twice(stage: &Stage, fill: Fill, ways: [&str; 4]) -> Result<(Vec<[f32;
 
 fn fills_cover(stage: &Stage) -> Outcome {
     for splat in stage.splats() {
-        filled_twice(stage, IN_BATCHES, [splat, "DeviceGrid", "WorkgroupTree", "Device"])?;
+        filled_twice(stage, IN_BATCHES, [splat, "Device", "WorkgroupTree", "Device"])?;
     }
     for sum in &SUMS[1..] {
-        filled_twice(stage, IN_BATCHES, ["ComputeTiles", "DeviceGrid", sum, "Device"])?;
+        filled_twice(stage, IN_BATCHES, ["ComputeTiles", "Device", sum, "Device"])?;
     }
-    let (_, reports) = filled_twice(stage, IN_BATCHES, ["ComputeTiles", "HostScan", "WorkgroupTree", "Device"])?;
+    let (_, reports) = filled_twice(stage, IN_BATCHES, ["ComputeTiles", "Scan", "WorkgroupTree", "Device"])?;
     check(reports["surplus_records"] * 10 < reports["records"], || format!("a tenth of the records or more is surplus: {reports:?}"))
 }
 
 /// Whichever of the steps run on the host and hand each other what they made, and which on the device: the picture is the same but where rounding
 /// decides whether a pixel misses a record.
 fn fills_agree(stage: &Stage) -> Outcome {
-    let (expected, reports) = filled_twice(stage, IN_BATCHES, ["ComputeTiles", "DeviceGrid", "WorkgroupTree", "Device"])?;
+    let (expected, reports) = filled_twice(stage, IN_BATCHES, ["ComputeTiles", "Device", "WorkgroupTree", "Device"])?;
     let mean = expected.iter().flatten().sum::<f32>() / expected.len() as f32;
-    for choice in 1..16u32 {
+    // Alone, in pairs of neighbours and of others, and all.
+    for choice in [1, 2, 4, 8, 3, 6, 9, 15u32] {
         let pick = |bit: u32, ways: [&'static str; 2]| ways[(choice >> bit & 1) as usize];
-        let ways = [pick(0, ["ComputeTiles", "Host"]), pick(1, ["DeviceGrid", "HostGrid"]), pick(2, ["WorkgroupTree", "Host"]), pick(3, ["Device", "Auto"])];
+        let ways = [pick(0, ["ComputeTiles", "Host"]), pick(1, ["Device", "Host"]), pick(2, ["WorkgroupTree", "Host"]), pick(3, ["Device", "Host"])];
         let (found, other) = filled_twice(stage, IN_BATCHES, ways)?;
         let squares: f32 = found.iter().flatten().zip(expected.iter().flatten()).map(|(a, b)| (a - b).powi(2)).sum();
         let error = (squares / expected.len() as f32).sqrt() / mean;
@@ -760,16 +765,16 @@ fn fills_agree(stage: &Stage) -> Outcome {
 /// Clamped by the records before them, most reach less far: more are needed, as many on the host as on the device.
 fn clamping_agrees(stage: &Stage) -> Outcome {
     let records = |clamps: bool, add: &'static str| -> Result<u32, Failed> {
-        Ok(filled_twice(stage, Fill { clamps, ..IN_BATCHES }, ["ComputeTiles", "DeviceGrid", "WorkgroupTree", add])?.1["records"])
+        Ok(filled_twice(stage, Fill { clamps, ..IN_BATCHES }, ["ComputeTiles", "Device", "WorkgroupTree", add])?.1["records"])
     };
-    let (free, device, host) = (records(false, "Device")?, records(true, "Device")?, records(true, "Auto")?);
+    let (free, device, host) = (records(false, "Device")?, records(true, "Device")?, records(true, "Host")?);
     check(device > free && device.abs_diff(host) * 100 <= device, || format!("{free} records, clamped {device} on the device and {host} on the host"))
 }
 
 /// One by one, so that each record is clamped by all before it that face alike: no radius exceeds that of one of them and the way to it.
 fn clamping_bounds(stage: &Stage) -> Outcome {
-    for add in ["Device", "Auto"] {
-        let Filled { records, .. } = filled(stage, Fill { batch: 1, sequential: false, clamps: true }, ["ComputeTiles", "DeviceGrid", "WorkgroupTree", add])?;
+    for add in ["Device", "Host"] {
+        let Filled { records, .. } = filled(stage, Fill { batch: 1, sequential: false, clamps: true }, ["ComputeTiles", "Device", "WorkgroupTree", add])?;
         let mut met = 0;
         for (number, record) in records.iter().enumerate() {
             let [position, normal] = [record.position, record.normal].map(Vec3::from);
@@ -792,7 +797,7 @@ fn batches_serve_each_cell_once(stage: &Stage) -> Outcome {
     let Some(&Port::RecordCache(cache)) = graph.ports.get("cache") else { return Err("no cache".into()) };
     graph.batch = Some((2, false));
     graph.node("splats", "Splat", &[("by", "ComputeTiles")], &[("records", "cache"), ("gbuffer", "gbuffer")])?;
-    graph.node("misses", "FindMisses", &[("by", "DeviceGrid:8")], &[("gbuffer", "gbuffer"), ("splats", "splats")])?;
+    graph.node("misses", "FindMisses", &[("by", "Grid:8")], &[("gbuffer", "gbuffer"), ("splats", "splats")])?;
     graph.node("tiles", "HemisphereTiles", &[("resolution", "4")], &[("at", "misses")])?;
     graph.node("closed", "Compensation", &[], &[("of", "tiles")])?;
     graph.node("records", "IrradianceSum", &[], &[("of", "closed")])?;
@@ -814,7 +819,7 @@ fn batches_serve_each_cell_once(stage: &Stage) -> Outcome {
 
 fn sequential_walk(stage: &Stage) -> Outcome {
     for splat in stage.splats() {
-        let (_, reports) = filled_twice(stage, Fill { batch: 1, sequential: true, ..IN_BATCHES }, [splat, "HostScan", "WorkgroupTree", "Auto"])?;
+        let (_, reports) = filled_twice(stage, Fill { batch: 1, sequential: true, ..IN_BATCHES }, [splat, "Scan", "WorkgroupTree", "Host"])?;
         check(reports["surplus_records"] == 0, || format!("{reports:?}"))?;
     }
     Ok(())

@@ -16,7 +16,7 @@ use std::path::Path;
 const SCENES: [&str; 4] = ["cornell", "balls", "hall", "castle"];
 
 /// Pipelines whose point is a feature that WebGPU leaves to the adapter: they splat by blending.
-const BLENDING: [&str; 2] = ["irradiance-device.ron", "radiance-blend.ron"];
+const BLENDING: [&str; 1] = ["radiance-blend.ron"];
 
 #[test]
 fn what_ships_asks_no_more_than_webgpu_grants() {
@@ -64,7 +64,7 @@ fn complaints(name: &str) -> Vec<String> {
     let (scene, needs) = scene(name);
     let (granted, tables) = (wgpu::Limits::default(), Remembered::default());
     let mut complaints = Vec::new();
-    for ((file, _), device) in EMBEDDED.iter().flat_map(|ships| [Device::Hardware { blends: false }, Device::Software].map(|device| (ships, device))) {
+    for ((file, _), device) in EMBEDDED.iter().flat_map(|ships| [Device::ABLE, Device::SOFTWARE].map(|device| (ships, Device { blends: false, ..device }))) {
         let pipeline = load(file, &[], REGISTRY, &mut |_| Err(std::io::ErrorKind::NotFound.into())).unwrap_or_else(|_| panic!("{file}"));
         let setting = Setting { scene: &scene, needs: &needs, device, size: [256, 256], tables: Some(&tables) };
         let plan = plan(&pipeline, setting, &[], &|data| scene_data::kind(&scene, data)).unwrap_or_else(|_| panic!("{file} on {name}"));

@@ -3,7 +3,7 @@
 mod host;
 
 use crate::contract::{
-    Choice, Description, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, port,
+    Bodies, Choice, Description, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Recorder, Refusal, port,
     recorder::{bind_visibility, light_constants},
 };
 use crate::recording::*;
@@ -12,7 +12,7 @@ pub struct DirectLight;
 
 static DESCRIPTION: Description = Description {
     name: "DirectLight",
-    about: "Light that reaches the visible surfaces without touching another: punctual lights, area lights, sky",
+    about: "Light that reaches the visible surfaces without touching another: punctual lights, area lights, sky; the host can add up that of area lights and the sky",
     source: "RCS section 4, step 5",
     parameters: &[
         Parameter {
@@ -43,18 +43,7 @@ static DESCRIPTION: Description = Description {
                 ],
             },
         },
-        Parameter {
-            name: "by",
-            about: "who casts the shadow rays to emitters and the sky, and adds their light up",
-            unit: "",
-            kind: ParameterKind::Choice {
-                choices: &[
-                    Choice { name: "Auto", about: "the device; the host where the device is a driver on the same cores", parameters: &[] },
-                    Choice { name: "Device", about: "a shader, one ray after the other", parameters: &[] },
-                    Choice { name: "Host", about: "the host, 64 rays of a pixel together", parameters: &[] },
-                ],
-            },
-        },
+        PLACE,
     ],
     inputs: &[
         Input { name: "gbuffer", about: "the visible surfaces", accepts: PortKind::GBuffer, required: true, changes: false },
@@ -115,7 +104,7 @@ fn tell_idle(r: &mut Recorder<'_>, sampled: bool, has_sky: bool) {
     let (emits, shines) = (needs.emissive_triangles > 0, needs.environment);
     let idle = [
         (!emits && !shines, "emitters", "no surface emits light and the sky is black"),
-        (!emits && !shines, "by", "no surface emits light and the sky is black"),
+        (!emits && !shines, "place", "no surface emits light and the sky is black"),
         (sampled && shines && !emits, "emitters.area_samples", "no surface emits light"),
         (sampled && emits && !shines, "emitters.sky_samples", "the sky is black"),
         (sampled && shines && has_sky, "emitters.sky_samples", "another pass computes the light of the sky"),
@@ -126,23 +115,15 @@ fn tell_idle(r: &mut Recorder<'_>, sampled: bool, has_sky: bool) {
 /// Most bytes of the light of all pixels: what every device binds.
 const MOST_BYTES: u64 = 128 << 20;
 
-/// The shadow rays that the host is to cast, if it is; of `samples` to area lights and to the sky those that there is light for.
+/// The shadow rays that the host is to cast, 64 of a pixel together, if it is; of `samples` to area lights and to the sky those that there is light for.
 fn light_by_host(r: &mut Recorder<'_>, [area, sky]: [u32; 2]) -> Result<Option<[u32; 2]>, Refusal> {
     let needs = r.setting.needs;
     let samples = [if needs.emissive_triangles > 0 { area } else { 0 }, if needs.environment { sky } else { 0 }];
-    let by = r.arguments.choice("by").0;
-    let is_suited = by == "Host" || (by == "Auto" && r.setting.device == Device::Software);
-    if samples == [0; 2] || !is_suited {
+    if samples == [0; 2] {
         return Ok(None);
     }
-    if host::bytes(r.setting.size) <= MOST_BYTES {
-        r.remark("the host adds up the light of emitters and the sky");
-        return Ok(Some(samples));
-    }
-    let told = format!("the light of so many pixels does not fit into {} MiB", MOST_BYTES >> 20);
-    if by == "Host" {
-        return Err(Refusal::of_parameter("by", "plan::light_by_host", told, "draw a smaller picture, or set by to Auto"));
-    }
-    r.remark(format!("{told}: the device adds it up"));
-    Ok(None)
+    let is_too_large = host::bytes(r.setting.size) > MOST_BYTES;
+    let obstacle = format!("the light of so many pixels does not fit into {} MiB", MOST_BYTES >> 20);
+    let place = r.place(Bodies::BOTH.unless(is_too_large, obstacle))?;
+    Ok((place == Place::Host).then_some(samples))
 }

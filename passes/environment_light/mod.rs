@@ -2,7 +2,9 @@
 
 mod host;
 
-use crate::contract::{Arguments, Choice, Description, Input, Need, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, port};
+use crate::contract::{
+    Arguments, Bodies, Description, Input, Need, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Recorder, Refusal, port,
+};
 use crate::math::harmonics::{
     MOST,
     reflection::{LobeTable, PARTS, quads},
@@ -26,18 +28,7 @@ static DESCRIPTION: Description = Description {
             unit: "",
             kind: ParameterKind::Integer { default: 10, min: 1, max: MOST as i64 },
         },
-        Parameter {
-            name: "by",
-            about: "where the sky is turned into the frames of the surfaces",
-            unit: "",
-            kind: ParameterKind::Choice {
-                choices: &[
-                    Choice { name: "Auto", about: "on the device; on the host where the device is a driver on the same cores", parameters: &[] },
-                    Choice { name: "Device", about: "by a shader, a pixel an invocation", parameters: &[] },
-                    Choice { name: "Host", about: "on the host, eight pixels side by side", parameters: &[] },
-                ],
-            },
-        },
+        PLACE,
     ],
     inputs: &[
         Input { name: "gbuffer", about: "the visible surfaces", accepts: PortKind::GBuffer, required: true, changes: false },
@@ -92,13 +83,9 @@ impl Pass for EnvironmentLight {
         }
         let radiance = r.image("radiance", Format::Rgba32Float);
         let work = Work { gbuffer, order, sky: expansion(&r.setting.scene.environment, order), lobes, radiance };
-        match (r.arguments.choice("by").0, r.setting.device) {
-            ("Auto", Device::Software) => {
-                r.remark("the sky is turned on the host, as the device is a driver on the same cores");
-                host::record(r, work);
-            }
-            ("Host", _) => host::record(r, work),
-            _ => record_on_device(r, &work),
+        match r.place(Bodies::BOTH)? {
+            Place::Host => host::record(r, work),
+            Place::Device => record_on_device(r, &work),
         }
         r.output("radiance", Port::Image(port::Image { texture: radiance, channels: port::Channels::Colour }));
         Ok(())

@@ -1,7 +1,7 @@
 //! Where records are missing.
 
 use super::record::{REQUEST_BYTES, Request};
-use crate::contract::{Choice, Description, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, port};
+use crate::contract::{Choice, Description, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Recorder, Refusal, port};
 use crate::math::random::{hash, unit};
 use crate::recording::*;
 use glam::{Vec4, Vec4Swizzles};
@@ -41,16 +41,10 @@ static DESCRIPTION: Description = Description {
             unit: "",
             kind: ParameterKind::Choice {
                 choices: &[
+                    Choice { name: "Grid", about: "from coarse cells of pixels to fine ones", parameters: CELLS },
                     Choice {
-                        name: "Grid",
-                        about: "from coarse cells of pixels to fine ones; `HostGrid` where the device is a driver on the cores of the host, `DeviceGrid` elsewhere",
-                        parameters: CELLS,
-                    },
-                    Choice { name: "DeviceGrid", about: "on the device; only the number of requests is read back", parameters: CELLS },
-                    Choice { name: "HostGrid", about: "the same on the host, by all cores", parameters: CELLS },
-                    Choice {
-                        name: "HostScan",
-                        about: "the papers' walk over the splat sums on the host, pixel by pixel in scan order (RCS)",
+                        name: "Scan",
+                        about: "the papers' walk over the splat sums, by the host, pixel by pixel in scan order (RCS)",
                         parameters: &[Parameter {
                             name: "spacing",
                             about: "distance between the records of a batch at first, halved down to 2; a sequential fill needs none",
@@ -67,6 +61,7 @@ static DESCRIPTION: Description = Description {
             unit: "records",
             kind: ParameterKind::Integer { default: 0, min: 0, max: 1_000_000 },
         },
+        PLACE,
     ],
     inputs: &[
         Input { name: "gbuffer", about: "the visible surfaces", accepts: PortKind::GBuffer, required: true, changes: false },
@@ -156,19 +151,15 @@ impl Pass for FindMisses {
         if r.requests("after").is_none() {
             r.run_at_least(first_rounds(r, capacity));
         }
-        match r.arguments.choice("by") {
-            ("HostScan", arguments) => host_scan::record(r, &work, arguments.integer("spacing") as u32),
-            (by, arguments) => {
-                let grid = Grid::new(r, [arguments.integer("coarsest") as u32, arguments.integer("finest") as u32])?;
-                let suits_host = by == "Grid" && r.setting.fills_on_host();
-                if suits_host {
-                    r.remark("misses are looked for on the host, as the device is a driver on the same cores");
-                }
-                if by == "HostGrid" || suits_host {
-                    host_grid::record(r, &work, grid);
-                } else {
-                    device_grid::record(r, &work, grid);
-                }
+        let (by, arguments) = r.arguments.choice("by");
+        let place = r.place(r.over_pixels().unless_on_device(by == "Scan", "Scan is a walk from pixel to pixel"))?;
+        if by == "Scan" {
+            host_scan::record(r, &work, arguments.integer("spacing") as u32);
+        } else {
+            let grid = Grid::new(r, [arguments.integer("coarsest") as u32, arguments.integer("finest") as u32])?;
+            match place {
+                Place::Host => host_grid::record(r, &work, grid),
+                Place::Device => device_grid::record(r, &work, grid),
             }
         }
         r.report_variable("new_records", made);
@@ -185,7 +176,7 @@ const FIRST_PLACES: u32 = 64;
 fn first_rounds(r: &Recorder<'_>, capacity: u32) -> u32 {
     let places = |apart: u32| r.setting.size.map(|pixels| pixels.div_ceil(apart)).iter().product::<u32>();
     match r.arguments.choice("by") {
-        ("HostScan", _) => places(host_scan::widest_spacing(r.setting.size) as u32).div_ceil(capacity),
+        ("Scan", _) => places(host_scan::widest_spacing(r.setting.size) as u32).div_ceil(capacity),
         (_, arguments) => {
             // Four phases of cells of each edge, each of every second cell along both axes.
             let phases = (0..).flat_map(|halvings| [places(2 * (arguments.integer("coarsest") as u32 >> halvings).max(1)); 4]);
@@ -292,7 +283,7 @@ mod tests {
     #[test]
     fn whatever_the_time_places_all_over_the_picture_are_looked_at() {
         // A grid of 8×6 pixels that are 8 apart.
-        assert_eq!([48, 10, 1].map(|capacity| first_rounds_of([64, 48], "HostScan", &[], capacity)), [1, 5, 48]);
+        assert_eq!([48, 10, 1].map(|capacity| first_rounds_of([64, 48], "Scan", &[], capacity)), [1, 5, 48]);
         // Four phases of one cell, four of 4, and of 12 as many as take 44 places: all four.
         assert_eq!([100, 10, 1].map(|capacity| first_rounds_of([64, 48], "Grid", CELLS, capacity)), [12, 16, 68]);
         // Where there are fewer pixels than that, all of them: four phases of one cell, and two.

@@ -2,7 +2,7 @@
 
 use super::record::{TileSample, sample_bytes};
 use crate::contract::recorder::{bind_visibility, light_constants, shadow_taps};
-use crate::contract::{Choice, Description, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, port};
+use crate::contract::{Bodies, Choice, Description, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Recorder, Refusal, port};
 use crate::math::hemisphere::{Shape, Table};
 use crate::recording::*;
 use std::sync::Arc;
@@ -50,16 +50,10 @@ static DESCRIPTION: Description = Description {
             unit: "",
             kind: ParameterKind::Choice {
                 choices: &[
-                    Choice {
-                        name: "Rays",
-                        about: "one ray a sample, cast by `HostRayCast` where the device is a driver on the cores of the host, by `RayCast` elsewhere",
-                        parameters: &[],
-                    },
-                    Choice { name: "RayCast", about: "rays through the hierarchy on the device", parameters: &[] },
-                    Choice { name: "HostRayCast", about: "rays through the hierarchy on the host, by its vector instructions", parameters: &[] },
+                    Choice { name: "Rays", about: "one ray a sample through the hierarchy; the host shades what they see as they end", parameters: &[] },
                     Choice {
                         name: "Raster",
-                        about: "the scene is rasterised from each record; parts outside of a view are culled on the host",
+                        about: "the device rasterises the scene from each record; parts outside of a view are culled by the host",
                         parameters: &[Parameter {
                             name: "sift",
                             about: "drop triangles that fall between the samples on the device, where a scene has more triangles than a view has samples",
@@ -67,22 +61,6 @@ static DESCRIPTION: Description = Description {
                             kind: ParameterKind::Bool { default: true },
                         }],
                     },
-                ],
-            },
-        },
-        Parameter {
-            name: "shading",
-            about: "where what rays see is shaded",
-            unit: "",
-            kind: ParameterKind::Choice {
-                choices: &[
-                    Choice {
-                        name: "Auto",
-                        about: "on the host as its rays end, where it casts them and no emitter, sky or lobe is to be looked at; on the device elsewhere",
-                        parameters: &[],
-                    },
-                    Choice { name: "Device", about: "by a shader", parameters: &[] },
-                    Choice { name: "Host", about: "on the host, which has to cast the rays", parameters: &[] },
                 ],
             },
         },
@@ -98,6 +76,7 @@ static DESCRIPTION: Description = Description {
             unit: "",
             kind: ParameterKind::Integer { default: 1, min: 1, max: 25 },
         },
+        PLACE,
     ],
     inputs: &[
         Input { name: "at", about: "places that need a record", accepts: PortKind::Requests, required: true, changes: false },
@@ -194,22 +173,20 @@ impl Pass for HemisphereTiles {
         }
         let work = layout(r, requests, shape, table, by == "Raster")?;
         let maps = r.shadow_maps("shadow").map(|maps| port::ShadowMaps { taps, ..*maps });
-        let on_host = by == "HostRayCast" || (by == "Rays" && r.setting.device == Device::Software);
-        if by == "Rays" && on_host {
-            r.remark("rays are cast on the host, as the device is a driver on the same cores");
-        }
-        let shaded_by_host = is_shaded_by_host(r, on_host, maps.as_ref())?;
-        let samples = if shaded_by_host {
-            host_rays::record_shaded(r, &work, maps, sees_emission(r))
-        } else {
-            match by {
-                "Raster" => raster::record(r, &work, way.bool("sift")),
-                _ if on_host => host_rays::record(r, &work),
-                _ => ray_cast::record(r, &work),
+        let cast = r.place(Bodies::BOTH.unless(by == "Raster", "the scene is rasterised"))?;
+        let shaded = shading_place(r, cast, maps.as_ref())?;
+        let samples = match (shaded, cast) {
+            (Place::Host, _) => host_rays::record_shaded(r, &work, maps, sees_emission(r)),
+            (Place::Device, cast) => {
+                match cast {
+                    Place::Host => host_rays::record(r, &work),
+                    Place::Device if by == "Raster" => raster::record(r, &work, way.bool("sift")),
+                    Place::Device => ray_cast::record(r, &work),
+                }
+                shade(r, &work, maps.as_ref())
             }
-            shade(r, &work, maps.as_ref())
         };
-        let tiles = port::Tiles { samples, shaded_by_host, requests, shape, resolution, table: work.table, tiles_per_row: work.tiles_per_row };
+        let tiles = port::Tiles { samples, place: shaded, requests, shape, resolution, table: work.table, tiles_per_row: work.tiles_per_row };
         r.output("tiles", Port::Tiles(tiles));
         Ok(())
     }
@@ -220,29 +197,19 @@ fn sees_emission(r: &Recorder<'_>) -> bool {
     r.direct_light("direct").is_none_or(|direct| !direct.lights_from_emitters)
 }
 
-/// Whether the host is to shade what its rays see.
-fn is_shaded_by_host(r: &mut Recorder<'_>, casts: bool, maps: Option<&port::ShadowMaps>) -> Result<bool, Refusal> {
-    let shading = r.arguments.choice("shading").0;
-    let needs = r.setting.needs;
-    let obstacles = [
-        (!casts, "its rays are not cast there"),
-        (needs.shadowed_lights > 0 && maps.is_none_or(|maps| maps.pitch.is_none()), "there are no shadow maps in a buffer"),
-    ];
-    match (shading, obstacles.into_iter().find(|(holds, _)| *holds)) {
-        ("Device", _) | ("Auto", Some(_)) => Ok(false),
-        (_, Some((_, obstacle))) => Err(Refusal::of_parameter(
-            "shading",
-            "plan::shading_by_host",
-            format!("the host cannot shade what tiles see here, as {obstacle}"),
-            "set `shading` to Auto or Device",
-        )),
-        (shading, None) => {
-            if shading == "Auto" {
-                r.remark("what rays see is shaded on the host as they end");
-            }
-            Ok(true)
-        }
+/// Who shades what rays see: whoever casts them, if it can look up the shadow maps.
+fn shading_place(r: &mut Recorder<'_>, cast: Place, maps: Option<&port::ShadowMaps>) -> Result<Place, Refusal> {
+    let has_maps = r.setting.needs.shadowed_lights == 0 || maps.is_some_and(|maps| maps.pitch.is_some());
+    if cast == Place::Device || has_maps {
+        return Ok(cast);
     }
+    let obstacle = "there are no shadow maps in a buffer";
+    if r.arguments.choice(PLACE.name).0 == "Host" {
+        let told = format!("the host cannot shade what tiles see here, as {obstacle}");
+        return Err(Refusal::of_parameter(PLACE.name, "plan::place", told, "set `place` to Auto or Device"));
+    }
+    r.remark(format!("what rays see is shaded by the device, as {obstacle}"));
+    Ok(Place::Device)
 }
 
 fn shape(r: &Recorder<'_>) -> Shape {

@@ -1,7 +1,7 @@
 //! From tiles to records.
 
 use super::record::{RECORD_BYTES, Radius};
-use crate::contract::{Choice, Description, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, port};
+use crate::contract::{Bodies, Choice, Description, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Recorder, Refusal, port};
 use crate::recording::*;
 
 mod cpu_readback;
@@ -24,7 +24,11 @@ static DESCRIPTION: Description = Description {
             unit: "",
             kind: ParameterKind::Choice {
                 choices: &[
-                    Choice { name: "WorkgroupTree", about: "one workgroup a tile, a tree in its memory", parameters: &[] },
+                    Choice {
+                        name: "WorkgroupTree",
+                        about: "one workgroup a tile, a tree in its memory; by the host, eight samples side by side",
+                        parameters: &[],
+                    },
                     Choice {
                         name: "MipmapChain",
                         about: "averages of 2×2 texels down to one a tile, in six images (RCS); tiles of a power of two, or of little more",
@@ -36,12 +40,6 @@ static DESCRIPTION: Description = Description {
                         parameters: &[reduce::STORAGE],
                     },
                     Choice { name: "CpuReadback", about: "the tiles are read back and added on the host in double precision", parameters: &[] },
-                    Choice { name: "Auto", about: "`Host` where the host has shaded the tiles, `WorkgroupTree` elsewhere", parameters: &[] },
-                    Choice {
-                        name: "Host",
-                        about: "the tiles are added on the host in single precision, by its vector instructions; read back where they were shaded on the device",
-                        parameters: &[],
-                    },
                 ],
             },
         },
@@ -65,6 +63,7 @@ static DESCRIPTION: Description = Description {
             },
         },
         Parameter { name: "gradients", about: "rotation and translation gradients, or none", unit: "", kind: ParameterKind::Bool { default: true } },
+        PLACE,
     ],
     inputs: &[Input { name: "of", about: "tiles with weights", accepts: PortKind::WeightedTiles, required: true, changes: false }],
     outputs: &[Output { name: "records", about: "one record a tile", kind: PortKind::Records }],
@@ -111,17 +110,17 @@ impl Pass for IrradianceSum {
             ));
         }
         let work = Work { weighted, records, gradients, radius };
-        let shaded_by_host = work.weighted.tiles.shaded_by_host;
-        match r.arguments.choice("by") {
-            ("Auto", _) if shaded_by_host => {
-                r.remark("tiles are summed on the host, which has shaded them");
-                host::record(r, &work);
-            }
-            ("Host", _) => host::record(r, &work),
-            ("MipmapChain", arguments) => mipmap_chain::record(r, &work, arguments)?,
-            ("PingPong", arguments) => ping_pong::record(r, &work, arguments),
-            ("CpuReadback", _) => cpu_readback::record(r, &work),
-            _ => workgroup_tree::record(r, &work),
+        let (by, arguments) = r.arguments.choice("by");
+        let bodies = Bodies::BOTH
+            .better_at(work.weighted.tiles.place, "the tiles were shaded there")
+            .unless(matches!(by, "MipmapChain" | "PingPong"), format!("{by} is a way of the device"))
+            .unless_on_device(by == "CpuReadback", "CpuReadback reads the tiles back");
+        match (r.place(bodies)?, by) {
+            (_, "MipmapChain") => mipmap_chain::record(r, &work, arguments)?,
+            (_, "PingPong") => ping_pong::record(r, &work, arguments),
+            (_, "CpuReadback") => cpu_readback::record(r, &work),
+            (Place::Host, _) => host::record(r, &work),
+            (Place::Device, _) => workgroup_tree::record(r, &work),
         }
         r.output("records", Port::Records(port::Records { records, coefficients: None, count: requests.count, capacity: requests.capacity }));
         Ok(())

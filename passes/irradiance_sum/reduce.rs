@@ -133,7 +133,7 @@ impl Work<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::contract::port;
+    use crate::contract::{Place, port};
     use crate::math::hemisphere::{Method, Shape, Table};
     use crate::passes::record::Radius;
     use std::sync::Arc;
@@ -142,7 +142,7 @@ mod tests {
     fn tiles(shape: Shape, resolution: u32) -> port::WeightedTiles {
         let table = Arc::new(Table::new(shape, resolution, Method::None).unwrap());
         let requests = port::Requests { places: Resource(0), count: Variable(0), capacity: 5, made: Variable(1), at_most: 100 };
-        let tiles = port::Tiles { samples: Resource(1), shaded_by_host: false, requests, shape, resolution, table: table.clone(), tiles_per_row: 2 };
+        let tiles = port::Tiles { samples: Resource(1), place: Place::Device, requests, shape, resolution, table: table.clone(), tiles_per_row: 2 };
         port::WeightedTiles { tiles, table }
     }
 

@@ -2,7 +2,9 @@
 
 pub mod device;
 
-use crate::contract::{Arguments, Choice, Description, Need, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, port};
+use crate::contract::{
+    Arguments, Bodies, Choice, Description, Need, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Recorder, Refusal, port,
+};
 use crate::math::{
     harmonics::{
         Harmonics, MOST,
@@ -24,7 +26,7 @@ const ORDER: ParameterKind = ParameterKind::Integer { default: 10, min: 1, max: 
 
 static DESCRIPTION: Description = Description {
     name: "LobeCoefficients",
-    about: "The lobe of every glossy material, times the cosine, on harmonics, over a grid of outgoing directions",
+    about: "The lobe of every glossy material, times the cosine, on harmonics, over a grid of outgoing directions: by the host once, as the plan is made; by the device each frame anew, and then the host cannot look lobes up",
     source: "THESIS 3.5.2, equations 3.32, 3.35 and 3.36",
     parameters: &[
         Parameter {
@@ -82,17 +84,6 @@ static DESCRIPTION: Description = Description {
             },
         },
         Parameter {
-            name: "by",
-            about: "where lobes are projected",
-            unit: "",
-            kind: ParameterKind::Choice {
-                choices: &[
-                    Choice { name: "Host", about: "once, as the plan is made", parameters: &[] },
-                    Choice { name: "Device", about: "by a shader, each frame anew; then the host cannot look lobes up", parameters: &[] },
-                ],
-            },
-        },
-        Parameter {
             name: "grid",
             about: "outgoing directions along an edge of the paraboloid",
             unit: "directions",
@@ -109,6 +100,7 @@ static DESCRIPTION: Description = Description {
                 ],
             },
         },
+        PLACE,
     ],
     inputs: &[],
     outputs: &[Output { name: "lobes", about: "a table for each shape of lobe", kind: PortKind::Lobes }],
@@ -223,12 +215,15 @@ impl Pass for LobeCoefficients {
         let of_material = r.constant_buffer("of_material", bytemuck::cast_slice(&indices));
         let table_places = table_places(&orders, edge);
         let places = r.constant_buffer("places", bytemuck::cast_slice(&table_places));
-        let (values, tables) = if r.arguments.choice("by").0 == "Device" {
-            let highest = orders.iter().copied().max().unwrap_or(1);
-            (device::record(r, &lobes, &table_places, series(highest), edge)?, None)
-        } else {
-            let tables: Vec<LobeTable> = lobes.into_iter().zip(&orders).map(|(shape, order)| table(r, shape, series(*order), edge)).collect();
-            (r.constant_buffer("values", &lobe_bytes(&tables)), Some(Arc::new(tables)))
+        let (values, tables) = match r.place(Bodies::BOTH.better_at(Place::Host, "it does so once, as the plan is made"))? {
+            Place::Device => {
+                let highest = orders.iter().copied().max().unwrap_or(1);
+                (device::record(r, &lobes, &table_places, series(highest), edge)?, None)
+            }
+            Place::Host => {
+                let tables: Vec<LobeTable> = lobes.into_iter().zip(&orders).map(|(shape, order)| table(r, shape, series(*order), edge)).collect();
+                (r.constant_buffer("values", &lobe_bytes(&tables)), Some(Arc::new(tables)))
+            }
         };
         let lobes = port::Lobes { values, places, of_material, tables, harmonics, orders, edge: edge as u32 };
         r.output("lobes", Port::Lobes(lobes));

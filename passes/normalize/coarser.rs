@@ -341,7 +341,7 @@ mod steps {
         recording.variables.push(VariableDescription { name: String::new(), history: false });
         let [position, normal, reflectance, triangles, of_sums] = [2, 3, 4, 5, 6].map(Resource);
         let recorded = {
-            let setting = Setting { scene: host.scene(), needs: &needs, device: Device::Software, size: SIZE, tables: None };
+            let setting = Setting { scene: host.scene(), needs: &needs, device: Device::SOFTWARE, size: SIZE, tables: None };
             let mut r = Recorder::new("normalize", &arguments, setting, &inputs, &mut recording);
             let splats = port::Splats { sums: of_sums, counts: None, lobes: None, cache: mock::cache(100) };
             super::record(&mut r, &splats, &port::GBuffer { position, normal, reflectance, triangles });

@@ -1,7 +1,7 @@
 //! From tiles to what arrives from where.
 
 use super::record::{Record, Request};
-use crate::contract::{Choice, Description, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, port};
+use crate::contract::{Bodies, Choice, Description, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Recorder, Refusal, port};
 use crate::math::radiance::{Expansion, Projected};
 use crate::recording::*;
 use glam::Vec4;
@@ -24,14 +24,13 @@ static DESCRIPTION: Description = Description {
             unit: "",
             kind: ParameterKind::Choice {
                 choices: &[
-                    Choice { name: "Auto", about: "`Host` where the device is a driver on the cores of the host, `MatrixProduct` elsewhere", parameters: &[] },
-                    Choice { name: "Host", about: "the same product on the host, in single precision", parameters: &[] },
-                    Choice { name: "MatrixProduct", about: "on the device: samples times a table of the basis", parameters: &[] },
+                    Choice { name: "MatrixProduct", about: "samples times a table of the basis, in single precision", parameters: &[] },
                     Choice { name: "CpuReadback", about: "the tiles are read back and projected on the host in double precision (THESIS)", parameters: &[] },
                 ],
             },
         },
         Parameter { name: "gradients", about: "translation gradients of every coefficient, or none", unit: "", kind: ParameterKind::Bool { default: true } },
+        PLACE,
     ],
     inputs: &[
         Input { name: "of", about: "tiles with weights", accepts: PortKind::WeightedTiles, required: true, changes: false },
@@ -74,14 +73,11 @@ impl Pass for RadianceProjection {
         }
         let values = r.buffer("values", u64::from(records.capacity) * port::Coefficients::bytes(order, port::Precision::Single));
         let work = Work { weighted, expansion: Arc::new(expansion), order, records: records.records, values };
-        match (r.arguments.choice("by").0, r.setting.device) {
-            ("CpuReadback", _) => cpu_readback::record(r, &work),
-            ("Host", _) => host::record(r, &work),
-            ("Auto", Device::Software) => {
-                r.remark("tiles are projected on the host, as the device is a driver on the same cores");
-                host::record(r, &work);
-            }
-            _ => matrix_product::record(r, &work),
+        let by = r.arguments.choice("by").0;
+        match (r.place(Bodies::BOTH.unless_on_device(by == "CpuReadback", "CpuReadback reads the tiles back"))?, by) {
+            (_, "CpuReadback") => cpu_readback::record(r, &work),
+            (Place::Host, _) => host::record(r, &work),
+            (Place::Device, _) => matrix_product::record(r, &work),
         }
         r.output(
             "records",

@@ -63,7 +63,7 @@ mod tests {
         let (mut host, needs, inputs, arguments) = (MockHost::new(Vec::new(), size), Needs::default(), BTreeMap::new(), Arguments::defaults(&[]));
         let mut recording = Recording::default();
         let recorded = {
-            let setting = Setting { scene: host.scene(), needs: &needs, device: Device::Software, size, tables: None };
+            let setting = Setting { scene: host.scene(), needs: &needs, device: Device::SOFTWARE, size, tables: None };
             let mut r = Recorder::new("splat", &arguments, setting, &inputs, &mut recording).in_loop(10, false);
             let gbuffer = port::GBuffer { position, normal, reflectance, triangles };
             record(&mut r, &Work { gbuffer, cache: mock::cache(100), sums, counts: Some(counts), first: Variable(1), radiance: None });

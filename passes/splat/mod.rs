@@ -1,6 +1,6 @@
 //! Records onto pixels.
 
-use crate::contract::{Choice, Description, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, port};
+use crate::contract::{Bodies, Choice, Description, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Recorder, Refusal, port};
 use crate::math::harmonics::{Method, reflection::quads};
 use crate::recording::*;
 
@@ -23,18 +23,17 @@ static DESCRIPTION: Description = Description {
             unit: "",
             kind: ParameterKind::Choice {
                 choices: &[
-                    Choice { name: "RasterBlend", about: "a screen rectangle a record, blended additively (RCS)", parameters: &[] },
                     Choice {
                         name: "Auto",
-                        about: "`Host` where the device is a driver on the cores of the host; elsewhere `RasterBlend` for irradiance if the device blends 32-bit floats, `ComputeTiles` if not, and for radiance",
+                        about: "by the device `RasterBlend` for irradiance if it blends 32-bit floats, `ComputeTiles` if not, and for radiance; by the host its cores share the records of bands of pixels",
                         parameters: &[],
                     },
+                    Choice { name: "RasterBlend", about: "a screen rectangle a record, blended additively, by the device (RCS)", parameters: &[] },
                     Choice {
                         name: "ComputeTiles",
-                        about: "binned over tiles of 16×16 pixels and added in order; needs no blending; masks of 32 MiB at most",
+                        about: "binned over tiles of 16×16 pixels and added in order, by the device; needs no blending; masks of 32 MiB at most",
                         parameters: &[],
                     },
-                    Choice { name: "Host", about: "by all cores of the host; the surfaces are read back once", parameters: &[] },
                 ],
             },
         },
@@ -56,6 +55,7 @@ static DESCRIPTION: Description = Description {
             },
         },
         Parameter { name: "count", about: "also counts the records of each pixel", unit: "", kind: ParameterKind::Bool { default: false } },
+        PLACE,
     ],
     inputs: &[
         Input { name: "records", about: "the cache", accepts: PortKind::RecordCache, required: true, changes: false },
@@ -122,16 +122,6 @@ fn radiance(r: &Recorder<'_>, cache: &port::RecordCache) -> Result<Option<Radian
         "DigonDeletion" => Some(Method::DigonDeletion),
         _ => None,
     };
-    let by = r.arguments.choice("by").0;
-    let on_host = by == "Host" || (by == "Auto" && r.setting.device == Device::Software);
-    if rotation.is_some() && !on_host {
-        return Err(Refusal::of_parameter(
-            "rotation",
-            "plan::rotation",
-            "expansions are rotated on the host alone",
-            "set `by` to Host, or rotation to MovedViewer",
-        ));
-    }
     match cache.coefficients {
         Some(coefficients) if coefficients.order == visible.lobes.order() => Ok(Some(Radiance { visible: visible.clone(), coefficients, rotation })),
         _ => Err(Refusal::new(
@@ -157,26 +147,10 @@ impl Pass for Splat {
             r.idle("rotation", "records hold irradiance alone");
         }
         let work = Work { gbuffer, cache, sums, counts, first, radiance };
-        match (r.arguments.choice("by").0, &work.radiance) {
-            ("Auto", Some(radiance)) if r.setting.device == Device::Software => {
-                r.remark("radiance is splatted on the host, as the device is a driver on the same cores");
-                host_radiance::record(r, &work, radiance)?;
-            }
-            ("Auto", None) if r.setting.fills_on_host() => {
-                r.remark("records are splatted on the host, as the device is a driver on the same cores");
-                host::record(r, &work);
-            }
-            ("Host", Some(radiance)) => host_radiance::record(r, &work, radiance)?,
-            ("Host", None) => host::record(r, &work),
-            ("ComputeTiles", _) | ("Auto", Some(_)) => tiled(r, &work),
-            ("Auto", None) if r.setting.device == (Device::Hardware { blends: false }) => {
-                r.remark("records are splatted in compute, as the device cannot blend 32-bit floats");
-                tiled(r, &work);
-            }
-            _ => {
-                clear(r, &work);
-                raster_blend::record(r, &work);
-            }
+        match (place(r, work.radiance.as_ref())?, &work.radiance) {
+            (Place::Host, Some(radiance)) => host_radiance::record(r, &work, radiance)?,
+            (Place::Host, None) => host::record(r, &work),
+            (Place::Device, _) => record_on_device(r, &work),
         }
         let lobes = work.radiance.map(|radiance| radiance.visible);
         r.output("sums", Port::Splats(port::Splats { sums, counts, lobes, cache }));
@@ -184,14 +158,29 @@ impl Pass for Splat {
     }
 }
 
-fn tiled(r: &mut Recorder<'_>, work: &Work) {
-    clear(r, work);
-    compute_tiles::record(r, work);
+fn place(r: &mut Recorder<'_>, radiance: Option<&Radiance>) -> Result<Place, Refusal> {
+    let bodies = match radiance {
+        Some(radiance) => Bodies::BOTH
+            .unless(radiance.visible.lobes.tables.is_none(), "the device projects the lobes")
+            .unless_on_device(radiance.rotation.is_some(), "expansions are rotated by the host alone"),
+        None => r.over_pixels(),
+    };
+    let by = r.arguments.choice("by").0;
+    r.place(bodies.unless(by != "Auto", format!("{by} is a way of the device")))
 }
 
-fn clear(r: &mut Recorder<'_>, work: &Work) {
+fn record_on_device(r: &mut Recorder<'_>, work: &Work) {
     for target in [Some(work.sums), work.counts].into_iter().flatten() {
         at_start(r, Command::Clear(target));
+    }
+    let blends = r.setting.device.blends;
+    match (r.arguments.choice("by").0, &work.radiance) {
+        ("Auto", None) if !blends => {
+            r.remark("records are splatted in compute, as the device cannot blend 32-bit floats");
+            compute_tiles::record(r, work);
+        }
+        ("RasterBlend", _) | ("Auto", None) => raster_blend::record(r, work),
+        _ => compute_tiles::record(r, work),
     }
 }
 

@@ -1,7 +1,6 @@
 //! `hemisplat compare`
 
 use super::check::unique;
-use super::comparison;
 use super::console::Console;
 use super::failure::{CommandError, Failure};
 use super::given::PictureOption;
@@ -19,6 +18,7 @@ use crate::measure::compare::{self, About, Comparison, Contender, GivenPicture, 
 use crate::measure::page::Gallery;
 use crate::measure::run::Run;
 use crate::measure::statistics::least_runs;
+use crate::measure::told::comparison;
 use crate::pipeline::{Pipeline, Plan, Problems};
 use clap::Args;
 use std::path::{Path, PathBuf};

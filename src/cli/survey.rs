@@ -2,7 +2,8 @@
 
 use super::compare::warn_of_unstated_bounces;
 use super::console::Console;
-use super::failure::Failure;
+use super::exhibited;
+use super::failure::{CommandError, Failure};
 use super::input::read_file;
 use super::interrupt::Shelter;
 use super::judge::Judge;
@@ -14,7 +15,6 @@ use super::progress::Progress;
 use super::resources::expect_memory;
 use super::scene::{SceneOptions, View};
 use super::truth::{Truth, TruthOptions, content};
-use super::{exhibited, expected, swept, tables};
 use crate::gpu::{AskPace, Gpu, Pace};
 use crate::measure::Layers;
 use crate::measure::cache::Checksum;
@@ -24,6 +24,7 @@ use crate::measure::plot::{Paper, svg};
 use crate::measure::run::{Run, RunError};
 use crate::measure::survey::Survey;
 use crate::measure::sweep::{Measured, Outcome, Point, Sweep, mark_front, plot};
+use crate::measure::told::{self, tables};
 use crate::pipeline::{Pipeline, Plan};
 use clap::Args;
 use miette::Diagnostic;
@@ -108,18 +109,19 @@ pub(super) fn run(survey: &Survey, scene: &SceneOptions, reference: &Reference, 
     let (points, judge, _shelter) = (work.points, work.judge, work.shelter);
     let mut sweep = sweep(survey, &view, &gpu, judge.report(), approximations(plans.iter().flatten().map(Plan::approximated)), points);
     sweep.expected = expectation::judge(&survey.expected, &sweep, &survey.cost);
-    swept::warnings(&sweep, survey).iter().for_each(|warning| console.note(warning));
-    console.print(&[swept::text(&sweep, survey), tables::markdown(&sweep, survey)].join("\n"))?;
+    told::sweep::warnings(&sweep, survey).iter().for_each(|warning| console.note(warning));
+    console.print(&[told::sweep::text(&sweep, survey), tables::markdown(&sweep, survey)].join("\n"))?;
     targets.write(&sweep, survey)?;
     if let Some(html) = &targets.html {
         let gallery = exhibited::gallery(&sweep.points, &keys, &folder, &judge, view.size)?;
-        html.write_page(&swept::report(&sweep, survey, &pipelines, &plans), &gallery)?;
+        html.write_page(&told::sweep::report(&sweep, survey, &pipelines, &plans), &gallery)?;
     }
     if is_interrupted {
         return Err(Failure::interrupted(&[&[folder.path.as_path()], &targets.paths()[..]].concat()));
     }
     expect_none_refused(&sweep.points)?;
-    expected::expect_none_missed(&sweep.expected)
+    let missed = told::missed(&sweep.expected);
+    if missed.is_empty() { Ok(()) } else { Err(Failure::work(CommandError::Unexpected { missed })) }
 }
 
 /// The files that the results go to, beside those of the points.
@@ -147,7 +149,7 @@ impl Targets {
 
     fn write(&self, sweep: &Sweep, survey: &Survey) -> Result<(), Failure> {
         self.json.iter().try_for_each(|json| json.write_json(sweep))?;
-        self.csv.iter().try_for_each(|csv| csv.write(swept::csv(sweep, survey).as_bytes()))?;
+        self.csv.iter().try_for_each(|csv| csv.write(told::sweep::csv(sweep, survey).as_bytes()))?;
         self.svg.iter().try_for_each(|figure| figure.write(svg(&plot(sweep, &survey.metric, &survey.cost), Paper::Wide).as_bytes()))?;
         self.markdown.iter().try_for_each(|tables| tables.write(tables::markdown(sweep, survey).as_bytes()))
     }

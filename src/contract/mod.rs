@@ -1,11 +1,13 @@
 //! What a pass promises: its parameters, its ports, whether a scene needs it, and what it records.
 
 pub mod arguments;
+pub mod place;
 pub mod port;
 pub mod recorder;
 pub mod tables;
 
 pub use arguments::{Arguments, Value};
+pub use place::{Bodies, PLACE, Place};
 pub use port::{Port, PortKind};
 pub use recorder::{Recorder, Refusal};
 

@@ -1,6 +1,6 @@
 //! What flows along the edges of a pipeline.
 
-use super::Refusal;
+use super::{Place, Refusal};
 use crate::math::harmonics::{
     Harmonics,
     reflection::{LobeTable, quads},
@@ -232,8 +232,8 @@ pub struct Requests {
 pub struct Tiles {
     /// Buffer of vec4, `tile · samples + sample`: radiance seen, distance (a huge number for sky).
     pub samples: Resource,
-    /// Whether they are on the host's side.
-    pub shaded_by_host: bool,
+    /// Where they were shaded.
+    pub place: Place,
     pub requests: Requests,
     pub shape: crate::math::hemisphere::Shape,
     /// Samples along a tile's edge, N.
@@ -352,7 +352,7 @@ impl Lobes {
             Refusal::new(
                 "plan::lobes_on_device",
                 "the host is to look up lobes that the device projects",
-                "set `by` of the LobeCoefficients node to Host, or `by` of this node to a way on the device",
+                "set `place` of the LobeCoefficients node to Host, or that of this node to Device",
             )
         })
     }

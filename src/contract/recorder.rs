@@ -18,17 +18,6 @@ pub struct Setting<'a> {
     pub tables: Option<&'a dyn TableStore>,
 }
 
-/// Largest picture whose surfaces and sums the host takes over [pixels]: 48 bytes each.
-const MOST_PIXELS_ON_HOST: u64 = 1 << 23;
-
-impl Setting<'_> {
-    /// Whether what fills a cache is suited to the host: the device is a driver on its cores, where loads from places that differ between lanes and
-    /// every turn from device to host and back take longer than the work itself.
-    pub fn fills_on_host(&self) -> bool {
-        self.device == Device::Software && u64::from(self.size[0]) * u64::from(self.size[1]) <= MOST_PIXELS_ON_HOST
-    }
-}
-
 /// Why a pass cannot be recorded with these arguments on this scene.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Refusal {

@@ -112,7 +112,7 @@ fn is_wanted(name: &str, wanted: Option<&str>) -> bool {
 
 impl Adapter {
     pub fn device(&self) -> Device {
-        if self.kind == "software" { Device::Software } else { Device::Hardware { blends: self.blends } }
+        Device { is_software: self.kind == "software", blends: self.blends }
     }
 }
 

@@ -23,6 +23,7 @@ pub mod statistics;
 pub mod study;
 pub mod survey;
 pub mod sweep;
+pub mod told;
 pub mod tone;
 pub mod traffic;
 

@@ -69,7 +69,7 @@ fn drive_level(steps: &mut [Step], recording: &mut Recording, device: Device, re
             }
             Step::Repeat(repeat) => repeat,
         };
-        let is_worth_it = matches!(device, Device::Hardware { .. });
+        let is_worth_it = !device.is_software;
         let obstacle = obstacle(repeat);
         if is_worth_it && obstacle.is_none() {
             drive_by_device(repeat, recording);

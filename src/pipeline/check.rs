@@ -4,7 +4,7 @@ use super::diagnostics::{Problem, known};
 use super::document::{self, Document, Override};
 use super::syntax::{Body, Field, Place, Value as Written, ValueKind, Word};
 use super::{Edge, Layer, Loop, Node, Origin, Pipeline, When, Work, graph, progress};
-use crate::contract::{Arguments, Choice, Description, Input, Output, Parameter, ParameterKind, Pass, PortKind, Registry, Value, find};
+use crate::contract::{Arguments, Choice, Description, Input, Output, PLACE, Parameter, ParameterKind, Pass, PortKind, Registry, Value, find};
 use std::collections::BTreeMap;
 
 /// What can be a layer of a picture.
@@ -169,7 +169,10 @@ impl<'d> Checker<'d, '_> {
             let message =
                 if inputs.is_empty() { format!("`{owner}` has no parameter `{name}`") } else { format!("`{owner}` has no input or parameter `{name}`") };
             let names = inputs.iter().copied().chain(parameters.iter().map(|p| p.name));
-            let help = known(name, names, &format!("what `{owner}` has"));
+            let help = match name == PLACE.name && !inputs.is_empty() {
+                true => format!("only one side can do what `{owner}` does"),
+                false => known(name, names, &format!("what `{owner}` has")),
+            };
             return self.report(Problem::new("pipeline::unknown_parameter", message).at(&set.key, "unknown").help(help));
         };
         let path = format!("{path}.{name}");

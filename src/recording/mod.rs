@@ -21,18 +21,18 @@ pub struct Variable(pub u32);
 
 /// What shaders run on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Device {
-    Hardware {
-        /// Whether it blends into images of 32-bit floats, which WebGPU leaves to the adapter.
-        blends: bool,
-    },
-    /// A driver that runs on the cores of the host.
-    Software,
+pub struct Device {
+    /// Whether it is a driver that runs on the cores of the host.
+    pub is_software: bool,
+    /// Whether it blends into images of 32-bit floats, which WebGPU leaves to the adapter.
+    pub blends: bool,
 }
 
 impl Device {
     /// Hardware with all that passes can make use of.
-    pub const ABLE: Self = Self::Hardware { blends: true };
+    pub const ABLE: Self = Self { is_software: false, blends: true };
+    /// A driver on the cores of the host, with the same.
+    pub const SOFTWARE: Self = Self { is_software: true, blends: true };
 }
 
 /// Everything that one frame does, in order.

@@ -1,7 +1,7 @@
 //! A survey as tables in Markdown: errors, costs, and what nothing beats.
 
 use super::comparison::significant;
-use super::expected;
+use super::expectations;
 use crate::measure::criteria::{Cost, Metric};
 use crate::measure::survey::Survey;
 use crate::measure::sweep::{Outcome, Point, Sweep, best, lines};
@@ -27,7 +27,7 @@ pub fn markdown(sweep: &Sweep, survey: &Survey) -> String {
         parts.push(front(sweep, metric, cost));
     }
     if !sweep.expected.is_empty() {
-        parts.push(table(expected::rows(&sweep.expected)));
+        parts.push(table(expectations::rows(&sweep.expected)));
     }
     parts.join("\n")
 }

@@ -1,7 +1,6 @@
-//! What a study expected, as the rows of a table, and as a failure where it did not come.
+//! What a study expected, as the rows of a table, and what of it did not come.
 
 use super::comparison::significant;
-use super::failure::{CommandError, Failure};
 use crate::measure::expectation::{Claim, Found, Verdict};
 
 /// A row for each expectation below that of the names, with what the source says and who was closer.
@@ -28,16 +27,13 @@ pub fn rows(found: &[Found]) -> Vec<Vec<String>> {
     std::iter::once(head).chain(found.iter().map(row)).collect()
 }
 
-/// Fails where one did not come.
-pub fn expect_none_missed(found: &[Found]) -> Result<(), Failure> {
-    let is_missed = |found: &&Found| found.as_expected == Some(false);
-    let missed: Vec<String> = found.iter().filter(is_missed).map(missed).collect();
-    if missed.is_empty() { Ok(()) } else { Err(Failure::work(CommandError::Unexpected { missed })) }
-}
-
-fn missed(found: &Found) -> String {
-    let [low, high] = found.within.map(|end| told(found, end));
-    format!("{} is {}, not {low} … {high}", what(found), found.value.map_or("-".to_owned(), |value| told(found, value)))
+/// What did not come, a sentence each.
+pub fn missed(found: &[Found]) -> Vec<String> {
+    let sentence = |found: &Found| {
+        let [low, high] = found.within.map(|end| told(found, end));
+        format!("{} is {}, not {low} … {high}", what(found), found.value.map_or("-".to_owned(), |value| told(found, value)))
+    };
+    found.iter().filter(|found| found.as_expected == Some(false)).map(sentence).collect()
 }
 
 fn what(found: &Found) -> String {

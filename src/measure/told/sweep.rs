@@ -1,7 +1,7 @@
 //! A sweep as text, as CSV, and as a report for its page.
 
 use super::comparison::{Cell, cell, count, line, of_errors, significant};
-use super::expected;
+use super::expectations;
 use crate::measure::compare::{VariantErrors, dropped};
 use crate::measure::criteria::{Cost, Metric};
 use crate::measure::page::{Beside, Report};
@@ -91,7 +91,7 @@ pub fn report(sweep: &Sweep, survey: &Survey, pipelines: &[Pipeline], plans: &[O
     let mut report = Report::new(format!("{}: {points} measured", sweep.scene), sweep.clone(), &survey.metric, &survey.cost, beside);
     report.warnings = warnings(sweep, survey);
     if !sweep.expected.is_empty() {
-        report.expectations = expected::rows(&sweep.expected);
+        report.expectations = expectations::rows(&sweep.expected);
     }
     report
 }

@@ -1,0 +1,314 @@
+//! Every node that both the host and the device can do, done by both: in the renders of all pipelines that ship, round by round, from the same inputs.
+//!
+//! The device draws a picture, and what each node hands on is noted. Then the host draws it, as far as it can; what each of its nodes hands on is compared
+//! with what was noted and replaced by it, so that the next node starts from the same. A pass with two bodies is in this test by having them.
+//!
+//! Needs a GPU adapter, a software one will do.
+
+mod skips;
+
+use hemisplat::{
+    contract::{PLACE, Port, port, recorder::Setting, tables::Remembered},
+    gpu::{Gpu, Pace, Session, scene::kind},
+    passes::{
+        REGISTRY,
+        record::{RECORD_BYTES, REQUEST_BYTES},
+    },
+    pipeline::{Pipeline, Plan, embedded::EMBEDDED, load, plan},
+    recording::*,
+    scene::{Scene, bvh::Bvh, load as scenes, needs::Needs},
+};
+use libtest_mimic::{Arguments, Failed};
+use skips::Missing;
+use std::{
+    collections::{BTreeMap, BTreeSet, VecDeque},
+    io,
+    path::Path,
+    sync::{Arc, Mutex, PoisonError},
+};
+
+type Outcome = Result<(), Failed>;
+
+/// Lamps, a sky, lights with maps and lobes together; lights with maps and nothing else.
+const KINDS: (&str, &str) = ("kinds", "tests/places/kinds.ron");
+const HALL: (&str, &str) = ("hall", "scenes/hall.ron");
+const SIZE: [u32; 2] = [32, 24];
+
+/// Two numbers are alike that differ by less than this share of the larger, or of the root mean square of all.
+const ALIKE: f32 = 2e-3;
+/// Most of the numbers of a resource that may not be alike: rays that pass by an edge, pixels at the rim of a record.
+const APART: f64 = 0.01;
+
+fn main() {
+    let gpu = Gpu::open().map(Arc::new).map_err(|error| error.to_string());
+    let missing = gpu.as_ref().err().map(|reason| Missing::new("gpu", reason));
+    let cases = EMBEDDED.iter().map(|(file, _)| (*file, KINDS)).chain([("irradiance.ron", HALL)]);
+    let trials = cases.map(|(file, (name, scene))| {
+        let gpu = gpu.clone();
+        skips::trial(format!("{} of {name}", file.trim_end_matches(".ron")), missing.as_ref(), move || agree(&*gpu?, file, scene))
+    });
+    libtest_mimic::run(&Arguments::from_args(), trials.collect()).exit()
+}
+
+/// Names of the nodes whose pass says that the host and the device can do it.
+fn nodes_of_both(nodes: &[hemisplat::pipeline::Node]) -> Vec<String> {
+    let has_place = |node: &hemisplat::pipeline::Node| node.description().parameters.iter().any(|parameter| parameter.name == PLACE.name);
+    let names = |node: &hemisplat::pipeline::Node| has_place(node).then(|| node.name.clone()).into_iter().chain(nodes_of_both(node.inner()));
+    nodes.iter().flat_map(names).collect()
+}
+
+/// A pipeline that ships, and a scene.
+struct Stage {
+    file: &'static str,
+    scene: Scene,
+    bvh: Bvh,
+    tables: Remembered,
+}
+
+impl Stage {
+    fn pipeline(&self, sets: &[String]) -> Result<Pipeline, String> {
+        load(self.file, sets, REGISTRY, &mut |_| Err(io::ErrorKind::NotFound.into())).map_err(|problems| format!("{problems:?}"))
+    }
+
+    /// A plan in which these nodes are done at these places, or why there is none.
+    fn plan(&self, places: &BTreeMap<String, &str>) -> Result<Plan, String> {
+        let nodes = all(&self.pipeline(&[])?.nodes);
+        let is_lobes = |(_, pass): &&(String, &str)| *pass == "LobeCoefficients";
+        let coarse = nodes.iter().filter(is_lobes).flat_map(|(name, _)| [format!("{name}.grid=8"), format!("{name}.order=Fixed(order:4)")]);
+        let sets: Vec<String> = places.iter().map(|(node, place)| format!("{node}.place={place}")).chain(coarse).collect();
+        let needs = Needs::of(&self.scene);
+        let setting = Setting { scene: &self.scene, needs: &needs, device: Device::SOFTWARE, size: SIZE, tables: Some(&self.tables) };
+        plan(&self.pipeline(&sets)?, setting, &[], &|data| kind(&self.scene, data)).map_err(|problems| format!("{problems:?}"))
+    }
+
+    /// Of the nodes those that a place can do, where all others are left to the plan.
+    fn possible(&self, nodes: &[String], place: &'static str) -> BTreeMap<String, &'static str> {
+        let can = |node: &&String| self.plan(&BTreeMap::from([((*node).clone(), place)])).is_ok();
+        nodes.iter().filter(can).map(|node| (node.clone(), place)).collect()
+    }
+
+    fn draw(&self, gpu: &Gpu, plan: &Plan) -> Outcome {
+        let placement = Placement::of(&plan.recording, &Lifetimes::of(&plan.recording, &[]));
+        let camera = &self.scene.cameras[0];
+        let mut session = Session::new(gpu, &self.scene, &self.bvh, &plan.recording, &placement, camera, SIZE).map_err(|error| error.to_string())?;
+        session.frame(&|| Pace::GoOn).map_err(|error| error.to_string())?;
+        Ok(())
+    }
+}
+
+/// Names and passes of all nodes.
+fn all(nodes: &[hemisplat::pipeline::Node]) -> Vec<(String, &'static str)> {
+    nodes.iter().flat_map(|node| [(node.name.clone(), node.description().name)].into_iter().chain(all(node.inner()))).collect()
+}
+
+fn agree(gpu: &Gpu, file: &'static str, scene: &str) -> Outcome {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(scene);
+    let mut scene = scenes::load(&path, &scenes::LoadOptions::default()).map_err(|error| error.to_string())?;
+    let bvh = Bvh::build(&mut scene);
+    let stage = Stage { file, scene, bvh, tables: Remembered::default() };
+    let nodes = nodes_of_both(&stage.pipeline(&[])?.nodes);
+    let [on_device, on_host] = ["Device", "Host"].map(|place| stage.possible(&nodes, place));
+    let log = Arc::new(Mutex::new(Log::default()));
+    let mut kept = BTreeSet::new();
+    for (places, step) in [(&on_device, note as Step), (&on_host, compare)] {
+        let mut plan = stage.plan(places)?;
+        watch(&mut plan, &log, step);
+        stage.draw(gpu, &plan)?;
+        if places == &on_host {
+            kept = plan.ports.keys().filter_map(|port| port.split('.').next()).map(str::to_owned).collect();
+            log.lock().unwrap_or_else(PoisonError::into_inner).judge_constants(&plan);
+        }
+    }
+    let log = log.lock().unwrap_or_else(PoisonError::into_inner);
+    log.tell();
+    let of_both = on_device.keys().filter(|node| on_host.contains_key(*node) && kept.contains(*node));
+    let is_compared = |node: &str| log.compared.keys().any(|port| port.split('.').next() == Some(node));
+    let missed: Vec<&String> = of_both.filter(|node| !is_compared(node)).collect();
+    check(missed.is_empty() && log.noted.is_empty(), || format!("{missed:?} and {:?} were not compared", log.noted.keys()))?;
+    check(log.apart.is_empty(), || log.apart.join("\n"))
+}
+
+/// A resource of a port.
+struct Part {
+    resource: Resource,
+    kind: ResourceKind,
+    counted: Counted,
+    /// Known as the plan is made: compared, and left as it is.
+    is_constant: bool,
+}
+
+impl Part {
+    fn read(&self) -> Read {
+        self.counted.map_or(Read::whole(self.resource), |(stride, count)| Read::counted(self.resource, stride, count))
+    }
+}
+
+/// What counts a resource's items: how many bytes each has, and the variable. None where all of it is meant.
+type Counted = Option<(u64, Variable)>;
+
+/// What a port holds that its node made.
+fn parts(port: &Port) -> (Vec<(Resource, Counted)>, Vec<Variable>) {
+    let coefficients = |of: Option<port::Coefficients>, count| of.map(|c| (c.values, Some((port::Coefficients::bytes(c.order, c.precision), count))));
+    match port {
+        Port::Requests(p) => (vec![(p.places, Some((REQUEST_BYTES, p.count)))], vec![p.count, p.made]),
+        Port::Tiles(p) => (vec![(p.samples, Some((16 * p.table.samples.len() as u64, p.requests.count)))], Vec::new()),
+        Port::WeightedTiles(_) => Default::default(),
+        Port::Records(p) => ([(p.records, Some((RECORD_BYTES, p.count)))].into_iter().chain(coefficients(p.coefficients, p.count)).collect(), Vec::new()),
+        Port::RecordCache(p) => {
+            ([(p.records, Some((RECORD_BYTES, p.count)))].into_iter().chain(coefficients(p.coefficients, p.count)).collect(), vec![p.count])
+        }
+        Port::Splats(p) => ([p.sums].into_iter().chain(p.counts).map(|image| (image, None)).collect(), Vec::new()),
+        Port::Flag(flag) => (Vec::new(), vec![*flag]),
+        // Maps are drawn by the device alone.
+        Port::ShadowMaps(_) => Default::default(),
+        other => (other.resources().into_iter().map(|resource| (resource, None)).collect(), Vec::new()),
+    }
+}
+
+/// What the device handed on, by port in order.
+#[derive(Default)]
+struct Log {
+    noted: BTreeMap<String, VecDeque<Noted>>,
+    /// By port the largest share of numbers that were not alike.
+    compared: BTreeMap<String, f64>,
+    apart: Vec<String>,
+}
+
+struct Noted {
+    contents: Vec<Vec<u8>>,
+    variables: Vec<u32>,
+}
+
+impl Log {
+    fn judge(&mut self, port: &str, kind: &ResourceKind, found: &[u8], expected: &[u8]) {
+        let share = apart(kind, found, expected);
+        let largest = self.compared.entry(port.into()).or_default();
+        *largest = largest.max(share);
+        if share > APART {
+            self.apart.push(format!("{port}: {:.2} % of the numbers are not alike", 100.0 * share));
+        }
+    }
+
+    /// What the host has known as it made the plan no step of it hands on.
+    fn judge_constants(&mut self, plan: &Plan) {
+        let mut noted = std::mem::take(&mut self.noted);
+        noted.retain(|_, rest| !rest.is_empty());
+        noted.retain(|port, rest| {
+            let of_port = plan.ports.get(port).map(|port| parts(port).0).unwrap_or_default();
+            let constants = of_port.iter().filter_map(|(resource, _)| match &plan.recording.resource(*resource).lifetime {
+                Lifetime::Constant(contents) => Some((&plan.recording.resource(*resource).kind, contents)),
+                _ => None,
+            });
+            let constants: Vec<_> = constants.collect();
+            constants.iter().zip(&rest[0].contents).for_each(|((kind, found), expected)| self.judge(port, kind, found, expected));
+            constants.is_empty()
+        });
+        self.noted = noted;
+    }
+
+    fn tell(&self) {
+        if std::env::var_os("HEMISPLAT_TOLD").is_some() {
+            self.compared.iter().for_each(|(port, share)| println!("{port}: {:.3} %", 100.0 * share));
+        }
+    }
+}
+
+type Step = fn(&mut Log, &str, &[Part], &[Variable], &mut dyn HostContext);
+
+/// Has a step after each node look at each of its ports.
+fn watch(plan: &mut Plan, log: &Arc<Mutex<Log>>, step: Step) {
+    let last: BTreeMap<String, usize> = plan.recording.nodes().iter().enumerate().map(|(at, node)| (node.name.clone(), at)).collect();
+    let mut steps = std::mem::take(&mut plan.recording.steps);
+    let mut at = 0;
+    for_nodes(&mut steps, &mut |node| {
+        if last.get(&node.name) == Some(&at) {
+            let of_node = plan.ports.iter().filter(|(port, _)| port.split('.').next() == Some(&node.name[..]));
+            let watched: Vec<Command> = of_node.filter_map(|(name, port)| watcher(&plan.recording, name, port, log, step)).collect();
+            node.commands.extend(watched);
+        }
+        at += 1;
+    });
+    plan.recording.steps = steps;
+}
+
+fn for_nodes(steps: &mut [hemisplat::recording::Step], see: &mut dyn FnMut(&mut Node)) {
+    for step in steps {
+        match step {
+            hemisplat::recording::Step::Node(node) => see(node),
+            hemisplat::recording::Step::Repeat(repeat) => for_nodes(&mut repeat.steps, see),
+        }
+    }
+}
+
+fn watcher(recording: &Recording, name: &str, port: &Port, log: &Arc<Mutex<Log>>, step: Step) -> Option<Command> {
+    let (parts, variables) = parts(port);
+    let is_constant = |resource| matches!(recording.resource(resource).lifetime, Lifetime::Constant(_));
+    let described = |(resource, counted)| Part { resource, kind: recording.resource(resource).kind.clone(), counted, is_constant: is_constant(resource) };
+    let made = |part: &Part| !matches!(recording.resource(part.resource).lifetime, Lifetime::Scene(_) | Lifetime::Frame);
+    let parts: Vec<Part> = parts.into_iter().map(described).filter(made).collect();
+    if parts.is_empty() && variables.is_empty() {
+        return None;
+    }
+    let (reads, writes) = (parts.iter().map(Part::read).collect(), parts.iter().filter(|part| !part.is_constant).map(|part| part.resource).collect());
+    let (name, log) = (name.to_owned(), log.clone());
+    let run = move |host: &mut dyn HostContext| {
+        step(&mut log.lock().unwrap_or_else(PoisonError::into_inner), &name, &parts, &variables, host);
+        Ok(())
+    };
+    Some(Command::Host(Host::new("watch", reads, writes, run)))
+}
+
+fn note(log: &mut Log, port: &str, parts: &[Part], variables: &[Variable], host: &mut dyn HostContext) {
+    let contents = parts.iter().map(|part| host.read(part.resource).to_vec()).collect();
+    let variables = variables.iter().map(|variable| host.variable(*variable)).collect();
+    log.noted.entry(port.into()).or_default().push_back(Noted { contents, variables });
+}
+
+/// Compares, and goes on from what was noted.
+fn compare(log: &mut Log, port: &str, parts: &[Part], variables: &[Variable], host: &mut dyn HostContext) {
+    let Some(noted) = log.noted.get_mut(port).and_then(VecDeque::pop_front) else {
+        return log.apart.push(format!("{port}: the host does more than the device"));
+    };
+    for (part, expected) in parts.iter().zip(&noted.contents) {
+        log.judge(port, &part.kind, host.read(part.resource), expected);
+        if part.is_constant {
+            continue;
+        }
+        let mut contents = host.take(part.resource);
+        bytemuck::cast_slice_mut(&mut contents)[..expected.len()].copy_from_slice(expected);
+        host.put(part.resource, contents, expected.len() as u64);
+    }
+    for (variable, expected) in variables.iter().zip(&noted.variables) {
+        let found = host.variable(*variable);
+        if found != *expected {
+            log.apart.push(format!("{port}: a variable is {found}, not {expected}"));
+        }
+        host.set(*variable, *expected);
+    }
+}
+
+/// The share of numbers that are not alike.
+fn apart(kind: &ResourceKind, found: &[u8], expected: &[u8]) -> f64 {
+    let [found, expected] = [found, expected].map(|bytes| numbers(kind, bytes));
+    if found.len() != expected.len() {
+        return 1.0;
+    }
+    let squares: f64 = expected.iter().filter(|x| x.is_finite() && x.abs() < 1e20).map(|x| f64::from(*x).powi(2)).sum();
+    let scale = (squares / expected.len().max(1) as f64).sqrt() as f32;
+    // An unlike NaN is not alike to anything.
+    let is_alike = |(a, b): (&f32, &f32)| a.to_bits() == b.to_bits() || (a - b).abs() <= ALIKE * scale.max(a.abs()).max(b.abs());
+    let unlike = found.iter().zip(&expected).filter(|pair| !is_alike(*pair)).count();
+    unlike as f64 / expected.len().max(1) as f64
+}
+
+fn numbers(kind: &ResourceKind, bytes: &[u8]) -> Vec<f32> {
+    match kind {
+        ResourceKind::Texture { format: Format::Rgba16Float, .. } => bytemuck::pod_collect_to_vec::<u8, half::f16>(bytes).into_iter().map(f32::from).collect(),
+        ResourceKind::Texture { format: Format::R32Uint, .. } => bytemuck::pod_collect_to_vec::<u8, u32>(bytes).into_iter().map(|x| x as f32).collect(),
+        _ => bytemuck::pod_collect_to_vec(bytes),
+    }
+}
+
+fn check(holds: bool, what: impl FnOnce() -> String) -> Outcome {
+    if holds { Ok(()) } else { Err(what().into()) }
+}

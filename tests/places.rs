@@ -14,7 +14,7 @@ use hemisplat::{
         REGISTRY,
         record::{RECORD_BYTES, REQUEST_BYTES},
     },
-    pipeline::{Pipeline, Plan, embedded::EMBEDDED, load, plan},
+    pipeline::{Pipeline, Plan, Problems, embedded::EMBEDDED, load, plan},
     recording::*,
     scene::{Scene, bvh::Bvh, load as scenes, needs::Needs},
 };
@@ -66,25 +66,37 @@ struct Stage {
 }
 
 impl Stage {
-    fn pipeline(&self, sets: &[String]) -> Result<Pipeline, String> {
-        load(self.file, sets, REGISTRY, &mut |_| Err(io::ErrorKind::NotFound.into())).map_err(|problems| format!("{problems:?}"))
+    fn pipeline(&self, sets: &[String]) -> Result<Pipeline, Problems> {
+        load(self.file, sets, REGISTRY, &mut |_| Err(io::ErrorKind::NotFound.into()))
     }
 
-    /// A plan in which these nodes are done at these places, or why there is none.
-    fn plan(&self, places: &BTreeMap<String, &str>) -> Result<Plan, String> {
+    /// A plan in which these nodes are done at this place.
+    fn plan(&self, nodes_there: &BTreeSet<String>, place: &str) -> Result<Plan, Problems> {
         let nodes = all(&self.pipeline(&[])?.nodes);
         let is_lobes = |(_, pass): &&(String, &str)| *pass == "LobeCoefficients";
         let coarse = nodes.iter().filter(is_lobes).flat_map(|(name, _)| [format!("{name}.grid=8"), format!("{name}.order=Fixed(order:4)")]);
-        let sets: Vec<String> = places.iter().map(|(node, place)| format!("{node}.place={place}")).chain(coarse).collect();
+        let sets: Vec<String> = nodes_there.iter().map(|node| format!("{node}.place={place}")).chain(coarse).collect();
         let needs = Needs::of(&self.scene);
         let setting = Setting { scene: &self.scene, needs: &needs, device: Device::SOFTWARE, size: SIZE, tables: Some(&self.tables) };
-        plan(&self.pipeline(&sets)?, setting, &[], &|data| kind(&self.scene, data)).map_err(|problems| format!("{problems:?}"))
+        plan(&self.pipeline(&sets)?, setting, &[], &|data| kind(&self.scene, data))
     }
 
-    /// Of the nodes those that a place can do, where all others are left to the plan.
-    fn possible(&self, nodes: &[String], place: &'static str) -> BTreeMap<String, &'static str> {
-        let can = |node: &&String| self.plan(&BTreeMap::from([((*node).clone(), place)])).is_ok();
-        nodes.iter().filter(can).map(|node| (node.clone(), place)).collect()
+    /// A plan in which as many of the nodes as can are done at a place, and their names.
+    fn plan_of_most(&self, nodes: &[String], place: &str) -> Result<(Plan, BTreeSet<String>), Failed> {
+        let mut there: BTreeSet<String> = nodes.iter().cloned().collect();
+        loop {
+            let problems = match self.plan(&there, place) {
+                Ok(plan) => return Ok((plan, there)),
+                Err(problems) => problems,
+            };
+            // "node.place: the host cannot do this, as …"; or where another hands on what this place cannot use, that one.
+            let named = problems.0.iter().filter_map(|problem| there.get(problem.message.split('.').next()?)).cloned().collect::<Vec<_>>();
+            let without = |node: &String| self.plan(&there.iter().filter(|other| *other != node).cloned().collect(), place);
+            let other = || there.iter().find(|node| without(node).is_ok()).cloned();
+            let refused = if named.is_empty() { Vec::from_iter(other()) } else { named };
+            check(!refused.is_empty(), || format!("{problems:?}"))?;
+            refused.iter().for_each(|node| _ = there.remove(node));
+        }
     }
 
     fn draw(&self, gpu: &Gpu, plan: &Plan) -> Outcome {
@@ -106,22 +118,20 @@ fn agree(gpu: &Gpu, file: &'static str, scene: &str) -> Outcome {
     let mut scene = scenes::load(&path, &scenes::LoadOptions::default()).map_err(|error| error.to_string())?;
     let bvh = Bvh::build(&mut scene);
     let stage = Stage { file, scene, bvh, tables: Remembered::default() };
-    let nodes = nodes_of_both(&stage.pipeline(&[])?.nodes);
-    let [on_device, on_host] = ["Device", "Host"].map(|place| stage.possible(&nodes, place));
+    let nodes = nodes_of_both(&stage.pipeline(&[]).map_err(|problems| format!("{problems:?}"))?.nodes);
     let log = Arc::new(Mutex::new(Log::default()));
-    let mut kept = BTreeSet::new();
-    for (places, step) in [(&on_device, note as Step), (&on_host, compare)] {
-        let mut plan = stage.plan(places)?;
+    let drawn = |place: &str, step: Step| {
+        let (mut plan, there) = stage.plan_of_most(&nodes, place)?;
         watch(&mut plan, &log, step);
-        stage.draw(gpu, &plan)?;
-        if places == &on_host {
-            kept = plan.ports.keys().filter_map(|port| port.split('.').next()).map(str::to_owned).collect();
-            log.lock().unwrap_or_else(PoisonError::into_inner).judge_constants(&plan);
-        }
-    }
-    let log = log.lock().unwrap_or_else(PoisonError::into_inner);
+        stage.draw(gpu, &plan).map(|()| (plan, there))
+    };
+    let (_, on_device) = drawn("Device", note)?;
+    let (plan, on_host) = drawn("Host", compare)?;
+    let mut log = log.lock().unwrap_or_else(PoisonError::into_inner);
+    log.judge_constants(&plan);
     log.tell();
-    let of_both = on_device.keys().filter(|node| on_host.contains_key(*node) && kept.contains(*node));
+    let kept: BTreeSet<&str> = plan.ports.keys().filter_map(|port| port.split('.').next()).collect();
+    let of_both = on_device.intersection(&on_host).filter(|node| kept.contains(&node[..]));
     let is_compared = |node: &str| log.compared.keys().any(|port| port.split('.').next() == Some(node));
     let missed: Vec<&String> = of_both.filter(|node| !is_compared(node)).collect();
     check(missed.is_empty() && log.noted.is_empty(), || format!("{missed:?} and {:?} were not compared", log.noted.keys()))?;

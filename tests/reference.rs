@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec2, Vec3};
 use hemisplat::{
     math::{harmonics::quadrature::hemisphere, lobe::Lobe},
-    reference::{Bounces, MAX_SAMPLES, Pixels, Reference, ReferenceError, Settings, Stop, Tracer, VERSION, render},
+    reference::{Bounces, MAX_SAMPLES, Pixels, Reference, ReferenceError, Settings, Stop, Tracer, VERSION, left_out, render},
     scene::{bvh::Bvh, model::*},
 };
 use std::f64::consts::PI;
@@ -128,6 +128,42 @@ fn bounces_of_a_furnace_are_a_geometric_series() {
         assert!((found - expected).abs() <= 0.01 * expected, "{count} bounces: {found} instead of {expected}");
     }
     assert_close(indirect(Bounces::All), PI, 0.01);
+}
+
+#[test]
+fn what_bounces_leave_out_is_that_of_a_geometric_series() {
+    // Of what walls reflect, ρ + ρ² + …, more than n bounces bring ρ to the (n + 1)th.
+    let mut furnace = scene(cube([0; 6]), vec![Material { emission: Vec3::ONE, ..grey(0.6) }]);
+    let bvh = Bvh::build(&mut furnace);
+    for bounces in 0..4 {
+        let found = left_out(&furnace, &bvh, &camera(1.0), [64, 48], bounces).unwrap();
+        let expected = 0.6f64.powi(bounces as i32 + 1);
+        assert!(found.bounces == bounces && (found.share - expected).abs() < 0.03 && found.interval[0] < found.share, "{expected}: {found:?}");
+    }
+}
+
+#[test]
+fn what_bounces_leave_out_is_in_its_interval() {
+    let mut room = room(1.0);
+    let bvh = Bvh::build(&mut room);
+    let by = |bounces| {
+        let reference = render(&room, &bvh, &camera(1.0), &Settings { size: [24, 18], bounces, stop: Stop::Samples(4096), ..SETTINGS }, &|_| true).unwrap();
+        reference.direct.iter().chain(&reference.indirect).map(|light| light.as_dvec3().dot(DVec3::new(0.2126, 0.7152, 0.0722))).sum::<f64>()
+    };
+    let (one, all) = (by(Bounces::Count(1)), by(Bounces::All));
+    let found = left_out(&room, &bvh, &camera(1.0), [240, 180], 1).unwrap();
+    let [low, high] = found.interval;
+    assert!(low < 1.0 - one / all && 1.0 - one / all < high && high - low < 0.15, "{}: {found:?}", 1.0 - one / all);
+}
+
+#[test]
+fn nothing_is_left_out_of_nothing() {
+    let mut dark = scene(cube([0; 6]), vec![grey(0.5)]);
+    let bvh = Bvh::build(&mut dark);
+    assert_eq!(left_out(&dark, &bvh, &camera(1.0), [64, 48], 1), None);
+    let mut black = scene(cube([0; 6]), vec![Material { emission: Vec3::ONE, ..grey(0.0) }]);
+    let bvh = Bvh::build(&mut black);
+    assert_eq!(left_out(&black, &bvh, &camera(1.0), [64, 48], 1), None);
 }
 
 #[test]

@@ -16,9 +16,11 @@ use crate::gpu::{Gpu, GpuError, Pace};
 use crate::measure::compare::{AdapterReport, dropped};
 use crate::measure::gap::Gap;
 use crate::measure::run::{FrameReport, Run, RunError};
-use crate::measure::{Layers, cache};
+use crate::measure::{INDIRECT, IRRADIANCE, Layers, cache};
 use crate::pipeline::Plan;
 use crate::recording::Device;
+use crate::reference::{LeftOut, left_out};
+use crate::scene::Camera;
 use clap::Args;
 use serde_json::{Value, json};
 use std::cell::Cell;
@@ -120,7 +122,7 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
 
     let _shelter = Shelter::new();
     let exposure = Exposure::new(&options.exposure, console);
-    let mut film = Film { options, console, view: &view, exposure, frames: Vec::new(), gaps: Vec::new(), is_faulty: false, kept: Vec::new() };
+    let mut film = Film { options, console, view: &view, exposure, frames: Vec::new(), gaps: Vec::new(), is_faulty: false, kept: Vec::new(), left_out: None };
     let result = timeline.frames.iter().zip(&targets).try_for_each(|(frame, targets)| film.expose(frame, targets, &plans, &mut run));
     let is_interrupted = result.as_ref().is_err_and(|failure| failure.status == 130);
     let finished = film.finish(&run, records.as_ref(), stats.as_ref(), &start_up, &gpu, result.is_ok());
@@ -178,6 +180,8 @@ struct Film<'o> {
     is_faulty: bool,
     /// Files that are written.
     kept: Vec<&'o Path>,
+    /// What the last frame's camera does not see for want of bounces, if it sees anything.
+    left_out: Option<(Camera, Option<LeftOut>)>,
 }
 
 impl<'o> Film<'o> {
@@ -193,14 +197,26 @@ impl<'o> Film<'o> {
         // Records that a faulty frame leaves are not for other runs; those of one that was given up are whole.
         self.is_faulty = matches!(&drawn, Err(error) if !matches!(error, RunError::Gpu(GpuError::Interrupted)));
         let (report, picture) = drawn.map_err(Failure::of_run)?;
+        let counted = if picture.layers.contains_key(IRRADIANCE) || picture.layers.contains_key(INDIRECT) { BOUNCES } else { 0 };
         let exposure = self.exposure.of(&picture, &targets.0)?;
         warn_of_nothing(&picture, self.console);
         targets.write(self.options, self.view, run, frame, picture, exposure)?;
         self.kept.extend(targets.0.iter().map(PictureTarget::path));
-        self.console.print(&text(self.options, frame.number, &report))?;
+        let left_out = self.left_out(camera, counted);
+        self.console.print(&(text(self.options, frame.number, &report) + &told_of(left_out)))?;
         self.note_gap(frame, &report);
-        self.frames.push(with_frame(&report, frame, &camera.name)?);
+        self.frames.push(with_frame(&report, frame, &camera.name, left_out)?);
         Ok(())
+    }
+
+    /// What more than the bounces that are counted would bring. The scene stands still, so that it depends on the camera alone.
+    fn left_out(&mut self, camera: &Camera, counted: u32) -> Option<LeftOut> {
+        if let Some((_, found)) = self.left_out.as_ref().filter(|(before, _)| before == camera) {
+            return *found;
+        }
+        let found = left_out(&self.view.scene, &self.view.bvh, camera, self.view.size, counted);
+        self.left_out = Some((camera.clone(), found));
+        found
     }
 
     /// The frame's numbers and layers, all of them finite.
@@ -268,9 +284,19 @@ impl<'o> Film<'o> {
     }
 }
 
-/// A report with the number of its frame, its camera and its parameters.
-fn with_frame(report: &FrameReport, frame: &Frame, camera: &str) -> Result<Value, Failure> {
-    let mut value = serde_json::to_value(report).map_err(|error| Failure::work(CommandError::Json { reason: error.to_string() }))?;
+/// A sentence, or nothing where no light arrives.
+fn told_of(left_out: Option<LeftOut>) -> String {
+    let Some(LeftOut { share, interval: [low, high], bounces }) = left_out else { return String::new() };
+    let [share, low, high] = [share, low, high].map(|share| (100.0 * share).round());
+    let more = if bounces == 0 { "light that surfaces send each other".to_owned() } else { format!("light of more than {bounces} bounce") };
+    format!("  left out: {more}, {share:.0} % ({low:.0} … {high:.0}) of what surfaces reflect toward the camera\n")
+}
+
+/// A report with the number of its frame, its camera and its parameters, and what it leaves out.
+fn with_frame(report: &FrameReport, frame: &Frame, camera: &str, left_out: Option<LeftOut>) -> Result<Value, Failure> {
+    let json_error = |error: serde_json::Error| Failure::work(CommandError::Json { reason: error.to_string() });
+    let mut value = serde_json::to_value(report).map_err(json_error)?;
+    value["left_out"] = serde_json::to_value(left_out).map_err(json_error)?;
     value["frame"] = json!(frame.number);
     value["camera"] = json!(camera);
     value["set"] = json!(frame.sets);

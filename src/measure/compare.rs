@@ -4,7 +4,7 @@
 
 use super::cache::Checksum;
 use super::criteria::Metric;
-use super::layers::{DIRECT, GLOSSY, IRRADIANCE, Layers, PICTURE};
+use super::layers::{DIRECT, GLOSSY, INDIRECT, IRRADIANCE, Layers, PICTURE};
 use super::metrics::{ErrorDifference, Errors};
 use super::run::{FrameReport, PassReport, Records, Run, RunError};
 use super::statistics::{Difference, Spread, runs_to_find};
@@ -300,7 +300,7 @@ impl VariantErrors {
 /// The layers that a picture is judged by. Direct light is one where there is no other: pipelines with indirect light need not have all of it there.
 pub fn judged(picture: &Layers) -> impl Iterator<Item = &'static str> {
     let holds = |layer: &str| picture.layers.contains_key(layer);
-    let direct_alone = ![IRRADIANCE, "indirect"].into_iter().any(holds);
+    let direct_alone = ![IRRADIANCE, INDIRECT].into_iter().any(holds);
     [IRRADIANCE, PICTURE, DIRECT, GLOSSY].into_iter().filter(move |layer| holds(layer) && (*layer != DIRECT || direct_alone))
 }
 

@@ -21,6 +21,8 @@ use thiserror::Error;
 pub const PICTURE: &str = "picture";
 /// The layer of indirect irradiance.
 pub const IRRADIANCE: &str = "irradiance";
+/// Indirect light toward the camera.
+pub const INDIRECT: &str = "indirect";
 /// The layer of what lobes reflect of indirect light.
 pub const GLOSSY: &str = "glossy";
 /// The layer of direct light.
@@ -400,7 +402,7 @@ fn corrupt(error: exr::error::Error) -> PictureError {
 /// The unit of a layer; None where this project gives the name no meaning.
 fn unit(layer: &str) -> Option<&'static str> {
     Some(match layer {
-        PICTURE | DIRECT | "indirect" | GLOSSY => "radiance, W m^-2 sr^-1",
+        PICTURE | DIRECT | INDIRECT | GLOSSY => "radiance, W m^-2 sr^-1",
         IRRADIANCE | "direct_irradiance" => "irradiance, W m^-2",
         "variance" => "variance of irradiance, W^2 m^-4",
         "glossy_variance" => "variance of radiance, W^2 m^-4 sr^-2",

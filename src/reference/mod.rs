@@ -14,10 +14,12 @@
 //! Direct light is shadowed by either side of a surface, whatever sends it. Rays that look for indirect light pass
 //! through the backs of one-sided surfaces, as those of a viewer do.
 
+mod left_out;
 mod lights;
 mod path;
 mod random;
 
+pub use left_out::{LeftOut, PATHS, left_out};
 pub use path::{Gather, Tracer};
 
 use crate::math::colour::luminance;

@@ -146,7 +146,14 @@ impl<'a> Tracer<'a> {
     /// π times the radiance that leaves `first` toward where the ray came from: an estimate of the irradiance there when
     /// the ray was cosine-distributed.
     fn reflected(&self, first: Surface, bounces: Bounces, random: &mut Random) -> DVec3 {
-        let (mut at, mut throughput, mut sum) = (first, DVec3::ONE, DVec3::ZERO);
+        let mut sum = DVec3::ZERO;
+        self.walk(first, bounces, random, |_, light| sum += light);
+        sum
+    }
+
+    /// The same in parts: `add` is given what each surface along the path reflects of direct light, and how many surfaces that has touched then.
+    pub(super) fn walk(&self, first: Surface, bounces: Bounces, random: &mut Random, mut add: impl FnMut(u32, DVec3)) {
+        let (mut at, mut throughput) = (first, DVec3::ONE);
         for bounce in 1.. {
             // What the diffuse part reflects does not depend on where it comes from.
             let wanted = if at.glossy.is_some() { For::Reflection } else { For::Irradiance };
@@ -157,7 +164,7 @@ impl<'a> Tracer<'a> {
                 break;
             }
             let end = bounces.end_at(bounce);
-            sum += throughput * (self.punctual(&at, wanted) + self.light_sampled(&at, wanted, random.pair()));
+            add(bounce, throughput * (self.punctual(&at, wanted) + self.light_sampled(&at, wanted, random.pair())));
             if end && !self.sources.visible() {
                 break;
             }
@@ -167,7 +174,7 @@ impl<'a> Tracer<'a> {
                 _ => at.sample(if random.number() < at.lobe_share() { For::Lobe } else { For::Irradiance }, random.pair()),
             };
             let met = self.surface(self.start(&at), direction);
-            sum += throughput * self.light_met(&at, wanted, direction, met.as_ref());
+            add(bounce, throughput * self.light_met(&at, wanted, direction, met.as_ref()));
             if wanted == For::Reflection {
                 let Some(share) = at.share(wanted, direction) else { break };
                 throughput *= share;
@@ -182,7 +189,6 @@ impl<'a> Tracer<'a> {
             }
             at = next;
         }
-        sum
     }
 
     /// Light of punctual lights.

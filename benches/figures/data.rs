@@ -59,6 +59,9 @@ pub struct Change {
     /// New names of pipelines by their old ones, which older figures still have.
     #[serde(default)]
     pub renames: BTreeMap<String, String>,
+    /// What stands in commands today for what older figures were measured by, in the order in which it is replaced.
+    #[serde(default)]
+    pub respells: Vec<(String, String)>,
 }
 
 /// A measurement with what was found.
@@ -99,7 +102,10 @@ impl Lists {
         let json = serde_json::from_slice(&text).map_err(|error| format!("{}: {error}", path.display()))?;
         let mut kept = Kept { measurement, json };
         let known: Vec<String> = kept.changes().into_iter().map(str::to_owned).collect();
-        self.changes.iter().filter(|change| !known.contains(&change.change)).for_each(|change| rename(&mut kept.json, &change.renames));
+        for change in self.changes.iter().filter(|change| !known.contains(&change.change)) {
+            rename(&mut kept.json, &change.renames);
+            kept.json.get_mut("commands").into_iter().for_each(|commands| respell(commands, &change.respells));
+        }
         Ok(Some(kept))
     }
 
@@ -129,6 +135,13 @@ fn rename(value: &mut Value, names: &BTreeMap<String, String>) {
         }),
         Value::Array(list) => list.iter_mut().for_each(|value| rename(value, names)),
         _ => {}
+    }
+}
+
+fn respell(commands: &mut Value, spellings: &[(String, String)]) {
+    for command in commands.as_array_mut().into_iter().flatten() {
+        let text = command.as_str().map(|text| spellings.iter().fold(text.to_owned(), |text, (old, new)| text.replace(old, new)));
+        text.into_iter().for_each(|text| *command = text.into());
     }
 }
 

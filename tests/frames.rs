@@ -626,7 +626,11 @@ fn reasons() -> Outcome {
         check(*told == serde_json::json!([{ "loop": "fill", "because": because }]), || format!("{because}: {told}"))?;
     }
     let whole = place.rendered(&["-o", "out.exr"])?;
-    check(whole["frames"][0]["unfinished"] == serde_json::json!([]), || format!("{whole}"))
+    check(whole["frames"][0]["unfinished"] == serde_json::json!([]), || format!("{whole}"))?;
+    // What no round brings: light of more bounces.
+    let [share, low, high] =
+        ["share", "interval/0", "interval/1"].map(|key| whole.pointer(&format!("/frames/0/left_out/{key}")).and_then(serde_json::Value::as_f64));
+    check(whole["frames"][0]["left_out"]["bounces"] == 1 && low < share && share < high && high < Some(0.9), || format!("{whole}"))
 }
 
 /// Records are made where another search asks for them, and that search asks for one.

@@ -63,6 +63,8 @@ struct Stage {
     scene: Scene,
     bvh: Bvh,
     tables: Remembered,
+    /// A driver on the cores of the host, that blends what the adapter blends.
+    device: Device,
 }
 
 impl Stage {
@@ -77,7 +79,7 @@ impl Stage {
         let coarse = nodes.iter().filter(is_lobes).flat_map(|(name, _)| [format!("{name}.grid=8"), format!("{name}.order=Fixed(order:4)")]);
         let sets: Vec<String> = nodes_there.iter().map(|node| format!("{node}.place={place}")).chain(coarse).collect();
         let needs = Needs::of(&self.scene);
-        let setting = Setting { scene: &self.scene, needs: &needs, device: Device::SOFTWARE, size: SIZE, tables: Some(&self.tables) };
+        let setting = Setting { scene: &self.scene, needs: &needs, device: self.device, size: SIZE, tables: Some(&self.tables) };
         plan(&self.pipeline(&sets)?, setting, &[], &|data| kind(&self.scene, data))
     }
 
@@ -117,7 +119,7 @@ fn agree(gpu: &Gpu, file: &'static str, scene: &str) -> Outcome {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(scene);
     let mut scene = scenes::load(&path, &scenes::LoadOptions::default()).map_err(|error| error.to_string())?;
     let bvh = Bvh::build(&mut scene);
-    let stage = Stage { file, scene, bvh, tables: Remembered::default() };
+    let stage = Stage { file, scene, bvh, tables: Remembered::default(), device: Device { is_software: true, ..gpu.adapter.device() } };
     let nodes = nodes_of_both(&stage.pipeline(&[]).map_err(|problems| format!("{problems:?}"))?.nodes);
     let log = Arc::new(Mutex::new(Log::default()));
     let drawn = |place: &str, step: Step| {

@@ -104,7 +104,6 @@ fn tell_idle(r: &mut Recorder<'_>, sampled: bool, has_sky: bool) {
     let (emits, shines) = (needs.emissive_triangles > 0, needs.environment);
     let idle = [
         (!emits && !shines, "emitters", "no surface emits light and the sky is black"),
-        (!emits && !shines, "place", "no surface emits light and the sky is black"),
         (sampled && shines && !emits, "emitters.area_samples", "no surface emits light"),
         (sampled && emits && !shines, "emitters.sky_samples", "the sky is black"),
         (sampled && shines && has_sky, "emitters.sky_samples", "another pass computes the light of the sky"),
@@ -120,6 +119,7 @@ fn light_by_host(r: &mut Recorder<'_>, [area, sky]: [u32; 2]) -> Result<Option<[
     let needs = r.setting.needs;
     let samples = [if needs.emissive_triangles > 0 { area } else { 0 }, if needs.environment { sky } else { 0 }];
     if samples == [0; 2] {
+        r.idle(PLACE.name, "the device does it where no shadow rays go to emitters or the sky");
         return Ok(None);
     }
     let is_too_large = host::bytes(r.setting.size) > MOST_BYTES;

@@ -12,11 +12,12 @@ use super::progress::Progress;
 use super::resources::expect_memory;
 use super::scene::{SceneOptions, View};
 use super::timeline::{Frame, Plans, Timeline, TimelineOptions, camera_of_frame};
+use crate::contract::PortKind;
 use crate::gpu::{Gpu, GpuError, Pace};
 use crate::measure::compare::{AdapterReport, dropped};
 use crate::measure::gap::Gap;
 use crate::measure::run::{FrameReport, Run, RunError};
-use crate::measure::{INDIRECT, IRRADIANCE, Layers, cache};
+use crate::measure::{Layers, cache};
 use crate::pipeline::Plan;
 use crate::recording::Device;
 use crate::reference::{LeftOut, left_out};
@@ -197,12 +198,11 @@ impl<'o> Film<'o> {
         // Records that a faulty frame leaves are not for other runs; those of one that was given up are whole.
         self.is_faulty = matches!(&drawn, Err(error) if !matches!(error, RunError::Gpu(GpuError::Interrupted)));
         let (report, picture) = drawn.map_err(Failure::of_run)?;
-        let counted = if picture.layers.contains_key(IRRADIANCE) || picture.layers.contains_key(INDIRECT) { BOUNCES } else { 0 };
         let exposure = self.exposure.of(&picture, &targets.0)?;
         warn_of_nothing(&picture, self.console);
         targets.write(self.options, self.view, run, frame, picture, exposure)?;
         self.kept.extend(targets.0.iter().map(PictureTarget::path));
-        let left_out = self.left_out(camera, counted);
+        let left_out = self.left_out(camera, run.plan());
         self.console.print(&(text(self.options, frame.number, &report) + &told_of(left_out)))?;
         self.note_gap(frame, &report);
         self.frames.push(with_frame(&report, frame, &camera.name, left_out)?);
@@ -210,10 +210,12 @@ impl<'o> Film<'o> {
     }
 
     /// What more than the bounces that are counted would bring. The scene stands still, so that it depends on the camera alone.
-    fn left_out(&mut self, camera: &Camera, counted: u32) -> Option<LeftOut> {
+    fn left_out(&mut self, camera: &Camera, plan: &Plan) -> Option<LeftOut> {
         if let Some((_, found)) = self.left_out.as_ref().filter(|(before, _)| before == camera) {
             return *found;
         }
+        // Without records there is direct light alone.
+        let counted = if plan.ports.values().any(|port| port.kind() == PortKind::RecordCache) { BOUNCES } else { 0 };
         let found = left_out(&self.view.scene, &self.view.bvh, camera, self.view.size, counted);
         self.left_out = Some((camera.clone(), found));
         found

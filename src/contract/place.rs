@@ -34,7 +34,7 @@ pub struct Bodies {
     /// What keeps the host from it; completes "…, as …".
     pub not_on_host: Option<Cow<'static, str>>,
     pub not_on_device: Option<Cow<'static, str>>,
-    /// Who is at an advantage whatever the device is, and why; completes "…, as …".
+    /// Who does it where it is left open, whatever the device is, and why; completes "…, as …".
     pub better: Option<(Place, &'static str)>,
 }
 
@@ -58,7 +58,7 @@ impl Bodies {
         self
     }
 
-    /// The same where all data lie at one place that are far more than what is made of them.
+    /// The same where one side is the better choice whatever the device is: it has the data, say, or does the work only once.
     pub fn better_at(self, place: Place, because: &'static str) -> Self {
         Self { better: Some((place, because)), ..self }
     }
@@ -85,7 +85,7 @@ pub struct Decision {
 ///
 /// The model: a GPU has done any of it before the host has waited for it and copied what it reads, so it does all that it can. A driver on the cores of the
 /// host, `Software`, is slower than the host on the same cores: its lanes cannot load from places that differ, and each batch is a turn from one to the other.
-/// So the host does all that it can. Where far more is read than made, the work is done where that lies.
+/// So the host does all that it can. A pass may know better: tiles are summed where they were shaded, as a sum is far less than a tile.
 ///
 /// # Errors
 /// Where nobody can do it, or not the one that is asked for.

@@ -352,7 +352,7 @@ impl Lobes {
             Refusal::new(
                 "plan::lobes_on_device",
                 "the host is to look up lobes that the device projects",
-                "set `place` of the LobeCoefficients node to Host, or that of this node to Device",
+                "set `place` of the LobeCoefficients node to Auto or Host",
             )
         })
     }

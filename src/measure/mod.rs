@@ -27,5 +27,5 @@ pub mod told;
 pub mod tone;
 pub mod traffic;
 
-pub use layers::{DIRECT, GLOSSY, INDIRECT, IRRADIANCE, Layer, Layers, MAX_SAMPLES, PICTURE, PictureError, WINDOWS};
+pub use layers::{DIRECT, GLOSSY, IRRADIANCE, Layer, Layers, MAX_SAMPLES, PICTURE, PictureError, WINDOWS};
 pub use metrics::{ErrorDifference, Errors, Interval, LargestError, MetricsError, Selected, compare, compare_layers};

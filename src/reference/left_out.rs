@@ -20,7 +20,7 @@ const QUANTILE: f64 = 1.96;
 pub struct LeftOut {
     /// Of all light that surfaces reflect toward the camera, by luminance.
     pub share: f64,
-    /// Where the share is with 95 % confidence.
+    /// Where the share is, with 95 % confidence as far as the paths are many.
     pub interval: [f64; 2],
     /// Bounces that are counted.
     pub bounces: u32,
@@ -34,7 +34,8 @@ pub fn left_out(scene: &Scene, bvh: &Bvh, camera: &Camera, size: [u32; 2], bounc
     let [beyond, all] = paths.iter().fold([0.0; 2], |[beyond, all], path| [beyond + path[0], all + path[1]]);
     let share = (all > 0.0).then(|| beyond / all)?;
     let squares: f64 = paths.iter().map(|[beyond, all]| (beyond - share * all).powi(2)).sum();
-    let half = QUANTILE * squares.sqrt() / all;
+    // What no path has met may still be met by one of as many: the rule of three.
+    let half = (QUANTILE * squares.sqrt() / all).max(if beyond > 0.0 { 0.0 } else { 3.0 / paths.len() as f64 });
     Some(LeftOut { share, interval: [(share - half).max(0.0), (share + half).min(1.0)], bounces })
 }
 

@@ -1,6 +1,7 @@
 //! What records see.
 
 use super::record::{TileSample, sample_bytes};
+use crate::contract::place::refuse;
 use crate::contract::recorder::{bind_visibility, light_constants, shadow_taps};
 use crate::contract::{Bodies, Choice, Description, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Recorder, Refusal, port};
 use crate::math::hemisphere::{Shape, Table};
@@ -205,8 +206,7 @@ fn shading_place(r: &mut Recorder<'_>, cast: Place, maps: Option<&port::ShadowMa
     }
     let obstacle = "there are no shadow maps in a buffer";
     if r.arguments.choice(PLACE.name).0 == "Host" {
-        let told = format!("the host cannot shade what tiles see here, as {obstacle}");
-        return Err(Refusal::of_parameter(PLACE.name, "plan::place", told, "set `place` to Auto or Device"));
+        return Err(refuse(Place::Host, obstacle, Place::Device));
     }
     r.remark(format!("what rays see is shaded by the device, as {obstacle}"));
     Ok(Place::Device)

@@ -362,19 +362,7 @@ mod steps {
     }
 
     fn lit() -> Record {
-        Record {
-            position: Vec3::new(0.0, 0.0, -4.0),
-            radius: 1.0,
-            normal: Vec3::Z,
-            minimum_distance: 1.0,
-            irradiance: Vec3::new(1.0, 2.0, 3.0),
-            footprint: 1.0,
-            rotation: [Vec3::ZERO; 3],
-            translation: [Vec3::ZERO; 3],
-            stretch: Vec3::ZERO,
-            relative_gradient: 0.0,
-            fineness: 1.0,
-        }
+        Record { position: Vec3::new(0.0, 0.0, -4.0), irradiance: Vec3::new(1.0, 2.0, 3.0), ..mock::record() }
     }
 
     #[test]

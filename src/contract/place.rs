@@ -29,7 +29,6 @@ pub const PLACE: Parameter = Parameter {
 const MOST_PIXELS_ON_HOST: u64 = 1 << 23;
 
 /// What a pass knows of who can do its work, with its arguments, inputs and scene.
-#[derive(Default)]
 pub struct Bodies {
     /// What keeps the host from it; completes "…, as …".
     pub not_on_host: Option<Cow<'static, str>>,
@@ -112,7 +111,8 @@ pub fn decide(asked: &str, device: Device, bodies: Bodies) -> Result<Decision, R
     }
 }
 
-fn refuse(asked: Place, obstacle: &str, other: Place) -> Refusal {
+/// Why one side is refused that is asked for and cannot do it; `obstacle` completes "…, as …".
+pub fn refuse(asked: Place, obstacle: &str, other: Place) -> Refusal {
     let told = format!("the {} cannot do this, as {obstacle}", asked.name());
     Refusal::of_parameter(PLACE.name, "plan::place", told, format!("set `place` to Auto or {other:?}"))
 }

@@ -169,9 +169,10 @@ impl<'d> Checker<'d, '_> {
             let message =
                 if inputs.is_empty() { format!("`{owner}` has no parameter `{name}`") } else { format!("`{owner}` has no input or parameter `{name}`") };
             let names = inputs.iter().copied().chain(parameters.iter().map(|p| p.name));
-            let help = match name == PLACE.name && !path.contains('.') {
-                true => format!("only one side can do what `{owner}` does"),
-                false => known(name, names, &format!("what `{owner}` has")),
+            let help = if name == PLACE.name && !path.contains('.') {
+                format!("only one side can do what `{owner}` does")
+            } else {
+                known(name, names, &format!("what `{owner}` has"))
             };
             return self.report(Problem::new("pipeline::unknown_parameter", message).at(&set.key, "unknown").help(help));
         };

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 /// Pixels that one path each is traced from.
-pub const PATHS: u32 = 1024;
+const PATHS: u32 = 1024;
 
 /// Tells these paths' random numbers from those of references.
 const STREAM: u64 = 0x6c65_6674;
@@ -26,7 +26,7 @@ pub struct LeftOut {
     pub bounces: u32,
 }
 
-/// Estimates the share of the light that reaches the camera by more than so many bounces, from [`PATHS`] pixels spread over the picture: the ratio of two sums
+/// Estimates the share of the light that reaches the camera by more than so many bounces, from 1,024 pixels spread over the picture: the ratio of two sums
 /// over the same paths. None where no surface is seen, or none that any light reaches.
 pub fn left_out(scene: &Scene, bvh: &Bvh, camera: &Camera, size: [u32; 2], bounces: u32) -> Option<LeftOut> {
     let tracer = Tracer::new(scene, bvh);

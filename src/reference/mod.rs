@@ -19,7 +19,7 @@ mod lights;
 mod path;
 mod random;
 
-pub use left_out::{LeftOut, PATHS, left_out};
+pub use left_out::{LeftOut, left_out};
 pub use path::{Gather, Tracer};
 
 use crate::math::colour::luminance;

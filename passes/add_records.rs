@@ -178,7 +178,7 @@ mod tests {
     }
 
     fn batch() -> port::Records {
-        port::Records { records: Resource(2), coefficients: None, count: Variable(1), capacity: 300 }
+        port::Records { records: Resource(2), coefficients: None, count: Variable(1), capacity: 300, sees_emission: true }
     }
 
     fn record(x: f32, normal: Vec3, light: f32) -> weight::Record {

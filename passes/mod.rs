@@ -16,9 +16,12 @@ pub mod lobe_coefficients;
 #[cfg(test)]
 mod mock;
 pub mod normalize;
+pub mod path_vertices;
+pub mod prefix_sum;
 pub mod radiance_projection;
 pub mod record;
 pub mod record_cache;
+pub mod record_index;
 pub mod shadow_map;
 pub mod splat;
 pub mod surfaces;
@@ -32,6 +35,8 @@ pub static REGISTRY: &Registry = &[
     &environment_light::EnvironmentLight,
     &direct_light::DirectLight,
     &record_cache::RecordCache,
+    &path_vertices::PathVertices,
+    &record_index::RecordIndex,
     &splat::Splat,
     &find_misses::FindMisses,
     &hemisphere_tiles::HemisphereTiles,

@@ -8,6 +8,7 @@ use crate::math::{
     hemisphere::{Edge, Table},
     projection::Pinhole,
     radius::Ellipse,
+    record_index::{Layout, RecordIndex},
     sum::Summed,
     weight::{self, Rule},
 };
@@ -272,6 +273,19 @@ impl Fresh {
     pub fn records(&self, host: &dyn HostContext) -> Vec<weight::Record> {
         bytemuck::pod_collect_to_vec::<u8, Record>(host.read(self.records)).iter().map(weight::Record::from).collect()
     }
+}
+
+/// The records of an index, in a host step that reads it.
+pub fn indexed_records(index: &port::RecordIndex, host: &dyn HostContext) -> Vec<weight::Record> {
+    let words: &[u32] = bytemuck::cast_slice(host.read(index.data));
+    let (first, count) = (Layout::of(index.capacity as usize).records, words[3] as usize);
+    let records = &bytemuck::cast_slice::<_, u8>(&words[first..])[..count * RECORD_BYTES as usize];
+    bytemuck::pod_collect_to_vec::<u8, Record>(records).iter().map(weight::Record::from).collect()
+}
+
+/// The index, in a host step that reads it, over its records.
+pub fn index_of<'a>(index: &port::RecordIndex, host: &'a dyn HostContext, records: &'a [weight::Record]) -> RecordIndex<'a> {
+    RecordIndex::new(bytemuck::cast_slice(host.read(index.data)), Layout::of(index.capacity as usize), records, &index.rule)
 }
 
 /// Four floats a texel, in a host step that reads an RGBA32F image.

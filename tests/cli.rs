@@ -154,6 +154,9 @@ fn diff_refuses_other_bounces() {
     let place =
         Place::new().with("a.exr", irradiance([1.0; 4]).with_attribute("bounces", 1)).with("b.exr", irradiance([1.0; 4]).with_attribute("bounces", "all"));
     insta::assert_snapshot!(place.refusal(&["diff", "a.exr", "b.exr"]));
+    // What the reference has is said: what the picture leaves out is its error.
+    assert_eq!(place.run(&["diff", "a.exr", "b.exr", "--bounces", "all"]).0, 0);
+    assert!(place.refusal(&["diff", "a.exr", "b.exr", "--bounces", "2"]).contains("measure::bounces_differ"));
 }
 
 #[test]

@@ -154,10 +154,11 @@ fn files() -> BTreeMap<&'static str, Vec<u8>> {
 
 /// Code and arguments, one case each, and whether a GPU is needed.
 #[rustfmt::skip]
-const CASES: [(&str, &str, bool); 65] = [
+const CASES: [(&str, &str, bool); 67] = [
     ("plan::batch", "check irradiance --scene white.ron --set tiles.resolution=512", false),
     ("plan::coarsest", "check irradiance --scene white.ron --set misses.by=Grid(coarsest:3)", false),
     ("plan::finest", "check irradiance --scene white.ron --set misses.by=Grid(finest:3)", false),
+    ("plan::emission_twice", "check irradiance-bounces --scene white.ron --set deep_tiles.emission=Auto", false),
     ("plan::curvature", "check irradiance-curvature --scene white.ron --set records.gradients=false", false),
     ("plan::mipmap", "check irradiance-mipmap --scene white.ron --set tiles.resolution=22", false),
     ("plan::raster_shape", "check irradiance-cosine --scene white.ron --set tiles.by=Raster", false),
@@ -178,6 +179,7 @@ const CASES: [(&str, &str, bool); 65] = [
     ("cli::target_in_eye", "explain irradiance --scene white.ron --eye 1,2,3 --target 1,2,3", false),
     ("cli::up_along_view", "explain irradiance --scene white.ron --eye 0,3,0 --target 0,0,0 --up 0,2,0", false),
     ("cli::nameless_layer", "diff whole.exr nameless.exr", false),
+    ("cli::several_bounces", "compare irradiance irradiance-bounces --scene white.ron", false),
     ("cli::other_view", "compare irradiance --scene white.ron --reference side.exr", false),
     ("cli::several_cameras", "explain irradiance --scene white.ron --camera a --camera b", false),
     ("cli::write", "reference --scene white.ron --spp 4 --quiet -o white.ron/out.exr", false),

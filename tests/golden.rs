@@ -372,7 +372,23 @@ fn shortened(picture: Layers) -> Layers {
 fn update(made: &Path, golden: &Path, folder: &Path, of: &Golden) -> Outcome {
     let truth = folder.join("truth.exr");
     let stride = if of.is_small() { "1" } else { "2" };
-    hemisplat(&["reference", "--scene", of.scene, "--size", of.size, "--spp", "1024", "--stride", stride, "--quiet", "-o", &truth.to_string_lossy()])?;
+    let bounces = picture(made)?.attributes.get("bounces").cloned().ok_or("the picture does not say how many bounces it has")?;
+    hemisplat(&[
+        "reference",
+        "--bounces",
+        &bounces,
+        "--scene",
+        of.scene,
+        "--size",
+        of.size,
+        "--spp",
+        "1024",
+        "--stride",
+        stride,
+        "--quiet",
+        "-o",
+        &truth.to_string_lossy(),
+    ])?;
     let truth = picture(&truth)?;
     for layer in ["irradiance", "glossy", "direct", PICTURE].into_iter().filter(|layer| truth.layers.contains_key(*layer)) {
         if !picture(made)?.layers.contains_key(layer) {

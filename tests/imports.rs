@@ -18,9 +18,9 @@ const MAY_NAME: [(&str, &[&str]); 10] = [
 ];
 
 /// Where files may be read and threads be started; everything else has to run in a browser too. Shaders are built, tiles of rays
-/// cast, summed and projected, records added and splatted, their gaps closed, misses looked for, skies turned, blocks of files compressed side by side,
+/// cast, summed and projected, records added and splatted, their gaps closed, paths walked, misses looked for, skies turned, blocks of files compressed side by side,
 /// where rayon has threads to do it. Shaders in a folder are read while developing only.
-const MAY_TOUCH_THE_SYSTEM: [&str; 16] = [
+const MAY_TOUCH_THE_SYSTEM: [&str; 17] = [
     "src/cli/",
     "src/scene/load",
     "src/scene/packets/mod.rs",
@@ -35,6 +35,7 @@ const MAY_TOUCH_THE_SYSTEM: [&str; 16] = [
     "passes/find_misses/host_grid.rs",
     "passes/irradiance_sum/host.rs",
     "passes/normalize/coarser.rs",
+    "passes/path_vertices.rs",
     "passes/contribution/bands.rs",
     "passes/radiance_projection/host.rs",
 ];

@@ -251,7 +251,7 @@ const BAD: &[(&str, &str, &str, &[&str])] = &[
         (name: "b", pass: Sum(a: PreviousRound("a"))),"#, "b", &["pipeline::other_round"]),
     ("previous_of_an_output", r#"        (name: "a", pass: Surfaces()),"#, "a\", \"last\": PreviousFrame(\"a\"), \"b\": \"a", &["pipeline::other_round"]),
     ("iterate", r#"        (name: "a", pass: Surfaces()),
-        (name: "i", repeat: Iterate(rounds: 0, until: "b", nodes: [(name: "b", pass: Sum(a: "a"))])),
+        (name: "i", repeat: Iterate(rounds: 0, order: "b", nodes: [(name: "b", pass: Sum(a: "a"))])),
         (name: "j", repeat: Iterate(rounds: 2)),"#, "a", &["document::missing_key", "pipeline::out_of_range", "pipeline::unknown_parameter"]),
     ("until_outside", r#"        (name: "a", pass: Surfaces()),
         (name: "s", pass: Seek(in: "a")),

@@ -12,6 +12,7 @@ use hemisplat::{
     gpu::{Gpu, Pace, Session, scene as scene_data, shader},
     math::{
         hemisphere::{Method, Shape, Table},
+        record_index::{Layout, RecordIndex},
         sum::sum,
         weight::{self, Rule},
     },
@@ -35,7 +36,7 @@ type Outcome = Result<(), Failed>;
 type Case = fn(&Stage) -> Outcome;
 
 fn main() {
-    let cases: [(&str, bool, Case); 15] = [
+    let cases: [(&str, bool, Case); 16] = [
         ("host_steps_touch_nothing_undeclared", false, undeclared_is_refused),
         ("sums_agree_with_double_precision", false, sums_agree),
         ("curvatures_agree_with_double_precision", false, curvatures_agree),
@@ -50,6 +51,7 @@ fn main() {
         ("batches_serve_each_cell_once", false, batches_serve_each_cell_once),
         ("a_sequential_walk_has_no_surplus", false, sequential_walk),
         ("weights_on_the_host_are_those_on_the_device", false, weights_agree),
+        ("indices_of_host_and_device_find_what_a_look_at_all_records_finds", false, indices_agree),
         ("as_many_records_as_fit_splat_alike", true, many_records),
     ];
     let stage = Stage::open().map(Arc::new);
@@ -365,6 +367,7 @@ fn summed(stage: &Stage, table: &Arc<Table>, shape: (Shape, u32), by: &str, radi
     let tiles = port::Tiles {
         samples: graph.buffer("samples", bytemuck::cast_slice(&samples)),
         place: Place::Device,
+        sees_emission: true,
         requests,
         shape: shape.0,
         resolution: shape.1,
@@ -923,4 +926,60 @@ fn run_twin(gpu: &Gpu, records: &[Record], places: &[[f32; 8]]) -> Result<Vec<[f
     gpu.wait("comparing host and device").map_err(|e| e.to_string())?;
     let view = staging.get_mapped_range(..).map_err(|e| e.to_string())?;
     Ok(bytemuck::pod_collect_to_vec(&view))
+}
+
+// Indices over records
+
+/// Of many records, few and one; more than a block of sums has hashes.
+fn indices_agree(stage: &Stage) -> Outcome {
+    for count in [3000, 70, 1, 0] {
+        let records = records(&stage.scene, [512, 384], count);
+        let mut graph = Graph::new(stage, [8, 8]);
+        let held = if records.is_empty() { vec![0; size_of::<Record>()] } else { bytemuck::cast_slice(&records).to_vec() };
+        let buffer = graph.buffer("records", &held);
+        let counted = graph.variable("count");
+        let new = port::Records { records: buffer, coefficients: None, count: counted, capacity: 3500, sees_emission: false };
+        graph.ports.insert("records".into(), Port::Records(new));
+        let values = |place| [("place", place), ("spacing", "30")];
+        graph.node("by_host", "RecordIndex", &values("Host"), &[("of", "records")])?;
+        graph.node("by_device", "RecordIndex", &values("Device"), &[("of", "records")])?;
+        let index = |name: &str| match graph.ports.get(name) {
+            Some(Port::RecordIndex(index)) => Ok(*index),
+            _ => Err(Failed::from("no index")),
+        };
+        let [by_host, by_device] = [index("by_host")?, index("by_device")?];
+        let mut session = graph.session(&[by_host.data, by_device.data])?;
+        session.set_variable(counted, count as u32);
+        session.frame(&|| Pace::GoOn).map_err(|e| e.to_string())?;
+        let layout = Layout::of(3500);
+        let all: Vec<weight::Record> = records.iter().map(weight::Record::from).collect();
+        let words = [by_host, by_device].map(|index| read::<u32>(&session, index.data));
+        let words = words.into_iter().collect::<Result<Vec<_>, _>>()?;
+        check(words[0][..4] == words[1][..4], || format!("headers differ: {:?} {:?}", &words[0][..4], &words[1][..4]))?;
+        let apart = words[0].iter().zip(&words[1]).filter(|(host, device)| host != device).count();
+        check(apart <= words[0].len() / 1000, || format!("{apart} of {} words differ", words[0].len()))?;
+        let mut numbers = Numbers(9);
+        let mut found = 0;
+        for _ in 0..2000.min(20 * count) {
+            let near = &all[(numbers.next() * count as f32) as usize % count];
+            let way = numbers.vector() * by_host.rule.longest_reach(near) * 1.2;
+            let position = near.position + way - near.normal * near.normal.dot(way) * 0.97;
+            let normal = (near.normal + numbers.vector() * 0.3).normalize();
+            let weighted = all.iter().map(|record| (by_host.rule.reaching(record).local_weight(position, normal), record));
+            let (sum, weights) = weighted
+                .filter(|(weight, _)| *weight > 0.0)
+                .fold((Vec3::ZERO, 0.0), |(sum, weights), (weight, record)| (sum + by_host.rule.estimate(record, position, normal) * weight, weights + weight));
+            if weights <= 0.0 {
+                continue;
+            }
+            let expected = sum / weights;
+            found += 1;
+            for words in &words {
+                let (estimate, _) = RecordIndex::new(words, layout, &all, &by_host.rule).estimate_at(position, normal);
+                check((estimate - expected).length() <= 1e-3 * expected.length(), || format!("{estimate} instead of {expected}"))?;
+            }
+        }
+        check(found >= count.min(100), || format!("only {found} of the points are reached"))?;
+    }
+    Ok(())
 }

@@ -4,6 +4,7 @@
 use crate::contract::{Recorder, port};
 use crate::math::{
     random::{combinations, combine},
+    record_index::RecordIndex,
     vectors::{LANES, Vectors},
 };
 use crate::passes::record::Request;
@@ -84,6 +85,8 @@ pub(super) struct Shading<'a> {
     pub scene: &'a Scene,
     pub emitters: Emitters<'a>,
     pub places: &'a [Request],
+    /// What lights surfaces besides, by way of others.
+    pub indirect: Option<&'a RecordIndex<'a>>,
 }
 
 /// Eight samples each, which are computed side by side.
@@ -136,6 +139,9 @@ impl HitShader for Shading<'_> {
         let mut light = [Vectors::splat(simd, Vec3::ZERO); GROUPS];
         for (index, (kind, cameras)) in (0..).zip(&self.lighting.lights) {
             self.add_light(simd, (index, kind, cameras), hits, &surfaces, (&mut light, others.as_deref_mut()));
+        }
+        if let Some(index) = self.indirect {
+            add_indirect(simd, index, hits, &surfaces, (&mut light, others.as_deref_mut()));
         }
         for group in 0..GROUPS {
             let Some(surfaces) = &surfaces[group] else { continue };
@@ -310,6 +316,37 @@ impl Shading<'_> {
             }
         }
         reflectance
+    }
+}
+
+/// Adds what the records of an index tell of the light at surfaces. Lobes reflect it as if it came alike from all sides.
+#[inline(always)]
+fn add_indirect<S: Simd>(
+    simd: S,
+    index: &RecordIndex<'_>,
+    hits: &Hits<'_>,
+    surfaces: &[Option<Surfaces<S>>; GROUPS],
+    (light, mut others): (&mut [Vectors<S>; GROUPS], Option<&mut [Other; RAYS]>),
+) {
+    for group in 0..GROUPS {
+        let Some(surfaces) = &surfaces[group] else { continue };
+        let [position, normal] = [surfaces.position, surfaces.normal].map(|all| [all.x.to_array(), all.y.to_array(), all.z.to_array()]);
+        let mut received = [[0.0; LANES]; 3];
+        for lane in 0..LANES {
+            let ray = group * LANES + lane;
+            if hits.triangles[ray] == 0 || hits.samples[ray] == u32::MAX {
+                continue;
+            }
+            let at = |all: &[[f32; LANES]; 3]| Vec3::new(all[0][lane], all[1][lane], all[2][lane]);
+            let irradiance = index.estimate(simd, at(&position), at(&normal)).0;
+            (0..3).for_each(|channel| received[channel][lane] = irradiance[channel]);
+            if let Some(other) = others.as_deref_mut().map(|others| &mut others[ray])
+                && let Some(gloss) = other.gloss
+            {
+                other.light += irradiance * gloss.lobe.reflectance * FRAC_1_PI;
+            }
+        }
+        light[group] = light[group].plus(Vectors::load(simd, &received));
     }
 }
 
@@ -545,6 +582,7 @@ mod tiles {
                 scene: &host.scene,
                 emitters: lighting.emitters(&host.scene, &host.bvh),
                 places: &places,
+                indirect: None,
             };
             let mut found = vec![Vec4::ZERO; 2 * fan.samples];
             host.bvh.packets(&host.scene).trace(&host.scene, &views, &fan, &eye, &mut found);

@@ -2,9 +2,10 @@
 
 use super::record::{TileSample, sample_bytes};
 use crate::contract::place::refuse;
-use crate::contract::recorder::{bind_visibility, light_constants, shadow_taps};
+use crate::contract::recorder::{bind_visibility, light_constants, scene_constants, shadow_taps};
 use crate::contract::{Bodies, Choice, Description, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Recorder, Refusal, port};
 use crate::math::hemisphere::{Shape, Table};
+use crate::math::record_index::Layout;
 use crate::recording::*;
 use std::sync::Arc;
 
@@ -77,6 +78,17 @@ static DESCRIPTION: Description = Description {
             unit: "",
             kind: ParameterKind::Integer { default: 1, min: 1, max: 25 },
         },
+        Parameter {
+            name: "emission",
+            about: "whether lamps and the sky are seen",
+            unit: "",
+            kind: ParameterKind::Choice {
+                choices: &[
+                    Choice { name: "Auto", about: "where the direct pass leaves them to records", parameters: &[] },
+                    Choice { name: "Never", about: "not at all: for records that tell what surfaces receive of each other", parameters: &[] },
+                ],
+            },
+        },
         PLACE,
     ],
     inputs: &[
@@ -92,6 +104,13 @@ static DESCRIPTION: Description = Description {
             name: "shadow",
             about: "maps of the punctual lights; without them shadows are traced by rays",
             accepts: PortKind::ShadowMaps,
+            required: false,
+            changes: false,
+        },
+        Input {
+            name: "indirect",
+            about: "records that light what is seen; without them it is lit by direct light alone",
+            accepts: PortKind::RecordIndex,
             required: false,
             changes: false,
         },
@@ -176,18 +195,23 @@ impl Pass for HemisphereTiles {
         let maps = r.shadow_maps("shadow").map(|maps| port::ShadowMaps { taps, ..*maps });
         let cast = r.place(Bodies::BOTH.unless(by == "Raster", "the scene is rasterised"))?;
         let shaded = shading_place(r, cast, maps.as_ref())?;
+        let indirect = r.record_index("indirect").copied();
+        let sees_emission = sees_emission(r);
         let samples = match (shaded, cast) {
-            (Place::Host, _) => host_rays::record_shaded(r, &work, maps, sees_emission(r)),
+            (Place::Host, _) => host_rays::record_shaded(r, &work, maps, indirect, sees_emission),
             (Place::Device, cast) => {
                 match cast {
                     Place::Host => host_rays::record(r, &work),
                     Place::Device if by == "Raster" => raster::record(r, &work, way.bool("sift")),
                     Place::Device => ray_cast::record(r, &work),
                 }
-                shade(r, &work, maps.as_ref())
+                let radiance = shade(r, &work, maps.as_ref(), sees_emission);
+                indirect.iter().for_each(|index| add_indirect(r, &work, index, radiance));
+                radiance
             }
         };
-        let tiles = port::Tiles { samples, place: shaded, requests, shape, resolution, table: work.table, tiles_per_row: work.tiles_per_row };
+        let sees_emission = sees_emission && (r.setting.needs.emissive_triangles > 0 || r.setting.needs.environment);
+        let tiles = port::Tiles { samples, place: shaded, sees_emission, requests, shape, resolution, table: work.table, tiles_per_row: work.tiles_per_row };
         r.output("tiles", Port::Tiles(tiles));
         Ok(())
     }
@@ -195,7 +219,7 @@ impl Pass for HemisphereTiles {
 
 /// Whether records see lamps and the sky themselves; otherwise the direct pass lights from them.
 fn sees_emission(r: &Recorder<'_>) -> bool {
-    r.direct_light("direct").is_none_or(|direct| !direct.lights_from_emitters)
+    r.arguments.choice("emission").0 == "Auto" && r.direct_light("direct").is_none_or(|direct| !direct.lights_from_emitters)
 }
 
 /// Who shades what rays see: whoever casts them, if it can look up the shadow maps.
@@ -246,15 +270,31 @@ fn layout(r: &mut Recorder<'_>, requests: port::Requests, shape: Shape, table: T
 /// Shadow rays from what a sample sees, to area lights and to the sky: a tile holds thousands of samples.
 const SAMPLES_OF_EMITTERS: [u32; 2] = [1, 1];
 
-fn shade(r: &mut Recorder<'_>, work: &Work, maps: Option<&port::ShadowMaps>) -> Resource {
+fn shade(r: &mut Recorder<'_>, work: &Work, maps: Option<&port::ShadowMaps>, sees_emission: bool) -> Resource {
     let radiance = work.radiance(r);
     let program = work.layout(light_constants(Program::new("hemisphere_tiles/shade"), r.setting.needs, SAMPLES_OF_EMITTERS));
     let program = bind_visibility(program, maps)
-        .constant("SEES_EMISSION", sees_emission(r) as u8)
+        .constant("SEES_EMISSION", sees_emission as u8)
         .bind("requests", work.requests.places)
         .bind("samples", work.samples)
         .bind("seen", work.seen)
         .bind("radiance", radiance);
     r.compute(program, "shade", Groups::Counted { count: work.requests.count, divisor: 1, per: work.samples_per_tile().div_ceil(64) });
     radiance
+}
+
+/// Adds what the surfaces that are seen reflect of the light that an index tells.
+fn add_indirect(r: &mut Recorder<'_>, work: &Work, index: &port::RecordIndex, radiance: Resource) {
+    let layout = Layout::of(index.capacity as usize);
+    let program = work
+        .layout(scene_constants(Program::new("hemisphere_tiles/indirect"), r.setting.needs))
+        .constant("INDEX_ENTRIES", layout.entries as u32)
+        .constant("INDEX_RECORDS", layout.records as u32)
+        .bind("requests", work.requests.places)
+        .bind("samples", work.samples)
+        .bind("seen", work.seen)
+        .bind("radiance", radiance)
+        .bind("record_index", index.data)
+        .bind("index_weighting", index.weighting);
+    r.compute(program, "add_indirect", Groups::Counted { count: work.requests.count, divisor: 1, per: work.samples_per_tile().div_ceil(64) });
 }

@@ -122,7 +122,8 @@ impl Pass for IrradianceSum {
             (Place::Host, _) => host::record(r, &work),
             (Place::Device, _) => workgroup_tree::record(r, &work),
         }
-        r.output("records", Port::Records(port::Records { records, coefficients: None, count: requests.count, capacity: requests.capacity }));
+        let sees_emission = weighted.tiles.sees_emission;
+        r.output("records", Port::Records(port::Records { records, coefficients: None, count: requests.count, capacity: requests.capacity, sees_emission }));
         Ok(())
     }
 }

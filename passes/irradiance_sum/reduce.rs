@@ -142,7 +142,16 @@ mod tests {
     fn tiles(shape: Shape, resolution: u32) -> port::WeightedTiles {
         let table = Arc::new(Table::new(shape, resolution, Method::None).unwrap());
         let requests = port::Requests { places: Resource(0), count: Variable(0), capacity: 5, made: Variable(1), at_most: 100 };
-        let tiles = port::Tiles { samples: Resource(1), place: Place::Device, requests, shape, resolution, table: table.clone(), tiles_per_row: 2 };
+        let tiles = port::Tiles {
+            samples: Resource(1),
+            place: Place::Device,
+            sees_emission: true,
+            requests,
+            shape,
+            resolution,
+            table: table.clone(),
+            tiles_per_row: 2,
+        };
         port::WeightedTiles { tiles, table }
     }
 

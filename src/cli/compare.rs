@@ -75,8 +75,9 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     let plans = plan_all(&pipelines, &view)?;
     variants.iter().zip(&plans).for_each(|(variant, (plan, _))| note_idle(plan, &variant.sets, console));
     let pictures = options.pictures.iter().map(|given| given.read(&view, options.truth.anyway)).collect::<Result<Vec<_>, _>>()?;
-    let (given, given_seconds) = timed(|| options.truth.given(&view))?;
-    let keeper = options.truth.keeper(&view)?;
+    let judged = options.truth.judged(plans.iter().map(|(plan, _)| plan))?;
+    let (given, given_seconds) = timed(|| options.truth.given(&view, judged))?;
+    let keeper = options.truth.keeper(&view, judged)?;
     expect_memory(plans.iter().map(|(plan, _)| plan), &view)?;
     warn_of_few_runs(options, console);
     let (gpu, device_seconds) = timed(|| Gpu::open().map_err(Failure::work))?;
@@ -208,7 +209,7 @@ fn warn_of_few_runs(options: &Options, console: &Console) {
 
 pub(super) fn warn_of_unstated_bounces(truth: Option<&Truth>, console: &Console) {
     if let Some(truth) = truth.filter(|truth| !truth.states_bounces()) {
-        console.note(&format!("note: {} does not say of how many bounces its light is; the pipelines make one", truth.path().display()));
+        console.note(&format!("note: {} does not say of how many bounces its light is; it is taken for {}", truth.path().display(), truth.bounces()));
     }
 }
 

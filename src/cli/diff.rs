@@ -4,6 +4,7 @@ use super::console::Console;
 use super::failure::{CommandError, Failure};
 use super::input::{NamedFile, read_picture};
 use super::output::{Target, expect_distinct};
+use crate::math::bounces::Bounces;
 use crate::measure::metrics::{Definition, Told, other_view};
 use crate::measure::{Errors, IRRADIANCE, Layers, PICTURE, Selected, compare_layers};
 use clap::Args;
@@ -37,6 +38,9 @@ pub struct Options {
     /// Compare pictures that say that they show another scene, camera or light
     #[arg(long)]
     anyway: bool,
+    /// The reference holds so many bounces, N or `all`, and the picture may hold others: what it leaves out counts as its error
+    #[arg(long, value_name = "N")]
+    bounces: Option<Bounces>,
     /// Write what was found as JSON; - is standard output
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -62,9 +66,13 @@ fn threshold(text: &str) -> Result<Threshold, String> {
 
 pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     let json = options.json.as_deref().map(Target::new).transpose()?;
-    let (test, reference) = (Input::read(&options.test)?, Input::read(&options.reference)?);
+    let (mut test, reference) = (Input::read(&options.test)?, Input::read(&options.reference)?);
     let read: Vec<&Path> = [&test.file.path, &reference.file.path].into_iter().chain(&options.variance).map(PathBuf::as_path).collect();
     expect_distinct(&options.json.iter().map(PathBuf::as_path).collect::<Vec<_>>(), &read)?;
+    if let Some(bounces) = options.bounces {
+        // What the reference says is compared with this below.
+        test.picture = test.picture.with_attribute("bounces", bounces);
+    }
     let variance = options.variance.as_deref().map(read_picture).transpose()?;
     let [test_layer, reference_layer] = choose_layers(&test, &reference)?;
     if !options.anyway {

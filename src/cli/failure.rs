@@ -78,6 +78,12 @@ pub enum CommandError {
     #[error("{} shows something else than {}: {}", reference.display(), test, differences.join("; "))]
     #[diagnostic(code(cli::other_view), help("compare pictures of one scene, camera and light; --anyway takes these all the same"))]
     OtherView { reference: PathBuf, test: String, differences: Vec<String> },
+    #[error("the pipelines make light of different bounces: {made}")]
+    #[diagnostic(
+        code(cli::several_bounces),
+        help("say how many the reference is to hold: --bounces all, or --bounces N; what a pipeline leaves out of them counts as its error")
+    )]
+    SeveralBounces { made: String },
     #[error("{}", failed.join("; "))]
     #[diagnostic(code(cli::over_threshold))]
     OverThreshold { failed: Vec<String> },

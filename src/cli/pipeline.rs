@@ -8,6 +8,7 @@ use super::stored::Stored;
 use super::truth::cache_folder;
 use crate::contract::recorder::Setting;
 use crate::gpu::scene::kind;
+use crate::math::bounces::Bounces;
 use crate::passes::REGISTRY;
 use crate::pipeline::syntax::Place;
 use crate::pipeline::{Pipeline, Plan, Problem, Problems, Set, load, load_with, plan};
@@ -19,9 +20,6 @@ use std::path::Path;
 
 /// The longest pipeline file that is read.
 const MOST_PIPELINE_BYTES: u64 = 16 << 20;
-
-/// What pictures of pipelines hold: one bounce of indirect light, whatever the pipeline.
-pub const BOUNCES: u32 = 1;
 
 /// Reads and checks a pipeline: a path, or one that ships; `sets` are `NODE.PARAM=VALUE`.
 pub fn load_pipeline(name: &str, sets: &[String]) -> Result<Pipeline, Failure> {
@@ -42,6 +40,11 @@ pub fn check_with(name: &str, place: Option<&Place>, sets: &[Set]) -> Result<Pip
 fn read_pipeline(path: &Path) -> io::Result<String> {
     let bytes = read_file(path, MOST_PIPELINE_BYTES)?;
     String::from_utf8(bytes).map_err(|_| io::Error::new(io::ErrorKind::InvalidData, "it is no text in UTF-8"))
+}
+
+/// The bounces of the truth that a plan's pictures are held against: what has no records lacks the first bounce.
+pub fn judged_bounces(plan: &Plan) -> Bounces {
+    plan.bounces.max(Bounces::Count(1))
 }
 
 /// Says what whoever named these pipelines should know.

@@ -7,13 +7,13 @@ use super::failure::{CommandError, Failure};
 use super::input::{peak_host_bytes, read_file};
 use super::interrupt::{self, Shelter};
 use super::output::{PictureTarget, Target, expect_distinct, warn_of_nothing};
-use super::pipeline::{BOUNCES, expect_exact, load_pipeline, note_approximations, note_idle, note_names};
+use super::pipeline::{expect_exact, judged_bounces, load_pipeline, note_approximations, note_idle, note_names};
 use super::progress::Progress;
 use super::resources::expect_memory;
 use super::scene::{SceneOptions, View};
 use super::timeline::{Frame, Plans, Timeline, TimelineOptions, camera_of_frame};
-use crate::contract::PortKind;
 use crate::gpu::{Gpu, GpuError, Pace};
+use crate::math::bounces::Bounces;
 use crate::measure::compare::{AdapterReport, dropped};
 use crate::measure::gap::Gap;
 use crate::measure::run::{FrameReport, Run, RunError};
@@ -77,7 +77,8 @@ fn no_samples(_: &str) -> Result<String, String> {
 }
 
 fn no_bounces(_: &str) -> Result<String, String> {
-    Err("a pipeline computes one bounce of indirect light; `hemisplat reference --bounces N` traces more".to_owned())
+    Err("a pipeline says itself how many bounces it computes: most have one, `irradiance-bounces` has all; `hemisplat reference --bounces N` traces them"
+        .to_owned())
 }
 
 /// Seconds from the command to the first frame, and of what they are made; the device is opened while the scene loads.
@@ -214,8 +215,7 @@ impl<'o> Film<'o> {
         if let Some((_, found)) = self.left_out.as_ref().filter(|(before, _)| before == camera) {
             return *found;
         }
-        // Without records there is direct light alone.
-        let counted = if plan.ports.values().any(|port| port.kind() == PortKind::RecordCache) { BOUNCES } else { 0 };
+        let Bounces::Count(counted) = plan.bounces else { return None };
         let found = left_out(&self.view.scene, &self.view.bvh, camera, self.view.size, counted);
         self.left_out = Some((camera.clone(), found));
         found
@@ -290,7 +290,11 @@ impl<'o> Film<'o> {
 fn told_of(left_out: Option<LeftOut>) -> String {
     let Some(LeftOut { share, interval: [low, high], bounces }) = left_out else { return String::new() };
     let [share, low, high] = [share, low, high].map(|share| (100.0 * share).round());
-    let more = if bounces == 0 { "light that surfaces send each other".to_owned() } else { format!("light of more than {bounces} bounce") };
+    let more = if bounces == 0 {
+        "light that surfaces send each other".to_owned()
+    } else {
+        format!("light of more than {bounces} {}", if bounces == 1 { "bounce" } else { "bounces" })
+    };
     format!("  left out: {more}, {share:.0} % ({low:.0} … {high:.0}) of what surfaces reflect toward the camera\n")
 }
 
@@ -339,7 +343,7 @@ fn attributes(options: &Options, view: &View, plan: &Plan, frame: &Frame) -> BTr
         ("pipeline", plan.pipeline.clone()),
         ("set", frame.sets.join(" ")),
         ("frame", frame.number.to_string()),
-        ("bounces", BOUNCES.to_string()),
+        ("bounces", judged_bounces(plan).to_string()),
         ("stride", "1".to_owned()),
     ];
     attributes.extend(own.map(|(name, value)| (name.to_owned(), value)));

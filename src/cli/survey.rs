@@ -90,8 +90,9 @@ pub(super) fn run(survey: &Survey, scene: &SceneOptions, reference: &Reference, 
         return expect_none_refused(&points);
     }
     let folder = Folder::new(options.out.as_deref().unwrap_or(Path::new("")))?;
-    let given = outside.given(&view)?;
-    let keeper = outside.keeper(&view)?;
+    let judged = outside.judged(plans.iter().flatten())?;
+    let given = outside.given(&view, judged)?;
+    let keeper = outside.keeper(&view, judged)?;
     let gpu = Gpu::open().map_err(Failure::work)?;
     let truth = given.map_or_else(|| keeper.map(|keeper| keeper.obtain(&view, console)).transpose(), |given| Ok(Some(given)))?;
     warn_of_unstated_bounces(truth.as_ref(), console);

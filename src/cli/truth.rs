@@ -8,7 +8,7 @@ use super::given::{JUDGED, only};
 use super::input::{NamedFile, read_picture};
 use super::interrupt;
 use super::output::Target;
-use super::pipeline::BOUNCES;
+use super::pipeline::judged_bounces;
 use super::progress::Progress;
 use super::scene::View;
 use super::sealed::{self, Unusable};
@@ -19,6 +19,7 @@ use crate::measure::compare::{ReferenceReport, VariantErrors, checksum, judged};
 use crate::measure::metrics::{SCENE_CHECKSUM, other_view};
 use crate::measure::projection::Projection;
 use crate::measure::{DIRECT, Errors, GLOSSY, IRRADIANCE, Layer, Layers, MetricsError, PICTURE, PictureError, compare};
+use crate::pipeline::Plan;
 use crate::reference::{Bounces, MAX_SAMPLES, Pixels, Settings, Stop, VERSION, check, render};
 use clap::{ArgGroup, Args};
 use etcetera::BaseStrategy;
@@ -64,6 +65,9 @@ pub struct TruthOptions {
     /// Trace only N squares of 64×64 pixels, spread over the picture, at full resolution: errors of all kinds at the cost of a stride
     #[arg(long, value_name = "N", conflicts_with_all = ["reference", "no_reference", "reference_stride"])]
     reference_windows: Option<u32>,
+    /// How many bounces of indirect light the reference holds, N or `all`: what a pipeline leaves out of them counts as its error; those that the pipelines make if not given
+    #[arg(long, value_name = "N", conflicts_with = "no_reference")]
+    bounces: Option<Bounces>,
     /// Where references that are traced are kept; the user's cache folder if not given
     #[arg(long, value_name = "DIR", conflicts_with_all = ["reference", "no_reference"])]
     reference_cache: Option<PathBuf>,
@@ -75,6 +79,15 @@ pub struct Truth {
     picture: Layers,
     variance: Option<Layers>,
     own: bool,
+    bounces: Judged,
+}
+
+/// The bounces that a reference holds.
+#[derive(Clone, Copy)]
+pub struct Judged {
+    bounces: Bounces,
+    /// Whether pictures of any bounces are judged by it.
+    any: bool,
 }
 
 impl TruthOptions {
@@ -99,6 +112,7 @@ impl TruthOptions {
             reference_spp: None,
             reference_stride: 1,
             reference_windows: None,
+            bounces: None,
             reference_cache: None,
         }
     }
@@ -108,14 +122,31 @@ impl TruthOptions {
         self.reference.iter().map(|named| &named.path).chain(&self.reference_variance).map(PathBuf::as_path).collect()
     }
 
+    /// What pictures of these plans are judged by: the bounces that are asked for, or that all plans make.
+    ///
+    /// # Errors
+    /// Where plans make different ones and none are asked for.
+    pub fn judged<'p>(&self, plans: impl Iterator<Item = &'p Plan>) -> Result<Judged, Failure> {
+        if let Some(bounces) = self.bounces {
+            return Ok(Judged { bounces, any: true });
+        }
+        let mut made: Vec<Bounces> = Vec::new();
+        plans.filter(|_| !self.no_reference).for_each(|plan| made.extend(Some(judged_bounces(plan)).filter(|bounces| !made.contains(bounces))));
+        match made[..] {
+            [] => Ok(Judged { bounces: Bounces::Count(1), any: false }),
+            [bounces] => Ok(Judged { bounces, any: false }),
+            _ => Err(Failure::input(CommandError::SeveralBounces { made: made.iter().map(Bounces::to_string).collect::<Vec<_>>().join(", ") })),
+        }
+    }
+
     /// Reads what the user gives; None where it is to be traced, or none is wanted.
-    pub fn given(&self, view: &View) -> Result<Option<Truth>, Failure> {
+    pub fn given(&self, view: &View, bounces: Judged) -> Result<Option<Truth>, Failure> {
         let Some(named) = &self.reference else { return Ok(None) };
         let picture = named.read()?;
         named.expect_meaning(&picture)?;
         let picture = only(picture, named.layer.as_deref());
         let variance = self.reference_variance.as_deref().map(read_picture).transpose()?;
-        let truth = Truth { picture, variance, path: named.path.clone(), own: false };
+        let truth = Truth { picture, variance, path: named.path.clone(), own: false, bounces };
         if !self.anyway {
             expect_shown(view, &truth.picture, &truth.path)?;
         }
@@ -124,18 +155,18 @@ impl TruthOptions {
     }
 
     /// Whether a reference has to be traced where none is given; then there is a place to keep it.
-    pub fn keeper(&self, view: &View) -> Result<Option<Keeper>, Failure> {
+    pub fn keeper(&self, view: &View, judged: Judged) -> Result<Option<Keeper>, Failure> {
         if self.reference.is_some() || self.no_reference {
             return Ok(None);
         }
         let folder = self.reference_cache.clone().or_else(cache_folder).ok_or_else(|| Failure::input(CommandError::NoReferenceCache))?;
         let stop = self.stop(view);
         let pixels = self.reference_windows.map_or(Pixels::Every(self.reference_stride), Pixels::Windows);
-        let settings = Settings { size: view.size, pixels, bounces: Bounces::Count(BOUNCES), stop, seed: 0 };
+        let settings = Settings { size: view.size, pixels, bounces: judged.bounces, stop, seed: 0 };
         check(&view.camera, &settings).map_err(Failure::input)?;
         let key = key(view, &settings);
         let target = Target::new(&folder.join(format!("reference-{}.exr", Checksum::of(key.as_bytes()))))?;
-        Ok(Some(Keeper { target, settings, key }))
+        Ok(Some(Keeper { target, settings, key, judged }))
     }
 
     fn stop(&self, view: &View) -> Stop {
@@ -194,6 +225,7 @@ pub struct Keeper {
     target: Target,
     settings: Settings,
     key: String,
+    judged: Judged,
 }
 
 impl Keeper {
@@ -203,7 +235,7 @@ impl Keeper {
             Some(picture) => picture,
             None => self.trace(view, console)?,
         };
-        let truth = Truth { path: self.target.path().to_owned(), picture, variance: None, own: true };
+        let truth = Truth { path: self.target.path().to_owned(), picture, variance: None, own: true, bounces: self.judged };
         truth.fits(view)?;
         if let Some(told) = truth.bound_told() {
             console.note(&told);
@@ -254,7 +286,8 @@ impl Keeper {
 impl Truth {
     /// The picture of a row of a study, which others are judged by.
     pub fn of_row(name: &str, picture: Layers) -> Self {
-        Self { path: PathBuf::from(name), picture: picture.with_attribute("bounces", BOUNCES), variance: None, own: true }
+        // What a row lacks of another's bounces is its error against it.
+        Self { path: PathBuf::from(name), picture, variance: None, own: true, bounces: Judged { bounces: Bounces::All, any: true } }
     }
 
     /// Says so where a reference ended before its noise was as small as it was to be.
@@ -283,14 +316,15 @@ impl Truth {
 
     /// The errors of a pipeline's picture.
     pub fn judge(&self, picture: Layers) -> Result<VariantErrors, Failure> {
-        self.errors(&picture.with_attribute("bounces", BOUNCES)).map_err(|error| self.refuse(error))
+        self.errors(&picture.with_attribute("bounces", self.bounces.bounces)).map_err(|error| self.refuse(error))
     }
 
-    /// The errors of a picture that was read from this file; a reference that does not state its bounces is taken to have those of the pipelines.
+    /// The errors of a picture that was read from this file; a reference that does not state its bounces is taken to have those that were asked for, or those of the pipelines.
     pub fn judge_given(&self, picture: &Layers, path: &Path) -> Result<VariantErrors, Failure> {
-        let of_pipelines = BOUNCES.to_string();
-        let errors = match picture.attributes.get("bounces").filter(|bounces| **bounces != of_pipelines) {
-            Some(bounces) => Err(MetricsError::BouncesDiffer { test: bounces.clone(), reference: of_pipelines }),
+        let own = self.bounces.bounces.to_string();
+        let errors = match picture.attributes.get("bounces").filter(|bounces| **bounces != own) {
+            Some(_) if self.bounces.any => self.errors(&picture.clone().with_attribute("bounces", own)),
+            Some(bounces) => Err(MetricsError::BouncesDiffer { test: bounces.clone(), reference: own }),
             None => self.errors(picture),
         };
         let errors = errors.map_err(|error| Failure::input(CommandError::BadGiven { path: path.to_owned(), error }))?;
@@ -345,6 +379,11 @@ impl Truth {
             stride: attribute("stride"),
             windows: self.picture.windows().ok().flatten().map(|windows| windows.corners().len()),
         }
+    }
+
+    /// Of the light that it holds.
+    pub fn bounces(&self) -> Bounces {
+        self.bounces.bounces
     }
 
     /// Whether the file says how often its light was reflected.

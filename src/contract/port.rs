@@ -24,6 +24,7 @@ pub enum PortKind {
     WeightedTiles,
     Records,
     RecordCache,
+    RecordIndex,
     Lobes,
     VisibleLobes,
     Flag,
@@ -43,6 +44,7 @@ impl PortKind {
             Self::WeightedTiles => "an atlas of tiles with weights",
             Self::Records => "new records",
             Self::RecordCache => "a record cache",
+            Self::RecordIndex => "an index over records",
             Self::Lobes => "coefficients of lobes",
             Self::VisibleLobes => "the lobes of visible surfaces",
             Self::Flag => "a flag",
@@ -63,6 +65,7 @@ pub enum Port {
     WeightedTiles(WeightedTiles),
     Records(Records),
     RecordCache(RecordCache),
+    RecordIndex(RecordIndex),
     Lobes(Lobes),
     VisibleLobes(VisibleLobes),
     Flag(Variable),
@@ -81,6 +84,7 @@ impl Port {
             Self::WeightedTiles(_) => PortKind::WeightedTiles,
             Self::Records(_) => PortKind::Records,
             Self::RecordCache(_) => PortKind::RecordCache,
+            Self::RecordIndex(_) => PortKind::RecordIndex,
             Self::Lobes(_) => PortKind::Lobes,
             Self::VisibleLobes(_) => PortKind::VisibleLobes,
             Self::Flag(_) => PortKind::Flag,
@@ -100,6 +104,7 @@ impl Port {
             Self::WeightedTiles(p) => vec![p.tiles.samples, p.tiles.requests.places],
             Self::Records(p) => [p.records].into_iter().chain(p.coefficients.map(|c| c.values)).collect(),
             Self::RecordCache(p) => [p.records].into_iter().chain(p.coefficients.map(|c| c.values)).collect(),
+            Self::RecordIndex(p) => vec![p.data],
             Self::Lobes(p) => vec![p.values],
             Self::VisibleLobes(p) => p.resources().to_vec(),
             Self::Flag(_) => Vec::new(),
@@ -129,6 +134,7 @@ impl Port {
                 p.count = memory.variable(p.count);
             }
             Self::RecordCache(p) => p.over(memory),
+            Self::RecordIndex(p) => [&mut p.data, &mut p.weighting].into_iter().for_each(|r| replace(r, memory)),
             Self::Lobes(p) => p.over(memory),
             Self::VisibleLobes(p) => p.over(memory),
             Self::Flag(variable) => *variable = memory.variable(*variable),
@@ -234,6 +240,8 @@ pub struct Tiles {
     pub samples: Resource,
     /// Where they were shaded.
     pub place: Place,
+    /// Whether lamps and the sky are in them; otherwise the direct pass lights from these.
+    pub sees_emission: bool,
     pub requests: Requests,
     pub shape: crate::math::hemisphere::Shape,
     /// Samples along a tile's edge, N.
@@ -260,6 +268,8 @@ pub struct Records {
     pub coefficients: Option<Coefficients>,
     pub count: Variable,
     pub capacity: u32,
+    /// Whether light that comes straight from lamps and the sky is in them: see [`Tiles::sees_emission`].
+    pub sees_emission: bool,
 }
 
 /// All records so far; a history.
@@ -274,6 +284,18 @@ pub struct RecordCache {
     /// The rule as a uniform buffer.
     pub weighting: Resource,
     pub rule: Rule,
+}
+
+/// Records that can be asked for the irradiance at any point.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RecordIndex {
+    /// Buffer of words, laid out as [`crate::math::record_index::Layout`] of the capacity says.
+    pub data: Resource,
+    /// The rule as a uniform buffer.
+    pub weighting: Resource,
+    pub rule: Rule,
+    /// Most records.
+    pub capacity: u32,
 }
 
 /// Radiance that arrives at records, projected on hemispherical harmonics in `Frame::new` of their normal.

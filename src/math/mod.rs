@@ -1,6 +1,7 @@
 //! The mathematics that shaders, passes and tests share: hemispheres and their sums, records and their weights,
 //! colours, frames, bounds on the screen, expansions in harmonics, glossy lobes. No device, no files, no other module of the crate.
 
+pub mod bounces;
 pub mod colour;
 pub mod frame;
 pub mod harmonics;
@@ -12,9 +13,11 @@ pub mod projection;
 pub mod radiance;
 pub mod radius;
 pub mod random;
+pub mod record_index;
 pub mod solid_angle;
 pub mod sum;
 pub mod sum_vectors;
+pub mod thinning;
 pub mod vectors;
 pub mod weight;
 pub mod windows;

@@ -3,6 +3,7 @@
 use fearless_simd::{Simd, f32x8, prelude::*, u32x8};
 
 /// One round of the PCG output permutation (Jarzynski and Olano 2020, "pcg").
+#[inline]
 pub fn hash(value: u32) -> u32 {
     let state = value.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
     let word = ((state >> ((state >> 28) + 4)) ^ state).wrapping_mul(277_803_737);

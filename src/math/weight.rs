@@ -21,6 +21,9 @@ pub const TEN_DEGREES: f32 = 0.12326;
 /// use, let records near edges foretell far too much: Sponza's error was 8.4 % with them and is 5.9 %.
 pub const EXTRAPOLATION: [f32; 2] = [0.4, 2.5];
 
+/// The most of one over a length, so that its square is a number.
+pub const MOST_PER_LENGTH: f32 = 1e15;
+
 /// The least length that counts as one [scene units].
 const LEAST_LENGTH: f32 = 1e-30;
 
@@ -221,6 +224,11 @@ impl Reaching<'_> {
         self.record
     }
 
+    /// How far it reaches along the shorter axis [scene units].
+    pub fn reach(&self) -> f32 {
+        self.reach
+    }
+
     /// How far it reaches along the longer axis [scene units].
     pub fn longest_reach(&self) -> f32 {
         self.reach / self.record.roundness()
@@ -248,6 +256,16 @@ impl Reaching<'_> {
             Weighting::TabellionLamorlette => (1.0 - apart.max(turned / TEN_DEGREES)).max(0.0),
             Weighting::Compact => (1.0 - apart - turned / accuracy).max(0.0),
         }
+    }
+
+    /// What the record weighs among those of an index, whose reaches differ by far more than those of neighbours in a picture: its weight by the area that it
+    /// reaches, so that one that stands for much tells little where others stand close together; and only where it is level with the point, neither in front of it
+    /// nor behind. Those behind stand deeper, where there is less light, so that to leave out only those in front makes the light too little.
+    pub fn local_weight(&self, position: Vec3, normal: Vec3) -> f32 {
+        let offset = position - self.record.position;
+        let behind = offset.dot(normal + self.record.normal) * 0.5;
+        let per_area = self.reach.recip().min(MOST_PER_LENGTH).powi(2);
+        if behind > self.front * offset.length() { 0.0 } else { self.weight(position, normal) * per_area }
     }
 
     /// [`Reaching::estimate`] at eight points.

@@ -65,14 +65,14 @@ static FILL: Description = Description {
 
 static ITERATE: Description = Description {
     name: "Iterate",
-    about: "Repeats its nodes a number of times; a loop of the graph, not a pass",
+    about: "Repeats its nodes a number of times, or until a flag is set; a loop of the graph, not a pass",
     source: "for bounces, relaxation and other sums over rounds",
     parameters: &[Parameter {
         name: "rounds",
-        about: "how often the nodes run each time that the loop starts",
+        about: "how often the nodes run each time that the loop starts, at most",
         unit: "rounds",
         kind: ParameterKind::Integer { default: 1, min: 1, max: 65_536 },
     }],
-    inputs: &[],
+    inputs: &[Input { name: "until", about: "ends the loop earlier when set; from a node inside", accepts: PortKind::Flag, required: false, changes: false }],
     outputs: &[],
 };

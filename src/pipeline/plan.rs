@@ -4,7 +4,8 @@ use super::ahead;
 use super::history::{self, Key, Shape, Shapes};
 use super::{Edge, Layer, Loop, Node, Pipeline, Problem, Problems, When, Work, graph::family};
 use crate::contract::recorder::{Persistent, Recorded, Recorder, Reported, Setting};
-use crate::contract::{Need, Port, Refusal};
+use crate::contract::{Need, Port, PortKind, Refusal};
+use crate::math::bounces::Bounces;
 use crate::recording::*;
 use crate::scene::needs::Needs;
 use std::collections::{BTreeMap, BTreeSet};
@@ -36,6 +37,8 @@ pub struct Plan {
     pub ports: BTreeMap<String, Port>,
     /// In the order in which they would have run.
     pub dropped: Vec<Dropped>,
+    /// How often the light of its records is reflected on its way to visible surfaces.
+    pub bounces: Bounces,
     /// Materials with a lobe that the pipeline takes by their [albedo](crate::scene::Material::albedo), as it cannot render lobes.
     pub by_albedo: Vec<String>,
     /// Node and what was adapted.
@@ -118,6 +121,32 @@ fn needs(pipeline: &Pipeline, members: &[Member<'_>], of_scene: &Needs) -> Needs
 fn refuse_growth(node: &Node, edge: &Edge) -> Problem {
     let message = format!("{}.{} → {}: what it reads looks different each time that it is made from itself", node.name, edge.input, edge.written());
     Problem::new("plan::history", message).at(&edge.from.place, "an earlier value").help("a loop through time needs memory of one size and format")
+}
+
+/// How often the light of records is reflected on its way to visible surfaces: once, and once more for each round in which the records of an index are lit by
+/// those of the round before, where records look such an index up. Without a cache there is direct light alone.
+fn bounces(members: &[Member<'_>], dropped: &BTreeMap<&str, String>) -> Bounces {
+    let kept = || members.iter().filter(|member| !dropped.contains_key(member.node.name.as_str()));
+    let edges = |kind| kept().flat_map(move |member| member.node.inputs.iter().filter(move |edge| accepts(member.node, edge) == Some(kind)));
+    let looked_up = edges(PortKind::RecordIndex).filter(|edge| edge.when == When::Now);
+    let rounds = looked_up.filter_map(|edge| Some(rounds_of(kept().find(|member| member.node.name == edge.from.node)?)));
+    let own = Bounces::Count(u32::from(edges(PortKind::RecordCache).next().is_some()));
+    rounds.reduce(Bounces::max).map_or(own, |rounds| own.and(rounds))
+}
+
+/// Rounds of the loop around an index in which its records light those of the next.
+fn rounds_of(index: &Member<'_>) -> Bounces {
+    let Some((within, Work::Loop(Loop::Iterate, inner))) = index.within.map(|within| (within, &within.work)) else { return Bounces::Count(1) };
+    let is_fed_back = inner.iter().flat_map(|node| &node.inputs).any(|edge| edge.when == When::PreviousRound && edge.from.node == index.node.name);
+    match (is_fed_back, within.inputs.is_empty()) {
+        (false, _) => Bounces::Count(1),
+        (true, true) => Bounces::Count(u32::try_from(within.arguments.integer("rounds")).unwrap_or(u32::MAX)),
+        (true, false) => Bounces::All,
+    }
+}
+
+fn accepts(node: &Node, edge: &Edge) -> Option<PortKind> {
+    node.description().inputs.iter().find(|input| input.name == edge.input).map(|input| input.accepts)
 }
 
 /// Recording the source waits for the edge, and the edge for what the source looks like.
@@ -490,6 +519,7 @@ impl<'a> Planner<'a> {
             about: pipeline.about.clone(),
             specialised: pipeline.specialise,
             dropped: members.iter().filter_map(|member| because(member.node)).collect(),
+            bounces: bounces(members, self.dropped),
             by_albedo,
             recording: self.recording,
             lifetimes,
@@ -599,6 +629,9 @@ impl Plan {
         }
         for (layer, _) in &self.outputs {
             let _ = writeln!(text, "output {} from {}", layer.name, layer.from);
+        }
+        if self.bounces.max(Bounces::Count(1)) != Bounces::Count(1) {
+            let _ = writeln!(text, "bounces {}", self.bounces);
         }
         for absent in &self.absent {
             let _ = writeln!(text, "no output {}: {}", absent.layer, absent.because);

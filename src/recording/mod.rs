@@ -391,7 +391,7 @@ impl Shortfall {
     pub fn help(self) -> &'static str {
         match self {
             Self::Time => "raise --time, or keep the records with --cache and render again",
-            Self::Rounds => "raise `max_rounds` of the loop, or set it to 0 for as many as there are pixels",
+            Self::Rounds => "raise `max_rounds` of a Fill, or set it to 0 for as many as there are pixels; raise `rounds` of an Iterate",
             Self::CacheFull => "raise `capacity` of the RecordCache, or its `accuracy`, so that fewer records are needed",
             Self::FrameLimit => "raise `at_most` of the FindMisses, or render more frames",
             Self::NoProgress => "make the loop's records at the requests of the FindMisses that ends it, and add them to the cache that its splats read",

@@ -22,6 +22,7 @@ mod random;
 pub use left_out::{LeftOut, left_out};
 pub use path::{Gather, Tracer};
 
+pub use crate::math::bounces::{Bounces, MAX_BOUNCES};
 use crate::math::colour::luminance;
 use crate::math::windows::{SIDE, Windows, room};
 use crate::scene::{Camera, MAX_SIDE, Rgb, Scene, bvh::Bvh, surface::Surface};
@@ -32,7 +33,6 @@ use rayon::prelude::*;
 use std::{
     f64::consts::PI,
     fmt,
-    str::FromStr,
     sync::atomic::{AtomicBool, AtomicUsize, Ordering},
     time::Instant,
 };
@@ -42,9 +42,6 @@ pub const VERSION: u32 = 3;
 
 /// Pixels that one reference computes, at some 300 bytes each.
 pub const MAX_PIXELS: u64 = 1 << 24;
-
-/// The most bounces that can be counted: without end is [`Bounces::All`], which weighs what it leaves out.
-pub const MAX_BOUNCES: u32 = 1000;
 
 /// Samples per pixel at which [`Stop::RelativeError`] gives up at the latest.
 pub const MAX_SAMPLES: u32 = 1 << 20;
@@ -113,43 +110,6 @@ impl Settings {
             Pixels::Every(_) => Ok(None),
             Pixels::Windows(count) => Windows::spread(self.size, count).map(Some).ok_or(ReferenceError::Windows { count, width, height }),
         }
-    }
-}
-
-/// How many surfaces indirect light may touch.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Bounces {
-    /// At most so many; 0 leaves direct light alone.
-    Count(u32),
-    /// Any number, ended by Russian roulette.
-    All,
-}
-
-impl Bounces {
-    fn end_at(self, bounce: u32) -> bool {
-        matches!(self, Self::Count(count) if bounce >= count)
-    }
-}
-
-impl fmt::Display for Bounces {
-    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        match self {
-            Self::Count(count) => write!(f, "{count}"),
-            Self::All => f.write_str("all"),
-        }
-    }
-}
-
-impl FromStr for Bounces {
-    type Err = String;
-
-    /// Reads a count or `all`.
-    fn from_str(text: &str) -> Result<Self, String> {
-        if text == "all" {
-            return Ok(Self::All);
-        }
-        let count = text.parse().ok().filter(|count| *count <= MAX_BOUNCES);
-        count.map(Self::Count).ok_or_else(|| format!("bounces are a count up to {MAX_BOUNCES} or `all`, got `{text}`"))
     }
 }
 

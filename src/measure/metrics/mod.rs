@@ -134,7 +134,10 @@ pub enum MetricsError {
     #[diagnostic(code(measure::variance_size))]
     VarianceSize { variance: [u32; 2], reference: [u32; 2] },
     #[error("the picture has `bounces` {test}, the reference {reference}")]
-    #[diagnostic(code(measure::bounces_differ), help("compute a reference of the same bounces: hemisplat reference --bounces {test}"))]
+    #[diagnostic(
+        code(measure::bounces_differ),
+        help("compute a reference of the same bounces: hemisplat reference --bounces {test}; or count what is left out as error: --bounces {reference}")
+    )]
     BouncesDiffer { test: String, reference: String },
     #[error("the two pictures have no window in common")]
     #[diagnostic(code(measure::no_common_window), help("trace both with the same --size and --windows"))]

@@ -20,8 +20,14 @@ pub type LoadPipeline<'a> = dyn Fn(&[String]) -> Result<Pipeline, Problems> + 'a
 /// Width and height of the pictures [pixels].
 pub(super) const SIZE: [u32; 2] = [16, 12];
 
-/// What keeps a run short: few samples a record, small shadow maps, few outgoing directions.
-const SMALL: [Change; 3] = [("HemisphereTiles", "resolution", "16"), ("ShadowMap", "resolution", "256"), ("LobeCoefficients", "grid", "24")];
+/// What keeps a run short: few samples a record, small shadow maps, few outgoing directions, few records of a second cache.
+const SMALL: [Change; 5] = [
+    ("HemisphereTiles", "resolution", "16"),
+    ("ShadowMap", "resolution", "256"),
+    ("LobeCoefficients", "grid", "24"),
+    ("PathVertices", "paths", "2048"),
+    ("PathVertices", "records", "512"),
+];
 
 /// A pass, one of its parameters, and a value for all nodes that use the pass.
 pub(super) type Change<'c> = (&'c str, &'c str, &'c str);

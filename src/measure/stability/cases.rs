@@ -318,7 +318,7 @@ fn few_samples(bench: &Bench<'_>) -> Seen {
 }
 
 fn many_samples(bench: &Bench<'_>) -> Seen {
-    let changes = [("HemisphereTiles", "resolution", "512"), ("RecordCache", "minimum_spacing", "12")];
+    let changes = [("HemisphereTiles", "resolution", "512"), ("RecordCache", "minimum_spacing", "12"), ("PathVertices", "records", "16")];
     let batch = match bench.way("Fill", "order") {
         Some("Batched") => vec![("Fill", "order", "Batched(at_most: 2)")],
         _ => Vec::new(),

@@ -84,15 +84,13 @@ fn title(node: &Node) -> String {
 /// The pass, or what is told of a loop, line by line.
 fn about(node: &Node) -> Vec<String> {
     let description = node.description().name;
-    match &node.work {
-        Work::Pass(_) => vec![description.into()],
-        Work::Loop(Loop::Iterate, _) => vec![format!("{description}, {} rounds", node.arguments.integer("rounds"))],
-        Work::Loop(Loop::Fill, _) => {
-            let until: Vec<String> = node.inputs.iter().map(|edge| edge.from.to_string()).collect();
-            let order = node.arguments.iter().find(|(name, _)| *name == "order").map(|(_, value)| value.to_string()).unwrap_or_default();
-            vec![format!("{description}, {order}"), format!("until {}", until.join(", "))]
-        }
-    }
+    let Work::Loop(kind, _) = &node.work else { return vec![description.into()] };
+    let how = match kind {
+        Loop::Iterate => format!("{} rounds", node.arguments.integer("rounds")),
+        Loop::Fill => node.arguments.iter().find(|(name, _)| *name == "order").map(|(_, value)| value.to_string()).unwrap_or_default(),
+    };
+    let until = node.inputs.iter().map(|edge| format!("until {}", edge.from));
+    [format!("{description}, {how}")].into_iter().chain(until).collect()
 }
 
 fn dot(pipeline: &Pipeline) -> String {

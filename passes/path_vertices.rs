@@ -1,0 +1,102 @@
+//! Where light is looked for beyond what the camera sees: places for the records of a second cache.
+
+use super::record::{REQUEST_BYTES, Request, texels};
+use crate::contract::{Description, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, port};
+use crate::math::frame::Frame;
+use crate::math::random::{combine, hash, unit};
+use crate::math::thinning::{Vertex, thinned};
+use crate::recording::*;
+use crate::scene::{Scene, bvh::Bvh, surface::Ray, surface_offset};
+use glam::Vec3;
+use rayon::prelude::*;
+use std::f32::consts::TAU;
+
+pub struct PathVertices;
+
+static DESCRIPTION: Description = Description {
+    name: "PathVertices",
+    about: "Places where paths from the camera meet surfaces, thinned to one for each group of neighbours: dense where much light is gathered from; by the host",
+    source: "our own",
+    parameters: &[
+        Parameter {
+            name: "paths",
+            about: "paths, from pixels spread over the picture",
+            unit: "paths",
+            kind: ParameterKind::Integer { default: 32_768, min: 1, max: 1 << 22 },
+        },
+        Parameter {
+            name: "legs",
+            about: "most surfaces that a path meets behind the visible one",
+            unit: "",
+            kind: ParameterKind::Integer { default: 3, min: 1, max: 64 },
+        },
+        Parameter { name: "records", about: "most places", unit: "records", kind: ParameterKind::Integer { default: 8192, min: 1, max: 1 << 20 } },
+    ],
+    inputs: &[Input { name: "gbuffer", about: "the visible surfaces", accepts: PortKind::GBuffer, required: true, changes: false }],
+    outputs: &[Output { name: "requests", about: "places for records", kind: PortKind::Requests }],
+};
+
+impl Pass for PathVertices {
+    fn description(&self) -> &'static Description {
+        &DESCRIPTION
+    }
+
+    fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
+        let Some(gbuffer) = r.g_buffer("gbuffer").copied() else { return Ok(()) };
+        let [paths, legs, capacity] = ["paths", "legs", "records"].map(|name| r.arguments.integer(name) as u32);
+        let places = r.buffer("requests", u64::from(capacity) * REQUEST_BYTES);
+        let [count, made] = ["count", "made"].map(|name| r.variable(name, false));
+        let size = r.setting.size;
+        r.host("walk", &[Read::whole(gbuffer.position), Read::whole(gbuffer.normal)], &[places], move |host| {
+            let (positions, normals) = (texels(host, gbuffer.position), texels(host, gbuffer.normal));
+            let (scene, bvh, extent) = (host.scene(), host.bvh(), host.extent());
+            let walk = |number: u32| {
+                let pixel = pixel(number, size);
+                let [x, y, z, width] = positions[pixel];
+                let start = Vertex { position: Vec3::new(x, y, z), normal: Vec3::from_slice(&normals[pixel]) };
+                if width > 0.0 { walked(scene, bvh, extent, start, number, legs) } else { Vec::new() }
+            };
+            let vertices: Vec<Vertex> = (0..paths).into_par_iter().flat_map_iter(walk).collect();
+            let requests: Vec<Request> = (0..).zip(thinned(vertices, capacity as usize)).map(|(number, place)| request(number, place)).collect();
+            host.write(places, 0, bytemuck::cast_slice(&requests));
+            host.set(count, requests.len() as u32);
+            host.set(made, requests.len() as u32);
+            Ok(())
+        });
+        r.report_variable("records_of_bounces", made);
+        r.output("requests", Port::Requests(port::Requests { places, count, capacity, made, at_most: u32::MAX }));
+        Ok(())
+    }
+}
+
+/// The number-th of pixels that are spread evenly over a picture: a lattice of rank 1 (its generator is that of Roberts' R2 sequence).
+fn pixel(number: u32, [width, height]: [u32; 2]) -> usize {
+    let along = [0.754_877_666_246_693, 0.569_840_290_998_053].map(|step: f64| (0.5 + step * f64::from(number)).fract());
+    let [x, y] = [(along[0], width), (along[1], height)].map(|(along, pixels)| ((along * f64::from(pixels)) as u32).min(pixels - 1));
+    y as usize * width as usize + x as usize
+}
+
+/// The surfaces that a path meets behind its first, each by a ray whose density is that of the light which arrives from there, as far as the cosine tells.
+fn walked(scene: &Scene, bvh: &Bvh, extent: f32, start: Vertex, number: u32, legs: u32) -> Vec<Vertex> {
+    let mut vertices = Vec::with_capacity(legs as usize);
+    let mut at = start;
+    for leg in 0..legs {
+        let seed = combine(number, leg);
+        let direction = cosine_direction(at.normal, [unit(hash(seed)), unit(hash(seed ^ 0x5bd1_e995))]);
+        let origin = at.position + at.normal * surface_offset(extent, at.position);
+        let Some(hit) = bvh.closest(scene, origin, direction, f32::INFINITY) else { break };
+        let surface = scene.diffuse_surface(hit.triangle, hit.barycentric, Ray { origin, direction });
+        at = Vertex { position: surface.position, normal: surface.normal };
+        vertices.push(at);
+    }
+    vertices
+}
+
+fn cosine_direction(normal: Vec3, [u, v]: [f32; 2]) -> Vec3 {
+    let (radius, (sine, cosine)) = (u.sqrt(), (TAU * v).sin_cos());
+    Frame::new(normal).to_world(Vec3::new(radius * cosine, radius * sine, (1.0 - u).sqrt()))
+}
+
+fn request(number: u32, (place, radius): (Vertex, f32)) -> Request {
+    Request { position: place.position.into(), footprint: radius, normal: place.normal.into(), turn: TAU * unit(hash(number + 1)) }
+}

@@ -1,0 +1,213 @@
+//! Records that can be asked for the irradiance anywhere, not at pixels alone.
+
+use super::prefix_sum::{self, MOST_GROUPS};
+use super::record::{RECORD_BYTES, Record, Weighting};
+use crate::contract::{Bodies, Description, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Recorder, Refusal, port};
+use crate::math::{
+    colour::luminance,
+    record_index::{HEADER, Layout, Levels, Lists, RECORD_WORDS},
+    weight,
+};
+use crate::recording::*;
+use glam::Vec3;
+
+pub struct RecordIndex;
+
+static DESCRIPTION: Description = Description {
+    name: "RecordIndex",
+    about: "An index over records: estimates the irradiance at any point, by the weights of the splat and only from records level with it",
+    source: "Ward 1988; cells of several sizes found by a hash: our own",
+    parameters: &[
+        Parameter {
+            name: "spacing",
+            about: "how far a record reaches, in radii of what it was placed for",
+            unit: "",
+            kind: ParameterKind::Float { default: 1.0, min: 0.1, max: 1000.0 },
+        },
+        Parameter {
+            name: "accuracy",
+            about: "a: how much normals may differ, sqrt(1 - n·n_k)",
+            unit: "",
+            kind: ParameterKind::Float { default: 0.5, min: 0.001, max: 10.0 },
+        },
+        Parameter {
+            name: "remaining",
+            about: "`settled` is set where the rounds to come would add less than this share of the light, as far as the last two tell",
+            unit: "",
+            kind: ParameterKind::Float { default: 0.005, min: 0.0, max: 1.0 },
+        },
+        PLACE,
+    ],
+    inputs: &[Input { name: "of", about: "the records", accepts: PortKind::Records, required: true, changes: false }],
+    outputs: &[
+        Output { name: "index", about: "the index, with the records in it", kind: PortKind::RecordIndex },
+        Output { name: "settled", about: "set when another round would not change the records any more", kind: PortKind::Flag },
+    ],
+};
+
+impl Pass for RecordIndex {
+    fn description(&self) -> &'static Description {
+        &DESCRIPTION
+    }
+
+    fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
+        let Some(new) = r.records("of").copied() else { return Ok(()) };
+        if new.sees_emission {
+            return Err(Refusal::new(
+                "plan::emission_twice",
+                "the records saw lamps and the sky themselves, whose light the surfaces that are asked about have already",
+                "set `emission` of the HemisphereTiles to Never",
+            ));
+        }
+        let rule = rule(r);
+        let layout = Layout::of(new.capacity as usize);
+        let data = r.buffer("data", 4 * layout.words as u64);
+        let weighting = r.constant_buffer("weighting", bytemuck::bytes_of(&Weighting::from(&rule)));
+        let index = port::RecordIndex { data, weighting, rule, capacity: new.capacity };
+        let growth = Growth { settled: r.variable("settled", false), sums: r.state("sums"), remaining: r.arguments.float("remaining") };
+        let forget = move |host: &mut dyn HostContext| {
+            *host.state(growth.sums) = None;
+            Ok(())
+        };
+        r.before_loop(Command::Host(Host::new("forget", Vec::new(), Vec::new(), forget)));
+        match r.place(Bodies::BOTH)? {
+            Place::Host => build_on_host(r, new, index, growth),
+            Place::Device => build_on_device(r, new, index, growth),
+        }
+        r.output("index", Port::RecordIndex(index));
+        r.output("settled", Port::Flag(growth.settled));
+        Ok(())
+    }
+}
+
+fn build_on_host(r: &mut Recorder<'_>, new: port::Records, index: port::RecordIndex, growth: Growth) {
+    let layout = Layout::of(index.capacity as usize);
+    r.host("build", &[Read::counted(new.records, RECORD_BYTES, new.count)], &[index.data], move |host| {
+        let records: Vec<Record> = bytemuck::pod_collect_to_vec(host.read(new.records));
+        let all: Vec<weight::Record> = records.iter().map(weight::Record::from).collect();
+        let reaching: Vec<_> = all.iter().map(|record| index.rule.reaching(record)).collect();
+        let lists = Lists::of(&reaching, layout.hashes);
+        let mut words = header(lists.levels, layout, records.len() as u32).to_vec();
+        words.extend(lists.ends.iter().chain(&lists.entries));
+        words.resize(layout.records, 0);
+        words.extend_from_slice(bytemuck::cast_slice(&records));
+        words.resize(layout.words, 0);
+        host.write(index.data, 0, bytemuck::cast_slice(&words));
+        let light = records.iter().map(|record| luminance(Vec3::from(record.irradiance).as_dvec3())).sum();
+        growth.judge(host, light);
+        Ok(())
+    });
+}
+
+/// Powers of two that the shader counts records by.
+const EXPONENTS: u64 = 256;
+
+/// As shaders/record_index.wgsl does it.
+fn build_on_device(r: &mut Recorder<'_>, new: port::Records, index: port::RecordIndex, growth: Growth) {
+    let layout = Layout::of(index.capacity as usize);
+    let [held, light] = [("held", 4 * EXPONENTS), ("light", 16)].map(|(member, bytes)| r.buffer(member, bytes));
+    r.clear(index.data);
+    r.clear(held);
+    r.host("begin", &[], &[index.data], move |host| {
+        let head = header(Levels { lowest: 0, there: 0 }, layout, host.variable(new.count));
+        host.write(index.data, 0, bytemuck::cast_slice(&head));
+        Ok(())
+    });
+    let program = Program::new("record_index")
+        .constant("INDEX_ENTRIES", layout.entries as u32)
+        .constant("INDEX_RECORDS", layout.records as u32)
+        .bind("weighting", index.weighting)
+        .bind("records", new.records)
+        .bind("words", index.data)
+        .bind("held", held)
+        .bind("light", light);
+    let each_record = Groups::Counted { count: new.count, divisor: 64, per: 1 };
+    r.compute(program.clone(), "measure", each_record);
+    r.compute(program.clone(), "tell_levels", Groups::ONE);
+    r.compute(program.clone(), "count", each_record);
+    prefix_sum::record(r, index.data, HEADER as u32, layout.hashes as u32);
+    r.compute(program.clone(), "list", each_record);
+    let lists = (layout.hashes as u32).div_ceil(64);
+    r.compute(program.clone(), "sort", Groups::Fixed([lists.min(MOST_GROUPS), lists.div_ceil(MOST_GROUPS), 1]));
+    r.compute(program, "add_light", Groups::ONE);
+    r.host("judge", &[Read::whole(light)], &[], move |host| {
+        let light = bytemuck::pod_read_unaligned::<f32>(&host.read(light)[..4]);
+        growth.judge(host, light.into());
+        Ok(())
+    });
+}
+
+fn header(levels: Levels, layout: Layout, records: u32) -> [u32; HEADER] {
+    [levels.lowest as u32, levels.there, layout.hashes as u32, records]
+}
+
+const _: () = assert!(RECORD_BYTES == 4 * RECORD_WORDS as u64);
+
+/// How the light of the records grows from round to round, and the flag that is set when it does not any more.
+#[derive(Clone, Copy)]
+struct Growth {
+    settled: Variable,
+    /// Sums over the records, of each round so far.
+    sums: Resource,
+    remaining: f64,
+}
+
+impl Growth {
+    fn judge(&self, host: &mut dyn HostContext, light: f64) {
+        let before = host.state(self.sums).take().and_then(|sums| sums.downcast::<Vec<f64>>().ok()).map_or_else(Vec::new, |sums| *sums);
+        let sums: Vec<f64> = before.into_iter().chain([light]).collect();
+        host.set(self.settled, u32::from(to_come(&sums) <= self.remaining * light));
+        *host.state(self.sums) = Some(Box::new(sums));
+    }
+}
+
+/// Whatever is seen from a record, it stands for the places that it was put there for.
+fn rule(r: &Recorder<'_>) -> port::Rule {
+    let spacing = r.arguments.float("spacing") as f32;
+    port::Rule {
+        weighting: port::Weighting::Compact,
+        accuracy: r.arguments.float("accuracy") as f32,
+        spacing: [spacing; 2],
+        nearest: 1e6,
+        change: 1e6,
+        overlap: 0.0,
+        contrast: 1e6,
+        finest_spacing: spacing,
+    }
+}
+
+/// What the rounds to come would add to the last of these sums: a geometric series, as each round adds what surfaces reflect of what the round before has added.
+fn to_come(sums: &[f64]) -> f64 {
+    match sums {
+        [.., before, last, now] if now > last => {
+            let [earlier, later] = [last - before, now - last];
+            let ratio = if earlier > 0.0 { later / earlier } else { 1.0 };
+            if ratio < 1.0 { later * ratio / (1.0 - ratio) } else { f64::INFINITY }
+        }
+        [.., last, now] if now <= last => 0.0,
+        [.., 0.0] => 0.0,
+        _ => f64::INFINITY,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_to_come_is_a_geometric_series() {
+        let sums: Vec<f64> = (1..=6)
+            .scan(0.0, |sum, round| {
+                *sum += 3.0 * 0.5f64.powi(round);
+                Some(*sum)
+            })
+            .collect();
+        for rounds in 3..=6 {
+            assert!((sums[rounds - 1] + to_come(&sums[..rounds]) - 3.0).abs() < 1e-12);
+        }
+        assert_eq!([to_come(&[]), to_come(&[1.0]), to_come(&[1.0, 2.0])], [f64::INFINITY; 3]);
+        // In the dark, at rest, and where each round brings as much as the one before.
+        assert_eq!([to_come(&[0.0]), to_come(&[2.0, 2.0]), to_come(&[1.0, 2.0, 2.0])], [0.0; 3]);
+        assert_eq!(to_come(&[1.0, 2.0, 3.0]), f64::INFINITY);
+    }
+}

@@ -1,0 +1,414 @@
+//! An index over records by where they reach: what is the irradiance at any point and normal? The cells of a level are cubes of one size, a power of two; a record
+//! is listed in the cells that it touches of the level whose cells are two to four times as wide as it reaches, eight at most, so that a point looks into one cell
+//! a level. Cells are found by a hash, and what two of them share is told apart by the level and by the record's own weight. One buffer holds it all, as
+//! `shaders/lib/record_index.wgsl` reads it: [`HEADER`] words, where the list of each hash ends, the lists, the records.
+
+use super::random::hash;
+use super::vectors::{LANES, Vectors};
+use super::weight::{FRONT_TOLERANCE, MOST_PER_LENGTH, Reaching, Record, Rule};
+use fearless_simd::{Level, Select, Simd, dispatch, f32x8, prelude::*, u32x8};
+use glam::{IVec3, Vec3};
+
+/// Words before the lists' ends: exponent of the smallest cells' edge, a bit for each level that there is, number of hashes, number of records.
+pub const HEADER: usize = 4;
+
+/// Most levels; records that reach less than the smallest cells stand for are listed there.
+pub const LEVELS: i32 = 24;
+
+/// A level that holds less than this share of the records is not worth a look at each point: the next larger cells take them.
+pub const FEW: u32 = 16;
+
+/// How much farther records reach where none counts.
+pub const COARSER: f32 = 3.0;
+
+/// Words of a record.
+pub const RECORD_WORDS: usize = 36;
+
+/// Most cells that a record touches.
+const TOUCHED: usize = 8;
+
+/// The level stands in the bits of an entry from here on, the record's number below.
+pub const LEVEL_BIT: u32 = 24;
+
+/// Reaches are taken for longer by this factor, for what the devices round differently.
+const LONGER: f32 = 1.0001;
+
+/// Where the parts of an index for so many records stand [words].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Layout {
+    /// A power of two.
+    pub hashes: usize,
+    /// The first entry's place.
+    pub entries: usize,
+    /// The first record's place, a multiple of four.
+    pub records: usize,
+    /// All of them.
+    pub words: usize,
+}
+
+impl Layout {
+    /// For at most 2²⁴ records.
+    pub fn of(capacity: usize) -> Self {
+        let hashes = (2 * capacity).next_power_of_two().max(4);
+        let entries = HEADER + hashes;
+        let records = entries + (TOUCHED * capacity).next_multiple_of(4);
+        Self { hashes, entries, records, words: records + RECORD_WORDS * capacity }
+    }
+}
+
+/// Which records are listed where.
+pub struct Lists {
+    pub levels: Levels,
+    /// Of each hash, the place behind its last entry.
+    pub ends: Vec<u32>,
+    /// A record's number and its level; ascending within a list.
+    pub entries: Vec<u32>,
+}
+
+/// Sizes of cells.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Levels {
+    /// Exponent of the edge of the smallest cells.
+    pub lowest: i32,
+    /// A bit for each level that there is, from the smallest cells on.
+    pub there: u32,
+}
+
+impl Levels {
+    /// For cells whose edges' exponents are these.
+    fn of(exponents: &[i32]) -> Self {
+        let Some(highest) = exponents.iter().copied().max() else { return Self { lowest: 0, there: 0 } };
+        let lowest = highest - LEVELS + 1;
+        let mut held = [0u32; LEVELS as usize];
+        exponents.iter().for_each(|exponent| held[(exponent - lowest).max(0) as usize] += 1);
+        let (mut there, mut waiting) = (1u32 << (LEVELS - 1), 0);
+        for (level, held) in held.iter().enumerate() {
+            waiting += held;
+            if waiting * FEW >= exponents.len() as u32 {
+                there |= 1 << level;
+                waiting = 0;
+            }
+        }
+        let first = there.trailing_zeros();
+        Self { lowest: lowest + first as i32, there: there >> first }
+    }
+
+    /// The smallest level whose cells have at least an edge of this exponent.
+    fn level(self, exponent: i32) -> u32 {
+        let least = (exponent - self.lowest).max(0) as u32;
+        least + (self.there >> least).trailing_zeros()
+    }
+}
+
+impl Lists {
+    /// Linear in the records.
+    pub fn of(records: &[Reaching<'_>], hashes: usize) -> Self {
+        let reach = |record: &Reaching<'_>| record.longest_reach() * LONGER;
+        let exponents: Vec<i32> = records.iter().map(|record| exponent(2.0 * reach(record))).collect();
+        let levels = Levels::of(&exponents);
+        let touched: Vec<(u32, u32)> = (0..)
+            .zip(records.iter().zip(&exponents))
+            .flat_map(|(number, (record, exponent))| {
+                let level = levels.level(*exponent);
+                let listed = listed(record.record().position, reach(record), levels.lowest, level, hashes);
+                listed.into_iter().map(move |hash| (hash, number | level << LEVEL_BIT))
+            })
+            .collect();
+        let mut ends = vec![0u32; hashes];
+        touched.iter().for_each(|(hash, _)| ends[*hash as usize] += 1);
+        let mut next = Vec::with_capacity(hashes);
+        let mut sum = 0;
+        for end in &mut ends {
+            next.push(sum);
+            sum += *end;
+            *end = sum;
+        }
+        let mut entries = vec![0; touched.len()];
+        for (hash, entry) in touched {
+            let place = &mut next[hash as usize];
+            entries[*place as usize] = entry;
+            *place += 1;
+        }
+        Self { levels, ends, entries }
+    }
+}
+
+/// The hashes of the cells of a level that a ball touches, each once.
+fn listed(centre: Vec3, radius: f32, lowest: i32, level: u32, hashes: usize) -> Vec<u32> {
+    let (first, last) = (cell(centre - radius, lowest) >> level, cell(centre + radius, lowest) >> level);
+    let mut listed = Vec::with_capacity(TOUCHED);
+    for z in first.z..=last.z {
+        for y in first.y..=last.y {
+            for x in first.x..=last.x {
+                let hash = hash_of(IVec3::new(x, y, z), level, hashes);
+                if !listed.contains(&hash) {
+                    listed.push(hash);
+                }
+            }
+        }
+    }
+    listed
+}
+
+/// The exponent of the least power of two that is no less than a number; within what cells can be counted in.
+fn exponent(number: f32) -> i32 {
+    let bits = number.clamp(1e-30, 1e30).to_bits();
+    (bits >> 23) as i32 - 127 + i32::from(bits & 0x7f_ffff != 0)
+}
+
+/// The cell that a point is in, of those whose edge is a power of two.
+#[inline(always)]
+fn cell(point: Vec3, exponent: i32) -> IVec3 {
+    (point * f32::from_bits(((127 - exponent) as u32) << 23)).floor().clamp(Vec3::splat(-2e9), Vec3::splat(2e9)).as_ivec3()
+}
+
+#[inline(always)]
+fn hash_of(cell: IVec3, level: u32, hashes: usize) -> u32 {
+    let [x, y, z] = cell.to_array().map(|number| number as u32);
+    let mixed = x.wrapping_mul(PRIMES[0]) ^ y.wrapping_mul(PRIMES[1]) ^ z.wrapping_mul(PRIMES[2]) ^ level.wrapping_mul(PRIMES[3]);
+    hash(mixed) & (hashes as u32 - 1)
+}
+
+/// What tells the axes and the levels apart.
+const PRIMES: [u32; 4] = [2_654_435_761, 2_246_822_519, 3_266_489_917, 668_265_263];
+
+/// Records and their lists, to be asked for the irradiance at points.
+pub struct RecordIndex<'a> {
+    records: Vec<Reaching<'a>>,
+    levels: Levels,
+    /// Where the blocks of each hash start, and their end.
+    starts: Vec<u32>,
+    /// The lists, eight records side by side.
+    blocks: Vec<Block>,
+    accuracy: f32,
+    /// Whether records foretell what they hold themselves, as they have no gradients.
+    is_flat: bool,
+}
+
+/// What tells how much eight records weigh, and the light that they hold.
+struct Block {
+    position: [[f32; LANES]; 3],
+    normal: [[f32; LANES]; 3],
+    stretch: [[f32; LANES]; 3],
+    /// One over the reach.
+    inverse: [f32; LANES],
+    irradiance: [[f32; LANES]; 3],
+    number: [u32; LANES],
+    /// Of the cells that a record is listed in; of lanes without a record none.
+    level: [u32; LANES],
+}
+
+impl Block {
+    const EMPTY: Self = {
+        let (zeros, zero) = ([[0.0; LANES]; 3], [0; LANES]);
+        Self { position: zeros, normal: zeros, stretch: zeros, inverse: [0.0; LANES], irradiance: zeros, number: zero, level: [u32::MAX; LANES] }
+    };
+
+    fn set(&mut self, lane: usize, entry: u32, reaching: &Reaching<'_>) {
+        let record = reaching.record();
+        let vectors = [
+            (&mut self.position, record.position),
+            (&mut self.normal, record.normal),
+            (&mut self.stretch, record.stretch),
+            (&mut self.irradiance, record.irradiance),
+        ];
+        vectors.into_iter().for_each(|(all, vector)| (0..3).for_each(|axis| all[axis][lane] = vector[axis]));
+        self.inverse[lane] = reaching.reach().recip().min(MOST_PER_LENGTH);
+        (self.number[lane], self.level[lane]) = (entry & ((1 << LEVEL_BIT) - 1), entry >> LEVEL_BIT);
+    }
+
+    /// As [`Reaching::local_weight`] of compact weights, of eight records that reach so many times as far; None where none counts.
+    #[inline(always)]
+    fn weights<S: Simd>(&self, simd: S, level: u32, [position, normal]: [Vectors<S>; 2], [accuracy, times]: [f32; 2]) -> Option<f32x8<S>> {
+        let zero = f32x8::splat(simd, 0.0);
+        let facing = Vectors::load(simd, &self.normal);
+        let offset = position.minus(Vectors::load(simd, &self.position));
+        let (along, square) = (offset.dot(Vectors::load(simd, &self.stretch)), offset.dot(offset));
+        let inverse = f32x8::load_array_ref(simd, &self.inverse);
+        let per_area = inverse * inverse;
+        let apart = (square - along * along).max(zero) * (per_area * (1.0 / (times * times)));
+        let difference = normal.minus(facing);
+        let turned = difference.dot(difference) * (0.5 / (accuracy * times).powi(2));
+        let behind = offset.dot(facing.plus(normal)) * 0.5;
+        let is_level = (behind * behind).simd_le(square * (FRONT_TOLERANCE * times).powi(2));
+        let counts = u32x8::load_array_ref(simd, &self.level).simd_eq(level) & apart.simd_le(1.0) & turned.simd_le(1.0) & is_level;
+        // Most are out of reach: their roots are not worth taking.
+        (counts.to_bitmask() != 0).then(|| counts.select((1.0 - apart.sqrt() - turned.sqrt()).max(zero) * per_area, zero))
+    }
+}
+
+impl<'a> RecordIndex<'a> {
+    /// Of the words of the buffer; `records` are those in it. Weights are compact.
+    pub fn new(words: &[u32], layout: Layout, records: &'a [Record], rule: &Rule) -> Self {
+        let records: Vec<Reaching<'a>> = records.iter().map(|record| rule.reaching(record)).collect();
+        let (ends, entries) = (&words[HEADER..layout.entries], &words[layout.entries..layout.records]);
+        let (mut starts, mut blocks, mut first) = (Vec::with_capacity(layout.hashes + 1), Vec::new(), 0);
+        for end in ends {
+            starts.push(blocks.len() as u32);
+            for eight in entries[first..*end as usize].chunks(LANES) {
+                let mut block = Block::EMPTY;
+                eight.iter().enumerate().for_each(|(lane, entry)| block.set(lane, *entry, &records[(entry & ((1 << LEVEL_BIT) - 1)) as usize]));
+                blocks.push(block);
+            }
+            first = *end as usize;
+        }
+        starts.push(blocks.len() as u32);
+        let is_flat = records.iter().all(|reaching| [reaching.record().rotation, reaching.record().translation] == [[Vec3::ZERO; 3]; 2]);
+        Self { records, levels: Levels { lowest: words[0] as i32, there: words[1] }, starts, blocks, accuracy: rule.accuracy, is_flat }
+    }
+
+    /// The weighted mean of what the records that count at a point foretell, and the sum of their weights [W/m²]. Where none counts, that of the records listed
+    /// there as if they reached [`COARSER`] times as far: see [`Rule::coarsely`]; 0 where none does even so.
+    #[inline(always)]
+    pub fn estimate<S: Simd>(&self, simd: S, position: Vec3, normal: Vec3) -> (Vec3, f32) {
+        let (light, all) = self.sums(simd, [position, normal], 1.0);
+        if all > 0.0 {
+            return (light / all, all);
+        }
+        let (light, all) = self.sums(simd, [position, normal], COARSER);
+        if all > 0.0 { (light / all, all) } else { (Vec3::ZERO, 0.0) }
+    }
+
+    #[inline(always)]
+    fn sums<S: Simd>(&self, simd: S, [position, normal]: [Vec3; 2], times: f32) -> (Vec3, f32) {
+        let (mut light, mut all) = (Vectors::splat(simd, Vec3::ZERO), f32x8::splat(simd, 0.0));
+        let at = [position, normal].map(|vector| Vectors::splat(simd, vector));
+        let smallest = cell(position, self.levels.lowest);
+        let mut there = self.levels.there;
+        while there != 0 {
+            let level = there.trailing_zeros();
+            there &= there - 1;
+            let hash = hash_of(smallest >> level, level, self.starts.len() - 1) as usize;
+            for block in &self.blocks[self.starts[hash] as usize..self.starts[hash + 1] as usize] {
+                if let Some(weights) = block.weights(simd, level, at, [self.accuracy, times]) {
+                    let irradiance = if self.is_flat {
+                        Vectors::load(simd, &block.irradiance)
+                    } else {
+                        Vectors::load(simd, &self.foretold(block, weights.to_array(), position, normal))
+                    };
+                    light = light.plus(irradiance.scaled(weights));
+                    all += weights;
+                }
+            }
+        }
+        let sum = |lanes: f32x8<S>| lanes.to_array().iter().sum::<f32>();
+        (Vec3::new(sum(light.x), sum(light.y), sum(light.z)), sum(all))
+    }
+
+    /// What records that count foretell by their gradients.
+    fn foretold(&self, block: &Block, weights: [f32; LANES], position: Vec3, normal: Vec3) -> [[f32; LANES]; 3] {
+        let mut foretold = [[0.0; LANES]; 3];
+        for lane in (0..LANES).filter(|lane| weights[*lane] > 0.0) {
+            let estimate = self.records[block.number[lane] as usize].estimate(position, normal);
+            (0..3).for_each(|channel| foretold[channel][lane] = estimate[channel]);
+        }
+        foretold
+    }
+
+    /// The same for a point alone.
+    pub fn estimate_at(&self, position: Vec3, normal: Vec3) -> (Vec3, f32) {
+        dispatch!(Level::new(), simd => self.estimate(simd, position, normal))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::random::{hash, unit};
+    use crate::math::weight::Weighting;
+    use proptest::prelude::*;
+
+    fn number(at: u32) -> f32 {
+        2.0 * unit(hash(at)) - 1.0
+    }
+
+    fn point(at: u32) -> Vec3 {
+        Vec3::new(number(3 * at), number(3 * at + 1), number(3 * at + 2))
+    }
+
+    fn record(at: u32, scale: f32) -> Record {
+        Record {
+            position: point(at) * scale,
+            radius: scale * 2.0f32.powf(4.0 * number(at + 77) - 3.0),
+            normal: point(at + 1000).normalize(),
+            minimum_distance: 1e30,
+            irradiance: Vec3::new(1.0, 2.0, 3.0) * (2.0 + number(at + 5)),
+            footprint: 0.05 * scale,
+            rotation: [point(at + 2000); 3],
+            translation: [point(at + 3000) / scale; 3],
+            stretch: if at.is_multiple_of(3) { point(at + 4000) * 0.5 } else { Vec3::ZERO },
+            relative_gradient: 1.0 / scale,
+            fineness: 1.0,
+        }
+    }
+
+    fn rule() -> Rule {
+        Rule { weighting: Weighting::Compact, accuracy: 0.7, spacing: [1.0, 50.0], nearest: 0.7, change: 1e6, overlap: 0.2, contrast: 1e6, finest_spacing: 1.0 }
+    }
+
+    /// Of all records, asked one by one; None where none counts.
+    fn by_all(records: &[Record], position: Vec3, normal: Vec3) -> Option<(Vec3, f32)> {
+        let rule = rule();
+        let weighted = records.iter().map(|record| (rule.reaching(record).local_weight(position, normal), record)).filter(|(weight, _)| *weight > 0.0);
+        let (sum, weights) =
+            weighted.fold((Vec3::ZERO, 0.0), |(sum, weights), (weight, record)| (sum + rule.estimate(record, position, normal) * weight, weights + weight));
+        (weights > 0.0).then(|| (sum / weights, weights))
+    }
+
+    /// The words of an index, and its layout.
+    fn words(records: &[Record], capacity: usize) -> (Vec<u32>, Layout) {
+        let (layout, rule) = (Layout::of(capacity), rule());
+        let reaching: Vec<_> = records.iter().map(|record| rule.reaching(record)).collect();
+        let lists = Lists::of(&reaching, layout.hashes);
+        let mut words = vec![lists.levels.lowest as u32, lists.levels.there, layout.hashes as u32, records.len() as u32];
+        words.extend(&lists.ends);
+        words.extend(&lists.entries);
+        words.resize(layout.records, 0);
+        (words, layout)
+    }
+
+    proptest! {
+        #[test]
+        fn any_point_finds_what_a_look_at_all_records_finds(count in 0usize..400, first in 0u32..100_000, scale in -12i32..12) {
+            let scale = 3.0f32.powi(scale);
+            let records: Vec<Record> = (0..count as u32).map(|at| record(first + at, scale)).collect();
+            let (words, layout) = words(&records, count.max(1));
+            let index = RecordIndex::new(&words, layout, &records, &rule());
+            for at in 0..200 {
+                let (position, normal) = (point(first + 7_000 + at) * scale * 1.2, point(first + 9_000 + at).normalize());
+                let Some((expected, weights)) = by_all(&records, position, normal) else { continue };
+                let (found, of_found) = index.estimate_at(position, normal);
+                prop_assert!((of_found - weights).abs() <= 1e-3 * weights + 1e-6 / (scale * scale), "{of_found} {weights}");
+                prop_assert!((found - expected).length() <= 1e-4 * expected.length(), "{found} {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn records_are_found_and_found_once() {
+        let records: Vec<Record> = (0..300).map(|at| record(at, 1.0)).collect();
+        let (words, layout) = words(&records, 300);
+        let index = RecordIndex::new(&words, layout, &records, &rule());
+        assert!(records.iter().all(|record| index.estimate_at(record.position, record.normal).1 > 0.0));
+        assert!(index.blocks.iter().flat_map(|block| block.level).filter(|level| *level != u32::MAX).count() <= TOUCHED * 300);
+        assert!((2..LEVELS as u32).contains(&index.levels.there.count_ones()));
+    }
+
+    #[test]
+    fn cells_are_powers_of_two() {
+        for (number, expected) in [(1.0, 0), (1.1, 1), (2.0, 1), (2.1, 2), (0.5, -1), (0.3, -1), (0.0, -99), (f32::INFINITY, 100)] {
+            assert_eq!(exponent(number), expected, "{number}");
+        }
+        assert_eq!(cell(Vec3::new(1.9, -0.1, 4.0), 1), IVec3::new(0, -1, 2));
+        assert_eq!(cell(Vec3::new(1.9, -0.1, 4.0), -1), IVec3::new(3, -1, 8));
+    }
+
+    #[test]
+    fn without_records_nothing_is_found() {
+        let (words, layout) = words(&[], 5);
+        assert_eq!(RecordIndex::new(&words, layout, &[], &rule()).estimate_at(Vec3::ONE, Vec3::Z), (Vec3::ZERO, 0.0));
+        // As a loop starts all is 0.
+        let zeros = vec![0; layout.records];
+        assert_eq!(RecordIndex::new(&zeros, layout, &[], &rule()).estimate_at(Vec3::ONE, Vec3::Z), (Vec3::ZERO, 0.0));
+    }
+}

@@ -1,0 +1,193 @@
+//! Points on surfaces, thinned: groups of neighbours that one place each can stand for.
+
+use glam::Vec3;
+use std::cmp::Ordering;
+use std::collections::BinaryHeap;
+
+/// A place on a surface.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Vertex {
+    pub position: Vec3,
+    /// Unit normal.
+    pub normal: Vec3,
+}
+
+/// How much more than a distance along the surface one across it counts: what lies in front of a plane sees other things.
+const ACROSS: f32 = 10.0;
+
+/// How much a difference of normals counts, in sizes of the group.
+const TURNED: f32 = 4.0;
+
+/// Groups of so few are not divided, so that their size says how far apart places are.
+const FEWEST: usize = 3;
+
+/// At most `most` of these vertices, and of each the radius within which it stands for others. The group that many vertices are far from the middle of is divided
+/// first, across the direction in which it is widest: along the surface, across it, or by the normals. Then the sum of squared distances falls the fastest, as that
+/// of k-means does, in O(n log n).
+pub fn thinned(mut vertices: Vec<Vertex>, most: usize) -> Vec<(Vertex, f32)> {
+    if vertices.is_empty() || most == 0 {
+        return Vec::new();
+    }
+    let mut groups = BinaryHeap::from([Group::of(&vertices, 0)]);
+    let mut whole = Vec::new();
+    while groups.len() + whole.len() < most
+        && let Some(group) = groups.pop()
+    {
+        let members = &mut vertices[group.first..group.first + group.count];
+        let divided = if group.count > FEWEST { group.divide(members) } else { 0 };
+        if divided == 0 || divided == group.count {
+            whole.push(group);
+            continue;
+        }
+        let (left, right) = members.split_at(divided);
+        groups.push(Group::of(left, group.first));
+        groups.push(Group::of(right, group.first + divided));
+    }
+    whole.extend(groups);
+    whole.sort_unstable_by_key(|group| group.first);
+    // Vertices in one spot tell nothing of how far another is.
+    let mut radii: Vec<f32> = whole.iter().map(|group| group.place(&vertices[group.first..][..group.count], 0.0).1).collect();
+    radii.sort_unstable_by(f32::total_cmp);
+    let least = LEAST_RADIUS * radii[radii.len() / 2];
+    whole.iter().map(|group| group.place(&vertices[group.first..][..group.count], least)).collect()
+}
+
+/// The least radius, as a share of the middle one.
+const LEAST_RADIUS: f32 = 0.25;
+
+/// Vertices side by side in the list.
+struct Group {
+    first: usize,
+    count: usize,
+    middle: Vertex,
+    /// What is divided by.
+    widest: Width,
+    /// The sum of squares along it.
+    spread: f32,
+}
+
+/// A direction in which vertices differ, as what a vertex is multiplied with.
+#[derive(Clone, Copy)]
+enum Width {
+    Position(Vec3),
+    Normal(Vec3),
+}
+
+impl Width {
+    fn of(self, vertex: &Vertex) -> f32 {
+        match self {
+            Self::Position(axis) => vertex.position.dot(axis),
+            Self::Normal(axis) => vertex.normal.dot(axis),
+        }
+    }
+}
+
+impl Group {
+    fn of(members: &[Vertex], first: usize) -> Self {
+        let count = members.len() as f32;
+        let middle = Vertex {
+            position: members.iter().map(|vertex| vertex.position).sum::<Vec3>() / count,
+            normal: members.iter().map(|vertex| vertex.normal).sum::<Vec3>() / count,
+        };
+        let up = middle.normal.normalize_or_zero();
+        let [mut position, mut normal, mut across] = [Vec3::ZERO, Vec3::ZERO, Vec3::ZERO];
+        for vertex in members {
+            let (way, turn) = (vertex.position - middle.position, vertex.normal - middle.normal);
+            position += way * way;
+            normal += turn * turn;
+            across.x += way.dot(up).powi(2);
+        }
+        let size = position.element_sum() / count;
+        let axes = [Vec3::X, Vec3::Y, Vec3::Z];
+        let along = axes.into_iter().map(|axis| (Width::Position(axis), position.dot(axis)));
+        let turned = axes.into_iter().map(|axis| (Width::Normal(axis), normal.dot(axis) * size * TURNED * TURNED));
+        let widths = along.chain(turned).chain([(Width::Position(up), across.x * ACROSS * ACROSS)]);
+        let (widest, spread) = widths.fold((Width::Position(Vec3::X), -1.0), |best, width| if width.1 > best.1 { width } else { best });
+        Self { first, count: members.len(), middle, widest, spread }
+    }
+
+    /// Puts those on one side of the middle before the others: how many there are.
+    fn divide(&self, members: &mut [Vertex]) -> usize {
+        let middle = self.widest.of(&self.middle);
+        let (mut low, mut high) = (0, members.len());
+        while low < high {
+            if self.widest.of(&members[low]) < middle {
+                low += 1;
+            } else {
+                high -= 1;
+                members.swap(low, high);
+            }
+        }
+        low
+    }
+
+    /// The member next to the middle, and how far the others are from it.
+    fn place(&self, members: &[Vertex], least: f32) -> (Vertex, f32) {
+        let size = members.iter().map(|vertex| vertex.position.distance_squared(self.middle.position)).fold(0.0, f32::max);
+        let apart = |vertex: &Vertex| vertex.position.distance_squared(self.middle.position) + size * vertex.normal.distance_squared(self.middle.normal);
+        let nearest = members.iter().fold(members[0], |best, vertex| if apart(vertex) < apart(&best) { *vertex } else { best });
+        let radius = members.iter().map(|vertex| vertex.position.distance(nearest.position)).fold(0.0, f32::max);
+        (nearest, radius.max(least))
+    }
+}
+
+impl PartialEq for Group {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other) == Ordering::Equal
+    }
+}
+
+impl Eq for Group {}
+
+impl PartialOrd for Group {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for Group {
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.spread.total_cmp(&other.spread).then(other.first.cmp(&self.first))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::random::{hash, unit};
+
+    /// On the floor of a room, and on a table top over a part of it.
+    fn vertices(count: u32) -> Vec<Vertex> {
+        let number = |at: u32| unit(hash(at));
+        let floor = (0..count).map(|at| Vec3::new(10.0 * number(2 * at), 10.0 * number(2 * at + 1), 0.0));
+        let table = (0..count / 4).map(|at| Vec3::new(2.0 * number(9000 + 2 * at), 2.0 * number(9001 + 2 * at), 0.8));
+        let wall = (0..count).map(|at| Vec3::new(10.0 * number(70_000 + 2 * at), 0.0, 4.0 * number(70_001 + 2 * at)));
+        let up = floor.chain(table).map(|position| Vertex { position, normal: Vec3::Z });
+        up.chain(wall.map(|position| Vertex { position, normal: Vec3::Y })).collect()
+    }
+
+    #[test]
+    fn every_vertex_has_a_place_that_stands_for_it() {
+        let all = vertices(4000);
+        let places = thinned(all.clone(), 300);
+        assert_eq!(places.len(), 300);
+        assert!(places.iter().all(|(place, _)| all.contains(place)));
+        let stands_for = |(place, radius): &(Vertex, f32), vertex: &Vertex| {
+            place.normal == vertex.normal
+                && place.position.distance(vertex.position) <= radius * 1.0001
+                && (place.position.z - vertex.position.z).abs() < 1e-3 + f32::from(u8::from(place.normal == Vec3::Y)) * 9.0
+        };
+        assert!(all.iter().all(|vertex| places.iter().any(|place| stands_for(place, vertex))));
+        // 180 m² by 300 places: a circle of 0.6 m² has a radius of 0.44 m.
+        let mean = places.iter().map(|(_, radius)| radius).sum::<f32>() / 300.0;
+        assert!((0.3..0.9).contains(&mean), "{mean}");
+    }
+
+    #[test]
+    fn few_vertices_are_left_as_they_are_and_none_make_no_place() {
+        assert!(thinned(Vec::new(), 10).is_empty() && thinned(vertices(4), 0).is_empty());
+        assert_eq!(thinned(vertices(4), 1).len(), 1);
+        let same = vec![Vertex { position: Vec3::ONE, normal: Vec3::X }; 50];
+        assert_eq!(thinned(same.clone(), 10), [(same[0], 0.0)]);
+    }
+}

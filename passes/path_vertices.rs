@@ -3,6 +3,7 @@
 use super::record::{REQUEST_BYTES, Request, texels};
 use crate::contract::{Description, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, port};
 use crate::math::frame::Frame;
+use crate::math::lattice::pixel;
 use crate::math::random::{combine, hash, unit};
 use crate::math::thinning::{Vertex, thinned};
 use crate::recording::*;
@@ -51,7 +52,8 @@ impl Pass for PathVertices {
             let (positions, normals) = (texels(host, gbuffer.position), texels(host, gbuffer.normal));
             let (scene, bvh, extent) = (host.scene(), host.bvh(), host.extent());
             let walk = |number: u32| {
-                let pixel = pixel(number, size);
+                let [column, row] = pixel(number, size);
+                let pixel = row as usize * size[0] as usize + column as usize;
                 let [x, y, z, width] = positions[pixel];
                 let start = Vertex { position: Vec3::new(x, y, z), normal: Vec3::from_slice(&normals[pixel]) };
                 if width > 0.0 { walked(scene, bvh, extent, start, number, legs) } else { Vec::new() }
@@ -67,13 +69,6 @@ impl Pass for PathVertices {
         r.output("requests", Port::Requests(port::Requests { places, count, capacity, made, at_most: u32::MAX }));
         Ok(())
     }
-}
-
-/// The number-th of pixels that are spread evenly over a picture: a lattice of rank 1 (its generator is that of Roberts' R2 sequence).
-fn pixel(number: u32, [width, height]: [u32; 2]) -> usize {
-    let along = [0.754_877_666_246_693, 0.569_840_290_998_053].map(|step: f64| (0.5 + step * f64::from(number)).fract());
-    let [x, y] = [(along[0], width), (along[1], height)].map(|(along, pixels)| ((along * f64::from(pixels)) as u32).min(pixels - 1));
-    y as usize * width as usize + x as usize
 }
 
 /// The surfaces that a path meets behind its first, each by a ray whose density is that of the light which arrives from there, as far as the cosine tells.

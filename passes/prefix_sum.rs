@@ -11,11 +11,8 @@ pub fn record(r: &mut Recorder<'_>, numbers: Resource, first: u32, count: u32) {
     let blocks = count.div_ceil(BLOCK).max(1);
     let sums = r.buffer("block_sums", 4 * u64::from(blocks));
     let program = Program::new("prefix_sum").constant("FIRST", first).constant("COUNT", count).bind("numbers", numbers).bind("blocks", sums);
-    let groups = Groups::Fixed([blocks.min(MOST_GROUPS), blocks.div_ceil(MOST_GROUPS), 1]);
+    let groups = Groups::linear(blocks);
     r.compute(program.clone(), "sum_within_blocks", groups);
     r.compute(program.clone(), "sum_over_blocks", Groups::ONE);
     r.compute(program, "add_blocks", groups);
 }
-
-/// Most workgroups along an axis.
-pub const MOST_GROUPS: u32 = 65_535;

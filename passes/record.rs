@@ -8,7 +8,7 @@ use crate::math::{
     hemisphere::{Edge, Table},
     projection::Pinhole,
     radius::Ellipse,
-    record_index::{Layout, RecordIndex},
+    record_index::{HEADER, Layout, RecordIndex},
     sum::Summed,
     weight::{self, Rule},
 };
@@ -275,12 +275,16 @@ impl Fresh {
     }
 }
 
-/// The records of an index, in a host step that reads it.
+/// The records in the bytes of an index.
+pub fn indexed(index: &port::RecordIndex, bytes: &[u8]) -> Vec<Record> {
+    let header: [u32; HEADER] = bytemuck::pod_read_unaligned(&bytes[..4 * HEADER]);
+    let records = &bytes[4 * Layout::of(index.capacity as usize).records..];
+    bytemuck::pod_collect_to_vec(&records[..header[3] as usize * RECORD_BYTES as usize])
+}
+
+/// The same, in a host step that reads it.
 pub fn indexed_records(index: &port::RecordIndex, host: &dyn HostContext) -> Vec<weight::Record> {
-    let words: &[u32] = bytemuck::cast_slice(host.read(index.data));
-    let (first, count) = (Layout::of(index.capacity as usize).records, words[3] as usize);
-    let records = &bytemuck::cast_slice::<_, u8>(&words[first..])[..count * RECORD_BYTES as usize];
-    bytemuck::pod_collect_to_vec::<u8, Record>(records).iter().map(weight::Record::from).collect()
+    indexed(index, host.read(index.data)).iter().map(weight::Record::from).collect()
 }
 
 /// The index, in a host step that reads it, over its records.

@@ -1,6 +1,6 @@
 //! Records that can be asked for the irradiance anywhere, not at pixels alone.
 
-use super::prefix_sum::{self, MOST_GROUPS};
+use super::prefix_sum;
 use super::record::{RECORD_BYTES, Record, Weighting};
 use crate::contract::{Bodies, Description, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Recorder, Refusal, port};
 use crate::math::{
@@ -86,10 +86,7 @@ fn build_on_host(r: &mut Recorder<'_>, new: port::Records, index: port::RecordIn
         let records: Vec<Record> = bytemuck::pod_collect_to_vec(host.read(new.records));
         let all: Vec<weight::Record> = records.iter().map(weight::Record::from).collect();
         let reaching: Vec<_> = all.iter().map(|record| index.rule.reaching(record)).collect();
-        let lists = Lists::of(&reaching, layout.hashes);
-        let mut words = header(lists.levels, layout, records.len() as u32).to_vec();
-        words.extend(lists.ends.iter().chain(&lists.entries));
-        words.resize(layout.records, 0);
+        let mut words = Lists::of(&reaching, layout.hashes).words(layout, records.len());
         words.extend_from_slice(bytemuck::cast_slice(&records));
         words.resize(layout.words, 0);
         host.write(index.data, 0, bytemuck::cast_slice(&words));
@@ -109,7 +106,7 @@ fn build_on_device(r: &mut Recorder<'_>, new: port::Records, index: port::Record
     r.clear(index.data);
     r.clear(held);
     r.host("begin", &[], &[index.data], move |host| {
-        let head = header(Levels { lowest: 0, there: 0 }, layout, host.variable(new.count));
+        let head = Levels::NONE.header(layout, host.variable(new.count));
         host.write(index.data, 0, bytemuck::cast_slice(&head));
         Ok(())
     });
@@ -127,18 +124,13 @@ fn build_on_device(r: &mut Recorder<'_>, new: port::Records, index: port::Record
     r.compute(program.clone(), "count", each_record);
     prefix_sum::record(r, index.data, HEADER as u32, layout.hashes as u32);
     r.compute(program.clone(), "list", each_record);
-    let lists = (layout.hashes as u32).div_ceil(64);
-    r.compute(program.clone(), "sort", Groups::Fixed([lists.min(MOST_GROUPS), lists.div_ceil(MOST_GROUPS), 1]));
+    r.compute(program.clone(), "sort", Groups::linear((layout.hashes as u32).div_ceil(64)));
     r.compute(program, "add_light", Groups::ONE);
     r.host("judge", &[Read::whole(light)], &[], move |host| {
         let light = bytemuck::pod_read_unaligned::<f32>(&host.read(light)[..4]);
         growth.judge(host, light.into());
         Ok(())
     });
-}
-
-fn header(levels: Levels, layout: Layout, records: u32) -> [u32; HEADER] {
-    [levels.lowest as u32, levels.there, layout.hashes as u32, records]
 }
 
 const _: () = assert!(RECORD_BYTES == 4 * RECORD_WORDS as u64);

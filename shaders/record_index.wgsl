@@ -1,4 +1,3 @@
-#import lib/random
 #import lib/record
 #import lib/record_cells
 

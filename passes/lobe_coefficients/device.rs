@@ -28,19 +28,11 @@ host_struct! {
     }
 }
 
-/// Workgroups along one axis that every adapter runs.
-const MOST_GROUPS: u32 = 65_535;
-
 /// Rounds of a shader's loops: llvmpipe ends an invocation's loops after 2¹⁶ of them.
 const MOST_ROUNDS: usize = 50_000;
 
 /// Directions that the shader draws for a narrow lobe.
 const DRAWN: u32 = 64 * 64;
-
-fn groups(count: usize) -> Groups {
-    let count = count as u32;
-    Groups::Fixed([count.min(MOST_GROUPS), count.div_ceil(MOST_GROUPS), 1])
-}
 
 /// Adds the commands that project each lobe to the order of its place, `series` having the highest; the buffer of all tables.
 pub(super) fn record(r: &mut Recorder<'_>, lobes: &[lobe::Shape], places: &[TablePlace], series: Series, edge: usize) -> Result<Resource, Refusal> {
@@ -86,20 +78,7 @@ pub(super) fn record(r: &mut Recorder<'_>, lobes: &[lobe::Shape], places: &[Tabl
         .bind("starts", r.constant_buffer("starts", bytemuck::cast_slice(&sectoral)))
         .bind("projected", projected)
         .bind("values", values);
-    r.compute(program.clone(), "project", groups(outgoing.len() * slices));
-    r.compute(program, "lay_out", groups((lobes.len() * edge * edge * room).div_ceil(64)));
+    r.compute(program.clone(), "project", Groups::linear((outgoing.len() * slices) as u32));
+    r.compute(program, "lay_out", Groups::linear((lobes.len() * edge * edge * room).div_ceil(64) as u32));
     Ok(values)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn groups_beyond_what_one_axis_takes_go_along_two() {
-        let cases = [(1, [1, 1]), (MOST_GROUPS, [MOST_GROUPS, 1]), (MOST_GROUPS + 1, [MOST_GROUPS, 2]), (3 * MOST_GROUPS, [MOST_GROUPS, 3])];
-        for (count, [x, y]) in cases {
-            assert_eq!(groups(count as usize), Groups::Fixed([x, y, 1]));
-        }
-    }
 }

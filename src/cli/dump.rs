@@ -6,12 +6,11 @@ use super::output::Target;
 use crate::contract::{Port, port};
 use crate::math::{
     harmonics::reflection::{PARTS, quads, table_fours},
-    record_index::{HEADER, Layout},
     weight,
 };
 use crate::measure::run::{Run, image};
 use crate::measure::{Layer, Layers};
-use crate::passes::record::{Record, Request};
+use crate::passes::record::{Record, Request, indexed};
 use crate::pipeline::Plan;
 use crate::recording::{Resource, ResourceKind};
 use std::fmt::Write;
@@ -39,7 +38,7 @@ fn write_port(name: &str, port: &Port, plan: &Plan, run: &Run<'_>, beside: &Path
         }
         Port::Records(records) => write_records(&items(run, records.records, run.latest(records.count))?, None, name, beside),
         Port::RecordCache(cache) => write_records(&items(run, cache.records, run.variable(cache.count))?, Some(cache.rule), name, beside),
-        Port::RecordIndex(index) => write_records(&indexed(index, run)?, Some(index.rule), name, beside),
+        Port::RecordIndex(index) => write_records(&indexed(index, &run.bytes(index.data).map_err(Failure::work)?), Some(index.rule), name, beside),
         Port::Tiles(tiles) => write_layers(tiles_picture(tiles, run)?, name, beside),
         Port::WeightedTiles(weighted) => write_layers(tiles_picture(&weighted.tiles, run)?, name, beside),
         Port::ShadowMaps(maps) => write_layers(maps_picture(maps, run)?, name, beside),
@@ -87,15 +86,6 @@ fn items<T: bytemuck::AnyBitPattern + bytemuck::NoUninit>(run: &Run<'_>, buffer:
     let mut items: Vec<T> = bytemuck::pod_collect_to_vec(&run.bytes(buffer).map_err(Failure::work)?);
     items.truncate(count as usize);
     Ok(items)
-}
-
-/// The records in an index.
-fn indexed(index: &port::RecordIndex, run: &Run<'_>) -> Result<Vec<Record>, Failure> {
-    let bytes = run.bytes(index.data).map_err(Failure::work)?;
-    let words: Vec<u32> = bytemuck::pod_collect_to_vec(&bytes[..4 * HEADER]);
-    let mut records: Vec<Record> = bytemuck::pod_collect_to_vec(&bytes[4 * Layout::of(index.capacity as usize).records..]);
-    records.truncate(words[3] as usize);
-    Ok(records)
 }
 
 fn requests_csv(requests: &[Request]) -> String {

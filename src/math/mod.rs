@@ -6,6 +6,7 @@ pub mod colour;
 pub mod frame;
 pub mod harmonics;
 pub mod hemisphere;
+pub mod lattice;
 pub mod lobe;
 #[cfg(test)]
 mod oracle;

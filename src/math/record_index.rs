@@ -75,9 +75,12 @@ pub struct Levels {
 }
 
 impl Levels {
+    /// Where there is no record.
+    pub const NONE: Self = Self { lowest: 0, there: 0 };
+
     /// For cells whose edges' exponents are these.
     fn of(exponents: &[i32]) -> Self {
-        let Some(highest) = exponents.iter().copied().max() else { return Self { lowest: 0, there: 0 } };
+        let Some(highest) = exponents.iter().copied().max() else { return Self::NONE };
         let lowest = highest - LEVELS + 1;
         let mut held = [0u32; LEVELS as usize];
         exponents.iter().for_each(|exponent| held[(exponent - lowest).max(0) as usize] += 1);
@@ -91,6 +94,11 @@ impl Levels {
         }
         let first = there.trailing_zeros();
         Self { lowest: lowest + first as i32, there: there >> first }
+    }
+
+    /// The first words of an index over so many records.
+    pub fn header(self, layout: Layout, records: u32) -> [u32; HEADER] {
+        [self.lowest as u32, self.there, layout.hashes as u32, records]
     }
 
     /// The smallest level whose cells have at least an edge of this exponent.
@@ -130,6 +138,14 @@ impl Lists {
             *place += 1;
         }
         Self { levels, ends, entries }
+    }
+
+    /// The words of an index before those of its records.
+    pub fn words(&self, layout: Layout, records: usize) -> Vec<u32> {
+        let mut words = self.levels.header(layout, records as u32).to_vec();
+        words.extend(self.ends.iter().chain(&self.entries));
+        words.resize(layout.records, 0);
+        words
     }
 }
 
@@ -359,12 +375,7 @@ mod tests {
     fn words(records: &[Record], capacity: usize) -> (Vec<u32>, Layout) {
         let (layout, rule) = (Layout::of(capacity), rule());
         let reaching: Vec<_> = records.iter().map(|record| rule.reaching(record)).collect();
-        let lists = Lists::of(&reaching, layout.hashes);
-        let mut words = vec![lists.levels.lowest as u32, lists.levels.there, layout.hashes as u32, records.len() as u32];
-        words.extend(&lists.ends);
-        words.extend(&lists.entries);
-        words.resize(layout.records, 0);
-        (words, layout)
+        (Lists::of(&reaching, layout.hashes).words(layout, records.len()), layout)
     }
 
     proptest! {

@@ -46,10 +46,11 @@ pub fn thinned(mut vertices: Vec<Vertex>, most: usize) -> Vec<(Vertex, f32)> {
     whole.extend(groups);
     whole.sort_unstable_by_key(|group| group.first);
     // Vertices in one spot tell nothing of how far another is.
-    let mut radii: Vec<f32> = whole.iter().map(|group| group.place(&vertices[group.first..][..group.count], 0.0).1).collect();
+    let places: Vec<(Vertex, f32)> = whole.iter().map(|group| group.place(&vertices[group.first..][..group.count])).collect();
+    let mut radii: Vec<f32> = places.iter().map(|(_, radius)| *radius).collect();
     radii.sort_unstable_by(f32::total_cmp);
     let least = LEAST_RADIUS * radii[radii.len() / 2];
-    whole.iter().map(|group| group.place(&vertices[group.first..][..group.count], least)).collect()
+    places.into_iter().map(|(place, radius)| (place, radius.max(least))).collect()
 }
 
 /// The least radius, as a share of the middle one.
@@ -90,18 +91,18 @@ impl Group {
             normal: members.iter().map(|vertex| vertex.normal).sum::<Vec3>() / count,
         };
         let up = middle.normal.normalize_or_zero();
-        let [mut position, mut normal, mut across] = [Vec3::ZERO, Vec3::ZERO, Vec3::ZERO];
+        let (mut position, mut normal, mut across) = (Vec3::ZERO, Vec3::ZERO, 0.0);
         for vertex in members {
             let (way, turn) = (vertex.position - middle.position, vertex.normal - middle.normal);
             position += way * way;
             normal += turn * turn;
-            across.x += way.dot(up).powi(2);
+            across += way.dot(up).powi(2);
         }
         let size = position.element_sum() / count;
         let axes = [Vec3::X, Vec3::Y, Vec3::Z];
         let along = axes.into_iter().map(|axis| (Width::Position(axis), position.dot(axis)));
         let turned = axes.into_iter().map(|axis| (Width::Normal(axis), normal.dot(axis) * size * TURNED * TURNED));
-        let widths = along.chain(turned).chain([(Width::Position(up), across.x * ACROSS * ACROSS)]);
+        let widths = along.chain(turned).chain([(Width::Position(up), across * ACROSS * ACROSS)]);
         let (widest, spread) = widths.fold((Width::Position(Vec3::X), -1.0), |best, width| if width.1 > best.1 { width } else { best });
         Self { first, count: members.len(), middle, widest, spread }
     }
@@ -122,12 +123,12 @@ impl Group {
     }
 
     /// The member next to the middle, and how far the others are from it.
-    fn place(&self, members: &[Vertex], least: f32) -> (Vertex, f32) {
+    fn place(&self, members: &[Vertex]) -> (Vertex, f32) {
         let size = members.iter().map(|vertex| vertex.position.distance_squared(self.middle.position)).fold(0.0, f32::max);
         let apart = |vertex: &Vertex| vertex.position.distance_squared(self.middle.position) + size * vertex.normal.distance_squared(self.middle.normal);
         let nearest = members.iter().fold(members[0], |best, vertex| if apart(vertex) < apart(&best) { *vertex } else { best });
         let radius = members.iter().map(|vertex| vertex.position.distance(nearest.position)).fold(0.0, f32::max);
-        (nearest, radius.max(least))
+        (nearest, radius)
     }
 }
 

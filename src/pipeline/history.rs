@@ -45,11 +45,7 @@ pub fn edges<'p>(nodes: impl Iterator<Item = &'p Node>, is_kept: impl Fn(&str) -
 
 /// What ports look like that their kind alone describes: enough to close a loop by them.
 pub fn guesses(edges: &[(&Node, &Edge)], size: [u32; 2]) -> Shapes {
-    edges.iter().filter_map(|(node, edge)| Some((Key::of(edge)?, Shape::guess(accepted(node, edge)?, size)?))).collect()
-}
-
-fn accepted(node: &Node, edge: &Edge) -> Option<PortKind> {
-    node.description().inputs.iter().find(|input| input.name == edge.input).map(|input| input.accepts)
+    edges.iter().filter_map(|(node, edge)| Some((Key::of(edge)?, Shape::guess(node.accepts(edge)?, size)?))).collect()
 }
 
 impl Shape {

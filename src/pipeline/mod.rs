@@ -30,7 +30,7 @@ pub use plan::{Plan, plan};
 pub use set::Set;
 pub use values::Values;
 
-use crate::contract::{Arguments, Description, Pass, Registry};
+use crate::contract::{Arguments, Description, Pass, PortKind, Registry};
 use std::collections::BTreeMap;
 use syntax::Place;
 
@@ -154,6 +154,11 @@ impl Node {
             Work::Pass(pass) => pass.description(),
             Work::Loop(kind, _) => kind.description(),
         }
+    }
+
+    /// What the input that an edge leads to accepts.
+    pub fn accepts(&self, edge: &Edge) -> Option<PortKind> {
+        self.description().inputs.iter().find(|input| input.name == edge.input).map(|input| input.accepts)
     }
 
     /// The nodes of a loop.

@@ -127,7 +127,7 @@ fn refuse_growth(node: &Node, edge: &Edge) -> Problem {
 /// those of the round before, where records look such an index up. Without a cache there is direct light alone.
 fn bounces(members: &[Member<'_>], dropped: &BTreeMap<&str, String>) -> Bounces {
     let kept = || members.iter().filter(|member| !dropped.contains_key(member.node.name.as_str()));
-    let edges = |kind| kept().flat_map(move |member| member.node.inputs.iter().filter(move |edge| accepts(member.node, edge) == Some(kind)));
+    let edges = |kind| kept().flat_map(move |member| member.node.inputs.iter().filter(move |edge| member.node.accepts(edge) == Some(kind)));
     let looked_up = edges(PortKind::RecordIndex).filter(|edge| edge.when == When::Now);
     let rounds = looked_up.filter_map(|edge| Some(rounds_of(kept().find(|member| member.node.name == edge.from.node)?)));
     let own = Bounces::Count(u32::from(edges(PortKind::RecordCache).next().is_some()));
@@ -143,10 +143,6 @@ fn rounds_of(index: &Member<'_>) -> Bounces {
         (true, true) => Bounces::Count(u32::try_from(within.arguments.integer("rounds")).unwrap_or(u32::MAX)),
         (true, false) => Bounces::All,
     }
-}
-
-fn accepts(node: &Node, edge: &Edge) -> Option<PortKind> {
-    node.description().inputs.iter().find(|input| input.name == edge.input).map(|input| input.accepts)
 }
 
 /// Recording the source waits for the edge, and the edge for what the source looks like.

@@ -150,12 +150,8 @@ impl<'n> Rounds<'n> {
     }
 }
 
-fn kind(node: &Node, edge: &Edge) -> Option<PortKind> {
-    node.description().inputs.iter().find(|input| input.name == edge.input).map(|input| input.accepts)
-}
-
 fn is_cache(node: &Node, edge: &Edge) -> bool {
-    kind(node, edge) == Some(PortKind::RecordCache)
+    node.accepts(edge) == Some(PortKind::RecordCache)
 }
 
 /// The cache that a node adds to: it takes one and hands it on.

@@ -443,6 +443,14 @@ impl Raster {
 
 impl Groups {
     pub const ONE: Self = Self::Fixed([1, 1, 1]);
+
+    /// Workgroups along one axis that every adapter runs.
+    const MOST_ALONG_ONE: u32 = 65_535;
+
+    /// So many groups in all, as a shader has to read and check those of [`Self::Counted`].
+    pub fn linear(count: u32) -> Self {
+        Self::Fixed([count.min(Self::MOST_ALONG_ONE), count.div_ceil(Self::MOST_ALONG_ONE), 1])
+    }
 }
 
 impl Host {
@@ -632,4 +640,18 @@ macro_rules! host_struct {
             };
         }
     };
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn groups_beyond_what_one_axis_takes_go_along_two() {
+        const MOST: u32 = Groups::MOST_ALONG_ONE;
+        let cases = [(1, [1, 1]), (MOST, [MOST, 1]), (MOST + 1, [MOST, 2]), (3 * MOST, [MOST, 3])];
+        for (count, [x, y]) in cases {
+            assert_eq!(Groups::linear(count), Groups::Fixed([x, y, 1]));
+        }
+    }
 }

@@ -1,6 +1,7 @@
 //! How much of the light a picture lacks that counts only so many bounces.
 
 use super::{Bounces, luminance, path::Tracer, random::Random};
+use crate::math::lattice::pixel;
 use crate::scene::{Camera, Scene, bvh::Bvh};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -37,12 +38,6 @@ pub fn left_out(scene: &Scene, bvh: &Bvh, camera: &Camera, size: [u32; 2], bounc
     // What no path has met may still be met by one of as many: the rule of three.
     let half = (QUANTILE * squares.sqrt() / all).max(if beyond > 0.0 { 0.0 } else { 3.0 / paths.len() as f64 });
     Some(LeftOut { share, interval: [(share - half).max(0.0), (share + half).min(1.0)], bounces })
-}
-
-/// The number-th of pixels that are spread evenly over a picture: a lattice of rank 1 (its generator is that of Roberts' R2 sequence).
-fn pixel(number: u32, size: [u32; 2]) -> [u32; 2] {
-    let along = [0.754_877_666_246_693, 0.569_840_290_998_053].map(|step| (0.5 + step * f64::from(number)).fract());
-    [0, 1].map(|axis| ((along[axis] * f64::from(size[axis])) as u32).min(size[axis] - 1))
 }
 
 /// Of the number-th path, the luminance of what came by more bounces, and of all. None where its pixel sees no surface.

@@ -17,6 +17,10 @@ pub mod lobe_coefficients;
 mod mock;
 pub mod normalize;
 pub mod path_vertices;
+pub mod photon_density;
+pub mod photon_map;
+pub mod photon_places;
+pub mod photon_tiles;
 pub mod prefix_sum;
 pub mod radiance_projection;
 pub mod record;
@@ -37,6 +41,10 @@ pub static REGISTRY: &Registry = &[
     &record_cache::RecordCache,
     &path_vertices::PathVertices,
     &record_index::RecordIndex,
+    &photon_map::PhotonMap,
+    &photon_places::PhotonPlaces,
+    &photon_tiles::PhotonTiles,
+    &photon_density::PhotonDensity,
     &splat::Splat,
     &find_misses::FindMisses,
     &hemisphere_tiles::HemisphereTiles,

@@ -1,7 +1,7 @@
 //! Where light is looked for beyond what the camera sees: places for the records of a second cache.
 
-use super::record::{REQUEST_BYTES, Request, texels};
-use crate::contract::{Description, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, port};
+use super::record::{hand_on, requests, texels};
+use crate::contract::{Description, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal};
 use crate::math::frame::Frame;
 use crate::math::lattice::pixel;
 use crate::math::random::{combine, hash, unit};
@@ -45,10 +45,9 @@ impl Pass for PathVertices {
     fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
         let Some(gbuffer) = r.g_buffer("gbuffer").copied() else { return Ok(()) };
         let [paths, legs, capacity] = ["paths", "legs", "records"].map(|name| r.arguments.integer(name) as u32);
-        let places = r.buffer("requests", u64::from(capacity) * REQUEST_BYTES);
-        let [count, made] = ["count", "made"].map(|name| r.variable(name, false));
+        let requests = requests(r, capacity);
         let size = r.setting.size;
-        r.host("walk", &[Read::whole(gbuffer.position), Read::whole(gbuffer.normal)], &[places], move |host| {
+        r.host("walk", &[Read::whole(gbuffer.position), Read::whole(gbuffer.normal)], &[requests.places], move |host| {
             let (positions, normals) = (texels(host, gbuffer.position), texels(host, gbuffer.normal));
             let (scene, bvh, extent) = (host.scene(), host.bvh(), host.extent());
             let walk = |number: u32| {
@@ -59,14 +58,11 @@ impl Pass for PathVertices {
                 if width > 0.0 { walked(scene, bvh, extent, start, number, legs) } else { Vec::new() }
             };
             let vertices: Vec<Vertex> = (0..paths).into_par_iter().flat_map_iter(walk).collect();
-            let requests: Vec<Request> = (0..).zip(thinned(vertices, capacity as usize)).map(|(number, place)| request(number, place)).collect();
-            host.write(places, 0, bytemuck::cast_slice(&requests));
-            host.set(count, requests.len() as u32);
-            host.set(made, requests.len() as u32);
+            hand_on(host, &requests, thinned(vertices, capacity as usize));
             Ok(())
         });
-        r.report_variable("records_of_bounces", made);
-        r.output("requests", Port::Requests(port::Requests { places, count, capacity, made, at_most: u32::MAX }));
+        r.report_variable("records_of_bounces", requests.made);
+        r.output("requests", Port::Requests(requests));
         Ok(())
     }
 }
@@ -90,8 +86,4 @@ fn walked(scene: &Scene, bvh: &Bvh, extent: f32, start: Vertex, number: u32, leg
 fn cosine_direction(normal: Vec3, [u, v]: [f32; 2]) -> Vec3 {
     let (radius, (sine, cosine)) = (u.sqrt(), (TAU * v).sin_cos());
     Frame::new(normal).to_world(Vec3::new(radius * cosine, radius * sine, (1.0 - u).sqrt()))
-}
-
-fn request(number: u32, (place, radius): (Vertex, f32)) -> Request {
-    Request { position: place.position.into(), footprint: radius, normal: place.normal.into(), turn: TAU * unit(hash(number + 1)) }
 }

@@ -8,13 +8,16 @@ use crate::math::{
     hemisphere::{Edge, Table},
     projection::Pinhole,
     radius::Ellipse,
+    random::{hash, unit},
     record_index::{HEADER, Layout, RecordIndex},
     sum::Summed,
+    thinning::Vertex,
     weight::{self, Rule},
 };
 use crate::recording::*;
 use bytemuck::cast_slice;
 use glam::Vec3;
+use std::f32::consts::TAU;
 
 host_struct! {
     /// One irradiance record; lengths in scene units, irradiance in W/m².
@@ -290,6 +293,27 @@ pub fn indexed_records(index: &port::RecordIndex, host: &dyn HostContext) -> Vec
 /// The index, in a host step that reads it, over its records.
 pub fn index_of<'a>(index: &port::RecordIndex, host: &'a dyn HostContext, records: &'a [weight::Record]) -> RecordIndex<'a> {
     RecordIndex::new(bytemuck::cast_slice(host.read(index.data)), Layout::of(index.capacity as usize), records, &index.rule)
+}
+
+/// Requests of a node that places records without looking at pixels: nothing in them yet.
+pub fn requests(r: &mut Recorder<'_>, capacity: u32) -> port::Requests {
+    let places = r.buffer("requests", u64::from(capacity) * REQUEST_BYTES);
+    let [count, made] = ["count", "made"].map(|name| r.variable(name, false));
+    port::Requests { places, count, capacity, made, at_most: u32::MAX }
+}
+
+/// Makes a request of each place, in a host step that writes them. Its footprint is the radius within which the place stands for others.
+pub fn hand_on(host: &mut dyn HostContext, requests: &port::Requests, places: Vec<(Vertex, f32)>) {
+    let request = |(number, (place, radius)): (u32, (Vertex, f32))| Request {
+        position: place.position.into(),
+        footprint: radius,
+        normal: place.normal.into(),
+        turn: TAU * unit(hash(number + 1)),
+    };
+    let all: Vec<Request> = (0..).zip(places).map(request).collect();
+    host.write(requests.places, 0, bytemuck::cast_slice(&all));
+    host.set(requests.count, all.len() as u32);
+    host.set(requests.made, all.len() as u32);
 }
 
 /// Four floats a texel, in a host step that reads an RGBA32F image.

@@ -10,6 +10,7 @@ use crate::math::{
 };
 use crate::measure::run::{Run, image};
 use crate::measure::{Layer, Layers};
+use crate::passes::photon_map::{Photon, unpacked_ways};
 use crate::passes::record::{Record, Request, indexed};
 use crate::pipeline::Plan;
 use crate::recording::{Resource, ResourceKind};
@@ -39,6 +40,7 @@ fn write_port(name: &str, port: &Port, plan: &Plan, run: &Run<'_>, beside: &Path
         Port::Records(records) => write_records(&items(run, records.records, run.latest(records.count))?, None, name, beside),
         Port::RecordCache(cache) => write_records(&items(run, cache.records, run.variable(cache.count))?, Some(cache.rule), name, beside),
         Port::RecordIndex(index) => write_records(&indexed(index, &run.bytes(index.data).map_err(Failure::work)?), Some(index.rule), name, beside),
+        Port::PhotonMap(map) => write_photons(&items(run, map.photons, run.variable(map.count))?, name, beside),
         Port::Tiles(tiles) => write_layers(tiles_picture(tiles, run)?, name, beside),
         Port::WeightedTiles(weighted) => write_layers(tiles_picture(&weighted.tiles, run)?, name, beside),
         Port::ShadowMaps(maps) => write_layers(maps_picture(maps, run)?, name, beside),
@@ -95,6 +97,15 @@ fn requests_csv(requests: &[Request]) -> String {
         let _ = writeln!(text, "{x},{y},{z},{a},{b},{c},{},{}", r.footprint, r.turn);
     }
     text
+}
+
+fn write_photons(photons: &[Photon], name: &str, beside: &Path) -> Result<(), Failure> {
+    let mut text = String::from("x,y,z,normal_x,normal_y,normal_z,from_x,from_y,from_z,flux_r,flux_g,flux_b,leg\n");
+    for photon in photons {
+        let ([x, y, z], [r, g, b], [normal, from]) = (photon.position, photon.flux, unpacked_ways(photon.ways));
+        let _ = writeln!(text, "{x},{y},{z},{},{},{},{},{},{},{r},{g},{b},{}", normal.x, normal.y, normal.z, from.x, from.y, from.z, photon.leg);
+    }
+    file(beside, name, "csv")?.write(text.as_bytes())
 }
 
 fn write_records(records: &[Record], rule: Option<port::Rule>, name: &str, beside: &Path) -> Result<(), Failure> {

@@ -25,6 +25,7 @@ pub enum PortKind {
     Records,
     RecordCache,
     RecordIndex,
+    PhotonMap,
     Lobes,
     VisibleLobes,
     Flag,
@@ -45,6 +46,7 @@ impl PortKind {
             Self::Records => "new records",
             Self::RecordCache => "a record cache",
             Self::RecordIndex => "an index over records",
+            Self::PhotonMap => "a photon map",
             Self::Lobes => "coefficients of lobes",
             Self::VisibleLobes => "the lobes of visible surfaces",
             Self::Flag => "a flag",
@@ -66,6 +68,7 @@ pub enum Port {
     Records(Records),
     RecordCache(RecordCache),
     RecordIndex(RecordIndex),
+    PhotonMap(PhotonMap),
     Lobes(Lobes),
     VisibleLobes(VisibleLobes),
     Flag(Variable),
@@ -85,6 +88,7 @@ impl Port {
             Self::Records(_) => PortKind::Records,
             Self::RecordCache(_) => PortKind::RecordCache,
             Self::RecordIndex(_) => PortKind::RecordIndex,
+            Self::PhotonMap(_) => PortKind::PhotonMap,
             Self::Lobes(_) => PortKind::Lobes,
             Self::VisibleLobes(_) => PortKind::VisibleLobes,
             Self::Flag(_) => PortKind::Flag,
@@ -105,6 +109,7 @@ impl Port {
             Self::Records(p) => [p.records].into_iter().chain(p.coefficients.map(|c| c.values)).collect(),
             Self::RecordCache(p) => [p.records].into_iter().chain(p.coefficients.map(|c| c.values)).collect(),
             Self::RecordIndex(p) => vec![p.data],
+            Self::PhotonMap(p) => vec![p.codes, p.photons],
             Self::Lobes(p) => vec![p.values],
             Self::VisibleLobes(p) => p.resources().to_vec(),
             Self::Flag(_) => Vec::new(),
@@ -135,6 +140,10 @@ impl Port {
             }
             Self::RecordCache(p) => p.over(memory),
             Self::RecordIndex(p) => [&mut p.data, &mut p.weighting].into_iter().for_each(|r| replace(r, memory)),
+            Self::PhotonMap(p) => {
+                [&mut p.codes, &mut p.photons].into_iter().for_each(|r| replace(r, memory));
+                p.count = memory.variable(p.count);
+            }
             Self::Lobes(p) => p.over(memory),
             Self::VisibleLobes(p) => p.over(memory),
             Self::Flag(variable) => *variable = memory.variable(*variable),
@@ -295,6 +304,19 @@ pub struct RecordIndex {
     pub weighting: Resource,
     pub rule: Rule,
     /// Most records.
+    pub capacity: u32,
+}
+
+/// Photons where they arrived after a reflection or more, sorted by the cells that they are in.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PhotonMap {
+    /// Buffer of a head and the photons' cells, as [`crate::passes::photon_map::MapHead`] and [`crate::math::morton`] have them.
+    pub codes: Resource,
+    /// Buffer of [`crate::passes::photon_map::Photon`].
+    pub photons: Resource,
+    /// How many there are.
+    pub count: Variable,
+    /// Most photons.
     pub capacity: u32,
 }
 

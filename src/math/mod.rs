@@ -2,14 +2,17 @@
 //! colours, frames, bounds on the screen, expansions in harmonics, glossy lobes. No device, no files, no other module of the crate.
 
 pub mod bounces;
+pub mod choice;
 pub mod colour;
 pub mod frame;
 pub mod harmonics;
 pub mod hemisphere;
 pub mod lattice;
 pub mod lobe;
+pub mod morton;
 #[cfg(test)]
 mod oracle;
+pub mod outline;
 pub mod projection;
 pub mod radiance;
 pub mod radius;

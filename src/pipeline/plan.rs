@@ -124,10 +124,13 @@ fn refuse_growth(node: &Node, edge: &Edge) -> Problem {
 }
 
 /// How often the light of records is reflected on its way to visible surfaces: once, and once more for each round in which the records of an index are lit by
-/// those of the round before, where records look such an index up. Without a cache there is direct light alone.
+/// those of the round before, where records look such an index up. Photons are reflected any number of times. Without either there is direct light alone.
 fn bounces(members: &[Member<'_>], dropped: &BTreeMap<&str, String>) -> Bounces {
     let kept = || members.iter().filter(|member| !dropped.contains_key(member.node.name.as_str()));
     let edges = |kind| kept().flat_map(move |member| member.node.inputs.iter().filter(move |edge| member.node.accepts(edge) == Some(kind)));
+    if edges(PortKind::PhotonMap).next().is_some() {
+        return Bounces::All;
+    }
     let looked_up = edges(PortKind::RecordIndex).filter(|edge| edge.when == When::Now);
     let rounds = looked_up.filter_map(|edge| Some(rounds_of(kept().find(|member| member.node.name == edge.from.node)?)));
     let own = Bounces::Count(u32::from(edges(PortKind::RecordCache).next().is_some()));

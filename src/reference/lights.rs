@@ -1,15 +1,13 @@
 //! Light at its source: punctual lights, and points drawn on emitters and on the sky.
 
-use super::{
-    luminance,
-    random::{Choice, triangle_point},
-};
+use super::{luminance, random::triangle_point};
+use crate::math::choice::Choice;
 use crate::scene::{
     bvh::is_hole,
-    model::{Environment, LightKind, Material, Rgb, Scene, Triangle},
+    model::{LightKind, Material, Rgb, Scene, Triangle},
+    sky::Sky,
 };
 use glam::{DVec3, Vec3};
-use std::f64::consts::{PI, TAU};
 
 /// Everything with an extent that shines: emissive triangles by area × luminance, and a latitude-longitude sky by its
 /// texels. A constant sky is left to the rays, which sample it best.
@@ -20,13 +18,6 @@ pub struct Sources {
     /// Probability of choosing the sky.
     sky_share: f64,
     visible: bool,
-}
-
-/// The texels of a latitude-longitude sky, chosen by luminance × solid angle.
-struct Sky {
-    width: u32,
-    height: u32,
-    texels: Choice,
 }
 
 /// A point of a source, seen from a receiver.
@@ -49,7 +40,7 @@ impl Sources {
             triangle.cross().as_dvec3().length() / 2.0 * emission_luminance(material(triangle))
         };
         let power = Choice::new(emitters.iter().map(weight));
-        let sky = Sky::new(&scene.environment).filter(|sky| sky.texels.total() > 0.0);
+        let sky = Sky::new(&scene.environment);
         let sky_share = match (&sky, power.total() > 0.0) {
             (None, _) => 0.0,
             (Some(_), true) => 0.5,
@@ -106,49 +97,6 @@ impl Sources {
 
 fn emission_luminance(material: &Material) -> f64 {
     luminance(material.emission.as_dvec3())
-}
-
-impl Sky {
-    fn new(environment: &Environment) -> Option<Self> {
-        let Environment::LatLong { width, height, texels } = environment else { return None };
-        let sine = |row: usize| ((row as f64 + 0.5) / *height as f64 * PI).sin();
-        let weights = texels.iter().enumerate().map(|(i, texel)| luminance(texel.as_dvec3()).max(0.0) * sine(i / *width as usize));
-        Some(Self { width: *width, height: *height, texels: Choice::new(weights) })
-    }
-
-    /// A direction with the density of the bilinear lookup: a texel, and a place within the tent that spreads it.
-    fn sample(&self, [a, b]: [f64; 2]) -> Option<Vec3> {
-        let (index, rest) = self.texels.pick(a);
-        let (column, row) = (index as u32 % self.width, index as u32 / self.width);
-        let azimuth = ((column as f64 + 0.5 + tent(rest)) / self.width as f64 - 0.5) * TAU;
-        // What spills over a pole comes back by reflection, as the lookup repeats the outermost row.
-        let polar = (row as f64 + 0.5 + tent(b)) / self.height as f64 * PI;
-        let sine = polar.sin().abs();
-        DVec3::new(sine * azimuth.sin(), polar.cos(), -sine * azimuth.cos()).as_vec3().try_normalize()
-    }
-
-    /// Density over solid angle [1/sr].
-    fn density(&self, direction: Vec3) -> f64 {
-        let direction = direction.as_dvec3();
-        let (width, height) = (self.width as f64, self.height as f64);
-        let polar = direction.y.clamp(-1.0, 1.0).acos();
-        let x = (0.5 + direction.x.atan2(-direction.z) / TAU) * width - 0.5;
-        let y = polar / PI * height - 0.5;
-        let (fx, fy) = (x - x.floor(), y - y.floor());
-        let weight = |dx: f64, dy: f64| {
-            let column = (x.floor() + dx).rem_euclid(width) as usize;
-            let row = (y.floor() + dy).clamp(0.0, height - 1.0) as usize;
-            self.texels.weight(row * self.width as usize + column)
-        };
-        let upper = weight(0.0, 0.0) * (1.0 - fx) + weight(1.0, 0.0) * fx;
-        let lower = weight(0.0, 1.0) * (1.0 - fx) + weight(1.0, 1.0) * fx;
-        (upper * (1.0 - fy) + lower * fy) / self.texels.total() * width * height / (TAU * PI * polar.sin().max(f64::MIN_POSITIVE))
-    }
-}
-
-/// Maps 0..1 to −1..1 with density 1 − |x|.
-fn tent(number: f64) -> f64 {
-    if number < 0.5 { (2.0 * number).sqrt() - 1.0 } else { 1.0 - (2.0 - 2.0 * number).sqrt() }
 }
 
 /// Way to a punctual light from `receiver`, its distance (infinite for a directional one), and the irradiance that it

@@ -103,13 +103,16 @@ impl Bvh {
         Some(Hit { triangle: found.triangle as u32, distance: found.distance, barycentric: found.barycentric })
     }
 
+    /// The nearest surface that stops light along `origin + t·direction`: from both of its sides, whatever its sidedness; not at holes of alpha-masked textures.
+    pub fn first(&self, scene: &Scene, origin: Vec3, direction: Vec3) -> Option<Hit> {
+        let found = self.wide(scene).closest(origin, direction, f32::INFINITY, |candidate| stops(scene, candidate))?;
+        Some(Hit { triangle: found.triangle as u32, distance: found.distance, barycentric: found.barycentric })
+    }
+
     /// Whether anything blocks light between 0 and `limit` along the ray. A surface blocks from both of its sides,
     /// whatever its sidedness; holes of alpha-masked textures let light through.
     pub fn occluded(&self, scene: &Scene, origin: Vec3, direction: Vec3, limit: f32) -> bool {
-        self.wide(scene).any(origin, direction, limit, |candidate| {
-            let triangle = &scene.triangles[candidate.triangle];
-            !is_hole(triangle, &scene.materials[triangle.material as usize], &scene.textures, candidate.barycentric)
-        })
+        self.wide(scene).any(origin, direction, limit, |candidate| stops(scene, candidate))
     }
 }
 
@@ -151,6 +154,12 @@ pub(super) fn is_seen(scene: &Scene, candidate: &Candidate) -> bool {
     let triangle = &scene.triangles[candidate.triangle];
     let material = &scene.materials[triangle.material as usize];
     (candidate.front || material.two_sided) && !is_hole(triangle, material, &scene.textures, candidate.barycentric)
+}
+
+/// Whether a triangle that light meets is in its way.
+fn stops(scene: &Scene, candidate: &Candidate) -> bool {
+    let triangle = &scene.triangles[candidate.triangle];
+    !is_hole(triangle, &scene.materials[triangle.material as usize], &scene.textures, candidate.barycentric)
 }
 
 /// Whether an alpha-masked texture leaves a hole at the barycentric weights of corners 1 and 2.

@@ -7,6 +7,8 @@ pub mod model;
 pub mod needs;
 pub mod packets;
 pub mod shadow_maps;
+pub mod sky;
+pub mod sources;
 pub mod surface;
 mod wide;
 

@@ -58,6 +58,12 @@ const GRAZING: f32 = 1e-5;
 impl Scene {
     /// What a ray sees where it meets a triangle.
     pub fn surface(&self, triangle: u32, barycentric: Vec2, ray: Ray) -> Surface {
+        let lit = self.lit_surface(triangle, barycentric, ray);
+        Surface { reflectance: lit.glossy.map_or(lit.reflectance, |gloss| lit.reflectance * gloss.lobe.leaves(gloss.outgoing.z)), ..lit }
+    }
+
+    /// The same for light that arrives along the ray: the lobe takes its share of the diffuse part by where light leaves to, [`Lobe::leaves`], which is left to do.
+    pub fn lit_surface(&self, triangle: u32, barycentric: Vec2, ray: Ray) -> Surface {
         let (plain, texture) = self.without_lobe(triangle, barycentric, ray);
         let triangle = &self.triangles[triangle as usize];
         let material = &self.materials[triangle.material as usize];
@@ -66,8 +72,7 @@ impl Scene {
             let frame = if lobe.shape.is_anisotropic() { triangle.tangent_frame(plain.normal) } else { Frame::new(plain.normal) };
             Gloss { lobe, frame, outgoing: frame.to_local(-ray.direction.normalize()) }
         });
-        let reflectance = glossy.map_or(reflection.diffuse, |gloss| reflection.diffuse * gloss.lobe.leaves(gloss.outgoing.z));
-        Surface { reflectance, glossy, ..plain }
+        Surface { reflectance: reflection.diffuse, glossy, ..plain }
     }
 
     /// The same where nothing renders lobes: [`Material::albedo`](super::Material::albedo) stands for them.

@@ -8,7 +8,7 @@
 use super::{Builder, Table, Wall, grid};
 use crate::math::harmonics::quadrature::gauss_legendre;
 use crate::math::solid_angle::Interval;
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, Vec2};
 use std::f64::consts::FRAC_PI_4;
 
 /// Points of the rule of Gauss and Legendre: enough for the widest ring, half the hemisphere.
@@ -37,6 +37,17 @@ fn sample(resolution: u32, column: u32, row: u32) -> DVec3 {
     let (x, y) = (at(column, row), at(row, column));
     // Each sector is a quarter turn of another; opposite ones are each other's negatives.
     if x.abs() >= y.abs() { direction(x, y) } else { quarter_turn(direction(y, -x)) }
+}
+
+/// The square that a direction above the horizon is in, of so many along an edge, as column and row; `aside` are its x and y.
+pub fn square(resolution: u32, aside: Vec2) -> [u32; 2] {
+    let turned = aside.x.abs() < aside.y.abs();
+    // The azimuth from the sector's own axis, which is x or y, forward or backward.
+    let [along, across] = if turned { [aside.y, -aside.x] } else { [aside.x, aside.y] };
+    let a = aside.length().min(1.0).copysign(along);
+    let b = if along == 0.0 { 0.0 } else { a * (across / along).atan() / std::f32::consts::FRAC_PI_4 };
+    let [x, y] = if turned { [-b, a] } else { [a, b] };
+    [x, y].map(|at| (((at + 1.0) * 0.5 * resolution as f32).max(0.0) as u32).min(resolution - 1))
 }
 
 /// One of the four sectors; its squares are counted by a and b.

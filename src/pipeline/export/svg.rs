@@ -33,7 +33,7 @@ const PLAIN: &str = "#5b6b80";
 fn colour(kind: PortKind) -> &'static str {
     match kind {
         PortKind::GBuffer | PortKind::Lobes | PortKind::VisibleLobes => "#3d6fb4",
-        PortKind::DirectLight | PortKind::ShadowMaps | PortKind::Image => "#b26a00",
+        PortKind::DirectLight | PortKind::ShadowMaps | PortKind::Image | PortKind::PhotonMap => "#b26a00",
         PortKind::RecordCache | PortKind::RecordIndex | PortKind::Records | PortKind::Splats => "#2f7f5f",
         PortKind::Requests | PortKind::Tiles | PortKind::WeightedTiles => "#8a4f9e",
         PortKind::Flag => PLAIN,

@@ -1,0 +1,101 @@
+//! The photon map itself, seen by the camera.
+
+use super::photon_map::{PHOTON_BYTES, lookup::Lookup};
+use super::record::texels;
+use crate::contract::{Description, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, port};
+use crate::math::{frame::Frame, outline::Outline};
+use crate::recording::*;
+use glam::{Vec2, Vec3};
+use rayon::prelude::*;
+use std::f32::consts::{FRAC_1_PI, PI};
+
+pub struct PhotonDensity;
+
+static DESCRIPTION: Description = Description {
+    name: "PhotonDensity",
+    about: "Indirect light at the visible surfaces, from the photons that arrive near them: their flux over the area that they stand for",
+    source: "Jensen 1996; METHODS 6",
+    parameters: &[
+        Parameter { name: "photons", about: "photons of a pixel, where there are so many near", unit: "photons", kind: ParameterKind::Integer { default: 64, min: 1, max: 4096 } },
+        Parameter {
+            name: "reach",
+            about: "how far away they may be, as a share of the scene's extent",
+            unit: "",
+            kind: ParameterKind::Float { default: 0.05, min: 1e-6, max: 1.0 },
+        },
+        Parameter {
+            name: "edges",
+            about: "find the area that photons stand for by their outline, where an edge cuts their disc; otherwise it is all of the disc",
+            unit: "",
+            kind: ParameterKind::Bool { default: true },
+        },
+    ],
+    inputs: &[
+        Input { name: "gbuffer", about: "the visible surfaces", accepts: PortKind::GBuffer, required: true, changes: false },
+        Input { name: "map", about: "the photons", accepts: PortKind::PhotonMap, required: true, changes: false },
+    ],
+    outputs: &[
+        Output { name: "radiance", about: "indirect radiance toward the camera that the diffuse part reflects", kind: PortKind::Image },
+        Output { name: "irradiance", about: "indirect irradiance [W/m²]", kind: PortKind::Image },
+    ],
+};
+
+impl Pass for PhotonDensity {
+    fn description(&self) -> &'static Description {
+        &DESCRIPTION
+    }
+
+    fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
+        let (Some(gbuffer), Some(map)) = (r.g_buffer("gbuffer").copied(), r.photon_map("map").copied()) else { return Ok(()) };
+        let [radiance, irradiance] = ["radiance", "irradiance"].map(|name| r.image(name, Format::Rgba32Float));
+        let (wanted, edges) = (r.arguments.integer("photons") as u32, r.arguments.bool("edges"));
+        let reach = r.arguments.float("reach") as f32 * r.setting.needs.extent;
+        let surfaces = [gbuffer.position, gbuffer.normal, gbuffer.reflectance].map(Read::whole);
+        let reads: Vec<Read> = surfaces.into_iter().chain([Read::whole(map.codes), Read::counted(map.photons, PHOTON_BYTES, map.count)]).collect();
+        r.host("estimate", &reads, &[radiance, irradiance], move |host| {
+            let mut images = [radiance, irradiance].map(|image| host.take(image));
+            let lookup = Lookup::of(&map, host);
+            let (positions, normals, reflectances) = (texels(host, gbuffer.position), texels(host, gbuffer.normal), halves(host.read(gbuffer.reflectance)));
+            let [reflected, arriving] = &mut images;
+            arriving.par_iter_mut().enumerate().for_each(|(at, out)| {
+                let [x, y, z, width] = positions[at];
+                let normal = Vec3::from_slice(&normals[at]);
+                let found = if width > 0.0 { estimate(&lookup, Vec3::new(x, y, z), normal, (wanted, reach), edges) } else { Vec3::ZERO };
+                *out = found.extend(1.0);
+            });
+            reflected.par_iter_mut().zip(&*arriving).zip(&reflectances).for_each(|((out, arriving), reflectance)| {
+                *out = (arriving.truncate() * *reflectance * FRAC_1_PI).extend(1.0);
+            });
+            for (image, contents) in [radiance, irradiance].into_iter().zip(images) {
+                host.put(image, contents, u64::MAX);
+            }
+            Ok(())
+        });
+        let image = |texture| Port::Image(port::Image { texture, channels: port::Channels::Colour });
+        r.output("radiance", image(radiance));
+        r.output("irradiance", image(irradiance));
+        Ok(())
+    }
+}
+
+/// Irradiance by so many photons, no farther than `reach`.
+fn estimate(lookup: &Lookup<'_>, position: Vec3, normal: Vec3, (wanted, reach): (u32, f32), edges: bool) -> Vec3 {
+    let zone = lookup.zone(position, normal, wanted, reach);
+    let frame = Frame::new(normal);
+    let (mut flux, mut outline) = (Vec3::ZERO, Outline::new());
+    lookup.for_each(position, normal, zone, |photon, _| {
+        flux += Vec3::from(photon.flux);
+        if edges {
+            let way = Vec3::from(photon.position) - position;
+            outline.add(Vec2::new(way.dot(frame.tangent), way.dot(frame.bitangent)));
+        }
+    });
+    let area = if edges { outline.stands_for(zone.radius) } else { PI * zone.radius * zone.radius };
+    flux / area.max(f32::MIN_POSITIVE)
+}
+
+/// Red, green and blue of each texel of an RGBA16F image.
+fn halves(bytes: &[u8]) -> Vec<Vec3> {
+    let numbers: Vec<[u16; 4]> = bytemuck::pod_collect_to_vec(bytes);
+    numbers.into_iter().map(|texel| Vec3::from_array([0, 1, 2].map(|channel| half::f16::from_bits(texel[channel]).to_f32()))).collect()
+}

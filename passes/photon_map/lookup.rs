@@ -1,0 +1,189 @@
+//! Photons near a point: as `shaders/lib/photon_map.wgsl`.
+
+use super::{HEAD_BYTES, MapHead, Photon, unpacked_ways};
+use crate::contract::port;
+use crate::math::morton::{BITS, Cube, code};
+use crate::recording::HostContext;
+use glam::{UVec3, Vec3};
+
+/// A map in a host step that reads it.
+#[derive(Clone, Copy)]
+pub struct Lookup<'a> {
+    cube: Cube,
+    /// Size of the cells that lookups begin with.
+    level: u32,
+    codes: &'a [u32],
+    photons: &'a [Photon],
+}
+
+/// The photons that count at a point.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Zone {
+    /// [scene units]
+    pub radius: f32,
+    /// Size of the cells in which they are, by its logarithm: those next to the point hold all of them.
+    level: u32,
+}
+
+/// Photons in the cells next to a point for each that is wanted: some are on other surfaces, and a disc fills a part of the cells.
+const CROWD: usize = 6;
+
+/// Rings of equal area in which photons are counted to find the radius.
+const RINGS: usize = 16;
+
+/// A photon counts on a surface whose normal differs by less than this cosine, and that is no farther above or below than this share of the radius.
+const LEAST_COSINE: f32 = 0.8;
+const FLATNESS: f32 = 0.25;
+
+impl<'a> Lookup<'a> {
+    pub fn of(map: &port::PhotonMap, host: &'a dyn HostContext) -> Self {
+        let bytes = host.read(map.codes);
+        let head: MapHead = bytemuck::pod_read_unaligned(&bytes[..HEAD_BYTES as usize]);
+        let codes = &bytemuck::cast_slice(&bytes[HEAD_BYTES as usize..])[..head.count as usize];
+        let photons = &bytemuck::cast_slice(host.read(map.photons))[..head.count as usize];
+        Self { cube: Cube { corner: head.corner.into(), cells_per_unit: head.cells_per_unit }, level: head.level, codes, photons }
+    }
+
+    pub fn photons(&self) -> &'a [Photon] {
+        self.photons
+    }
+
+    /// Half the edge of a cell [scene units]: the cells next to a point hold all that is so near.
+    fn reach(&self, level: u32) -> f32 {
+        0.5 * (1 << level) as f32 / self.cube.cells_per_unit
+    }
+
+    /// The photons in each of the eight cells next to a point, as first and one past the last.
+    fn block(&self, position: Vec3, level: u32) -> [[usize; 2]; 8] {
+        let last = (1i32 << (BITS - level)) - 1;
+        let base = (self.cube.place(position) / (1 << level) as f32 - 0.5).floor().as_ivec3();
+        std::array::from_fn(|number| {
+            let cell = base + glam::IVec3::new(number as i32 & 1, number as i32 >> 1 & 1, number as i32 >> 2);
+            if cell.min_element() < 0 || cell.max_element() > last {
+                return [0; 2];
+            }
+            let first = code(UVec3::new(cell.x as u32, cell.y as u32, cell.z as u32)) << (3 * level);
+            let past = first + (1 << (3 * level));
+            let begin = self.codes.partition_point(|code| *code < first);
+            [begin, begin + self.codes[begin..].partition_point(|code| *code < past)]
+        })
+    }
+
+    /// The zone around a point that holds so many photons of its surface, or as many as there are within `most` [scene units].
+    pub fn zone(&self, position: Vec3, normal: Vec3, wanted: u32, most: f32) -> Zone {
+        let crowd = CROWD * wanted as usize;
+        let count = |level: u32| self.block(position, level).iter().map(|[first, end]| end - first).sum::<usize>();
+        let mut level = self.level;
+        if count(level) >= crowd {
+            while level > 0 && count(level - 1) >= crowd {
+                level -= 1;
+            }
+        } else {
+            while level < BITS && self.reach(level) < most && count(level) < crowd {
+                level += 1;
+            }
+        }
+        loop {
+            let radius = self.reach(level).min(most);
+            let rings = self.rings(position, normal, Zone { radius, level });
+            let enough = rings.iter().position(|within| *within >= wanted);
+            if let Some(ring) = enough {
+                return Zone { radius: radius * ((ring + 1) as f32 / RINGS as f32).sqrt(), level };
+            }
+            if level == BITS || self.reach(level) >= most {
+                return Zone { radius, level };
+            }
+            level += 1;
+        }
+    }
+
+    /// How many photons each ring holds together with those within it.
+    fn rings(&self, position: Vec3, normal: Vec3, zone: Zone) -> [u32; RINGS] {
+        let mut rings = [0; RINGS];
+        let scale = RINGS as f32 / (zone.radius * zone.radius);
+        self.for_each(position, normal, zone, |_, squared| rings[((squared * scale) as usize).min(RINGS - 1)] += 1);
+        let mut sum = 0;
+        rings.map(|count| {
+            sum += count;
+            sum
+        })
+    }
+
+    /// The photons of a zone that are on the surface, and their squared distances.
+    pub fn for_each(&self, position: Vec3, normal: Vec3, zone: Zone, mut see: impl FnMut(&'a Photon, f32)) {
+        let most = zone.radius * zone.radius;
+        for [first, end] in self.block(position, zone.level) {
+            for photon in &self.photons[first..end] {
+                let way = Vec3::from(photon.position) - position;
+                let squared = way.length_squared();
+                let counts = squared <= most && way.dot(normal).abs() <= FLATNESS * zone.radius && unpacked_ways(photon.ways)[0].dot(normal) >= LEAST_COSINE;
+                if counts {
+                    see(photon, squared);
+                }
+            }
+        }
+    }
+}
+
+/// Photons that lookups mostly ask for.
+const USUAL: usize = 64;
+
+/// The size of cells, by its logarithm, at which the cells next to a photon mostly hold what lookups ask for: four of the eight have some. `codes` are sorted.
+pub fn usual_level(codes: impl Iterator<Item = u32> + Clone) -> u32 {
+    let is_crowded = |level: &u32| {
+        let (mut count, mut cells, mut last) = (0usize, 0usize, None);
+        for code in codes.clone() {
+            count += 1;
+            let cell = Some(code >> (3 * level));
+            cells += usize::from(cell != last);
+            last = cell;
+        }
+        4 * count >= CROWD * USUAL * cells
+    };
+    (0..BITS).find(is_crowded).unwrap_or(BITS)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::random::{hash, unit};
+    use crate::passes::photon_map::{sorted, ways};
+
+    /// On the floor of a room, dense at one side, and on its ceiling.
+    fn photons(count: u32) -> Vec<Photon> {
+        let number = |at: u32| unit(hash(at));
+        let photon = |at: u32| {
+            let up = at % 4 != 0;
+            let position = [10.0 * number(2 * at).powi(2), 10.0 * number(2 * at + 1), if up { 0.0 } else { 3.0 }];
+            let normal = if up { Vec3::Z } else { Vec3::NEG_Z };
+            Photon { position, leg: 1.0, flux: [1.0; 3], ways: ways(normal, normal) }
+        };
+        (0..count).map(photon).collect()
+    }
+
+    #[test]
+    fn zones_hold_what_a_search_of_all_photons_finds() {
+        let all = photons(20_000);
+        let cube = Cube::around(Vec3::ZERO, Vec3::new(10.0, 10.0, 3.0));
+        let (codes, kept): (Vec<u32>, Vec<Photon>) = sorted(all, cube, 1).into_iter().unzip();
+        let level = usual_level(codes.iter().copied());
+        let lookup = Lookup { cube, level, codes: &codes, photons: &kept };
+        for at in 0..200 {
+            let position = Vec3::new(10.0 * unit(hash(7 * at + 70_001)), 10.0 * unit(hash(7 * at + 70_002)), 0.0);
+            for (wanted, most) in [(1, f32::INFINITY), (64, f32::INFINITY), (64, 0.3), (100_000, f32::INFINITY)] {
+                let zone = lookup.zone(position, Vec3::Z, wanted, most);
+                let mut found = 0;
+                lookup.for_each(position, Vec3::Z, zone, |_, _| found += 1);
+                let on_floor = |photon: &&Photon| photon.position[2] == 0.0;
+                let within = |radius: f32| kept.iter().filter(on_floor).filter(|p| Vec3::from(p.position).distance(position) <= radius).count();
+                assert_eq!(found, within(zone.radius), "{wanted} within {most} at {position}: {zone:?}");
+                assert!(zone.radius <= most);
+                let is_all = found == within(f32::INFINITY) || zone.radius == most;
+                // A ring more than is needed at most.
+                assert!(is_all || found >= wanted as usize && found <= 3 * wanted as usize + 40, "{found} for {wanted} at {position}");
+            }
+        }
+        let nothing = Lookup { cube, level: usual_level(std::iter::empty()), codes: &[], photons: &[] };
+        assert!(nothing.zone(Vec3::ONE, Vec3::Z, 64, 2.0).radius <= 2.0);
+    }
+}

@@ -1,0 +1,166 @@
+//! Tiles made of photons instead of rays: what arrives at a place, by where it comes from.
+
+use super::photon_map::{PHOTON_BYTES, Photon, lookup::Lookup, unpacked_ways};
+use super::record::{REQUEST_BYTES, Request};
+use crate::contract::{Description, Input, Output, Parameter, ParameterKind, Pass, Place, Port, PortKind, Recorder, Refusal, port};
+use crate::math::frame::Frame;
+use crate::math::hemisphere::{Method, Shape, Table, square};
+use crate::math::outline::Outline;
+use crate::recording::*;
+use crate::scene::{Scene, bvh::Bvh, surface_offset};
+use glam::{Vec2, Vec3, Vec4};
+use rayon::prelude::*;
+use std::f32::consts::PI;
+use std::sync::Arc;
+
+pub struct PhotonTiles;
+
+static DESCRIPTION: Description = Description {
+    name: "PhotonTiles",
+    about: "Radiance and distance over the hemisphere of every request, from the photons that arrive near it: their flux over the area that they stand for",
+    source: "THESIS 6.3, equation 6.11; the area: METHODS 6",
+    parameters: &[
+        Parameter { name: "resolution", about: "samples along an edge of a tile", unit: "samples", kind: ParameterKind::Integer { default: 6, min: 4, max: 64 } },
+        Parameter { name: "photons", about: "photons of a tile, where there are so many near", unit: "photons", kind: ParameterKind::Integer { default: 64, min: 1, max: 4096 } },
+        Parameter {
+            name: "reach",
+            about: "how far away they may be, as a share of the scene's extent",
+            unit: "",
+            kind: ParameterKind::Float { default: 0.05, min: 1e-6, max: 1.0 },
+        },
+        Parameter {
+            name: "visible",
+            about: "leave out photons that cannot be seen from the place, so that none counts on the other side of a wall",
+            unit: "",
+            kind: ParameterKind::Bool { default: true },
+        },
+        Parameter {
+            name: "edges",
+            about: "find the area that photons stand for by their outline, where an edge cuts their disc; otherwise it is all of the disc",
+            unit: "",
+            kind: ParameterKind::Bool { default: true },
+        },
+    ],
+    inputs: &[
+        Input { name: "at", about: "places that need a record", accepts: PortKind::Requests, required: true, changes: false },
+        Input { name: "map", about: "the photons", accepts: PortKind::PhotonMap, required: true, changes: false },
+    ],
+    outputs: &[Output { name: "tiles", about: "the atlas", kind: PortKind::Tiles }],
+};
+
+/// Which photons count at a place.
+#[derive(Clone, Copy)]
+struct Choice {
+    wanted: u32,
+    /// [scene units]
+    reach: f32,
+    visible: bool,
+    edges: bool,
+}
+
+/// Distance of what nothing arrives from [scene units].
+const FAR_AWAY: f32 = 1e30;
+
+impl Pass for PhotonTiles {
+    fn description(&self) -> &'static Description {
+        &DESCRIPTION
+    }
+
+    fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
+        let (Some(requests), Some(map)) = (r.requests("at").copied(), r.photon_map("map").copied()) else { return Ok(()) };
+        let resolution = r.arguments.integer("resolution") as u32;
+        let table = Table::new(Shape::Concentric, resolution, Method::None)
+            .map_err(|e| Refusal::of_parameter("resolution", "plan::tile", e.to_string(), "choose another resolution"))?;
+        let choice = Choice {
+            wanted: r.arguments.integer("photons") as u32,
+            reach: r.arguments.float("reach") as f32 * r.setting.needs.extent,
+            visible: r.arguments.bool("visible"),
+            edges: r.arguments.bool("edges"),
+        };
+        let samples_per_tile = (resolution * resolution) as usize;
+        let samples = r.buffer("radiance", 16 * u64::from(requests.capacity) * samples_per_tile as u64);
+        let reads =
+            [Read::counted(requests.places, REQUEST_BYTES, requests.count), Read::whole(map.codes), Read::counted(map.photons, PHOTON_BYTES, map.count)];
+        r.host("gather", &reads, &[samples], move |host| {
+            let places: Vec<Request> = bytemuck::pod_collect_to_vec(host.read(requests.places));
+            let mut tiles = host.take(samples);
+            let gatherer = Gatherer { lookup: Lookup::of(&map, host), scene: host.scene(), bvh: host.bvh(), extent: host.extent(), choice };
+            let filled = &mut tiles[..places.len() * samples_per_tile];
+            filled.par_chunks_mut(samples_per_tile).zip(&places).for_each(|(tile, place)| gatherer.fill(place, resolution, tile));
+            let bytes = size_of_val(filled) as u64;
+            host.put(samples, tiles, bytes);
+            Ok(())
+        });
+        let tiles_per_row = (8192 / table.width).min(requests.capacity).max(1);
+        let tiles = port::Tiles {
+            samples,
+            place: Place::Host,
+            sees_emission: false,
+            requests,
+            shape: Shape::Concentric,
+            resolution,
+            table: Arc::new(table),
+            tiles_per_row,
+        };
+        r.output("tiles", Port::Tiles(tiles));
+        Ok(())
+    }
+}
+
+/// What finds the photons of places.
+struct Gatherer<'a> {
+    lookup: Lookup<'a>,
+    scene: &'a Scene,
+    bvh: &'a Bvh,
+    extent: f32,
+    choice: Choice,
+}
+
+impl Gatherer<'_> {
+    /// Photons of a place, and the area that they stand for.
+    fn photons(&self, position: Vec3, normal: Vec3) -> (Vec<&Photon>, f32) {
+        let zone = self.lookup.zone(position, normal, self.choice.wanted, self.choice.reach);
+        let frame = Frame::new(normal);
+        let (mut photons, mut outline) = (Vec::new(), Outline::new());
+        self.lookup.for_each(position, normal, zone, |photon, _| {
+            if !self.choice.visible || self.sees(position, normal, photon) {
+                let way = frame.to_local(Vec3::from(photon.position) - position);
+                outline.add(Vec2::new(way.x, way.y));
+                photons.push(photon);
+            }
+        });
+        let area = if self.choice.edges { outline.stands_for(zone.radius) } else { PI * zone.radius * zone.radius };
+        (photons, area)
+    }
+
+    /// Whether nothing stands between a place and a photon.
+    fn sees(&self, position: Vec3, normal: Vec3, photon: &Photon) -> bool {
+        let above = |point: Vec3, normal: Vec3| point + normal * surface_offset(self.extent, point);
+        let (from, to) = (above(position, normal), above(photon.position.into(), unpacked_ways(photon.ways)[0]));
+        !self.bvh.occluded(self.scene, from, to - from, 1.0)
+    }
+
+    /// Each photon adds to the square that it came from; what is there is as far away as the light came, in the harmonic mean.
+    fn fill(&self, place: &Request, resolution: u32, tile: &mut [Vec4]) {
+        let (position, normal) = (Vec3::from(place.position), Vec3::from(place.normal));
+        let frame = Frame::new(normal).turned(place.turn);
+        let (photons, area) = self.photons(position, normal);
+        tile.fill(Vec4::ZERO);
+        let mut counts = vec![0.0; tile.len()];
+        for photon in &photons {
+            let from = frame.to_local(unpacked_ways(photon.ways)[1]);
+            let [column, row] = square(resolution, Vec2::new(from.x, from.y));
+            let index = (row * resolution + column) as usize;
+            tile[index] += Vec3::from(photon.flux).extend(1.0 / photon.leg.max(f32::MIN_POSITIVE));
+            counts[index] += 1.0;
+        }
+        // Squares are as wide as each other, by the cosine.
+        let per_square = tile.len() as f32 / (PI * area.max(f32::MIN_POSITIVE));
+        let inverse: f32 = tile.iter().map(|sum| sum.w).sum();
+        let usual = if inverse > 0.0 { photons.len() as f32 / inverse } else { FAR_AWAY };
+        for (sum, count) in tile.iter_mut().zip(counts) {
+            let distance = if count > 0.0 { count / sum.w } else { usual };
+            *sum = (sum.truncate() * per_square).extend(distance);
+        }
+    }
+}

@@ -74,7 +74,7 @@ fn record_on_device(r: &mut Recorder<'_>, new: &port::Records, cache: &port::Rec
     let batch = r.buffer("batch", size_of::<Batch>() as u64);
     let surplus = r.buffer("surplus", 16);
     let level = r.buffer("level", 16);
-    let added = r.variable("added", false);
+    let (added, counts) = (r.variable("added", false), r.batch.is_some());
     r.before_loop(Command::Clear(surplus));
     let (new, cache) = (*new, *cache);
     let program = Program::new("add_records");
@@ -89,6 +89,7 @@ fn record_on_device(r: &mut Recorder<'_>, new: &port::Records, cache: &port::Rec
     r.twin("reserve", &[], &[batch], run, vec![twin]);
     let program = program
         .constant("NEIGHBOUR_CLAMPING", r.arguments.bool("neighbour_clamping") as u8)
+        .constant("COUNTS_SURPLUS", counts as u8)
         .bind("batch", batch)
         .bind("weighting", cache.weighting)
         .bind("records", new.records)
@@ -107,7 +108,9 @@ fn record_on_device(r: &mut Recorder<'_>, new: &port::Records, cache: &port::Rec
         r.compute(program, "append_coefficients", Groups::Counted { count: added, divisor: 1, per: fours.div_ceil(64) });
         r.persist("coefficients", to.values, port::Coefficients::bytes(to.order, to.precision), cache.count);
     }
-    r.report("surplus_records", surplus, 0);
+    if counts {
+        r.report("surplus_records", surplus, 0);
+    }
 }
 
 /// Makes room for a batch at the cache's end: records before it, and in it.
@@ -126,7 +129,7 @@ const FIRST: usize = 256;
 /// As shaders/add_records.wgsl does it.
 fn record_on_host(r: &mut Recorder<'_>, new: &port::Records, cache: &port::RecordCache) {
     let surplus = r.variable("surplus", false);
-    let clamps = r.arguments.bool("neighbour_clamping");
+    let (clamps, counts) = (r.arguments.bool("neighbour_clamping"), r.batch.is_some());
     let (new, cache) = (*new, *cache);
     let reads = [Read::counted(new.records, RECORD_BYTES, new.count), Read::counted(cache.records, RECORD_BYTES, cache.count)];
     r.host("append", &reads, &[cache.records], move |host| {
@@ -149,12 +152,14 @@ fn record_on_host(r: &mut Recorder<'_>, new: &port::Records, cache: &port::Recor
             let place = &unclamped[*index];
             unclamped[..*index].iter().any(|other| cache.rule.weight(other, place.position, place.normal) > cache.rule.overlap)
         };
-        let covered = (0..batch.len()).into_par_iter().filter(is_surplus).count() as u32;
+        let covered = if counts { (0..batch.len()).into_par_iter().filter(is_surplus).count() as u32 } else { 0 };
         host.write(cache.records, u64::from(first) * RECORD_BYTES, bytemuck::cast_slice(&joined));
         host.set(surplus, host.variable(surplus) + covered);
         Ok(())
     });
-    r.report_variable("surplus_records", surplus);
+    if counts {
+        r.report_variable("surplus_records", surplus);
+    }
 }
 
 /// The radius may not jump over what a neighbour has seen (Křivánek 2006).
@@ -202,7 +207,7 @@ mod tests {
         arguments.set("neighbour_clamping", Value::Bool(clamps));
         let recorded = {
             let setting = Setting { scene: host.scene(), needs: &needs, device: Device::SOFTWARE, size: [4, 4], tables: None };
-            let mut r = Recorder::new("add", &arguments, setting, &inputs, &mut recording);
+            let mut r = Recorder::new("add", &arguments, setting, &inputs, &mut recording).in_loop(300, false);
             record_on_host(&mut r, &batch(), &cache(900));
             r.finish()
         };

@@ -82,16 +82,17 @@ impl Pass for PhotonDensity {
 fn estimate(lookup: &Lookup<'_>, position: Vec3, normal: Vec3, (wanted, reach): (u32, f32), edges: bool) -> Vec3 {
     let zone = lookup.zone(position, normal, wanted, reach);
     let frame = Frame::new(normal);
-    let (mut flux, mut outline) = (Vec3::ZERO, Outline::new());
+    let (mut flux, mut count, mut outline) = (Vec3::ZERO, 0, Outline::new());
     lookup.for_each(position, normal, zone, |photon, _| {
         flux += Vec3::from(photon.flux);
+        count += 1;
         if edges {
             let way = Vec3::from(photon.position) - position;
             outline.add(Vec2::new(way.dot(frame.tangent), way.dot(frame.bitangent)));
         }
     });
     let area = if edges { outline.stands_for(zone.radius) } else { PI * zone.radius * zone.radius };
-    flux / area.max(f32::MIN_POSITIVE)
+    flux * (zone.fair_share(count) / area.max(f32::MIN_POSITIVE))
 }
 
 /// Red, green and blue of each texel of an RGBA16F image.

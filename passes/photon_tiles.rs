@@ -1,11 +1,11 @@
 //! Tiles made of photons instead of rays: what arrives at a place, by where it comes from.
 
-use super::photon_map::{PHOTON_BYTES, Photon, lookup::Lookup, unpacked_ways};
+use super::photon_map::{PHOTON_BYTES, Photon, lookup::{FLATNESS, LEAST_COSINE, Lookup}, unpacked_ways};
 use super::record::{REQUEST_BYTES, Request};
-use crate::contract::{Description, Input, Output, Parameter, ParameterKind, Pass, Place, Port, PortKind, Recorder, Refusal, port};
+use crate::contract::{Choice, Description, Input, Output, Parameter, ParameterKind, Pass, Place, Port, PortKind, Recorder, Refusal, port};
 use crate::math::frame::Frame;
 use crate::math::hemisphere::{Method, Shape, Table, square};
-use crate::math::outline::Outline;
+use crate::math::outline::{LEAST_SHARE, Outline};
 use crate::recording::*;
 use crate::scene::{Scene, bvh::Bvh, surface_offset};
 use glam::{Vec2, Vec3, Vec4};
@@ -35,10 +35,20 @@ static DESCRIPTION: Description = Description {
             kind: ParameterKind::Bool { default: true },
         },
         Parameter {
-            name: "edges",
-            about: "find the area that photons stand for by their outline, where an edge cuts their disc; otherwise it is all of the disc",
+            name: "area",
+            about: "how the area is found that photons stand for",
             unit: "",
-            kind: ParameterKind::Bool { default: true },
+            kind: ParameterKind::Choice {
+                choices: &[
+                    Choice {
+                        name: "Probed",
+                        about: "of the photons' outline that part which is on the surface and can be seen, by rays: columns and openings leave holes",
+                        parameters: &[Parameter { name: "rays", about: "points of the outline", unit: "rays", kind: ParameterKind::Integer { default: 32, min: 4, max: 1024 } }],
+                    },
+                    Choice { name: "Outline", about: "the photons' own outline, where it is smaller than a disc's would be (THESIS 6.3)", parameters: &[] },
+                    Choice { name: "Disc", about: "all of the disc: dark along edges", parameters: &[] },
+                ],
+            },
         },
     ],
     inputs: &[
@@ -50,12 +60,20 @@ static DESCRIPTION: Description = Description {
 
 /// Which photons count at a place.
 #[derive(Clone, Copy)]
-struct Choice {
+struct Sought {
     wanted: u32,
     /// [scene units]
     reach: f32,
     visible: bool,
-    edges: bool,
+    area: Area,
+}
+
+/// The parameter `area`.
+#[derive(Clone, Copy)]
+enum Area {
+    Probed { rays: u32 },
+    Outline,
+    Disc,
 }
 
 /// Distance of what nothing arrives from [scene units].
@@ -71,11 +89,15 @@ impl Pass for PhotonTiles {
         let resolution = r.arguments.integer("resolution") as u32;
         let table = Table::new(Shape::Concentric, resolution, Method::None)
             .map_err(|e| Refusal::of_parameter("resolution", "plan::tile", e.to_string(), "choose another resolution"))?;
-        let choice = Choice {
+        let sought = Sought {
             wanted: r.arguments.integer("photons") as u32,
             reach: r.arguments.float("reach") as f32 * r.setting.needs.extent,
             visible: r.arguments.bool("visible"),
-            edges: r.arguments.bool("edges"),
+            area: match r.arguments.choice("area") {
+                ("Outline", _) => Area::Outline,
+                ("Disc", _) => Area::Disc,
+                (_, arguments) => Area::Probed { rays: arguments.integer("rays") as u32 },
+            },
         };
         let samples_per_tile = (resolution * resolution) as usize;
         let samples = r.buffer("radiance", 16 * u64::from(requests.capacity) * samples_per_tile as u64);
@@ -84,7 +106,7 @@ impl Pass for PhotonTiles {
         r.host("gather", &reads, &[samples], move |host| {
             let places: Vec<Request> = bytemuck::pod_collect_to_vec(host.read(requests.places));
             let mut tiles = host.take(samples);
-            let gatherer = Gatherer { lookup: Lookup::of(&map, host), scene: host.scene(), bvh: host.bvh(), extent: host.extent(), choice };
+            let gatherer = Gatherer { lookup: Lookup::of(&map, host), scene: host.scene(), bvh: host.bvh(), extent: host.extent(), sought };
             let filled = &mut tiles[..places.len() * samples_per_tile];
             filled.par_chunks_mut(samples_per_tile).zip(&places).for_each(|(tile, place)| gatherer.fill(place, resolution, tile));
             let bytes = size_of_val(filled) as u64;
@@ -113,30 +135,58 @@ struct Gatherer<'a> {
     scene: &'a Scene,
     bvh: &'a Bvh,
     extent: f32,
-    choice: Choice,
+    sought: Sought,
 }
 
 impl Gatherer<'_> {
-    /// Photons of a place, and the area that they stand for.
+    /// Photons of a place, without one that it stands on, and the area that they stand for.
     fn photons(&self, position: Vec3, normal: Vec3) -> (Vec<&Photon>, f32) {
-        let zone = self.lookup.zone(position, normal, self.choice.wanted, self.choice.reach);
-        let frame = Frame::new(normal);
-        let (mut photons, mut outline) = (Vec::new(), Outline::new());
-        self.lookup.for_each(position, normal, zone, |photon, _| {
-            if !self.choice.visible || self.sees(position, normal, photon) {
-                let way = frame.to_local(Vec3::from(photon.position) - position);
-                outline.add(Vec2::new(way.x, way.y));
+        let zone = self.lookup.zone(position, normal, self.sought.wanted, self.sought.reach);
+        let mut photons = Vec::new();
+        self.lookup.for_each(position, normal, zone, |photon, squared| {
+            let is_own = squared == 0.0;
+            if !is_own && (!self.sought.visible || self.sees(position, normal, (photon.position.into(), unpacked_ways(photon.ways)[0]))) {
                 photons.push(photon);
             }
         });
-        let area = if self.choice.edges { outline.stands_for(zone.radius) } else { PI * zone.radius * zone.radius };
+        let area = self.area(position, normal, zone.radius, &photons) / zone.fair_share(photons.len());
         (photons, area)
     }
 
-    /// Whether nothing stands between a place and a photon.
-    fn sees(&self, position: Vec3, normal: Vec3, photon: &Photon) -> bool {
-        let above = |point: Vec3, normal: Vec3| point + normal * surface_offset(self.extent, point);
-        let (from, to) = (above(position, normal), above(photon.position.into(), unpacked_ways(photon.ways)[0]));
+    /// The area that photons stand for, all within a radius.
+    fn area(&self, position: Vec3, normal: Vec3, radius: f32, photons: &[&Photon]) -> f32 {
+        let disc = PI * radius * radius;
+        let frame = Frame::new(normal);
+        if matches!(self.sought.area, Area::Disc) {
+            return disc;
+        }
+        let mut outline = Outline::new();
+        for photon in photons {
+            let way = Vec3::from(photon.position) - position;
+            outline.add(Vec2::new(way.dot(frame.tangent), way.dot(frame.bitangent)));
+        }
+        let Area::Probed { rays } = self.sought.area else { return outline.stands_for(radius) };
+        let (points, region) = outline.region(radius, rays);
+        let is_there = |at: &Vec2| at.length() <= radius && self.is_surface(position, normal, frame.tangent * at.x + frame.bitangent * at.y, radius);
+        let there = points.iter().filter(|at| is_there(at)).count() as f32;
+        (region * there / rays as f32).max(LEAST_SHARE * disc)
+    }
+
+    /// Whether the surface that a place is on goes on beside it, in sight.
+    fn is_surface(&self, position: Vec3, normal: Vec3, aside: Vec3, radius: f32) -> bool {
+        let height = FLATNESS * radius;
+        let from = position + aside + normal * height;
+        let Some(hit) = self.bvh.first(self.scene, from, -normal).filter(|hit| hit.distance <= 2.0 * height) else { return false };
+        let face = self.scene.triangles[hit.triangle as usize].face_normal();
+        let own = face * face.dot(normal).signum();
+        let point = from - normal * hit.distance;
+        own.dot(normal) >= LEAST_COSINE && (!self.sought.visible || self.sees(position, normal, (point, own)))
+    }
+
+    /// Whether nothing stands between a place and another, which has a normal of its own.
+    fn sees(&self, position: Vec3, normal: Vec3, other: (Vec3, Vec3)) -> bool {
+        let above = |(point, normal): (Vec3, Vec3)| point + normal * surface_offset(self.extent, point);
+        let (from, to) = (above((position, normal)), above(other));
         !self.bvh.occluded(self.scene, from, to - from, 1.0)
     }
 

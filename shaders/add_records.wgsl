@@ -39,6 +39,8 @@ override COEFFICIENTS: u32 = 1u;
 override HALF: bool = false;
 // Whether the radius may not jump over what a neighbour has seen (Křivánek 2006).
 override NEIGHBOUR_CLAMPING: bool = true;
+// Whether to look at each record's batch: where there is only one, it may hold all records, and nothing depends on it.
+override COUNTS_SURPLUS: bool = true;
 
 // The first records tell what the picture's irradiance is: they stand far apart.
 const FIRST = 256u;
@@ -97,6 +99,9 @@ fn append(@builtin(global_invocation_id) id: vec3u) {
         }
     }
     cache[batch.first + id.x] = refined(record);
+    if !COUNTS_SURPLUS {
+        return;
+    }
     for (var i = 0u; i < id.x; i++) {
         if record_weight(refined(records[i]), weighting, record.position, record.normal) > weighting.overlap {
             atomicAdd(&surplus[0], 1u);

@@ -12,6 +12,8 @@ pub struct Lookup<'a> {
     cube: Cube,
     /// Size of the cells that lookups begin with.
     level: u32,
+    /// Of the first photon in each cell of the table's size, and one past the last of all.
+    starts: &'a [u32],
     codes: &'a [u32],
     photons: &'a [Photon],
 }
@@ -23,25 +25,39 @@ pub struct Zone {
     pub radius: f32,
     /// Size of the cells in which they are, by its logarithm: those next to the point hold all of them.
     level: u32,
+    /// Whether it ends where there are as many as are wanted.
+    is_filled: bool,
+}
+
+impl Zone {
+    /// The share of so many photons that are as dense as others around them: a zone that is made as large as it must be for a number of photons ends at one more
+    /// often than chance would have it.
+    pub fn fair_share(&self, count: usize) -> f32 {
+        if self.is_filled && count > 1 { 1.0 - 1.0 / count as f32 } else { 1.0 }
+    }
 }
 
 /// Photons in the cells next to a point for each that is wanted: some are on other surfaces, and a disc fills a part of the cells.
 const CROWD: usize = 6;
 
+/// So few of the photons that are wanted do, where larger cells would have to be looked through.
+const DETAIL: u32 = 4;
+
 /// Rings of equal area in which photons are counted to find the radius.
 const RINGS: usize = 16;
 
 /// A photon counts on a surface whose normal differs by less than this cosine, and that is no farther above or below than this share of the radius.
-const LEAST_COSINE: f32 = 0.8;
-const FLATNESS: f32 = 0.25;
+pub const LEAST_COSINE: f32 = 0.8;
+pub const FLATNESS: f32 = 0.25;
 
 impl<'a> Lookup<'a> {
     pub fn of(map: &port::PhotonMap, host: &'a dyn HostContext) -> Self {
         let bytes = host.read(map.codes);
         let head: MapHead = bytemuck::pod_read_unaligned(&bytes[..HEAD_BYTES as usize]);
-        let codes = &bytemuck::cast_slice(&bytes[HEAD_BYTES as usize..])[..head.count as usize];
+        let (starts, codes) = bytemuck::cast_slice(&bytes[HEAD_BYTES as usize..]).split_at(STARTS);
         let photons = &bytemuck::cast_slice(host.read(map.photons))[..head.count as usize];
-        Self { cube: Cube { corner: head.corner.into(), cells_per_unit: head.cells_per_unit }, level: head.level, codes, photons }
+        let cube = Cube { corner: head.corner.into(), cells_per_unit: head.cells_per_unit };
+        Self { cube, level: head.level, starts, codes: &codes[..head.count as usize], photons }
     }
 
     pub fn photons(&self) -> &'a [Photon] {
@@ -64,12 +80,21 @@ impl<'a> Lookup<'a> {
             }
             let first = code(UVec3::new(cell.x as u32, cell.y as u32, cell.z as u32)) << (3 * level);
             let past = first + (1 << (3 * level));
-            let begin = self.codes.partition_point(|code| *code < first);
-            [begin, begin + self.codes[begin..].partition_point(|code| *code < past)]
+            [self.first_from(first), self.first_from(past)]
         })
     }
 
-    /// The zone around a point that holds so many photons of its surface, or as many as there are within `most` [scene units].
+    /// The first photon whose code is no less.
+    fn first_from(&self, code: u32) -> usize {
+        let cell = (code >> TABLE_BITS) as usize;
+        let start = self.starts[cell] as usize;
+        if code & ((1 << TABLE_BITS) - 1) == 0 {
+            return start;
+        }
+        start + self.codes[start..self.starts[cell + 1] as usize].partition_point(|own| *own < code)
+    }
+
+    /// The zone around a point that holds so many photons of its surface; fewer in details and within `most` [scene units].
     pub fn zone(&self, position: Vec3, normal: Vec3, wanted: u32, most: f32) -> Zone {
         let crowd = CROWD * wanted as usize;
         let count = |level: u32| self.block(position, level).iter().map(|[first, end]| end - first).sum::<usize>();
@@ -85,13 +110,14 @@ impl<'a> Lookup<'a> {
         }
         loop {
             let radius = self.reach(level).min(most);
-            let rings = self.rings(position, normal, Zone { radius, level });
+            let rings = self.rings(position, normal, Zone { radius, level, is_filled: false });
             let enough = rings.iter().position(|within| *within >= wanted);
             if let Some(ring) = enough {
-                return Zone { radius: radius * ((ring + 1) as f32 / RINGS as f32).sqrt(), level };
+                return Zone { radius: radius * ((ring + 1) as f32 / RINGS as f32).sqrt(), level, is_filled: true };
             }
-            if level == BITS || self.reach(level) >= most {
-                return Zone { radius, level };
+            // In details there are never as many on one surface.
+            if level == BITS || self.reach(level) >= most || rings[RINGS - 1] * DETAIL >= wanted {
+                return Zone { radius, level, is_filled: false };
             }
             level += 1;
         }
@@ -123,6 +149,24 @@ impl<'a> Lookup<'a> {
             }
         }
     }
+}
+
+/// Bits of a code below those that the table tells: its cells are 16 least cells wide.
+const TABLE_BITS: u32 = 3 * 4;
+
+/// Entries of the table.
+pub const STARTS: usize = (1 << (3 * BITS - TABLE_BITS)) + 1;
+
+/// The table for sorted codes.
+pub fn starts(codes: &[u32]) -> Vec<u32> {
+    let mut starts = vec![0; STARTS];
+    codes.iter().for_each(|code| starts[(code >> TABLE_BITS) as usize + 1] += 1);
+    let mut sum = 0;
+    starts.iter_mut().for_each(|start| {
+        sum += *start;
+        *start = sum;
+    });
+    starts
 }
 
 /// Photons that lookups mostly ask for.
@@ -167,7 +211,8 @@ mod tests {
         let cube = Cube::around(Vec3::ZERO, Vec3::new(10.0, 10.0, 3.0));
         let (codes, kept): (Vec<u32>, Vec<Photon>) = sorted(all, cube, 1).into_iter().unzip();
         let level = usual_level(codes.iter().copied());
-        let lookup = Lookup { cube, level, codes: &codes, photons: &kept };
+        let table = starts(&codes);
+        let lookup = Lookup { cube, level, starts: &table, codes: &codes, photons: &kept };
         for at in 0..200 {
             let position = Vec3::new(10.0 * unit(hash(7 * at + 70_001)), 10.0 * unit(hash(7 * at + 70_002)), 0.0);
             for (wanted, most) in [(1, f32::INFINITY), (64, f32::INFINITY), (64, 0.3), (100_000, f32::INFINITY)] {
@@ -180,10 +225,10 @@ mod tests {
                 assert!(zone.radius <= most);
                 let is_all = found == within(f32::INFINITY) || zone.radius == most;
                 // A ring more than is needed at most.
-                assert!(is_all || found >= wanted as usize && found <= 3 * wanted as usize + 40, "{found} for {wanted} at {position}");
+                assert!(is_all || found * DETAIL as usize >= wanted as usize && found <= 3 * wanted as usize + 40, "{found} for {wanted} at {position}");
             }
         }
-        let nothing = Lookup { cube, level: usual_level(std::iter::empty()), codes: &[], photons: &[] };
+        let nothing = Lookup { cube, level: usual_level(std::iter::empty()), starts: &starts(&[]), codes: &[], photons: &[] };
         assert!(nothing.zone(Vec3::ONE, Vec3::Z, 64, 2.0).radius <= 2.0);
     }
 }

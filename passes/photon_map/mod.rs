@@ -71,6 +71,9 @@ host_struct! {
 pub const PHOTON_BYTES: u64 = size_of::<Photon>() as u64;
 pub const HEAD_BYTES: u64 = size_of::<MapHead>() as u64;
 
+/// Where the codes stand, behind the head and the table of cells.
+const CODES_AT: u64 = HEAD_BYTES + 4 * lookup::STARTS as u64;
+
 /// Photons that one core follows before it is given others.
 const BATCH: u32 = 4096;
 
@@ -81,7 +84,7 @@ impl Pass for PhotonMap {
 
     fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
         let [most, capacity, legs] = ["photons", "kept", "legs"].map(|name| r.arguments.integer(name) as u32);
-        let codes = r.buffer("codes", HEAD_BYTES + 4 * u64::from(capacity));
+        let codes = r.buffer("codes", CODES_AT + 4 * u64::from(capacity));
         let photons = r.buffer("photons", PHOTON_BYTES * u64::from(capacity));
         let [emitted, count, cut_off] = ["emitted", "count", "cut_off"].map(|name| r.variable(name, false));
         let lobes = r.setting.needs.lobes && !r.setting.needs.by_albedo;
@@ -102,7 +105,8 @@ impl Pass for PhotonMap {
             };
             let (own_codes, own_photons): (Vec<u32>, Vec<Photon>) = sorted.into_iter().unzip();
             host.write(codes, 0, bytemuck::bytes_of(&head));
-            host.write(codes, HEAD_BYTES, bytemuck::cast_slice(&own_codes));
+            host.write(codes, HEAD_BYTES, bytemuck::cast_slice(&lookup::starts(&own_codes)));
+            host.write(codes, CODES_AT, bytemuck::cast_slice(&own_codes));
             host.write(photons, 0, bytemuck::cast_slice(&own_photons));
             host.set(emitted, traced.emitted);
             host.set(count, own_photons.len() as u32);

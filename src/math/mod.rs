@@ -23,5 +23,6 @@ pub mod sum;
 pub mod sum_vectors;
 pub mod thinning;
 pub mod vectors;
+pub mod walk;
 pub mod weight;
 pub mod windows;

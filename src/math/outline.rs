@@ -18,11 +18,20 @@ fn direction(number: usize) -> Vec2 {
     Vec2::from_angle(TAU * number as f32 / DIRECTIONS as f32)
 }
 
+/// How much wider than an outline the region is that is looked at.
+const WIDER: f32 = 1.25;
+
+/// Between the points of a spiral that fills a disc [radians].
+const GOLDEN_ANGLE: f32 = 2.399_963_2;
+
 /// Fewer points tell nothing of an edge.
 const FEWEST: u32 = 10;
 
 /// How many standard deviations an outline may be smaller than that of a whole disc.
 const DEVIATIONS: f32 = 2.5;
+
+/// What is left of a disc is no less than this share of it: points in a line have no area.
+pub const LEAST_SHARE: f32 = 0.01;
 
 impl Outline {
     pub fn new() -> Self {
@@ -50,13 +59,46 @@ impl Outline {
     /// of it, as many as there are points on it.
     pub fn stands_for(&self, radius: f32) -> f32 {
         let disc = PI * radius * radius;
-        let area = self.area();
-        let whole = expected_share(self.count) - DEVIATIONS * deviation(self.count);
-        if self.count < FEWEST || area >= whole * disc {
+        if self.is_disc(radius) {
             return disc;
         }
         let inside = self.count - self.corners();
-        (area * (self.count + 1) as f32 / (inside + 1) as f32).min(disc)
+        (self.area() * (self.count + 1) as f32 / (inside + 1) as f32).clamp(LEAST_SHARE * disc, disc)
+    }
+
+    /// Whether the points fill a disc with this radius, as far as chance allows to tell.
+    fn is_disc(&self, radius: f32) -> bool {
+        let whole = expected_share(self.count) - DEVIATIONS * deviation(self.count);
+        self.count < FEWEST || self.area() >= whole * PI * radius * radius
+    }
+
+    /// So many points that fill evenly a region which holds all that the points stand for, and its area: the disc, or the outline made so much wider that what
+    /// outlines leave out is in it. What lies beyond the disc does not count.
+    pub fn region(&self, radius: f32, count: u32) -> (Vec<Vec2>, f32) {
+        if self.is_disc(radius) {
+            let spiral = |at: u32| Vec2::from_angle(GOLDEN_ANGLE * at as f32) * (radius * ((at as f32 + 0.5) / count as f32).sqrt());
+            return ((0..count).map(spiral).collect(), PI * radius * radius);
+        }
+        let middle = self.farthest.iter().map(|(_, point)| *point).sum::<Vec2>() / DIRECTIONS as f32;
+        // Triangles around the first point, chosen by their area.
+        let corner = |number: usize| middle + (self.farthest[number].1 - middle) * WIDER;
+        let sides: Vec<[Vec2; 2]> = (1..DIRECTIONS - 1).map(|number| [corner(number) - corner(0), corner(number + 1) - corner(0)]).collect();
+        let mut sum = 0.0;
+        let sums: Vec<f32> = sides
+            .iter()
+            .map(|[a, b]| {
+                sum += a.perp_dot(*b).max(0.0);
+                sum
+            })
+            .collect();
+        let point = |at: u32| {
+            let chosen = (at as f32 + 0.5) / count as f32 * sum;
+            let number = sums.partition_point(|sum| *sum <= chosen).min(sides.len() - 1);
+            let [u, v] = [0.754_877_7, 0.569_840_3].map(|step| (0.5 + step * at as f32).fract());
+            let root = u.sqrt();
+            corner(0) + sides[number][0] * (root * (1.0 - v)) + sides[number][1] * (root * v)
+        };
+        ((0..count).map(point).collect(), 0.5 * sum)
     }
 
     /// Different points on the outline.
@@ -129,10 +171,28 @@ mod tests {
     }
 
     #[test]
+    fn points_fill_the_disc_or_what_is_left_of_it() {
+        let (disc, area) = points(1, 200, |_| true).region(2.0, 64);
+        assert!(disc.iter().all(|p| p.length() < 2.0) && disc.iter().sum::<Vec2>().length() < 1.0 && area == 4.0 * PI);
+        // Of the region of half a disc that share is on it which takes its area to the half disc's.
+        for count in [20, 50, 200] {
+            let runs = 100;
+            let found: f32 = (0..runs)
+                .map(|seed| {
+                    let (half, area) = points(seed, count, |p| p.x > 0.0).region(2.0, 256);
+                    area * half.iter().filter(|p| p.x > 0.0 && p.length() < 2.0).count() as f32 / 256.0
+                })
+                .sum();
+            let share = found / runs as f32 / (2.0 * PI);
+            assert!((share - 1.0).abs() < 0.03, "{count}: {share}");
+        }
+    }
+
+    #[test]
     fn no_points_and_all_in_one_place_are_no_edge() {
         assert_eq!(Outline::new().stands_for(1.0), PI);
         let mut outline = Outline::new();
         (0..100).for_each(|_| outline.add(Vec2::new(0.3, 0.2)));
-        assert!(outline.stands_for(1.0) >= 0.0 && outline.stands_for(1.0).is_finite());
+        assert!((outline.stands_for(1.0) - LEAST_SHARE * PI).abs() < 1e-6);
     }
 }

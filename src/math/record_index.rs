@@ -167,14 +167,14 @@ fn listed(centre: Vec3, radius: f32, lowest: i32, level: u32, hashes: usize) -> 
 }
 
 /// The exponent of the least power of two that is no less than a number; within what cells can be counted in.
-fn exponent(number: f32) -> i32 {
+pub(super) fn exponent(number: f32) -> i32 {
     let bits = number.clamp(1e-30, 1e30).to_bits();
     (bits >> 23) as i32 - 127 + i32::from(bits & 0x7f_ffff != 0)
 }
 
 /// The cell that a point is in, of those whose edge is a power of two.
 #[inline(always)]
-fn cell(point: Vec3, exponent: i32) -> IVec3 {
+pub(super) fn cell(point: Vec3, exponent: i32) -> IVec3 {
     (point * f32::from_bits(((127 - exponent) as u32) << 23)).floor().clamp(Vec3::splat(-2e9), Vec3::splat(2e9)).as_ivec3()
 }
 

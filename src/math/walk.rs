@@ -1,0 +1,113 @@
+//! Points on surfaces, walked through one after the other: where none stands yet that reaches it, a place is made.
+
+use super::record_index::{cell, exponent};
+use super::thinning::Vertex;
+use glam::IVec3;
+use std::collections::HashMap;
+
+/// Places by the cells that they touch, of the size that is twice to four times their reach.
+#[derive(Default)]
+struct Grid {
+    cells: HashMap<(i32, IVec3), Vec<u32>>,
+    /// How many places have cells of a size.
+    sizes: HashMap<i32, u32>,
+    places: Vec<(Vertex, f32)>,
+}
+
+/// How far beside the plane of a place a point may be, as a share of its distance.
+const LEVEL: f32 = 0.1;
+
+impl Grid {
+    fn add(&mut self, place: Vertex, reach: f32) {
+        let size = exponent(2.0 * reach);
+        let (first, last) = (cell(place.position - reach, size), cell(place.position + reach, size));
+        for z in first.z..=last.z {
+            for y in first.y..=last.y {
+                for x in first.x..=last.x {
+                    self.cells.entry((size, IVec3::new(x, y, z))).or_default().push(self.places.len() as u32);
+                }
+            }
+        }
+        *self.sizes.entry(size).or_default() += 1;
+        self.places.push((place, reach));
+    }
+
+    /// Whether a place reaches a point: its distance in reaches and the turn of its normal in `accuracy` add to less than 1.
+    fn covers(&self, point: &Vertex, accuracy: f32) -> bool {
+        let reaches = |number: &u32| {
+            let (place, reach) = &self.places[*number as usize];
+            let way = point.position - place.position;
+            let turned = (1.0 - point.normal.dot(place.normal)).max(0.0).sqrt();
+            let is_level = way.dot(point.normal + place.normal).abs() * 0.5 <= LEVEL * way.length();
+            way.length() / reach + turned / accuracy < 1.0 && is_level
+        };
+        self.sizes.keys().any(|size| self.cells.get(&(*size, cell(point.position, *size))).is_some_and(|listed| listed.iter().any(reaches)))
+    }
+}
+
+/// Of points in this order the places, `most` at most, and how far each reaches, as `reach` says. Every point is reached by one where there are no more.
+pub fn walked(points: impl Iterator<Item = Vertex>, accuracy: f32, most: usize, reach: impl Fn(&Vertex) -> f32) -> Vec<(Vertex, f32)> {
+    let mut grid = Grid::default();
+    for point in points {
+        if grid.places.len() == most {
+            break;
+        }
+        if !grid.covers(&point, accuracy) {
+            grid.add(point, reach(&point).max(f32::MIN_POSITIVE));
+        }
+    }
+    grid.places
+}
+
+/// Numbers below `count` in an order in which neighbours are far apart: each once.
+pub fn spread(count: usize) -> impl Iterator<Item = usize> {
+    let divides = |a: usize, b: usize| {
+        let (mut a, mut b) = (a, b);
+        while b != 0 {
+            (a, b) = (b, a % b);
+        }
+        a
+    };
+    let step = (count as f64 * 0.618_033_988_749_895) as usize;
+    let step = (step.max(1)..).find(|step| divides(*step, count) == 1).unwrap_or(1);
+    (0..count as u64).map(move |at| (at * step as u64 % count as u64) as usize)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Vec3;
+    use crate::math::random::{hash, unit};
+
+    #[test]
+    fn every_point_is_reached_and_no_place_stands_in_the_reach_of_one_before() {
+        let number = |at: u32| unit(hash(at));
+        let points: Vec<Vertex> = (0..3000)
+            .map(|at| {
+                let [x, y] = [number(2 * at), number(2 * at + 1)].map(|side| 10.0 * side);
+                let normal = if at % 3 == 0 { Vec3::NEG_Z } else { Vec3::Z };
+                Vertex { position: Vec3::new(x, y, if at % 5 == 0 { 1.0 } else { 0.0 }), normal }
+            })
+            .collect();
+        let reach = |point: &Vertex| 0.2 + 0.1 * point.position.x;
+        let places = walked(points.iter().copied(), 0.5, usize::MAX, reach);
+        let covers = |(place, radius): &(Vertex, f32), point: &Vertex| {
+            place.normal == point.normal && place.position.z == point.position.z && place.position.distance(point.position) < radius * 1.0001
+        };
+        assert!(points.iter().all(|point| places.iter().any(|place| covers(place, point) || place.0 == *point)));
+        for (at, (place, _)) in places.iter().enumerate() {
+            assert!(!places[..at].iter().any(|before| covers(before, place) && before.0.position.distance(place.position) < 0.999 * before.1));
+        }
+        assert!(places.len() > 100 && places.len() < 1500, "{}", places.len());
+        assert_eq!(walked(points.iter().copied(), 0.5, 7, reach).len(), 7);
+    }
+
+    #[test]
+    fn numbers_are_spread_and_come_once_each() {
+        for count in [0, 1, 2, 3, 10, 97, 1000] {
+            let mut all: Vec<usize> = spread(count).collect();
+            all.sort_unstable();
+            assert!(all.into_iter().eq(0..count));
+        }
+    }
+}

@@ -119,7 +119,8 @@ impl By {
                     lookup.for_each(place.position, place.normal, zone, |photon, _| (count, inverse) = (count + 1.0, inverse + 1.0 / photon.leg));
                     (reach * count / inverse).max(zone.radius).min(FARTHEST * extent)
                 };
-                walked(spread(photons.len()).map(|at| vertex(&photons[at])), accuracy, most, reaches)
+                let all: Vec<Vertex> = spread(photons.len()).map(|at| vertex(&photons[at])).collect();
+                walked(&all, accuracy, most, reaches)
             }
             Self::Thinned { of } => {
                 let step = (photons.len() / (most * of)).max(1);

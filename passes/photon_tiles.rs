@@ -1,8 +1,13 @@
 //! Tiles made of photons instead of rays: what arrives at a place, by where it comes from.
 
-use super::photon_map::{PHOTON_BYTES, Photon, lookup::{FLATNESS, LEAST_COSINE, Lookup}, unpacked_ways};
+use super::photon_map::{
+    PHOTON_BYTES, Photon,
+    lookup::{FLATNESS, LEAST_COSINE, Lookup},
+    unpacked_ways,
+};
 use super::record::{REQUEST_BYTES, Request};
-use crate::contract::{Choice, Description, Input, Output, Parameter, ParameterKind, Pass, Place, Port, PortKind, Recorder, Refusal, port};
+use crate::contract::recorder::scene_constants;
+use crate::contract::{Bodies, Choice, Description, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Recorder, Refusal, port};
 use crate::math::frame::Frame;
 use crate::math::hemisphere::{Method, Shape, Table, square};
 use crate::math::outline::{LEAST_SHARE, Outline};
@@ -20,8 +25,18 @@ static DESCRIPTION: Description = Description {
     about: "Radiance and distance over the hemisphere of every request, from the photons that arrive near it: their flux over the area that they stand for",
     source: "THESIS 6.3, equation 6.11; the area: METHODS 6",
     parameters: &[
-        Parameter { name: "resolution", about: "samples along an edge of a tile", unit: "samples", kind: ParameterKind::Integer { default: 6, min: 4, max: 64 } },
-        Parameter { name: "photons", about: "photons of a tile, where there are so many near", unit: "photons", kind: ParameterKind::Integer { default: 64, min: 1, max: 4096 } },
+        Parameter {
+            name: "resolution",
+            about: "samples along an edge of a tile",
+            unit: "samples",
+            kind: ParameterKind::Integer { default: 6, min: 4, max: 64 },
+        },
+        Parameter {
+            name: "photons",
+            about: "photons of a tile, where there are so many near",
+            unit: "photons",
+            kind: ParameterKind::Integer { default: 64, min: 1, max: 4096 },
+        },
         Parameter {
             name: "reach",
             about: "how far away they may be, as a share of the scene's extent",
@@ -43,13 +58,19 @@ static DESCRIPTION: Description = Description {
                     Choice {
                         name: "Probed",
                         about: "of the photons' outline that part which is on the surface and can be seen, by rays: columns and openings leave holes",
-                        parameters: &[Parameter { name: "rays", about: "points of the outline", unit: "rays", kind: ParameterKind::Integer { default: 32, min: 4, max: 1024 } }],
+                        parameters: &[Parameter {
+                            name: "rays",
+                            about: "points of the outline",
+                            unit: "rays",
+                            kind: ParameterKind::Integer { default: 32, min: 4, max: 1024 },
+                        }],
                     },
                     Choice { name: "Outline", about: "the photons' own outline, where it is smaller than a disc's would be (THESIS 6.3)", parameters: &[] },
                     Choice { name: "Disc", about: "all of the disc: dark along edges", parameters: &[] },
                 ],
             },
         },
+        PLACE,
     ],
     inputs: &[
         Input { name: "at", about: "places that need a record", accepts: PortKind::Requests, required: true, changes: false },
@@ -76,6 +97,9 @@ enum Area {
     Disc,
 }
 
+/// How far above the surface sight goes, as a share of the radius.
+const ABOVE: f32 = 0.1;
+
 /// Distance of what nothing arrives from [scene units].
 const FAR_AWAY: f32 = 1e30;
 
@@ -99,34 +123,57 @@ impl Pass for PhotonTiles {
                 (_, arguments) => Area::Probed { rays: arguments.integer("rays") as u32 },
             },
         };
-        let samples_per_tile = (resolution * resolution) as usize;
-        let samples = r.buffer("radiance", 16 * u64::from(requests.capacity) * samples_per_tile as u64);
-        let reads =
-            [Read::counted(requests.places, REQUEST_BYTES, requests.count), Read::whole(map.codes), Read::counted(map.photons, PHOTON_BYTES, map.count)];
-        r.host("gather", &reads, &[samples], move |host| {
-            let places: Vec<Request> = bytemuck::pod_collect_to_vec(host.read(requests.places));
-            let mut tiles = host.take(samples);
-            let gatherer = Gatherer { lookup: Lookup::of(&map, host), scene: host.scene(), bvh: host.bvh(), extent: host.extent(), sought };
-            let filled = &mut tiles[..places.len() * samples_per_tile];
-            filled.par_chunks_mut(samples_per_tile).zip(&places).for_each(|(tile, place)| gatherer.fill(place, resolution, tile));
-            let bytes = size_of_val(filled) as u64;
-            host.put(samples, tiles, bytes);
-            Ok(())
-        });
+        let samples = r.buffer("radiance", 16 * u64::from(requests.capacity) * u64::from(resolution * resolution));
+        let place = r.place(Bodies::BOTH)?;
+        match place {
+            Place::Host => record_on_host(r, requests, map, samples, (resolution, sought)),
+            Place::Device => record_on_device(r, requests, map, samples, (resolution, sought)),
+        }
         let tiles_per_row = (8192 / table.width).min(requests.capacity).max(1);
-        let tiles = port::Tiles {
-            samples,
-            place: Place::Host,
-            sees_emission: false,
-            requests,
-            shape: Shape::Concentric,
-            resolution,
-            table: Arc::new(table),
-            tiles_per_row,
-        };
+        let tiles = port::Tiles { samples, place, sees_emission: false, requests, shape: Shape::Concentric, resolution, table: Arc::new(table), tiles_per_row };
         r.output("tiles", Port::Tiles(tiles));
         Ok(())
     }
+}
+
+fn record_on_device(r: &mut Recorder<'_>, requests: port::Requests, map: port::PhotonMap, samples: Resource, (resolution, sought): (u32, Sought)) {
+    let counts = r.buffer("counts", 4 * u64::from(requests.capacity) * u64::from(resolution * resolution));
+    let program = scene_constants(Program::new("photon_tiles"), r.setting.needs)
+        .constant("TILE_WIDTH", resolution)
+        .constant("TILE_HEIGHT", resolution)
+        .constant("TILE_CAPACITY", requests.capacity)
+        .constant("WANTED", sought.wanted)
+        .constant("REACH", sought.reach)
+        .constant("VISIBLE", sought.visible as u8)
+        .constant(
+            "AREA",
+            match sought.area {
+                Area::Disc => 0,
+                Area::Outline => 1,
+                Area::Probed { rays } => rays,
+            },
+        )
+        .bind("requests", requests.places)
+        .bind("radiance", samples)
+        .bind("counts", counts)
+        .bind("photon_codes", map.codes)
+        .bind("photons", map.photons);
+    r.compute(program, "gather", Groups::Counted { count: requests.count, divisor: 64, per: 1 });
+}
+
+fn record_on_host(r: &mut Recorder<'_>, requests: port::Requests, map: port::PhotonMap, samples: Resource, (resolution, sought): (u32, Sought)) {
+    let samples_per_tile = (resolution * resolution) as usize;
+    let reads = [Read::counted(requests.places, REQUEST_BYTES, requests.count), Read::whole(map.codes), Read::counted(map.photons, PHOTON_BYTES, map.count)];
+    r.host("gather", &reads, &[samples], move |host| {
+        let places: Vec<Request> = bytemuck::pod_collect_to_vec(host.read(requests.places));
+        let mut tiles = host.take(samples);
+        let gatherer = Gatherer { lookup: Lookup::of(&map, host), scene: host.scene(), bvh: host.bvh(), extent: host.extent(), sought };
+        let filled = &mut tiles[..places.len() * samples_per_tile];
+        filled.par_chunks_mut(samples_per_tile).zip(&places).for_each(|(tile, place)| gatherer.fill(place, resolution, tile));
+        let bytes = size_of_val(filled) as u64;
+        host.put(samples, tiles, bytes);
+        Ok(())
+    });
 }
 
 /// What finds the photons of places.
@@ -144,8 +191,7 @@ impl Gatherer<'_> {
         let zone = self.lookup.zone(position, normal, self.sought.wanted, self.sought.reach);
         let mut photons = Vec::new();
         self.lookup.for_each(position, normal, zone, |photon, squared| {
-            let is_own = squared == 0.0;
-            if !is_own && (!self.sought.visible || self.sees(position, normal, (photon.position.into(), unpacked_ways(photon.ways)[0]))) {
+            if squared > 0.0 && self.sees([position, photon.position.into()], normal, zone.radius) {
                 photons.push(photon);
             }
         });
@@ -178,16 +224,13 @@ impl Gatherer<'_> {
         let from = position + aside + normal * height;
         let Some(hit) = self.bvh.first(self.scene, from, -normal).filter(|hit| hit.distance <= 2.0 * height) else { return false };
         let face = self.scene.triangles[hit.triangle as usize].face_normal();
-        let own = face * face.dot(normal).signum();
-        let point = from - normal * hit.distance;
-        own.dot(normal) >= LEAST_COSINE && (!self.sought.visible || self.sees(position, normal, (point, own)))
+        face.dot(normal).abs() >= LEAST_COSINE && self.sees([position, from - normal * hit.distance], normal, radius)
     }
 
-    /// Whether nothing stands between a place and another, which has a normal of its own.
-    fn sees(&self, position: Vec3, normal: Vec3, other: (Vec3, Vec3)) -> bool {
-        let above = |(point, normal): (Vec3, Vec3)| point + normal * surface_offset(self.extent, point);
-        let (from, to) = (above((position, normal)), above(other));
-        !self.bvh.occluded(self.scene, from, to - from, 1.0)
+    /// Whether nothing stands between two points of a surface, seen from a little above it, so that it may bend; true where nobody asks.
+    fn sees(&self, points: [Vec3; 2], normal: Vec3, radius: f32) -> bool {
+        let [from, to] = points.map(|point| point + normal * (ABOVE * radius).max(surface_offset(self.extent, point)));
+        !self.sought.visible || !self.bvh.occluded(self.scene, from, to - from, 1.0)
     }
 
     /// Each photon adds to the square that it came from; what is there is as far away as the light came, in the harmonic mean.

@@ -31,12 +31,7 @@ static DESCRIPTION: Description = Description {
             unit: "photons",
             kind: ParameterKind::Integer { default: 1 << 20, min: 1 << 10, max: 1 << 22 },
         },
-        Parameter {
-            name: "legs",
-            about: "most surfaces that a photon meets",
-            unit: "",
-            kind: ParameterKind::Integer { default: 64, min: 2, max: 1024 },
-        },
+        Parameter { name: "legs", about: "most surfaces that a photon meets", unit: "", kind: ParameterKind::Integer { default: 64, min: 2, max: 1024 } },
     ],
     inputs: &[],
     outputs: &[Output { name: "map", about: "the photons, sorted by where they are", kind: PortKind::PhotonMap }],

@@ -61,12 +61,7 @@ impl Tracer<'_> {
             }
             flux *= by_shading(&surface, ray.direction);
             if leg > 0 {
-                path.photons.push(Photon {
-                    position: surface.position.into(),
-                    leg: hit.distance,
-                    flux: flux.into(),
-                    ways: ways(surface.face, -ray.direction),
-                });
+                path.photons.push(Photon { position: surface.position.into(), leg: hit.distance, flux: flux.into(), ways: ways(surface.face, -ray.direction) });
             }
             let seed = combine(number, leg);
             let Some((direction, share)) = scattered(&surface, seed) else { return path };

@@ -3,6 +3,7 @@
 use super::record_index::{cell, exponent};
 use super::thinning::Vertex;
 use glam::IVec3;
+use rayon::prelude::*;
 use std::collections::HashMap;
 
 /// Places by the cells that they touch, of the size that is twice to four times their reach.
@@ -45,15 +46,23 @@ impl Grid {
     }
 }
 
-/// Of points in this order the places, `most` at most, and how far each reaches, as `reach` says. Every point is reached by one where there are no more.
-pub fn walked(points: impl Iterator<Item = Vertex>, accuracy: f32, most: usize, reach: impl Fn(&Vertex) -> f32) -> Vec<(Vertex, f32)> {
+/// Points that are looked at side by side before places are made of them.
+const CHUNK: usize = 4096;
+
+/// Of points in this order the places, `most` at most, and how far each reaches, as `reach` says. Every point is reached by one where there are no more. All cores
+/// look at points; the places are those of one after the other.
+pub fn walked(points: &[Vertex], accuracy: f32, most: usize, reach: impl Fn(&Vertex) -> f32 + Sync) -> Vec<(Vertex, f32)> {
     let mut grid = Grid::default();
-    for point in points {
-        if grid.places.len() == most {
-            break;
-        }
-        if !grid.covers(&point, accuracy) {
-            grid.add(point, reach(&point).max(f32::MIN_POSITIVE));
+    for chunk in points.chunks(CHUNK) {
+        let unreached = chunk.par_iter().filter(|point| !grid.covers(point, accuracy));
+        let places: Vec<(Vertex, f32)> = unreached.map(|point| (*point, reach(point).max(f32::MIN_POSITIVE))).collect();
+        for (place, reach) in places {
+            if grid.places.len() == most {
+                return grid.places;
+            }
+            if !grid.covers(&place, accuracy) {
+                grid.add(place, reach);
+            }
         }
     }
     grid.places
@@ -76,8 +85,8 @@ pub fn spread(count: usize) -> impl Iterator<Item = usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::Vec3;
     use crate::math::random::{hash, unit};
+    use glam::Vec3;
 
     #[test]
     fn every_point_is_reached_and_no_place_stands_in_the_reach_of_one_before() {
@@ -90,7 +99,7 @@ mod tests {
             })
             .collect();
         let reach = |point: &Vertex| 0.2 + 0.1 * point.position.x;
-        let places = walked(points.iter().copied(), 0.5, usize::MAX, reach);
+        let places = walked(&points, 0.5, usize::MAX, reach);
         let covers = |(place, radius): &(Vertex, f32), point: &Vertex| {
             place.normal == point.normal && place.position.z == point.position.z && place.position.distance(point.position) < radius * 1.0001
         };
@@ -99,7 +108,7 @@ mod tests {
             assert!(!places[..at].iter().any(|before| covers(before, place) && before.0.position.distance(place.position) < 0.999 * before.1));
         }
         assert!(places.len() > 100 && places.len() < 1500, "{}", places.len());
-        assert_eq!(walked(points.iter().copied(), 0.5, 7, reach).len(), 7);
+        assert_eq!(walked(&points, 0.5, 7, reach).len(), 7);
     }
 
     #[test]

@@ -89,22 +89,17 @@ impl Sources {
 
     fn from_light(&self, kind: &LightKind, [u, v]: [f64; 2]) -> Emitted {
         match *kind {
-            LightKind::Point { position, intensity } => {
-                Emitted { origin: position, direction: on_sphere([u, v]), flux: intensity * (2.0 * TAU) as f32 }
-            }
+            LightKind::Point { position, intensity } => Emitted { origin: position, direction: on_sphere([u, v]), flux: intensity * (2.0 * TAU) as f32 },
             LightKind::Spot { position, direction, inner, outer, .. } => {
                 let [full, ramp] = spot_parts(inner, outer);
                 let [inner, outer] = [inner, outer].map(|angle| f64::from(angle).cos());
                 let chosen = u * (full + ramp);
                 // The square of a ramp in the cosine has the third root as the inverse of its sum.
-                let cosine =
-                    if chosen < full { 1.0 - chosen / full * (1.0 - inner) } else { outer + (inner - outer) * ((chosen - full) / ramp).cbrt() };
+                let cosine = if chosen < full { 1.0 - chosen / full * (1.0 - inner) } else { outer + (inner - outer) * ((chosen - full) / ramp).cbrt() };
                 let local = around(cosine as f32, (TAU * v) as f32);
                 Emitted { origin: position, direction: Frame::new(direction).to_world(local), flux: kind.intensity() * (full + ramp) as f32 }
             }
-            LightKind::Directional { direction, irradiance } => {
-                Emitted { flux: irradiance * self.disc() as f32, ..self.from_afar(direction, [u, v]) }
-            }
+            LightKind::Directional { direction, irradiance } => Emitted { flux: irradiance * self.disc() as f32, ..self.from_afar(direction, [u, v]) },
         }
     }
 
@@ -174,14 +169,7 @@ mod tests {
     use crate::scene::{Camera, FieldOfView, Light};
 
     fn scene(triangles: Vec<Triangle>, lights: Vec<LightKind>, environment: Environment) -> Scene {
-        let camera = Camera {
-            name: String::new(),
-            eye: Vec3::ZERO,
-            direction: Vec3::X,
-            up: Vec3::Y,
-            field_of_view: FieldOfView::Shorter(1.0),
-            size: None,
-        };
+        let camera = Camera { name: String::new(), eye: Vec3::ZERO, direction: Vec3::X, up: Vec3::Y, field_of_view: FieldOfView::Shorter(1.0), size: None };
         let lights = lights.into_iter().map(|kind| Light { name: String::new(), kind, shadows: true }).collect();
         let lamp = |two_sided| Material { emission: Vec3::new(1.0, 2.0, 3.0), two_sided, ..Material::diffuse("lamp", Vec3::ONE) };
         Scene {

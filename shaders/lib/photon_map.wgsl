@@ -1,0 +1,169 @@
+// Photons near a point: passes/photon_map has the same.
+
+struct Photon {
+    position: vec3f,
+    // Length of the way from the last surface.
+    leg: f32,
+    flux: vec3f,
+    // The surface's normal and the way to where it came from: two times two bytes.
+    ways: u32,
+}
+
+// What stands before the codes.
+struct MapHead {
+    corner: vec3f,
+    cells_per_unit: f32,
+    count: u32,
+    level: u32,
+    padding_a: u32,
+    padding_b: u32,
+}
+
+// The head; of the table's cells the first photon; the photons' cells.
+@group(0) @binding(22) var<storage, read> photon_codes: array<u32>;
+@group(0) @binding(23) var<storage, read> photons: array<Photon>;
+
+const HEAD_WORDS = 8u;
+const BITS = 10u;
+const TABLE_BITS = 12u;
+const STARTS = 262145u;
+const CROWD = 6u;
+const DETAIL = 4u;
+const RINGS = 16u;
+const LEAST_COSINE = 0.8;
+const FLATNESS = 0.25;
+
+// As Zone.
+struct Zone {
+    radius: f32,
+    level: u32,
+    is_filled: bool,
+}
+
+fn map_head() -> MapHead {
+    let corner = bitcast<vec3f>(vec3u(photon_codes[0], photon_codes[1], photon_codes[2]));
+    return MapHead(corner, bitcast<f32>(photon_codes[3]), photon_codes[4], photon_codes[5], 0u, 0u);
+}
+
+fn fair_share(zone: Zone, count: u32) -> f32 {
+    return select(1.0, 1.0 - 1.0 / f32(max(count, 1u)), zone.is_filled && count > 1u);
+}
+
+fn spread_bits(bits: u32) -> u32 {
+    let a = (bits | bits << 16u) & 0x030000ffu;
+    let b = (a | a << 8u) & 0x0300f00fu;
+    let c = (b | b << 4u) & 0x030c30c3u;
+    return (c | c << 2u) & 0x09249249u;
+}
+
+fn cell_code(cell: vec3u) -> u32 {
+    return spread_bits(cell.x) | spread_bits(cell.y) << 1u | spread_bits(cell.z) << 2u;
+}
+
+// The first photon whose code is no less.
+fn first_from(code: u32) -> u32 {
+    let cell = code >> TABLE_BITS;
+    var low = photon_codes[HEAD_WORDS + cell];
+    if (code & ((1u << TABLE_BITS) - 1u)) == 0u {
+        return low;
+    }
+    var high = photon_codes[HEAD_WORDS + cell + 1u];
+    while low < high {
+        let middle = (low + high) / 2u;
+        if photon_codes[HEAD_WORDS + STARTS + middle] < code {
+            low = middle + 1u;
+        } else {
+            high = middle;
+        }
+    }
+    return low;
+}
+
+fn zone_reach(head: MapHead, level: u32) -> f32 {
+    return 0.5 * f32(1u << level) / head.cells_per_unit;
+}
+
+// The photons in one of the eight cells next to a point: the first, and one past the last.
+fn photons_of(head: MapHead, position: vec3f, level: u32, number: u32) -> vec2u {
+    let last = (1 << (BITS - level)) - 1;
+    let place = (position - head.corner) * head.cells_per_unit;
+    let base = vec3i(floor(place / f32(1u << level) - 0.5));
+    let cell = base + vec3i(vec3u(number & 1u, number >> 1u & 1u, number >> 2u));
+    if any(cell < vec3i(0)) || any(cell > vec3i(last)) {
+        return vec2u(0u);
+    }
+    let first = cell_code(vec3u(cell)) << (3u * level);
+    return vec2u(first_from(first), first_from(first + (1u << (3u * level))));
+}
+
+fn count_around(head: MapHead, position: vec3f, level: u32) -> u32 {
+    var count = 0u;
+    for (var number = 0u; number < 8u; number++) {
+        let range = photons_of(head, position, level, number);
+        count += range.y - range.x;
+    }
+    return count;
+}
+
+fn fold(own: f32, other: f32) -> f32 {
+    return (1.0 - abs(other)) * select(1.0, -1.0, own < 0.0);
+}
+
+fn unpacked_way(bits: u32) -> vec3f {
+    let at = vec2f(vec2u(bits & 255u, bits >> 8u & 255u)) / 127.0 - 1.0;
+    let z = 1.0 - abs(at.x) - abs(at.y);
+    return normalize(select(vec3f(at, z), vec3f(fold(at.x, at.y), fold(at.y, at.x), z), z < 0.0));
+}
+
+// The squared distance of a photon that is on the surface within the radius, and −1 of others.
+fn photon_distance(photon: Photon, position: vec3f, normal: vec3f, radius: f32) -> f32 {
+    let way = photon.position - position;
+    let squared = dot(way, way);
+    let is_near = squared <= radius * radius && abs(dot(way, normal)) <= FLATNESS * radius;
+    if is_near && dot(unpacked_way(photon.ways), normal) >= LEAST_COSINE {
+        return squared;
+    }
+    return -1.0;
+}
+
+// As Lookup::zone.
+fn photon_zone(position: vec3f, normal: vec3f, wanted: u32, most: f32) -> Zone {
+    let head = map_head();
+    let crowd = CROWD * wanted;
+    var level = head.level;
+    if count_around(head, position, level) >= crowd {
+        while level > 0u && count_around(head, position, max(level, 1u) - 1u) >= crowd {
+            level -= 1u;
+        }
+    } else {
+        while level < BITS && zone_reach(head, level) < most && count_around(head, position, level) < crowd {
+            level += 1u;
+        }
+    }
+    loop {
+        let radius = min(zone_reach(head, level), most);
+        var rings: array<u32, RINGS>;
+        let scale = f32(RINGS) / (radius * radius);
+        for (var number = 0u; number < 8u; number++) {
+            let range = photons_of(head, position, level, number);
+            for (var i = range.x; i < range.y; i++) {
+                let squared = photon_distance(photons[i], position, normal, radius);
+                if squared >= 0.0 {
+                    rings[min(u32(squared * scale), RINGS - 1u)] += 1u;
+                }
+            }
+        }
+        var sum = 0u;
+        for (var ring = 0u; ring < RINGS; ring++) {
+            sum += rings[ring];
+            if sum >= wanted {
+                return Zone(radius * sqrt(f32(ring + 1u) / f32(RINGS)), level, true);
+            }
+        }
+        if level == BITS || zone_reach(head, level) >= most || sum * DETAIL >= wanted {
+            return Zone(radius, level, false);
+        }
+        level += 1u;
+    }
+    return Zone(0.0, 0u, false);
+}

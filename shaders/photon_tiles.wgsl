@@ -1,0 +1,128 @@
+#import lib/first
+#import lib/frame
+#import lib/outline
+#import lib/photon_map
+#import lib/record
+#import lib/tile
+
+// Tiles of the photons that arrive near their places.
+
+@group(0) @binding(0) var<storage, read> requests: array<Request>;
+// Radiance, distance: tile · samples + sample.
+@group(0) @binding(1) var<storage, read_write> radiance: array<vec4f>;
+// Photons of each sample.
+@group(0) @binding(2) var<storage, read_write> counts: array<u32>;
+
+// Photons of a tile, and how far away they may be.
+override WANTED: u32 = 64u;
+override REACH: f32 = 1.0;
+// Whether they must be seen from the place.
+override VISIBLE: bool = true;
+// What tells the area that they stand for: 0 all of the disc, 1 their outline, else so many rays.
+override AREA: u32 = 32u;
+
+const ABOVE = 0.1;
+
+fn is_in_sight(place: vec3f, other: vec3f, normal: vec3f, radius: f32) -> bool {
+    if !VISIBLE {
+        return true;
+    }
+    let origin = place + normal * max(ABOVE * radius, surface_offset(place));
+    let end = other + normal * max(ABOVE * radius, surface_offset(other));
+    return !trace_occluded(origin, end - origin, 1.0);
+}
+
+fn is_surface(place: vec3f, aside: vec3f, normal: vec3f, radius: f32) -> bool {
+    let height = FLATNESS * radius;
+    let origin = place + aside + normal * height;
+    let hit = trace_first(origin, -normal, 2.0 * height);
+    if hit.triangle == NO_TRIANGLE {
+        return false;
+    }
+    let plane = cross(scene_corners[3u * hit.triangle + 1u].xyz, scene_corners[3u * hit.triangle + 2u].xyz);
+    let faces = abs(dot(plane, normal)) >= LEAST_COSINE * length(plane);
+    return faces && is_in_sight(place, origin - normal * hit.distance, normal, radius);
+}
+
+fn area_of(place: vec3f, normal: vec3f, radius: f32) -> f32 {
+    let disc = PI * radius * radius;
+    if AREA == 0u {
+        return disc;
+    }
+    if AREA == 1u {
+        return outline_stands_for(radius);
+    }
+    let frame = frame_around(normal, 0.0);
+    let region = outline_region(radius);
+    var there = 0u;
+    for (var at = 0u; at < AREA; at++) {
+        let aside = region_point(region, radius, at, AREA);
+        if length(aside) <= radius && is_surface(place, frame[0] * aside.x + frame[1] * aside.y, normal, radius) {
+            there += 1u;
+        }
+    }
+    return max(region.area * f32(there) / f32(max(AREA, 1u)), LEAST_SHARE * disc);
+}
+
+// The sample that holds a direction: as math::hemisphere::square.
+fn sample_of(aside: vec2f) -> u32 {
+    let turned = abs(aside.x) < abs(aside.y);
+    let ways = select(aside, vec2f(aside.y, -aside.x), turned);
+    let a = min(length(aside), 1.0) * select(1.0, -1.0, ways.x < 0.0);
+    var b = 0.0;
+    if ways.x != 0.0 {
+        b = a * atan(ways.y / ways.x) / (0.25 * PI);
+    }
+    let at = select(vec2f(a, b), vec2f(-b, a), turned);
+    let square = min(vec2u(max((at + 1.0) * 0.5 * f32(TILE_WIDTH), vec2f(0.0))), vec2u(TILE_WIDTH - 1u));
+    return square.y * TILE_WIDTH + square.x;
+}
+
+@compute @workgroup_size(64)
+fn gather(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) lane: u32) {
+    let tile = (group.x + group.y * groups.x) * 64u + lane;
+    let samples = TILE_WIDTH * TILE_HEIGHT;
+    if tile >= TILE_CAPACITY {
+        return;
+    }
+    for (var sample = 0u; sample < samples; sample++) {
+        radiance[tile * samples + sample] = vec4f(0.0);
+        counts[tile * samples + sample] = 0u;
+    }
+    let request = requests[tile];
+    let plain = frame_around(request.normal, 0.0);
+    let frame = frame_around(request.normal, request.turn);
+    let head = map_head();
+    let zone = photon_zone(request.position, request.normal, WANTED, REACH);
+    var count = 0u;
+    var inverse = 0.0;
+    begin_outline();
+    for (var number = 0u; number < 8u; number++) {
+        let range = photons_of(head, request.position, zone.level, number);
+        for (var i = range.x; i < range.y; i++) {
+            let photon = photons[i];
+            // Without one that the place stands on.
+            let is_near = photon_distance(photon, request.position, request.normal, zone.radius) > 0.0;
+            if is_near && is_in_sight(request.position, photon.position, request.normal, zone.radius) {
+                let way = photon.position - request.position;
+                add_to_outline(vec2f(dot(way, plain[0]), dot(way, plain[1])));
+                let origin = unpacked_way(photon.ways >> 16u);
+                let sample = tile * samples + sample_of(vec2f(dot(origin, frame[0]), dot(origin, frame[1])));
+                let per_length = 1.0 / max(photon.leg, 1e-37);
+                radiance[sample] += vec4f(photon.flux, per_length);
+                counts[sample] += 1u;
+                count += 1u;
+                inverse += per_length;
+            }
+        }
+    }
+    let area = area_of(request.position, request.normal, zone.radius) / fair_share(zone, count);
+    let per_sample = f32(samples) / (PI * max(area, 1e-37));
+    let usual = select(FAR_AWAY, f32(count) / max(inverse, 1e-37), inverse > 0.0);
+    for (var sample = 0u; sample < samples; sample++) {
+        let at = tile * samples + sample;
+        let sum = radiance[at];
+        let distance = select(usual, f32(counts[at]) / max(sum.w, 1e-37), counts[at] > 0u);
+        radiance[at] = vec4f(sum.xyz * per_sample, distance);
+    }
+}

@@ -37,8 +37,9 @@ fn photon_irradiance(place: vec3f, up: vec3f) -> vec3f {
     var flux = vec3f(0.0);
     var count = 0u;
     begin_outline();
+    let slab = slab_of(head, up, zone.radius, zone.level);
     for (var number = 0u; number < 8u; number++) {
-        let range = photons_of(head, place, zone.level, number);
+        let range = photons_of(head, place, zone.level, number, up, slab);
         for (var i = range.x; i < range.y; i++) {
             let photon = photons[i];
             if photon_distance(photon, place, up, zone.radius) >= 0.0 {

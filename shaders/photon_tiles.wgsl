@@ -97,8 +97,9 @@ fn gather(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: 
     var count = 0u;
     var inverse = 0.0;
     begin_outline();
+    let slab = slab_of(head, request.normal, zone.radius, zone.level);
     for (var number = 0u; number < 8u; number++) {
-        let range = photons_of(head, request.position, zone.level, number);
+        let range = photons_of(head, request.position, zone.level, number, request.normal, slab);
         for (var i = range.x; i < range.y; i++) {
             let photon = photons[i];
             // Without one that the place stands on.

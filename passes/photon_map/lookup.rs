@@ -43,6 +43,12 @@ const CROWD: usize = 6;
 /// So few of the photons that are wanted do, where larger cells would have to be looked through.
 const DETAIL: u32 = 4;
 
+/// Sizes of cells by which a zone is widened at most, where few of the photons near are on the surface.
+const WIDENED: u32 = 1;
+
+/// What rounding may take away.
+const LONGER: f32 = 1.0001;
+
 /// Rings of equal area in which photons are counted to find the radius.
 const RINGS: usize = 16;
 
@@ -69,13 +75,15 @@ impl<'a> Lookup<'a> {
         0.5 * (1 << level) as f32 / self.cube.cells_per_unit
     }
 
-    /// The photons in each of the eight cells next to a point, as first and one past the last.
-    fn block(&self, position: Vec3, level: u32) -> [[usize; 2]; 8] {
+    /// The photons in each of the eight cells next to a point that hold any place accepted, by its middle: the first, and one past the last.
+    fn block(&self, position: Vec3, level: u32, accepts: impl Fn(Vec3) -> bool) -> [[usize; 2]; 8] {
         let last = (1i32 << (BITS - level)) - 1;
-        let base = (self.cube.place(position) / (1 << level) as f32 - 0.5).floor().as_ivec3();
+        let size = (1 << level) as f32;
+        let base = (self.cube.place(position) / size - 0.5).floor().as_ivec3();
         std::array::from_fn(|number| {
             let cell = base + glam::IVec3::new(number as i32 & 1, number as i32 >> 1 & 1, number as i32 >> 2);
-            if cell.min_element() < 0 || cell.max_element() > last {
+            let middle = self.cube.corner + (cell.as_vec3() + 0.5) * (size / self.cube.cells_per_unit);
+            if cell.min_element() < 0 || cell.max_element() > last || !accepts(middle) {
                 return [0; 2];
             }
             let first = code(UVec3::new(cell.x as u32, cell.y as u32, cell.z as u32)) << (3 * level);
@@ -97,7 +105,7 @@ impl<'a> Lookup<'a> {
     /// The zone around a point that holds so many photons of its surface; fewer in details and within `most` [scene units].
     pub fn zone(&self, position: Vec3, normal: Vec3, wanted: u32, most: f32) -> Zone {
         let crowd = CROWD * wanted as usize;
-        let count = |level: u32| self.block(position, level).iter().map(|[first, end]| end - first).sum::<usize>();
+        let count = |level: u32| self.block(position, level, |_| true).iter().map(|[first, end]| end - first).sum::<usize>();
         let mut level = self.level;
         if count(level) >= crowd {
             while level > 0 && count(level - 1) >= crowd {
@@ -108,6 +116,7 @@ impl<'a> Lookup<'a> {
                 level += 1;
             }
         }
+        let last = level + WIDENED;
         loop {
             let radius = self.reach(level).min(most);
             let rings = self.rings(position, normal, Zone { radius, level, is_filled: false });
@@ -116,7 +125,7 @@ impl<'a> Lookup<'a> {
                 return Zone { radius: radius * ((ring + 1) as f32 / RINGS as f32).sqrt(), level, is_filled: true };
             }
             // In details there are never as many on one surface.
-            if level == BITS || self.reach(level) >= most || rings[RINGS - 1] * DETAIL >= wanted {
+            if level == BITS.min(last) || self.reach(level) >= most || rings[RINGS - 1] * DETAIL >= wanted {
                 return Zone { radius, level, is_filled: false };
             }
             level += 1;
@@ -138,7 +147,9 @@ impl<'a> Lookup<'a> {
     /// The photons of a zone that are on the surface, and their squared distances.
     pub fn for_each(&self, position: Vec3, normal: Vec3, zone: Zone, mut see: impl FnMut(&'a Photon, f32)) {
         let most = zone.radius * zone.radius;
-        for [first, end] in self.block(position, zone.level) {
+        // A cell that the surface's slab does not cross has none.
+        let slab = FLATNESS * zone.radius + self.reach(zone.level) * normal.abs().element_sum() * LONGER;
+        for [first, end] in self.block(position, zone.level, |middle| (middle - position).dot(normal).abs() <= slab) {
             for photon in &self.photons[first..end] {
                 let way = Vec3::from(photon.position) - position;
                 let squared = way.length_squared();
@@ -223,7 +234,7 @@ mod tests {
                 let within = |radius: f32| kept.iter().filter(on_floor).filter(|p| Vec3::from(p.position).distance(position) <= radius).count();
                 assert_eq!(found, within(zone.radius), "{wanted} within {most} at {position}: {zone:?}");
                 assert!(zone.radius <= most);
-                let is_all = found == within(f32::INFINITY) || zone.radius == most;
+                let is_all = found == within(f32::INFINITY) || zone.radius == most || !zone.is_filled;
                 // A ring more than is needed at most.
                 assert!(is_all || found * DETAIL as usize >= wanted as usize && found <= 3 * wanted as usize + 40, "{found} for {wanted} at {position}");
             }

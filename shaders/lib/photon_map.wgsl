@@ -29,6 +29,8 @@ const TABLE_BITS = 12u;
 const STARTS = 262145u;
 const CROWD = 6u;
 const DETAIL = 4u;
+const WIDENED = 1u;
+const LONGER = 1.0001;
 const RINGS = 16u;
 const LEAST_COSINE = 0.8;
 const FLATNESS = 0.25;
@@ -83,13 +85,22 @@ fn zone_reach(head: MapHead, level: u32) -> f32 {
     return 0.5 * f32(1u << level) / head.cells_per_unit;
 }
 
-// The photons in one of the eight cells next to a point: the first, and one past the last.
-fn photons_of(head: MapHead, position: vec3f, level: u32, number: u32) -> vec2u {
+// How far from a surface the middle of a cell may be that has photons of it.
+fn slab_of(head: MapHead, normal: vec3f, radius: f32, level: u32) -> f32 {
+    return FLATNESS * radius + zone_reach(head, level) * dot(abs(normal), vec3f(1.0)) * LONGER;
+}
+
+// The photons in one of the eight cells next to a point, if its middle is within a slab: the first, and one past the last.
+fn photons_of(head: MapHead, position: vec3f, level: u32, number: u32, normal: vec3f, slab: f32) -> vec2u {
     let last = (1 << (BITS - level)) - 1;
     let place = (position - head.corner) * head.cells_per_unit;
     let base = vec3i(floor(place / f32(1u << level) - 0.5));
     let cell = base + vec3i(vec3u(number & 1u, number >> 1u & 1u, number >> 2u));
     if any(cell < vec3i(0)) || any(cell > vec3i(last)) {
+        return vec2u(0u);
+    }
+    let middle = head.corner + (vec3f(cell) + 0.5) * (f32(1u << level) / head.cells_per_unit);
+    if abs(dot(middle - position, normal)) > slab {
         return vec2u(0u);
     }
     let first = cell_code(vec3u(cell)) << (3u * level);
@@ -99,7 +110,7 @@ fn photons_of(head: MapHead, position: vec3f, level: u32, number: u32) -> vec2u 
 fn count_around(head: MapHead, position: vec3f, level: u32) -> u32 {
     var count = 0u;
     for (var number = 0u; number < 8u; number++) {
-        let range = photons_of(head, position, level, number);
+        let range = photons_of(head, position, level, number, vec3f(0.0), 0.0);
         count += range.y - range.x;
     }
     return count;
@@ -140,12 +151,14 @@ fn photon_zone(position: vec3f, normal: vec3f, wanted: u32, most: f32) -> Zone {
             level += 1u;
         }
     }
+    let last = min(BITS, level + WIDENED);
     loop {
         let radius = min(zone_reach(head, level), most);
         var rings: array<u32, RINGS>;
         let scale = f32(RINGS) / (radius * radius);
+        let slab = slab_of(head, normal, radius, level);
         for (var number = 0u; number < 8u; number++) {
-            let range = photons_of(head, position, level, number);
+            let range = photons_of(head, position, level, number, normal, slab);
             for (var i = range.x; i < range.y; i++) {
                 let squared = photon_distance(photons[i], position, normal, radius);
                 if squared >= 0.0 {
@@ -160,7 +173,7 @@ fn photon_zone(position: vec3f, normal: vec3f, wanted: u32, most: f32) -> Zone {
                 return Zone(radius * sqrt(f32(ring + 1u) / f32(RINGS)), level, true);
             }
         }
-        if level == BITS || zone_reach(head, level) >= most || sum * DETAIL >= wanted {
+        if level == last || zone_reach(head, level) >= most || sum * DETAIL >= wanted {
             return Zone(radius, level, false);
         }
         level += 1u;

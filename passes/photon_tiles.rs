@@ -10,7 +10,7 @@ use crate::contract::recorder::scene_constants;
 use crate::contract::{Bodies, Choice, Description, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Recorder, Refusal, port};
 use crate::math::frame::Frame;
 use crate::math::hemisphere::{Method, Shape, Table, square};
-use crate::math::outline::{LEAST_SHARE, Outline};
+use crate::math::outline::{DIRECTIONS, LEAST_SHARE, Outline};
 use crate::recording::*;
 use crate::scene::{Scene, bvh::Bvh, surface_offset};
 use glam::{Vec2, Vec3, Vec4};
@@ -136,8 +136,11 @@ impl Pass for PhotonTiles {
     }
 }
 
+/// Words of a place's state and outline, as the shader keeps them.
+const STATE_WORDS: u64 = 6 + 2 * DIRECTIONS as u64;
+
 fn record_on_device(r: &mut Recorder<'_>, requests: port::Requests, map: port::PhotonMap, samples: Resource, (resolution, sought): (u32, Sought)) {
-    let counts = r.buffer("counts", 4 * u64::from(requests.capacity) * u64::from(resolution * resolution));
+    let work = r.buffer("work", 4 * u64::from(requests.capacity) * (STATE_WORDS + u64::from(resolution * resolution)));
     let program = scene_constants(Program::new("photon_tiles"), r.setting.needs)
         .constant("TILE_WIDTH", resolution)
         .constant("TILE_HEIGHT", resolution)
@@ -155,10 +158,16 @@ fn record_on_device(r: &mut Recorder<'_>, requests: port::Requests, map: port::P
         )
         .bind("requests", requests.places)
         .bind("radiance", samples)
-        .bind("counts", counts)
+        .bind("work", work)
         .bind("photon_codes", map.codes)
         .bind("photons", map.photons);
-    r.compute(program, "gather", Groups::Counted { count: requests.count, divisor: 64, per: 1 });
+    let each_place = Groups::Counted { count: requests.count, divisor: 64, per: 1 };
+    r.compute(program.clone(), "find_zones", each_place);
+    r.compute(program.clone(), "gather", each_place);
+    if let Area::Probed { rays } = sought.area {
+        r.compute(program.clone(), "probe", Groups::Counted { count: requests.count, divisor: 1, per: rays.div_ceil(64) });
+    }
+    r.compute(program, "finish", each_place);
 }
 
 fn record_on_host(r: &mut Recorder<'_>, requests: port::Requests, map: port::PhotonMap, samples: Resource, (resolution, sought): (u32, Sought)) {

@@ -10,8 +10,18 @@
 @group(0) @binding(0) var<storage, read> requests: array<Request>;
 // Radiance, distance: tile · samples + sample.
 @group(0) @binding(1) var<storage, read_write> radiance: array<vec4f>;
-// Photons of each sample.
-@group(0) @binding(2) var<storage, read_write> counts: array<u32>;
+// Of each place the words of its state, its outline, and how many photons each sample has.
+@group(0) @binding(2) var<storage, read_write> work: array<atomic<u32>>;
+
+const RADIUS = 0u;
+const LEVEL = 1u;
+const IS_FILLED = 2u;
+const COUNT = 3u;
+const INVERSE = 4u;
+// Points of the region that are on the surface.
+const THERE = 5u;
+const OUTLINE = 6u;
+const SAMPLES = OUTLINE + 2u * DIRECTIONS;
 
 // Photons of a tile, and how far away they may be.
 override WANTED: u32 = 64u;
@@ -44,26 +54,6 @@ fn is_surface(place: vec3f, aside: vec3f, normal: vec3f, radius: f32) -> bool {
     return faces && is_in_sight(place, origin - normal * hit.distance, normal, radius);
 }
 
-fn area_of(place: vec3f, normal: vec3f, radius: f32) -> f32 {
-    let disc = PI * radius * radius;
-    if AREA == 0u {
-        return disc;
-    }
-    if AREA == 1u {
-        return outline_stands_for(radius);
-    }
-    let frame = frame_around(normal, 0.0);
-    let region = outline_region(radius);
-    var there = 0u;
-    for (var at = 0u; at < AREA; at++) {
-        let aside = region_point(region, radius, at, AREA);
-        if length(aside) <= radius && is_surface(place, frame[0] * aside.x + frame[1] * aside.y, normal, radius) {
-            there += 1u;
-        }
-    }
-    return max(region.area * f32(there) / f32(max(AREA, 1u)), LEAST_SHARE * disc);
-}
-
 // The sample that holds a direction: as math::hemisphere::square.
 fn sample_of(aside: vec2f) -> u32 {
     let turned = abs(aside.x) < abs(aside.y);
@@ -78,26 +68,64 @@ fn sample_of(aside: vec2f) -> u32 {
     return square.y * TILE_WIDTH + square.x;
 }
 
+fn work_of(tile: u32) -> u32 {
+    return tile * (SAMPLES + TILE_WIDTH * TILE_HEIGHT);
+}
+
+fn load_number(at: u32) -> f32 {
+    return bitcast<f32>(atomicLoad(&work[at]));
+}
+
+fn store_number(at: u32, number: f32) {
+    atomicStore(&work[at], bitcast<u32>(number));
+}
+
+fn linear_lane(group: vec3u, groups: vec3u, lane: u32) -> u32 {
+    return (group.x + group.y * groups.x) * 64u + lane;
+}
+
+// A lane a place.
+@compute @workgroup_size(64)
+fn find_zones(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) lane: u32) {
+    let tile = linear_lane(group, groups, lane);
+    if tile >= TILE_CAPACITY {
+        return;
+    }
+    let request = requests[tile];
+    let zone = photon_zone(request.position, request.normal, WANTED, REACH);
+    let own = work_of(tile);
+    store_number(own + RADIUS, zone.radius);
+    atomicStore(&work[own + LEVEL], zone.level);
+    atomicStore(&work[own + IS_FILLED], select(0u, 1u, zone.is_filled));
+    atomicStore(&work[own + THERE], 0u);
+}
+
+fn zone_of(own: u32) -> Zone {
+    return Zone(load_number(own + RADIUS), atomicLoad(&work[own + LEVEL]), atomicLoad(&work[own + IS_FILLED]) == 1u);
+}
+
+// A lane a place: the sums of each sample, and the outline.
 @compute @workgroup_size(64)
 fn gather(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) lane: u32) {
-    let tile = (group.x + group.y * groups.x) * 64u + lane;
+    let tile = linear_lane(group, groups, lane);
     let samples = TILE_WIDTH * TILE_HEIGHT;
     if tile >= TILE_CAPACITY {
         return;
     }
+    let own = work_of(tile);
     for (var sample = 0u; sample < samples; sample++) {
         radiance[tile * samples + sample] = vec4f(0.0);
-        counts[tile * samples + sample] = 0u;
+        atomicStore(&work[own + SAMPLES + sample], 0u);
     }
     let request = requests[tile];
     let plain = frame_around(request.normal, 0.0);
     let frame = frame_around(request.normal, request.turn);
     let head = map_head();
-    let zone = photon_zone(request.position, request.normal, WANTED, REACH);
+    let zone = zone_of(own);
+    let slab = slab_of(head, request.normal, zone.radius, zone.level);
     var count = 0u;
     var inverse = 0.0;
     begin_outline();
-    let slab = slab_of(head, request.normal, zone.radius, zone.level);
     for (var number = 0u; number < 8u; number++) {
         let range = photons_of(head, request.position, zone.level, number, request.normal, slab);
         for (var i = range.x; i < range.y; i++) {
@@ -108,22 +136,81 @@ fn gather(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: 
                 let way = photon.position - request.position;
                 add_to_outline(vec2f(dot(way, plain[0]), dot(way, plain[1])));
                 let origin = unpacked_way(photon.ways >> 16u);
-                let sample = tile * samples + sample_of(vec2f(dot(origin, frame[0]), dot(origin, frame[1])));
+                let sample = sample_of(vec2f(dot(origin, frame[0]), dot(origin, frame[1])));
                 let per_length = 1.0 / max(photon.leg, 1e-37);
-                radiance[sample] += vec4f(photon.flux, per_length);
-                counts[sample] += 1u;
+                radiance[tile * samples + sample] += vec4f(photon.flux, per_length);
+                atomicAdd(&work[own + SAMPLES + sample], 1u);
                 count += 1u;
                 inverse += per_length;
             }
         }
     }
-    let area = area_of(request.position, request.normal, zone.radius) / fair_share(zone, count);
+    atomicStore(&work[own + COUNT], count);
+    store_number(own + INVERSE, inverse);
+    for (var number = 0u; number < DIRECTIONS; number++) {
+        store_number(own + OUTLINE + 2u * number, outline_farthest[number].x);
+        store_number(own + OUTLINE + 2u * number + 1u, outline_farthest[number].y);
+    }
+}
+
+fn load_outline(own: u32) {
+    outline_count = atomicLoad(&work[own + COUNT]);
+    for (var number = 0u; number < DIRECTIONS; number++) {
+        outline_farthest[number] = vec2f(load_number(own + OUTLINE + 2u * number), load_number(own + OUTLINE + 2u * number + 1u));
+    }
+}
+
+// A lane a point of a place's region.
+@compute @workgroup_size(64)
+fn probe(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) lane: u32) {
+    let item = tile_item(AREA, group, groups, lane);
+    if !item.inside {
+        return;
+    }
+    let own = work_of(item.tile);
+    let radius = load_number(own + RADIUS);
+    load_outline(own);
+    let request = requests[item.tile];
+    let frame = frame_around(request.normal, 0.0);
+    let aside = region_point(outline_region(radius), radius, item.index, AREA);
+    if length(aside) <= radius && is_surface(request.position, frame[0] * aside.x + frame[1] * aside.y, request.normal, radius) {
+        atomicAdd(&work[own + THERE], 1u);
+    }
+}
+
+fn area_of(own: u32, radius: f32) -> f32 {
+    let disc = PI * radius * radius;
+    if AREA == 0u {
+        return disc;
+    }
+    load_outline(own);
+    if AREA == 1u {
+        return outline_stands_for(radius);
+    }
+    let there = f32(atomicLoad(&work[own + THERE]));
+    return max(outline_region(radius).area * there / f32(max(AREA, 1u)), LEAST_SHARE * disc);
+}
+
+// A lane a place: from sums to radiance and distance.
+@compute @workgroup_size(64)
+fn finish(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) lane: u32) {
+    let tile = linear_lane(group, groups, lane);
+    let samples = TILE_WIDTH * TILE_HEIGHT;
+    if tile >= TILE_CAPACITY {
+        return;
+    }
+    let own = work_of(tile);
+    let zone = zone_of(own);
+    let count = atomicLoad(&work[own + COUNT]);
+    let inverse = load_number(own + INVERSE);
+    let area = area_of(own, zone.radius) / fair_share(zone, count);
     let per_sample = f32(samples) / (PI * max(area, 1e-37));
     let usual = select(FAR_AWAY, f32(count) / max(inverse, 1e-37), inverse > 0.0);
     for (var sample = 0u; sample < samples; sample++) {
         let at = tile * samples + sample;
         let sum = radiance[at];
-        let distance = select(usual, f32(counts[at]) / max(sum.w, 1e-37), counts[at] > 0u);
+        let photons_there = atomicLoad(&work[own + SAMPLES + sample]);
+        let distance = select(usual, f32(photons_there) / max(sum.w, 1e-37), photons_there > 0u);
         radiance[at] = vec4f(sum.xyz * per_sample, distance);
     }
 }

@@ -21,6 +21,7 @@ pub mod photon_density;
 pub mod photon_map;
 pub mod photon_places;
 pub mod photon_tiles;
+pub mod photons;
 pub mod prefix_sum;
 pub mod radiance_projection;
 pub mod record;

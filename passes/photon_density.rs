@@ -1,6 +1,6 @@
 //! The photon map itself, seen by the camera.
 
-use super::photon_map::{PHOTON_BYTES, lookup::Lookup};
+use super::photons::{PHOTON_BYTES, lookup::Lookup};
 use super::record::texels;
 use crate::contract::{Description, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Recorder, Refusal, port};
 use crate::math::{frame::Frame, outline::Outline};

@@ -1,13 +1,16 @@
 //! Where records made of photons stand: where photons are.
 
-use super::photon_map::{PHOTON_BYTES, Photon, lookup::Lookup, unpacked_ways};
+use super::photons::{PHOTON_BYTES, Photon, lookup::Lookup, unpacked_ways};
 use super::record::{hand_on, requests};
 use crate::contract::{Choice, Description, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal};
 use crate::math::{
+    frame::Frame,
     thinning::{Vertex, thinned},
     walk::{spread, walked},
 };
 use crate::recording::*;
+use crate::scene::{Scene, bvh::Bvh, surface_offset};
+use std::f32::consts::TAU;
 
 pub struct PhotonPlaces;
 
@@ -16,7 +19,7 @@ static DESCRIPTION: Description = Description {
     about: "Places for records among photons, thinned to one for each group of neighbours: dense where light is, whatever the camera sees; by the host",
     source: "THESIS 6.3; the order of places: our own",
     parameters: &[
-        Parameter { name: "records", about: "most places", unit: "records", kind: ParameterKind::Integer { default: 65_536, min: 1, max: 1 << 20 } },
+        Parameter { name: "records", about: "most places", unit: "records", kind: ParameterKind::Integer { default: 131_072, min: 1, max: 1 << 20 } },
         Parameter {
             name: "by",
             about: "how they are found",
@@ -43,7 +46,7 @@ static DESCRIPTION: Description = Description {
                                 name: "photons",
                                 about: "photons that a place reaches at least, however near they have come from",
                                 unit: "photons",
-                                kind: ParameterKind::Integer { default: 16, min: 1, max: 4096 },
+                                kind: ParameterKind::Integer { default: 32, min: 1, max: 4096 },
                             },
                         ],
                     },
@@ -77,7 +80,8 @@ impl Pass for PhotonPlaces {
         let requests = requests(r, capacity);
         let reads = [Read::whole(map.codes), Read::counted(map.photons, PHOTON_BYTES, map.count)];
         r.host("place", &reads, &[requests.places], move |host| {
-            let places = by.places(&Lookup::of(&map, host), capacity as usize, host.extent());
+            let around = Surroundings { scene: host.scene(), bvh: host.bvh(), extent: host.extent() };
+            let places = by.places(&Lookup::of(&map, host), capacity as usize, around);
             hand_on(host, &requests, places);
             Ok(())
         });
@@ -97,6 +101,34 @@ enum By {
 /// How far away photons may be that tell how far a place reaches, as a share of the scene's extent.
 const FARTHEST: f32 = 0.05;
 
+/// A place reaches no farther than this share of the way to what stands next to it, lest its light come out on the other side of a wall.
+const BEFORE: f32 = 0.7;
+
+/// Rays that look for what stands around a place, and how steeply they rise.
+const RAYS: u32 = 12;
+const RISE: f32 = 0.05;
+
+#[derive(Clone, Copy)]
+struct Surroundings<'a> {
+    scene: &'a Scene,
+    bvh: &'a Bvh,
+    extent: f32,
+}
+
+impl Surroundings<'_> {
+    /// How far it is from a place along its surface to what stands on it.
+    fn clearance(&self, place: &Vertex) -> f32 {
+        let frame = Frame::new(place.normal);
+        let origin = place.position + place.normal * surface_offset(self.extent, place.position);
+        let distance = |ray: u32| {
+            let (sine, cosine) = (TAU * ray as f32 / RAYS as f32).sin_cos();
+            let direction = (frame.tangent * cosine + frame.bitangent * sine + frame.normal * RISE).normalize();
+            self.bvh.first(self.scene, origin, direction).map_or(f32::INFINITY, |hit| hit.distance)
+        };
+        (0..RAYS).map(distance).fold(f32::INFINITY, f32::min)
+    }
+}
+
 impl By {
     fn of(r: &Recorder<'_>) -> Self {
         match r.arguments.choice("by") {
@@ -108,16 +140,17 @@ impl By {
         }
     }
 
-    fn places(self, lookup: &Lookup<'_>, most: usize, extent: f32) -> Vec<(Vertex, f32)> {
+    fn places(self, lookup: &Lookup<'_>, most: usize, around: Surroundings<'_>) -> Vec<(Vertex, f32)> {
         let photons = lookup.photons();
         let vertex = |photon: &Photon| Vertex { position: photon.position.into(), normal: unpacked_ways(photon.ways)[0] };
         match self {
             Self::Walk { reach, accuracy, photons: least } => {
                 let reaches = |place: &Vertex| {
-                    let zone = lookup.zone(place.position, place.normal, least, FARTHEST * extent);
+                    let zone = lookup.zone(place.position, place.normal, least, FARTHEST * around.extent);
                     let (mut count, mut inverse) = (0.0, 0.0);
                     lookup.for_each(place.position, place.normal, zone, |photon, _| (count, inverse) = (count + 1.0, inverse + 1.0 / photon.leg));
-                    (reach * count / inverse).max(zone.radius).min(FARTHEST * extent)
+                    let wished = (reach * count / inverse).min(FARTHEST * around.extent);
+                    wished.min(BEFORE * around.clearance(place)).max(zone.radius)
                 };
                 let all: Vec<Vertex> = spread(photons.len()).map(|at| vertex(&photons[at])).collect();
                 walked(&all, accuracy, most, reaches)

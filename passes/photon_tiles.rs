@@ -1,6 +1,6 @@
 //! Tiles made of photons instead of rays: what arrives at a place, by where it comes from.
 
-use super::photon_map::{
+use super::photons::{
     PHOTON_BYTES, Photon,
     lookup::{FLATNESS, LEAST_COSINE, Lookup},
     unpacked_ways,

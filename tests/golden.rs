@@ -124,7 +124,9 @@ impl Golden {
             Some("environment") => "teapot-noon",
             _ => "cornell",
         };
-        let sets: &[&str] = if scene.starts_with("cornell") { &["--set", SPACING] } else { &[] };
+        // Records of photons stand where photons are.
+        let stands_by_pixels = scene.starts_with("cornell") && !["photon", "photon-density"].contains(&pipeline);
+        let sets: &[&str] = if stands_by_pixels { &["--set", SPACING] } else { &[] };
         Self { pipeline: pipeline.into(), sets, scene, size: SIZE, like: pipeline.into(), shaders: None, driver: None }
     }
 

@@ -7,7 +7,7 @@ use hemisplat::passes::{
     find_misses::grid,
     hemisphere_tiles::{raster, sift},
     irradiance_sum::workgroup_tree,
-    lobe_coefficients, photon_map,
+    lobe_coefficients, photons,
     radiance_projection::matrix_product,
     record,
 };
@@ -25,7 +25,7 @@ fn shared() -> Vec<(&'static str, Vec<HostLayout>)> {
         ("radiance_projection", vec![matrix_product::TileWall::LAYOUT]),
         ("lobe_coefficients", vec![lobe_coefficients::device::Shape::LAYOUT]),
         ("environment_light", vec![record::TablePlace::LAYOUT]),
-        ("photon_density", vec![photon_map::Photon::LAYOUT, photon_map::MapHead::LAYOUT]),
+        ("photon_density", vec![photons::Photon::LAYOUT, photons::MapHead::LAYOUT]),
         ("add_records", vec![add_records::Batch::LAYOUT]),
         ("rounds", vec![ahead::Rounds::LAYOUT, ahead::Sizing::LAYOUT]),
         ("find_misses/device_grid", vec![grid::Round::LAYOUT]),

@@ -1,12 +1,12 @@
 //! Photons on their way: from a source through a scene, until one is absorbed.
 
-use super::{Photon, ways};
 use crate::math::{
     colour::luminance,
     frame::Frame,
     lobe::around,
     random::{combine, hash, unit},
 };
+use crate::passes::photons::{Photon, ways};
 use crate::scene::{
     Rgb, Scene,
     bvh::Bvh,

@@ -10,7 +10,7 @@ use crate::math::{
 };
 use crate::measure::run::{Run, image};
 use crate::measure::{Layer, Layers};
-use crate::passes::photon_map::{Photon, unpacked_ways};
+use crate::passes::photons::{Photon, unpacked_ways};
 use crate::passes::record::{Record, Request, indexed};
 use crate::pipeline::Plan;
 use crate::recording::{Resource, ResourceKind};

@@ -310,9 +310,9 @@ pub struct RecordIndex {
 /// Photons where they arrived after a reflection or more, sorted by the cells that they are in.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PhotonMap {
-    /// Buffer of a head and the photons' cells, as [`crate::passes::photon_map::MapHead`] and [`crate::math::morton`] have them.
+    /// Buffer of a head and the photons' cells, as [`crate::passes::photons::MapHead`] and [`crate::math::morton`] have them.
     pub codes: Resource,
-    /// Buffer of [`crate::passes::photon_map::Photon`].
+    /// Buffer of [`crate::passes::photons::Photon`].
     pub photons: Resource,
     /// How many there are.
     pub count: Variable,

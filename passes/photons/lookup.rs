@@ -202,7 +202,7 @@ pub fn usual_level(codes: impl Iterator<Item = u32> + Clone) -> u32 {
 mod tests {
     use super::*;
     use crate::math::random::{hash, unit};
-    use crate::passes::photon_map::{sorted, ways};
+    use crate::passes::photons::{sorted, ways};
 
     /// On the floor of a room, dense at one side, and on its ceiling.
     fn photons(count: u32) -> Vec<Photon> {

@@ -97,6 +97,9 @@ enum Area {
     Disc,
 }
 
+/// Photons whose sight a lane of a driver on the processor can look for before it counts too many rounds.
+const MOST_BY_SOFTWARE: u32 = 32;
+
 /// How far above the surface sight goes, as a share of the radius.
 const ABOVE: f32 = 0.1;
 
@@ -124,7 +127,8 @@ impl Pass for PhotonTiles {
             },
         };
         let samples = r.buffer("radiance", 16 * u64::from(requests.capacity) * u64::from(resolution * resolution));
-        let place = r.place(Bodies::BOTH)?;
+        let is_long = r.setting.device.is_software && sought.visible && sought.wanted > MOST_BY_SOFTWARE;
+        let place = r.place(Bodies::BOTH.unless_on_device(is_long, "a driver on the cores of the host ends loops after 65,536 rounds"))?;
         match place {
             Place::Host => record_on_host(r, requests, map, samples, (resolution, sought)),
             Place::Device => record_on_device(r, requests, map, samples, (resolution, sought)),

@@ -81,7 +81,10 @@ impl Stage {
         // A driver on the processor takes half a minute for finer tables.
         let lobes = all(&unset.nodes).into_iter().filter(|node| node.description().name == "LobeCoefficients");
         let coarse = lobes.flat_map(|node| [format!("{}.grid=8", node.name), format!("{}.order=Fixed(order:4)", node.name)]);
-        let sets: Vec<String> = nodes_there.iter().map(|node| format!("{node}.place={place}")).chain(coarse).collect();
+        // It also ends loops early, in which more photons are looked at.
+        let photons = all(&unset.nodes).into_iter().filter(|node| node.description().name == "PhotonTiles");
+        let few = photons.map(|node| format!("{}.photons=16", node.name));
+        let sets: Vec<String> = nodes_there.iter().map(|node| format!("{node}.place={place}")).chain(coarse).chain(few).collect();
         let needs = Needs::of(&self.scene);
         let setting = Setting { scene: &self.scene, needs: &needs, device: self.device, size: SIZE, tables: Some(&self.tables) };
         plan(&self.pipeline(&sets)?, setting, &[], &|data| kind(&self.scene, data))

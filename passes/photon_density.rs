@@ -14,7 +14,7 @@ pub struct PhotonDensity;
 static DESCRIPTION: Description = Description {
     name: "PhotonDensity",
     about: "Indirect light at the visible surfaces, from the photons that arrive near them: their flux over the area that they stand for",
-    source: "Jensen 1996; METHODS 6",
+    source: "Jensen 1996; the area: THESIS 6.3",
     parameters: &[
         Parameter {
             name: "photons",

@@ -23,7 +23,7 @@ pub struct PhotonTiles;
 static DESCRIPTION: Description = Description {
     name: "PhotonTiles",
     about: "Radiance and distance over the hemisphere of every request, from the photons that arrive near it: their flux over the area that they stand for",
-    source: "THESIS 6.3, equation 6.11; the area: METHODS 6",
+    source: "THESIS 6.3, equation 6.11; the area by rays: our own",
     parameters: &[
         Parameter {
             name: "resolution",

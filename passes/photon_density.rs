@@ -1,6 +1,6 @@
 //! The photon map itself, seen by the camera.
 
-use super::photons::{PHOTON_BYTES, lookup::Lookup};
+use super::photons::{DIRECT, PHOTON_BYTES, expect_direct_light, lookup::Lookup};
 use super::record::texels;
 use crate::contract::{Description, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Recorder, Refusal, port};
 use crate::math::{frame::Frame, outline::Outline};
@@ -39,6 +39,7 @@ static DESCRIPTION: Description = Description {
     inputs: &[
         Input { name: "gbuffer", about: "the visible surfaces", accepts: PortKind::GBuffer, required: true, changes: false },
         Input { name: "map", about: "the photons", accepts: PortKind::PhotonMap, required: true, changes: false },
+        DIRECT,
     ],
     outputs: &[
         Output { name: "radiance", about: "indirect radiance toward the camera that the diffuse part reflects", kind: PortKind::Image },
@@ -53,6 +54,7 @@ impl Pass for PhotonDensity {
 
     fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
         let (Some(gbuffer), Some(map)) = (r.g_buffer("gbuffer").copied(), r.photon_map("map").copied()) else { return Ok(()) };
+        expect_direct_light(r)?;
         let [radiance, irradiance] = ["radiance", "irradiance"].map(|name| r.image(name, Format::Rgba32Float));
         let sought = Sought {
             wanted: r.arguments.integer("photons") as u32,

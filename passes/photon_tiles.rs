@@ -1,7 +1,7 @@
 //! Tiles made of photons instead of rays: what arrives at a place, by where it comes from.
 
 use super::photons::{
-    PHOTON_BYTES, Photon,
+    DIRECT, PHOTON_BYTES, Photon, expect_direct_light,
     lookup::{FLATNESS, LEAST_COSINE, Lookup},
     unpacked_ways,
 };
@@ -75,6 +75,7 @@ static DESCRIPTION: Description = Description {
     inputs: &[
         Input { name: "at", about: "places that need a record", accepts: PortKind::Requests, required: true, changes: false },
         Input { name: "map", about: "the photons", accepts: PortKind::PhotonMap, required: true, changes: false },
+        DIRECT,
     ],
     outputs: &[Output { name: "tiles", about: "the atlas", kind: PortKind::Tiles }],
 };
@@ -113,6 +114,7 @@ impl Pass for PhotonTiles {
 
     fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
         let (Some(requests), Some(map)) = (r.requests("at").copied(), r.photon_map("map").copied()) else { return Ok(()) };
+        expect_direct_light(r)?;
         let resolution = r.arguments.integer("resolution") as u32;
         let table = Table::new(Shape::Concentric, resolution, Method::None)
             .map_err(|e| Refusal::of_parameter("resolution", "plan::tile", e.to_string(), "choose another resolution"))?;

@@ -63,6 +63,7 @@ const CASES: &[(&str, Case)] = &[
     ("a_full_cache_ends_the_fill", full_cache),
     ("each_end_of_a_fill_with_work_left_tells_its_reason", reasons),
     ("a_fill_whose_records_cover_nothing_ends_soon", no_progress),
+    ("photons_that_are_given_up_are_told", photons_cut_off),
     (WITH_SIGNALS, interrupted),
     ("a_run_that_fails_leaves_earlier_files_as_they_are", failing_runs),
     ("every_kind_of_resource_can_be_dumped", dumps),
@@ -715,6 +716,21 @@ fn failing_runs() -> Outcome {
         check(fs::read(place.path(name)).map_err(failed)? == b"older", || format!("{name} is not what it was"))?;
     }
     check(place.names()? == ["file", "out.exr", "records"], || format!("{:?}", place.names()))
+}
+
+/// Photons that meet two surfaces at most carry on from the second; and where they arrive is dumped.
+fn photons_cut_off() -> Outcome {
+    let place = Place::new()?;
+    let render = |legs: &str| place.render_by("photon-gather", "cornell", &["--set", "map.photons=5000", "--set", legs, "--dump", "map", "-o", "out.exr"]);
+    let (status, told) = render("map.legs=2")?;
+    check(status == 0 && told.contains("photons of `map` were still on their way"), || told)?;
+    let (status, told) = render("map.legs=64")?;
+    check(status == 0 && !told.contains("on their way"), || told)?;
+    let dumped = fs::read_to_string(place.path("out.map.map.csv")).or_else(|_| fs::read_to_string(place.path("out.map.csv"))).map_err(failed)?;
+    let stats = place.stats()?;
+    let passes = stats["frames"][0]["passes"].as_array().cloned().unwrap_or_default();
+    let count = passes.iter().find(|pass| pass["node"] == "map").and_then(|map| map["numbers"]["photons"].as_u64());
+    check(count.is_some_and(|count| count > 1000 && count as usize + 1 == dumped.lines().count()), || format!("{count:?} of {}", dumped.lines().count()))
 }
 
 fn dumps() -> Outcome {

@@ -1,5 +1,6 @@
 //! Photons in memory, as `shaders/lib/photon_map.wgsl` reads them.
 
+use crate::contract::{Input, PortKind, Recorder, Refusal};
 use crate::host_struct;
 use crate::math::morton::Cube;
 use glam::Vec3;
@@ -35,6 +36,25 @@ host_struct! {
 
 pub const PHOTON_BYTES: u64 = size_of::<Photon>() as u64;
 pub const HEAD_BYTES: u64 = size_of::<MapHead>() as u64;
+
+/// The input by which estimates from photons learn what else lights surfaces.
+pub const DIRECT: Input = Input {
+    name: "direct",
+    about: "the direct pass, which has to light surfaces from their sources: photons are kept after a reflection",
+    accepts: PortKind::DirectLight,
+    required: false,
+    changes: false,
+};
+
+/// Refuses to leave light out that neither the direct pass nor photons bring.
+pub fn expect_direct_light(r: &Recorder<'_>) -> Result<(), Refusal> {
+    let needs = r.setting.needs;
+    let is_lost = r.direct_light(DIRECT.name).is_some_and(|direct| !direct.lights_from_emitters) && (needs.emissive_triangles > 0 || needs.environment);
+    let help = "set `emitters` of the DirectLight to Sampled";
+    let refusal =
+        || Refusal::new("plan::light_of_sources", "the direct pass leaves lamps and the sky to others, and photons bring only what they have reflected", help);
+    if is_lost { Err(refusal()) } else { Ok(()) }
+}
 
 /// Where the codes stand, behind the head and the table of cells.
 pub const CODES_AT: u64 = HEAD_BYTES + 4 * lookup::STARTS as u64;

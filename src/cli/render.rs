@@ -16,7 +16,7 @@ use crate::gpu::{Gpu, GpuError, Pace};
 use crate::math::bounces::Bounces;
 use crate::measure::compare::{AdapterReport, dropped};
 use crate::measure::gap::Gap;
-use crate::measure::run::{FrameReport, Run, RunError};
+use crate::measure::run::{FrameReport, PassReport, Run, RunError};
 use crate::measure::{Layers, cache};
 use crate::pipeline::Plan;
 use crate::recording::Device;
@@ -206,6 +206,7 @@ impl<'o> Film<'o> {
         let left_out = self.left_out(camera, run.plan());
         self.console.print(&(text(self.options, frame.number, &report) + &told_of(left_out)))?;
         self.note_gap(frame, &report);
+        report.passes.iter().filter_map(cut_off).for_each(|note| self.console.note(&note));
         self.frames.push(with_frame(&report, frame, &camera.name, left_out)?);
         Ok(())
     }
@@ -285,6 +286,22 @@ impl<'o> Film<'o> {
         Ok(())
     }
 }
+
+/// Tells where photons were given up that carried light.
+fn cut_off(pass: &PassReport) -> Option<String> {
+    let [cut_off, emitted] = ["photons_cut_off", "photons_emitted"].map(|name| pass.numbers.get(name).copied());
+    let (cut_off, emitted) = (cut_off?, emitted?);
+    let told = || {
+        let node = &pass.node;
+        format!(
+            "warning: {cut_off} of {emitted} photons of `{node}` were still on their way after its `legs`: what they carry is missing, as surfaces reflect nearly all light; raise `legs`"
+        )
+    };
+    (u64::from(cut_off) * FEW_CUT_OFF > u64::from(emitted)).then(told)
+}
+
+/// So few photons that end early are none to speak of.
+const FEW_CUT_OFF: u64 = 1000;
 
 /// A sentence, or nothing where no light arrives.
 fn told_of(left_out: Option<LeftOut>) -> String {

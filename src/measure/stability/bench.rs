@@ -123,6 +123,11 @@ impl<'a> Bench<'a> {
         if self.nodes_of(pass).is_empty() { Err(Trouble::Absent(format!("the pipeline has no {pass}"))) } else { Ok(()) }
     }
 
+    /// The same with a case that does not hold where a pass is used; `because` says why.
+    pub(super) fn expect_no_pass(&self, pass: &str, because: &str) -> Result<(), Trouble> {
+        if self.nodes_of(pass).is_empty() { Ok(()) } else { Err(Trouble::Absent(because.into())) }
+    }
+
     /// The name of the way that a pass's nodes take, of those that have it as a choice.
     pub(super) fn way(&self, pass: &str, parameter: &str) -> Option<&'static str> {
         let value = |node: &&Node| node.arguments.iter().find(|(name, _)| *name == parameter).map(|(_, value)| value.clone());

@@ -216,8 +216,14 @@ pub(super) fn told(share: f64) -> String {
     format!("{:.1e}", share)
 }
 
+/// Refuses cases in which light comes straight from its sources, which photons leave out.
+fn expect_sources(bench: &Bench<'_>) -> Result<(), Trouble> {
+    ["PhotonDensity", "PhotonPlaces"].into_iter().try_for_each(|pass| bench.expect_no_pass(pass, "light comes straight from its sources"))
+}
+
 /// A furnace, changed: the irradiance of every pixel.
 fn furnace_like(bench: &Bench<'_>, room: &Room, changes: &[Change]) -> Result<Shot, Trouble> {
+    expect_sources(bench)?;
     let shot = bench.shot(room, &[&RECORDS_SEE_LIGHT, changes].concat())?;
     let off = shot.farthest(bench.furnace());
     if off <= ROUNDING { Ok(shot) } else { Err(Trouble::Failed(format!("a pixel is {off:.1e} off {:.4}", bench.furnace()))) }
@@ -286,6 +292,7 @@ fn brightness_beyond(bench: &Bench<'_>) -> Seen {
 }
 
 fn radiance_range(bench: &Bench<'_>) -> Seen {
+    expect_sources(bench)?;
     let [least, most] = [1e-6, 1e6];
     let shot = bench.shot(&Room::two_colours(least, most), &[&RECORDS_SEE_LIGHT[..], &RECORD_A_PIXEL].concat())?;
     let [red, green, blue] = &shot.irradiance;
@@ -318,7 +325,12 @@ fn few_samples(bench: &Bench<'_>) -> Seen {
 }
 
 fn many_samples(bench: &Bench<'_>) -> Seen {
-    let changes = [("HemisphereTiles", "resolution", "512"), ("RecordCache", "minimum_spacing", "12"), ("PathVertices", "records", "16")];
+    let changes = [
+        ("HemisphereTiles", "resolution", "512"),
+        ("RecordCache", "minimum_spacing", "12"),
+        ("RecordCache", "maximum_spacing", "16"),
+        ("PathVertices", "records", "16"),
+    ];
     let batch = match bench.way("Fill", "order") {
         Some("Batched") => vec![("Fill", "order", "Batched(at_most: 2)")],
         _ => Vec::new(),
@@ -372,6 +384,7 @@ fn triangles(bench: &Bench<'_>) -> Seen {
 }
 
 fn huge_triangle(bench: &Bench<'_>) -> Seen {
+    bench.expect_no_pass("PhotonMap", "nearly all photons go to the square, and few to the corner")?;
     let square = r#"Quad(corners: ((-1000, -9, -1000), (-1000, -9, 1000), (1000, -9, 1000), (1000, -9, -1000)), material: "floor")"#;
     let [alone, above] = [Room::corner(), Room::corner().with(square)].map(|room| bench.shot(&room, &RECORD_A_PIXEL));
     let off = above?.distance(&alone?, 1.0);
@@ -414,6 +427,7 @@ fn records_beyond(bench: &Bench<'_>) -> Seen {
 /// Addends that repeat are rounded alike while the sum stays within a power of two: the error grows with their number, not with its root.
 fn copies(bench: &Bench<'_>, count: u32, tolerance: f64) -> Seen {
     bench.expect_pass("RecordCache")?;
+    bench.expect_no_pass("PhotonPlaces", "records of photons join those that were there")?;
     let [alone, crowded] = bench.shots_with_copies(&Room::corner(), count)?;
     let off = crowded.distance(&alone, 1.0);
     expect(off <= tolerance && crowded.records == count, format!("{off:.1e} off with {} records", crowded.records))

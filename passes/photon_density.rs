@@ -1,6 +1,6 @@
 //! The photon map itself, seen by the camera.
 
-use super::photons::{DIRECT, PHOTON_BYTES, expect_direct_light, lookup::Lookup};
+use super::photons::{DIRECT, PHOTON_BYTES, REACH, expect_direct_light, lookup::Lookup};
 use super::record::texels;
 use crate::contract::{Description, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Recorder, Refusal, port};
 use crate::math::{frame::Frame, outline::Outline};
@@ -22,12 +22,7 @@ static DESCRIPTION: Description = Description {
             unit: "photons",
             kind: ParameterKind::Integer { default: 64, min: 1, max: 4096 },
         },
-        Parameter {
-            name: "reach",
-            about: "how far away they may be, as a share of the scene's extent",
-            unit: "",
-            kind: ParameterKind::Float { default: 0.05, min: 1e-6, max: 1.0 },
-        },
+        REACH,
         Parameter {
             name: "edges",
             about: "find the area that photons stand for by their outline, where an edge cuts their disc; otherwise it is all of the disc",

@@ -1,7 +1,7 @@
 //! Tiles made of photons instead of rays: what arrives at a place, by where it comes from.
 
 use super::photons::{
-    DIRECT, PHOTON_BYTES, Photon, expect_direct_light,
+    DIRECT, PHOTON_BYTES, Photon, REACH, expect_direct_light,
     lookup::{FLATNESS, LEAST_COSINE, Lookup},
     unpacked_ways,
 };
@@ -37,12 +37,7 @@ static DESCRIPTION: Description = Description {
             unit: "photons",
             kind: ParameterKind::Integer { default: 64, min: 1, max: 4096 },
         },
-        Parameter {
-            name: "reach",
-            about: "how far away they may be, as a share of the scene's extent",
-            unit: "",
-            kind: ParameterKind::Float { default: 0.05, min: 1e-6, max: 1.0 },
-        },
+        REACH,
         Parameter {
             name: "visible",
             about: "leave out photons that cannot be seen from the place, so that none counts on the other side of a wall",

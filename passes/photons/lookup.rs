@@ -208,7 +208,7 @@ mod tests {
     fn photons(count: u32) -> Vec<Photon> {
         let number = |at: u32| unit(hash(at));
         let photon = |at: u32| {
-            let up = at % 4 != 0;
+            let up = !at.is_multiple_of(4);
             let position = [10.0 * number(2 * at).powi(2), 10.0 * number(2 * at + 1), if up { 0.0 } else { 3.0 }];
             let normal = if up { Vec3::Z } else { Vec3::NEG_Z };
             Photon { position, leg: 1.0, flux: [1.0; 3], ways: ways(normal, normal) }

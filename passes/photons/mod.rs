@@ -1,6 +1,6 @@
 //! Photons in memory, as `shaders/lib/photon_map.wgsl` reads them.
 
-use crate::contract::{Input, PortKind, Recorder, Refusal};
+use crate::contract::{Input, Parameter, ParameterKind, PortKind, Recorder, Refusal};
 use crate::host_struct;
 use crate::math::morton::Cube;
 use glam::Vec3;
@@ -36,6 +36,14 @@ host_struct! {
 
 pub const PHOTON_BYTES: u64 = size_of::<Photon>() as u64;
 pub const HEAD_BYTES: u64 = size_of::<MapHead>() as u64;
+
+/// The parameter of estimates from photons that bounds them.
+pub const REACH: Parameter = Parameter {
+    name: "reach",
+    about: "how far away photons may be, as a share of the scene's extent",
+    unit: "",
+    kind: ParameterKind::Float { default: 0.05, min: 1e-6, max: 1.0 },
+};
 
 /// The input by which estimates from photons learn what else lights surfaces.
 pub const DIRECT: Input = Input {

@@ -67,15 +67,15 @@ impl Sources {
         let [choice, u, v, s, t] = STEPS.map(|step| (0.5 + step * f64::from(number + 1)).fract());
         let (index, _) = self.flux.pick(choice);
         let emitted = match &self.sources[index] {
-            Source::Light(kind) => Some(self.from_light(kind, [u, v])),
-            Source::Emitter(triangle) => self.from_emitter(scene, *triangle, [u, v], [s, t]),
+            Source::Light(kind) => Some(self.leaving_light(kind, [u, v])),
+            Source::Emitter(triangle) => self.leaving_emitter(scene, *triangle, [u, v], [s, t]),
             Source::Dome(radiance) => {
                 let direction = on_sphere([u, v]);
-                Some(Emitted { flux: *radiance * (2.0 * TAU * self.disc()) as f32, ..self.from_afar(direction, [s, t]) })
+                Some(Emitted { flux: *radiance * (2.0 * TAU * self.disc()) as f32, ..self.coming_from_afar(direction, [s, t]) })
             }
             Source::Sky(sky) => sky.sample([u, v]).map(|from| {
                 let flux = scene.environment.radiance(from).as_dvec3() * (self.disc() / sky.density(from).max(f64::MIN_POSITIVE));
-                Emitted { flux: flux.as_vec3(), ..self.from_afar(-from, [s, t]) }
+                Emitted { flux: flux.as_vec3(), ..self.coming_from_afar(-from, [s, t]) }
             }),
         }?;
         let share = self.flux.weight(index) / self.flux.total();
@@ -87,7 +87,7 @@ impl Sources {
         PI * f64::from(self.radius).powi(2)
     }
 
-    fn from_light(&self, kind: &LightKind, [u, v]: [f64; 2]) -> Emitted {
+    fn leaving_light(&self, kind: &LightKind, [u, v]: [f64; 2]) -> Emitted {
         match *kind {
             LightKind::Point { position, intensity } => Emitted { origin: position, direction: on_sphere([u, v]), flux: intensity * (2.0 * TAU) as f32 },
             LightKind::Spot { position, direction, inner, outer, .. } => {
@@ -99,12 +99,12 @@ impl Sources {
                 let local = around(cosine as f32, (TAU * v) as f32);
                 Emitted { origin: position, direction: Frame::new(direction).to_world(local), flux: kind.intensity() * (full + ramp) as f32 }
             }
-            LightKind::Directional { direction, irradiance } => Emitted { flux: irradiance * self.disc() as f32, ..self.from_afar(direction, [u, v]) },
+            LightKind::Directional { direction, irradiance } => Emitted { flux: irradiance * self.disc() as f32, ..self.coming_from_afar(direction, [u, v]) },
         }
     }
 
     /// From a triangle, in proportion to the cosine.
-    fn from_emitter(&self, scene: &Scene, number: u32, [u, v]: [f64; 2], [s, t]: [f64; 2]) -> Option<Emitted> {
+    fn leaving_emitter(&self, scene: &Scene, number: u32, [u, v]: [f64; 2], [s, t]: [f64; 2]) -> Option<Emitted> {
         let triangle = &scene.triangles[number as usize];
         let material = material(scene, triangle);
         let root = u.sqrt();
@@ -124,7 +124,7 @@ impl Sources {
     }
 
     /// From far away along a unit direction, on a disc before the scene; without flux.
-    fn from_afar(&self, direction: Vec3, [u, v]: [f64; 2]) -> Emitted {
+    fn coming_from_afar(&self, direction: Vec3, [u, v]: [f64; 2]) -> Emitted {
         let frame = Frame::new(direction);
         let (sine, cosine) = (TAU * v).sin_cos();
         let radius = f64::from(self.radius) * u.sqrt();

@@ -5,7 +5,8 @@ use super::record::texels;
 use crate::contract::{Description, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Recorder, Refusal, port};
 use crate::math::{frame::Frame, outline::Outline};
 use crate::recording::*;
-use glam::{Vec2, Vec3};
+use glam::{Vec2, Vec3, Vec4};
+use half::f16;
 use rayon::prelude::*;
 use std::f32::consts::{FRAC_1_PI, PI};
 
@@ -97,7 +98,8 @@ fn record_on_host(r: &mut Recorder<'_>, gbuffer: port::GBuffer, map: port::Photo
     r.host("estimate", &reads, &[radiance, irradiance], move |host| {
         let mut images = [radiance, irradiance].map(|image| host.take(image));
         let lookup = Lookup::of(&map, host);
-        let (positions, normals, reflectances) = (texels(host, gbuffer.position), texels(host, gbuffer.normal), halves(host.read(gbuffer.reflectance)));
+        let (positions, normals) = (texels(host, gbuffer.position), texels(host, gbuffer.normal));
+        let reflectances: &[[f16; 4]] = bytemuck::cast_slice(host.read(gbuffer.reflectance));
         let [reflected, arriving] = &mut images;
         arriving.par_iter_mut().enumerate().for_each(|(at, out)| {
             let [x, y, z, width] = positions[at];
@@ -105,8 +107,8 @@ fn record_on_host(r: &mut Recorder<'_>, gbuffer: port::GBuffer, map: port::Photo
             let found = if width > 0.0 { estimate(&lookup, Vec3::new(x, y, z), normal, sought) } else { Vec3::ZERO };
             *out = found.extend(1.0);
         });
-        reflected.par_iter_mut().zip(&*arriving).zip(&reflectances).for_each(|((out, arriving), reflectance)| {
-            *out = (arriving.truncate() * *reflectance * FRAC_1_PI).extend(1.0);
+        reflected.par_iter_mut().zip(&*arriving).zip(reflectances).for_each(|((out, arriving), reflectance)| {
+            *out = (arriving.truncate() * Vec4::from(reflectance.map(f16::to_f32)).truncate() * FRAC_1_PI).extend(1.0);
         });
         for (image, contents) in [radiance, irradiance].into_iter().zip(images) {
             host.put(image, contents, u64::MAX);
@@ -130,10 +132,4 @@ fn estimate(lookup: &Lookup<'_>, position: Vec3, normal: Vec3, sought: Sought) -
     });
     let area = if sought.edges { outline.stands_for(zone.radius) } else { PI * zone.radius * zone.radius };
     flux * (zone.fair_share(count) / area.max(f32::MIN_POSITIVE))
-}
-
-/// Red, green and blue of each texel of an RGBA16F image.
-fn halves(bytes: &[u8]) -> Vec<Vec3> {
-    let numbers: Vec<[u16; 4]> = bytemuck::pod_collect_to_vec(bytes);
-    numbers.into_iter().map(|texel| Vec3::from_array([0, 1, 2].map(|channel| half::f16::from_bits(texel[channel]).to_f32()))).collect()
 }

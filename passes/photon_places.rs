@@ -16,7 +16,7 @@ pub struct PhotonPlaces;
 
 static DESCRIPTION: Description = Description {
     name: "PhotonPlaces",
-    about: "Places for records among photons, thinned to one for each group of neighbours: dense where light is, whatever the camera sees; by the host",
+    about: "Places for records among photons: close together where light is, whatever the camera sees; by the host",
     source: "THESIS 6.3; the order of places: our own",
     parameters: &[
         Parameter { name: "records", about: "most places", unit: "records", kind: ParameterKind::Integer { default: 131_072, min: 1, max: 1 << 20 } },

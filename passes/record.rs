@@ -317,8 +317,8 @@ pub fn hand_on(host: &mut dyn HostContext, requests: &port::Requests, places: Ve
 }
 
 /// Four floats a texel, in a host step that reads an RGBA32F image.
-pub fn texels(host: &dyn HostContext, image: Resource) -> Vec<[f32; 4]> {
-    bytemuck::pod_collect_to_vec(host.read(image))
+pub fn texels(host: &dyn HostContext, image: Resource) -> &[[f32; 4]] {
+    bytemuck::cast_slice(host.read(image))
 }
 
 /// The pinhole of the frame's camera.

@@ -44,7 +44,7 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, spacing: u32) {
     let [look, seen] = ["look", "seen"].map(|name| r.variable(name, false));
     let (gbuffer, overlap) = (work.gbuffer, work.overlap);
     let read_surfaces = move |host: &mut dyn HostContext| {
-        let vectors = |texels: Vec<[f32; 4]>| texels.into_iter().map(Vec4::from).collect();
+        let vectors = |texels: &[[f32; 4]]| texels.iter().copied().map(Vec4::from).collect();
         let (position, normal) = (vectors(texels(host, gbuffer.position)), vectors(texels(host, gbuffer.normal)));
         let walk_from = Walk { width: width as usize, position, normal, weights: Vec::new(), order: None, next: 0, asked: Vec::new(), spacing, overlap };
         *host.state(walk) = Some(Box::new(walk_from));

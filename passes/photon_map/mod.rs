@@ -35,8 +35,8 @@ static DESCRIPTION: Description = Description {
     outputs: &[Output { name: "map", about: "the photons, sorted by where they are", kind: PortKind::PhotonMap }],
 };
 
-/// Photons that one core follows before it is given others.
-const BATCH: u32 = 4096;
+/// Photons that are followed before it is asked whether there is room for more.
+const BATCH: u32 = 1 << 15;
 
 impl Pass for PhotonMap {
     fn description(&self) -> &'static Description {
@@ -77,7 +77,7 @@ impl Pass for PhotonMap {
         r.report_variable("photons_emitted", emitted);
         r.report_variable("photons", count);
         r.report_variable("photons_cut_off", cut_off);
-        r.output("map", Port::PhotonMap(port::PhotonMap { codes, photons, count, capacity }));
+        r.output("map", Port::PhotonMap(port::PhotonMap { codes, photons, count }));
         Ok(())
     }
 }
@@ -93,10 +93,9 @@ struct Traced {
 /// As many paths as `most`, and as `capacity` photons can be kept of.
 fn traced(tracer: &Tracer<'_>, most: u32, capacity: u32) -> Traced {
     let mut all = Traced::default();
-    let many = BATCH * 4 * rayon::current_num_threads() as u32;
     while all.emitted < most {
-        let numbers = all.emitted..most.min(all.emitted.saturating_add(many));
-        let paths: Vec<Path> = numbers.into_par_iter().with_min_len(256).map(|number| tracer.path(number)).collect();
+        let numbers = all.emitted..most.min(all.emitted.saturating_add(BATCH));
+        let paths: Vec<Path> = numbers.into_par_iter().map(|number| tracer.path(number)).collect();
         for path in paths {
             if all.photons.len() + path.photons.len() > capacity as usize {
                 return all;

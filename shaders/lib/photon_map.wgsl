@@ -1,4 +1,4 @@
-// Photons near a point: passes/photon_map has the same.
+// Photons near a point: as passes/photons/lookup.rs.
 
 struct Photon {
     position: vec3f,

@@ -316,8 +316,6 @@ pub struct PhotonMap {
     pub photons: Resource,
     /// How many there are.
     pub count: Variable,
-    /// Most photons.
-    pub capacity: u32,
 }
 
 /// Radiance that arrives at records, projected on hemispherical harmonics in `Frame::new` of their normal.

@@ -19,6 +19,12 @@ pub fn unit(bits: u32) -> f32 {
     (bits >> 8) as f32 / 16_777_216.0
 }
 
+/// Barycentric weights of corners 1 and 2 of a point uniform over a triangle.
+pub fn triangle_point([u, v]: [f64; 2]) -> glam::Vec2 {
+    let root = u.sqrt();
+    glam::Vec2::new((root * (1.0 - v)) as f32, (root * v) as f32)
+}
+
 /// Eight of [`hash`], for what runs within `dispatch!`.
 #[inline(always)]
 pub fn hashes<S: Simd>(value: u32x8<S>) -> u32x8<S> {

@@ -4,14 +4,14 @@ use super::record_index::{cell, exponent};
 use super::thinning::Vertex;
 use glam::IVec3;
 use rayon::prelude::*;
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 
 /// Places by the cells that they touch, of the size that is twice to four times their reach.
 #[derive(Default)]
 struct Grid {
     cells: HashMap<(i32, IVec3), Vec<u32>>,
-    /// How many places have cells of a size.
-    sizes: HashMap<i32, u32>,
+    /// Of the cells that there are.
+    sizes: BTreeSet<i32>,
     places: Vec<(Vertex, f32)>,
 }
 
@@ -29,7 +29,7 @@ impl Grid {
                 }
             }
         }
-        *self.sizes.entry(size).or_default() += 1;
+        self.sizes.insert(size);
         self.places.push((place, reach));
     }
 
@@ -42,7 +42,7 @@ impl Grid {
             let is_level = way.dot(point.normal + place.normal).abs() * 0.5 <= LEVEL * way.length();
             way.length() / reach + turned / accuracy < 1.0 && is_level
         };
-        self.sizes.keys().any(|size| self.cells.get(&(*size, cell(point.position, *size))).is_some_and(|listed| listed.iter().any(reaches)))
+        self.sizes.iter().any(|size| self.cells.get(&(*size, cell(point.position, *size))).is_some_and(|listed| listed.iter().any(reaches)))
     }
 }
 
@@ -70,16 +70,14 @@ pub fn walked(points: &[Vertex], accuracy: f32, most: usize, reach: impl Fn(&Ver
 
 /// Numbers below `count` in an order in which neighbours are far apart: each once.
 pub fn spread(count: usize) -> impl Iterator<Item = usize> {
-    let divides = |a: usize, b: usize| {
-        let (mut a, mut b) = (a, b);
-        while b != 0 {
-            (a, b) = (b, a % b);
-        }
-        a
-    };
-    let step = (count as f64 * 0.618_033_988_749_895) as usize;
-    let step = (step.max(1)..).find(|step| divides(*step, count) == 1).unwrap_or(1);
+    let golden = (count as f64 * 0.618_033_988_749_895) as usize;
+    // A step that shares no divisor with the count comes by each number.
+    let step = (golden.max(1)..).find(|step| greatest_common_divisor(*step, count) == 1).unwrap_or(1);
     (0..count as u64).map(move |at| (at * step as u64 % count as u64) as usize)
+}
+
+fn greatest_common_divisor(a: usize, b: usize) -> usize {
+    if b == 0 { a } else { greatest_common_divisor(b, a % b) }
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! Light at its source: punctual lights, and points drawn on emitters and on the sky.
 
-use super::{luminance, random::triangle_point};
-use crate::math::choice::Choice;
+use super::luminance;
+use crate::math::{choice::Choice, random::triangle_point};
 use crate::scene::{
     bvh::is_hole,
     model::{LightKind, Material, Rgb, Scene, Triangle},

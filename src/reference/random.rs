@@ -70,12 +70,6 @@ pub fn cosine_direction(normal: Vec3, [u, v]: [f64; 2]) -> Vec3 {
     (tangent * (radius * cos) + bitangent * (radius * sin) + normal * height).normalize()
 }
 
-/// Barycentric weights of corners 1 and 2 of a point uniform over a triangle.
-pub fn triangle_point([u, v]: [f64; 2]) -> glam::Vec2 {
-    let root = u.sqrt();
-    glam::Vec2::new((root * (1.0 - v)) as f32, (root * v) as f32)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,8 +1,8 @@
 //! Light as it leaves its sources, in photons.
 
 use super::{Environment, LightKind, Material, Rgb, Scene, Triangle, bvh::is_hole, sky::Sky, surface_offset};
-use crate::math::{choice::Choice, colour::luminance, frame::Frame, lobe::around};
-use glam::{DVec3, Vec2, Vec3};
+use crate::math::{choice::Choice, colour::luminance, frame::Frame, lobe::around, random::triangle_point};
+use glam::{DVec3, Vec3};
 use std::f64::consts::{PI, TAU};
 
 /// All that shines, each source chosen in proportion to its flux.
@@ -107,8 +107,7 @@ impl Sources {
     fn leaving_emitter(&self, scene: &Scene, number: u32, [u, v]: [f64; 2], [s, t]: [f64; 2]) -> Option<Emitted> {
         let triangle = &scene.triangles[number as usize];
         let material = material(scene, triangle);
-        let root = u.sqrt();
-        let barycentric = Vec2::new((root * (1.0 - v)) as f32, (root * v) as f32);
+        let barycentric = triangle_point([u, v]);
         // Light of both sides: the first half of the numbers goes to the front.
         let (side, s) = match material.two_sided {
             true => (if s < 0.5 { 1.0 } else { -1.0 }, (2.0 * s).fract()),
@@ -167,6 +166,7 @@ fn on_sphere([u, v]: [f64; 2]) -> Vec3 {
 mod tests {
     use super::*;
     use crate::scene::{Camera, FieldOfView, Light};
+    use glam::Vec2;
 
     fn scene(triangles: Vec<Triangle>, lights: Vec<LightKind>, environment: Environment) -> Scene {
         let camera = Camera { name: String::new(), eye: Vec3::ZERO, direction: Vec3::X, up: Vec3::Y, field_of_view: FieldOfView::Shorter(1.0), size: None };

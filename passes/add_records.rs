@@ -1,7 +1,7 @@
 //! New records join the cache.
 
 use super::record::{RECORD_BYTES, Record};
-use crate::contract::{Description, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Recorder, Refusal, port};
+use crate::contract::{Description, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Recorder, Refusal, Takes, port};
 use crate::host_struct;
 use crate::math::{colour::luminance, weight};
 use crate::recording::*;
@@ -24,8 +24,8 @@ static DESCRIPTION: Description = Description {
         PLACE,
     ],
     inputs: &[
-        Input { name: "to", about: "the cache", accepts: PortKind::RecordCache, required: true, changes: true },
-        Input { name: "records", about: "the new records", accepts: PortKind::Records, required: true, changes: false },
+        Input { name: "to", about: "the cache", accepts: PortKind::RecordCache, takes: Takes::One, changes: true },
+        Input { name: "records", about: "the new records", accepts: PortKind::Records, takes: Takes::One, changes: false },
     ],
     outputs: &[Output { name: "cache", about: "the cache with the new records", kind: PortKind::RecordCache }],
 };
@@ -58,7 +58,7 @@ impl Pass for AddRecords {
                 ));
             }
         };
-        let bodies = r.over_pixels().unless(coefficients.is_some(), "records hold radiance");
+        let bodies = r.over_pixels(r.setting.size).unless(coefficients.is_some(), "records hold radiance");
         match r.place(bodies)? {
             Place::Host => record_on_host(r, &new, &cache),
             Place::Device => record_on_device(r, &new, &cache, coefficients),

@@ -1,6 +1,6 @@
 //! The picture.
 
-use crate::contract::{Description, Input, Output, Pass, Port, PortKind, Recorder, Refusal, port};
+use crate::contract::{Description, Input, Output, Pass, Port, PortKind, Recorder, Refusal, Takes, port};
 use crate::recording::*;
 
 pub struct Combine;
@@ -11,14 +11,13 @@ static DESCRIPTION: Description = Description {
     source: "RCS section 4, step 5",
     parameters: &[],
     inputs: &[
-        Input { name: "gbuffer", about: "the visible surfaces", accepts: PortKind::GBuffer, required: true, changes: false },
-        Input { name: "direct", about: "reflected direct light", accepts: PortKind::DirectLight, required: false, changes: false },
-        Input { name: "indirect", about: "indirect radiance that diffuse parts reflect", accepts: PortKind::Image, required: false, changes: false },
-        Input { name: "glossy", about: "indirect radiance that lobes reflect", accepts: PortKind::Image, required: false, changes: false },
+        Input { name: "gbuffer", about: "the visible surfaces", accepts: PortKind::GBuffer, takes: Takes::One, changes: false },
+        Input { name: "direct", about: "reflected direct light", accepts: PortKind::DirectLight, takes: Takes::AtMostOne, changes: false },
+        Input { name: "indirect", about: "images of indirect radiance, which are added", accepts: PortKind::Image, takes: Takes::Any, changes: false },
     ],
     outputs: &[
         Output { name: "picture", about: "radiance toward the camera", kind: PortKind::Image },
-        Output { name: "indirect", about: "indirect light toward the camera, of diffuse parts and lobes", kind: PortKind::Image },
+        Output { name: "indirect", about: "the sum of the images of indirect light", kind: PortKind::Image },
     ],
 };
 
@@ -27,39 +26,43 @@ impl Pass for Combine {
         &DESCRIPTION
     }
 
-    /// A picture of direct light alone lacks nothing.
-    fn lacks_lobes(&self, joined: &[&str]) -> bool {
-        joined.contains(&"indirect") && !joined.contains(&"glossy")
+    fn indirect_light(&self) -> Option<&'static str> {
+        Some("indirect")
     }
 
     fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
         let Some(gbuffer) = r.g_buffer("gbuffer").copied() else { return Ok(()) };
         let direct = r.direct_light("direct").map(|d| d.radiance);
-        let [indirect, glossy] = ["indirect", "glossy"].map(|part| r.image_port(part).map(|i| i.texture));
-        let picture = r.image("picture", Format::Rgba32Float);
-        // A part that is absent is bound to any image and never read.
+        let parts: Vec<Resource> = r.images("indirect").iter().map(|image| image.texture).collect();
+        let indirect = sum(r, &parts, gbuffer.size);
+        let picture = r.image("picture", gbuffer.size, Format::Rgba32Float);
+        // Direct light that is absent is bound to any image and never read.
         let program = Program::new("combine")
             .constant("TEXTURES", r.setting.needs.textures as u8)
             .constant("GLOSSY", r.setting.needs.lobes as u8)
             .constant("HAS_DIRECT", direct.is_some() as u8)
-            .constant("HAS_INDIRECT", indirect.is_some() as u8)
-            .constant("HAS_GLOSSY", glossy.is_some() as u8)
             .bind("triangles", gbuffer.triangles)
             .bind("direct", direct.unwrap_or(gbuffer.position))
-            .bind("indirect", indirect.unwrap_or(gbuffer.position))
-            .bind("glossy", glossy.unwrap_or(gbuffer.position))
+            .bind("indirect", indirect)
             .bind("picture", picture);
-        // One part alone is all of it.
-        let all = if let (Some(part), None) | (None, Some(part)) = (indirect, glossy) {
-            r.compute_pixels(program, "combine_parts");
-            part
-        } else {
-            let all = r.image("indirect", Format::Rgba32Float);
-            r.compute_pixels(program.bind("all_indirect", all), "combine_and_keep_indirect");
-            all
-        };
-        r.output("picture", Port::Image(port::Image { texture: picture, channels: port::Channels::Colour }));
-        r.output("indirect", Port::Image(port::Image { texture: all, channels: port::Channels::Colour }));
+        r.compute_pixels(program, "combine_parts", gbuffer.size);
+        let image = |texture| Port::Image(port::Image { texture, channels: port::Channels::Colour });
+        r.output("picture", image(picture));
+        r.output("indirect", image(indirect));
         Ok(())
     }
+}
+
+/// Adds images two by two; one alone is its own sum, and that of none is black.
+fn sum(r: &mut Recorder<'_>, images: &[Resource], size: [u32; 2]) -> Resource {
+    let [first, others @ ..] = images else {
+        let black = r.image("indirect", size, Format::Rgba32Float);
+        r.clear(black);
+        return black;
+    };
+    others.iter().fold(*first, |left, right| {
+        let sum = r.image("indirect", size, Format::Rgba32Float);
+        r.compute_pixels(Program::new("add_images").bind("left", left).bind("right", *right).bind("sum", sum), "add", size);
+        sum
+    })
 }

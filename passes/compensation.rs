@@ -1,6 +1,6 @@
 //! What stands for the directions that a shape leaves out.
 
-use crate::contract::{Choice, Description, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, port};
+use crate::contract::{Choice, Description, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, Takes, port};
 use crate::math::hemisphere::{Method, Table};
 use std::sync::Arc;
 
@@ -27,7 +27,7 @@ static DESCRIPTION: Description = Description {
             ],
         },
     }],
-    inputs: &[Input { name: "of", about: "the tiles", accepts: PortKind::Tiles, required: true, changes: false }],
+    inputs: &[Input { name: "of", about: "the tiles", accepts: PortKind::Tiles, takes: Takes::One, changes: false }],
     outputs: &[Output { name: "tiles", about: "the tiles with their weights", kind: PortKind::WeightedTiles }],
 };
 

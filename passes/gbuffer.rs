@@ -26,11 +26,12 @@ impl Pass for GBuffer {
     }
 
     fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
-        let triangles = r.image("triangles", Format::R32Uint);
-        let depth = r.image("depth", Format::Depth32Float);
-        let position = r.image("position", Format::Rgba32Float);
-        let normal = r.image("normal", Format::Rgba32Float);
-        let reflectance = r.image("reflectance", Format::Rgba16Float);
+        let size = r.setting.size;
+        let triangles = r.image("triangles", size, Format::R32Uint);
+        let depth = r.image("depth", size, Format::Depth32Float);
+        let position = r.image("position", size, Format::Rgba32Float);
+        let normal = r.image("normal", size, Format::Rgba32Float);
+        let reflectance = r.image("reflectance", size, Format::Rgba16Float);
         let vertices = r.scene_data(SceneData::Positions);
         r.command(Command::Raster(Raster {
             program: scene_constants(Program::new("gbuffer"), r.setting.needs),
@@ -49,8 +50,8 @@ impl Pass for GBuffer {
             .bind("position", position)
             .bind("normal", normal)
             .bind("reflectance", reflectance);
-        r.compute_pixels(resolve, "resolve");
-        r.output("gbuffer", Port::GBuffer(port::GBuffer { position, normal, reflectance, triangles }));
+        r.compute_pixels(resolve, "resolve", size);
+        r.output("gbuffer", Port::GBuffer(port::GBuffer { size, position, normal, reflectance, triangles }));
         r.output("normal", Port::Image(port::Image { texture: normal, channels: port::Channels::Vector }));
         r.output("depth", Port::Image(port::Image { texture: normal, channels: port::Channels::Fourth }));
         r.output("position", Port::Image(port::Image { texture: position, channels: port::Channels::Vector }));

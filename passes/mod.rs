@@ -11,6 +11,8 @@ pub mod environment_light;
 pub mod find_misses;
 pub mod gbuffer;
 pub mod hemisphere_tiles;
+pub mod indirect_light;
+pub mod irradiance_field;
 pub mod irradiance_sum;
 pub mod lobe_coefficients;
 #[cfg(test)]
@@ -54,5 +56,6 @@ pub static REGISTRY: &Registry = &[
     &radiance_projection::RadianceProjection,
     &add_records::AddRecords,
     &normalize::Normalize,
+    &indirect_light::IndirectLight,
     &combine::Combine,
 ];

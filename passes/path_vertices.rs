@@ -1,7 +1,7 @@
 //! Where light is looked for beyond what the camera sees: places for the records of a second cache.
 
 use super::record::{hand_on, requests, texels};
-use crate::contract::{Description, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal};
+use crate::contract::{Description, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, Takes};
 use crate::math::frame::Frame;
 use crate::math::lattice::pixel;
 use crate::math::random::{combine, hash, unit};
@@ -33,7 +33,7 @@ static DESCRIPTION: Description = Description {
         },
         Parameter { name: "records", about: "most places", unit: "records", kind: ParameterKind::Integer { default: 8192, min: 1, max: 1 << 20 } },
     ],
-    inputs: &[Input { name: "gbuffer", about: "the visible surfaces", accepts: PortKind::GBuffer, required: true, changes: false }],
+    inputs: &[Input { name: "gbuffer", about: "the visible surfaces", accepts: PortKind::GBuffer, takes: Takes::One, changes: false }],
     outputs: &[Output { name: "requests", about: "places for records", kind: PortKind::Requests }],
 };
 
@@ -46,7 +46,7 @@ impl Pass for PathVertices {
         let Some(gbuffer) = r.g_buffer("gbuffer").copied() else { return Ok(()) };
         let [paths, legs, capacity] = ["paths", "legs", "records"].map(|name| r.arguments.integer(name) as u32);
         let requests = requests(r, capacity);
-        let size = r.setting.size;
+        let size = gbuffer.size;
         r.host("walk", &[Read::whole(gbuffer.position), Read::whole(gbuffer.normal)], &[requests.places], move |host| {
             let (positions, normals) = (texels(host, gbuffer.position), texels(host, gbuffer.normal));
             let (scene, bvh, extent) = (host.scene(), host.bvh(), host.extent());

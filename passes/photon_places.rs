@@ -2,7 +2,7 @@
 
 use super::photons::{PHOTON_BYTES, Photon, lookup::Lookup, unpacked_ways};
 use super::record::{hand_on, requests};
-use crate::contract::{Choice, Description, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal};
+use crate::contract::{Choice, Description, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, Takes};
 use crate::math::{
     frame::Frame,
     thinning::{Vertex, thinned},
@@ -64,7 +64,7 @@ static DESCRIPTION: Description = Description {
             },
         },
     ],
-    inputs: &[Input { name: "map", about: "the photons", accepts: PortKind::PhotonMap, required: true, changes: false }],
+    inputs: &[Input { name: "map", about: "the photons", accepts: PortKind::PhotonMap, takes: Takes::One, changes: false }],
     outputs: &[Output { name: "requests", about: "places for records", kind: PortKind::Requests }],
 };
 
@@ -78,7 +78,7 @@ impl Pass for PhotonPlaces {
         let capacity = r.arguments.integer("records") as u32;
         let by = By::of(r);
         let requests = requests(r, capacity);
-        let reads = [Read::whole(map.codes), Read::counted(map.photons, PHOTON_BYTES, map.count)];
+        let reads = [Read::counted(map.data, PHOTON_BYTES, map.slots)];
         r.host("place", &reads, &[requests.places], move |host| {
             let around = Surroundings { scene: host.scene(), bvh: host.bvh(), extent: host.extent() };
             let places = by.places(&Lookup::of(&map, host), capacity as usize, around);

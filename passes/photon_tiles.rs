@@ -7,7 +7,9 @@ use super::photons::{
 };
 use super::record::{REQUEST_BYTES, Request};
 use crate::contract::recorder::scene_constants;
-use crate::contract::{Bodies, Choice, Description, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Recorder, Refusal, port};
+use crate::contract::{
+    Bodies, Choice, Description, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Recorder, Refusal, Takes, port,
+};
 use crate::math::frame::Frame;
 use crate::math::hemisphere::{Method, Shape, Table, square};
 use crate::math::outline::{DIRECTIONS, LEAST_SHARE, Outline};
@@ -68,8 +70,8 @@ static DESCRIPTION: Description = Description {
         PLACE,
     ],
     inputs: &[
-        Input { name: "at", about: "places that need a record", accepts: PortKind::Requests, required: true, changes: false },
-        Input { name: "map", about: "the photons", accepts: PortKind::PhotonMap, required: true, changes: false },
+        Input { name: "at", about: "places that need a record", accepts: PortKind::Requests, takes: Takes::One, changes: false },
+        Input { name: "map", about: "the photons", accepts: PortKind::PhotonMap, takes: Takes::One, changes: false },
         DIRECT,
     ],
     outputs: &[Output { name: "tiles", about: "the atlas", kind: PortKind::Tiles }],
@@ -160,8 +162,7 @@ fn record_on_device(r: &mut Recorder<'_>, requests: port::Requests, map: port::P
         .bind("requests", requests.places)
         .bind("radiance", samples)
         .bind("work", work)
-        .bind("photon_codes", map.codes)
-        .bind("photons", map.photons);
+        .bind("photon_map", map.data);
     let each_place = Groups::Counted { count: requests.count, divisor: 64, per: 1 };
     r.compute(program.clone(), "find_zones", each_place);
     r.compute(program.clone(), "gather", each_place);
@@ -173,7 +174,7 @@ fn record_on_device(r: &mut Recorder<'_>, requests: port::Requests, map: port::P
 
 fn record_on_host(r: &mut Recorder<'_>, requests: port::Requests, map: port::PhotonMap, samples: Resource, (resolution, sought): (u32, Sought)) {
     let samples_per_tile = (resolution * resolution) as usize;
-    let reads = [Read::counted(requests.places, REQUEST_BYTES, requests.count), Read::whole(map.codes), Read::counted(map.photons, PHOTON_BYTES, map.count)];
+    let reads = [Read::counted(requests.places, REQUEST_BYTES, requests.count), Read::counted(map.data, PHOTON_BYTES, map.slots)];
     r.host("gather", &reads, &[samples], move |host| {
         let places: Vec<Request> = bytemuck::pod_collect_to_vec(host.read(requests.places));
         let mut tiles = host.take(samples);

@@ -1,7 +1,7 @@
 //! The records that earlier rounds and frames left.
 
 use super::record::{RECORD_BYTES, Weighting};
-use crate::contract::{Choice, Description, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, port};
+use crate::contract::{Choice, Description, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, Takes, port};
 
 pub struct RecordCache;
 
@@ -96,7 +96,7 @@ static DESCRIPTION: Description = Description {
         name: "lobes",
         about: "what records of radiance keep coefficients for; without it records hold irradiance alone",
         accepts: PortKind::Lobes,
-        required: false,
+        takes: Takes::AtMostOne,
         changes: false,
     }],
     outputs: &[Output { name: "cache", about: "the records", kind: PortKind::RecordCache }],

@@ -2,7 +2,7 @@
 
 use super::prefix_sum;
 use super::record::{RECORD_BYTES, Record, Weighting};
-use crate::contract::{Bodies, Description, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Recorder, Refusal, port};
+use crate::contract::{Bodies, Description, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Recorder, Refusal, Takes, port};
 use crate::math::{
     colour::luminance,
     record_index::{HEADER, Layout, Levels, Lists, RECORD_WORDS},
@@ -38,9 +38,9 @@ static DESCRIPTION: Description = Description {
         },
         PLACE,
     ],
-    inputs: &[Input { name: "of", about: "the records", accepts: PortKind::Records, required: true, changes: false }],
+    inputs: &[Input { name: "of", about: "the records", accepts: PortKind::Records, takes: Takes::One, changes: false }],
     outputs: &[
-        Output { name: "index", about: "the index, with the records in it", kind: PortKind::RecordIndex },
+        Output { name: "index", about: "the index, with the records in it", kind: PortKind::IrradianceField },
         Output { name: "settled", about: "set when another round would not change the records any more", kind: PortKind::Flag },
     ],
 };
@@ -74,7 +74,7 @@ impl Pass for RecordIndex {
             Place::Host => build_on_host(r, new, index, growth),
             Place::Device => build_on_device(r, new, index, growth),
         }
-        r.output("index", Port::RecordIndex(index));
+        r.output("index", Port::IrradianceField(port::IrradianceField::Records(index)));
         r.output("settled", Port::Flag(growth.settled));
         Ok(())
     }

@@ -1,7 +1,8 @@
 //! Some of the visible surfaces.
 
 use crate::contract::{
-    Arguments, Choice, Description, Input, Need, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, port, recorder::scene_constants,
+    Arguments, Choice, Description, Input, Need, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, Takes, port,
+    recorder::scene_constants,
 };
 use crate::recording::*;
 use crate::scene::needs::Needs;
@@ -24,8 +25,8 @@ static DESCRIPTION: Description = Description {
         },
     }],
     inputs: &[
-        Input { name: "of", about: "the visible surfaces", accepts: PortKind::GBuffer, required: true, changes: false },
-        Input { name: "lobes", about: "their lobes; glossy surfaces need them", accepts: PortKind::Lobes, required: false, changes: false },
+        Input { name: "of", about: "the visible surfaces", accepts: PortKind::GBuffer, takes: Takes::One, changes: false },
+        Input { name: "lobes", about: "their lobes; glossy surfaces need them", accepts: PortKind::Lobes, takes: Takes::AtMostOne, changes: false },
     ],
     outputs: &[
         Output { name: "gbuffer", about: "the surfaces that stay", kind: PortKind::GBuffer },
@@ -58,7 +59,7 @@ impl Pass for Surfaces {
             r.output("gbuffer", Port::GBuffer(gbuffer));
             return Ok(());
         }
-        let position = r.image("position", Format::Rgba32Float);
+        let position = r.image("position", gbuffer.size, Format::Rgba32Float);
         let program = scene_constants(Program::new("surfaces"), r.setting.needs)
             .bind("position", gbuffer.position)
             .bind("reflectance", gbuffer.reflectance)
@@ -68,11 +69,11 @@ impl Pass for Surfaces {
             let Some(lobes) = r.lobes("lobes").cloned() else {
                 return Err(port::Lobes::missing());
             };
-            let seen = r.image("seen", Format::Rgba32Float);
-            r.compute_pixels(program.bind("tables", lobes.of_material).bind("seen", seen), "keep_glossy");
+            let seen = r.image("seen", gbuffer.size, Format::Rgba32Float);
+            r.compute_pixels(program.bind("tables", lobes.of_material).bind("seen", seen), "keep_glossy", gbuffer.size);
             r.output("lobes", Port::VisibleLobes(port::VisibleLobes { lobes, seen }));
         } else {
-            r.compute_pixels(program, "keep_diffuse");
+            r.compute_pixels(program, "keep_diffuse", gbuffer.size);
         }
         r.output("gbuffer", Port::GBuffer(port::GBuffer { position, ..gbuffer }));
         Ok(())

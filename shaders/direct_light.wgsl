@@ -13,7 +13,7 @@ override HAS_SKY: bool = false;
 
 @compute @workgroup_size(8, 8)
 fn shade(@builtin(global_invocation_id) id: vec3u) {
-    if any(id.xy >= camera.size) {
+    if any(id.xy >= textureDimensions(triangles)) {
         return;
     }
     let triangle = textureLoad(triangles, id.xy, 0).x;
@@ -21,7 +21,7 @@ fn shade(@builtin(global_invocation_id) id: vec3u) {
     if triangle != 0u {
         let surface = surface_seen(triangle - 1u, camera.eye, pixel_ray(id.xy));
         let seed = combine(id.x, id.y);
-        light = punctual_reflected(surface, seed) + emitters_reflected(surface, seed, id.y * camera.size.x + id.x);
+        light = punctual_reflected(surface, seed) + emitters_reflected(surface, seed, id.y * textureDimensions(triangles).x + id.x);
         if HAS_SKY {
             light += textureLoad(sky, id.xy, 0).rgb;
         }

@@ -102,7 +102,7 @@ fn around_up(direction: vec3f) -> vec3f {
 
 @compute @workgroup_size(8, 8)
 fn shade(@builtin(global_invocation_id) id: vec3u) {
-    if any(id.xy >= camera.size) {
+    if any(id.xy >= textureDimensions(radiance)) {
         return;
     }
     let place = textureLoad(position, id.xy, 0);
@@ -158,9 +158,9 @@ fn store_light(pixel: vec2u, arriving: vec3f, reflected: vec3f) {
 // Puts the host's sums together.
 @compute @workgroup_size(8, 8)
 fn store(@builtin(global_invocation_id) id: vec3u) {
-    if any(id.xy >= camera.size) {
+    if any(id.xy >= textureDimensions(radiance)) {
         return;
     }
-    let at = id.y * camera.size.x + id.x;
+    let at = id.y * textureDimensions(radiance).x + id.x;
     store_light(id.xy, irradiance[at].rgb, glossy[at].rgb);
 }

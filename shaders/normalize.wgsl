@@ -1,5 +1,3 @@
-#import lib/camera
-
 // Weighted sums to irradiance and reflected radiance; counts what went wrong.
 
 @group(0) @binding(0) var sums: texture_2d<f32>;
@@ -21,7 +19,7 @@ override OF_RADIANCE: bool = false;
 
 @compute @workgroup_size(8, 8)
 fn divide(@builtin(global_invocation_id) id: vec3u) {
-    if any(id.xy >= camera.size) {
+    if any(id.xy >= textureDimensions(position)) {
         return;
     }
     let sum = textureLoad(sums, id.xy, 0);

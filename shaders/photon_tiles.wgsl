@@ -129,7 +129,7 @@ fn gather(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: 
     for (var number = 0u; number < 8u; number++) {
         let range = photons_of(head, request.position, zone.level, number, request.normal, slab);
         for (var i = range.x; i < range.y; i++) {
-            let photon = photons[i];
+            let photon = photon_at(i);
             // Without one that the place stands on.
             let is_near = photon_distance(photon, request.position, request.normal, zone.radius) > 0.0;
             if is_near && is_in_sight(request.position, photon.position, request.normal, zone.radius) {

@@ -5,7 +5,7 @@
 
 @group(0) @binding(0) var<uniform> weighting: Weighting;
 @group(0) @binding(1) var<storage, read> records: array<Record>;
-// As lib/record_index reads it. As its steps begin, the header tells the number of hashes and that of the records.
+// As lib/irradiance_field/records reads it. As its steps begin, the header tells the number of hashes and that of the records.
 @group(0) @binding(2) var<storage, read_write> words: array<atomic<u32>>;
 // Records by the exponent of the least power of two that is no less than twice their reach, from BIAS on.
 @group(0) @binding(3) var<storage, read_write> held: array<atomic<u32>, 256>;

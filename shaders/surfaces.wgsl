@@ -16,7 +16,7 @@ const NO_TABLE = 0xffffffffu;
 
 @compute @workgroup_size(8, 8)
 fn keep_diffuse(@builtin(global_invocation_id) id: vec3u) {
-    if any(id.xy >= camera.size) {
+    if any(id.xy >= textureDimensions(triangles)) {
         return;
     }
     let is_diffuse = any(textureLoad(reflectance, id.xy, 0).rgb > vec3f(0.0));
@@ -25,7 +25,7 @@ fn keep_diffuse(@builtin(global_invocation_id) id: vec3u) {
 
 @compute @workgroup_size(8, 8)
 fn keep_glossy(@builtin(global_invocation_id) id: vec3u) {
-    if any(id.xy >= camera.size) {
+    if any(id.xy >= textureDimensions(triangles)) {
         return;
     }
     let triangle = textureLoad(triangles, id.xy, 0).x;

@@ -56,7 +56,7 @@ fn cases() -> Vec<(String, Case)> {
     cases.push(("a_sift_loses_no_triangle".into(), Box::new(sift_loses_nothing)));
     cases.push(("one_bounce_in_an_oven".into(), Box::new(one_bounce_in_an_oven)));
     cases.push(("all_bounces_in_an_oven".into(), Box::new(all_bounces_in_an_oven)));
-    for (pipeline, limit) in [("photon", 0.02), ("photon-density", 0.02), ("photon-gather", 0.01)] {
+    for (pipeline, limit) in [("photon", 0.02), ("photon-density", 0.02), ("photon-gather", 0.01), ("photon-gather-density", 0.01)] {
         cases.push((format!("photons_in_an_oven {pipeline}"), Box::new(move |gpu| photons_in_an_oven(gpu, pipeline, limit))));
     }
     // A record of photons reaches as far as they are apart, through a wall that is thinner.
@@ -652,7 +652,7 @@ fn mean_irradiance(gpu: &Gpu, room: &Room, edge: u32, pipeline: (&str, &[String]
 /// The same by photons, of which a white wall keeps many: where there is no room for all, fewer are sent out.
 fn photons_in_an_oven(gpu: &Gpu, pipeline: &str, limit: f64) -> Outcome {
     let many = ["cache.minimum_spacing=0.1", "cache.maximum_spacing=0.1"].map(String::from);
-    let sets: &[String] = if pipeline == "photon-gather" { &many } else { &[] };
+    let sets: &[String] = if pipeline.starts_with("photon-gather") { &many } else { &[] };
     [0.2, 0.5, 0.8].into_iter().try_for_each(|reflectance| {
         let found = mean_irradiance(gpu, &oven(reflectance)?, 40, (pipeline, sets))?;
         at_most("all bounces", (found / (PI * reflectance) - 1.0).abs(), limit)

@@ -165,7 +165,7 @@ const LOOPS: &str = r#"Pipeline(version: 1, about: "", nodes: [
     (name: "direct", pass: DirectLight(gbuffer: "gbuffer")),
     (name: "outer", repeat: Iterate(rounds: 2, nodes: [
         (name: "bounces", repeat: Iterate(rounds: 4, nodes: [(name: "sum", pass: Combine(gbuffer: "gbuffer", direct: "direct", indirect: PreviousRound("sum")))])),
-        (name: "more", pass: Combine(gbuffer: "gbuffer", indirect: "sum", glossy: PreviousFrame("late"))),
+        (name: "more", pass: Combine(gbuffer: "gbuffer", indirect: ["sum", PreviousFrame("late")])),
     ])),
     (name: "late", pass: Combine(gbuffer: "gbuffer", indirect: PreviousFrame("sum"))),
 ], outputs: { "picture": "sum", "late": "late", "more": "more" })"#;
@@ -174,9 +174,7 @@ const LOOPS: &str = r#"Pipeline(version: 1, about: "", nodes: [
 fn what_earlier_rounds_and_frames_left_comes_around_on_dashed_lines() {
     let svg = export(&load_text(LOOPS), Format::Svg);
     assert_eq!(faults(&svg), [""; 0]);
-    for text in
-        [">indirect, round before<", ">glossy, frame before<", ">indirect, frame before<", ">Iterate, 4 rounds<", "<title>sum.picture → sum.indirect</title>"]
-    {
+    for text in [">indirect, round before<", ">indirect, frame before<", ">Iterate, 4 rounds<", "<title>sum.picture → sum.indirect</title>"] {
         assert!(svg.contains(text), "{text}\n{svg}");
     }
     let dashed: Vec<&str> = svg.lines().filter(|line| line.contains("class=\"edge earlier\"")).collect();
@@ -204,13 +202,13 @@ fn random_document(steps: &[(u8, u16, u16, u8)]) -> String {
                 open.pop();
                 continue;
             }
-            2 => text += &format!("(name: \"{}\", pass: Combine(gbuffer: \"g\", indirect: \"{first}\", glossy: PreviousFrame(\"{second}\"))),\n", name(index)),
+            2 => text += &format!("(name: \"{}\", pass: Combine(gbuffer: \"g\", indirect: [\"{first}\", PreviousFrame(\"{second}\")])),\n", name(index)),
             3 if !open.is_empty() => {
                 let own = name(index);
-                text += &format!("(name: \"{own}\", pass: Combine(gbuffer: \"g\", indirect: PreviousRound(\"{own}.indirect\"), glossy: \"{first}\")),\n");
+                text += &format!("(name: \"{own}\", pass: Combine(gbuffer: \"g\", indirect: [PreviousRound(\"{own}.indirect\"), \"{first}\"])),\n");
             }
             4 => text += &format!("(name: \"{}\", pass: Combine(gbuffer: \"g\", direct: \"d\")),\n", name(index)),
-            _ => text += &format!("(name: \"{}\", pass: Combine(gbuffer: \"g\", indirect: \"{first}\", glossy: \"{second}\")),\n", name(index)),
+            _ => text += &format!("(name: \"{}\", pass: Combine(gbuffer: \"g\", indirect: [\"{first}\", \"{second}\"])),\n", name(index)),
         }
         made.extend([name(index), format!("{}.indirect", name(index))]);
     }

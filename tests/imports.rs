@@ -37,7 +37,7 @@ const MAY_TOUCH_THE_SYSTEM: [&str; 22] = [
     "passes/normalize/coarser.rs",
     "passes/path_vertices.rs",
     "passes/contribution/bands.rs",
-    "passes/photon_density.rs",
+    "passes/indirect_light.rs",
     "passes/photon_map/mod.rs",
     "passes/photon_tiles.rs",
     "passes/photons/mod.rs",

@@ -25,7 +25,7 @@ fn shared() -> Vec<(&'static str, Vec<HostLayout>)> {
         ("radiance_projection", vec![matrix_product::TileWall::LAYOUT]),
         ("lobe_coefficients", vec![lobe_coefficients::device::Shape::LAYOUT]),
         ("environment_light", vec![record::TablePlace::LAYOUT]),
-        ("photon_density", vec![photons::Photon::LAYOUT, photons::MapHead::LAYOUT]),
+        ("photon_tiles", vec![photons::Photon::LAYOUT, photons::MapHead::LAYOUT]),
         ("add_records", vec![add_records::Batch::LAYOUT]),
         ("rounds", vec![ahead::Rounds::LAYOUT, ahead::Sizing::LAYOUT]),
         ("find_misses/device_grid", vec![grid::Round::LAYOUT]),

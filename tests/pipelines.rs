@@ -25,7 +25,8 @@ const fn parameter(name: &'static str, about: &'static str, unit: &'static str, 
 }
 
 const fn input(name: &'static str, accepts: PortKind, required: bool) -> Input {
-    Input { name, about: accepts_about(accepts), accepts, required, changes: false }
+    let takes = if required { Takes::One } else { Takes::AtMostOne };
+    Input { name, about: accepts_about(accepts), accepts, takes, changes: false }
 }
 
 const fn accepts_about(kind: PortKind) -> &'static str {
@@ -127,7 +128,7 @@ impl Pass for Mock {
             let variable = r.variable(output.name, false);
             let memory = match r.image_port("of").map(|of| r.kind(of.texture)) {
                 Some(ResourceKind::Texture { size: [w, h], format, .. }) => r.texture(output.name, [2 * w, *h], 1, *format),
-                _ => r.image(output.name, hemisplat::recording::Format::Rgba32Float),
+                _ => r.image(output.name, r.setting.size, hemisplat::recording::Format::Rgba32Float),
             };
             let port = match output.kind {
                 PortKind::Image => Port::Image(port::Image { texture: memory, channels: port::Channels::Colour }),
@@ -1055,4 +1056,33 @@ fn a_written_pipeline_reads_back_as_the_same() {
     }
     let earlier = FILL.replace("Seek(in: \"lit\")", "Seek(in: \"lit\", before: PreviousRound(\"gather\"))").replace("b: \"lit\"", "b: PreviousFrame(\"sum\")");
     reads_back(&load_text(&nodes(&earlier, "sum")).unwrap(), MOCKS);
+}
+
+/// A picture of these images of indirect light.
+fn combined(indirect: &str) -> String {
+    let combine = format!("(name: \"image\", pass: Combine(gbuffer: \"gbuffer\", indirect: {indirect})),");
+    nodes(&format!("(name: \"gbuffer\", pass: GBuffer()), {combine}"), "image")
+}
+
+#[test]
+fn an_input_for_a_list_takes_any_number() {
+    let sums = |indirect: &str| {
+        let pipeline = load_files("list.ron", &[("list.ron", &combined(indirect))], &[], REGISTRY).unwrap_or_else(|e| panic!("{}", rendered(&e)));
+        let planned = plan_for(&pipeline, &scene(true), &[]).unwrap_or_else(|e| panic!("{}", rendered(&e)));
+        let image = planned.recording.nodes().into_iter().find(|node| node.name == "image").expect("the node");
+        let entries = image.commands.iter().flat_map(|command| command.computes()).map(|compute| compute.entry);
+        entries.filter(|entry| *entry == "add").count()
+    };
+    let [normal, two] = ["\"gbuffer.normal\"", "\"gbuffer.normal\", \"gbuffer.depth\""];
+    assert_eq!([normal, "[]", &format!("[{normal}]"), &format!("[{two}]"), &format!("[{two}, {normal}]")].map(sums), [0, 0, 0, 1, 2]);
+}
+
+#[test]
+fn what_is_wrong_in_a_list_is_told_item_by_item() {
+    let told =
+        |text: &str| problems(load_files("list.ron", &[("list.ron", text)], &[], REGISTRY)).0.into_iter().map(|p| (p.code, p.message)).collect::<Vec<_>>();
+    let both = told(&combined("[\"nobody\", \"gbuffer\", \"gbuffer.normal\"]"));
+    assert_eq!(both.iter().map(|(code, _)| *code).collect::<Vec<_>>(), ["pipeline::unknown_node", "pipeline::kind_mismatch"]);
+    let text = nodes("(name: \"gbuffer\", pass: GBuffer()), (name: \"direct\", pass: DirectLight(gbuffer: [\"gbuffer\", \"gbuffer\"])),", "direct");
+    assert_eq!(told(&text), [("document::wrong_type", "direct.gbuffer expects the name of a node, got a list".to_owned())]);
 }

@@ -151,7 +151,7 @@ impl<'a> Graph<'a> {
         let description = pass.description();
         let given = arguments(description.parameters, values);
         let join = |input: &str| inputs.iter().find(|i| i.0 == input).and_then(|i| self.ports.get(i.1)).cloned();
-        let joined: BTreeMap<_, _> = description.inputs.iter().filter_map(|i| Some((i.name, join(i.name)?))).collect();
+        let joined: BTreeMap<_, _> = description.inputs.iter().filter_map(|i| Some((i.name, vec![join(i.name)?]))).collect();
         let setting = Setting { scene: &self.stage.scene, needs: &self.stage.needs, device: Device::ABLE, size: self.size, tables: None };
         let mut recorder = Recorder::new(name, &given, setting, &joined, &mut self.recording);
         if let Some((batch, sequential)) = self.batch {
@@ -944,7 +944,7 @@ fn indices_agree(stage: &Stage) -> Outcome {
         graph.node("by_host", "RecordIndex", &values("Host"), &[("of", "records")])?;
         graph.node("by_device", "RecordIndex", &values("Device"), &[("of", "records")])?;
         let index = |name: &str| match graph.ports.get(name) {
-            Some(Port::RecordIndex(index)) => Ok(*index),
+            Some(Port::IrradianceField(port::IrradianceField::Records(index))) => Ok(*index),
             _ => Err(Failed::from("no index")),
         };
         let [by_host, by_device] = [index("by_host")?, index("by_device")?];

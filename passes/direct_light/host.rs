@@ -23,11 +23,11 @@ pub(super) fn bytes([width, height]: [u32; 2]) -> u64 {
 
 /// A buffer of the light at each pixel, by so many shadow rays to emissive surfaces and to the sky.
 pub(super) fn record(r: &mut Recorder<'_>, gbuffer: &port::GBuffer, [area, sky]: [u32; 2]) -> Resource {
-    let light = r.buffer("light_of_emitters", bytes(r.setting.size));
-    let (triangles, by_albedo) = (gbuffer.triangles, r.setting.needs.by_albedo);
+    let light = r.buffer("light_of_emitters", bytes(gbuffer.size));
+    let (triangles, size, by_albedo) = (gbuffer.triangles, gbuffer.size, r.setting.needs.by_albedo);
     r.host("light", &[Read::whole(triangles)], &[light], move |host| {
         let seen: Vec<u32> = bytemuck::pod_collect_to_vec(host.read(triangles));
-        let ((camera, size), scene) = (host.camera(), host.scene());
+        let (camera, scene) = (host.camera().0, host.scene());
         let lamps = Lamp::all(scene);
         let emitters = Emitters::new(scene, host.bvh(), &lamps, [area, sky]);
         let mut lights = vec![Vec4::ZERO; seen.len()];

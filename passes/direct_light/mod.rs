@@ -3,7 +3,7 @@
 mod host;
 
 use crate::contract::{
-    Bodies, Choice, Description, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Recorder, Refusal, port,
+    Bodies, Choice, Description, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Recorder, Refusal, Takes, port,
     recorder::{bind_visibility, light_constants},
 };
 use crate::recording::*;
@@ -46,19 +46,19 @@ static DESCRIPTION: Description = Description {
         PLACE,
     ],
     inputs: &[
-        Input { name: "gbuffer", about: "the visible surfaces", accepts: PortKind::GBuffer, required: true, changes: false },
+        Input { name: "gbuffer", about: "the visible surfaces", accepts: PortKind::GBuffer, takes: Takes::One, changes: false },
         Input {
             name: "sky",
             about: "light of the sky that another pass computed; without it rays are traced",
             accepts: PortKind::Image,
-            required: false,
+            takes: Takes::AtMostOne,
             changes: false,
         },
         Input {
             name: "shadow",
             about: "maps of the punctual lights; without them shadows are traced by rays",
             accepts: PortKind::ShadowMaps,
-            required: false,
+            takes: Takes::AtMostOne,
             changes: false,
         },
     ],
@@ -76,11 +76,11 @@ impl Pass for DirectLight {
         let sampled = emitters == "Sampled";
         let sky = r.image_port("sky").map(|sky| sky.texture);
         let samples = if sampled { [arguments.integer("area_samples"), arguments.integer("sky_samples")] } else { [0, 0] };
-        let radiance = r.image("radiance", Format::Rgba32Float);
+        let radiance = r.image("radiance", gbuffer.size, Format::Rgba32Float);
         let [area, rays] = samples.map(|s| s as u32);
         let samples = [area, if sky.is_some() { 0 } else { rays }];
         tell_idle(r, sampled, sky.is_some());
-        let by_host = light_by_host(r, samples)?;
+        let by_host = light_by_host(r, samples, gbuffer.size)?;
         let program = light_constants(Program::new("direct_light"), r.setting.needs, samples);
         let program = match by_host {
             Some(light) => program.import("EMITTERS", "lib/emitters/given").bind("given", host::record(r, &gbuffer, light)),
@@ -92,7 +92,7 @@ impl Pass for DirectLight {
             .bind("triangles", gbuffer.triangles)
             .bind("sky", sky.unwrap_or(gbuffer.position))
             .bind("radiance", radiance);
-        r.compute_pixels(program, "shade");
+        r.compute_pixels(program, "shade", gbuffer.size);
         r.output("radiance", Port::DirectLight(port::DirectLight { radiance, lights_from_emitters: sampled }));
         Ok(())
     }
@@ -115,14 +115,14 @@ fn tell_idle(r: &mut Recorder<'_>, sampled: bool, has_sky: bool) {
 const MOST_BYTES: u64 = 128 << 20;
 
 /// The shadow rays that the host is to cast, 64 of a pixel together, if it is; of `samples` to area lights and to the sky those that there is light for.
-fn light_by_host(r: &mut Recorder<'_>, [area, sky]: [u32; 2]) -> Result<Option<[u32; 2]>, Refusal> {
+fn light_by_host(r: &mut Recorder<'_>, [area, sky]: [u32; 2], size: [u32; 2]) -> Result<Option<[u32; 2]>, Refusal> {
     let needs = r.setting.needs;
     let samples = [if needs.emissive_triangles > 0 { area } else { 0 }, if needs.environment { sky } else { 0 }];
     if samples == [0; 2] {
         r.idle(PLACE.name, "the device does it where no shadow rays go to emitters or the sky");
         return Ok(None);
     }
-    let is_too_large = host::bytes(r.setting.size) > MOST_BYTES;
+    let is_too_large = host::bytes(size) > MOST_BYTES;
     let obstacle = format!("the light of so many pixels does not fit into {} MiB", MOST_BYTES >> 20);
     let place = r.place(Bodies::BOTH.unless(is_too_large, obstacle))?;
     Ok((place == Place::Host).then_some(samples))

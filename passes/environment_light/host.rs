@@ -32,7 +32,7 @@ struct Seen {
 }
 
 pub(super) fn record(r: &mut Recorder<'_>, work: Work) {
-    let [width, height] = r.setting.size;
+    let [width, height] = work.gbuffer.size;
     let bytes = u64::from(width) * u64::from(height) * 16;
     let [irradiance, glossy] = ["irradiance", "glossy"].map(|name| r.buffer(name, bytes));
     let sky = Sky::new(work.order, &work.sky);
@@ -73,7 +73,7 @@ pub(super) fn record(r: &mut Recorder<'_>, work: Work) {
         .bind("glossy", glossy)
         .bind("reflectance", gbuffer.reflectance)
         .bind("radiance", work.radiance);
-    r.compute_pixels(program, "store");
+    r.compute_pixels(program, "store", gbuffer.size);
 }
 
 /// Memory for the lobes of some places.

@@ -3,7 +3,7 @@
 mod host;
 
 use crate::contract::{
-    Arguments, Bodies, Description, Input, Need, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Recorder, Refusal, port,
+    Arguments, Bodies, Description, Input, Need, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Recorder, Refusal, Takes, port,
 };
 use crate::math::harmonics::{
     MOST,
@@ -31,8 +31,8 @@ static DESCRIPTION: Description = Description {
         PLACE,
     ],
     inputs: &[
-        Input { name: "gbuffer", about: "the visible surfaces", accepts: PortKind::GBuffer, required: true, changes: false },
-        Input { name: "lobes", about: "the lobes of the glossy ones among them", accepts: PortKind::VisibleLobes, required: false, changes: false },
+        Input { name: "gbuffer", about: "the visible surfaces", accepts: PortKind::GBuffer, takes: Takes::One, changes: false },
+        Input { name: "lobes", about: "the lobes of the glossy ones among them", accepts: PortKind::VisibleLobes, takes: Takes::AtMostOne, changes: false },
     ],
     outputs: &[Output { name: "radiance", about: "radiance of the sky that is reflected toward the camera", kind: PortKind::Image }],
 };
@@ -81,7 +81,7 @@ impl Pass for EnvironmentLight {
         if lobes.is_none() && r.setting.needs.lobes {
             return Err(port::Lobes::missing());
         }
-        let radiance = r.image("radiance", Format::Rgba32Float);
+        let radiance = r.image("radiance", gbuffer.size, Format::Rgba32Float);
         let work = Work { gbuffer, order, sky: expansion(&r.setting.scene.environment, order), lobes, radiance };
         match r.place(Bodies::BOTH)? {
             Place::Host => host::record(r, work),
@@ -120,7 +120,7 @@ fn record_on_device(r: &mut Recorder<'_>, work: &Work) {
         .bind("lobes", values)
         .bind("lobe_places", places)
         .bind("radiance", work.radiance);
-    r.compute_pixels(program, "shade");
+    r.compute_pixels(program, "shade", work.gbuffer.size);
 }
 
 /// Cells along the meridian and the equator at least: what lies between them is met by neighbours that are nearly alike.

@@ -65,14 +65,14 @@ impl Search {
 }
 
 pub(super) fn record(r: &mut Recorder<'_>, work: &Work, grid: Grid) {
-    let [width, height] = r.setting.size;
+    let [width, height] = work.gbuffer.size;
     let round = r.buffer("grid", size_of::<Round>() as u64);
     let candidates = r.buffer("candidates", 4 * width.div_ceil(2) as u64 * height.div_ceil(2) as u64);
     let counts = r.buffer("counts", 16);
     let picked = r.buffer("picked", 4 * work.requests.capacity as u64);
     let capacity = work.requests.capacity;
     let [lanes, blocks] = ["lanes", "blocks"].map(|name| r.variable(name, false));
-    let search = Search { grid, round, capacity, size: r.setting.size, lanes, blocks };
+    let search = Search { grid, round, capacity, size: work.gbuffer.size, lanes, blocks };
     let start = move |host: &mut dyn HostContext| {
         grid.start(host);
         search.aim(host, 0);

@@ -9,7 +9,7 @@ use glam::Vec4;
 use rayon::prelude::*;
 
 pub(super) fn record(r: &mut Recorder<'_>, work: &Work, grid: Grid) {
-    let size = r.setting.size;
+    let size = work.gbuffer.size;
     let start = r.variable("start", false);
     let asked = r.state("asked");
     let begin = move |host: &mut dyn HostContext| {

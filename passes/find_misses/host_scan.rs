@@ -37,7 +37,7 @@ struct Walk {
 
 pub(super) fn record(r: &mut Recorder<'_>, work: &Work, spacing: u32) {
     let sequential = r.sequential;
-    let [width, height] = r.setting.size;
+    let [width, height] = work.gbuffer.size;
     let pixels = width * height;
     let walk = r.state("walk");
     // Whether this round reads the sums back, and how many records the host's weights hold.

@@ -1,7 +1,7 @@
 //! Where records are missing.
 
 use super::record::{REQUEST_BYTES, Request};
-use crate::contract::{Choice, Description, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Recorder, Refusal, port};
+use crate::contract::{Choice, Description, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Recorder, Refusal, Takes, port};
 use crate::math::random::{hash, unit};
 use crate::recording::*;
 use glam::{Vec4, Vec4Swizzles};
@@ -64,13 +64,13 @@ static DESCRIPTION: Description = Description {
         PLACE,
     ],
     inputs: &[
-        Input { name: "gbuffer", about: "the visible surfaces", accepts: PortKind::GBuffer, required: true, changes: false },
-        Input { name: "splats", about: "what the records so far cover", accepts: PortKind::Splats, required: true, changes: false },
+        Input { name: "gbuffer", about: "the visible surfaces", accepts: PortKind::GBuffer, takes: Takes::One, changes: false },
+        Input { name: "splats", about: "what the records so far cover", accepts: PortKind::Splats, takes: Takes::One, changes: false },
         Input {
             name: "after",
             about: "requests of a loop before this one, which count toward the same limit",
             accepts: PortKind::Requests,
-            required: false,
+            takes: Takes::AtMostOne,
             changes: false,
         },
     ],
@@ -149,10 +149,10 @@ impl Pass for FindMisses {
         let work = Work { gbuffer, sums, cache, requests, none, stalled, overlap: cache.rule.overlap };
         // A loop that goes on where another has ended may be left out.
         if r.requests("after").is_none() {
-            r.run_at_least(first_rounds(r, capacity));
+            r.run_at_least(first_rounds(r, gbuffer.size, capacity));
         }
         let (by, arguments) = r.arguments.choice("by");
-        let place = r.place(r.over_pixels().unless_on_device(by == "Scan", "Scan is a walk from pixel to pixel"))?;
+        let place = r.place(r.over_pixels(gbuffer.size).unless_on_device(by == "Scan", "Scan is a walk from pixel to pixel"))?;
         if by == "Scan" {
             host_scan::record(r, &work, arguments.integer("spacing") as u32);
         } else {
@@ -173,10 +173,10 @@ impl Pass for FindMisses {
 const FIRST_PLACES: u32 = 64;
 
 /// Rounds that look at the first places.
-fn first_rounds(r: &Recorder<'_>, capacity: u32) -> u32 {
-    let places = |apart: u32| r.setting.size.map(|pixels| pixels.div_ceil(apart)).iter().product::<u32>();
+fn first_rounds(r: &Recorder<'_>, size: [u32; 2], capacity: u32) -> u32 {
+    let places = |apart: u32| size.map(|pixels| pixels.div_ceil(apart)).iter().product::<u32>();
     match r.arguments.choice("by") {
-        ("Scan", _) => places(host_scan::widest_spacing(r.setting.size) as u32).div_ceil(capacity),
+        ("Scan", _) => places(host_scan::widest_spacing(size) as u32).div_ceil(capacity),
         (_, arguments) => {
             // Four phases of cells of each edge, each of every second cell along both axes.
             let phases = (0..).flat_map(|halvings| [places(2 * (arguments.integer("coarsest") as u32 >> halvings).max(1)); 4]);
@@ -184,7 +184,7 @@ fn first_rounds(r: &Recorder<'_>, capacity: u32) -> u32 {
             for cells in phases {
                 looked_at += cells;
                 rounds += cells.div_ceil(capacity);
-                if looked_at >= FIRST_PLACES.min(r.setting.size.iter().product()) {
+                if looked_at >= FIRST_PLACES.min(size.iter().product()) {
                     break;
                 }
             }
@@ -212,7 +212,7 @@ mod tests {
         let [position, normal, reflectance, triangles, sums, places] = [2, 3, 4, 5, 6, 7].map(Resource);
         let [count, made, none, stalled] = [1, 2, 3, 4].map(Variable);
         Work {
-            gbuffer: port::GBuffer { position, normal, reflectance, triangles },
+            gbuffer: port::GBuffer { size: [4, 4], position, normal, reflectance, triangles },
             sums,
             cache: mock::cache(100),
             requests: port::Requests { places, count, capacity: 10, made, at_most: 50 },
@@ -277,7 +277,7 @@ mod tests {
         let mut arguments = Arguments::defaults(DESCRIPTION.parameters);
         arguments.set("by", Value::Choice(by, Arguments::defaults(more)));
         let setting = Setting { scene: host.scene(), needs: &needs, device: Device::ABLE, size, tables: None };
-        first_rounds(&Recorder::new("misses", &arguments, setting, &inputs, &mut recording), capacity)
+        first_rounds(&Recorder::new("misses", &arguments, setting, &inputs, &mut recording), size, capacity)
     }
 
     #[test]

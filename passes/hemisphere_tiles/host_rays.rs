@@ -3,7 +3,8 @@
 use super::{SAMPLES_OF_EMITTERS, Work, host_shade};
 use crate::contract::{Recorder, port};
 use crate::math::frame::Frame;
-use crate::passes::record::{REQUEST_BYTES, Request, index_of, indexed_records};
+use crate::passes::irradiance_field;
+use crate::passes::record::{REQUEST_BYTES, Request};
 use crate::recording::*;
 use crate::scene::{
     packets::{Numbers, RayBundle, View},
@@ -31,22 +32,22 @@ pub(super) fn record_shaded(
     r: &mut Recorder<'_>,
     work: &Work,
     maps: Option<port::ShadowMaps>,
-    indirect: Option<port::RecordIndex>,
+    indirect: Option<port::IrradianceField>,
     sees_emission: bool,
 ) -> Resource {
     let bundle = RayBundle::new(&work.table);
     let (requests, radiance) = (work.requests, work.radiance(r));
     let lighting = host_shade::record(r, SAMPLES_OF_EMITTERS, sees_emission);
-    let whole = maps.iter().map(|maps| maps.depth).chain(indirect.iter().map(|index| index.data)).map(Read::whole);
-    let reads: Vec<Read> = whole.chain([Read::counted(requests.places, REQUEST_BYTES, requests.count)]).collect();
+    let lit_by = maps.iter().map(|maps| Read::whole(maps.depth)).chain(indirect.iter().flat_map(irradiance_field::reads));
+    let reads: Vec<Read> = lit_by.chain([Read::counted(requests.places, REQUEST_BYTES, requests.count)]).collect();
     r.host("cast_and_shade", &reads, &[radiance], move |host| {
         let places: Vec<Request> = bytemuck::pod_collect_to_vec(host.read(requests.places));
         let mut samples = host.take(radiance);
         let lighting = host_shade::lighting(host, lighting)?;
         let maps = maps.map_or_else(ShadowMaps::default, |maps| host_shade::shadow_maps(&maps, host));
         let emitters = lighting.emitters(host.scene(), host.bvh());
-        let records = indirect.map_or_else(Vec::new, |index| indexed_records(&index, host));
-        let indirect = indirect.map(|index| index_of(&index, host, &records));
+        let records = indirect.map_or_else(Vec::new, |field| irradiance_field::records(&field, host));
+        let indirect = indirect.map(|field| irradiance_field::on_host(&field, host, &records));
         let shader = host_shade::Shading { lighting: &lighting, maps, scene: host.scene(), emitters, places: &places, indirect: indirect.as_ref() };
         let seen = &mut samples[..places.len() * bundle.samples];
         host.bvh().packets(host.scene()).trace(host.scene(), &views(&places), &bundle, &shader, seen);

@@ -4,10 +4,9 @@
 use crate::contract::{Recorder, port};
 use crate::math::{
     random::{combinations, combine},
-    record_index::RecordIndex,
     vectors::{LANES, Vectors},
 };
-use crate::passes::record::Request;
+use crate::passes::{irradiance_field::Field, record::Request};
 use crate::recording::*;
 use crate::scene::{
     LightKind, Rgb, Scene, Triangle,
@@ -86,7 +85,7 @@ pub(super) struct Shading<'a> {
     pub emitters: Emitters<'a>,
     pub places: &'a [Request],
     /// What lights surfaces besides, by way of others.
-    pub indirect: Option<&'a RecordIndex<'a>>,
+    pub indirect: Option<&'a Field<'a>>,
 }
 
 /// Eight samples each, which are computed side by side.
@@ -140,8 +139,8 @@ impl HitShader for Shading<'_> {
         for (index, (kind, cameras)) in (0..).zip(&self.lighting.lights) {
             self.add_light(simd, (index, kind, cameras), hits, &surfaces, (&mut light, others.as_deref_mut()));
         }
-        if let Some(index) = self.indirect {
-            add_indirect(simd, index, hits, &surfaces, (&mut light, others.as_deref_mut()));
+        if let Some(field) = self.indirect {
+            add_indirect(simd, field, hits, &surfaces, (&mut light, others.as_deref_mut()));
         }
         for group in 0..GROUPS {
             let Some(surfaces) = &surfaces[group] else { continue };
@@ -319,11 +318,11 @@ impl Shading<'_> {
     }
 }
 
-/// Adds what the records of an index tell of the light at surfaces. Lobes reflect it as if it came alike from all sides.
+/// Adds what a field tells of the light at surfaces. Lobes reflect it as if it came alike from all sides.
 #[inline(always)]
 fn add_indirect<S: Simd>(
     simd: S,
-    index: &RecordIndex<'_>,
+    field: &Field<'_>,
     hits: &Hits<'_>,
     surfaces: &[Option<Surfaces<S>>; GROUPS],
     (light, mut others): (&mut [Vectors<S>; GROUPS], Option<&mut [Other; RAYS]>),
@@ -338,7 +337,7 @@ fn add_indirect<S: Simd>(
                 continue;
             }
             let at = |all: &[[f32; LANES]; 3]| Vec3::new(all[0][lane], all[1][lane], all[2][lane]);
-            let irradiance = index.estimate(simd, at(&position), at(&normal)).0;
+            let irradiance = field.irradiance(simd, at(&position), at(&normal));
             (0..3).for_each(|channel| received[channel][lane] = irradiance[channel]);
             if let Some(other) = others.as_deref_mut().map(|others| &mut others[ray])
                 && let Some(gloss) = other.gloss

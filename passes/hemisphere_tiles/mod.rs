@@ -1,11 +1,13 @@
 //! What records see.
 
+use super::irradiance_field;
 use super::record::{TileSample, sample_bytes};
 use crate::contract::place::refuse;
 use crate::contract::recorder::{bind_visibility, light_constants, scene_constants, shadow_taps};
-use crate::contract::{Bodies, Choice, Description, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Recorder, Refusal, port};
+use crate::contract::{
+    Bodies, Choice, Description, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Recorder, Refusal, Takes, port,
+};
 use crate::math::hemisphere::{Shape, Table};
-use crate::math::record_index::Layout;
 use crate::recording::*;
 use std::sync::Arc;
 
@@ -92,26 +94,26 @@ static DESCRIPTION: Description = Description {
         PLACE,
     ],
     inputs: &[
-        Input { name: "at", about: "places that need a record", accepts: PortKind::Requests, required: true, changes: false },
+        Input { name: "at", about: "places that need a record", accepts: PortKind::Requests, takes: Takes::One, changes: false },
         Input {
             name: "direct",
             about: "the direct pass: what it lights surfaces from, records leave out; without it records see all emission",
             accepts: PortKind::DirectLight,
-            required: false,
+            takes: Takes::AtMostOne,
             changes: false,
         },
         Input {
             name: "shadow",
             about: "maps of the punctual lights; without them shadows are traced by rays",
             accepts: PortKind::ShadowMaps,
-            required: false,
+            takes: Takes::AtMostOne,
             changes: false,
         },
         Input {
             name: "indirect",
-            about: "records that light what is seen; without them it is lit by direct light alone",
-            accepts: PortKind::RecordIndex,
-            required: false,
+            about: "what lights surfaces by way of others; without it they are lit by direct light alone",
+            accepts: PortKind::IrradianceField,
+            takes: Takes::AtMostOne,
             changes: false,
         },
     ],
@@ -195,7 +197,7 @@ impl Pass for HemisphereTiles {
         let maps = r.shadow_maps("shadow").map(|maps| port::ShadowMaps { taps, ..*maps });
         let cast = r.place(Bodies::BOTH.unless(by == "Raster", "the scene is rasterised"))?;
         let shaded = shading_place(r, cast, maps.as_ref())?;
-        let indirect = r.record_index("indirect").copied();
+        let indirect = r.irradiance_field("indirect").copied();
         let sees_emission = sees_emission(r);
         let samples = match (shaded, cast) {
             (Place::Host, _) => host_rays::record_shaded(r, &work, maps, indirect, sees_emission),
@@ -206,7 +208,7 @@ impl Pass for HemisphereTiles {
                     Place::Device => ray_cast::record(r, &work),
                 }
                 let radiance = shade(r, &work, maps.as_ref(), sees_emission);
-                indirect.iter().for_each(|index| add_indirect(r, &work, index, radiance));
+                indirect.iter().for_each(|field| add_indirect(r, &work, field, radiance));
                 radiance
             }
         };
@@ -283,18 +285,13 @@ fn shade(r: &mut Recorder<'_>, work: &Work, maps: Option<&port::ShadowMaps>, see
     radiance
 }
 
-/// Adds what the surfaces that are seen reflect of the light that an index tells.
-fn add_indirect(r: &mut Recorder<'_>, work: &Work, index: &port::RecordIndex, radiance: Resource) {
-    let layout = Layout::of(index.capacity as usize);
+/// Adds what the surfaces that are seen reflect of the light of a field.
+fn add_indirect(r: &mut Recorder<'_>, work: &Work, field: &port::IrradianceField, radiance: Resource) {
     let program = work
-        .layout(scene_constants(Program::new("hemisphere_tiles/indirect"), r.setting.needs))
-        .constant("INDEX_ENTRIES", layout.entries as u32)
-        .constant("INDEX_RECORDS", layout.records as u32)
+        .layout(scene_constants(irradiance_field::bind(Program::new("hemisphere_tiles/indirect"), field), r.setting.needs))
         .bind("requests", work.requests.places)
         .bind("samples", work.samples)
         .bind("seen", work.seen)
-        .bind("radiance", radiance)
-        .bind("record_index", index.data)
-        .bind("index_weighting", index.weighting);
+        .bind("radiance", radiance);
     r.compute(program, "add_indirect", Groups::Counted { count: work.requests.count, divisor: 1, per: work.samples_per_tile().div_ceil(64) });
 }

@@ -1,7 +1,9 @@
 //! From tiles to records.
 
 use super::record::{RECORD_BYTES, Radius};
-use crate::contract::{Bodies, Choice, Description, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Recorder, Refusal, port};
+use crate::contract::{
+    Bodies, Choice, Description, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Recorder, Refusal, Takes, port,
+};
 use crate::recording::*;
 
 mod cpu_readback;
@@ -65,7 +67,7 @@ static DESCRIPTION: Description = Description {
         Parameter { name: "gradients", about: "rotation and translation gradients, or none", unit: "", kind: ParameterKind::Bool { default: true } },
         PLACE,
     ],
-    inputs: &[Input { name: "of", about: "tiles with weights", accepts: PortKind::WeightedTiles, required: true, changes: false }],
+    inputs: &[Input { name: "of", about: "tiles with weights", accepts: PortKind::WeightedTiles, takes: Takes::One, changes: false }],
     outputs: &[Output { name: "records", about: "one record a tile", kind: PortKind::Records }],
 };
 

@@ -36,7 +36,7 @@ pub(super) fn record(r: &mut Recorder<'_>, splats: &port::Splats, gbuffer: &port
     let [pixels, coarsest] = ["coarse_pixels", "coarsest"].map(|name| r.variable(name, false));
     r.report_variable("coarse_pixels", pixels);
     r.report_variable("coarsest", coarsest);
-    let (size, sums, gbuffer, cache) = (r.setting.size, splats.sums, *gbuffer, splats.cache);
+    let (size, sums, gbuffer, cache) = (gbuffer.size, splats.sums, *gbuffer, splats.cache);
     let lobes = splats.lobes.clone().zip(cache.coefficients);
     let mut reads = vec![Read::whole(gbuffer.position), Read::whole(gbuffer.normal), Read::whole(sums)];
     reads.push(Read::counted(cache.records, RECORD_BYTES, cache.count));
@@ -344,7 +344,7 @@ mod steps {
             let setting = Setting { scene: host.scene(), needs: &needs, device: Device::SOFTWARE, size: SIZE, tables: None };
             let mut r = Recorder::new("normalize", &arguments, setting, &inputs, &mut recording);
             let splats = port::Splats { sums: of_sums, counts: None, lobes: None, cache: mock::cache(100) };
-            super::record(&mut r, &splats, &port::GBuffer { position, normal, reflectance, triangles });
+            super::record(&mut r, &splats, &port::GBuffer { size: SIZE, position, normal, reflectance, triangles });
             r.finish()
         };
         let records: Vec<HostRecord> = records.iter().map(HostRecord::from).collect();

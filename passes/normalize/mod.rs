@@ -1,6 +1,6 @@
 //! From weighted sums to irradiance and radiance.
 
-use crate::contract::{Description, Input, Output, Pass, Port, PortKind, Recorder, Refusal, port};
+use crate::contract::{Description, Input, Output, Pass, Port, PortKind, Recorder, Refusal, Takes, port};
 use crate::recording::*;
 
 mod coarser;
@@ -13,8 +13,8 @@ static DESCRIPTION: Description = Description {
     source: "RCS 1 and section 4, step 5",
     parameters: &[],
     inputs: &[
-        Input { name: "splats", about: "the sums", accepts: PortKind::Splats, required: true, changes: true },
-        Input { name: "gbuffer", about: "the visible surfaces", accepts: PortKind::GBuffer, required: true, changes: false },
+        Input { name: "splats", about: "the sums", accepts: PortKind::Splats, takes: Takes::One, changes: true },
+        Input { name: "gbuffer", about: "the visible surfaces", accepts: PortKind::GBuffer, takes: Takes::One, changes: false },
     ],
     outputs: &[
         Output {
@@ -35,8 +35,8 @@ impl Pass for Normalize {
 
     fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
         let (Some(splats), Some(gbuffer)) = (r.splats("splats").cloned(), r.g_buffer("gbuffer").copied()) else { return Ok(()) };
-        let irradiance = r.image("irradiance", Format::Rgba32Float);
-        let radiance = r.image("radiance", Format::Rgba32Float);
+        let irradiance = r.image("irradiance", gbuffer.size, Format::Rgba32Float);
+        let radiance = r.image("radiance", gbuffer.size, Format::Rgba32Float);
         let faults = r.buffer("faults", 16);
         r.clear(faults);
         let of_radiance = splats.lobes.is_some();
@@ -49,7 +49,7 @@ impl Pass for Normalize {
             .bind("irradiance", irradiance)
             .bind("radiance", radiance)
             .bind("faults", faults);
-        r.compute_pixels(program, "divide");
+        r.compute_pixels(program, "divide", gbuffer.size);
         r.report("uncovered_pixels", faults, 0);
         r.report("non_finite_pixels", faults, 1);
         let image = |texture, channels| Port::Image(port::Image { texture, channels });

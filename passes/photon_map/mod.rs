@@ -1,6 +1,6 @@
 //! Photons: light that sources send out, followed from surface to surface, and kept where it arrives.
 
-use super::photons::{CODES_AT, HEAD_BYTES, MapHead, PHOTON_BYTES, Photon, lookup, sorted};
+use super::photons::{HEAD_BYTES, MapHead, PHOTON_BYTES, Photon, SLOTS_BEFORE, lookup, sorted};
 use crate::contract::{Description, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, port};
 use crate::math::morton::Cube;
 use crate::scene::sources::Sources;
@@ -27,7 +27,7 @@ static DESCRIPTION: Description = Description {
             name: "kept",
             about: "most places of photons that are kept; when there are so many, no more are sent out",
             unit: "photons",
-            kind: ParameterKind::Integer { default: 1 << 20, min: 1 << 10, max: 1 << 22 },
+            kind: ParameterKind::Integer { default: 1 << 20, min: 1 << 10, max: (1 << 22) - (1 << 16) },
         },
         Parameter { name: "legs", about: "most surfaces that a photon meets", unit: "", kind: ParameterKind::Integer { default: 64, min: 2, max: 1024 } },
     ],
@@ -45,11 +45,10 @@ impl Pass for PhotonMap {
 
     fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
         let [most, capacity, legs] = ["photons", "kept", "legs"].map(|name| r.arguments.integer(name) as u32);
-        let codes = r.buffer("codes", CODES_AT + 4 * u64::from(capacity));
-        let photons = r.buffer("photons", PHOTON_BYTES * u64::from(capacity));
-        let [emitted, count, cut_off] = ["emitted", "count", "cut_off"].map(|name| r.variable(name, false));
+        let data = r.buffer("data", PHOTON_BYTES * (SLOTS_BEFORE + u64::from(capacity)));
+        let [emitted, count, slots, cut_off] = ["emitted", "count", "slots", "cut_off"].map(|name| r.variable(name, false));
         let lobes = r.setting.needs.lobes && !r.setting.needs.by_albedo;
-        r.host("trace", &[], &[codes, photons], move |host| {
+        r.host("trace", &[], &[data], move |host| {
             let scene = host.scene();
             let tracer = Tracer { scene, bvh: host.bvh(), sources: Sources::new(scene), extent: host.extent(), lobes, legs };
             let traced = traced(&tracer, most, capacity);
@@ -64,20 +63,20 @@ impl Pass for PhotonMap {
                 padding_a: 0,
                 padding_b: 0,
             };
-            let (own_codes, own_photons): (Vec<u32>, Vec<Photon>) = sorted.into_iter().unzip();
-            host.write(codes, 0, bytemuck::bytes_of(&head));
-            host.write(codes, HEAD_BYTES, bytemuck::cast_slice(&lookup::starts(&own_codes)));
-            host.write(codes, CODES_AT, bytemuck::cast_slice(&own_codes));
-            host.write(photons, 0, bytemuck::cast_slice(&own_photons));
+            let (codes, photons): (Vec<u32>, Vec<Photon>) = sorted.into_iter().unzip();
+            host.write(data, 0, bytemuck::bytes_of(&head));
+            host.write(data, HEAD_BYTES, bytemuck::cast_slice(&lookup::starts(&codes)));
+            host.write(data, SLOTS_BEFORE * PHOTON_BYTES, bytemuck::cast_slice(&photons));
             host.set(emitted, traced.emitted);
-            host.set(count, own_photons.len() as u32);
+            host.set(count, photons.len() as u32);
+            host.set(slots, SLOTS_BEFORE as u32 + photons.len() as u32);
             host.set(cut_off, traced.cut_off);
             Ok(())
         });
         r.report_variable("photons_emitted", emitted);
         r.report_variable("photons", count);
         r.report_variable("photons_cut_off", cut_off);
-        r.output("map", Port::PhotonMap(port::PhotonMap { codes, photons, count }));
+        r.output("map", Port::PhotonMap(port::PhotonMap { data, slots }));
         Ok(())
     }
 }

@@ -1,6 +1,6 @@
 //! Photons near a point: as `shaders/lib/photon_map.wgsl`.
 
-use super::{HEAD_BYTES, MapHead, Photon, unpacked_ways};
+use super::{HEAD_BYTES, MapHead, PHOTON_BYTES, Photon, SLOTS_BEFORE, unpacked_ways};
 use crate::contract::port;
 use crate::math::morton::{BITS, Cube, code};
 use crate::recording::HostContext;
@@ -14,7 +14,6 @@ pub struct Lookup<'a> {
     level: u32,
     /// Of the first photon in each cell of the table's size, and one past the last of all.
     starts: &'a [u32],
-    codes: &'a [u32],
     photons: &'a [Photon],
 }
 
@@ -58,12 +57,11 @@ pub const FLATNESS: f32 = 0.25;
 
 impl<'a> Lookup<'a> {
     pub fn of(map: &port::PhotonMap, host: &'a dyn HostContext) -> Self {
-        let bytes = host.read(map.codes);
-        let head: MapHead = bytemuck::pod_read_unaligned(&bytes[..HEAD_BYTES as usize]);
-        let (starts, codes) = bytemuck::cast_slice(&bytes[HEAD_BYTES as usize..]).split_at(STARTS);
-        let photons = &bytemuck::cast_slice(host.read(map.photons))[..head.count as usize];
+        let (before, photons) = host.read(map.data).split_at((SLOTS_BEFORE * PHOTON_BYTES) as usize);
+        let (head, starts) = before.split_at(HEAD_BYTES as usize);
+        let head: MapHead = bytemuck::pod_read_unaligned(head);
         let cube = Cube { corner: head.corner.into(), cells_per_unit: head.cells_per_unit };
-        Self { cube, level: head.level, starts, codes: &codes[..head.count as usize], photons }
+        Self { cube, level: head.level, starts: bytemuck::cast_slice(starts), photons: &bytemuck::cast_slice(photons)[..head.count as usize] }
     }
 
     pub fn photons(&self) -> &'a [Photon] {
@@ -99,7 +97,7 @@ impl<'a> Lookup<'a> {
         if code & ((1 << TABLE_BITS) - 1) == 0 {
             return start;
         }
-        start + self.codes[start..self.starts[cell + 1] as usize].partition_point(|own| *own < code)
+        start + self.photons[start..self.starts[cell + 1] as usize].partition_point(|photon| self.cube.code(photon.position.into()) < code)
     }
 
     /// The zone around a point that holds so many photons of its surface; fewer in details and within `most` [scene units].
@@ -223,7 +221,7 @@ mod tests {
         let (codes, kept): (Vec<u32>, Vec<Photon>) = sorted(all, cube, 1).into_iter().unzip();
         let level = usual_level(codes.iter().copied());
         let table = starts(&codes);
-        let lookup = Lookup { cube, level, starts: &table, codes: &codes, photons: &kept };
+        let lookup = Lookup { cube, level, starts: &table, photons: &kept };
         for at in 0..200 {
             let position = Vec3::new(10.0 * unit(hash(7 * at + 70_001)), 10.0 * unit(hash(7 * at + 70_002)), 0.0);
             for (wanted, most) in [(1, f32::INFINITY), (64, f32::INFINITY), (64, 0.3), (100_000, f32::INFINITY)] {
@@ -239,7 +237,7 @@ mod tests {
                 assert!(is_all || found * DETAIL as usize >= wanted as usize && found <= 3 * wanted as usize + 40, "{found} for {wanted} at {position}");
             }
         }
-        let nothing = Lookup { cube, level: usual_level(std::iter::empty()), starts: &starts(&[]), codes: &[], photons: &[] };
+        let nothing = Lookup { cube, level: usual_level(std::iter::empty()), starts: &starts(&[]), photons: &[] };
         assert!(nothing.zone(Vec3::ONE, Vec3::Z, 64, 2.0).radius <= 2.0);
     }
 }

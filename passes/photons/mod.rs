@@ -1,6 +1,6 @@
 //! Photons in memory, as `shaders/lib/photon_map.wgsl` reads them.
 
-use crate::contract::{Input, Parameter, ParameterKind, PortKind, Recorder, Refusal};
+use crate::contract::{Input, Parameter, ParameterKind, PortKind, Recorder, Refusal, Takes};
 use crate::host_struct;
 use crate::math::morton::Cube;
 use glam::Vec3;
@@ -22,7 +22,7 @@ host_struct! {
 }
 
 host_struct! {
-    /// What stands before the codes.
+    /// What stands first in the map: then come, of each cell of a table, the number of its first photon, and the photons, sorted by their cells.
     pub struct MapHead {
         corner: [f32; 3],
         cells_per_unit: f32,
@@ -37,6 +37,12 @@ host_struct! {
 pub const PHOTON_BYTES: u64 = size_of::<Photon>() as u64;
 pub const HEAD_BYTES: u64 = size_of::<MapHead>() as u64;
 
+/// Photons that there would be room for in what stands before them.
+pub const SLOTS_BEFORE: u64 = (HEAD_BYTES + 4 * lookup::STARTS as u64).div_ceil(PHOTON_BYTES);
+
+// As shaders/lib/photon_map.wgsl has it.
+const _: () = assert!(SLOTS_BEFORE == 32_770);
+
 /// The parameter of estimates from photons that bounds them.
 pub const REACH: Parameter = Parameter {
     name: "reach",
@@ -50,7 +56,7 @@ pub const DIRECT: Input = Input {
     name: "direct",
     about: "the direct pass, which has to light surfaces from their sources: photons are kept after a reflection",
     accepts: PortKind::DirectLight,
-    required: false,
+    takes: Takes::AtMostOne,
     changes: false,
 };
 
@@ -63,9 +69,6 @@ pub fn expect_direct_light(r: &Recorder<'_>) -> Result<(), Refusal> {
         || Refusal::new("plan::light_of_sources", "the direct pass leaves lamps and the sky to others, and photons bring only what they have reflected", help);
     if is_lost { Err(refusal()) } else { Ok(()) }
 }
-
-/// Where the codes stand, behind the head and the table of cells.
-pub const CODES_AT: u64 = HEAD_BYTES + 4 * lookup::STARTS as u64;
 
 /// Photons by the cells that they are in, each with its share of the light.
 pub fn sorted(photons: Vec<Photon>, cube: Cube, emitted: u32) -> Vec<(u32, Photon)> {

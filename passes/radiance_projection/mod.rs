@@ -1,7 +1,9 @@
 //! From tiles to what arrives from where.
 
 use super::record::{Record, Request};
-use crate::contract::{Bodies, Choice, Description, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Recorder, Refusal, port};
+use crate::contract::{
+    Bodies, Choice, Description, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Recorder, Refusal, Takes, port,
+};
 use crate::math::radiance::{Expansion, Projected};
 use crate::recording::*;
 use glam::Vec4;
@@ -33,9 +35,9 @@ static DESCRIPTION: Description = Description {
         PLACE,
     ],
     inputs: &[
-        Input { name: "of", about: "tiles with weights", accepts: PortKind::WeightedTiles, required: true, changes: false },
-        Input { name: "records", about: "the records of the same tiles", accepts: PortKind::Records, required: true, changes: true },
-        Input { name: "lobes", about: "what the coefficients are for: they have its order", accepts: PortKind::Lobes, required: true, changes: false },
+        Input { name: "of", about: "tiles with weights", accepts: PortKind::WeightedTiles, takes: Takes::One, changes: false },
+        Input { name: "records", about: "the records of the same tiles", accepts: PortKind::Records, takes: Takes::One, changes: true },
+        Input { name: "lobes", about: "what the coefficients are for: they have its order", accepts: PortKind::Lobes, takes: Takes::One, changes: false },
     ],
     outputs: &[Output { name: "records", about: "the records with their coefficients", kind: PortKind::Records }],
 };

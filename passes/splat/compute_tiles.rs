@@ -12,7 +12,7 @@ const CHUNK: u32 = 32_768;
 const MASK_BYTES: u64 = 32 << 20;
 
 pub(super) fn record(r: &mut Recorder<'_>, work: &Work) {
-    let [width, height] = r.setting.size;
+    let [width, height] = work.gbuffer.size;
     let tiles = width.div_ceil(TILE) * height.div_ceil(TILE);
     // A bit a record, and a bit a word of those.
     let summary = (MASK_BYTES / 4 / 33 / tiles as u64).clamp(1, CHUNK as u64 / 1024) as u32;
@@ -60,7 +60,7 @@ mod tests {
         let setting = Setting { scene: host.scene(), needs: &needs, device: Device::ABLE, size, tables: None };
         let mut r = Recorder::new("splat", &arguments, setting, &inputs, recording).in_loop(10, false);
         let [position, normal, reflectance, triangles, sums] = [2, 3, 4, 5, 6].map(Resource);
-        let gbuffer = port::GBuffer { position, normal, reflectance, triangles };
+        let gbuffer = port::GBuffer { size, position, normal, reflectance, triangles };
         record(&mut r, &Work { gbuffer, cache: mock::cache(capacity), sums, counts: None, first: Variable(1), radiance: None });
         r.finish()
     }

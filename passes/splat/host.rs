@@ -21,7 +21,7 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work) {
         Ok(())
     };
     super::at_start(r, Command::Host(Host::new("clear", Vec::new(), images.clone(), clear)));
-    let (gbuffer, cache, first, width, in_fill) = (work.gbuffer, work.cache, work.first, r.setting.size[0], r.batch.is_some());
+    let (gbuffer, cache, first, width, in_fill) = (work.gbuffer, work.cache, work.first, work.gbuffer.size[0], r.batch.is_some());
     let mut reads = vec![Read::whole(gbuffer.position), Read::whole(gbuffer.normal), Read::counted(cache.records, RECORD_BYTES, cache.count)];
     reads.extend(images.iter().copied().map(Read::whole));
     let written = images.clone();
@@ -65,7 +65,7 @@ mod tests {
         let recorded = {
             let setting = Setting { scene: host.scene(), needs: &needs, device: Device::SOFTWARE, size, tables: None };
             let mut r = Recorder::new("splat", &arguments, setting, &inputs, &mut recording).in_loop(10, false);
-            let gbuffer = port::GBuffer { position, normal, reflectance, triangles };
+            let gbuffer = port::GBuffer { size, position, normal, reflectance, triangles };
             record(&mut r, &Work { gbuffer, cache: mock::cache(100), sums, counts: Some(counts), first: Variable(1), radiance: None });
             r.finish()
         };

@@ -17,7 +17,7 @@ use glam::Vec4;
 const STEPS: usize = 64;
 
 pub(super) fn record(r: &mut Recorder<'_>, work: &Work, radiance: &Radiance) -> Result<(), Refusal> {
-    let width = r.setting.size[0];
+    let width = work.gbuffer.size[0];
     let (gbuffer, cache, lobes, seen) = (work.gbuffer, work.cache, radiance.visible.lobes.on_host()?.clone(), radiance.visible.seen);
     let coefficients = radiance.coefficients;
     let keep = |name: &str, count: usize, make: &dyn Fn() -> Vec<f32>| r.table(name, count, make);

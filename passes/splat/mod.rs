@@ -1,6 +1,8 @@
 //! Records onto pixels.
 
-use crate::contract::{Bodies, Choice, Description, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Recorder, Refusal, port};
+use crate::contract::{
+    Bodies, Choice, Description, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Recorder, Refusal, Takes, port,
+};
 use crate::math::harmonics::{Method, reflection::quads};
 use crate::recording::*;
 
@@ -58,13 +60,13 @@ static DESCRIPTION: Description = Description {
         PLACE,
     ],
     inputs: &[
-        Input { name: "records", about: "the cache", accepts: PortKind::RecordCache, required: true, changes: false },
-        Input { name: "gbuffer", about: "the visible surfaces", accepts: PortKind::GBuffer, required: true, changes: false },
+        Input { name: "records", about: "the cache", accepts: PortKind::RecordCache, takes: Takes::One, changes: false },
+        Input { name: "gbuffer", about: "the visible surfaces", accepts: PortKind::GBuffer, takes: Takes::One, changes: false },
         Input {
             name: "lobes",
             about: "the lobes of these surfaces: then the sums are of the radiance that they reflect toward the camera, and all records count each time",
             accepts: PortKind::VisibleLobes,
-            required: false,
+            takes: Takes::AtMostOne,
             changes: false,
         },
     ],
@@ -139,15 +141,15 @@ impl Pass for Splat {
 
     fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
         let (Some(cache), Some(gbuffer)) = (r.record_cache("records").copied(), r.g_buffer("gbuffer").copied()) else { return Ok(()) };
-        let sums = r.image("sums", Format::Rgba32Float);
-        let counts = r.arguments.bool("count").then(|| r.image("counts", Format::Rgba32Float));
+        let sums = r.image("sums", gbuffer.size, Format::Rgba32Float);
+        let counts = r.arguments.bool("count").then(|| r.image("counts", gbuffer.size, Format::Rgba32Float));
         let first = r.variable("splatted", false);
         let radiance = radiance(r, &cache)?;
         if radiance.is_none() {
             r.idle("rotation", "records hold irradiance alone");
         }
         let work = Work { gbuffer, cache, sums, counts, first, radiance };
-        match (place(r, work.radiance.as_ref())?, &work.radiance) {
+        match (place(r, &work)?, &work.radiance) {
             (Place::Host, Some(radiance)) => host_radiance::record(r, &work, radiance)?,
             (Place::Host, None) => host::record(r, &work),
             (Place::Device, _) => record_on_device(r, &work),
@@ -158,12 +160,12 @@ impl Pass for Splat {
     }
 }
 
-fn place(r: &mut Recorder<'_>, radiance: Option<&Radiance>) -> Result<Place, Refusal> {
-    let bodies = match radiance {
+fn place(r: &mut Recorder<'_>, work: &Work) -> Result<Place, Refusal> {
+    let bodies = match &work.radiance {
         Some(radiance) => Bodies::BOTH
             .unless(radiance.visible.lobes.tables.is_none(), "the device projects the lobes")
             .unless_on_device(radiance.rotation.is_some(), "expansions are rotated by the host alone"),
-        None => r.over_pixels(),
+        None => r.over_pixels(work.gbuffer.size),
     };
     let by = r.arguments.choice("by").0;
     r.place(bodies.unless(by != "Auto", format!("{by} is a way of the device")))

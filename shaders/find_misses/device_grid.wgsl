@@ -1,4 +1,3 @@
-#import lib/camera
 #import lib/random
 #import lib/record
 #import lib/search
@@ -25,8 +24,22 @@ const NONE = 0xffffffffu;
 
 var<workgroup> best: array<u32, 64>;
 
+// Of the picture [pixels].
+fn size() -> vec2u {
+    return textureDimensions(position);
+}
+
+fn pixel_of(candidate: u32) -> vec2u {
+    let width = size().x;
+    return vec2u((candidate - 1u) % width, (candidate - 1u) / width);
+}
+
+fn candidate_of(pixel: vec2u) -> u32 {
+    return pixel.y * size().x + pixel.x + 1u;
+}
+
 fn blocks() -> vec2u {
-    return (camera.size + 2u * grid.cell - 1u) / (2u * grid.cell);
+    return (size() + 2u * grid.cell - 1u) / (2u * grid.cell);
 }
 
 // A pixel of a cell; its edge is a power of two.
@@ -51,7 +64,7 @@ fn search(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: 
         for (var i = lane; i < grid.cell * grid.cell; i += 64u) {
             let local = in_cell(i);
             let pixel = cell * grid.cell + local;
-            if all(pixel < camera.size) && textureLoad(position, pixel, 0).w > 0.0 && textureLoad(sums, pixel, 0).w <= OVERLAP {
+            if all(pixel < size()) && textureLoad(position, pixel, 0).w > 0.0 && textureLoad(sums, pixel, 0).w <= OVERLAP {
                 found = min(found, rank(local));
             }
         }
@@ -66,7 +79,7 @@ fn search(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: 
     if lane == 0u && block < count.x * count.y {
         let first = best[0];
         let pixel = cell * grid.cell + vec2u(first & 63u, first >> 6u & 63u);
-        candidates[block] = select(pixel.y * camera.size.x + pixel.x + 1u, 0u, first == NONE);
+        candidates[block] = select(candidate_of(pixel), 0u, first == NONE);
     }
 }
 
@@ -84,9 +97,9 @@ fn search_small(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) gr
     for (var i = 0u; i < grid.cell * grid.cell; i++) {
         let local = in_cell(i);
         let pixel = cell * grid.cell + local;
-        if all(pixel < camera.size) && rank(local) < found && textureLoad(position, pixel, 0).w > 0.0 && textureLoad(sums, pixel, 0).w <= OVERLAP {
+        if all(pixel < size()) && rank(local) < found && textureLoad(position, pixel, 0).w > 0.0 && textureLoad(sums, pixel, 0).w <= OVERLAP {
             found = rank(local);
-            candidate = pixel.y * camera.size.x + pixel.x + 1u;
+            candidate = candidate_of(pixel);
         }
     }
     candidates[block] = candidate;
@@ -96,8 +109,7 @@ fn search_small(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) gr
 fn uncovered(lane: u32) -> u32 {
     var missing = 0u;
     for (var i = lane; i < counts[0]; i += 256u) {
-        let pixel = picked[i] - 1u;
-        missing += u32(textureLoad(sums, vec2u(pixel % camera.size.x, pixel / camera.size.x), 0).w <= OVERLAP);
+        missing += u32(textureLoad(sums, pixel_of(picked[i]), 0).w <= OVERLAP);
     }
     return missing;
 }
@@ -155,7 +167,7 @@ fn ask(@builtin(global_invocation_id) id: vec3u) {
         return;
     }
     let candidate = picked[id.x];
-    let pixel = vec2u((candidate - 1u) % camera.size.x, (candidate - 1u) / camera.size.x);
+    let pixel = pixel_of(candidate);
     let place = textureLoad(position, pixel, 0);
     requests[id.x] = Request(place.xyz, place.w, textureLoad(normal, pixel, 0).xyz, 6.2831853 * unit(hash(candidate)));
 }

@@ -1,5 +1,5 @@
 #import lib/seen
-#import lib/record_index
+#import IRRADIANCE_FIELD
 
 // Adds what the surfaces that a tile sees reflect of indirect light.
 

@@ -9,7 +9,7 @@ struct Photon {
     ways: u32,
 }
 
-// What stands before the codes.
+// What stands first.
 struct MapHead {
     corner: vec3f,
     cells_per_unit: f32,
@@ -19,14 +19,14 @@ struct MapHead {
     padding_b: u32,
 }
 
-// The head; of the table's cells the first photon; the photons' cells.
-@group(0) @binding(22) var<storage, read> photon_codes: array<u32>;
-@group(0) @binding(23) var<storage, read> photons: array<Photon>;
+// The head; of the table's cells the first photon; the photons.
+@group(0) @binding(22) var<storage, read> photon_map: array<vec4u>;
 
 const HEAD_WORDS = 8u;
+// Where the photons start [photons].
+const SLOTS_BEFORE = 32770u;
 const BITS = 10u;
 const TABLE_BITS = 12u;
-const STARTS = 262145u;
 const CROWD = 6u;
 const DETAIL = 4u;
 const WIDENED = 1u;
@@ -43,8 +43,20 @@ struct Zone {
 }
 
 fn map_head() -> MapHead {
-    let corner = bitcast<vec3f>(vec3u(photon_codes[0], photon_codes[1], photon_codes[2]));
-    return MapHead(corner, bitcast<f32>(photon_codes[3]), photon_codes[4], photon_codes[5], 0u, 0u);
+    let cube = bitcast<vec4f>(photon_map[0]);
+    return MapHead(cube.xyz, cube.w, photon_map[1].x, photon_map[1].y, 0u, 0u);
+}
+
+fn photon_at(number: u32) -> Photon {
+    let place = bitcast<vec4f>(photon_map[2u * (SLOTS_BEFORE + number)]);
+    let light = photon_map[2u * (SLOTS_BEFORE + number) + 1u];
+    return Photon(place.xyz, place.w, bitcast<vec3f>(light.xyz), light.w);
+}
+
+// The first photon in a cell of the table, or behind it.
+fn table_start(cell: u32) -> u32 {
+    let word = HEAD_WORDS + cell;
+    return photon_map[word / 4u][word % 4u];
 }
 
 fn fair_share(zone: Zone, count: u32) -> f32 {
@@ -62,17 +74,23 @@ fn cell_code(cell: vec3u) -> u32 {
     return spread_bits(cell.x) | spread_bits(cell.y) << 1u | spread_bits(cell.z) << 2u;
 }
 
+// The cell that a place is in, as a code.
+fn code_of(head: MapHead, position: vec3f) -> u32 {
+    let cell = clamp((position - head.corner) * head.cells_per_unit, vec3f(0.0), vec3f(f32((1u << BITS) - 1u)));
+    return cell_code(vec3u(cell));
+}
+
 // The first photon whose code is no less.
-fn first_from(code: u32) -> u32 {
+fn first_from(head: MapHead, code: u32) -> u32 {
     let cell = code >> TABLE_BITS;
-    var low = photon_codes[HEAD_WORDS + cell];
+    var low = table_start(cell);
     if (code & ((1u << TABLE_BITS) - 1u)) == 0u {
         return low;
     }
-    var high = photon_codes[HEAD_WORDS + cell + 1u];
+    var high = table_start(cell + 1u);
     while low < high {
         let middle = (low + high) / 2u;
-        if photon_codes[HEAD_WORDS + STARTS + middle] < code {
+        if code_of(head, bitcast<vec3f>(photon_map[2u * (SLOTS_BEFORE + middle)].xyz)) < code {
             low = middle + 1u;
         } else {
             high = middle;
@@ -104,7 +122,7 @@ fn photons_of(head: MapHead, position: vec3f, level: u32, number: u32, normal: v
         return vec2u(0u);
     }
     let first = cell_code(vec3u(cell)) << (3u * level);
-    return vec2u(first_from(first), first_from(first + (1u << (3u * level))));
+    return vec2u(first_from(head, first), first_from(head, first + (1u << (3u * level))));
 }
 
 fn count_around(head: MapHead, position: vec3f, level: u32) -> u32 {
@@ -160,7 +178,7 @@ fn photon_zone(position: vec3f, normal: vec3f, wanted: u32, most: f32) -> Zone {
         for (var number = 0u; number < 8u; number++) {
             let range = photons_of(head, position, level, number, normal, slab);
             for (var i = range.x; i < range.y; i++) {
-                let squared = photon_distance(photons[i], position, normal, radius);
+                let squared = photon_distance(photon_at(i), position, normal, radius);
                 if squared >= 0.0 {
                     rings[min(u32(squared * scale), RINGS - 1u)] += 1u;
                 }

@@ -10,7 +10,7 @@ use crate::math::{
 };
 use crate::measure::run::{Run, image};
 use crate::measure::{Layer, Layers};
-use crate::passes::photons::{Photon, unpacked_ways};
+use crate::passes::photons::{Photon, SLOTS_BEFORE, unpacked_ways};
 use crate::passes::record::{Record, Request, indexed};
 use crate::pipeline::Plan;
 use crate::recording::{Resource, ResourceKind};
@@ -39,8 +39,12 @@ fn write_port(name: &str, port: &Port, plan: &Plan, run: &Run<'_>, beside: &Path
         }
         Port::Records(records) => write_records(&items(run, records.records, run.latest(records.count))?, None, name, beside),
         Port::RecordCache(cache) => write_records(&items(run, cache.records, run.variable(cache.count))?, Some(cache.rule), name, beside),
-        Port::RecordIndex(index) => write_records(&indexed(index, &run.bytes(index.data).map_err(Failure::work)?), Some(index.rule), name, beside),
-        Port::PhotonMap(map) => write_photons(&items(run, map.photons, run.variable(map.count))?, name, beside),
+        Port::IrradianceField(port::IrradianceField::Records(index)) => {
+            write_records(&indexed(index, &run.bytes(index.data).map_err(Failure::work)?), Some(index.rule), name, beside)
+        }
+        Port::PhotonMap(map) | Port::IrradianceField(port::IrradianceField::Photons(port::PhotonDensity { map, .. })) => {
+            write_photons(&items(run, map.data, run.variable(map.slots))?[SLOTS_BEFORE as usize..], name, beside)
+        }
         Port::Tiles(tiles) => write_layers(tiles_picture(tiles, run)?, name, beside),
         Port::WeightedTiles(weighted) => write_layers(tiles_picture(&weighted.tiles, run)?, name, beside),
         Port::ShadowMaps(maps) => write_layers(maps_picture(maps, run)?, name, beside),

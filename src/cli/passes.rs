@@ -2,7 +2,7 @@
 
 use super::console::Console;
 use super::failure::Failure;
-use crate::contract::{Description, Input, Parameter, ParameterKind};
+use crate::contract::{Description, Input, Parameter, ParameterKind, Takes};
 use crate::passes::REGISTRY;
 use crate::pipeline::diagnostics::known;
 use crate::pipeline::{Loop, Problem, expected};
@@ -55,7 +55,11 @@ fn section<T>(text: &mut String, title: &str, items: &[T], line: impl Fn(&T, &mu
 }
 
 fn optional(input: &Input) -> &'static str {
-    if input.required { "" } else { ", optional" }
+    match input.takes {
+        Takes::One => "",
+        Takes::AtMostOne => ", optional",
+        Takes::Any => ", any number in a list",
+    }
 }
 
 fn parameter_text(parameter: &Parameter, depth: usize, text: &mut String) {

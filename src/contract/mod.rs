@@ -23,10 +23,10 @@ pub trait Pass: Send + Sync {
         Need::Kept
     }
 
-    /// Whether what a node makes of all light lacks what lobes reflect; `joined` are its inputs that have a source. Then the whole plan takes
+    /// The input for images of indirect light, of a pass that makes the picture of them. Where none of these has what lobes reflect, the whole plan takes
     /// surfaces by their albedo.
-    fn lacks_lobes(&self, _joined: &[&str]) -> bool {
-        false
+    fn indirect_light(&self) -> Option<&'static str> {
+        None
     }
 
     /// Declares the node's resources and commands. Called once per plan, needs no device.
@@ -108,10 +108,19 @@ pub struct Input {
     pub name: &'static str,
     pub about: &'static str,
     pub accepts: PortKind,
-    /// An optional input may be left out of the pipeline, or its source dropped from the plan.
-    pub required: bool,
+    pub takes: Takes,
     /// Whether the pass changes what it is given, in place. Its output is a newer version then: all others that name the older one run before it.
     pub changes: bool,
+}
+
+/// How many edges lead to an input.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Takes {
+    One,
+    /// It may be left out of the pipeline, or its source dropped from the plan.
+    AtMostOne,
+    /// A list of any length: `["a", "b"]`. Each source may be dropped from the plan.
+    Any,
 }
 
 #[derive(Debug)]

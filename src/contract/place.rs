@@ -132,8 +132,8 @@ impl Recorder<'_> {
     }
 
     /// What both can do with the surfaces and sums of all pixels: so large a picture the host does not take over.
-    pub fn over_pixels(&self) -> Bodies {
-        let [width, height] = self.setting.size.map(u64::from);
+    pub fn over_pixels(&self, size: [u32; 2]) -> Bodies {
+        let [width, height] = size.map(u64::from);
         let is_large = self.setting.device.is_software && width * height > MOST_PIXELS_ON_HOST;
         if is_large { Bodies::BOTH.better_at(Place::Device, "the picture has more than 8 million pixels") } else { Bodies::BOTH }
     }

@@ -24,7 +24,7 @@ pub enum PortKind {
     WeightedTiles,
     Records,
     RecordCache,
-    RecordIndex,
+    IrradianceField,
     PhotonMap,
     Lobes,
     VisibleLobes,
@@ -45,7 +45,7 @@ impl PortKind {
             Self::WeightedTiles => "an atlas of tiles with weights",
             Self::Records => "new records",
             Self::RecordCache => "a record cache",
-            Self::RecordIndex => "an index over records",
+            Self::IrradianceField => "an irradiance field",
             Self::PhotonMap => "a photon map",
             Self::Lobes => "coefficients of lobes",
             Self::VisibleLobes => "the lobes of visible surfaces",
@@ -67,7 +67,7 @@ pub enum Port {
     WeightedTiles(WeightedTiles),
     Records(Records),
     RecordCache(RecordCache),
-    RecordIndex(RecordIndex),
+    IrradianceField(IrradianceField),
     PhotonMap(PhotonMap),
     Lobes(Lobes),
     VisibleLobes(VisibleLobes),
@@ -87,7 +87,7 @@ impl Port {
             Self::WeightedTiles(_) => PortKind::WeightedTiles,
             Self::Records(_) => PortKind::Records,
             Self::RecordCache(_) => PortKind::RecordCache,
-            Self::RecordIndex(_) => PortKind::RecordIndex,
+            Self::IrradianceField(_) => PortKind::IrradianceField,
             Self::PhotonMap(_) => PortKind::PhotonMap,
             Self::Lobes(_) => PortKind::Lobes,
             Self::VisibleLobes(_) => PortKind::VisibleLobes,
@@ -108,8 +108,8 @@ impl Port {
             Self::WeightedTiles(p) => vec![p.tiles.samples, p.tiles.requests.places],
             Self::Records(p) => [p.records].into_iter().chain(p.coefficients.map(|c| c.values)).collect(),
             Self::RecordCache(p) => [p.records].into_iter().chain(p.coefficients.map(|c| c.values)).collect(),
-            Self::RecordIndex(p) => vec![p.data],
-            Self::PhotonMap(p) => vec![p.codes, p.photons],
+            Self::IrradianceField(p) => p.resources(),
+            Self::PhotonMap(p) => p.resources(),
             Self::Lobes(p) => vec![p.values],
             Self::VisibleLobes(p) => p.resources().to_vec(),
             Self::Flag(_) => Vec::new(),
@@ -139,11 +139,8 @@ impl Port {
                 p.count = memory.variable(p.count);
             }
             Self::RecordCache(p) => p.over(memory),
-            Self::RecordIndex(p) => [&mut p.data, &mut p.weighting].into_iter().for_each(|r| replace(r, memory)),
-            Self::PhotonMap(p) => {
-                [&mut p.codes, &mut p.photons].into_iter().for_each(|r| replace(r, memory));
-                p.count = memory.variable(p.count);
-            }
+            Self::IrradianceField(p) => p.over(memory),
+            Self::PhotonMap(p) => p.over(memory),
             Self::Lobes(p) => p.over(memory),
             Self::VisibleLobes(p) => p.over(memory),
             Self::Flag(variable) => *variable = memory.variable(*variable),
@@ -162,9 +159,11 @@ fn replace(resource: &mut Resource, memory: &mut dyn Memory) {
     *resource = memory.resource(*resource);
 }
 
-/// The visible surfaces, one texel a pixel.
+/// The visible surfaces, one texel a pixel: their extent is that of all that is made of them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GBuffer {
+    /// Width and height [pixels].
+    pub size: [u32; 2],
     /// RGBA32F: position [scene units]; the width of a pixel there [scene units], 0 where nothing is seen.
     pub position: Resource,
     /// RGBA32F: unit shading normal, facing the viewer; depth along the camera's axis [scene units].
@@ -295,6 +294,13 @@ pub struct RecordCache {
     pub rule: Rule,
 }
 
+/// What can be asked for the irradiance of indirect light at any point and normal.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum IrradianceField {
+    Records(RecordIndex),
+    Photons(PhotonDensity),
+}
+
 /// Records that can be asked for the irradiance at any point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RecordIndex {
@@ -310,12 +316,22 @@ pub struct RecordIndex {
 /// Photons where they arrived after a reflection or more, sorted by the cells that they are in.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PhotonMap {
-    /// Buffer of a head and the photons' cells, as [`crate::passes::photons::MapHead`] and [`crate::math::morton`] have them.
-    pub codes: Resource,
-    /// Buffer of [`crate::passes::photons::Photon`].
-    pub photons: Resource,
-    /// How many there are.
-    pub count: Variable,
+    /// Buffer of a head, of the cells' first photons and of the photons, as [`crate::passes::photons`] has them.
+    pub data: Resource,
+    /// How many photons there would be room for in what is used of it.
+    pub slots: Variable,
+}
+
+/// Photons that can be asked for the irradiance at any point.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PhotonDensity {
+    pub map: PhotonMap,
+    /// Photons of a point, where there are so many near.
+    pub wanted: u32,
+    /// How far away they may be [scene units].
+    pub reach: f32,
+    /// Whether their outline tells the area that they stand for; otherwise all of the disc does.
+    pub edges: bool,
 }
 
 /// Radiance that arrives at records, projected on hemispherical harmonics in `Frame::new` of their normal.
@@ -426,6 +442,33 @@ impl VisibleLobes {
     fn over(&mut self, memory: &mut dyn Memory) {
         replace(&mut self.seen, memory);
         self.lobes.over(memory);
+    }
+}
+
+impl IrradianceField {
+    fn resources(&self) -> Vec<Resource> {
+        match self {
+            Self::Records(index) => vec![index.data],
+            Self::Photons(density) => density.map.resources(),
+        }
+    }
+
+    fn over(&mut self, memory: &mut dyn Memory) {
+        match self {
+            Self::Records(index) => [&mut index.data, &mut index.weighting].into_iter().for_each(|r| replace(r, memory)),
+            Self::Photons(density) => density.map.over(memory),
+        }
+    }
+}
+
+impl PhotonMap {
+    fn resources(&self) -> Vec<Resource> {
+        vec![self.data]
+    }
+
+    fn over(&mut self, memory: &mut dyn Memory) {
+        replace(&mut self.data, memory);
+        self.slots = memory.variable(self.slots);
     }
 }
 

@@ -40,6 +40,9 @@ impl Refusal {
     }
 }
 
+/// The ports that inputs are joined to, by their names, in the document's order.
+pub type Joined = BTreeMap<&'static str, Vec<Port>>;
+
 /// Records one node.
 pub struct Recorder<'a> {
     pub node: &'a str,
@@ -49,7 +52,7 @@ pub struct Recorder<'a> {
     pub batch: Option<u32>,
     /// Whether the loop walks one record at a time in the order of pixels, as the papers do; then `batch` is 1.
     pub sequential: bool,
-    inputs: &'a BTreeMap<&'static str, Port>,
+    inputs: &'a Joined,
     recording: &'a mut Recording,
     recorded: Recorded,
 }
@@ -91,7 +94,7 @@ pub struct Persistent {
 }
 
 impl<'a> Recorder<'a> {
-    pub fn new(node: &'a str, arguments: &'a Arguments, setting: Setting<'a>, inputs: &'a BTreeMap<&'static str, Port>, recording: &'a mut Recording) -> Self {
+    pub fn new(node: &'a str, arguments: &'a Arguments, setting: Setting<'a>, inputs: &'a Joined, recording: &'a mut Recording) -> Self {
         Self { node, arguments, setting, batch: None, sequential: false, inputs, recording, recorded: Recorded::default() }
     }
 
@@ -106,7 +109,13 @@ impl<'a> Recorder<'a> {
 
     /// The port that an input is joined to; None for an optional one that is not there.
     pub fn input(&self, name: &str) -> Option<&'a Port> {
-        self.inputs.get(name)
+        self.inputs.get(name).and_then(|ports| ports.first())
+    }
+
+    /// The images that an input for any number of them is joined to.
+    pub fn images(&self, name: &str) -> Vec<super::port::Image> {
+        let ports = self.inputs.get(name).into_iter().flatten();
+        ports.filter_map(|port| if let Port::Image(image) = port { Some(*image) } else { None }).collect()
     }
 
     pub fn output(&mut self, name: &'static str, port: Port) {
@@ -158,9 +167,9 @@ impl<'a> Recorder<'a> {
         self.resource(member, ResourceKind::Buffer { bytes: contents.len() as u64 }, Lifetime::Constant(contents.into()))
     }
 
-    /// A texture of the picture's size.
-    pub fn image(&mut self, member: &str, format: Format) -> Resource {
-        self.texture(member, self.setting.size, 1, format)
+    /// A texture of one layer.
+    pub fn image(&mut self, member: &str, size: [u32; 2], format: Format) -> Resource {
+        self.texture(member, size, 1, format)
     }
 
     pub fn texture(&mut self, member: &str, size: [u32; 2], layers: u32, format: Format) -> Resource {
@@ -215,9 +224,8 @@ impl<'a> Recorder<'a> {
         self.command(Command::Compute(Compute { program, entry, groups }));
     }
 
-    /// One invocation a pixel, in workgroups of 8×8.
-    pub fn compute_pixels(&mut self, program: Program, entry: &'static str) {
-        let [w, h] = self.setting.size;
+    /// One invocation a pixel of an image, in workgroups of 8×8.
+    pub fn compute_pixels(&mut self, program: Program, entry: &'static str, [w, h]: [u32; 2]) {
         self.compute(program, entry, Groups::Fixed([w.div_ceil(8), h.div_ceil(8), 1]));
     }
 
@@ -267,7 +275,7 @@ macro_rules! typed_inputs {
         }
     };
 }
-typed_inputs!(g_buffer: GBuffer, shadow_maps: ShadowMaps, image_port: Image, splats: Splats, requests: Requests, tiles: Tiles, weighted_tiles: WeightedTiles, records: Records, record_cache: RecordCache, record_index: RecordIndex, photon_map: PhotonMap, direct_light: DirectLight, lobes: Lobes, visible_lobes: VisibleLobes);
+typed_inputs!(g_buffer: GBuffer, shadow_maps: ShadowMaps, image_port: Image, splats: Splats, requests: Requests, tiles: Tiles, weighted_tiles: WeightedTiles, records: Records, record_cache: RecordCache, irradiance_field: IrradianceField, photon_map: PhotonMap, direct_light: DirectLight, lobes: Lobes, visible_lobes: VisibleLobes);
 
 /// Specialises a program to what the scene has: textures, alpha masks, one-sided surfaces.
 pub fn scene_constants(program: Program, needs: &Needs) -> Program {

@@ -1,7 +1,7 @@
 //! An index over records by where they reach: what is the irradiance at any point and normal? The cells of a level are cubes of one size, a power of two; a record
 //! is listed in the cells that it touches of the level whose cells are two to four times as wide as it reaches, eight at most, so that a point looks into one cell
 //! a level. Cells are found by a hash, and what two of them share is told apart by the level and by the record's own weight. One buffer holds it all, as
-//! `shaders/lib/record_index.wgsl` reads it: [`HEADER`] words, where the list of each hash ends, the lists, the records.
+//! `shaders/lib/irradiance_field/records.wgsl` reads it: [`HEADER`] words, where the list of each hash ends, the lists, the records.
 
 use super::random::hash;
 use super::vectors::{LANES, Vectors};

@@ -4,7 +4,7 @@ use super::diagnostics::{Problem, known};
 use super::document::{self, Document, Override};
 use super::syntax::{Body, Field, Place, Value as Written, ValueKind, Word};
 use super::{Edge, Layer, Loop, Node, Origin, Pipeline, When, Work, graph, progress};
-use crate::contract::{Arguments, Choice, Description, Input, Output, PLACE, Parameter, ParameterKind, Pass, PortKind, Registry, Value, find};
+use crate::contract::{Arguments, Choice, Description, Input, Output, PLACE, Parameter, ParameterKind, Pass, PortKind, Registry, Takes, Value, find};
 use std::collections::BTreeMap;
 
 /// What can be a layer of a picture.
@@ -150,12 +150,13 @@ impl<'d> Checker<'d, '_> {
             }
         }
         self.refuse_missing(node, description, &written);
-        let edges = description.inputs.iter().filter_map(|input| self.edge(index, input, written.get(input.name)?)).collect();
+        let joined = description.inputs.iter().filter_map(|input| Some((input, written.get(input.name)?)));
+        let edges = joined.flat_map(|(input, written)| self.edges(index, input, written)).collect();
         (arguments, edges, places)
     }
 
     fn refuse_missing(&mut self, node: &document::Node, description: &'static Description, written: &BTreeMap<&'static str, Written>) {
-        for input in description.inputs.iter().filter(|input| input.required && !written.contains_key(input.name)) {
+        for input in description.inputs.iter().filter(|input| input.takes == Takes::One && !written.contains_key(input.name)) {
             let problem = Problem::new("pipeline::missing_input", format!("`{}` needs the input `{}`: {}", node.name.text, input.name, input.about));
             let help = self.offers(input.accepts, Some(&node.name.text));
             self.report(problem.at(&node.call.name.place, format!("`{}` is missing", input.name)).help(help));
@@ -255,6 +256,15 @@ impl<'d> Checker<'d, '_> {
         None
     }
 
+    /// The edge to an input, or all of a list.
+    fn edges(&mut self, consumer: usize, input: &'static Input, written: &Written) -> Vec<Edge> {
+        let items = match &written.kind {
+            ValueKind::List(items) if input.takes == Takes::Any => &items[..],
+            _ => std::slice::from_ref(written),
+        };
+        items.iter().filter_map(|item| self.edge(consumer, input, item)).collect()
+    }
+
     fn edge(&mut self, consumer: usize, input: &'static Input, written: &Written) -> Option<Edge> {
         let name = format!("{}.{}", self.entries[consumer].name.text, input.name);
         let reference = self.reference(&name, written)?;
@@ -268,7 +278,7 @@ impl<'d> Checker<'d, '_> {
             return None;
         }
         let from = Origin { node: reference.node, output: output.name, place: reference.place };
-        Some(Edge { input: input.name, required: input.required, changes: input.changes, when: reference.when, round_of, from })
+        Some(Edge { input: input.name, required: input.takes == Takes::One, changes: input.changes, when: reference.when, round_of, from })
     }
 
     fn layer(&mut self, name: &Word, written: &Written) -> Option<Layer> {

@@ -53,7 +53,7 @@ impl Shape {
         let port = match kind {
             PortKind::Image => Port::Image(Image { texture: Resource(0), channels: Channels::Colour }),
             PortKind::DirectLight => Port::DirectLight(DirectLight { radiance: Resource(0), lights_from_emitters: false }),
-            PortKind::GBuffer => Port::GBuffer(GBuffer { position: Resource(0), normal: Resource(1), reflectance: Resource(2), triangles: Resource(3) }),
+            PortKind::GBuffer => Port::GBuffer(GBuffer { size, position: Resource(0), normal: Resource(1), reflectance: Resource(2), triangles: Resource(3) }),
             PortKind::Flag => Port::Flag(Variable(0)),
             _ => return None,
         };

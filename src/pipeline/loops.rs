@@ -1,6 +1,6 @@
 //! The loops of the grammar, described as passes are.
 
-use crate::contract::{Choice, Description, Input, Parameter, ParameterKind, PortKind};
+use crate::contract::{Choice, Description, Input, Parameter, ParameterKind, PortKind, Takes};
 
 /// How nodes are repeated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -59,7 +59,7 @@ static FILL: Description = Description {
             kind: ParameterKind::Integer { default: 0, min: 0, max: u32::MAX as i64 },
         },
     ],
-    inputs: &[Input { name: "until", about: "ends the loop when set; from a node inside", accepts: PortKind::Flag, required: true, changes: false }],
+    inputs: &[Input { name: "until", about: "ends the loop when set; from a node inside", accepts: PortKind::Flag, takes: Takes::One, changes: false }],
     outputs: &[],
 };
 
@@ -73,6 +73,12 @@ static ITERATE: Description = Description {
         unit: "rounds",
         kind: ParameterKind::Integer { default: 1, min: 1, max: 65_536 },
     }],
-    inputs: &[Input { name: "until", about: "ends the loop earlier when set; from a node inside", accepts: PortKind::Flag, required: false, changes: false }],
+    inputs: &[Input {
+        name: "until",
+        about: "ends the loop earlier when set; from a node inside",
+        accepts: PortKind::Flag,
+        takes: Takes::AtMostOne,
+        changes: false,
+    }],
     outputs: &[],
 };

@@ -3,7 +3,7 @@
 use super::ahead;
 use super::history::{self, Key, Shape, Shapes};
 use super::{Edge, Layer, Loop, Node, Pipeline, Problem, Problems, When, Work, graph::family};
-use crate::contract::recorder::{Persistent, Recorded, Recorder, Reported, Setting};
+use crate::contract::recorder::{Joined, Persistent, Recorded, Recorder, Reported, Setting};
 use crate::contract::{Need, Port, PortKind, Refusal};
 use crate::math::bounces::Bounces;
 use crate::recording::*;
@@ -110,12 +110,28 @@ pub fn plan(pipeline: &Pipeline, setting: Setting<'_>, dumps: &[String], scene_k
 
 /// What the scene requires of this pipeline.
 fn needs(pipeline: &Pipeline, members: &[Member<'_>], of_scene: &Needs) -> Needs {
-    let lacks_lobes = |node: &Node| match &node.work {
-        Work::Pass(pass) => pass.lacks_lobes(&node.inputs.iter().map(|edge| edge.input).collect::<Vec<_>>()),
-        Work::Loop(..) => false,
-    };
-    let needs = if members.iter().any(|member| lacks_lobes(member.node)) { of_scene.without_lobes() } else { of_scene.clone() };
+    let needs = if members.iter().any(|member| lacks_lobes(member.node, members)) { of_scene.without_lobes() } else { of_scene.clone() };
     if pipeline.specialise { needs } else { needs.unspecialised() }
+}
+
+/// Whether a node makes its picture of indirect light of which none is reflected by lobes.
+fn lacks_lobes(node: &Node, members: &[Member<'_>]) -> bool {
+    let Work::Pass(pass) = node.work else { return false };
+    let images = pass.indirect_light().map(|input| node.inputs.iter().filter(|edge| edge.input == input).collect::<Vec<_>>()).unwrap_or_default();
+    let (mut waiting, mut seen): (Vec<&str>, BTreeSet<&str>) = (images.iter().map(|edge| edge.from.node.as_str()).collect(), BTreeSet::new());
+    while let Some(name) = waiting.pop() {
+        if !seen.insert(name) {
+            continue;
+        }
+        let Some(source) = members.iter().map(|member| member.node).find(|node| node.name == name) else { continue };
+        let kinds = || source.inputs.iter().map(|edge| (source.accepts(edge), edge));
+        if kinds().any(|(kind, _)| kind == Some(PortKind::VisibleLobes)) {
+            return false;
+        }
+        let sums = kinds().filter(|(kind, _)| matches!(kind, Some(PortKind::Image | PortKind::Splats)));
+        waiting.extend(sums.map(|(_, edge)| edge.from.node.as_str()));
+    }
+    !images.is_empty()
 }
 
 fn refuse_growth(node: &Node, edge: &Edge) -> Problem {
@@ -131,7 +147,7 @@ fn bounces(members: &[Member<'_>], dropped: &BTreeMap<&str, String>) -> Bounces 
     if edges(PortKind::PhotonMap).next().is_some() {
         return Bounces::All;
     }
-    let looked_up = edges(PortKind::RecordIndex).filter(|edge| edge.when == When::Now);
+    let looked_up = edges(PortKind::IrradianceField).filter(|edge| edge.when == When::Now);
     let rounds = looked_up.filter_map(|edge| Some(rounds_of(kept().find(|member| member.node.name == edge.from.node)?)));
     let own = Bounces::Count(u32::from(edges(PortKind::RecordCache).next().is_some()));
     rounds.reduce(Bounces::max).map_or(own, |rounds| own.and(rounds))
@@ -447,8 +463,8 @@ impl<'a> Planner<'a> {
     }
 
     /// The ports of a node's inputs; None if one is missing that must be there.
-    fn inputs(&mut self, node: &Node) -> Option<BTreeMap<&'static str, Port>> {
-        let mut inputs = BTreeMap::new();
+    fn inputs(&mut self, node: &Node) -> Option<Joined> {
+        let mut inputs = Joined::new();
         for edge in &node.inputs {
             let port = match Key::of(edge) {
                 None if self.failed.contains(&edge.from.node) => return None,
@@ -457,7 +473,7 @@ impl<'a> Planner<'a> {
                 Some(key) => self.earlier.get(&key),
             };
             match port {
-                Some(port) => drop(inputs.insert(edge.input, port.clone())),
+                Some(port) => inputs.entry(edge.input).or_default().push(port.clone()),
                 None if edge.required => {
                     if edge.when == When::Now {
                         self.problems.push(refuse_absent(edge, &format!("{}.{}", node.name, edge.input)));

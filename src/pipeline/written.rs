@@ -1,6 +1,7 @@
 //! A checked pipeline as a document again: variants followed, changes applied, every default in its place.
 
-use super::{Node, Pipeline, When, Work};
+use super::{Edge, Node, Pipeline, When, Work};
+use crate::contract::Takes;
 use std::fmt::Write;
 
 impl Pipeline {
@@ -42,11 +43,21 @@ fn write_inner(text: &mut String, node: &Node, depth: usize) {
     }
 }
 
+/// An input a line; one that takes any number as a list.
 fn inputs(node: &Node) -> impl Iterator<Item = String> {
-    node.inputs.iter().map(|edge| match edge.when {
-        When::Now => format!("{}: {}", edge.input, quoted(&edge.from.to_string())),
-        earlier => format!("{}: {earlier:?}({})", edge.input, quoted(&edge.from.to_string())),
+    node.description().inputs.iter().filter_map(|input| {
+        let joined: Vec<String> = node.inputs.iter().filter(|edge| edge.input == input.name).map(reference).collect();
+        let written = if input.takes == Takes::Any { format!("[{}]", joined.join(", ")) } else { joined.concat() };
+        (!joined.is_empty()).then(|| format!("{}: {written}", input.name))
     })
+}
+
+fn reference(edge: &Edge) -> String {
+    let from = quoted(&edge.from.to_string());
+    match edge.when {
+        When::Now => from,
+        earlier => format!("{earlier:?}({from})"),
+    }
 }
 
 /// As RON writes a string.

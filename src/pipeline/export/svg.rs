@@ -34,7 +34,7 @@ fn colour(kind: PortKind) -> &'static str {
     match kind {
         PortKind::GBuffer | PortKind::Lobes | PortKind::VisibleLobes => "#3d6fb4",
         PortKind::DirectLight | PortKind::ShadowMaps | PortKind::Image | PortKind::PhotonMap => "#b26a00",
-        PortKind::RecordCache | PortKind::RecordIndex | PortKind::Records | PortKind::Splats => "#2f7f5f",
+        PortKind::RecordCache | PortKind::IrradianceField | PortKind::Records | PortKind::Splats => "#2f7f5f",
         PortKind::Requests | PortKind::Tiles | PortKind::WeightedTiles => "#8a4f9e",
         PortKind::Flag => PLAIN,
     }
@@ -72,10 +72,10 @@ struct Key<'p> {
     earlier: bool,
 }
 
-/// What a pin of a block is for: an input of a node by its name, or a line that goes on in a frame or beyond it.
+/// What a pin of a block is for: an input of a node by its name and what it is joined to, or a line that goes on in a frame or beyond it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Slot<'p> {
-    Input(&'p str),
+    Input(&'p str, Key<'p>),
     Line(Key<'p>),
 }
 
@@ -166,7 +166,7 @@ impl<'p> Sheet<'p> {
             When::PreviousRound => format!("{}, round before", arrow.label),
             When::PreviousFrame => format!("{}, frame before", arrow.label),
         };
-        let inputs = arrows.iter().filter(|arrow| arrow.to == node.name).map(|arrow| (Slot::Input(arrow.label), label(arrow))).collect();
+        let inputs = arrows.iter().filter(|arrow| arrow.to == node.name).map(|arrow| (Slot::Input(arrow.label, Key::of(arrow)), label(arrow))).collect();
         let mut keys: Vec<Key<'p>> = arrows.iter().filter(|arrow| arrow.from == node.name).map(Key::of).collect();
         keys.sort();
         keys.dedup();
@@ -183,7 +183,7 @@ impl<'p> Sheet<'p> {
 
     fn add_layer(&mut self, layer: &'p Layer, arrows: &'p [Arrow]) {
         let id = output_id(&layer.name);
-        let inputs = arrows.iter().filter(|arrow| arrow.to == id).map(|arrow| (Slot::Input(arrow.label), String::new())).collect();
+        let inputs = arrows.iter().filter(|arrow| arrow.to == id).map(|arrow| (Slot::Input(arrow.label, Key::of(arrow)), String::new())).collect();
         let part = Part { id, shown: Shown::Layer(&layer.name), inputs, outputs: Vec::new() };
         let block = part.block(text_width(&layer.name, NAME_SIZE), OUTPUT_HEIGHT);
         self.add(part, block);
@@ -201,7 +201,7 @@ impl<'p> Sheet<'p> {
         }
         let target = match to {
             Some(part) => {
-                self.parts[part].inputs.iter().position(|(slot, _)| *slot == Slot::Input(arrow.label) || *slot == Slot::Line(key)).map(|pin| (part, pin))
+                self.parts[part].inputs.iter().position(|(slot, _)| *slot == Slot::Input(arrow.label, key) || *slot == Slot::Line(key)).map(|pin| (part, pin))
             }
             None => Some((self.exit(key), 0)),
         };
@@ -295,7 +295,7 @@ impl<'p> Sheet<'p> {
         let Part { id, shown, inputs, .. } = &self.parts[part];
         match (shown, inputs[pin].0) {
             (Shown::Layer(name), _) => (*name).into(),
-            (Shown::Node(_), Slot::Input(input)) => format!("{id}.{input}"),
+            (Shown::Node(_), Slot::Input(input, _)) => format!("{id}.{input}"),
             _ => String::new(),
         }
     }
@@ -304,7 +304,7 @@ impl<'p> Sheet<'p> {
 impl<'p> Slot<'p> {
     fn line(&self) -> Option<Key<'p>> {
         match self {
-            Self::Input(_) => None,
+            Self::Input(..) => None,
             Self::Line(key) => Some(*key),
         }
     }

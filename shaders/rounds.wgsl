@@ -36,9 +36,31 @@ const UNCOUNTED = 0xffffffffu;
 // Most workgroups along an edge of a dispatch, everywhere.
 const MOST_GROUPS = 65535u;
 
+// Opens the loop.
+@compute @workgroup_size(1)
+fn open() {
+    if variables[HELD] == 0u {
+        variables[ROUNDS] = 0u;
+        variables[IS_OVER] = 0u;
+        variables[IS_LAST_ROUND] = 0u;
+        variables[SHORTFALL] = 0u;
+    }
+}
+
+// Closes a loop that the host does not look at: unless it is done, nothing is done any more.
+@compute @workgroup_size(1)
+fn close() {
+    if variables[HELD] == 0u && (variables[IS_OVER] == 0u || variables[IS_LAST_ROUND] != 0u || variables[SHORTFALL] != 0u) {
+        variables[HELD] = 1u;
+    }
+}
+
 // Begins a round, unless the loop has ended.
 @compute @workgroup_size(1)
 fn begin() {
+    if variables[HELD] != 0u {
+        return;
+    }
     let is_over = variables[rounds.until] != 0u || variables[ROUNDS] == rounds.at_most;
     variables[IS_OVER] = u32(is_over);
     if !is_over {
@@ -63,7 +85,7 @@ fn size_of(sizing: Sizing) -> vec4u {
 // Sizes all of a round anew as variables are now, and keeps what those are that are not 0. One workgroup.
 @compute @workgroup_size(64)
 fn size(@builtin(local_invocation_index) lane: u32) {
-    if variables[IS_OVER] != 0u {
+    if variables[IS_OVER] != 0u || variables[HELD] != 0u {
         if lane < rounds.sizes {
             sizes[lane] = vec4u(0u);
         }

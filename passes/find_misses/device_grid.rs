@@ -19,6 +19,8 @@ struct Search {
     /// Blocks that a lane each looks at, and blocks that a workgroup each does.
     lanes: Variable,
     blocks: Variable,
+    /// 1 in the first round, which looks at all pixels.
+    looks_over: Variable,
 }
 
 impl Search {
@@ -58,6 +60,7 @@ impl Search {
             .variable("IDLE", grid.idle)
             .variable("LANES", self.lanes)
             .variable("BLOCKS", self.blocks)
+            .variable("LOOKS_OVER", self.looks_over)
             .bind("next", self.round)
             .bind("counts", counts);
         Compute { program, entry: "advance", groups: Groups::ONE }
@@ -68,18 +71,20 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, grid: Grid) {
     let [width, height] = work.gbuffer.size;
     let round = r.buffer("grid", size_of::<Round>() as u64);
     let candidates = r.buffer("candidates", 4 * width.div_ceil(2) as u64 * height.div_ceil(2) as u64);
-    let counts = r.buffer("counts", 16);
+    let (counts, any_missing) = (r.buffer("counts", 32), r.buffer("any_missing", 16));
     let picked = r.buffer("picked", 4 * work.requests.capacity as u64);
     let capacity = work.requests.capacity;
-    let [lanes, blocks] = ["lanes", "blocks"].map(|name| r.variable(name, false));
-    let search = Search { grid, round, capacity, size: work.gbuffer.size, lanes, blocks };
+    let [lanes, blocks, looks_over] = ["lanes", "blocks", "looks_over"].map(|name| r.variable(name, false));
+    let search = Search { grid, round, capacity, size: work.gbuffer.size, lanes, blocks, looks_over };
     let start = move |host: &mut dyn HostContext| {
         grid.start(host);
         search.aim(host, 0);
+        host.set(looks_over, 1);
         Ok(())
     };
     r.before_loop(Command::Host(Host::new("start", Vec::new(), vec![round], start)));
     r.before_loop(Command::Clear(counts));
+    r.before_loop(Command::Clear(any_missing));
     let program = Program::new("find_misses/device_grid")
         .constant("OVERLAP", work.overlap)
         .bind("grid", round)
@@ -88,8 +93,10 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, grid: Grid) {
         .bind("sums", work.sums)
         .bind("candidates", candidates)
         .bind("counts", counts)
+        .bind("any_missing", any_missing)
         .bind("requests", work.requests.places)
         .bind("picked", picked);
+    r.compute(program.clone(), "look_over", Groups::Counted { count: looks_over, divisor: 1, per: (width * height).div_ceil(64) });
     r.compute(program.clone(), "search", Groups::Counted { count: blocks, divisor: 1, per: 1 });
     r.compute(program.clone(), "search_small", Groups::Counted { count: lanes, divisor: 64, per: 1 });
     r.compute(program.clone(), "collect", Groups::ONE);
@@ -97,7 +104,9 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, grid: Grid) {
     let work = *work;
     let advance = move |host: &mut dyn HostContext| {
         let numbers: Vec<u32> = bytemuck::pod_collect_to_vec(host.read(counts));
-        let start = grid.advance(host, &work, Found { requests: numbers[0], candidates: numbers[1], next_block: numbers[2], uncovered: numbers[3] });
+        let [requests, candidates, next_block, uncovered, any_missing, ..] = numbers[..] else { return Err("the search has counted too little".into()) };
+        host.set(looks_over, 0);
+        let start = grid.advance(host, &work, Found { requests, candidates, next_block, uncovered, any_missing: any_missing != 0 });
         search.aim(host, start);
         Ok(())
     };

@@ -37,6 +37,8 @@ pub(super) struct Found {
     pub next_block: u32,
     /// How many pixels of the batch before miss a record still.
     pub uncovered: u32,
+    /// Whether any pixel missed one as the loop started.
+    pub any_missing: bool,
 }
 
 impl Grid {
@@ -64,6 +66,7 @@ impl Grid {
     /// Before the loop.
     pub fn start(&self, host: &mut dyn HostContext) {
         host.set(self.cell, self.coarsest);
+        host.set(self.phase, 0);
     }
 
     /// Counts what was found and goes on to the next cells; the block from which on those are looked at.
@@ -74,8 +77,8 @@ impl Grid {
         host.set(work.requests.made, host.variable(work.requests.made) + requests);
         let is_finest = host.variable(self.cell) == self.finest;
         host.set(self.idle, if is_finest && found.candidates == 0 { host.variable(self.idle) + 1 } else { 0 });
-        // Without room the records of the round before have just been splatted: nothing is left to do.
-        host.set(work.none, (host.variable(self.idle) == 4 || room == 0) as u32);
+        // Where no pixel misses a record, nothing is to be done. Without room the records of the round before have just been splatted: nothing is left to do.
+        host.set(work.none, (host.variable(self.idle) == 4 || room == 0 || !found.any_missing) as u32);
         // What did not fit into the batch is looked for again, among what the batch leaves uncovered. Cells that have been served wait: they
         // would ask again and again while the rest of the picture has no record at all.
         if found.candidates > work.requests.capacity {
@@ -107,7 +110,7 @@ mod tests {
     }
 
     fn found(requests: u32, candidates: u32) -> Found {
-        Found { requests, candidates, next_block: 77, uncovered: 0 }
+        Found { requests, candidates, next_block: 77, uncovered: 0, any_missing: true }
     }
 
     #[test]
@@ -154,6 +157,14 @@ mod tests {
             grid.advance(&mut host, &work, found(1, 1));
             assert_eq!((host.variable(work.none), host.variable(GRID.cell)), (ends, 2));
         }
+    }
+
+    #[test]
+    fn a_search_ends_at_once_where_no_pixel_misses_a_record() {
+        let (work, mut host) = (work(), host_at(4, 0));
+        GRID.advance(&mut host, &work, Found { any_missing: false, ..found(0, 0) });
+        assert_eq!(host.variable(work.none), 1);
+        assert_eq!(host.cut_short, None);
     }
 
     #[test]

@@ -10,10 +10,11 @@ use rayon::prelude::*;
 
 pub(super) fn record(r: &mut Recorder<'_>, work: &Work, grid: Grid) {
     let size = work.gbuffer.size;
-    let start = r.variable("start", false);
+    let [start, looked_over] = ["start", "looked_over"].map(|name| r.variable(name, false));
     let asked = r.state("asked");
     let begin = move |host: &mut dyn HostContext| {
         grid.start(host);
+        host.set(looked_over, 0);
         Ok(())
     };
     r.before_loop(Command::Host(Host::new("start", Vec::new(), Vec::new(), begin)));
@@ -24,6 +25,7 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, grid: Grid) {
         let before = host.state(asked).take().and_then(|pixels| pixels.downcast::<Vec<u32>>().ok()).unwrap_or_default();
         let picture =
             Picture { position: bytemuck::cast_slice(host.read(gbuffer.position)), sums: bytemuck::cast_slice(host.read(sums)), size, overlap: work.overlap };
+        let any_missing = host.variable(looked_over) != 0 || (0..picture.sums.len() as u32).into_par_iter().any(|pixel| picture.misses(pixel));
         let most = work.requests.capacity as usize;
         let some = picture.search(host.variable(grid.cell), host.variable(grid.phase), host.variable(start), most);
         let uncovered = before.iter().filter(|pixel| picture.misses(**pixel)).count() as u32;
@@ -31,9 +33,10 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, grid: Grid) {
         let normals: &[Vec4] = bytemuck::cast_slice(host.read(gbuffer.normal));
         let new: Vec<Request> = picked.iter().map(|(_, pixel)| request(picture.position[*pixel as usize], normals[*pixel as usize], *pixel)).collect();
         let next_block = picked.last().map_or(0, |(block, _)| block + 1);
-        let found = Found { requests: picked.len() as u32, candidates: some.len() as u32, next_block, uncovered };
+        let found = Found { requests: picked.len() as u32, candidates: some.len() as u32, next_block, uncovered, any_missing };
         *host.state(asked) = Some(Box::new(picked.iter().map(|(_, pixel)| *pixel).collect::<Vec<u32>>()));
         host.write(places, 0, bytemuck::cast_slice(&new));
+        host.set(looked_over, 1);
         let next = grid.advance(host, &work, found);
         host.set(start, next);
         Ok(())

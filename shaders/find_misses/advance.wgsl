@@ -5,7 +5,7 @@
 
 @group(0) @binding(0) var<storage, read_write> next: Round;
 // As the search leaves them.
-@group(0) @binding(1) var<storage, read> counts: array<u32, 4>;
+@group(0) @binding(1) var<storage, read> counts: array<u32, 5>;
 
 // Of the picture [pixels].
 override WIDTH: u32 = 1u;
@@ -30,6 +30,7 @@ override STALLED: u32 = 0u;
 override CELL: u32 = 0u;
 override PHASE: u32 = 0u;
 override IDLE: u32 = 0u;
+override LOOKS_OVER: u32 = 0u;
 override LANES: u32 = 0u;
 override BLOCKS: u32 = 0u;
 
@@ -85,7 +86,8 @@ fn advance() {
     variables[COUNT] = requests;
     variables[MADE] += requests;
     variables[IDLE] = select(0u, variables[IDLE] + 1u, variables[CELL] == FINEST && counts[1] == 0u);
-    variables[NONE] = u32(variables[IDLE] == 4u || most == 0u);
+    variables[NONE] = u32(variables[IDLE] == 4u || most == 0u || counts[4] == 0u);
+    variables[LOOKS_OVER] = 0u;
     let start = start_of_next();
     let cell = variables[CELL];
     next = Round(cell, variables[PHASE], MOST_REQUESTS, start);

@@ -11,11 +11,14 @@
 @group(0) @binding(3) var sums: texture_2d<f32>;
 // Per block of 2×2 cells: pixel index + 1 of the cell's request, or 0.
 @group(0) @binding(4) var<storage, read_write> candidates: array<u32>;
-// Requests made, candidates found, one past the last block that was served, pixels of the batch before that miss a record still.
-@group(0) @binding(5) var<storage, read_write> counts: array<u32, 4>;
+// Requests made, candidates found, one past the last block that was served, pixels of the batch before that miss a record still, and whether any pixel
+// missed one as the loop started.
+@group(0) @binding(5) var<storage, read_write> counts: array<u32, 5>;
 @group(0) @binding(6) var<storage, read_write> requests: array<Request>;
 // Pixel index + 1 of each request.
 @group(0) @binding(7) var<storage, read_write> picked: array<u32>;
+
+@group(0) @binding(8) var<storage, read_write> any_missing: atomic<u32>;
 
 // A pixel whose weights add up to this or less misses a record.
 override OVERLAP: f32 = 0.0;
@@ -53,6 +56,20 @@ fn rank(local: vec2u) -> u32 {
     return u32(d.x * d.x + d.y * d.y) << 12u | local.y << 6u | local.x;
 }
 
+fn misses(pixel: vec2u) -> bool {
+    return textureLoad(position, pixel, 0).w > 0.0 && textureLoad(sums, pixel, 0).w <= OVERLAP;
+}
+
+// Looks at all pixels.
+@compute @workgroup_size(64)
+fn look_over(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) lane: u32) {
+    let index = (group.x + group.y * groups.x) * 64u + lane;
+    let across = size();
+    if index < across.x * across.y && misses(pixel_of(index + 1u)) {
+        atomicStore(&any_missing, 1u);
+    }
+}
+
 // One workgroup of 64 lanes a cell.
 @compute @workgroup_size(64)
 fn search(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) lane: u32) {
@@ -64,7 +81,7 @@ fn search(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: 
         for (var i = lane; i < grid.cell * grid.cell; i += 64u) {
             let local = in_cell(i);
             let pixel = cell * grid.cell + local;
-            if all(pixel < size()) && textureLoad(position, pixel, 0).w > 0.0 && textureLoad(sums, pixel, 0).w <= OVERLAP {
+            if all(pixel < size()) && misses(pixel) {
                 found = min(found, rank(local));
             }
         }
@@ -97,7 +114,7 @@ fn search_small(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) gr
     for (var i = 0u; i < grid.cell * grid.cell; i++) {
         let local = in_cell(i);
         let pixel = cell * grid.cell + local;
-        if all(pixel < size()) && rank(local) < found && textureLoad(position, pixel, 0).w > 0.0 && textureLoad(sums, pixel, 0).w <= OVERLAP {
+        if all(pixel < size()) && rank(local) < found && misses(pixel) {
             found = rank(local);
             candidate = candidate_of(pixel);
         }
@@ -157,6 +174,7 @@ fn collect(@builtin(local_invocation_index) lane: u32) {
         counts[0] = min(starts[255], grid.capacity);
         counts[1] = starts[255];
         counts[3] = atomicLoad(&missing);
+        counts[4] = atomicLoad(&any_missing);
     }
 }
 

@@ -1,4 +1,4 @@
-// The numbers of a recording, as a loop that the device drives has them: four of the loop, then those that passes declare, then what each of
+// The numbers of a recording, as a loop that the device drives has them: five of the loop, then those that passes declare, then what each of
 // those was last before it became 0.
 
 @group(0) @binding(31) var<storage, read_write> variables: array<u32>;
@@ -10,4 +10,6 @@ const IS_OVER = 1u;
 const IS_LAST_ROUND = 2u;
 // Why the loop ends although work is left, by its code; 0 for no reason.
 const SHORTFALL = 3u;
-const VARIABLES_BEFORE = 4u;
+// Whether a loop has more to do than the host takes for granted: then loops do nothing until the host has looked.
+const HELD = 4u;
+const VARIABLES_BEFORE = 5u;

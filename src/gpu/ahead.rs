@@ -14,7 +14,16 @@ const FIRST: u32 = 8;
 /// Most rounds between two looks.
 const MOST: u32 = 64;
 
-/// Words before the variables, as `shaders/lib/variables.wgsl` names them.
+/// The variables on the device, as `shaders/lib/variables.wgsl` has them.
+pub(super) struct Words {
+    progress: Progress,
+    pub is_held: bool,
+    pub values: Vec<u32>,
+    /// What each was before it became 0, or is.
+    pub latest: Vec<u32>,
+}
+
+/// Of the loop that ran last.
 struct Progress {
     rounds: u32,
     is_over: bool,
@@ -25,6 +34,9 @@ struct Progress {
 impl Session<'_> {
     /// Runs a loop whose first node has the index `first`; how many rounds there were.
     pub(super) fn run_ahead(&mut self, repeat: &Repeat, sizes: Resource, first: usize, pending: &mut Pending, pace: AskPace) -> Result<u32, GpuError> {
+        if self.speculation.is_some() {
+            return self.run_unseen(repeat, sizes, first, pending);
+        }
         self.bring_variables();
         // As many as the last time, and one that finds the end.
         let mut ahead = self.rounds_before.get(&repeat.round).map_or(FIRST, |rounds| rounds + 1).min(MOST);
@@ -32,7 +44,7 @@ impl Session<'_> {
             for _ in 0..ahead {
                 self.encode_round(repeat, sizes, first, pending)?;
             }
-            let progress = self.look_at_variables(pending)?;
+            let progress = self.look_at_progress(pending)?;
             if progress.is_over || self.is_done(repeat, progress.rounds) || progress.rounds == repeat.at_most {
                 self.is_last_round = progress.is_last_round;
                 self.cut_short.extend(repeat.until.zip(progress.shortfall));
@@ -49,17 +61,17 @@ impl Session<'_> {
     }
 
     /// Brings the variables to the device, as a loop starts.
-    fn bring_variables(&mut self) {
+    pub(super) fn bring_variables(&mut self) {
         let words: Vec<u32> = [0; VARIABLES_BEFORE as usize].iter().chain(&self.variables).chain(&self.latest).copied().collect();
-        self.write(self.variables_on_device(), bytemuck::cast_slice(&words));
+        self.overwrite(self.variables_on_device(), bytemuck::cast_slice(&words));
     }
 
-    fn variables_on_device(&self) -> Resource {
+    pub(super) fn variables_on_device(&self) -> Resource {
         let found = self.recording.resources.iter().position(|resource| resource.lifetime == Lifetime::Variables);
         found.map_or_else(|| unreachable!("such loops have variables on the device"), |index| Resource(index as u32))
     }
 
-    fn encode_round(&mut self, repeat: &Repeat, sizes: Resource, first: usize, pending: &mut Pending) -> Result<(), GpuError> {
+    pub(super) fn encode_round(&mut self, repeat: &Repeat, sizes: Resource, first: usize, pending: &mut Pending) -> Result<(), GpuError> {
         let nodes: Vec<&Node> = repeat.steps.iter().filter_map(|step| if let Step::Node(node) = step { Some(node) } else { None }).collect();
         let [begin, size] = [0, 1].map(|position| (&nodes[0].commands[position], position));
         for (command, position) in [begin, size] {
@@ -104,17 +116,23 @@ impl Session<'_> {
     }
 
     /// Waits for all that was recorded, and takes the variables over.
-    fn look_at_variables(&mut self, pending: &mut Pending) -> Result<Progress, GpuError> {
+    fn look_at_progress(&mut self, pending: &mut Pending) -> Result<Progress, GpuError> {
+        self.waits += 1;
+        let Words { progress, values, latest, .. } = self.look_at_variables(pending)?;
+        (self.variables, self.latest) = (values, latest);
+        Ok(progress)
+    }
+
+    /// Waits for all that was recorded.
+    pub(super) fn look_at_variables(&mut self, pending: &mut Pending) -> Result<Words, GpuError> {
         let variables = self.variables_on_device();
         let staging = self.kept_staging(variables);
         let bytes = self.copy_out(pending, Read::whole(variables), &staging);
         self.submit(pending);
-        self.waits += 1;
         let words: Vec<u32> = readback::look(self.gpu, &staging, bytes, bytemuck::pod_collect_to_vec)?;
         let (before, numbers) = words.split_at(VARIABLES_BEFORE as usize);
         let count = self.variables.len();
-        self.variables.copy_from_slice(&numbers[..count]);
-        self.latest.copy_from_slice(&numbers[count..2 * count]);
-        Ok(Progress { rounds: before[0], is_over: before[1] != 0, is_last_round: before[2] != 0, shortfall: Shortfall::of_code(before[3]) })
+        let progress = Progress { rounds: before[0], is_over: before[1] != 0, is_last_round: before[2] != 0, shortfall: Shortfall::of_code(before[3]) };
+        Ok(Words { progress, is_held: before[4] != 0, values: numbers[..count].to_vec(), latest: numbers[count..2 * count].to_vec() })
     }
 }

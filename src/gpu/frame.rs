@@ -62,20 +62,35 @@ impl Session<'_> {
     /// Runs the recording once.
     pub fn frame(&mut self, pace: AskPace) -> Result<Frame, GpuError> {
         let start = Instant::now();
-        self.start_frame();
-        let recording = self.recording;
-        let mut pending = self.pending();
-        let mut frame = Frame { seconds: 0.0, nodes: Vec::new(), fill_rounds: None, waits: 0, unfinished: Vec::new() };
-        let result = self.run(&recording.steps, 0, &mut pending, &mut frame, pace);
-        // Also of a frame that is given up: what its variables count must be there.
-        self.submit(&mut pending);
-        result?;
-        self.gpu.wait("finishing the frame")?;
+        let mut frame = match self.speculative_frame(pace)? {
+            Some(frame) => frame,
+            None => self.seen_frame(pace)?,
+        };
         self.collect_times(&mut frame)?;
         frame.seconds = start.elapsed().as_secs_f64();
         frame.waits = self.waits;
+        self.is_still = frame.unfinished.is_empty();
         self.frames += 1;
         Ok(frame)
+    }
+
+    /// A frame of which the host looks at each loop.
+    fn seen_frame(&mut self, pace: AskPace) -> Result<Frame, GpuError> {
+        let (result, mut pending) = self.encode_frame(pace);
+        // Also of a frame that is given up: what its variables count must be there.
+        self.submit(&mut pending);
+        let frame = result?;
+        self.gpu.wait("finishing the frame")?;
+        Ok(frame)
+    }
+
+    /// Runs or records all of a frame, but for what is pending.
+    pub(super) fn encode_frame(&mut self, pace: AskPace) -> (Result<Frame, GpuError>, Pending) {
+        self.start_frame();
+        let (recording, mut pending) = (self.recording, self.pending());
+        let mut frame = Frame { seconds: 0.0, nodes: Vec::new(), fill_rounds: None, waits: 0, unfinished: Vec::new() };
+        let result = self.run(&recording.steps, 0, &mut pending, &mut frame, pace);
+        (result.map(|_| frame), pending)
     }
 
     fn start_frame(&mut self) {
@@ -97,7 +112,7 @@ impl Session<'_> {
         let camera = scene_data::camera(&self.camera.0, self.camera.1, self.extent, self.frames);
         for (index, resource) in self.recording.resources.iter().enumerate() {
             if matches!(resource.lifetime, Lifetime::Frame) {
-                self.write(Resource(index as u32), bytemuck::bytes_of(&camera));
+                self.overwrite(Resource(index as u32), bytemuck::bytes_of(&camera));
             }
         }
     }
@@ -132,7 +147,7 @@ impl Session<'_> {
     fn run_loop(&mut self, repeat: &Repeat, first: usize, pending: &mut Pending, frame: &mut Frame, pace: AskPace) -> Result<usize, GpuError> {
         let outer = self.is_last_round;
         if let Some(until) = repeat.until {
-            self.set_variable(until, 0);
+            self.assign(until, 0);
             self.cut_short.remove(&until);
         }
         let rounds = match repeat.driver {
@@ -164,7 +179,7 @@ impl Session<'_> {
                 Pace::Stop => return Err(GpuError::Interrupted),
             };
             self.is_cut |= is_over;
-            self.set_variable(repeat.round, rounds);
+            self.assign(repeat.round, rounds);
             // A loop of so many rounds has nothing to leave for later ones; one with an end to reach must not.
             self.is_last_round = is_over || (repeat.until.is_some() && rounds + 1 == repeat.at_most);
             self.run(&repeat.steps[skipped..], first + skipped, pending, frame, pace)?;

@@ -107,11 +107,14 @@ impl HostContext for HostView<'_, '_> {
     }
 
     fn variable(&self, variable: Variable) -> u32 {
-        self.variables[variable.0 as usize]
+        let value = self.variables[variable.0 as usize];
+        self.session.speculation.iter().for_each(|speculation| speculation.note_read(variable, value));
+        value
     }
 
     fn set(&mut self, variable: Variable, value: u32) {
         self.variables[variable.0 as usize] = value;
+        self.session.speculation.iter().for_each(|speculation| speculation.note_set(variable));
         if value != 0 {
             self.latest[variable.0 as usize] = value;
         }

@@ -18,6 +18,7 @@ pub mod scene;
 mod session;
 pub mod shader;
 mod shaders;
+mod speculation;
 pub mod spirv;
 mod timing;
 

@@ -10,6 +10,7 @@ use super::limits::{self, Granted};
 use super::memory::Physical;
 use super::programs::{Ready, layer_views};
 use super::shaders::Shaders;
+use super::speculation::{self, Speculation};
 use super::timing::Timing;
 use crate::recording::*;
 use crate::scene::{Camera, Scene, bvh::Bvh};
@@ -52,6 +53,11 @@ pub struct Session<'a> {
     pub(super) rounds_before: HashMap<Variable, u32>,
     /// How often the host waited in this frame for what the device made.
     pub(super) waits: u32,
+    /// Whether a frame like the one before may be taken to be like it.
+    pub(super) may_speculate: bool,
+    /// Whether the last frame's loops came to their ends, and nothing was changed from outside since.
+    pub(super) is_still: bool,
+    pub(super) speculation: Option<Speculation>,
     /// Bytes of all buffers and textures.
     pub gpu_bytes: u64,
 }
@@ -96,6 +102,9 @@ impl<'a> Session<'a> {
             cut_short: HashMap::new(),
             rounds_before: HashMap::new(),
             waits: 0,
+            may_speculate: speculation::is_possible(recording, &shaders),
+            is_still: false,
+            speculation: None,
             gpu_bytes: 0,
         };
         session.allocate(placement)?;
@@ -106,6 +115,7 @@ impl<'a> Session<'a> {
 
     /// Changes the camera for the frames to come; the size stays.
     pub fn set_camera(&mut self, camera: &Camera) {
+        self.is_still &= self.camera.0 == *camera;
         self.camera.0 = camera.clone();
     }
 
@@ -119,10 +129,11 @@ impl<'a> Session<'a> {
             if let (Lifetime::Constant(before), Lifetime::Constant(after)) = (&before.lifetime, &after.lifetime)
                 && before != after
             {
-                self.write(Resource(index as u32), after);
+                self.overwrite(Resource(index as u32), after);
             }
         }
         self.recording = recording;
+        self.is_still = false;
         Ok(())
     }
 
@@ -142,13 +153,16 @@ impl<'a> Session<'a> {
         self.copies.invalidate(|resource| matches!(recording.resource(resource).lifetime, Lifetime::History));
         self.variables.fill(0);
         self.rounds_before.clear();
+        self.is_still = false;
         self.frames = 0;
         self.gpu.wait("emptying histories")
     }
 
     /// Value of a variable after the last frame.
     pub fn variable(&self, variable: Variable) -> u32 {
-        self.variables[variable.0 as usize]
+        let value = self.variables[variable.0 as usize];
+        self.speculation.iter().for_each(|speculation| speculation.note_read(variable, value));
+        value
     }
 
     /// The last value of a variable in the last frame that was not 0, if there was one: how many items the last round left that
@@ -158,11 +172,22 @@ impl<'a> Session<'a> {
     }
 
     pub fn set_variable(&mut self, variable: Variable, value: u32) {
+        self.is_still = false;
+        self.assign(variable, value);
+    }
+
+    pub(super) fn assign(&mut self, variable: Variable, value: u32) {
         self.variables[variable.0 as usize] = value;
+        self.speculation.iter().for_each(|speculation| speculation.note_set(variable));
     }
 
     /// Overwrites the start of a buffer.
     pub fn write(&mut self, resource: Resource, bytes: &[u8]) {
+        self.is_still = false;
+        self.overwrite(resource, bytes);
+    }
+
+    pub(super) fn overwrite(&mut self, resource: Resource, bytes: &[u8]) {
         self.upload_ahead(resource);
         self.copies.invalidate(|other| other == resource);
         self.gpu.queue.write_buffer(self.buffer(resource), 0, bytes);

@@ -186,13 +186,19 @@ mod tests {
 
     /// What the imports in capitals can stand for.
     const IMPORTS: [&[(&str, &str)]; 3] = [
-        &[("VISIBILITY", "lib/visibility/rays"), ("EMITTERS", "lib/emitters/traced"), ("CONTRIBUTION", "lib/contribution/irradiance")],
+        &[
+            ("VISIBILITY", "lib/visibility/rays"),
+            ("EMITTERS", "lib/emitters/traced"),
+            ("CONTRIBUTION", "lib/contribution/irradiance"),
+            ("IRRADIANCE_FIELD", "lib/irradiance_field/records"),
+        ],
         &[
             ("VISIBILITY", "lib/visibility/shadow_maps"),
             ("SHADOW_TEXELS", "lib/visibility/texels_in_buffer"),
             ("EMITTERS", "lib/emitters/traced"),
             ("CONTRIBUTION", "lib/contribution/radiance"),
             ("COEFFICIENTS", "lib/coefficients/single"),
+            ("IRRADIANCE_FIELD", "lib/irradiance_field/photons"),
         ],
         &[
             ("VISIBILITY", "lib/visibility/shadow_maps"),
@@ -200,6 +206,7 @@ mod tests {
             ("EMITTERS", "lib/emitters/given"),
             ("CONTRIBUTION", "lib/contribution/radiance"),
             ("COEFFICIENTS", "lib/coefficients/half"),
+            ("IRRADIANCE_FIELD", "lib/irradiance_field/photons"),
         ],
     ];
 

@@ -127,9 +127,10 @@ fn drive_by_device(repeat: &mut Repeat, recording: &mut Recording) {
     let sizes = declare(".sizes", 16 * sizings.len() as u64, Lifetime::Transient);
     let program = Program::new("rounds").bind("rounds", rounds).bind("sized_by", sized_by).bind("sizes", sizes);
     let compute = |entry| Command::Compute(Compute { program: program.clone(), entry, groups: Groups::ONE });
-    repeat
-        .steps
-        .insert(0, Step::Node(Node { name: repeat.name.clone(), pass: Loop::Fill.description().name, commands: vec![compute("begin"), compute("size")] }));
+    repeat.steps.insert(
+        0,
+        Step::Node(Node { name: repeat.name.clone(), pass: Loop::Fill.description().name, commands: ["begin", "size", "open", "close"].map(compute).into() }),
+    );
     repeat.driver = Driver::Device { sizes };
 }
 

@@ -93,7 +93,7 @@ pub enum Lifetime {
 pub const VARIABLES: &str = "variables";
 
 /// Words of [`VARIABLES`] before the first variable, as `shaders/lib/variables.wgsl` has them.
-pub const VARIABLES_BEFORE: u32 = 4;
+pub const VARIABLES_BEFORE: u32 = 5;
 
 /// The parts of a scene that shaders read, bound by these names.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -155,7 +155,8 @@ pub enum Driver {
     /// The host, which looks at each round's end.
     Host,
     /// The device: rounds are recorded ahead, and those that are not needed do nothing. The loop's first node begins a round and sizes what is in it,
-    /// which it leaves here, four words each; it has no part in rounds that the host decides on. Host steps are done by their twins.
+    /// which it leaves here, four words each, and opens and closes a loop that the host does not look at; it has no part in rounds that the host decides on.
+    /// Host steps are done by their twins.
     Device { sizes: Resource },
 }
 

@@ -14,7 +14,7 @@ use hemisplat::{
     passes::REGISTRY,
     pipeline::{Plan, load, plan},
     recording::{Device, Driver, Step},
-    scene::{Scene, bvh::Bvh, load as scenes, needs::Needs},
+    scene::{Camera, Scene, bvh::Bvh, load as scenes, needs::Needs},
 };
 use libtest_mimic::{Arguments, Failed};
 use skips::Missing;
@@ -74,7 +74,11 @@ fn agrees(gpu: &Gpu, case: &Case) -> Outcome {
             let report = run.frame(&|| pace)?;
             Ok((report, run.picture()?))
         };
-        (0..FRAMES).map(|number| frame(number).map_err(|error: hemisplat::measure::run::RunError| error.to_string().into())).collect()
+        let frames = (0..FRAMES).map(|number| frame(number).map_err(|error: hemisplat::measure::run::RunError| error.to_string().into())).collect();
+        if pace == Pace::GoOn {
+            notices_a_change(&mut run, &scene)?;
+        }
+        frames
     };
     // A time that is never up leaves each round to the host.
     let (ahead, by_host) = (frames(Pace::GoOn)?, frames(Pace::Within(Duration::from_secs(1 << 20)))?);
@@ -98,6 +102,15 @@ fn agrees(gpu: &Gpu, case: &Case) -> Outcome {
     check(waits.iter().zip(case.waits).all(|(waits, most)| *waits <= most), || {
         format!("{waits:?} waits, rounds {:?}", ahead.iter().map(|(report, _)| report.fill_rounds).collect::<Vec<_>>())
     })
+}
+
+/// A frame that takes a picture for still that is not is drawn all the same, or tells why it is not whole.
+fn notices_a_change(run: &mut Run<'_>, scene: &Scene) -> Outcome {
+    let camera = &scene.cameras[0];
+    run.set_camera(&Camera { eye: camera.eye + 0.1 * scene.extent() * camera.direction, ..camera.clone() });
+    run.assume_still();
+    let report = run.frame(&|| Pace::GoOn).map_err(|error| error.to_string())?;
+    check(report.waits > 0 && (report.complete || !report.unfinished.is_empty()), || format!("{report:?}"))
 }
 
 fn planned(case: &Case, scene: &Scene) -> Result<Plan, Failed> {

@@ -119,6 +119,11 @@ impl<'a> Session<'a> {
         self.camera.0 = camera.clone();
     }
 
+    /// Has the next frame take for granted that nothing has changed since the last, which it makes sure of at its end: for tests of that.
+    pub fn assume_still(&mut self) {
+        self.is_still = true;
+    }
+
     /// Runs another recording from the next frame on, with the histories as they are: one that differs in contents of constants,
     /// host functions and bounds of loops at most.
     pub fn switch_to(&mut self, recording: &'a Recording) -> Result<(), GpuError> {

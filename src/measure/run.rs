@@ -119,6 +119,11 @@ impl<'a> Run<'a> {
         Ok(())
     }
 
+    /// See [`Session::assume_still`].
+    pub fn assume_still(&mut self) {
+        self.session.assume_still();
+    }
+
     pub fn set_camera(&mut self, camera: &Camera) {
         self.session.set_camera(camera);
     }

@@ -7,7 +7,7 @@
 
 use clap::Parser;
 use hemisplat::{
-    contract::recorder::Setting,
+    contract::encoder::Setting,
     gpu::{Gpu, Pace, scene::kind},
     measure::run::{FrameReport, Run},
     passes::REGISTRY,

@@ -1,10 +1,10 @@
 //! New records join the cache.
 
 use super::record::{RECORD_BYTES, Record};
-use crate::contract::{Description, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Recorder, Refusal, Takes, port};
+use crate::contract::{Description, Encoder, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Refusal, Takes, port};
 use crate::host_struct;
 use crate::math::{colour::luminance, weight};
-use crate::recording::*;
+use crate::schedule::*;
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -45,8 +45,8 @@ impl Pass for AddRecords {
         &DESCRIPTION
     }
 
-    fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
-        let (Some(cache), Some(new)) = (r.record_cache("to").copied(), r.records("records").copied()) else { return Ok(()) };
+    fn encode(&self, e: &mut Encoder<'_>) -> Result<(), Refusal> {
+        let (Some(cache), Some(new)) = (e.record_cache("to").copied(), e.records("records").copied()) else { return Ok(()) };
         let coefficients = match (new.coefficients, cache.coefficients) {
             (Some(from), Some(to)) if from.order == to.order => Some((from, to)),
             (_, None) => None,
@@ -58,24 +58,24 @@ impl Pass for AddRecords {
                 ));
             }
         };
-        let bodies = r.over_pixels(r.setting.size).unless(coefficients.is_some(), "records hold radiance");
-        match r.place(bodies)? {
-            Place::Host => record_on_host(r, &new, &cache),
-            Place::Device => record_on_device(r, &new, &cache, coefficients),
+        let bodies = e.over_pixels(e.setting.size).unless(coefficients.is_some(), "records hold radiance");
+        match e.place(bodies)? {
+            Place::Host => encode_on_host(e, &new, &cache),
+            Place::Device => encode_on_device(e, &new, &cache, coefficients),
         }
-        r.report_variable(if cache.coefficients.is_some() { "radiance_records" } else { "records" }, cache.count);
-        r.persist("records", cache.records, RECORD_BYTES, cache.count);
-        r.output("cache", Port::RecordCache(cache));
+        e.report_variable(if cache.coefficients.is_some() { "radiance_records" } else { "records" }, cache.count);
+        e.persist("records", cache.records, RECORD_BYTES, cache.count);
+        e.output("cache", Port::RecordCache(cache));
         Ok(())
     }
 }
 
-fn record_on_device(r: &mut Recorder<'_>, new: &port::Records, cache: &port::RecordCache, coefficients: Option<(port::Coefficients, port::Coefficients)>) {
-    let batch = r.buffer("batch", size_of::<Batch>() as u64);
-    let surplus = r.buffer("surplus", 16);
-    let level = r.buffer("level", 16);
-    let (added, counts) = (r.variable("added", false), r.batch.is_some());
-    r.before_loop(Command::Clear(surplus));
+fn encode_on_device(e: &mut Encoder<'_>, new: &port::Records, cache: &port::RecordCache, coefficients: Option<(port::Coefficients, port::Coefficients)>) {
+    let batch = e.buffer("batch", size_of::<Batch>() as u64);
+    let surplus = e.buffer("surplus", 16);
+    let level = e.buffer("level", 16);
+    let (added, counts) = (e.variable("added", false), e.batch.is_some());
+    e.before_loop(Command::Clear(surplus));
     let (new, cache) = (*new, *cache);
     let program = Program::new("add_records");
     let twin = program.clone().constant("CAPACITY", cache.capacity).variable("NEW", new.count).variable("RECORDS", cache.count).variable("ADDED", added);
@@ -86,9 +86,9 @@ fn record_on_device(r: &mut Recorder<'_>, new: &port::Records, cache: &port::Rec
         host.set(added, count);
         Ok(())
     };
-    r.twin("reserve", &[], &[batch], run, vec![twin]);
+    e.twin("reserve", &[], &[batch], run, vec![twin]);
     let program = program
-        .constant("NEIGHBOUR_CLAMPING", r.arguments.bool("neighbour_clamping") as u8)
+        .constant("NEIGHBOUR_CLAMPING", e.arguments.bool("neighbour_clamping") as u8)
         .constant("COUNTS_SURPLUS", counts as u8)
         .bind("batch", batch)
         .bind("weighting", cache.weighting)
@@ -96,8 +96,8 @@ fn record_on_device(r: &mut Recorder<'_>, new: &port::Records, cache: &port::Rec
         .bind("cache", cache.records)
         .bind("surplus", surplus)
         .bind("level", level);
-    r.compute(program.clone(), "measure", Groups::ONE);
-    r.compute(program.clone(), "append", Groups::Counted { count: added, divisor: 64, per: 1 });
+    e.compute(program.clone(), "measure", Groups::ONE);
+    e.compute(program.clone(), "append", Groups::Counted { count: added, divisor: 64, per: 1 });
     if let Some((from, to)) = coefficients {
         let fours = port::Coefficients::fours(to.order) as u32;
         let program = program
@@ -105,11 +105,11 @@ fn record_on_device(r: &mut Recorder<'_>, new: &port::Records, cache: &port::Rec
             .constant("HALF", (to.precision == port::Precision::Half) as u8)
             .bind("new_coefficients", from.values)
             .bind("coefficients", to.values);
-        r.compute(program, "append_coefficients", Groups::Counted { count: added, divisor: 1, per: fours.div_ceil(64) });
-        r.persist("coefficients", to.values, port::Coefficients::bytes(to.order, to.precision), cache.count);
+        e.compute(program, "append_coefficients", Groups::Counted { count: added, divisor: 1, per: fours.div_ceil(64) });
+        e.persist("coefficients", to.values, port::Coefficients::bytes(to.order, to.precision), cache.count);
     }
     if counts {
-        r.report("surplus_records", surplus, 0);
+        e.report("surplus_records", surplus, 0);
     }
 }
 
@@ -127,12 +127,12 @@ fn reserve(host: &mut dyn HostContext, new: &port::Records, cache: &port::Record
 const FIRST: usize = 256;
 
 /// As shaders/add_records.wgsl does it.
-fn record_on_host(r: &mut Recorder<'_>, new: &port::Records, cache: &port::RecordCache) {
-    let surplus = r.variable("surplus", false);
-    let (clamps, counts) = (r.arguments.bool("neighbour_clamping"), r.batch.is_some());
+fn encode_on_host(e: &mut Encoder<'_>, new: &port::Records, cache: &port::RecordCache) {
+    let surplus = e.variable("surplus", false);
+    let (clamps, counts) = (e.arguments.bool("neighbour_clamping"), e.batch.is_some());
     let (new, cache) = (*new, *cache);
     let reads = [Read::counted(new.records, RECORD_BYTES, new.count), Read::counted(cache.records, RECORD_BYTES, cache.count)];
-    r.host("append", &reads, &[cache.records], move |host| {
+    e.host("append", &reads, &[cache.records], move |host| {
         let [first, _] = reserve(host, &new, &cache)?;
         let before: &[Record] = bytemuck::cast_slice(host.read(cache.records));
         let batch: &[Record] = bytemuck::cast_slice(host.read(new.records));
@@ -158,7 +158,7 @@ fn record_on_host(r: &mut Recorder<'_>, new: &port::Records, cache: &port::Recor
         Ok(())
     });
     if counts {
-        r.report_variable("surplus_records", surplus);
+        e.report_variable("surplus_records", surplus);
     }
 }
 
@@ -172,7 +172,7 @@ fn clamped_radius(record: &Record, others: &[Record]) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::contract::{Arguments, Value, recorder::Setting};
+    use crate::contract::{Arguments, Value, encoder::Setting};
     use crate::passes::mock::{self, MockHost};
     use crate::scene::needs::Needs;
     use std::collections::BTreeMap;
@@ -201,18 +201,18 @@ mod tests {
 
     /// Joins records on the host: all of the cache, and how many of them were surplus.
     fn joined(before: &[weight::Record], new: &[weight::Record], clamps: bool) -> (Vec<weight::Record>, u32) {
-        let (mut host, needs, inputs, mut recording) = (MockHost::new(Vec::new(), [4, 4]), Needs::default(), BTreeMap::new(), Recording::default());
-        recording.variables.extend((0..8).map(|_| VariableDescription { name: String::new(), history: false }));
+        let (mut host, needs, inputs, mut schedule) = (MockHost::new(Vec::new(), [4, 4]), Needs::default(), BTreeMap::new(), Schedule::default());
+        schedule.variables.extend((0..8).map(|_| VariableDescription { name: String::new(), history: false }));
         let mut arguments = Arguments::defaults(DESCRIPTION.parameters);
         arguments.set("neighbour_clamping", Value::Bool(clamps));
-        let recorded = {
+        let encoded = {
             let setting = Setting { scene: host.scene(), needs: &needs, device: Device::SOFTWARE, size: [4, 4], tables: None };
-            let mut r = Recorder::new("add", &arguments, setting, &inputs, &mut recording).in_loop(300, false);
-            record_on_host(&mut r, &batch(), &cache(900));
-            r.finish()
+            let mut e = Encoder::new("add", &arguments, setting, &inputs, &mut schedule).in_loop(300, false);
+            encode_on_host(&mut e, &batch(), &cache(900));
+            e.finish()
         };
-        let [Command::Host(step)] = &recorded.commands[..] else { panic!("a step of the host") };
-        let [(_, crate::contract::recorder::Reported::Variable(surplus))] = recorded.reports[..] else { panic!("the surplus records") };
+        let [Command::Host(step)] = &encoded.commands[..] else { panic!("a step of the host") };
+        let [(_, crate::contract::encoder::Reported::Variable(surplus))] = encoded.reports[..] else { panic!("the surplus records") };
         for (records, count, resource) in [(before, Variable(0), Resource(0)), (new, Variable(1), Resource(2))] {
             let records: Vec<Record> = records.iter().map(Record::from).collect();
             host.write(resource, 0, bytemuck::cast_slice(&records));

@@ -1,6 +1,6 @@
 //! What stands for the directions that a shape leaves out.
 
-use crate::contract::{Choice, Description, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, Takes, port};
+use crate::contract::{Choice, Description, Encoder, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Refusal, Takes, port};
 use crate::math::hemisphere::{Method, Table};
 use std::sync::Arc;
 
@@ -36,21 +36,21 @@ impl Pass for Compensation {
         &DESCRIPTION
     }
 
-    fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
-        let Some(tiles) = r.tiles("of").cloned() else { return Ok(()) };
-        let method = match r.arguments.choice("method").0 {
+    fn encode(&self, e: &mut Encoder<'_>) -> Result<(), Refusal> {
+        let Some(tiles) = e.tiles("of").cloned() else { return Ok(()) };
+        let method = match e.arguments.choice("method").0 {
             "CoverageRatio" => Method::CoverageRatio,
             "ConfusedMeasure" => Method::ConfusedMeasure,
             "None" => Method::None,
             _ => Method::BorderExtension,
         };
         if !tiles.shape.is_incomplete() {
-            r.idle("method", "the tiles leave nothing out");
+            e.idle("method", "the tiles leave nothing out");
         }
         let table = Arc::new(
             Table::new(tiles.shape, tiles.resolution, method).map_err(|e| Refusal::new("plan::tile", e.to_string(), "choose another shape or resolution"))?,
         );
-        r.output("tiles", Port::WeightedTiles(port::WeightedTiles { tiles, table }));
+        e.output("tiles", Port::WeightedTiles(port::WeightedTiles { tiles, table }));
         Ok(())
     }
 }

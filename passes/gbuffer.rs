@@ -1,7 +1,7 @@
 //! The visible surfaces.
 
-use crate::contract::{Description, Output, Pass, Port, PortKind, Recorder, Refusal, port, recorder::scene_constants};
-use crate::recording::*;
+use crate::contract::{Description, Encoder, Output, Pass, Port, PortKind, Refusal, encoder::scene_constants, port};
+use crate::schedule::*;
 
 pub struct GBuffer;
 
@@ -25,16 +25,16 @@ impl Pass for GBuffer {
         &DESCRIPTION
     }
 
-    fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
-        let size = r.setting.size;
-        let triangles = r.image("triangles", size, Format::R32Uint);
-        let depth = r.image("depth", size, Format::Depth32Float);
-        let position = r.image("position", size, Format::Rgba32Float);
-        let normal = r.image("normal", size, Format::Rgba32Float);
-        let reflectance = r.image("reflectance", size, Format::Rgba16Float);
-        let vertices = r.scene_data(SceneData::Positions);
-        r.command(Command::Raster(Raster {
-            program: scene_constants(Program::new("gbuffer"), r.setting.needs),
+    fn encode(&self, e: &mut Encoder<'_>) -> Result<(), Refusal> {
+        let size = e.setting.size;
+        let triangles = e.image("triangles", size, Format::R32Uint);
+        let depth = e.image("depth", size, Format::Depth32Float);
+        let position = e.image("position", size, Format::Rgba32Float);
+        let normal = e.image("normal", size, Format::Rgba32Float);
+        let reflectance = e.image("reflectance", size, Format::Rgba16Float);
+        let vertices = e.scene_data(SceneData::Positions);
+        e.command(Command::Raster(Raster {
+            program: scene_constants(Program::new("gbuffer"), e.setting.needs),
             vertex: "vertex",
             fragment: Some("fragment"),
             colours: vec![Target { texture: triangles, clear: Some([0.0; 4]), blend: Blend::Replace }],
@@ -43,19 +43,19 @@ impl Pass for GBuffer {
             instances: None,
             indices: None,
             topology: Topology::Triangles,
-            draws: Draws::Fixed(vec![Draw { rectangle: None, vertices: [0, 3 * r.setting.needs.triangles], is_indexed: false, instances: [0, 1] }]),
+            draws: Draws::Fixed(vec![Draw { rectangle: None, vertices: [0, 3 * e.setting.needs.triangles], is_indexed: false, instances: [0, 1] }]),
         }));
-        let resolve = scene_constants(Program::new("gbuffer"), r.setting.needs)
+        let resolve = scene_constants(Program::new("gbuffer"), e.setting.needs)
             .bind("triangles", triangles)
             .bind("position", position)
             .bind("normal", normal)
             .bind("reflectance", reflectance);
-        r.compute_pixels(resolve, "resolve", size);
-        r.output("gbuffer", Port::GBuffer(port::GBuffer { size, position, normal, reflectance, triangles }));
-        r.output("normal", Port::Image(port::Image { texture: normal, channels: port::Channels::Vector }));
-        r.output("depth", Port::Image(port::Image { texture: normal, channels: port::Channels::Fourth }));
-        r.output("position", Port::Image(port::Image { texture: position, channels: port::Channels::Vector }));
-        r.output("reflectance", Port::Image(port::Image { texture: reflectance, channels: port::Channels::Colour }));
+        e.compute_pixels(resolve, "resolve", size);
+        e.output("gbuffer", Port::GBuffer(port::GBuffer { size, position, normal, reflectance, triangles }));
+        e.output("normal", Port::Image(port::Image { texture: normal, channels: port::Channels::Vector }));
+        e.output("depth", Port::Image(port::Image { texture: normal, channels: port::Channels::Fourth }));
+        e.output("position", Port::Image(port::Image { texture: position, channels: port::Channels::Vector }));
+        e.output("reflectance", Port::Image(port::Image { texture: reflectance, channels: port::Channels::Colour }));
         Ok(())
     }
 }

@@ -2,8 +2,8 @@
 
 use super::irradiance_field;
 use super::record::texels;
-use crate::contract::{Description, Input, Output, PLACE, Pass, Place, Port, PortKind, Recorder, Refusal, Takes, port};
-use crate::recording::*;
+use crate::contract::{Description, Encoder, Input, Output, PLACE, Pass, Place, Port, PortKind, Refusal, Takes, port};
+use crate::schedule::*;
 use fearless_simd::{Level, dispatch};
 use glam::{Vec3, Vec4};
 use half::f16;
@@ -32,34 +32,34 @@ impl Pass for IndirectLight {
         &DESCRIPTION
     }
 
-    fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
-        let (Some(gbuffer), Some(field)) = (r.g_buffer("gbuffer").copied(), r.irradiance_field("field").copied()) else { return Ok(()) };
-        let images = ["radiance", "irradiance"].map(|name| r.image(name, gbuffer.size, Format::Rgba32Float));
-        match r.place(r.over_pixels(gbuffer.size))? {
-            Place::Host => record_on_host(r, gbuffer, field, images),
-            Place::Device => record_on_device(r, gbuffer, &field, images),
+    fn encode(&self, e: &mut Encoder<'_>) -> Result<(), Refusal> {
+        let (Some(gbuffer), Some(field)) = (e.g_buffer("gbuffer").copied(), e.irradiance_field("field").copied()) else { return Ok(()) };
+        let images = ["radiance", "irradiance"].map(|name| e.image(name, gbuffer.size, Format::Rgba32Float));
+        match e.place(e.over_pixels(gbuffer.size))? {
+            Place::Host => encode_on_host(e, gbuffer, field, images),
+            Place::Device => encode_on_device(e, gbuffer, &field, images),
         }
         let [radiance, irradiance] = images.map(|texture| Port::Image(port::Image { texture, channels: port::Channels::Colour }));
-        r.output("radiance", radiance);
-        r.output("irradiance", irradiance);
+        e.output("radiance", radiance);
+        e.output("irradiance", irradiance);
         Ok(())
     }
 }
 
-fn record_on_device(r: &mut Recorder<'_>, gbuffer: port::GBuffer, field: &port::IrradianceField, [radiance, irradiance]: [Resource; 2]) {
+fn encode_on_device(e: &mut Encoder<'_>, gbuffer: port::GBuffer, field: &port::IrradianceField, [radiance, irradiance]: [Resource; 2]) {
     let program = irradiance_field::bind(Program::new("indirect_light"), field)
         .bind("position", gbuffer.position)
         .bind("normal", gbuffer.normal)
         .bind("reflectance", gbuffer.reflectance)
         .bind("irradiance", irradiance)
         .bind("radiance", radiance);
-    r.compute_pixels(program, "ask", gbuffer.size);
+    e.compute_pixels(program, "ask", gbuffer.size);
 }
 
-fn record_on_host(r: &mut Recorder<'_>, gbuffer: port::GBuffer, field: port::IrradianceField, [radiance, irradiance]: [Resource; 2]) {
+fn encode_on_host(e: &mut Encoder<'_>, gbuffer: port::GBuffer, field: port::IrradianceField, [radiance, irradiance]: [Resource; 2]) {
     let surfaces = [gbuffer.position, gbuffer.normal, gbuffer.reflectance].map(Read::whole);
     let reads: Vec<Read> = surfaces.into_iter().chain(irradiance_field::reads(&field)).collect();
-    r.host("ask", &reads, &[radiance, irradiance], move |host| {
+    e.host("ask", &reads, &[radiance, irradiance], move |host| {
         let mut images = [radiance, irradiance].map(|image| host.take(image));
         let records = irradiance_field::records(&field, host);
         let light = irradiance_field::on_host(&field, host, &records);

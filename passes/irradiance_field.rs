@@ -6,7 +6,7 @@ use super::record::{index_of, indexed_records};
 use crate::contract::port::{IrradianceField, PhotonDensity};
 use crate::math::record_index::{Layout, RecordIndex};
 use crate::math::{frame::Frame, outline::Outline, weight};
-use crate::recording::*;
+use crate::schedule::*;
 use fearless_simd::Simd;
 use glam::{Vec2, Vec3};
 use std::f32::consts::PI;
@@ -26,7 +26,7 @@ pub fn bind(program: Program, field: &IrradianceField) -> Program {
         IrradianceField::Photons(density) => program
             .import("IRRADIANCE_FIELD", "lib/irradiance_field/photons")
             .constant("PHOTONS_WANTED", density.wanted)
-            .constant("PHOTONS_REACH", density.reach)
+            .constant("SEARCH_RADIUS", density.search_radius)
             .constant("PHOTONS_EDGES", density.edges as u8)
             .bind("photon_map", density.map.data),
     }
@@ -81,7 +81,7 @@ pub struct Density<'a> {
 
 impl Density<'_> {
     fn irradiance(&self, position: Vec3, normal: Vec3) -> Vec3 {
-        let zone = self.lookup.zone(position, normal, self.of.wanted, self.of.reach);
+        let zone = self.lookup.zone(position, normal, self.of.wanted, self.of.search_radius);
         let frame = Frame::new(normal);
         let (mut flux, mut count, mut outline) = (Vec3::ZERO, 0, Outline::new());
         self.lookup.for_each(position, normal, zone, |photon, _| {

@@ -2,8 +2,8 @@
 
 use crate::contract::port;
 use crate::math::weight::{Record, Rule, Weighting};
-use crate::recording::*;
 use crate::scene::{Camera, Environment, FieldOfView, Scene, Triangle, bvh::Bvh};
+use crate::schedule::*;
 use glam::{DVec3, Vec3, Vec4};
 use std::any::Any;
 use std::collections::HashMap;

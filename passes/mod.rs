@@ -3,8 +3,9 @@
 use crate::contract::Registry;
 
 pub mod add_records;
-pub mod combine;
+pub mod classify;
 pub mod compensation;
+pub mod composite;
 pub mod contribution;
 pub mod direct_light;
 pub mod environment_light;
@@ -31,13 +32,12 @@ pub mod record_cache;
 pub mod record_index;
 pub mod shadow_map;
 pub mod splat;
-pub mod surfaces;
 
 /// All passes, in the order that `hemisplat passes` lists them.
 pub static REGISTRY: &Registry = &[
     &gbuffer::GBuffer,
     &lobe_coefficients::LobeCoefficients,
-    &surfaces::Surfaces,
+    &classify::Classify,
     &shadow_map::ShadowMap,
     &environment_light::EnvironmentLight,
     &direct_light::DirectLight,
@@ -57,5 +57,5 @@ pub static REGISTRY: &Registry = &[
     &add_records::AddRecords,
     &normalize::Normalize,
     &indirect_light::IndirectLight,
-    &combine::Combine,
+    &composite::Composite,
 ];

@@ -1,13 +1,13 @@
 //! Where light is looked for beyond what the camera sees: places for the records of a second cache.
 
 use super::record::{hand_on, requests, texels};
-use crate::contract::{Description, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, Takes};
+use crate::contract::{Description, Encoder, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Refusal, Takes};
 use crate::math::frame::Frame;
 use crate::math::lattice::pixel;
 use crate::math::random::{combine, hash, unit};
 use crate::math::thinning::{Vertex, thinned};
-use crate::recording::*;
 use crate::scene::{Scene, bvh::Bvh, surface::Ray, surface_offset};
+use crate::schedule::*;
 use glam::Vec3;
 use rayon::prelude::*;
 use std::f32::consts::TAU;
@@ -42,12 +42,12 @@ impl Pass for PathVertices {
         &DESCRIPTION
     }
 
-    fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
-        let Some(gbuffer) = r.g_buffer("gbuffer").copied() else { return Ok(()) };
-        let [paths, legs, capacity] = ["paths", "legs", "records"].map(|name| r.arguments.integer(name) as u32);
-        let requests = requests(r, capacity);
+    fn encode(&self, e: &mut Encoder<'_>) -> Result<(), Refusal> {
+        let Some(gbuffer) = e.g_buffer("gbuffer").copied() else { return Ok(()) };
+        let [paths, legs, capacity] = ["paths", "legs", "records"].map(|name| e.arguments.integer(name) as u32);
+        let requests = requests(e, capacity);
         let size = gbuffer.size;
-        r.host("walk", &[Read::whole(gbuffer.position), Read::whole(gbuffer.normal)], &[requests.places], move |host| {
+        e.host("walk", &[Read::whole(gbuffer.position), Read::whole(gbuffer.normal)], &[requests.places], move |host| {
             let (positions, normals) = (texels(host, gbuffer.position), texels(host, gbuffer.normal));
             let (scene, bvh, extent) = (host.scene(), host.bvh(), host.extent());
             let walk = |number: u32| {
@@ -61,8 +61,8 @@ impl Pass for PathVertices {
             hand_on(host, &requests, thinned(vertices, capacity as usize));
             Ok(())
         });
-        r.report_variable("records_of_bounces", requests.made);
-        r.output("requests", Port::Requests(requests));
+        e.report_variable("records_of_bounces", requests.made);
+        e.output("requests", Port::Requests(requests));
         Ok(())
     }
 }
@@ -75,7 +75,7 @@ fn walked(scene: &Scene, bvh: &Bvh, extent: f32, start: Vertex, number: u32, leg
         let seed = combine(number, leg);
         let direction = cosine_direction(at.normal, [unit(hash(seed)), unit(hash(seed ^ 0x5bd1_e995))]);
         let origin = at.position + at.normal * surface_offset(extent, at.position);
-        let Some(hit) = bvh.closest(scene, origin, direction, f32::INFINITY) else { break };
+        let Some(hit) = bvh.closest_hit(scene, origin, direction, f32::INFINITY) else { break };
         let surface = scene.diffuse_surface(hit.triangle, hit.barycentric, Ray { origin, direction });
         at = Vertex { position: surface.position, normal: surface.normal };
         vertices.push(at);

@@ -1,7 +1,7 @@
 //! The photon map asked for the irradiance anywhere.
 
-use super::photons::{DIRECT, REACH, expect_direct_light};
-use crate::contract::{Description, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, Takes, port};
+use super::photons::{DIRECT, SEARCH_RADIUS, expect_direct_light};
+use crate::contract::{Description, Encoder, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Refusal, Takes, port};
 
 pub struct PhotonDensity;
 
@@ -16,7 +16,7 @@ static DESCRIPTION: Description = Description {
             unit: "photons",
             kind: ParameterKind::Integer { default: 64, min: 1, max: 4096 },
         },
-        REACH,
+        SEARCH_RADIUS,
         Parameter {
             name: "edges",
             about: "find the area that photons stand for by their outline, where an edge cuts their disc; otherwise it is all of the disc",
@@ -33,16 +33,16 @@ impl Pass for PhotonDensity {
         &DESCRIPTION
     }
 
-    fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
-        let Some(map) = r.photon_map("map").copied() else { return Ok(()) };
-        expect_direct_light(r)?;
+    fn encode(&self, e: &mut Encoder<'_>) -> Result<(), Refusal> {
+        let Some(map) = e.photon_map("map").copied() else { return Ok(()) };
+        expect_direct_light(e)?;
         let density = port::PhotonDensity {
             map,
-            wanted: r.arguments.integer("photons") as u32,
-            reach: r.arguments.float("reach") as f32 * r.setting.needs.extent,
-            edges: r.arguments.bool("edges"),
+            wanted: e.arguments.integer("photons") as u32,
+            search_radius: e.arguments.float("search_radius") as f32 * e.setting.needs.extent,
+            edges: e.arguments.bool("edges"),
         };
-        r.output("field", Port::IrradianceField(port::IrradianceField::Photons(density)));
+        e.output("field", Port::IrradianceField(port::IrradianceField::Photons(density)));
         Ok(())
     }
 }

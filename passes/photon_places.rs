@@ -2,14 +2,14 @@
 
 use super::photons::{PHOTON_BYTES, Photon, lookup::Lookup, unpacked_ways};
 use super::record::{hand_on, requests};
-use crate::contract::{Choice, Description, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, Takes};
+use crate::contract::{Choice, Description, Encoder, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Refusal, Takes};
 use crate::math::{
     frame::Frame,
     thinning::{Vertex, thinned},
     walk::{spread, walked},
 };
-use crate::recording::*;
 use crate::scene::{Scene, bvh::Bvh, surface_offset};
+use crate::schedule::*;
 use std::f32::consts::TAU;
 
 pub struct PhotonPlaces;
@@ -31,8 +31,8 @@ static DESCRIPTION: Description = Description {
                         about: "a photon after the other: where no place reaches it, it becomes one",
                         parameters: &[
                             Parameter {
-                                name: "reach",
-                                about: "how far a place reaches, as a share of the harmonic mean of how far the photons next to it have come",
+                                name: "radius",
+                                about: "validity radius of a place, as a share of the harmonic mean of how far the photons next to it have come",
                                 unit: "",
                                 kind: ParameterKind::Float { default: 0.2, min: 0.001, max: 10.0 },
                             },
@@ -73,20 +73,20 @@ impl Pass for PhotonPlaces {
         &DESCRIPTION
     }
 
-    fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
-        let Some(map) = r.photon_map("map").copied() else { return Ok(()) };
-        let capacity = r.arguments.integer("records") as u32;
-        let by = By::of(r);
-        let requests = requests(r, capacity);
+    fn encode(&self, e: &mut Encoder<'_>) -> Result<(), Refusal> {
+        let Some(map) = e.photon_map("map").copied() else { return Ok(()) };
+        let capacity = e.arguments.integer("records") as u32;
+        let by = By::of(e);
+        let requests = requests(e, capacity);
         let reads = [Read::counted(map.data, PHOTON_BYTES, map.slots)];
-        r.host("place", &reads, &[requests.places], move |host| {
+        e.host("place", &reads, &[requests.places], move |host| {
             let around = Surroundings { scene: host.scene(), bvh: host.bvh(), extent: host.extent() };
             let places = by.places(&Lookup::of(&map, host), capacity as usize, around);
             hand_on(host, &requests, places);
             Ok(())
         });
-        r.report_variable("photon_records", requests.made);
-        r.output("requests", Port::Requests(requests));
+        e.report_variable("photon_records", requests.made);
+        e.output("requests", Port::Requests(requests));
         Ok(())
     }
 }
@@ -94,7 +94,7 @@ impl Pass for PhotonPlaces {
 /// The parameter `by`.
 #[derive(Clone, Copy)]
 enum By {
-    Walk { reach: f32, accuracy: f32, photons: u32 },
+    Walk { radius: f32, accuracy: f32, photons: u32 },
     Thinned { of: usize },
 }
 
@@ -123,19 +123,19 @@ impl Surroundings<'_> {
         let distance = |ray: u32| {
             let (sine, cosine) = (TAU * ray as f32 / RAYS as f32).sin_cos();
             let direction = (frame.tangent * cosine + frame.bitangent * sine + frame.normal * RISE).normalize();
-            self.bvh.first(self.scene, origin, direction).map_or(f32::INFINITY, |hit| hit.distance)
+            self.bvh.closest_blocker(self.scene, origin, direction).map_or(f32::INFINITY, |hit| hit.distance)
         };
         (0..RAYS).map(distance).fold(f32::INFINITY, f32::min)
     }
 }
 
 impl By {
-    fn of(r: &Recorder<'_>) -> Self {
-        match r.arguments.choice("by") {
+    fn of(e: &Encoder<'_>) -> Self {
+        match e.arguments.choice("by") {
             ("Thinned", arguments) => Self::Thinned { of: arguments.integer("of") as usize },
             (_, arguments) => {
-                let [reach, accuracy] = ["reach", "accuracy"].map(|name| arguments.float(name) as f32);
-                Self::Walk { reach, accuracy, photons: arguments.integer("photons") as u32 }
+                let [radius, accuracy] = ["radius", "accuracy"].map(|name| arguments.float(name) as f32);
+                Self::Walk { radius, accuracy, photons: arguments.integer("photons") as u32 }
             }
         }
     }
@@ -144,12 +144,12 @@ impl By {
         let photons = lookup.photons();
         let vertex = |photon: &Photon| Vertex { position: photon.position.into(), normal: unpacked_ways(photon.ways)[0] };
         match self {
-            Self::Walk { reach, accuracy, photons: least } => {
+            Self::Walk { radius, accuracy, photons: least } => {
                 let reaches = |place: &Vertex| {
                     let zone = lookup.zone(place.position, place.normal, least, FARTHEST * around.extent);
                     let (mut count, mut inverse) = (0.0, 0.0);
                     lookup.for_each(place.position, place.normal, zone, |photon, _| (count, inverse) = (count + 1.0, inverse + 1.0 / photon.leg));
-                    let wished = (reach * count / inverse).min(FARTHEST * around.extent);
+                    let wished = (radius * count / inverse).min(FARTHEST * around.extent);
                     wished.min(BEFORE * around.clearance(place)).max(zone.radius)
                 };
                 let all: Vec<Vertex> = spread(photons.len()).map(|at| vertex(&photons[at])).collect();

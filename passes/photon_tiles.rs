@@ -1,20 +1,20 @@
 //! Tiles made of photons instead of rays: what arrives at a place, by where it comes from.
 
 use super::photons::{
-    DIRECT, PHOTON_BYTES, Photon, REACH, expect_direct_light,
+    DIRECT, PHOTON_BYTES, Photon, SEARCH_RADIUS, expect_direct_light,
     lookup::{FLATNESS, LEAST_COSINE, Lookup},
     unpacked_ways,
 };
 use super::record::{REQUEST_BYTES, Request};
-use crate::contract::recorder::scene_constants;
+use crate::contract::encoder::scene_constants;
 use crate::contract::{
-    Bodies, Choice, Description, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Recorder, Refusal, Takes, port,
+    Bodies, Choice, Description, Encoder, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Refusal, Takes, port,
 };
 use crate::math::frame::Frame;
 use crate::math::hemisphere::{Method, Shape, Table, square};
 use crate::math::outline::{DIRECTIONS, LEAST_SHARE, Outline};
-use crate::recording::*;
 use crate::scene::{Scene, bvh::Bvh, surface_offset};
+use crate::schedule::*;
 use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 use std::f32::consts::PI;
@@ -39,7 +39,7 @@ static DESCRIPTION: Description = Description {
             unit: "photons",
             kind: ParameterKind::Integer { default: 64, min: 1, max: 4096 },
         },
-        REACH,
+        SEARCH_RADIUS,
         Parameter {
             name: "visible",
             about: "leave out photons that cannot be seen from the place, so that none counts on the other side of a wall",
@@ -82,7 +82,7 @@ static DESCRIPTION: Description = Description {
 struct Sought {
     wanted: u32,
     /// [scene units]
-    reach: f32,
+    search_radius: f32,
     visible: bool,
     area: Area,
 }
@@ -109,32 +109,32 @@ impl Pass for PhotonTiles {
         &DESCRIPTION
     }
 
-    fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
-        let (Some(requests), Some(map)) = (r.requests("at").copied(), r.photon_map("map").copied()) else { return Ok(()) };
-        expect_direct_light(r)?;
-        let resolution = r.arguments.integer("resolution") as u32;
+    fn encode(&self, e: &mut Encoder<'_>) -> Result<(), Refusal> {
+        let (Some(requests), Some(map)) = (e.requests("at").copied(), e.photon_map("map").copied()) else { return Ok(()) };
+        expect_direct_light(e)?;
+        let resolution = e.arguments.integer("resolution") as u32;
         let table = Table::new(Shape::Concentric, resolution, Method::None)
             .map_err(|e| Refusal::of_parameter("resolution", "plan::tile", e.to_string(), "choose another resolution"))?;
         let sought = Sought {
-            wanted: r.arguments.integer("photons") as u32,
-            reach: r.arguments.float("reach") as f32 * r.setting.needs.extent,
-            visible: r.arguments.bool("visible"),
-            area: match r.arguments.choice("area") {
+            wanted: e.arguments.integer("photons") as u32,
+            search_radius: e.arguments.float("search_radius") as f32 * e.setting.needs.extent,
+            visible: e.arguments.bool("visible"),
+            area: match e.arguments.choice("area") {
                 ("Outline", _) => Area::Outline,
                 ("Disc", _) => Area::Disc,
                 (_, arguments) => Area::Probed { rays: arguments.integer("rays") as u32 },
             },
         };
-        let samples = r.buffer("radiance", 16 * u64::from(requests.capacity) * u64::from(resolution * resolution));
-        let is_long = r.setting.device.is_software && sought.visible && sought.wanted > MOST_BY_SOFTWARE;
-        let place = r.place(Bodies::BOTH.unless_on_device(is_long, "a driver on the cores of the host ends loops after 65,536 rounds"))?;
+        let samples = e.buffer("radiance", 16 * u64::from(requests.capacity) * u64::from(resolution * resolution));
+        let is_long = e.setting.device.is_software && sought.visible && sought.wanted > MOST_BY_SOFTWARE;
+        let place = e.place(Bodies::BOTH.unless_on_device(is_long, "a driver on the cores of the host ends loops after 65,536 rounds"))?;
         match place {
-            Place::Host => record_on_host(r, requests, map, samples, (resolution, sought)),
-            Place::Device => record_on_device(r, requests, map, samples, (resolution, sought)),
+            Place::Host => encode_on_host(e, requests, map, samples, (resolution, sought)),
+            Place::Device => encode_on_device(e, requests, map, samples, (resolution, sought)),
         }
         let tiles_per_row = (8192 / table.width).min(requests.capacity).max(1);
         let tiles = port::Tiles { samples, place, sees_emission: false, requests, shape: Shape::Concentric, resolution, table: Arc::new(table), tiles_per_row };
-        r.output("tiles", Port::Tiles(tiles));
+        e.output("tiles", Port::Tiles(tiles));
         Ok(())
     }
 }
@@ -142,14 +142,14 @@ impl Pass for PhotonTiles {
 /// Words of a place's state and outline, as the shader keeps them.
 const STATE_WORDS: u64 = 6 + 2 * DIRECTIONS as u64;
 
-fn record_on_device(r: &mut Recorder<'_>, requests: port::Requests, map: port::PhotonMap, samples: Resource, (resolution, sought): (u32, Sought)) {
-    let work = r.buffer("work", 4 * u64::from(requests.capacity) * (STATE_WORDS + u64::from(resolution * resolution)));
-    let program = scene_constants(Program::new("photon_tiles"), r.setting.needs)
+fn encode_on_device(e: &mut Encoder<'_>, requests: port::Requests, map: port::PhotonMap, samples: Resource, (resolution, sought): (u32, Sought)) {
+    let work = e.buffer("work", 4 * u64::from(requests.capacity) * (STATE_WORDS + u64::from(resolution * resolution)));
+    let program = scene_constants(Program::new("photon_tiles"), e.setting.needs)
         .constant("TILE_WIDTH", resolution)
         .constant("TILE_HEIGHT", resolution)
         .constant("TILE_CAPACITY", requests.capacity)
         .constant("WANTED", sought.wanted)
-        .constant("REACH", sought.reach)
+        .constant("SEARCH_RADIUS", sought.search_radius)
         .constant("VISIBLE", sought.visible as u8)
         .constant(
             "AREA",
@@ -164,18 +164,18 @@ fn record_on_device(r: &mut Recorder<'_>, requests: port::Requests, map: port::P
         .bind("work", work)
         .bind("photon_map", map.data);
     let each_place = Groups::Counted { count: requests.count, divisor: 64, per: 1 };
-    r.compute(program.clone(), "find_zones", each_place);
-    r.compute(program.clone(), "gather", each_place);
+    e.compute(program.clone(), "find_zones", each_place);
+    e.compute(program.clone(), "gather", each_place);
     if let Area::Probed { rays } = sought.area {
-        r.compute(program.clone(), "probe", Groups::Counted { count: requests.count, divisor: 1, per: rays.div_ceil(64) });
+        e.compute(program.clone(), "probe", Groups::Counted { count: requests.count, divisor: 1, per: rays.div_ceil(64) });
     }
-    r.compute(program, "finish", each_place);
+    e.compute(program, "finish", each_place);
 }
 
-fn record_on_host(r: &mut Recorder<'_>, requests: port::Requests, map: port::PhotonMap, samples: Resource, (resolution, sought): (u32, Sought)) {
+fn encode_on_host(e: &mut Encoder<'_>, requests: port::Requests, map: port::PhotonMap, samples: Resource, (resolution, sought): (u32, Sought)) {
     let samples_per_tile = (resolution * resolution) as usize;
     let reads = [Read::counted(requests.places, REQUEST_BYTES, requests.count), Read::counted(map.data, PHOTON_BYTES, map.slots)];
-    r.host("gather", &reads, &[samples], move |host| {
+    e.host("gather", &reads, &[samples], move |host| {
         let places: Vec<Request> = bytemuck::pod_collect_to_vec(host.read(requests.places));
         let mut tiles = host.take(samples);
         let gatherer = Gatherer { lookup: Lookup::of(&map, host), scene: host.scene(), bvh: host.bvh(), extent: host.extent(), sought };
@@ -199,7 +199,7 @@ struct Gatherer<'a> {
 impl Gatherer<'_> {
     /// Photons of a place, without one that it stands on, and the area that they stand for.
     fn photons(&self, position: Vec3, normal: Vec3) -> (Vec<&Photon>, f32) {
-        let zone = self.lookup.zone(position, normal, self.sought.wanted, self.sought.reach);
+        let zone = self.lookup.zone(position, normal, self.sought.wanted, self.sought.search_radius);
         let mut photons = Vec::new();
         self.lookup.for_each(position, normal, zone, |photon, squared| {
             if squared > 0.0 && self.sees([position, photon.position.into()], normal, zone.radius) {
@@ -233,7 +233,7 @@ impl Gatherer<'_> {
     fn is_surface(&self, position: Vec3, normal: Vec3, aside: Vec3, radius: f32) -> bool {
         let height = FLATNESS * radius;
         let from = position + aside + normal * height;
-        let Some(hit) = self.bvh.first(self.scene, from, -normal).filter(|hit| hit.distance <= 2.0 * height) else { return false };
+        let Some(hit) = self.bvh.closest_blocker(self.scene, from, -normal).filter(|hit| hit.distance <= 2.0 * height) else { return false };
         let face = self.scene.triangles[hit.triangle as usize].face_normal();
         face.dot(normal).abs() >= LEAST_COSINE && self.sees([position, from - normal * hit.distance], normal, radius)
     }

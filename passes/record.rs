@@ -1,6 +1,6 @@
 //! Records and requests in memory, as `shaders/lib/record.wgsl` and `lib/tile.wgsl` read them.
 
-use crate::contract::{Recorder, port};
+use crate::contract::{Encoder, port};
 use crate::host_struct;
 use crate::math::{
     frame::Frame,
@@ -14,7 +14,7 @@ use crate::math::{
     thinning::Vertex,
     weight::{self, Rule},
 };
-use crate::recording::*;
+use crate::schedule::*;
 use bytemuck::cast_slice;
 use glam::Vec3;
 use std::f32::consts::TAU;
@@ -23,7 +23,7 @@ host_struct! {
     /// One irradiance record; lengths in scene units, irradiance in W/m².
     pub struct Record {
         position: [f32; 3],
-        /// What the reach is in proportion to.
+        /// What the validity radius is in proportion to.
         radius: f32,
         normal: [f32; 3],
         minimum_distance: f32,
@@ -57,15 +57,15 @@ host_struct! {
         maximum_spacing: f32,
         /// 0 Ward, 1 Tabellion and Lamorlette, 2 compact.
         kind: u32,
-        /// Most of the reach in distances of the nearest thing seen.
+        /// Most of the validity radius in distances of the nearest thing seen.
         nearest: f32,
-        /// Most of the reach in lengths over which the irradiance changes by all of itself.
+        /// Most of the validity radius in lengths over which the irradiance changes by all of itself.
         change: f32,
         /// A point whose weights add up to this or less misses a record.
         overlap: f32,
-        /// Most change within the least reach, as a share of the picture's irradiance.
+        /// Most change within the least validity radius, as a share of the picture's irradiance.
         contrast: f32,
-        /// How small the least reach may become for it, in widths of the pixel.
+        /// How small the least validity radius may become for it, in widths of the pixel.
         finest_spacing: f32,
         padding_a: u32,
         padding_b: u32,
@@ -219,7 +219,7 @@ impl From<&weight::Record> for Record {
     }
 }
 
-/// What a record's reach is in proportion to; the shaders know them by these numbers.
+/// What a record's validity radius is in proportion to; the shaders know them by these numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Radius {
     HarmonicMean = 0,
@@ -252,11 +252,11 @@ pub struct Fresh {
 
 impl Fresh {
     /// Copies the records from `first` on out of the cache, `capacity` at most.
-    pub fn record(r: &mut Recorder<'_>, cache: &port::RecordCache, first: Variable, capacity: u32) -> Self {
-        let fresh = Self { records: r.buffer("fresh", capacity as u64 * RECORD_BYTES), count: r.variable("fresh_count", false) };
-        let stretch = r.buffer("stretch", size_of::<Stretch>() as u64);
+    pub fn encode(e: &mut Encoder<'_>, cache: &port::RecordCache, first: Variable, capacity: u32) -> Self {
+        let fresh = Self { records: e.buffer("fresh", capacity as u64 * RECORD_BYTES), count: e.variable("fresh_count", false) };
+        let stretch = e.buffer("stretch", size_of::<Stretch>() as u64);
         let all = cache.count;
-        r.host("stretch", &[], &[stretch], move |host| {
+        e.host("stretch", &[], &[stretch], move |host| {
             let first = host.variable(first);
             let count = host.variable(all).saturating_sub(first).min(capacity);
             host.set(fresh.count, count);
@@ -264,7 +264,7 @@ impl Fresh {
             Ok(())
         });
         let program = Program::new("copy_records").bind("stretch", stretch).bind("records", cache.records).bind("fresh", fresh.records);
-        r.compute(program, "copy", Groups::Counted { count: fresh.count, divisor: 64, per: 1 });
+        e.compute(program, "copy", Groups::Counted { count: fresh.count, divisor: 64, per: 1 });
         fresh
     }
 
@@ -296,9 +296,9 @@ pub fn index_of<'a>(index: &port::RecordIndex, host: &'a dyn HostContext, record
 }
 
 /// Requests of a node that places records without looking at pixels: nothing in them yet.
-pub fn requests(r: &mut Recorder<'_>, capacity: u32) -> port::Requests {
-    let places = r.buffer("requests", u64::from(capacity) * REQUEST_BYTES);
-    let [count, made] = ["count", "made"].map(|name| r.variable(name, false));
+pub fn requests(e: &mut Encoder<'_>, capacity: u32) -> port::Requests {
+    let places = e.buffer("requests", u64::from(capacity) * REQUEST_BYTES);
+    let [count, made] = ["count", "made"].map(|name| e.variable(name, false));
     port::Requests { places, count, capacity, made, at_most: u32::MAX }
 }
 

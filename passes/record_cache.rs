@@ -1,7 +1,7 @@
 //! The records that earlier rounds and frames left.
 
 use super::record::{RECORD_BYTES, Weighting};
-use crate::contract::{Choice, Description, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, Takes, port};
+use crate::contract::{Choice, Description, Encoder, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Refusal, Takes, port};
 
 pub struct RecordCache;
 
@@ -18,37 +18,37 @@ static DESCRIPTION: Description = Description {
         },
         Parameter {
             name: "minimum_spacing",
-            about: "least reach of a record",
+            about: "least validity radius of a record",
             unit: "pixels",
             kind: ParameterKind::Float { default: 8.0, min: 0.1, max: 1000.0 },
         },
         Parameter {
             name: "contrast",
-            about: "most change that a gradient may foretell within the least reach, as a share of the picture's irradiance; where it is more, that reach shrinks",
+            about: "most change that a gradient may foretell within the least validity radius, as a share of the picture's irradiance; where it is more, that validity radius shrinks",
             unit: "",
             kind: ParameterKind::Float { default: 0.3, min: 0.001, max: 1e6 },
         },
         Parameter {
             name: "finest_spacing",
-            about: "how small the least reach may become for the contrast",
+            about: "how small the least validity radius may become for the contrast",
             unit: "pixels",
             kind: ParameterKind::Float { default: 1.5, min: 0.1, max: 1000.0 },
         },
         Parameter {
             name: "maximum_spacing",
-            about: "greatest reach of a record",
+            about: "greatest validity radius of a record",
             unit: "pixels",
             kind: ParameterKind::Float { default: 1000.0, min: 0.1, max: 1e6 },
         },
         Parameter {
             name: "nearest",
-            about: "most of the reach over the distance of the nearest surface seen: a record stops before that surface's corner",
+            about: "most of the validity radius over the distance of the nearest surface seen: a record stops before that surface's corner",
             unit: "",
             kind: ParameterKind::Float { default: 0.7, min: 0.01, max: 1e6 },
         },
         Parameter {
             name: "change",
-            about: "most change within the reach that the gradient may foretell, as a share of the irradiance; 1e6 sets no limit",
+            about: "most change within the validity radius that the gradient may foretell, as a share of the irradiance; 1e6 sets no limit",
             unit: "",
             kind: ParameterKind::Float { default: 1e6, min: 0.01, max: 1e6 },
         },
@@ -110,22 +110,22 @@ impl Pass for RecordCache {
         &DESCRIPTION
     }
 
-    fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
-        let [minimum, maximum] = [r.arguments.float("minimum_spacing"), r.arguments.float("maximum_spacing")];
+    fn encode(&self, e: &mut Encoder<'_>) -> Result<(), Refusal> {
+        let [minimum, maximum] = [e.arguments.float("minimum_spacing"), e.arguments.float("maximum_spacing")];
         if minimum > maximum {
             return Err(Refusal::of_parameter(
                 "minimum_spacing",
                 "plan::spacing",
-                format!("the least reach, {minimum} pixels, is more than the greatest, {maximum} pixels"),
+                format!("the least validity radius, {minimum} pixels, is more than the greatest, {maximum} pixels"),
                 "make minimum_spacing the smaller of the two",
             ));
         }
-        let weighting = match r.arguments.choice("weights").0 {
+        let weighting = match e.arguments.choice("weights").0 {
             "Ward" => port::Weighting::Ward,
             "TabellionLamorlette" => port::Weighting::TabellionLamorlette,
             _ => port::Weighting::Compact,
         };
-        let number = |name| r.arguments.float(name) as f32;
+        let number = |name| e.arguments.float(name) as f32;
         let rule = port::Rule {
             weighting,
             accuracy: number("accuracy"),
@@ -136,29 +136,29 @@ impl Pass for RecordCache {
             contrast: number("contrast"),
             finest_spacing: number("finest_spacing"),
         };
-        let precision = if r.arguments.choice("coefficients").0 == "Half" { port::Precision::Half } else { port::Precision::Single };
-        let mut capacity = r.arguments.integer("capacity") as u32;
-        let coefficients = r.lobes("lobes").map(port::Lobes::order).map(|order| {
+        let precision = if e.arguments.choice("coefficients").0 == "Half" { port::Precision::Half } else { port::Precision::Single };
+        let mut capacity = e.arguments.integer("capacity") as u32;
+        let coefficients = e.lobes("lobes").map(port::Lobes::order).map(|order| {
             let bytes = port::Coefficients::bytes(order, precision);
             let fits = (MOST_BYTES / bytes) as u32;
             if fits < capacity {
-                r.remark(format!("room for {fits} records: the coefficients of order {order} of more do not fit into {} MiB", MOST_BYTES >> 20));
+                e.remark(format!("room for {fits} records: the coefficients of order {order} of more do not fit into {} MiB", MOST_BYTES >> 20));
                 capacity = fits;
             }
-            port::Coefficients { values: r.history_buffer("coefficients", u64::from(capacity) * bytes), order, precision }
+            port::Coefficients { values: e.history_buffer("coefficients", u64::from(capacity) * bytes), order, precision }
         });
         if coefficients.is_none() {
-            r.idle("coefficients", "records hold irradiance alone");
+            e.idle("coefficients", "records hold irradiance alone");
         }
         let cache = port::RecordCache {
-            records: r.history_buffer("records", capacity as u64 * RECORD_BYTES),
+            records: e.history_buffer("records", capacity as u64 * RECORD_BYTES),
             coefficients,
-            count: r.variable("count", true),
+            count: e.variable("count", true),
             capacity,
-            weighting: r.constant_buffer("weighting", bytemuck::bytes_of(&Weighting::from(&rule))),
+            weighting: e.constant_buffer("weighting", bytemuck::bytes_of(&Weighting::from(&rule))),
             rule,
         };
-        r.output("cache", Port::RecordCache(cache));
+        e.output("cache", Port::RecordCache(cache));
         Ok(())
     }
 }

@@ -2,13 +2,13 @@
 
 use super::prefix_sum;
 use super::record::{RECORD_BYTES, Record, Weighting};
-use crate::contract::{Bodies, Description, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Recorder, Refusal, Takes, port};
+use crate::contract::{Bodies, Description, Encoder, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Refusal, Takes, port};
 use crate::math::{
     colour::luminance,
     record_index::{HEADER, Layout, Levels, Lists, RECORD_WORDS},
     weight,
 };
-use crate::recording::*;
+use crate::schedule::*;
 use glam::Vec3;
 
 pub struct RecordIndex;
@@ -50,39 +50,39 @@ impl Pass for RecordIndex {
         &DESCRIPTION
     }
 
-    fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
-        let Some(new) = r.records("of").copied() else { return Ok(()) };
+    fn encode(&self, e: &mut Encoder<'_>) -> Result<(), Refusal> {
+        let Some(new) = e.records("of").copied() else { return Ok(()) };
         if new.sees_emission {
             return Err(Refusal::new(
                 "plan::emission_twice",
-                "the records saw lamps and the sky themselves, whose light the surfaces that are asked about have already",
+                "the records saw emitters and the sky themselves, whose light the surfaces that are asked about have already",
                 "set `emission` of the HemisphereTiles to Never",
             ));
         }
-        let rule = rule(r);
+        let rule = rule(e);
         let layout = Layout::of(new.capacity as usize);
-        let data = r.buffer("data", 4 * layout.words as u64);
-        let weighting = r.constant_buffer("weighting", bytemuck::bytes_of(&Weighting::from(&rule)));
+        let data = e.buffer("data", 4 * layout.words as u64);
+        let weighting = e.constant_buffer("weighting", bytemuck::bytes_of(&Weighting::from(&rule)));
         let index = port::RecordIndex { data, weighting, rule, capacity: new.capacity };
-        let growth = Growth { settled: r.variable("settled", false), sums: r.state("sums"), remaining: r.arguments.float("remaining") };
+        let growth = Growth { settled: e.variable("settled", false), sums: e.state("sums"), remaining: e.arguments.float("remaining") };
         let forget = move |host: &mut dyn HostContext| {
             *host.state(growth.sums) = None;
             Ok(())
         };
-        r.before_loop(Command::Host(Host::new("forget", Vec::new(), Vec::new(), forget)));
-        match r.place(Bodies::BOTH)? {
-            Place::Host => build_on_host(r, new, index, growth),
-            Place::Device => build_on_device(r, new, index, growth),
+        e.before_loop(Command::Host(Host::new("forget", Vec::new(), Vec::new(), forget)));
+        match e.place(Bodies::BOTH)? {
+            Place::Host => build_on_host(e, new, index, growth),
+            Place::Device => build_on_device(e, new, index, growth),
         }
-        r.output("index", Port::IrradianceField(port::IrradianceField::Records(index)));
-        r.output("settled", Port::Flag(growth.settled));
+        e.output("index", Port::IrradianceField(port::IrradianceField::Records(index)));
+        e.output("settled", Port::Flag(growth.settled));
         Ok(())
     }
 }
 
-fn build_on_host(r: &mut Recorder<'_>, new: port::Records, index: port::RecordIndex, growth: Growth) {
+fn build_on_host(e: &mut Encoder<'_>, new: port::Records, index: port::RecordIndex, growth: Growth) {
     let layout = Layout::of(index.capacity as usize);
-    r.host("build", &[Read::counted(new.records, RECORD_BYTES, new.count)], &[index.data], move |host| {
+    e.host("build", &[Read::counted(new.records, RECORD_BYTES, new.count)], &[index.data], move |host| {
         let records: Vec<Record> = bytemuck::pod_collect_to_vec(host.read(new.records));
         let all: Vec<weight::Record> = records.iter().map(weight::Record::from).collect();
         let reaching: Vec<_> = all.iter().map(|record| index.rule.reaching(record)).collect();
@@ -100,12 +100,12 @@ fn build_on_host(r: &mut Recorder<'_>, new: port::Records, index: port::RecordIn
 const EXPONENTS: u64 = 256;
 
 /// As shaders/record_index.wgsl does it.
-fn build_on_device(r: &mut Recorder<'_>, new: port::Records, index: port::RecordIndex, growth: Growth) {
+fn build_on_device(e: &mut Encoder<'_>, new: port::Records, index: port::RecordIndex, growth: Growth) {
     let layout = Layout::of(index.capacity as usize);
-    let [held, light] = [("held", 4 * EXPONENTS), ("light", 16)].map(|(member, bytes)| r.buffer(member, bytes));
-    r.clear(index.data);
-    r.clear(held);
-    r.host("begin", &[], &[index.data], move |host| {
+    let [held, light] = [("held", 4 * EXPONENTS), ("light", 16)].map(|(member, bytes)| e.buffer(member, bytes));
+    e.clear(index.data);
+    e.clear(held);
+    e.host("begin", &[], &[index.data], move |host| {
         let head = Levels::NONE.header(layout, host.variable(new.count));
         host.write(index.data, 0, bytemuck::cast_slice(&head));
         Ok(())
@@ -119,14 +119,14 @@ fn build_on_device(r: &mut Recorder<'_>, new: port::Records, index: port::Record
         .bind("held", held)
         .bind("light", light);
     let each_record = Groups::Counted { count: new.count, divisor: 64, per: 1 };
-    r.compute(program.clone(), "measure", each_record);
-    r.compute(program.clone(), "tell_levels", Groups::ONE);
-    r.compute(program.clone(), "count", each_record);
-    prefix_sum::record(r, index.data, HEADER as u32, layout.hashes as u32);
-    r.compute(program.clone(), "list", each_record);
-    r.compute(program.clone(), "sort", Groups::linear((layout.hashes as u32).div_ceil(64)));
-    r.compute(program, "add_light", Groups::ONE);
-    r.host("judge", &[Read::whole(light)], &[], move |host| {
+    e.compute(program.clone(), "measure", each_record);
+    e.compute(program.clone(), "tell_levels", Groups::ONE);
+    e.compute(program.clone(), "count", each_record);
+    prefix_sum::encode(e, index.data, HEADER as u32, layout.hashes as u32);
+    e.compute(program.clone(), "list", each_record);
+    e.compute(program.clone(), "sort", Groups::linear((layout.hashes as u32).div_ceil(64)));
+    e.compute(program, "add_light", Groups::ONE);
+    e.host("judge", &[Read::whole(light)], &[], move |host| {
         let light = bytemuck::pod_read_unaligned::<f32>(&host.read(light)[..4]);
         growth.judge(host, light.into());
         Ok(())
@@ -154,11 +154,11 @@ impl Growth {
 }
 
 /// Whatever is seen from a record, it stands for the places that it was put there for.
-fn rule(r: &Recorder<'_>) -> port::Rule {
-    let spacing = r.arguments.float("spacing") as f32;
+fn rule(e: &Encoder<'_>) -> port::Rule {
+    let spacing = e.arguments.float("spacing") as f32;
     port::Rule {
         weighting: port::Weighting::Compact,
-        accuracy: r.arguments.float("accuracy") as f32,
+        accuracy: e.arguments.float("accuracy") as f32,
         spacing: [spacing; 2],
         nearest: 1e6,
         change: 1e6,

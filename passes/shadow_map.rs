@@ -1,9 +1,9 @@
 //! Shadow maps of the punctual lights.
 
-use crate::contract::recorder::shadow_taps;
-use crate::contract::{Arguments, Description, Need, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, port};
-use crate::recording::*;
+use crate::contract::encoder::shadow_taps;
+use crate::contract::{Arguments, Description, Encoder, Need, Output, Parameter, ParameterKind, Pass, Port, PortKind, Refusal, port};
 use crate::scene::{Bounds, Light, LightKind, Triangle, needs::Needs, shadow_layers, surface_offset};
+use crate::schedule::*;
 use glam::Vec3;
 
 pub struct ShadowMap;
@@ -37,27 +37,27 @@ impl Pass for ShadowMap {
         if needs.shadowed_lights == 0 { Need::Dropped("no punctual light casts shadows") } else { Need::Kept }
     }
 
-    fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
-        let resolution = r.arguments.integer("resolution") as u32;
-        let taps = shadow_taps(r.arguments)?;
-        let lights = &r.setting.scene.lights;
+    fn encode(&self, e: &mut Encoder<'_>) -> Result<(), Refusal> {
+        let resolution = e.arguments.integer("resolution") as u32;
+        let taps = shadow_taps(e.arguments)?;
+        let lights = &e.setting.scene.lights;
         // Lights with the sides of their cubes, in the order of the layers.
         let views: Vec<[u32; 2]> = (0..).zip(lights).flat_map(|(light, about)| (0..shadow_layers(about)).map(move |face| [light, face])).collect();
-        let maps = Maps::new(r, resolution, views.len().max(1) as u32);
+        let maps = Maps::new(e, resolution, views.len().max(1) as u32);
         if views.is_empty() {
             // Kept for a scene without shadows: a map that no light looks up.
-            r.clear(maps.depth);
+            e.clear(maps.depth);
         }
-        let vertices = r.scene_data(SceneData::Positions);
-        let chunks = Chunks::new(&r.setting.scene.triangles);
+        let vertices = e.scene_data(SceneData::Positions);
+        let chunks = Chunks::new(&e.setting.scene.triangles);
         for (layer, [light, face]) in (0..).zip(views) {
             let instance = light * FACES + face;
             let draw = |vertices| Draw { rectangle: None, vertices, is_indexed: false, instances: [instance, instance + 1] };
             let seen = chunks.seen(&lights[light as usize], face);
-            r.command(Command::Raster(Raster {
+            e.command(Command::Raster(Raster {
                 program: Program::new("shadow_map").constant("SHADOW_RESOLUTION", resolution),
                 vertex: "vertex",
-                fragment: r.setting.needs.alpha_masks.then_some("fragment"),
+                fragment: e.setting.needs.alpha_masks.then_some("fragment"),
                 colours: Vec::new(),
                 depth: Some(maps.target(layer)),
                 vertices: Some(vertices),
@@ -66,9 +66,9 @@ impl Pass for ShadowMap {
                 topology: Topology::Triangles,
                 draws: Draws::Fixed(seen.into_iter().map(|triangles| draw(triangles.map(|triangle| 3 * triangle))).collect()),
             }));
-            maps.keep(r, layer);
+            maps.keep(e, layer);
         }
-        r.output("maps", Port::ShadowMaps(port::ShadowMaps { depth: maps.depth, pitch: maps.pitch, resolution, taps }));
+        e.output("maps", Port::ShadowMaps(port::ShadowMaps { depth: maps.depth, pitch: maps.pitch, resolution, taps }));
         Ok(())
     }
 }
@@ -85,16 +85,16 @@ struct Maps {
 }
 
 impl Maps {
-    fn new(r: &mut Recorder<'_>, resolution: u32, layers: u32) -> Self {
+    fn new(e: &mut Encoder<'_>, resolution: u32, layers: u32) -> Self {
         let (size, format) = ([resolution; 2], Format::Depth32Float);
         let row = format.row_bytes(resolution);
         let map_bytes = row * resolution as u64;
         if map_bytes * layers as u64 > MOST_BYTES {
-            let depth = r.texture("depth", size, layers, format);
+            let depth = e.texture("depth", size, layers, format);
             return Self { drawn: depth, depth, pitch: None, map_bytes };
         }
-        let drawn = r.texture("map", size, 1, format);
-        Self { drawn, depth: r.buffer("depth", map_bytes * layers as u64), pitch: Some((row / format.bytes()) as u32), map_bytes }
+        let drawn = e.texture("map", size, 1, format);
+        Self { drawn, depth: e.buffer("depth", map_bytes * layers as u64), pitch: Some((row / format.bytes()) as u32), map_bytes }
     }
 
     fn target(&self, layer: u32) -> DepthTarget {
@@ -102,9 +102,9 @@ impl Maps {
     }
 
     /// Keeps a map that has been drawn.
-    fn keep(&self, r: &mut Recorder<'_>, layer: u32) {
+    fn keep(&self, e: &mut Encoder<'_>, layer: u32) {
         if self.pitch.is_some() {
-            r.command(Command::CopyToBuffer { from: self.drawn, to: self.depth, offset: layer as u64 * self.map_bytes });
+            e.command(Command::CopyToBuffer { from: self.drawn, to: self.depth, offset: layer as u64 * self.map_bytes });
         }
     }
 }

@@ -1,4 +1,4 @@
-#import lib/first
+#import lib/closest_hit
 #import lib/frame
 #import lib/outline
 #import lib/photon_map
@@ -25,7 +25,7 @@ const SAMPLES = OUTLINE + 2u * DIRECTIONS;
 
 // Photons of a tile, and how far away they may be.
 override WANTED: u32 = 64u;
-override REACH: f32 = 1.0;
+override SEARCH_RADIUS: f32 = 1.0;
 // Whether they must be seen from the place.
 override VISIBLE: bool = true;
 // What tells the area that they stand for: 0 all of the disc, 1 their outline, else so many rays.
@@ -45,7 +45,7 @@ fn is_in_sight(place: vec3f, other: vec3f, normal: vec3f, radius: f32) -> bool {
 fn is_surface(place: vec3f, aside: vec3f, normal: vec3f, radius: f32) -> bool {
     let height = FLATNESS * radius;
     let origin = place + aside + normal * height;
-    let hit = trace_first(origin, -normal, 2.0 * height);
+    let hit = closest_hit(origin, -normal, 2.0 * height);
     if hit.triangle == NO_TRIANGLE {
         return false;
     }
@@ -92,7 +92,7 @@ fn find_zones(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) grou
         return;
     }
     let request = requests[tile];
-    let zone = photon_zone(request.position, request.normal, WANTED, REACH);
+    let zone = photon_zone(request.position, request.normal, WANTED, SEARCH_RADIUS);
     let own = work_of(tile);
     store_number(own + RADIUS, zone.radius);
     atomicStore(&work[own + LEVEL], zone.level);

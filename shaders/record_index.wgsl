@@ -30,7 +30,7 @@ fn hash_count() -> u32 {
 }
 
 fn touched_radius(record: Record) -> f32 {
-    return longest_reach(record, weighting) * LONGER;
+    return longest_validity_radius(record, weighting) * LONGER;
 }
 
 // The exponent of the least power of two that is no less than a number.

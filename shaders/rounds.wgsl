@@ -1,6 +1,6 @@
 #import lib/variables
 
-// A loop that the device drives: rounds are recorded ahead, and those after its end do nothing.
+// A loop that the device drives: rounds are encoded ahead, and those after its end do nothing.
 
 struct Rounds {
     // Where the variable stands that ends the loop, and the one that counts its rounds.

@@ -6,9 +6,9 @@ pub mod gpu;
 pub mod math;
 pub mod measure;
 pub mod pipeline;
-pub mod recording;
 pub mod reference;
 pub mod scene;
+pub mod schedule;
 
 #[path = "../passes/mod.rs"]
 pub mod passes;

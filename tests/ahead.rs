@@ -5,7 +5,7 @@
 mod skips;
 
 use hemisplat::{
-    contract::recorder::Setting,
+    contract::encoder::Setting,
     gpu::{Gpu, Pace, scene::kind},
     measure::{
         layers::Layers,
@@ -13,8 +13,8 @@ use hemisplat::{
     },
     passes::REGISTRY,
     pipeline::{Plan, load, plan},
-    recording::{Device, Driver, Step},
     scene::{Camera, Scene, bvh::Bvh, load as scenes, needs::Needs},
+    schedule::{Device, Driver, Step},
 };
 use libtest_mimic::{Arguments, Failed};
 use skips::Missing;
@@ -60,7 +60,7 @@ fn agrees(gpu: &Gpu, case: &Case) -> Outcome {
     let mut scene = scenes::load(&path, &scenes::LoadOptions::default()).map_err(|error| error.to_string())?;
     let bvh = Bvh::build(&mut scene);
     let plan = planned(case, &scene)?;
-    let loops = plan.recording.steps.iter().filter_map(|step| if let Step::Repeat(repeat) = step { Some(repeat) } else { None });
+    let loops = plan.schedule.steps.iter().filter_map(|step| if let Step::Repeat(repeat) = step { Some(repeat) } else { None });
     let by_host: Vec<&str> = loops.filter(|repeat| repeat.driver == Driver::Host).map(|repeat| &repeat.name[..]).collect();
     check(by_host.is_empty(), || format!("the host drives {by_host:?}: {:?}", plan.remarks))?;
     let frames = |pace: Pace| -> Result<Vec<(FrameReport, Layers)>, Failed> {

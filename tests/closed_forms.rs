@@ -9,7 +9,7 @@ use glam::{DVec3, Vec3};
 mod skips;
 
 use hemisplat::{
-    contract::{Port, recorder::Setting},
+    contract::{Port, encoder::Setting},
     gpu::{Gpu, Pace, scene::kind},
     measure::{Layers, run::Run},
     passes::{REGISTRY, record::Record},

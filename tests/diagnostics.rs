@@ -94,7 +94,7 @@ const SURFACES: &str = r#"Pipeline(
     about: "",
     nodes: [
         (name: "gbuffer", pass: GBuffer()),
-        (name: "glossy", pass: Surfaces(of: "gbuffer", which: Glossy)),
+        (name: "glossy", pass: Classify(of: "gbuffer", which: Glossy)),
         (name: "cache", pass: RecordCache()),
         (name: "splats", pass: Splat(records: "cache", gbuffer: "glossy")),
         (name: "light", pass: Normalize(splats: "splats", gbuffer: "glossy")),

@@ -3,7 +3,7 @@
 
 use hemisplat::{
     cli,
-    contract::recorder::Setting,
+    contract::encoder::Setting,
     gpu::scene::kind,
     measure::{Layer, Layers, PICTURE, criteria::Cost, study},
     passes::REGISTRY,
@@ -101,7 +101,7 @@ fn check_pipeline(text: &str) {
     let pipeline = expect(load_pipeline(text), text);
     let scene = expect(load::load(Path::new("corner"), &load::LoadOptions::default()), "corner");
     let needs = Needs::of(&scene);
-    let setting = Setting { scene: &scene, needs: &needs, device: hemisplat::recording::Device::ABLE, size: [32, 24], tables: None };
+    let setting = Setting { scene: &scene, needs: &needs, device: hemisplat::schedule::Device::ABLE, size: [32, 24], tables: None };
     expect(pipeline::plan(&pipeline, setting, &[], &|data| kind(&scene, data)), text);
 }
 

@@ -9,7 +9,7 @@ mod skips;
 
 use glam::{DVec3, Vec3};
 use hemisplat::{
-    contract::recorder::Setting,
+    contract::encoder::Setting,
     gpu::{Gpu, Pace, scene::kind},
     measure::{
         Layers,

@@ -7,7 +7,7 @@ mod skips;
 
 use assert_cmd::Command;
 use hemisplat::{
-    contract::recorder::Setting,
+    contract::encoder::Setting,
     gpu::{AskPace, Gpu, Pace, scene::kind},
     measure::{
         Layers,
@@ -140,7 +140,7 @@ fn all_are(picture: &[f32], value: f32, what: &str) -> Outcome {
 
 fn sum_over_rounds() -> Outcome {
     let nodes = format!(
-        "{FURNACE} (name: \"loop\", repeat: Iterate(rounds: 5, nodes: [(name: \"sum\", pass: Combine(gbuffer: \"gbuffer\", indirect: PreviousRound(\"sum\")))]))"
+        "{FURNACE} (name: \"loop\", repeat: Iterate(rounds: 5, nodes: [(name: \"sum\", pass: Composite(gbuffer: \"gbuffer\", indirect: PreviousRound(\"sum\")))]))"
     );
     for (frame, picture) in frames("furnace.ron", &document(&nodes, "sum"), 3)?.iter().enumerate() {
         all_are(picture, 5.0, &format!("frame {frame}"))?;
@@ -151,11 +151,11 @@ fn sum_over_rounds() -> Outcome {
 /// A sum over frames; a second node lags behind it, and a sum over two rounds takes both in.
 fn sum_over_frames() -> Outcome {
     let nodes = format!(
-        "{FURNACE} (name: \"sum\", pass: Combine(gbuffer: \"gbuffer\", indirect: PreviousFrame(\"sum\"))),
-        (name: \"late\", pass: Combine(gbuffer: \"gbuffer\", indirect: PreviousFrame(\"loop_sum\"))),
+        "{FURNACE} (name: \"sum\", pass: Composite(gbuffer: \"gbuffer\", indirect: PreviousFrame(\"sum\"))),
+        (name: \"late\", pass: Composite(gbuffer: \"gbuffer\", indirect: PreviousFrame(\"loop_sum\"))),
         (name: \"loop\", repeat: Iterate(rounds: 2, nodes: [
-            (name: \"loop_sum\", pass: Combine(gbuffer: \"gbuffer\", indirect: PreviousFrame(\"sum\"))),
-            (name: \"both\", pass: Combine(gbuffer: \"gbuffer\", indirect: PreviousRound(\"loop_sum\"))),
+            (name: \"loop_sum\", pass: Composite(gbuffer: \"gbuffer\", indirect: PreviousFrame(\"sum\"))),
+            (name: \"both\", pass: Composite(gbuffer: \"gbuffer\", indirect: PreviousRound(\"loop_sum\"))),
         ]))"
     );
     // Frame n (from 0): sum = n + 1; loop_sum = 1 + what sum was = n + 1; late = 1 + what loop_sum was; both = 1 + loop_sum of the first round.

@@ -164,10 +164,10 @@ const LOOPS: &str = r#"Pipeline(version: 1, about: "", nodes: [
     (name: "gbuffer", pass: GBuffer()),
     (name: "direct", pass: DirectLight(gbuffer: "gbuffer")),
     (name: "outer", repeat: Iterate(rounds: 2, nodes: [
-        (name: "bounces", repeat: Iterate(rounds: 4, nodes: [(name: "sum", pass: Combine(gbuffer: "gbuffer", direct: "direct", indirect: PreviousRound("sum")))])),
-        (name: "more", pass: Combine(gbuffer: "gbuffer", indirect: ["sum", PreviousFrame("late")])),
+        (name: "bounces", repeat: Iterate(rounds: 4, nodes: [(name: "sum", pass: Composite(gbuffer: "gbuffer", direct: "direct", indirect: PreviousRound("sum")))])),
+        (name: "more", pass: Composite(gbuffer: "gbuffer", indirect: ["sum", PreviousFrame("late")])),
     ])),
-    (name: "late", pass: Combine(gbuffer: "gbuffer", indirect: PreviousFrame("sum"))),
+    (name: "late", pass: Composite(gbuffer: "gbuffer", indirect: PreviousFrame("sum"))),
 ], outputs: { "picture": "sum", "late": "late", "more": "more" })"#;
 
 #[test]
@@ -202,18 +202,18 @@ fn random_document(steps: &[(u8, u16, u16, u8)]) -> String {
                 open.pop();
                 continue;
             }
-            2 => text += &format!("(name: \"{}\", pass: Combine(gbuffer: \"g\", indirect: [\"{first}\", PreviousFrame(\"{second}\")])),\n", name(index)),
+            2 => text += &format!("(name: \"{}\", pass: Composite(gbuffer: \"g\", indirect: [\"{first}\", PreviousFrame(\"{second}\")])),\n", name(index)),
             3 if !open.is_empty() => {
                 let own = name(index);
-                text += &format!("(name: \"{own}\", pass: Combine(gbuffer: \"g\", indirect: [PreviousRound(\"{own}.indirect\"), \"{first}\"])),\n");
+                text += &format!("(name: \"{own}\", pass: Composite(gbuffer: \"g\", indirect: [PreviousRound(\"{own}.indirect\"), \"{first}\"])),\n");
             }
-            4 => text += &format!("(name: \"{}\", pass: Combine(gbuffer: \"g\", direct: \"d\")),\n", name(index)),
-            _ => text += &format!("(name: \"{}\", pass: Combine(gbuffer: \"g\", indirect: [\"{first}\", \"{second}\"])),\n", name(index)),
+            4 => text += &format!("(name: \"{}\", pass: Composite(gbuffer: \"g\", direct: \"d\")),\n", name(index)),
+            _ => text += &format!("(name: \"{}\", pass: Composite(gbuffer: \"g\", indirect: [\"{first}\", \"{second}\"])),\n", name(index)),
         }
         made.extend([name(index), format!("{}.indirect", name(index))]);
     }
     if open.last().is_some_and(|start| made.len() == *start) {
-        text += "(name: \"last\", pass: Combine(gbuffer: \"g\", direct: \"d\")),\n";
+        text += "(name: \"last\", pass: Composite(gbuffer: \"g\", direct: \"d\")),\n";
     }
     text += &"])),\n".repeat(open.len());
     let outputs: Vec<String> = made.iter().enumerate().step_by(3).map(|(index, node)| format!("\"layer{index}\": \"{node}\"")).collect();

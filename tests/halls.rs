@@ -8,7 +8,7 @@
 mod skips;
 
 use hemisplat::{
-    contract::recorder::Setting,
+    contract::encoder::Setting,
     gpu::{Gpu, Pace, scene::kind},
     measure::{
         Errors, Layers, compare,
@@ -16,13 +16,13 @@ use hemisplat::{
     },
     passes::REGISTRY,
     pipeline::{Plan, load, plan},
-    recording::Device,
     scene::{
         Scene,
         bvh::Bvh,
         load::{LoadOptions, load as load_scene},
         needs::Needs,
     },
+    schedule::Device,
 };
 use libtest_mimic::{Arguments, Failed};
 use skips::Missing;

@@ -8,13 +8,13 @@ const MAY_NAME: [(&str, &[&str]); 10] = [
     ("math", &[]),
     ("scene", &["math"]),
     ("reference", &["math", "scene"]),
-    ("recording", &["math", "scene"]),
-    ("contract", &["recording", "math", "scene"]),
-    ("pipeline", &["contract", "recording", "math", "scene"]),
-    ("passes", &["contract", "recording", "math", "scene"]),
-    ("gpu", &["recording", "math", "scene"]),
-    ("measure", &["pipeline", "contract", "recording", "gpu", "math", "scene"]),
-    ("cli", &["math", "scene", "reference", "recording", "contract", "pipeline", "passes", "gpu", "measure"]),
+    ("schedule", &["math", "scene"]),
+    ("contract", &["schedule", "math", "scene"]),
+    ("pipeline", &["contract", "schedule", "math", "scene"]),
+    ("passes", &["contract", "schedule", "math", "scene"]),
+    ("gpu", &["schedule", "math", "scene"]),
+    ("measure", &["pipeline", "contract", "schedule", "gpu", "math", "scene"]),
+    ("cli", &["math", "scene", "reference", "schedule", "contract", "pipeline", "passes", "gpu", "measure"]),
 ];
 
 /// Where files may be read and threads be started; everything else has to run in a browser too. Shaders are built, tiles of rays

@@ -12,7 +12,7 @@ use hemisplat::passes::{
     record,
 };
 use hemisplat::pipeline::ahead;
-use hemisplat::recording::{HostField, HostLayout};
+use hemisplat::schedule::{HostField, HostLayout};
 use naga::TypeInner;
 
 /// A shader that names each group of structs.

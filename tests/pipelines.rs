@@ -1,11 +1,11 @@
 //! Pipelines without a device: what is refused and how it reads, what is kept, how plans come out.
 
-use hemisplat::contract::recorder::Setting;
+use hemisplat::contract::encoder::Setting;
 use hemisplat::contract::*;
 use hemisplat::passes::REGISTRY;
 use hemisplat::pipeline::{Format, Loop, Pipeline, Plan, Problems, embedded, embedded::EMBEDDED, export, load, plan};
-use hemisplat::recording::*;
 use hemisplat::scene::{Camera, Environment, FieldOfView, Light, LightKind, Material, Scene, Triangle, load as scenes, needs::Needs};
+use hemisplat::schedule::*;
 use miette::{GraphicalReportHandler, GraphicalTheme};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -116,7 +116,7 @@ impl Pass for Mock {
         if self.needs_shadows && needs.shadowed_lights == 0 { Need::Dropped("no light casts shadows") } else { Need::Kept }
     }
 
-    fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
+    fn encode(&self, r: &mut Encoder<'_>) -> Result<(), Refusal> {
         if self.description.name == "Shadows" && r.arguments.integer("taps") == 2 {
             return Err(Refusal::of_parameter("taps", "plan::taps", "2 taps do not make a square", "give 1, 4, 9, 16 or 25"));
         }
@@ -128,7 +128,7 @@ impl Pass for Mock {
             let variable = r.variable(output.name, false);
             let memory = match r.image_port("of").map(|of| r.kind(of.texture)) {
                 Some(ResourceKind::Texture { size: [w, h], format, .. }) => r.texture(output.name, [2 * w, *h], 1, *format),
-                _ => r.image(output.name, r.setting.size, hemisplat::recording::Format::Rgba32Float),
+                _ => r.image(output.name, r.setting.size, hemisplat::schedule::Format::Rgba32Float),
             };
             let port = match output.kind {
                 PortKind::Image => Port::Image(port::Image { texture: memory, channels: port::Channels::Colour }),
@@ -517,7 +517,7 @@ fn what_a_scene_does_not_need_is_dropped_with_all_that_hangs_on_it() {
     let dropped: Vec<_> = plan.dropped.iter().map(|d| format!("{}: {}", d.node, d.because)).collect();
     assert_eq!(dropped, ["shadow: no light casts shadows", "view: its input `of` comes from `shadow`, which is dropped", "idle: nothing uses it"]);
     assert_eq!(plan.absent[0].layer, "shadows");
-    assert!(plan.recording.resources.iter().all(|r| !r.name.starts_with("shadow.") && !r.name.starts_with("idle.")));
+    assert!(plan.schedule.resources.iter().all(|r| !r.name.starts_with("shadow.") && !r.name.starts_with("idle.")));
     assert!(plan.explain().contains("dropped shadow because no light casts shadows"));
 }
 
@@ -525,7 +525,7 @@ fn what_a_scene_does_not_need_is_dropped_with_all_that_hangs_on_it() {
 fn a_loop_that_nothing_reads_is_dropped_whole() {
     let plan = planned(&nodes(FILL, "lit"), true);
     assert_eq!(plan.dropped.iter().map(|d| d.node.as_str()).collect::<Vec<_>>(), ["fill", "seek", "gather", "sum"]);
-    assert!(plan.recording.steps.iter().all(|step| matches!(step, Step::Node(_))));
+    assert!(plan.schedule.steps.iter().all(|step| matches!(step, Step::Node(_))));
 }
 
 #[test]
@@ -539,7 +539,7 @@ fn a_loop_tells_its_passes_the_batch() {
 fn a_loop_is_bounded_by_the_pixels_or_by_its_parameter() {
     let bound = |text: &str| {
         let plan = planned(text, true);
-        let repeat = plan.recording.steps.iter().find_map(|step| if let Step::Repeat(repeat) = step { Some(repeat.at_most) } else { None });
+        let repeat = plan.schedule.steps.iter().find_map(|step| if let Step::Repeat(repeat) = step { Some(repeat.at_most) } else { None });
         repeat.unwrap()
     };
     let text = nodes(FILL, "sum");
@@ -578,7 +578,7 @@ fn edges_to_earlier_rounds_and_frames_read_memory_of_their_own() {
     let text = FILL.replace("Seek(in: \"lit\")", "Seek(in: \"lit\", before: PreviousRound(\"gather\"))").replace("b: \"lit\"", "b: PreviousFrame(\"sum\")");
     let plan = planned(&nodes(&text, "sum"), true);
     insta::assert_snapshot!("previous", plan.explain());
-    let histories: Vec<_> = plan.recording.resources.iter().zip(&plan.placement.slots).filter(|(r, _)| r.name.contains(" before, ")).collect();
+    let histories: Vec<_> = plan.schedule.resources.iter().zip(&plan.placement.slots).filter(|(r, _)| r.name.contains(" before, ")).collect();
     assert_eq!(histories.len(), 2);
     assert!(histories.iter().all(|(resource, slot)| matches!(resource.lifetime, Lifetime::History) && slot.is_none()));
 }
@@ -592,7 +592,7 @@ fn only_edges_to_earlier_rounds_close_a_loop() {
     assert_eq!(problems(load_text(&ring("\"b\""))).0[0].code, "pipeline::cycle");
     for when in ["PreviousRound", "PreviousFrame"] {
         let plan = planned(&ring(&format!("{when}(\"b\")")), true);
-        let bound = plan.recording.steps.iter().find_map(|step| if let Step::Repeat(repeat) = step { Some((repeat.at_most, repeat.until)) } else { None });
+        let bound = plan.schedule.steps.iter().find_map(|step| if let Step::Repeat(repeat) = step { Some((repeat.at_most, repeat.until)) } else { None });
         assert_eq!(bound, Some((3, None)));
     }
 }
@@ -612,7 +612,7 @@ fn an_earlier_round_is_one_of_the_innermost_loop_that_holds_both_ends() {
             (name: "e", pass: Sum(a: "d", b: PreviousRound("d"))),
         ])),"#;
     let plan = planned(&nodes(text, "e"), true);
-    let histories: Vec<_> = plan.recording.resources.iter().map(|r| r.name.as_str()).filter(|name| name.contains(" before, ")).collect();
+    let histories: Vec<_> = plan.schedule.resources.iter().map(|r| r.name.as_str()).filter(|name| name.contains(" before, ")).collect();
     assert_eq!(histories, ["c.image round of inner before, 0", "d.image round of outer before, 0", "e.image round of outer before, 0"]);
 }
 
@@ -661,7 +661,7 @@ fn dumps_stay_whole_and_unknown_ones_are_refused() {
     let scene_without = scene(false);
     let plan = plan_for(&pipeline, &scene_without, &["surfaces.normal"]).unwrap_or_else(|e| panic!("{}", rendered(&e)));
     let [normal] = plan.ports["surfaces.normal"].resources()[..] else { panic!("one texture") };
-    let last = plan.recording.nodes().len() as u32;
+    let last = plan.schedule.nodes().len() as u32;
     assert_eq!(plan.lifetimes.span(normal).map(|[_, end]| end), Some(last));
     let problems = plan_for(&pipeline, &scene_without, &["lot", "shadow", "fill", "sum.x"]).err().expect("refused");
     insta::assert_snapshot!("dumps", rendered(&problems));
@@ -702,7 +702,7 @@ fn caches_share_the_time_and_loops_of_one_cache_do_not() {
         let plan = plan_for(&pipeline, &scene(true), &[]).unwrap_or_else(|e| panic!("{}", rendered(&e)));
         let share =
             |step: &Step| if let Step::Repeat(repeat) = step { Some((repeat.name.clone(), repeat.time.caches, repeat.time.at_least > 0)) } else { None };
-        plan.recording.steps.iter().filter_map(share).collect::<Vec<_>>()
+        plan.schedule.steps.iter().filter_map(share).collect::<Vec<_>>()
     };
     assert_eq!(shares("radiance.ron"), [("fill".into(), 2, true), ("details".into(), 2, false), ("glossy_fill".into(), 1, true)]);
     assert_eq!(shares("irradiance.ron"), [("fill".into(), 1, true), ("details".into(), 1, false)]);
@@ -968,21 +968,21 @@ fn mutated_shipped_pipelines_never_panic() {
 
 // Memory.
 
-/// A recording of nodes and loops that touch random resources.
-fn random_recording(random: &mut Random) -> Recording {
-    let mut recording = Recording::default();
+/// A schedule of nodes and loops that touch random resources.
+fn random_recording(random: &mut Random) -> Schedule {
+    let mut schedule = Schedule::default();
     for index in 0..2 + random.below(12) {
         let kind = match random.below(3) {
             0 => ResourceKind::Buffer { bytes: 16 * (1 + random.below(8) as u64) },
-            1 => ResourceKind::Texture { size: [8, 8], layers: 1, format: hemisplat::recording::Format::R32Float },
-            _ => ResourceKind::Texture { size: [8, 8], layers: 1, format: hemisplat::recording::Format::Rgba32Float },
+            1 => ResourceKind::Texture { size: [8, 8], layers: 1, format: hemisplat::schedule::Format::R32Float },
+            _ => ResourceKind::Texture { size: [8, 8], layers: 1, format: hemisplat::schedule::Format::Rgba32Float },
         };
         let lifetime = if random.below(5) == 0 { Lifetime::History } else { Lifetime::Transient };
-        recording.resources.push(ResourceDescription { name: format!("r{index}"), kind, lifetime });
+        schedule.resources.push(ResourceDescription { name: format!("r{index}"), kind, lifetime });
     }
-    recording.variables.push(VariableDescription { name: "done".into(), history: false });
-    recording.steps = random_steps(random, recording.resources.len(), 2);
-    recording
+    schedule.variables.push(VariableDescription { name: "done".into(), history: false });
+    schedule.steps = random_steps(random, schedule.resources.len(), 2);
+    schedule
 }
 
 fn random_steps(random: &mut Random, resources: usize, depth: usize) -> Vec<Step> {
@@ -1019,16 +1019,16 @@ fn trace(steps: &[Step], into: &mut Vec<Vec<Resource>>) {
 fn resources_that_are_alive_at_once_never_share_memory_and_histories_never_do() {
     let mut shared = 0;
     for seed in 0..3000 {
-        let recording = random_recording(&mut Random(seed));
+        let schedule = random_recording(&mut Random(seed));
         let kept = [Resource(0)];
-        let placement = Placement::of(&recording, &Lifetimes::of(&recording, &kept));
+        let placement = Placement::of(&schedule, &Lifetimes::of(&schedule, &kept));
         let mut steps = Vec::new();
-        trace(&recording.steps, &mut steps);
+        trace(&schedule.steps, &mut steps);
         let touched = |resource: u32| steps.iter().enumerate().filter(move |(_, all)| all.contains(&Resource(resource))).map(|(at, _)| at);
         let alive = |resource: u32| Some((touched(resource).min()?, if resource == 0 { usize::MAX } else { touched(resource).max()? }));
-        for a in 0..recording.resources.len() as u32 {
+        for a in 0..schedule.resources.len() as u32 {
             let slot = placement.slots[a as usize];
-            let description = &recording.resources[a as usize];
+            let description = &schedule.resources[a as usize];
             assert!(slot.is_none() || matches!(description.lifetime, Lifetime::Transient), "seed {seed}");
             if let Some(slot) = slot {
                 assert!(placement.allocations[slot as usize].bytes() >= description.kind.bytes(), "seed {seed}");
@@ -1060,7 +1060,7 @@ fn a_written_pipeline_reads_back_as_the_same() {
 
 /// A picture of these images of indirect light.
 fn combined(indirect: &str) -> String {
-    let combine = format!("(name: \"image\", pass: Combine(gbuffer: \"gbuffer\", indirect: {indirect})),");
+    let combine = format!("(name: \"image\", pass: Composite(gbuffer: \"gbuffer\", indirect: {indirect})),");
     nodes(&format!("(name: \"gbuffer\", pass: GBuffer()), {combine}"), "image")
 }
 
@@ -1069,7 +1069,7 @@ fn an_input_for_a_list_takes_any_number() {
     let sums = |indirect: &str| {
         let pipeline = load_files("list.ron", &[("list.ron", &combined(indirect))], &[], REGISTRY).unwrap_or_else(|e| panic!("{}", rendered(&e)));
         let planned = plan_for(&pipeline, &scene(true), &[]).unwrap_or_else(|e| panic!("{}", rendered(&e)));
-        let image = planned.recording.nodes().into_iter().find(|node| node.name == "image").expect("the node");
+        let image = planned.schedule.nodes().into_iter().find(|node| node.name == "image").expect("the node");
         let entries = image.commands.iter().flat_map(|command| command.computes()).map(|compute| compute.entry);
         entries.filter(|entry| *entry == "add").count()
     };

@@ -8,15 +8,15 @@
 mod skips;
 
 use hemisplat::{
-    contract::{PLACE, Port, port, recorder::Setting, tables::Remembered},
+    contract::{PLACE, Port, encoder::Setting, port, tables::Remembered},
     gpu::{Gpu, Pace, Session, scene::kind},
     passes::{
         REGISTRY,
         record::{RECORD_BYTES, REQUEST_BYTES},
     },
     pipeline::{self, Pipeline, Plan, Problems, embedded::EMBEDDED, load, plan},
-    recording::{self, *},
     scene::{Scene, bvh::Bvh, load as scenes, needs::Needs},
+    schedule::{self, *},
 };
 use libtest_mimic::{Arguments, Failed};
 use skips::Missing;
@@ -109,9 +109,9 @@ impl Stage {
     }
 
     fn draw(&self, gpu: &Gpu, plan: &Plan) -> Outcome {
-        let placement = Placement::of(&plan.recording, &Lifetimes::of(&plan.recording, &[]));
+        let placement = Placement::of(&plan.schedule, &Lifetimes::of(&plan.schedule, &[]));
         let camera = &self.scene.cameras[0];
-        let mut session = Session::new(gpu, &self.scene, &self.bvh, &plan.recording, &placement, camera, SIZE).map_err(|error| error.to_string())?;
+        let mut session = Session::new(gpu, &self.scene, &self.bvh, &plan.schedule, &placement, camera, SIZE).map_err(|error| error.to_string())?;
         session.frame(&|| Pace::GoOn).map_err(|error| error.to_string())?;
         Ok(())
     }
@@ -221,8 +221,8 @@ impl Log {
         noted.retain(|_, rest| !rest.is_empty());
         noted.retain(|port, rest| {
             let of_port = plan.ports.get(port).map(|port| parts(port).0).unwrap_or_default();
-            let constants = of_port.iter().filter_map(|(resource, _)| match &plan.recording.resource(*resource).lifetime {
-                Lifetime::Constant(contents) => Some((&plan.recording.resource(*resource).kind, contents)),
+            let constants = of_port.iter().filter_map(|(resource, _)| match &plan.schedule.resource(*resource).lifetime {
+                Lifetime::Constant(contents) => Some((&plan.schedule.resource(*resource).kind, contents)),
                 _ => None,
             });
             let constants: Vec<_> = constants.collect();
@@ -243,37 +243,37 @@ type Step = fn(&mut Log, &str, &[Part], &[Variable], &mut dyn HostContext);
 
 /// Has a step after each node look at each of its ports.
 fn watch(plan: &mut Plan, log: &Arc<Mutex<Log>>, step: Step) {
-    let last: BTreeMap<String, usize> = plan.recording.nodes().iter().enumerate().map(|(at, node)| (node.name.clone(), at)).collect();
-    let mut steps = std::mem::take(&mut plan.recording.steps);
+    let last: BTreeMap<String, usize> = plan.schedule.nodes().iter().enumerate().map(|(at, node)| (node.name.clone(), at)).collect();
+    let mut steps = std::mem::take(&mut plan.schedule.steps);
     let mut at = 0;
     for_nodes(&mut steps, &mut |node| {
         if last.get(&node.name) == Some(&at) {
             let of_node = plan.ports.iter().filter(|(port, _)| port.split('.').next() == Some(&node.name[..]));
-            let watched: Vec<Command> = of_node.filter_map(|(name, port)| watcher(&plan.recording, name, port, log, step)).collect();
+            let watched: Vec<Command> = of_node.filter_map(|(name, port)| watcher(&plan.schedule, name, port, log, step)).collect();
             node.commands.extend(watched);
         }
         at += 1;
     });
-    plan.recording.steps = steps;
+    plan.schedule.steps = steps;
 }
 
-fn for_nodes(steps: &mut [recording::Step], see: &mut dyn FnMut(&mut Node)) {
+fn for_nodes(steps: &mut [schedule::Step], see: &mut dyn FnMut(&mut Node)) {
     for step in steps {
         match step {
-            recording::Step::Node(node) => see(node),
-            recording::Step::Repeat(repeat) => for_nodes(&mut repeat.steps, see),
+            schedule::Step::Node(node) => see(node),
+            schedule::Step::Repeat(repeat) => for_nodes(&mut repeat.steps, see),
         }
     }
 }
 
-fn watcher(recording: &Recording, name: &str, port: &Port, log: &Arc<Mutex<Log>>, step: Step) -> Option<Command> {
+fn watcher(schedule: &Schedule, name: &str, port: &Port, log: &Arc<Mutex<Log>>, step: Step) -> Option<Command> {
     let (parts, variables) = parts(port);
-    let is_constant = |resource| matches!(recording.resource(resource).lifetime, Lifetime::Constant(_));
+    let is_constant = |resource| matches!(schedule.resource(resource).lifetime, Lifetime::Constant(_));
     let described = |(resource, counted)| {
-        let kind = recording.resource(resource).kind.clone();
+        let kind = schedule.resource(resource).kind.clone();
         Part { resource, fields: fields(&kind, counted), kind, counted, is_constant: is_constant(resource) }
     };
-    let made = |part: &Part| !matches!(recording.resource(part.resource).lifetime, Lifetime::Scene(_) | Lifetime::Frame);
+    let made = |part: &Part| !matches!(schedule.resource(part.resource).lifetime, Lifetime::Scene(_) | Lifetime::Frame);
     let parts: Vec<Part> = parts.into_iter().map(described).filter(made).collect();
     if parts.is_empty() && variables.is_empty() {
         return None;

@@ -508,7 +508,7 @@ fn the_layers_add_up() {
     let bvh = Bvh::build(&mut room);
     for i in 0..found.picture.len() {
         let ray = camera(1.0).pixel_ray(SETTINGS.size, [i as u32 % 24, i as u32 / 24]);
-        let hit = bvh.closest(&room, camera(1.0).eye, ray, f32::INFINITY).unwrap();
+        let hit = bvh.closest_hit(&room, camera(1.0).eye, ray, f32::INFINITY).unwrap();
         let material = &room.materials[room.triangles[hit.triangle as usize].material as usize];
         let brdf = material.reflectance / std::f32::consts::PI;
         assert!(found.direct[i].distance(brdf * found.direct_irradiance[i]) < 1e-5);

@@ -1,12 +1,12 @@
 //! What a scene does not need is not planned, unless the pipeline says so. Needs no device; that pictures stay the same, the golden ones tell.
 
 use hemisplat::{
-    contract::recorder::Setting,
+    contract::encoder::Setting,
     gpu::{scene::kind, spirv},
     passes::REGISTRY,
     pipeline::{Pipeline, Plan, Problems, load, plan},
-    recording::Command,
     scene::{load as scenes, needs::Needs},
+    schedule::Command,
 };
 use std::collections::BTreeSet;
 use std::io;
@@ -20,13 +20,13 @@ fn loaded(name: &str, text: &str) -> Result<Pipeline, Problems> {
 fn planned(pipeline: &str, scene: &str) -> Plan {
     let scene = scenes::load(Path::new(scene), &scenes::LoadOptions::default()).unwrap();
     let needs = Needs::of(&scene);
-    let setting = Setting { scene: &scene, needs: &needs, device: hemisplat::recording::Device::ABLE, size: [64, 48], tables: None };
+    let setting = Setting { scene: &scene, needs: &needs, device: hemisplat::schedule::Device::ABLE, size: [64, 48], tables: None };
     plan(&loaded(pipeline, "").unwrap(), setting, &[], &|data| kind(&scene, data)).unwrap()
 }
 
 /// Shader, imports and constants of every program but those that draw shadow maps, of which there are as many as lights have faces.
 fn programs(plan: &Plan) -> BTreeSet<String> {
-    let commands = plan.recording.nodes().into_iter().flat_map(|node| &node.commands);
+    let commands = plan.schedule.nodes().into_iter().flat_map(|node| &node.commands);
     let programs = commands.filter_map(|command| match command {
         Command::Compute(compute) => Some(&compute.program),
         Command::Raster(raster) => Some(&raster.program),
@@ -64,7 +64,7 @@ fn programs_are_the_same_for_every_scene() {
 fn a_scene_that_needs_little_has_less_to_hold() {
     let sizes = |pipeline: &str| {
         let plan = planned(pipeline, "cornell");
-        let shaders: u64 = spirv::sizes(&plan.recording).unwrap().iter().map(|size| size.bytes).sum();
+        let shaders: u64 = spirv::sizes(&plan.schedule).unwrap().iter().map(|size| size.bytes).sum();
         [plan.memory().total(), shaders]
     };
     let (special, general) = (sizes("irradiance"), sizes("irradiance-general"));

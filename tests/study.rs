@@ -5,7 +5,7 @@
 
 mod place;
 
-use hemisplat::contract::recorder::Setting;
+use hemisplat::contract::encoder::Setting;
 use hemisplat::gpu::scene::kind;
 use hemisplat::measure::study::embedded::EMBEDDED;
 use hemisplat::measure::traffic::{Traffic, traffic};
@@ -327,7 +327,7 @@ fn traffic_of(pipeline: &str, resolution: u32, set: &str) -> Result<Traffic, Fai
     let pipeline = pipeline::load(pipeline, &sets, REGISTRY, &mut |_| Err(io::ErrorKind::NotFound.into())).map_err(told)?;
     let scene = load::load(Path::new("corner"), &load::LoadOptions::default()).map_err(|error| error.to_string())?;
     let needs = Needs::of(&scene);
-    let setting = Setting { scene: &scene, needs: &needs, device: hemisplat::recording::Device::ABLE, size: [32, 24], tables: None };
+    let setting = Setting { scene: &scene, needs: &needs, device: hemisplat::schedule::Device::ABLE, size: [32, 24], tables: None };
     let plan = pipeline::plan(&pipeline, setting, &[], &|data| kind(&scene, data)).map_err(told)?;
     Ok(traffic(&plan, &["records"]).map_err(|error| error.to_string())?.ok_or("no tiles")?)
 }

@@ -5,13 +5,13 @@
 mod skips;
 
 use hemisplat::{
-    contract::{Port, recorder::Setting},
+    contract::{Port, encoder::Setting},
     gpu::{Gpu, Pace, scene::kind, shader::Shader},
     measure::{layers::Layers, run::Run},
     passes::REGISTRY,
     pipeline::{Edge, Node, Plan, Problems, embedded::EMBEDDED, load, plan},
-    recording::{Command, Device, Resource},
     scene::{Scene, bvh::Bvh, load as scenes, needs::Needs},
+    schedule::{Command, Device, Resource},
 };
 use libtest_mimic::{Arguments, Failed};
 use skips::Missing;
@@ -71,14 +71,14 @@ fn nodes_change_what_they_say() -> Outcome {
             let needs = Needs::of(&scene);
             let setting = Setting { scene: &scene, needs: &needs, device, size: SIZE, tables: None };
             let Ok(plan) = plan(&pipeline, setting, &[], &|data| kind(&scene, data)) else { continue };
-            for node in plan.recording.nodes() {
+            for node in plan.schedule.nodes() {
                 // A loop keeps what its last round left.
                 let (own, kept) = (format!("{}.", node.name), format!(" round of {} before", node.name));
                 let edges = inputs.get(&node.name[..]).copied().unwrap_or_default();
                 let may: BTreeSet<Resource> =
                     edges.iter().filter(|edge| edge.changes).filter_map(|edge| plan.ports.get(&edge.from.to_string())).flat_map(Port::resources).collect();
                 for written in node.commands.iter().map(written).collect::<Result<Vec<_>, _>>()?.concat() {
-                    let name = &plan.recording.resource(written).name;
+                    let name = &plan.schedule.resource(written).name;
                     check(name.starts_with(&own) || name.contains(&kept) || may.contains(&written), || {
                         format!("{file}: {} changes {name} and does not say so", node.name)
                     })?;
@@ -138,12 +138,12 @@ fn older_versions_come_first() -> Outcome {
     let outputs = text.replace("outputs: {", r#"outputs: { "early": "light.weight","#);
     for place in ["(name: \"gbuffer\"", "(name: \"fill\"", "(name: \"image\""] {
         let plan = planned(&outputs.replacen(place, &format!("{late}{light} {place}"), 1), &scene, Device::ABLE)?;
-        let names: Vec<&str> = plan.recording.steps.iter().map(hemisplat::recording::Step::name).collect();
+        let names: Vec<&str> = plan.schedule.steps.iter().map(hemisplat::schedule::Step::name).collect();
         let at = |name: &str| names.iter().position(|found| *found == name);
         check(at("late").is_some() && at("late") < at("fill"), || format!("{names:?}"))?;
     }
     let other = outputs.replace("(name: \"image\"", &format!("{}{light} (name: \"image\"", late.replace("gbuffer: \"gbuffer\"", "gbuffer: \"mine\"")));
-    let other = other.replace("(name: \"image\"", r#"(name: "mine", pass: Surfaces(of: "gbuffer", which: Diffuse)), (name: "image""#);
+    let other = other.replace("(name: \"image\"", r#"(name: "mine", pass: Classify(of: "gbuffer", which: Diffuse)), (name: "image""#);
     planned(&other, &scene, Device::ABLE).map(drop)
 }
 
@@ -162,7 +162,7 @@ fn planned(text: &str, scene: &Scene, device: Device) -> Result<Plan, Failed> {
 
 /// All that a plan says but for the order of what does not depend on each other: each resource, and each node with its commands.
 fn told(plan: &Plan) -> BTreeSet<String> {
-    let text = plan.recording.to_text(&plan.lifetimes, &plan.placement);
+    let text = plan.schedule.to_text(&plan.lifetimes, &plan.placement);
     let (resources, steps) = text.split_once("steps\n").unwrap_or((&text, ""));
     // Where memory lies and when it is used goes with the order.
     let resources = resources.lines().map(|line| line.split("  steps ").next().unwrap_or(line).to_owned());

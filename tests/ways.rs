@@ -8,7 +8,7 @@ mod skips;
 
 use glam::{Vec2, Vec3};
 use hemisplat::{
-    contract::{Arguments as Given, ParameterKind, Place, Port, Recorder, Value, find, port, recorder::Reported, recorder::Setting},
+    contract::{Arguments as Given, Encoder, ParameterKind, Place, Port, Value, encoder::Reported, encoder::Setting, find, port},
     gpu::{Gpu, Pace, Session, scene as scene_data, shader},
     math::{
         hemisphere::{Method, Shape, Table},
@@ -20,8 +20,8 @@ use hemisplat::{
         REGISTRY,
         record::{Radius, Record, Request, Weighting, summed_record},
     },
-    recording::*,
     scene::{bvh::Bvh, load, model::*, needs::Needs},
+    schedule::*,
 };
 use libtest_mimic::{Arguments, Failed};
 use skips::Missing;
@@ -113,7 +113,7 @@ impl Stage {
 struct Graph<'a> {
     stage: &'a Stage,
     size: [u32; 2],
-    recording: Recording,
+    schedule: Schedule,
     ports: BTreeMap<String, Port>,
     reports: Vec<(&'static str, Reported)>,
     /// Records a round and whether the loop is sequential, while one is open.
@@ -123,26 +123,26 @@ struct Graph<'a> {
 
 impl<'a> Graph<'a> {
     fn new(stage: &'a Stage, size: [u32; 2]) -> Self {
-        let mut recording = Recording::default();
-        let mut declare = |name: &str, kind, lifetime| recording.resources.push(ResourceDescription { name: name.into(), kind, lifetime });
+        let mut schedule = Schedule::default();
+        let mut declare = |name: &str, kind, lifetime| schedule.resources.push(ResourceDescription { name: name.into(), kind, lifetime });
         for data in SceneData::ALL {
             declare(data.name(), scene_data::kind(&stage.scene, data), Lifetime::Scene(data));
         }
         declare("camera", ResourceKind::Buffer { bytes: 256 }, Lifetime::Frame);
-        Self { stage, size, recording, ports: BTreeMap::new(), reports: Vec::new(), batch: None, looped: Vec::new() }
+        Self { stage, size, schedule, ports: BTreeMap::new(), reports: Vec::new(), batch: None, looped: Vec::new() }
     }
 
     /// A buffer with these contents.
     fn buffer(&mut self, name: &str, contents: &[u8]) -> Resource {
         let kind = ResourceKind::Buffer { bytes: contents.len() as u64 };
-        self.recording.resources.push(ResourceDescription { name: name.into(), kind, lifetime: Lifetime::Constant(contents.into()) });
-        Resource(self.recording.resources.len() as u32 - 1)
+        self.schedule.resources.push(ResourceDescription { name: name.into(), kind, lifetime: Lifetime::Constant(contents.into()) });
+        Resource(self.schedule.resources.len() as u32 - 1)
     }
 
     /// A variable that the test sets.
     fn variable(&mut self, name: &str) -> Variable {
-        self.recording.variables.push(VariableDescription { name: name.into(), history: true });
-        Variable(self.recording.variables.len() as u32 - 1)
+        self.schedule.variables.push(VariableDescription { name: name.into(), history: true });
+        Variable(self.schedule.variables.len() as u32 - 1)
     }
 
     /// A node whose inputs are joined to ports by name: `("gbuffer", "gbuffer")`.
@@ -153,14 +153,14 @@ impl<'a> Graph<'a> {
         let join = |input: &str| inputs.iter().find(|i| i.0 == input).and_then(|i| self.ports.get(i.1)).cloned();
         let joined: BTreeMap<_, _> = description.inputs.iter().filter_map(|i| Some((i.name, vec![join(i.name)?]))).collect();
         let setting = Setting { scene: &self.stage.scene, needs: &self.stage.needs, device: Device::ABLE, size: self.size, tables: None };
-        let mut recorder = Recorder::new(name, &given, setting, &joined, &mut self.recording);
+        let mut encoder = Encoder::new(name, &given, setting, &joined, &mut self.schedule);
         if let Some((batch, sequential)) = self.batch {
-            recorder = recorder.in_loop(batch, sequential);
+            encoder = encoder.in_loop(batch, sequential);
         }
-        pass.record(&mut recorder).map_err(|refusal| refusal.message)?;
-        let recorded = recorder.finish();
-        self.reports.extend(recorded.reports);
-        for (output, port) in recorded.outputs {
+        pass.encode(&mut encoder).map_err(|refusal| refusal.message)?;
+        let encoded = encoder.finish();
+        self.reports.extend(encoded.reports);
+        for (output, port) in encoded.outputs {
             if output == description.outputs[0].name {
                 self.ports.insert(name.into(), port.clone());
             }
@@ -171,11 +171,11 @@ impl<'a> Graph<'a> {
             commands.iter_mut().for_each(Command::drop_twin);
             Step::Node(Node { name: name.into(), pass: description.name, commands })
         };
-        self.recording.steps.push(step(recorded.prologue));
+        self.schedule.steps.push(step(encoded.prologue));
         if self.batch.is_some() {
-            self.looped.push(step(recorded.commands))
+            self.looped.push(step(encoded.commands))
         } else {
-            self.recording.steps.push(step(recorded.commands))
+            self.schedule.steps.push(step(encoded.commands))
         }
         Ok(())
     }
@@ -186,7 +186,7 @@ impl<'a> Graph<'a> {
         let until = *until;
         let round = self.variable("round");
         let steps = std::mem::take(&mut self.looped);
-        self.recording.steps.push(Step::Repeat(Repeat {
+        self.schedule.steps.push(Step::Repeat(Repeat {
             name: "fill".into(),
             until: Some(until),
             round,
@@ -211,8 +211,8 @@ impl<'a> Graph<'a> {
         let reported = self.reports.iter().filter_map(|r| if let Reported::Buffer(buffer, _) = r.1 { Some(buffer) } else { None });
         let kept: Vec<_> = kept.iter().copied().chain(reported).collect();
         let Stage { gpu, scene, bvh, .. } = self.stage;
-        let placement = Placement::of(&self.recording, &Lifetimes::of(&self.recording, &kept));
-        Ok(Session::new(gpu, scene, bvh, &self.recording, &placement, &scene.cameras[0], self.size).map_err(|e| e.to_string())?)
+        let placement = Placement::of(&self.schedule, &Lifetimes::of(&self.schedule, &kept));
+        Ok(Session::new(gpu, scene, bvh, &self.schedule, &placement, &scene.cameras[0], self.size).map_err(|e| e.to_string())?)
     }
 
     /// The number that a node reports.
@@ -245,7 +245,7 @@ fn undeclared_is_refused(stage: &Stage) -> Outcome {
                 Ok(())
             };
             let commands = vec![Command::Host(Host::new(name, reads, writes, run))];
-            graph.recording.steps.push(hemisplat::recording::Step::Node(Node { name: "node".into(), pass: "Test", commands }));
+            graph.schedule.steps.push(hemisplat::schedule::Step::Node(Node { name: "node".into(), pass: "Test", commands }));
             let told = graph.session(&[])?.frame(&|| Pace::GoOn).err().map(|error| error.to_string());
             let expected = (!is_declared).then(|| format!("node: `{name}` touches someone.numbers, which it does not declare"));
             check(told == expected, || format!("{told:?}, not {expected:?}"))?;
@@ -860,7 +860,7 @@ fn weights_agree(stage: &Stage) -> Outcome {
         .enumerate()
         .map(|(i, record)| {
             let kind = i % 3;
-            let reach = rule(WEIGHTINGS[kind], 40.0).reach(&weight::Record::from(record));
+            let reach = rule(WEIGHTINGS[kind], 40.0).validity_radius(&weight::Record::from(record));
             // Some at the record's own place, some beyond its reach.
             let position = Vec3::from(record.position) + numbers.vector() * reach * if i % 50 == 0 { 0.0 } else { 0.8 };
             let normal = (Vec3::from(record.normal) + numbers.vector() * if i % 7 == 0 { 0.0 } else { 0.2 }).normalize();
@@ -880,7 +880,7 @@ fn weights_agree(stage: &Stage) -> Outcome {
         counted[i % 3] += (weight > 0.0) as u32;
         let near = |found: f32, expected: f32, scale: f32| (found - expected).abs() <= 1e-5 * scale;
         // A weight near its rim is a small difference of numbers near 1.
-        let (reach, fineness) = (rule.reach(&record), rule.fineness(&record, 0.5));
+        let (reach, fineness) = (rule.validity_radius(&record), rule.fineness(&record, 0.5));
         let agrees = near(value[3], weight, weight.max(1.0)) && near(value[4], reach, reach) && near(value[5], fineness, 1.0);
         finer[if fineness == 1.0 { 0 } else { 1 + (fineness < 0.27) as usize }] += 1;
         let estimates = (0..3).all(|c| near(value[c], estimate[c], estimate[c].abs() + record.irradiance[c]));
@@ -962,7 +962,7 @@ fn indices_agree(stage: &Stage) -> Outcome {
         let mut found = 0;
         for _ in 0..2000.min(20 * count) {
             let near = &all[(numbers.next() * count as f32) as usize % count];
-            let way = numbers.vector() * by_host.rule.longest_reach(near) * 1.2;
+            let way = numbers.vector() * by_host.rule.longest_validity_radius(near) * 1.2;
             let position = near.position + way - near.normal * near.normal.dot(way) * 0.97;
             let normal = (near.normal + numbers.vector() * 0.3).normalize();
             let weighted = all.iter().map(|record| (by_host.rule.reaching(record).local_weight(position, normal), record));

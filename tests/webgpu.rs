@@ -1,13 +1,13 @@
-//! What ships runs on every adapter that WebGPU admits: each pipeline is recorded for scenes of all kinds and held against the limits that are
+//! What ships runs on every adapter that WebGPU admits: each pipeline is encoded for scenes of all kinds and held against the limits that are
 //! granted everywhere, without a device.
 
 use hemisplat::{
-    contract::{recorder::Setting, tables::Remembered},
+    contract::{encoder::Setting, tables::Remembered},
     gpu::{GpuError, limits, scene as scene_data},
     passes::REGISTRY,
     pipeline::{embedded::EMBEDDED, load, plan},
-    recording::Device,
     scene::{Scene, bvh::Bvh, load as scenes, needs::Needs},
+    schedule::Device,
 };
 use rayon::prelude::*;
 use std::path::Path;
@@ -47,7 +47,7 @@ fn what_is_too_much_is_named_with_its_node() {
     for (lower, said) in lowered {
         let mut limits = wgpu::Limits::default();
         lower(&mut limits);
-        let error = limits::hold(&plan.recording, &limits, wgpu::Features::FLOAT32_BLENDABLE, "any").expect_err(said).to_string();
+        let error = limits::hold(&plan.schedule, &limits, wgpu::Features::FLOAT32_BLENDABLE, "any").expect_err(said).to_string();
         assert!(error.starts_with('`') && error.contains(said), "{error}");
     }
 }
@@ -68,7 +68,7 @@ fn complaints(name: &str) -> Vec<String> {
         let pipeline = load(file, &[], REGISTRY, &mut |_| Err(std::io::ErrorKind::NotFound.into())).unwrap_or_else(|_| panic!("{file}"));
         let setting = Setting { scene: &scene, needs: &needs, device, size: [256, 256], tables: Some(&tables) };
         let plan = plan(&pipeline, setting, &[], &|data| scene_data::kind(&scene, data)).unwrap_or_else(|_| panic!("{file} on {name}"));
-        let Err(error) = limits::hold(&plan.recording, &granted, wgpu::Features::empty(), "the least of all") else { continue };
+        let Err(error) = limits::hold(&plan.schedule, &granted, wgpu::Features::empty(), "the least of all") else { continue };
         if !BLENDING.contains(file) || !matches!(error, GpuError::MissingFeature { .. }) {
             complaints.push(format!("{file}, {name}, {device:?}: {error}"));
         }

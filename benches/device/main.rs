@@ -13,7 +13,7 @@ mod peak;
 
 use clap::Parser;
 use hemisplat::{
-    contract::recorder::Setting,
+    contract::encoder::Setting,
     gpu::{Gpu, Pace, scene::kind},
     measure::{
         run::{FrameReport, Run},
@@ -22,13 +22,13 @@ use hemisplat::{
     },
     passes::REGISTRY,
     pipeline::{Plan, load as load_pipeline, plan},
-    recording::{Command, Draws, Recording},
     scene::{
         Scene,
         bvh::Bvh,
         load::{LoadOptions, load},
         needs::Needs,
     },
+    schedule::{Command, Draws, Schedule},
 };
 use kept::write;
 use peak::Peak;
@@ -207,8 +207,8 @@ fn work(reports: &[FrameReport], edge: u32, set: &[String]) -> Work {
 }
 
 /// Triangles that a run of a node draws.
-fn triangles(recording: &Recording, node: &str) -> Option<f64> {
-    let commands = recording.nodes().into_iter().filter(|found| found.name == node).flat_map(|found| &found.commands);
+fn triangles(schedule: &Schedule, node: &str) -> Option<f64> {
+    let commands = schedule.nodes().into_iter().filter(|found| found.name == node).flat_map(|found| &found.commands);
     let drawn: Vec<f64> = commands
         .filter_map(|command| match command {
             Command::Raster(raster) => match &raster.draws {
@@ -237,7 +237,7 @@ fn pass(reports: &[FrameReport], index: usize, plan: &Plan, peak: &Peak) -> Resu
         _ if first.pass == "HemisphereTiles" => "rays or triangles",
         _ => "instructions or waiting",
     };
-    let drawn = triangles(&plan.recording, &first.node).map(|triangles| triangles * f64::from(first.runs));
+    let drawn = triangles(&plan.schedule, &first.node).map(|triangles| triangles * f64::from(first.runs));
     Ok(Pass { node: first.node.clone(), runs: first.runs, device_ms, host_ms, moved_bytes, triangles: drawn, share_of_bandwidth, bound_by })
 }
 

@@ -1,14 +1,14 @@
 //! Light of emissive surfaces and the sky, added up on the host: where the device is a driver on the same cores, each lane of it walks the hierarchy
 //! and looks emitters up alone, while the shadow rays of a pixel, 64 from one point, can share most of both.
 
-use crate::contract::{Recorder, port};
+use crate::contract::{Encoder, port};
 use crate::math::random::combine;
-use crate::recording::*;
 use crate::scene::{
-    emitters::{Emitters, Lamp},
+    emitters::{AreaLight, Emitters},
     packets::ToDo,
     surface::Ray,
 };
+use crate::schedule::*;
 use fearless_simd::{Level, dispatch};
 use glam::Vec4;
 use rayon::prelude::*;
@@ -22,14 +22,14 @@ pub(super) fn bytes([width, height]: [u32; 2]) -> u64 {
 }
 
 /// A buffer of the light at each pixel, by so many shadow rays to emissive surfaces and to the sky.
-pub(super) fn record(r: &mut Recorder<'_>, gbuffer: &port::GBuffer, [area, sky]: [u32; 2]) -> Resource {
-    let light = r.buffer("light_of_emitters", bytes(gbuffer.size));
-    let (triangles, size, by_albedo) = (gbuffer.triangles, gbuffer.size, r.setting.needs.by_albedo);
-    r.host("light", &[Read::whole(triangles)], &[light], move |host| {
+pub(super) fn encode(e: &mut Encoder<'_>, gbuffer: &port::GBuffer, [area, sky]: [u32; 2]) -> Resource {
+    let light = e.buffer("light_of_emitters", bytes(gbuffer.size));
+    let (triangles, size, by_albedo) = (gbuffer.triangles, gbuffer.size, e.setting.needs.by_albedo);
+    e.host("light", &[Read::whole(triangles)], &[light], move |host| {
         let seen: Vec<u32> = bytemuck::pod_collect_to_vec(host.read(triangles));
         let (camera, scene) = (host.camera().0, host.scene());
-        let lamps = Lamp::all(scene);
-        let emitters = Emitters::new(scene, host.bvh(), &lamps, [area, sky]);
+        let area_lights = AreaLight::all(scene);
+        let emitters = Emitters::new(scene, host.bvh(), &area_lights, [area, sky]);
         let mut lights = vec![Vec4::ZERO; seen.len()];
         lights.par_chunks_mut(PIXELS).enumerate().for_each_init(ToDo::default, |to_do, (chunk, lights)| {
             for (at, out) in (chunk * PIXELS..).zip(lights) {

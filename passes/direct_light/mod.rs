@@ -3,10 +3,11 @@
 mod host;
 
 use crate::contract::{
-    Bodies, Choice, Description, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Recorder, Refusal, Takes, port,
-    recorder::{bind_visibility, light_constants},
+    Bodies, Choice, Description, Encoder, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Refusal, Takes,
+    encoder::{bind_visibility, light_constants},
+    port,
 };
-use crate::recording::*;
+use crate::schedule::*;
 
 pub struct DirectLight;
 
@@ -70,37 +71,37 @@ impl Pass for DirectLight {
         &DESCRIPTION
     }
 
-    fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
-        let Some(gbuffer) = r.g_buffer("gbuffer").copied() else { return Ok(()) };
-        let (emitters, arguments) = r.arguments.choice("emitters");
+    fn encode(&self, e: &mut Encoder<'_>) -> Result<(), Refusal> {
+        let Some(gbuffer) = e.g_buffer("gbuffer").copied() else { return Ok(()) };
+        let (emitters, arguments) = e.arguments.choice("emitters");
         let sampled = emitters == "Sampled";
-        let sky = r.image_port("sky").map(|sky| sky.texture);
+        let sky = e.image_port("sky").map(|sky| sky.texture);
         let samples = if sampled { [arguments.integer("area_samples"), arguments.integer("sky_samples")] } else { [0, 0] };
-        let radiance = r.image("radiance", gbuffer.size, Format::Rgba32Float);
+        let radiance = e.image("radiance", gbuffer.size, Format::Rgba32Float);
         let [area, rays] = samples.map(|s| s as u32);
         let samples = [area, if sky.is_some() { 0 } else { rays }];
-        tell_idle(r, sampled, sky.is_some());
-        let by_host = light_by_host(r, samples, gbuffer.size)?;
-        let program = light_constants(Program::new("direct_light"), r.setting.needs, samples);
+        tell_idle(e, sampled, sky.is_some());
+        let by_host = light_by_host(e, samples, gbuffer.size)?;
+        let program = light_constants(Program::new("direct_light"), e.setting.needs, samples);
         let program = match by_host {
-            Some(light) => program.import("EMITTERS", "lib/emitters/given").bind("given", host::record(r, &gbuffer, light)),
+            Some(light) => program.import("EMITTERS", "lib/emitters/given").bind("given", host::encode(e, &gbuffer, light)),
             None => program.import("EMITTERS", "lib/emitters/traced"),
         };
         // A sky that is absent is bound to any image and never read.
-        let program = bind_visibility(program, r.shadow_maps("shadow"))
+        let program = bind_visibility(program, e.shadow_maps("shadow"))
             .constant("HAS_SKY", sky.is_some() as u8)
             .bind("triangles", gbuffer.triangles)
             .bind("sky", sky.unwrap_or(gbuffer.position))
             .bind("radiance", radiance);
-        r.compute_pixels(program, "shade", gbuffer.size);
-        r.output("radiance", Port::DirectLight(port::DirectLight { radiance, lights_from_emitters: sampled }));
+        e.compute_pixels(program, "shade", gbuffer.size);
+        e.output("radiance", Port::DirectLight(port::DirectLight { radiance, lights_from_emitters: sampled }));
         Ok(())
     }
 }
 
 /// Tells what has no effect where there is no such light.
-fn tell_idle(r: &mut Recorder<'_>, sampled: bool, has_sky: bool) {
-    let needs = r.setting.needs;
+fn tell_idle(e: &mut Encoder<'_>, sampled: bool, has_sky: bool) {
+    let needs = e.setting.needs;
     let (emits, shines) = (needs.emissive_triangles > 0, needs.environment);
     let idle = [
         (!emits && !shines, "emitters", "no surface emits light and the sky is black"),
@@ -108,22 +109,22 @@ fn tell_idle(r: &mut Recorder<'_>, sampled: bool, has_sky: bool) {
         (sampled && emits && !shines, "emitters.sky_samples", "the sky is black"),
         (sampled && shines && has_sky, "emitters.sky_samples", "another pass computes the light of the sky"),
     ];
-    idle.into_iter().filter(|(holds, ..)| *holds).for_each(|(_, parameter, because)| r.idle(parameter, because));
+    idle.into_iter().filter(|(holds, ..)| *holds).for_each(|(_, parameter, because)| e.idle(parameter, because));
 }
 
 /// Most bytes of the light of all pixels: what every device binds.
 const MOST_BYTES: u64 = 128 << 20;
 
 /// The shadow rays that the host is to cast, 64 of a pixel together, if it is; of `samples` to area lights and to the sky those that there is light for.
-fn light_by_host(r: &mut Recorder<'_>, [area, sky]: [u32; 2], size: [u32; 2]) -> Result<Option<[u32; 2]>, Refusal> {
-    let needs = r.setting.needs;
+fn light_by_host(e: &mut Encoder<'_>, [area, sky]: [u32; 2], size: [u32; 2]) -> Result<Option<[u32; 2]>, Refusal> {
+    let needs = e.setting.needs;
     let samples = [if needs.emissive_triangles > 0 { area } else { 0 }, if needs.environment { sky } else { 0 }];
     if samples == [0; 2] {
-        r.idle(PLACE.name, "the device does it where no shadow rays go to emitters or the sky");
+        e.idle(PLACE.name, "the device does it where no shadow rays go to emitters or the sky");
         return Ok(None);
     }
     let is_too_large = host::bytes(size) > MOST_BYTES;
     let obstacle = format!("the light of so many pixels does not fit into {} MiB", MOST_BYTES >> 20);
-    let place = r.place(Bodies::BOTH.unless(is_too_large, obstacle))?;
+    let place = e.place(Bodies::BOTH.unless(is_too_large, obstacle))?;
     Ok((place == Place::Host).then_some(samples))
 }

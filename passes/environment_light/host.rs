@@ -2,7 +2,7 @@
 //! sums themselves.
 
 use super::{Lobes, Work};
-use crate::contract::Recorder;
+use crate::contract::Encoder;
 use crate::math::{
     frame::Frame,
     harmonics::{
@@ -12,7 +12,7 @@ use crate::math::{
     },
 };
 use crate::passes::record::texels;
-use crate::recording::*;
+use crate::schedule::*;
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 use std::f32::consts::TAU;
@@ -31,15 +31,15 @@ struct Seen {
     table: Option<usize>,
 }
 
-pub(super) fn record(r: &mut Recorder<'_>, work: Work) {
+pub(super) fn encode(e: &mut Encoder<'_>, work: Work) {
     let [width, height] = work.gbuffer.size;
     let bytes = u64::from(width) * u64::from(height) * 16;
-    let [irradiance, glossy] = ["irradiance", "glossy"].map(|name| r.buffer(name, bytes));
+    let [irradiance, glossy] = ["irradiance", "glossy"].map(|name| e.buffer(name, bytes));
     let sky = Sky::new(work.order, &work.sky);
     let (gbuffer, order, lobes) = (work.gbuffer, work.order, work.lobes);
     let mut reads = vec![Read::whole(gbuffer.position), Read::whole(gbuffer.normal)];
     reads.extend(lobes.as_ref().map(|lobes| Read::whole(lobes.seen)));
-    r.host("turn", &reads, &[irradiance, glossy], move |host| {
+    e.host("turn", &reads, &[irradiance, glossy], move |host| {
         let eye = host.camera().0.eye;
         let (position, normal) = (texels(host, gbuffer.position), texels(host, gbuffer.normal));
         let seen = lobes.as_ref().map(|lobes| texels(host, lobes.seen));
@@ -73,7 +73,7 @@ pub(super) fn record(r: &mut Recorder<'_>, work: Work) {
         .bind("glossy", glossy)
         .bind("reflectance", gbuffer.reflectance)
         .bind("radiance", work.radiance);
-    r.compute_pixels(program, "store", gbuffer.size);
+    e.compute_pixels(program, "store", gbuffer.size);
 }
 
 /// Memory for the lobes of some places.

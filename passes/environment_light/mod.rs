@@ -3,7 +3,7 @@
 mod host;
 
 use crate::contract::{
-    Arguments, Bodies, Description, Input, Need, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Recorder, Refusal, Takes, port,
+    Arguments, Bodies, Description, Encoder, Input, Need, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Refusal, Takes, port,
 };
 use crate::math::harmonics::{
     MOST,
@@ -11,8 +11,8 @@ use crate::math::harmonics::{
     sky,
 };
 use crate::passes::record::{lobe_bytes, table_places};
-use crate::recording::*;
 use crate::scene::{Environment, needs::Needs};
+use crate::schedule::*;
 use glam::{DVec3, Vec4};
 
 pub struct EnvironmentLight;
@@ -74,36 +74,36 @@ impl Pass for EnvironmentLight {
         if needs.environment { Need::Kept } else { Need::Dropped("the scene has no sky") }
     }
 
-    fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
-        let Some(gbuffer) = r.g_buffer("gbuffer").copied() else { return Ok(()) };
-        let order = r.arguments.integer("order") as usize;
-        let lobes = r.visible_lobes("lobes").map(|visible| Lobes::new(visible, order)).transpose()?;
-        if lobes.is_none() && r.setting.needs.lobes {
+    fn encode(&self, e: &mut Encoder<'_>) -> Result<(), Refusal> {
+        let Some(gbuffer) = e.g_buffer("gbuffer").copied() else { return Ok(()) };
+        let order = e.arguments.integer("order") as usize;
+        let lobes = e.visible_lobes("lobes").map(|visible| Lobes::new(visible, order)).transpose()?;
+        if lobes.is_none() && e.setting.needs.lobes {
             return Err(port::Lobes::missing());
         }
-        let radiance = r.image("radiance", gbuffer.size, Format::Rgba32Float);
-        let work = Work { gbuffer, order, sky: expansion(&r.setting.scene.environment, order), lobes, radiance };
-        match r.place(Bodies::BOTH)? {
-            Place::Host => host::record(r, work),
-            Place::Device => record_on_device(r, &work),
+        let radiance = e.image("radiance", gbuffer.size, Format::Rgba32Float);
+        let work = Work { gbuffer, order, sky: expansion(&e.setting.scene.environment, order), lobes, radiance };
+        match e.place(Bodies::BOTH)? {
+            Place::Host => host::encode(e, work),
+            Place::Device => encode_on_device(e, &work),
         }
-        r.output("radiance", Port::Image(port::Image { texture: radiance, channels: port::Channels::Colour }));
+        e.output("radiance", Port::Image(port::Image { texture: radiance, channels: port::Channels::Colour }));
         Ok(())
     }
 }
 
-fn record_on_device(r: &mut Recorder<'_>, work: &Work) {
+fn encode_on_device(e: &mut Encoder<'_>, work: &Work) {
     let order = work.order;
     let numbers = |values: &[f64]| values.iter().map(|value| *value as f32).collect::<Vec<_>>();
     let [red, green, blue] = work.sky.each_ref().map(|values| numbers(values));
     let sky: Vec<Vec4> = red.into_iter().zip(green).zip(blue).map(|((r, g), b)| Vec4::new(r, g, b, 0.0)).collect();
-    let sky = r.constant_buffer("sky", bytemuck::cast_slice(&sky));
-    let cosine_lobe = r.constant_buffer("cosine_lobe", bytemuck::cast_slice(&numbers(&sky::cosine_lobe(order))));
-    let quarter_turns = r.constant_buffer("quarter_turns", bytemuck::cast_slice(&numbers(&sky::quarter_turn(order))));
+    let sky = e.constant_buffer("sky", bytemuck::cast_slice(&sky));
+    let cosine_lobe = e.constant_buffer("cosine_lobe", bytemuck::cast_slice(&numbers(&sky::cosine_lobe(order))));
+    let quarter_turns = e.constant_buffer("quarter_turns", bytemuck::cast_slice(&numbers(&sky::quarter_turn(order))));
     let tables: &[LobeTable] = work.lobes.as_ref().map_or(&[], |lobes| &lobes.tables);
-    let values = r.constant_buffer("lobes", &lobe_bytes(tables));
+    let values = e.constant_buffer("lobes", &lobe_bytes(tables));
     let edge = tables.first().map_or(1, |table| table.edge);
-    let places = r.constant_buffer("lobe_places", bytemuck::cast_slice(&table_places(&vec![order as u32; tables.len()], edge)));
+    let places = e.constant_buffer("lobe_places", bytemuck::cast_slice(&table_places(&vec![order as u32; tables.len()], edge)));
     // Lobes that are absent are bound to any image and never read.
     let program = Program::new("environment_light")
         .constant("GLOSSY", work.lobes.is_some() as u8)
@@ -120,7 +120,7 @@ fn record_on_device(r: &mut Recorder<'_>, work: &Work) {
         .bind("lobes", values)
         .bind("lobe_places", places)
         .bind("radiance", work.radiance);
-    r.compute_pixels(program, "shade", work.gbuffer.size);
+    e.compute_pixels(program, "shade", work.gbuffer.size);
 }
 
 /// Cells along the meridian and the equator at least: what lies between them is met by neighbours that are nearly alike.

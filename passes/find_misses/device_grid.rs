@@ -2,8 +2,8 @@
 
 use super::grid::{Found, Grid, Round};
 use super::{STALLED_ROUNDS, Work};
-use crate::contract::Recorder;
-use crate::recording::*;
+use crate::contract::Encoder;
+use crate::schedule::*;
 
 /// Cells up to this edge take one lane each: a workgroup that waits for its lanes costs more than their longer walk.
 const SMALL: u32 = 16;
@@ -67,14 +67,14 @@ impl Search {
     }
 }
 
-pub(super) fn record(r: &mut Recorder<'_>, work: &Work, grid: Grid) {
+pub(super) fn encode(e: &mut Encoder<'_>, work: &Work, grid: Grid) {
     let [width, height] = work.gbuffer.size;
-    let round = r.buffer("grid", size_of::<Round>() as u64);
-    let candidates = r.buffer("candidates", 4 * width.div_ceil(2) as u64 * height.div_ceil(2) as u64);
-    let (counts, any_missing) = (r.buffer("counts", 32), r.buffer("any_missing", 16));
-    let picked = r.buffer("picked", 4 * work.requests.capacity as u64);
+    let round = e.buffer("grid", size_of::<Round>() as u64);
+    let candidates = e.buffer("candidates", 4 * width.div_ceil(2) as u64 * height.div_ceil(2) as u64);
+    let (counts, any_missing) = (e.buffer("counts", 32), e.buffer("any_missing", 16));
+    let picked = e.buffer("picked", 4 * work.requests.capacity as u64);
     let capacity = work.requests.capacity;
-    let [lanes, blocks, looks_over] = ["lanes", "blocks", "looks_over"].map(|name| r.variable(name, false));
+    let [lanes, blocks, looks_over] = ["lanes", "blocks", "looks_over"].map(|name| e.variable(name, false));
     let search = Search { grid, round, capacity, size: work.gbuffer.size, lanes, blocks, looks_over };
     let start = move |host: &mut dyn HostContext| {
         grid.start(host);
@@ -82,9 +82,9 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, grid: Grid) {
         host.set(looks_over, 1);
         Ok(())
     };
-    r.before_loop(Command::Host(Host::new("start", Vec::new(), vec![round], start)));
-    r.before_loop(Command::Clear(counts));
-    r.before_loop(Command::Clear(any_missing));
+    e.before_loop(Command::Host(Host::new("start", Vec::new(), vec![round], start)));
+    e.before_loop(Command::Clear(counts));
+    e.before_loop(Command::Clear(any_missing));
     let program = Program::new("find_misses/device_grid")
         .constant("OVERLAP", work.overlap)
         .bind("grid", round)
@@ -96,11 +96,11 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, grid: Grid) {
         .bind("any_missing", any_missing)
         .bind("requests", work.requests.places)
         .bind("picked", picked);
-    r.compute(program.clone(), "look_over", Groups::Counted { count: looks_over, divisor: 1, per: (width * height).div_ceil(64) });
-    r.compute(program.clone(), "search", Groups::Counted { count: blocks, divisor: 1, per: 1 });
-    r.compute(program.clone(), "search_small", Groups::Counted { count: lanes, divisor: 64, per: 1 });
-    r.compute(program.clone(), "collect", Groups::ONE);
-    r.compute(program, "ask", Groups::Fixed([capacity.div_ceil(64), 1, 1]));
+    e.compute(program.clone(), "look_over", Groups::Counted { count: looks_over, divisor: 1, per: (width * height).div_ceil(64) });
+    e.compute(program.clone(), "search", Groups::Counted { count: blocks, divisor: 1, per: 1 });
+    e.compute(program.clone(), "search_small", Groups::Counted { count: lanes, divisor: 64, per: 1 });
+    e.compute(program.clone(), "collect", Groups::ONE);
+    e.compute(program, "ask", Groups::Fixed([capacity.div_ceil(64), 1, 1]));
     let work = *work;
     let advance = move |host: &mut dyn HostContext| {
         let numbers: Vec<u32> = bytemuck::pod_collect_to_vec(host.read(counts));
@@ -110,5 +110,5 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, grid: Grid) {
         search.aim(host, start);
         Ok(())
     };
-    r.twin("advance", &[Read::whole(counts)], &[round], advance, vec![search.advance(&work, counts)]);
+    e.twin("advance", &[Read::whole(counts)], &[round], advance, vec![search.advance(&work, counts)]);
 }

@@ -1,9 +1,9 @@
 //! Cells of pixels, from coarse to fine: what the searches on the device and on the host share.
 
 use super::Work;
-use crate::contract::{Recorder, Refusal};
+use crate::contract::{Encoder, Refusal};
 use crate::host_struct;
-use crate::recording::*;
+use crate::schedule::*;
 
 host_struct! {
     /// Which cells a round looks at, as the device is told.
@@ -42,7 +42,7 @@ pub(super) struct Found {
 }
 
 impl Grid {
-    pub fn new(r: &mut Recorder<'_>, [coarsest, finest]: [u32; 2]) -> Result<Self, Refusal> {
+    pub fn new(e: &mut Encoder<'_>, [coarsest, finest]: [u32; 2]) -> Result<Self, Refusal> {
         if !coarsest.is_power_of_two() {
             return Err(Refusal::of_parameter(
                 "by",
@@ -59,7 +59,7 @@ impl Grid {
                 "give a power of two from 1 to the edge of the coarsest cells",
             ));
         }
-        let [cell, phase, idle] = ["cell", "phase", "idle"].map(|name| r.variable(name, false));
+        let [cell, phase, idle] = ["cell", "phase", "idle"].map(|name| e.variable(name, false));
         Ok(Self { coarsest, finest, cell, phase, idle })
     }
 

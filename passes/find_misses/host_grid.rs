@@ -2,26 +2,26 @@
 
 use super::grid::{Found, Grid};
 use super::{Work, request};
-use crate::contract::Recorder;
+use crate::contract::Encoder;
 use crate::passes::record::Request;
-use crate::recording::*;
+use crate::schedule::*;
 use glam::Vec4;
 use rayon::prelude::*;
 
-pub(super) fn record(r: &mut Recorder<'_>, work: &Work, grid: Grid) {
+pub(super) fn encode(e: &mut Encoder<'_>, work: &Work, grid: Grid) {
     let size = work.gbuffer.size;
-    let [start, looked_over] = ["start", "looked_over"].map(|name| r.variable(name, false));
-    let asked = r.state("asked");
+    let [start, looked_over] = ["start", "looked_over"].map(|name| e.variable(name, false));
+    let asked = e.state("asked");
     let begin = move |host: &mut dyn HostContext| {
         grid.start(host);
         host.set(looked_over, 0);
         Ok(())
     };
-    r.before_loop(Command::Host(Host::new("start", Vec::new(), Vec::new(), begin)));
+    e.before_loop(Command::Host(Host::new("start", Vec::new(), Vec::new(), begin)));
     let work = *work;
     let (gbuffer, sums, places) = (work.gbuffer, work.sums, work.requests.places);
     let reads = [Read::whole(gbuffer.position), Read::whole(gbuffer.normal), Read::whole(sums)];
-    r.host("search", &reads, &[places], move |host| {
+    e.host("search", &reads, &[places], move |host| {
         let before = host.state(asked).take().and_then(|pixels| pixels.downcast::<Vec<u32>>().ok()).unwrap_or_default();
         let picture =
             Picture { position: bytemuck::cast_slice(host.read(gbuffer.position)), sums: bytemuck::cast_slice(host.read(sums)), size, overlap: work.overlap };

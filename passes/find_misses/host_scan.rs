@@ -6,10 +6,10 @@
 //! In a frame of limited time the walk does not go row by row but from pixels far apart to those between them: wherever it ends, all of the picture is served.
 
 use super::{Work, request};
-use crate::contract::Recorder;
+use crate::contract::Encoder;
 use crate::math::{projection::Pinhole, weight::Record, weight::Rule};
 use crate::passes::record::{Fresh, Request, pinhole, texels};
-use crate::recording::*;
+use crate::schedule::*;
 use glam::{Vec4, Vec4Swizzles};
 
 /// Least distance between the records of a batch, along a row or a column [pixels].
@@ -35,13 +35,13 @@ struct Walk {
     overlap: f32,
 }
 
-pub(super) fn record(r: &mut Recorder<'_>, work: &Work, spacing: u32) {
-    let sequential = r.sequential;
+pub(super) fn encode(e: &mut Encoder<'_>, work: &Work, spacing: u32) {
+    let sequential = e.sequential;
     let [width, height] = work.gbuffer.size;
     let pixels = width * height;
-    let walk = r.state("walk");
+    let walk = e.state("walk");
     // Whether this round reads the sums back, and how many records the host's weights hold.
-    let [look, seen] = ["look", "seen"].map(|name| r.variable(name, false));
+    let [look, seen] = ["look", "seen"].map(|name| e.variable(name, false));
     let (gbuffer, overlap) = (work.gbuffer, work.overlap);
     let read_surfaces = move |host: &mut dyn HostContext| {
         let vectors = |texels: &[[f32; 4]]| texels.iter().copied().map(Vec4::from).collect();
@@ -52,20 +52,20 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, spacing: u32) {
         Ok(())
     };
     let surfaces = vec![Read::whole(gbuffer.position), Read::whole(gbuffer.normal)];
-    r.before_loop(Command::Host(Host::new("read_surfaces", surfaces, Vec::new(), read_surfaces)));
+    e.before_loop(Command::Host(Host::new("read_surfaces", surfaces, Vec::new(), read_surfaces)));
     let cache = work.cache;
-    r.host("look", &[], &[], move |host| {
+    e.host("look", &[], &[], move |host| {
         if host.variable(look) > 0 {
             host.set(seen, host.variable(cache.count));
         }
         Ok(())
     });
-    let weights = r.buffer("weights", pixels as u64 * 4);
+    let weights = e.buffer("weights", pixels as u64 * 4);
     let program = Program::new("find_misses/host_scan").bind("position", gbuffer.position).bind("sums", work.sums).bind("weights", weights);
-    r.compute(program, "look", Groups::Counted { count: look, divisor: 1, per: pixels.div_ceil(64) });
-    let fresh = Fresh::record(r, &cache, seen, work.requests.capacity);
+    e.compute(program, "look", Groups::Counted { count: look, divisor: 1, per: pixels.div_ceil(64) });
+    let fresh = Fresh::encode(e, &cache, seen, work.requests.capacity);
     let (work, requests) = (*work, work.requests);
-    r.host("walk", &[Read::counted(weights, pixels as u64 * 4, look), fresh.read()], &[requests.places], move |host| {
+    e.host("walk", &[Read::counted(weights, pixels as u64 * 4, look), fresh.read()], &[requests.places], move |host| {
         let looked = host.variable(look) > 0;
         let device_weights: Vec<f32> = bytemuck::pod_collect_to_vec(host.read(weights));
         let (records, camera) = (fresh.records(host), pinhole(host));
@@ -120,7 +120,7 @@ fn from_far_apart([width, height]: [u32; 2]) -> Vec<u32> {
 impl Walk {
     /// Adds a record's weight to the pixels that it covers.
     fn splat(&mut self, record: &Record, rule: &Rule, camera: &Pinhole) {
-        let Some(bounds) = camera.bounds(record.position, rule.longest_reach(record) * 1.0001) else { return };
+        let Some(bounds) = camera.bounds(record.position, rule.longest_validity_radius(record) * 1.0001) else { return };
         for row in bounds.min[1]..bounds.max[1] {
             for column in bounds.min[0]..bounds.max[0] {
                 let pixel = row as usize * self.width + column as usize;

@@ -1,9 +1,9 @@
 //! Where records are missing.
 
 use super::record::{REQUEST_BYTES, Request};
-use crate::contract::{Choice, Description, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Recorder, Refusal, Takes, port};
+use crate::contract::{Choice, Description, Encoder, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Refusal, Takes, port};
 use crate::math::random::{hash, unit};
-use crate::recording::*;
+use crate::schedule::*;
 use glam::{Vec4, Vec4Swizzles};
 use grid::Grid;
 use std::f32::consts::TAU;
@@ -131,40 +131,40 @@ impl Pass for FindMisses {
         &DESCRIPTION
     }
 
-    fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
-        let (Some(gbuffer), Some(splats)) = (r.g_buffer("gbuffer").copied(), r.splats("splats")) else { return Ok(()) };
-        let capacity = r.batch.unwrap_or(1);
-        let limit = match r.arguments.integer("at_most") {
+    fn encode(&self, e: &mut Encoder<'_>) -> Result<(), Refusal> {
+        let (Some(gbuffer), Some(splats)) = (e.g_buffer("gbuffer").copied(), e.splats("splats")) else { return Ok(()) };
+        let capacity = e.batch.unwrap_or(1);
+        let limit = match e.arguments.integer("at_most") {
             0 => u32::MAX,
             limit => limit as u32,
         };
-        let (made, at_most) = match r.requests("after") {
+        let (made, at_most) = match e.requests("after") {
             Some(after) => (after.made, limit.min(after.at_most)),
-            None => (r.variable("made", false), limit),
+            None => (e.variable("made", false), limit),
         };
-        let places = r.buffer("requests", u64::from(capacity) * REQUEST_BYTES);
-        let requests = port::Requests { places, count: r.variable("count", false), capacity, made, at_most };
+        let places = e.buffer("requests", u64::from(capacity) * REQUEST_BYTES);
+        let requests = port::Requests { places, count: e.variable("count", false), capacity, made, at_most };
         let (sums, cache) = (splats.sums, splats.cache);
-        let [none, stalled] = ["none", "stalled"].map(|name| r.variable(name, false));
+        let [none, stalled] = ["none", "stalled"].map(|name| e.variable(name, false));
         let work = Work { gbuffer, sums, cache, requests, none, stalled, overlap: cache.rule.overlap };
         // A loop that goes on where another has ended may be left out.
-        if r.requests("after").is_none() {
-            r.run_at_least(first_rounds(r, gbuffer.size, capacity));
+        if e.requests("after").is_none() {
+            e.run_at_least(first_rounds(e, gbuffer.size, capacity));
         }
-        let (by, arguments) = r.arguments.choice("by");
-        let place = r.place(r.over_pixels(gbuffer.size).unless_on_device(by == "Scan", "Scan is a walk from pixel to pixel"))?;
+        let (by, arguments) = e.arguments.choice("by");
+        let place = e.place(e.over_pixels(gbuffer.size).unless_on_device(by == "Scan", "Scan is a walk from pixel to pixel"))?;
         if by == "Scan" {
-            host_scan::record(r, &work, arguments.integer("spacing") as u32);
+            host_scan::encode(e, &work, arguments.integer("spacing") as u32);
         } else {
-            let grid = Grid::new(r, [arguments.integer("coarsest") as u32, arguments.integer("finest") as u32])?;
+            let grid = Grid::new(e, [arguments.integer("coarsest") as u32, arguments.integer("finest") as u32])?;
             match place {
-                Place::Host => host_grid::record(r, &work, grid),
-                Place::Device => device_grid::record(r, &work, grid),
+                Place::Host => host_grid::encode(e, &work, grid),
+                Place::Device => device_grid::encode(e, &work, grid),
             }
         }
-        r.report_variable("new_records", made);
-        r.output("requests", Port::Requests(requests));
-        r.output("none", Port::Flag(work.none));
+        e.report_variable("new_records", made);
+        e.output("requests", Port::Requests(requests));
+        e.output("none", Port::Flag(work.none));
         Ok(())
     }
 }
@@ -173,9 +173,9 @@ impl Pass for FindMisses {
 const FIRST_PLACES: u32 = 64;
 
 /// Rounds that look at the first places.
-fn first_rounds(r: &Recorder<'_>, size: [u32; 2], capacity: u32) -> u32 {
+fn first_rounds(e: &Encoder<'_>, size: [u32; 2], capacity: u32) -> u32 {
     let places = |apart: u32| size.map(|pixels| pixels.div_ceil(apart)).iter().product::<u32>();
-    match r.arguments.choice("by") {
+    match e.arguments.choice("by") {
         ("Scan", _) => places(host_scan::widest_spacing(size) as u32).div_ceil(capacity),
         (_, arguments) => {
             // Four phases of cells of each edge, each of every second cell along both axes.
@@ -202,7 +202,7 @@ fn request(place: Vec4, facing: Vec4, pixel: u32) -> Request {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::contract::{Arguments, Value, recorder::Setting};
+    use crate::contract::{Arguments, Value, encoder::Setting};
     use crate::passes::mock::{self, MockHost};
     use crate::scene::needs::Needs;
     use std::collections::BTreeMap;
@@ -273,11 +273,11 @@ mod tests {
 
     /// Rounds that look at the first places of a picture, by a way of finding misses.
     fn first_rounds_of(size: [u32; 2], by: &'static str, more: &'static [Parameter], capacity: u32) -> u32 {
-        let (host, needs, inputs, mut recording) = (MockHost::new(Vec::new(), size), Needs::default(), BTreeMap::new(), Recording::default());
+        let (host, needs, inputs, mut schedule) = (MockHost::new(Vec::new(), size), Needs::default(), BTreeMap::new(), Schedule::default());
         let mut arguments = Arguments::defaults(DESCRIPTION.parameters);
         arguments.set("by", Value::Choice(by, Arguments::defaults(more)));
         let setting = Setting { scene: host.scene(), needs: &needs, device: Device::ABLE, size, tables: None };
-        first_rounds(&Recorder::new("misses", &arguments, setting, &inputs, &mut recording), size, capacity)
+        first_rounds(&Encoder::new("misses", &arguments, setting, &inputs, &mut schedule), size, capacity)
     }
 
     #[test]

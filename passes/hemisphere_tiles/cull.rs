@@ -1,12 +1,12 @@
 //! What of the scene lies outside of the records' views, found on the host.
 
 use super::Work;
-use crate::contract::Recorder;
+use crate::contract::Encoder;
 use crate::math::frame::Frame;
 use crate::math::hemisphere::View;
 use crate::passes::record::{REQUEST_BYTES, Request};
-use crate::recording::{Draw, HostContext, Read, Resource};
 use crate::scene::{Triangle, bvh::Node};
+use crate::schedule::{Draw, HostContext, Read, Resource};
 use glam::{DVec3, Vec3};
 use std::ops::Range;
 
@@ -56,12 +56,12 @@ impl Culled {
 }
 
 /// A host step that finds what each view of each request may see, for `then` to write; the [`Culled`] is what it returns.
-pub(super) fn cull(r: &mut Recorder<'_>, work: &Work, writes: &[Resource], then: impl Fn(&Culled, &mut dyn HostContext) + Send + Sync + 'static) -> Resource {
+pub(super) fn cull(e: &mut Encoder<'_>, work: &Work, writes: &[Resource], then: impl Fn(&Culled, &mut dyn HostContext) + Send + Sync + 'static) -> Resource {
     let requests = work.requests;
     let views = work.table.views.clone();
     let corners: Vec<_> = (0..requests.capacity).map(|tile| work.corner(tile)).collect();
-    let culled = r.state("culled");
-    r.host("cull", &[Read::counted(requests.places, REQUEST_BYTES, requests.count)], writes, move |host| {
+    let culled = e.state("culled");
+    e.host("cull", &[Read::counted(requests.places, REQUEST_BYTES, requests.count)], writes, move |host| {
         let places: Vec<Request> = bytemuck::pod_collect_to_vec(host.read(requests.places));
         Culled::with(host, culled, |found, host| {
             found.refill(&places, &views, |tile| corners[tile as usize]);

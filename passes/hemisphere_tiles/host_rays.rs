@@ -1,22 +1,22 @@
 //! One ray a sample, in packets of neighbours, cast on the host.
 
 use super::{SAMPLES_OF_EMITTERS, Work, host_shade};
-use crate::contract::{Recorder, port};
+use crate::contract::{Encoder, port};
 use crate::math::frame::Frame;
 use crate::passes::irradiance_field;
 use crate::passes::record::{REQUEST_BYTES, Request};
-use crate::recording::*;
 use crate::scene::{
     packets::{Numbers, RayBundle, View},
     shadow_maps::ShadowMaps,
 };
+use crate::schedule::*;
 use glam::Vec3;
 
 /// The host finds the triangles, the device is to shade them.
-pub(super) fn record(r: &mut Recorder<'_>, work: &Work) {
+pub(super) fn encode(e: &mut Encoder<'_>, work: &Work) {
     let bundle = RayBundle::new(&work.table);
     let (requests, seen) = (work.requests, work.seen);
-    r.host("cast", &[Read::counted(requests.places, REQUEST_BYTES, requests.count)], &[seen], move |host| {
+    e.host("cast", &[Read::counted(requests.places, REQUEST_BYTES, requests.count)], &[seen], move |host| {
         let places: Vec<Request> = bytemuck::pod_collect_to_vec(host.read(requests.places));
         let mut triangles = host.take(seen);
         let numbers: &mut [u32] = &mut bytemuck::cast_slice_mut(&mut triangles)[..places.len() * bundle.samples];
@@ -28,19 +28,19 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work) {
 }
 
 /// The host shades them, too: the buffer of radiance and distance.
-pub(super) fn record_shaded(
-    r: &mut Recorder<'_>,
+pub(super) fn encode_shaded(
+    e: &mut Encoder<'_>,
     work: &Work,
     maps: Option<port::ShadowMaps>,
     indirect: Option<port::IrradianceField>,
     sees_emission: bool,
 ) -> Resource {
     let bundle = RayBundle::new(&work.table);
-    let (requests, radiance) = (work.requests, work.radiance(r));
-    let lighting = host_shade::record(r, SAMPLES_OF_EMITTERS, sees_emission);
+    let (requests, radiance) = (work.requests, work.radiance(e));
+    let lighting = host_shade::encode(e, SAMPLES_OF_EMITTERS, sees_emission);
     let lit_by = maps.iter().map(|maps| Read::whole(maps.depth)).chain(indirect.iter().flat_map(irradiance_field::reads));
     let reads: Vec<Read> = lit_by.chain([Read::counted(requests.places, REQUEST_BYTES, requests.count)]).collect();
-    r.host("cast_and_shade", &reads, &[radiance], move |host| {
+    e.host("cast_and_shade", &reads, &[radiance], move |host| {
         let places: Vec<Request> = bytemuck::pod_collect_to_vec(host.read(requests.places));
         let mut samples = host.take(radiance);
         let lighting = host_shade::lighting(host, lighting)?;

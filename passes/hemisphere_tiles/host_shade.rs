@@ -1,21 +1,21 @@
 //! Radiance of what rays see, on the host: `shaders/hemisphere_tiles/shade.wgsl` and `lib/light.wgsl` have the twins. Where the device
 //! is a driver on the same cores, each of its lanes loads a triangle number by number; here eight samples are computed side by side as their rays end.
 
-use crate::contract::{Recorder, port};
+use crate::contract::{Encoder, port};
 use crate::math::{
     random::{combinations, combine},
     vectors::{LANES, Vectors},
 };
 use crate::passes::{irradiance_field::Field, record::Request};
-use crate::recording::*;
 use crate::scene::{
     LightKind, Rgb, Scene, Triangle,
     bvh::Bvh,
-    emitters::{Emitters, Lamp},
+    emitters::{AreaLight, Emitters},
     packets::{HitShader, Hits, RAYS, ToDo},
     shadow_maps::{Lookups, Receivers, ShadowCameras, ShadowMaps},
     surface::{Gloss, Ray},
 };
+use crate::schedule::*;
 use fearless_simd::{Select, Simd, f32x8, mask32x8, prelude::*, u32x8};
 use glam::{Vec2, Vec3, Vec4};
 use std::f32::consts::FRAC_1_PI;
@@ -30,34 +30,34 @@ pub(super) struct Lighting {
     smooth: bool,
     /// Whether any surface has a lobe that is to be rendered.
     lobes: bool,
-    lamps: Vec<Lamp>,
-    /// Shadow rays from what a sample sees to the lamps and to the sky.
+    area_lights: Vec<AreaLight>,
+    /// Shadow rays from what a sample sees to the emitters and to the sky.
     samples: [u32; 2],
-    /// Whether records see lamps and the sky themselves.
+    /// Whether records see emitters and the sky themselves.
     sees_emission: bool,
 }
 
 impl Lighting {
     pub fn emitters<'a>(&'a self, scene: &'a Scene, bvh: &'a Bvh) -> Emitters<'a> {
-        Emitters::new(scene, bvh, &self.lamps, self.samples)
+        Emitters::new(scene, bvh, &self.area_lights, self.samples)
     }
 }
 
 /// Adds a step before the loop that prepares the lights; where it leaves them.
-pub(super) fn record(r: &mut Recorder<'_>, samples: [u32; 2], sees_emission: bool) -> Resource {
-    let memory = r.state("lighting");
-    let needs = r.setting.needs;
+pub(super) fn encode(e: &mut Encoder<'_>, samples: [u32; 2], sees_emission: bool) -> Resource {
+    let memory = e.state("lighting");
+    let needs = e.setting.needs;
     let (smooth, textures, lobes) = (needs.smooth, needs.textures, needs.lobes && !needs.by_albedo);
     let run = move |host: &mut dyn HostContext| {
         let scene = host.scene();
         let untextured = |(albedo, texture): (Rgb, Option<u32>)| (albedo, texture.filter(|_| textures));
         let albedos = scene.materials.iter().map(|material| untextured(material.albedo())).collect();
         let lights = scene.lights.iter().map(|light| light.kind).zip(ShadowCameras::all(scene)).collect();
-        let lamps = Lamp::all(scene);
-        *host.state(memory) = Some(Box::new(Arc::new(Lighting { lights, albedos, smooth, lobes, lamps, samples, sees_emission })));
+        let area_lights = AreaLight::all(scene);
+        *host.state(memory) = Some(Box::new(Arc::new(Lighting { lights, albedos, smooth, lobes, area_lights, samples, sees_emission })));
         Ok(())
     };
-    r.before_loop(Command::Host(Host::new("light", Vec::new(), Vec::new(), run)));
+    e.before_loop(Command::Host(Host::new("light", Vec::new(), Vec::new(), run)));
     memory
 }
 
@@ -165,7 +165,7 @@ impl HitShader for Shading<'_> {
 /// What a sample sees besides diffusely reflected light of punctual lights, one sample after the other.
 #[derive(Clone, Copy)]
 struct Other {
-    /// Of lamps and the sky, and what the lobe reflects of punctual lights [W m⁻² sr⁻¹].
+    /// Of emitters and the sky, and what the lobe reflects of punctual lights [W m⁻² sr⁻¹].
     light: Vec3,
     /// Of the diffuse part, over π, with what the lobe leaves to it.
     reflectance: Rgb,
@@ -183,7 +183,7 @@ impl Shading<'_> {
         !(self.lighting.lobes || self.lighting.sees_emission || self.emitters.shine())
     }
 
-    /// For each ray that meets something, light of lamps and the sky, and its lobe.
+    /// For each ray that meets something, light of emitters and the sky, and its lobe.
     #[inline(always)]
     fn others<S: Simd>(&self, simd: S, hits: &Hits<'_>) -> Box<[Other; RAYS]> {
         let mut others = Box::new([Other::NONE; RAYS]);
@@ -523,7 +523,7 @@ mod tiles {
             albedos: scene.materials.iter().map(Material::albedo).collect(),
             smooth: true,
             lobes,
-            lamps: if samples[0] > 0 { Lamp::all(scene) } else { Vec::new() },
+            area_lights: if samples[0] > 0 { AreaLight::all(scene) } else { Vec::new() },
             samples,
             sees_emission,
         }

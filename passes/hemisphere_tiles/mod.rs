@@ -2,13 +2,13 @@
 
 use super::irradiance_field;
 use super::record::{TileSample, sample_bytes};
+use crate::contract::encoder::{bind_visibility, light_constants, scene_constants, shadow_taps};
 use crate::contract::place::refuse;
-use crate::contract::recorder::{bind_visibility, light_constants, scene_constants, shadow_taps};
 use crate::contract::{
-    Bodies, Choice, Description, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Recorder, Refusal, Takes, port,
+    Bodies, Choice, Description, Encoder, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Refusal, Takes, port,
 };
 use crate::math::hemisphere::{Shape, Table};
-use crate::recording::*;
+use crate::schedule::*;
 use std::sync::Arc;
 
 mod cull;
@@ -82,7 +82,7 @@ static DESCRIPTION: Description = Description {
         },
         Parameter {
             name: "emission",
-            about: "whether lamps and the sky are seen",
+            about: "whether emitters and the sky are seen",
             unit: "",
             kind: ParameterKind::Choice {
                 choices: &[
@@ -160,8 +160,8 @@ impl Work {
     }
 
     /// A buffer of radiance and distance, a tile after the other.
-    fn radiance(&self, r: &mut Recorder<'_>) -> Resource {
-        r.buffer("radiance", self.requests.capacity as u64 * self.samples_per_tile() as u64 * 16)
+    fn radiance(&self, e: &mut Encoder<'_>) -> Resource {
+        e.buffer("radiance", self.requests.capacity as u64 * self.samples_per_tile() as u64 * 16)
     }
 
     fn corner(&self, tile: u32) -> [u32; 2] {
@@ -174,14 +174,14 @@ impl Pass for HemisphereTiles {
         &DESCRIPTION
     }
 
-    fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
-        let Some(requests) = r.requests("at").copied() else { return Ok(()) };
-        let shape = shape(r);
-        let resolution = r.arguments.integer("resolution") as u32;
-        let (by, way) = r.arguments.choice("by");
-        let taps = shadow_taps(r.arguments)?;
-        if r.setting.needs.shadowed_lights == 0 {
-            r.idle("taps", "no punctual light casts shadows");
+    fn encode(&self, e: &mut Encoder<'_>) -> Result<(), Refusal> {
+        let Some(requests) = e.requests("at").copied() else { return Ok(()) };
+        let shape = shape(e);
+        let resolution = e.arguments.integer("resolution") as u32;
+        let (by, way) = e.arguments.choice("by");
+        let taps = shadow_taps(e.arguments)?;
+        if e.setting.needs.shadowed_lights == 0 {
+            e.idle("taps", "no punctual light casts shadows");
         }
         let table = Table::new(shape, resolution, crate::math::hemisphere::Method::None)
             .map_err(|e| Refusal::of_parameter("resolution", "plan::tile", e.to_string(), "choose another shape or resolution"))?;
@@ -189,57 +189,57 @@ impl Pass for HemisphereTiles {
             return Err(Refusal::of_parameter(
                 "by",
                 "plan::raster_shape",
-                format!("the shape {} cannot be rasterised", r.arguments.choice("shape").0),
+                format!("the shape {} cannot be rasterised", e.arguments.choice("shape").0),
                 "cast rays, or choose Plane, Hemicube or Hemispherical",
             ));
         }
-        let work = layout(r, requests, shape, table, by == "Raster")?;
-        let maps = r.shadow_maps("shadow").map(|maps| port::ShadowMaps { taps, ..*maps });
-        let cast = r.place(Bodies::BOTH.unless(by == "Raster", "the scene is rasterised"))?;
-        let shaded = shading_place(r, cast, maps.as_ref())?;
-        let indirect = r.irradiance_field("indirect").copied();
-        let sees_emission = sees_emission(r);
+        let work = layout(e, requests, shape, table, by == "Raster")?;
+        let maps = e.shadow_maps("shadow").map(|maps| port::ShadowMaps { taps, ..*maps });
+        let cast = e.place(Bodies::BOTH.unless(by == "Raster", "the scene is rasterised"))?;
+        let shaded = shading_place(e, cast, maps.as_ref())?;
+        let indirect = e.irradiance_field("indirect").copied();
+        let sees_emission = sees_emission(e);
         let samples = match (shaded, cast) {
-            (Place::Host, _) => host_rays::record_shaded(r, &work, maps, indirect, sees_emission),
+            (Place::Host, _) => host_rays::encode_shaded(e, &work, maps, indirect, sees_emission),
             (Place::Device, cast) => {
                 match cast {
-                    Place::Host => host_rays::record(r, &work),
-                    Place::Device if by == "Raster" => raster::record(r, &work, way.bool("sift")),
-                    Place::Device => ray_cast::record(r, &work),
+                    Place::Host => host_rays::encode(e, &work),
+                    Place::Device if by == "Raster" => raster::encode(e, &work, way.bool("sift")),
+                    Place::Device => ray_cast::encode(e, &work),
                 }
-                let radiance = shade(r, &work, maps.as_ref(), sees_emission);
-                indirect.iter().for_each(|field| add_indirect(r, &work, field, radiance));
+                let radiance = shade(e, &work, maps.as_ref(), sees_emission);
+                indirect.iter().for_each(|field| add_indirect(e, &work, field, radiance));
                 radiance
             }
         };
-        let sees_emission = sees_emission && (r.setting.needs.emissive_triangles > 0 || r.setting.needs.environment);
+        let sees_emission = sees_emission && (e.setting.needs.emissive_triangles > 0 || e.setting.needs.environment);
         let tiles = port::Tiles { samples, place: shaded, sees_emission, requests, shape, resolution, table: work.table, tiles_per_row: work.tiles_per_row };
-        r.output("tiles", Port::Tiles(tiles));
+        e.output("tiles", Port::Tiles(tiles));
         Ok(())
     }
 }
 
-/// Whether records see lamps and the sky themselves; otherwise the direct pass lights from them.
-fn sees_emission(r: &Recorder<'_>) -> bool {
-    r.arguments.choice("emission").0 == "Auto" && r.direct_light("direct").is_none_or(|direct| !direct.lights_from_emitters)
+/// Whether records see emitters and the sky themselves; otherwise the direct pass lights from them.
+fn sees_emission(e: &Encoder<'_>) -> bool {
+    e.arguments.choice("emission").0 == "Auto" && e.direct_light("direct").is_none_or(|direct| !direct.lights_from_emitters)
 }
 
 /// Who shades what rays see: whoever casts them, if it can look up the shadow maps.
-fn shading_place(r: &mut Recorder<'_>, cast: Place, maps: Option<&port::ShadowMaps>) -> Result<Place, Refusal> {
-    let has_maps = r.setting.needs.shadowed_lights == 0 || maps.is_some_and(|maps| maps.pitch.is_some());
+fn shading_place(e: &mut Encoder<'_>, cast: Place, maps: Option<&port::ShadowMaps>) -> Result<Place, Refusal> {
+    let has_maps = e.setting.needs.shadowed_lights == 0 || maps.is_some_and(|maps| maps.pitch.is_some());
     if cast == Place::Device || has_maps {
         return Ok(cast);
     }
     let obstacle = "there are no shadow maps in a buffer";
-    if r.arguments.choice(PLACE.name).0 == "Host" {
+    if e.arguments.choice(PLACE.name).0 == "Host" {
         return Err(refuse(Place::Host, obstacle, Place::Device));
     }
-    r.remark(format!("what rays see is shaded by the device, as {obstacle}"));
+    e.remark(format!("what rays see is shaded by the device, as {obstacle}"));
     Ok(Place::Device)
 }
 
-fn shape(r: &Recorder<'_>) -> Shape {
-    match r.arguments.choice("shape") {
+fn shape(e: &Encoder<'_>) -> Shape {
+    match e.arguments.choice("shape") {
         ("Plane", arguments) => Shape::Plane { fov_degrees: arguments.float("fov") },
         ("Hemicube", _) => Shape::Hemicube,
         ("Hemispherical", _) => Shape::Hemispherical,
@@ -248,7 +248,7 @@ fn shape(r: &Recorder<'_>) -> Shape {
     }
 }
 
-fn layout(r: &mut Recorder<'_>, requests: port::Requests, shape: Shape, table: Table, is_raster: bool) -> Result<Work, Refusal> {
+fn layout(e: &mut Encoder<'_>, requests: port::Requests, shape: Shape, table: Table, is_raster: bool) -> Result<Work, Refusal> {
     let bytes = requests.capacity as u64 * (table.width * table.height) as u64 * 16;
     let tiles_per_row = (ATLAS / table.width).min(requests.capacity).max(1);
     let rows = requests.capacity.div_ceil(tiles_per_row);
@@ -261,10 +261,10 @@ fn layout(r: &mut Recorder<'_>, requests: port::Requests, shape: Shape, table: T
             format!("fill in batches of at most {fits}"),
         ));
     }
-    let samples = r.constant_buffer("directions", &sample_bytes(&table));
+    let samples = e.constant_buffer("directions", &sample_bytes(&table));
     let size = [tiles_per_row * table.width, rows * table.height];
     let seen_bytes = if is_raster { Format::R32Uint.row_bytes(size[0]) * size[1] as u64 } else { bytes / 4 };
-    let seen = r.buffer("seen", seen_bytes);
+    let seen = e.buffer("seen", seen_bytes);
     debug_assert_eq!(size_of::<TileSample>(), 32);
     Ok(Work { requests, table: Arc::new(table), shape, samples, seen, size, tiles_per_row, is_raster })
 }
@@ -272,26 +272,26 @@ fn layout(r: &mut Recorder<'_>, requests: port::Requests, shape: Shape, table: T
 /// Shadow rays from what a sample sees, to area lights and to the sky: a tile holds thousands of samples.
 const SAMPLES_OF_EMITTERS: [u32; 2] = [1, 1];
 
-fn shade(r: &mut Recorder<'_>, work: &Work, maps: Option<&port::ShadowMaps>, sees_emission: bool) -> Resource {
-    let radiance = work.radiance(r);
-    let program = work.layout(light_constants(Program::new("hemisphere_tiles/shade"), r.setting.needs, SAMPLES_OF_EMITTERS));
+fn shade(e: &mut Encoder<'_>, work: &Work, maps: Option<&port::ShadowMaps>, sees_emission: bool) -> Resource {
+    let radiance = work.radiance(e);
+    let program = work.layout(light_constants(Program::new("hemisphere_tiles/shade"), e.setting.needs, SAMPLES_OF_EMITTERS));
     let program = bind_visibility(program, maps)
         .constant("SEES_EMISSION", sees_emission as u8)
         .bind("requests", work.requests.places)
         .bind("samples", work.samples)
         .bind("seen", work.seen)
         .bind("radiance", radiance);
-    r.compute(program, "shade", Groups::Counted { count: work.requests.count, divisor: 1, per: work.samples_per_tile().div_ceil(64) });
+    e.compute(program, "shade", Groups::Counted { count: work.requests.count, divisor: 1, per: work.samples_per_tile().div_ceil(64) });
     radiance
 }
 
 /// Adds what the surfaces that are seen reflect of the light of a field.
-fn add_indirect(r: &mut Recorder<'_>, work: &Work, field: &port::IrradianceField, radiance: Resource) {
+fn add_indirect(e: &mut Encoder<'_>, work: &Work, field: &port::IrradianceField, radiance: Resource) {
     let program = work
-        .layout(scene_constants(irradiance_field::bind(Program::new("hemisphere_tiles/indirect"), field), r.setting.needs))
+        .layout(scene_constants(irradiance_field::bind(Program::new("hemisphere_tiles/indirect"), field), e.setting.needs))
         .bind("requests", work.requests.places)
         .bind("samples", work.samples)
         .bind("seen", work.seen)
         .bind("radiance", radiance);
-    r.compute(program, "add_indirect", Groups::Counted { count: work.requests.count, divisor: 1, per: work.samples_per_tile().div_ceil(64) });
+    e.compute(program, "add_indirect", Groups::Counted { count: work.requests.count, divisor: 1, per: work.samples_per_tile().div_ceil(64) });
 }

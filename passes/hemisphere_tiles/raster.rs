@@ -2,10 +2,10 @@
 
 use super::cull::cull;
 use super::{Work, sift};
-use crate::contract::{Recorder, recorder::scene_constants};
+use crate::contract::{Encoder, encoder::scene_constants};
 use crate::host_struct;
 use crate::math::hemisphere::{Shape, View};
-use crate::recording::*;
+use crate::schedule::*;
 use glam::DVec3;
 
 host_struct! {
@@ -40,22 +40,22 @@ host_struct! {
     }
 }
 
-pub(super) fn record(r: &mut Recorder<'_>, work: &Work, sift: bool) {
+pub(super) fn encode(e: &mut Encoder<'_>, work: &Work, sift: bool) {
     let views: Vec<_> = work.table.views.iter().map(tile_view).collect();
-    let buffer = r.constant_buffer("views", bytemuck::cast_slice(&views));
-    let needs = r.setting.needs;
+    let buffer = e.constant_buffer("views", bytemuck::cast_slice(&views));
+    let needs = e.setting.needs;
     let tested = needs.one_sided || needs.alpha_masks;
     let hemispherical = matches!(work.shape, Shape::Hemispherical);
-    let atlas = r.texture("atlas", work.size, 1, Format::R32Uint);
-    let depth = r.texture("depth", work.size, 1, Format::Depth32Float);
-    let vertices = (!hemispherical).then(|| r.scene_data(SceneData::Positions));
-    let program = program(r, work, buffer);
-    let cameras = (!hemispherical).then(|| aim(r, work, &program));
+    let atlas = e.texture("atlas", work.size, 1, Format::R32Uint);
+    let depth = e.texture("depth", work.size, 1, Format::Depth32Float);
+    let vertices = (!hemispherical).then(|| e.scene_data(SceneData::Positions));
+    let program = program(e, work, buffer);
+    let cameras = (!hemispherical).then(|| aim(e, work, &program));
     let (draws, indices) = match cameras {
-        Some(cameras) if sift && sift::pays(work, needs.triangles) => sift::record(r, work, &program.clone().bind("cameras", cameras)),
-        _ => (draw_all(r, work), None),
+        Some(cameras) if sift && sift::pays(work, needs.triangles) => sift::encode(e, work, &program.clone().bind("cameras", cameras)),
+        _ => (draw_all(e, work), None),
     };
-    r.command(Command::Raster(Raster {
+    e.command(Command::Raster(Raster {
         program,
         vertex: if hemispherical { "vertex_hemispherical" } else { "vertex" },
         fragment: Some(match (hemispherical, tested) {
@@ -71,11 +71,11 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, sift: bool) {
         topology: Topology::Triangles,
         draws: Draws::Listed(draws),
     }));
-    r.command(Command::CopyToBuffer { from: atlas, to: work.seen, offset: 0 });
+    e.command(Command::CopyToBuffer { from: atlas, to: work.seen, offset: 0 });
 }
 
-fn program(r: &Recorder<'_>, work: &Work, views: Resource) -> Program {
-    work.layout(scene_constants(Program::new("hemisphere_tiles/raster"), r.setting.needs))
+fn program(e: &Encoder<'_>, work: &Work, views: Resource) -> Program {
+    work.layout(scene_constants(Program::new("hemisphere_tiles/raster"), e.setting.needs))
         .constant("VIEWS", work.table.views.len() as u32)
         .bind("requests", work.requests.places)
         .bind("views", views)
@@ -83,10 +83,10 @@ fn program(r: &Recorder<'_>, work: &Work, views: Resource) -> Program {
 }
 
 /// Turns the views of every request to where they stand, once for all vertices.
-fn aim(r: &mut Recorder<'_>, work: &Work, program: &Program) -> Resource {
+fn aim(e: &mut Encoder<'_>, work: &Work, program: &Program) -> Resource {
     let views = work.table.views.len() as u32;
-    let cameras = r.buffer("cameras", (work.requests.capacity * views) as u64 * size_of::<TileCamera>() as u64);
-    r.compute(program.clone().bind("cameras", cameras), "aim", Groups::Counted { count: work.requests.count, divisor: 64, per: views });
+    let cameras = e.buffer("cameras", (work.requests.capacity * views) as u64 * size_of::<TileCamera>() as u64);
+    e.compute(program.clone().bind("cameras", cameras), "aim", Groups::Counted { count: work.requests.count, divisor: 64, per: views });
     cameras
 }
 
@@ -107,8 +107,8 @@ fn tile_view(view: &View) -> TileView {
 }
 
 /// Draws all that a view may see.
-fn draw_all(r: &mut Recorder<'_>, work: &Work) -> Resource {
-    let draws = r.draws("draws");
-    cull(r, work, &[], move |found, host| host.draws(draws).clone_from(&found.draws));
+fn draw_all(e: &mut Encoder<'_>, work: &Work) -> Resource {
+    let draws = e.draws("draws");
+    cull(e, work, &[], move |found, host| host.draws(draws).clone_from(&found.draws));
     draws
 }

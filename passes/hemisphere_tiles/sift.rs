@@ -3,9 +3,9 @@
 
 use super::Work;
 use super::cull::{Culled, GAP, cull};
-use crate::contract::Recorder;
+use crate::contract::Encoder;
 use crate::host_struct;
-use crate::recording::*;
+use crate::schedule::*;
 
 host_struct! {
     /// A view's part of what the sift reads and writes.
@@ -62,28 +62,28 @@ impl Room {
 }
 
 /// The draws of the triangles that samples may see, and the indices that they go by.
-pub(super) fn record(r: &mut Recorder<'_>, work: &Work, program: &Program) -> (Resource, Option<Resource>) {
+pub(super) fn encode(e: &mut Encoder<'_>, work: &Work, program: &Program) -> (Resource, Option<Resource>) {
     let views = work.requests.capacity as u64 * work.table.views.len() as u64;
-    let triangles = r.setting.needs.triangles;
+    let triangles = e.setting.needs.triangles;
     let room = Room::new(work, triangles);
     let samples = work.samples_per_tile();
-    r.remark(format!("the scene has {triangles} triangles, a tile {samples} samples: triangles between samples are dropped before they are drawn"));
+    e.remark(format!("the scene has {triangles} triangles, a tile {samples} samples: triangles between samples are dropped before they are drawn"));
     // Ranges are more than a gap apart, and each has one word that is not full.
     let words = (views * (triangles / WORD + triangles / (GAP + 1) + 2) as u64).min(MOST_BYTES / 8);
     let [to, masks, sifted, kept] = [("words", 4 * words), ("masks", 8 * words), ("sifted", views * size_of::<SiftView>() as u64), ("kept", 8 * views)]
-        .map(|(name, bytes)| r.buffer(name, bytes));
-    let indices = r.buffer("indices", 12 * work.requests.capacity as u64 * room.per_tile as u64);
-    let draws = r.draws("draws");
+        .map(|(name, bytes)| e.buffer(name, bytes));
+    let indices = e.buffer("indices", 12 * work.requests.capacity as u64 * room.per_tile as u64);
+    let draws = e.draws("draws");
     let layout = room.clone();
-    let culled = cull(r, work, &[to, sifted], move |found, host| {
+    let culled = cull(e, work, &[to, sifted], move |found, host| {
         let (words, views) = ask(found, &layout, words as usize);
         host.write(to, 0, bytemuck::cast_slice(&words));
         host.write(sifted, 0, bytemuck::cast_slice(&views));
     });
     let program = program.clone().bind("words", to).bind("masks", masks).bind("sifted", sifted).bind("kept", kept).bind("indices", indices);
     let per = work.table.views.len() as u32;
-    r.compute(program, "sift", Groups::Counted { count: work.requests.count, divisor: 1, per });
-    r.host("list", &[Read::counted(kept, 8 * per as u64, work.requests.count)], &[], move |host| {
+    e.compute(program, "sift", Groups::Counted { count: work.requests.count, divisor: 1, per });
+    e.host("list", &[Read::counted(kept, 8 * per as u64, work.requests.count)], &[], move |host| {
         let kept: Vec<[u32; 2]> = bytemuck::pod_collect_to_vec(host.read(kept));
         Culled::with(host, culled, |found, host| list(found, &kept, &room, host.draws(draws)));
         Ok(())

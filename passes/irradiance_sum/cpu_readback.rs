@@ -1,20 +1,20 @@
 //! The tiles of a batch are read back and added on the host in double precision.
 
 use super::Work;
-use crate::contract::Recorder;
+use crate::contract::Encoder;
 use crate::math::sum::sum;
 use crate::passes::record::{REQUEST_BYTES, Request, summed_record};
-use crate::recording::*;
 use crate::scene::model::surface_offset;
+use crate::schedule::*;
 use glam::Vec3;
 
-pub(super) fn record(r: &mut Recorder<'_>, work: &Work<'_>) {
+pub(super) fn encode(e: &mut Encoder<'_>, work: &Work<'_>) {
     let tiles = &work.weighted.tiles;
     let (table, samples, requests) = (work.weighted.table.clone(), tiles.samples, tiles.requests);
     let (records, gradients, radius) = (work.records, work.gradients, work.radius);
     let tile_bytes = table.samples.len() as u64 * 16;
     let reads = [Read::counted(samples, tile_bytes, requests.count), Read::counted(requests.places, REQUEST_BYTES, requests.count)];
-    r.host("add", &reads, &[records], move |host| {
+    e.host("add", &reads, &[records], move |host| {
         let extent = host.extent();
         let places: Vec<Request> = bytemuck::pod_collect_to_vec(host.read(requests.places));
         let mut new = Vec::with_capacity(places.len());

@@ -1,22 +1,22 @@
 //! Tiles are added on the host in single precision, eight samples side by side.
 
 use super::Work;
-use crate::contract::Recorder;
+use crate::contract::Encoder;
 use crate::math::sum_vectors::{Cells, Room, Wanted};
 use crate::passes::record::{REQUEST_BYTES, Radius, Request, summed_record};
-use crate::recording::*;
 use crate::scene::model::surface_offset;
+use crate::schedule::*;
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
-pub(super) fn record(r: &mut Recorder<'_>, work: &Work<'_>) {
+pub(super) fn encode(e: &mut Encoder<'_>, work: &Work<'_>) {
     let cells = Cells::new(&work.weighted.table);
     let length = work.weighted.table.samples.len();
     let (samples, requests) = (work.weighted.tiles.samples, work.weighted.tiles.requests);
     let (records, gradients, radius) = (work.records, work.gradients, work.radius);
     let wanted = Wanted { gradients, hessian: radius == Radius::Curvature };
     let reads = [Read::counted(samples, (length * size_of::<Vec4>()) as u64, requests.count), Read::counted(requests.places, REQUEST_BYTES, requests.count)];
-    r.host("add", &reads, &[records], move |host| {
+    e.host("add", &reads, &[records], move |host| {
         let extent = host.extent();
         let places: &[Request] = bytemuck::cast_slice(host.read(requests.places));
         let tiles: &[Vec4] = bytemuck::cast_slice(host.read(samples));

@@ -2,13 +2,13 @@
 
 use super::Work;
 use super::reduce::Storage;
-use crate::contract::{Arguments, Recorder, Refusal};
-use crate::recording::*;
+use crate::contract::{Arguments, Encoder, Refusal};
+use crate::schedule::*;
 
 /// Texels that one lane adds where a side is odd before it is 1.
 const MOST_REST: u32 = 64;
 
-pub(super) fn record(r: &mut Recorder<'_>, work: &Work<'_>, arguments: &Arguments) -> Result<(), Refusal> {
+pub(super) fn encode(e: &mut Encoder<'_>, work: &Work<'_>, arguments: &Arguments) -> Result<(), Refusal> {
     let levels = work.levels(1);
     let [width, height] = work.level_size(levels);
     if width * height > MOST_REST {
@@ -19,12 +19,12 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work<'_>, arguments: &Argument
             "give the tiles a resolution that is a power of two, or sum them another way",
         ));
     }
-    let storage = Storage::of(r, work, arguments);
-    let mut image = work.level_image(r, "level0", 0, storage.format);
-    work.contribute(r, &storage, image);
+    let storage = Storage::of(e, work, arguments);
+    let mut image = work.level_image(e, "level0", 0, storage.format);
+    work.contribute(e, &storage, image);
     for level in 1..=levels {
-        let coarse = work.level_image(r, &format!("level{level}"), level, storage.format);
-        work.average(r, &storage, level, image, coarse);
+        let coarse = work.level_image(e, &format!("level{level}"), level, storage.format);
+        work.average(e, &storage, level, image, coarse);
         image = coarse;
     }
     let requests = work.weighted.tiles.requests;
@@ -36,6 +36,6 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work<'_>, arguments: &Argument
     if let Some(exposures) = storage.exposures {
         program = program.bind("exposures", exposures);
     }
-    r.compute(program, storage.finish, Groups::Counted { count: requests.count, divisor: 64, per: 1 });
+    e.compute(program, storage.finish, Groups::Counted { count: requests.count, divisor: 64, per: 1 });
     Ok(())
 }

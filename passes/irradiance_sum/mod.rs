@@ -2,9 +2,9 @@
 
 use super::record::{RECORD_BYTES, Radius};
 use crate::contract::{
-    Bodies, Choice, Description, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Recorder, Refusal, Takes, port,
+    Bodies, Choice, Description, Encoder, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Refusal, Takes, port,
 };
-use crate::recording::*;
+use crate::schedule::*;
 
 mod cpu_readback;
 mod host;
@@ -47,7 +47,7 @@ static DESCRIPTION: Description = Description {
         },
         Parameter {
             name: "radius",
-            about: "what a record's reach is in proportion to",
+            about: "what a record's validity radius is in proportion to",
             unit: "",
             kind: ParameterKind::Choice {
                 choices: &[
@@ -97,12 +97,12 @@ impl Pass for IrradianceSum {
         &DESCRIPTION
     }
 
-    fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
-        let Some(weighted) = r.weighted_tiles("of") else { return Ok(()) };
+    fn encode(&self, e: &mut Encoder<'_>) -> Result<(), Refusal> {
+        let Some(weighted) = e.weighted_tiles("of") else { return Ok(()) };
         let requests = weighted.tiles.requests;
-        let records = r.buffer("records", requests.capacity as u64 * RECORD_BYTES);
-        let gradients = r.arguments.bool("gradients");
-        let radius = if r.arguments.choice("radius").0 == "Curvature" { Radius::Curvature } else { Radius::HarmonicMean };
+        let records = e.buffer("records", requests.capacity as u64 * RECORD_BYTES);
+        let gradients = e.arguments.bool("gradients");
+        let radius = if e.arguments.choice("radius").0 == "Curvature" { Radius::Curvature } else { Radius::HarmonicMean };
         if radius == Radius::Curvature && !gradients {
             return Err(Refusal::of_parameter(
                 "radius",
@@ -112,20 +112,20 @@ impl Pass for IrradianceSum {
             ));
         }
         let work = Work { weighted, records, gradients, radius };
-        let (by, arguments) = r.arguments.choice("by");
+        let (by, arguments) = e.arguments.choice("by");
         let bodies = Bodies::BOTH
             .better_at(work.weighted.tiles.place, "the tiles were shaded there")
             .unless(matches!(by, "MipmapChain" | "PingPong"), format!("{by} is a way of the device"))
             .unless_on_device(by == "CpuReadback", "CpuReadback reads the tiles back");
-        match (r.place(bodies)?, by) {
-            (_, "MipmapChain") => mipmap_chain::record(r, &work, arguments)?,
-            (_, "PingPong") => ping_pong::record(r, &work, arguments),
-            (_, "CpuReadback") => cpu_readback::record(r, &work),
-            (Place::Host, _) => host::record(r, &work),
-            (Place::Device, _) => workgroup_tree::record(r, &work),
+        match (e.place(bodies)?, by) {
+            (_, "MipmapChain") => mipmap_chain::encode(e, &work, arguments)?,
+            (_, "PingPong") => ping_pong::encode(e, &work, arguments),
+            (_, "CpuReadback") => cpu_readback::encode(e, &work),
+            (Place::Host, _) => host::encode(e, &work),
+            (Place::Device, _) => workgroup_tree::encode(e, &work),
         }
         let sees_emission = weighted.tiles.sees_emission;
-        r.output("records", Port::Records(port::Records { records, coefficients: None, count: requests.count, capacity: requests.capacity, sees_emission }));
+        e.output("records", Port::Records(port::Records { records, coefficients: None, count: requests.count, capacity: requests.capacity, sees_emission }));
         Ok(())
     }
 }

@@ -2,36 +2,36 @@
 
 use super::Work;
 use super::reduce::{PARTS, Storage};
-use crate::contract::{Arguments, Recorder};
+use crate::contract::{Arguments, Encoder};
 use crate::math::sum::Summed;
 use crate::passes::record::{RECORD_BYTES, REQUEST_BYTES, Request, summed_record};
-use crate::recording::*;
+use crate::schedule::*;
 use glam::{DVec3, DVec4};
 
 /// Side of a tile that is small enough to be read back [texels].
 const ENOUGH: u32 = 16;
 
-pub(super) fn record(r: &mut Recorder<'_>, work: &Work<'_>, arguments: &Arguments) {
+pub(super) fn encode(e: &mut Encoder<'_>, work: &Work<'_>, arguments: &Arguments) {
     let levels = work.levels(ENOUGH);
-    let storage = Storage::of(r, work, arguments);
-    let mut from = work.level_image(r, "ping", 0, storage.format);
-    work.contribute(r, &storage, from);
-    let mut into = if levels > 0 { work.level_image(r, "pong", 1, storage.format) } else { from };
+    let storage = Storage::of(e, work, arguments);
+    let mut from = work.level_image(e, "ping", 0, storage.format);
+    work.contribute(e, &storage, from);
+    let mut into = if levels > 0 { work.level_image(e, "pong", 1, storage.format) } else { from };
     for level in 1..=levels {
-        work.average(r, &storage, level, from, into);
+        work.average(e, &storage, level, from, into);
         (from, into) = (into, from);
     }
     let requests = work.weighted.tiles.requests;
     let [width, height] = work.level_size(levels);
     let tile_bytes = (width * height * PARTS) as u64 * 16;
-    let rest = r.buffer("rest", requests.capacity as u64 * tile_bytes);
+    let rest = e.buffer("rest", requests.capacity as u64 * tile_bytes);
     let program = work.at_level("irradiance_sum/ping_pong", levels).bind_part("last", from, work.level_bytes(levels, storage.format)).bind("rest", rest);
-    r.compute(program, "pack", work.groups(levels));
+    e.compute(program, "pack", work.groups(levels));
     let (records, gradients, radius) = (work.records, work.gradients, work.radius);
     let exposures = storage.exposures;
     let mut reads = vec![Read::counted(rest, tile_bytes, requests.count), Read::counted(requests.places, REQUEST_BYTES, requests.count)];
     reads.extend(exposures.map(|exposures| Read::counted(exposures, 4, requests.count)));
-    r.host("add", &reads, &[records], move |host| {
+    e.host("add", &reads, &[records], move |host| {
         let extent = host.extent() as f64;
         let places: Vec<Request> = bytemuck::pod_collect_to_vec(host.read(requests.places));
         let tiles = host.read(rest).chunks_exact(tile_bytes as usize);

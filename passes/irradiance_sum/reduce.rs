@@ -1,9 +1,9 @@
 //! What the mipmap chain and the ping-pong share: images of six parts a sample, and averages of 2×2 texels.
 
 use super::Work;
-use crate::contract::{Arguments, Choice, Parameter, ParameterKind, Recorder};
+use crate::contract::{Arguments, Choice, Encoder, Parameter, ParameterKind};
 use crate::passes::record::{edge_bytes, sample_bytes};
-use crate::recording::*;
+use crate::schedule::*;
 
 /// Vectors that a tile adds up to: layers of the images.
 pub(super) const PARTS: u32 = 6;
@@ -36,10 +36,10 @@ pub(super) struct Storage {
 }
 
 impl Storage {
-    pub(super) fn of(r: &mut Recorder<'_>, work: &Work<'_>, arguments: &Arguments) -> Self {
+    pub(super) fn of(e: &mut Encoder<'_>, work: &Work<'_>, arguments: &Arguments) -> Self {
         if arguments.choice("storage").0 == "F16" {
-            r.remark("half floats hold three digits beside the brightest sample of a tile: the sums are as accurate as that");
-            let exposures = Some(r.buffer("exposures", u64::from(work.weighted.tiles.requests.capacity) * 4));
+            e.remark("half floats hold three digits beside the brightest sample of a tile: the sums are as accurate as that");
+            let exposures = Some(e.buffer("exposures", u64::from(work.weighted.tiles.requests.capacity) * 4));
             let [contribute, average, coarse, finish] = ["contribute_f16", "average_f16", "coarse_f16", "finish_f16"];
             return Self { contribute, average, coarse, finish, format: Format::Rgba16Float, exposures };
         }
@@ -56,11 +56,11 @@ impl Work<'_> {
     }
 
     /// An image that holds the tiles at a level.
-    pub(super) fn level_image(&self, r: &mut Recorder<'_>, name: &str, level: u32, format: Format) -> Resource {
+    pub(super) fn level_image(&self, e: &mut Encoder<'_>, name: &str, level: u32, format: Format) -> Resource {
         let tiles = &self.weighted.tiles;
         let rows = tiles.requests.capacity.div_ceil(tiles.tiles_per_row);
         let [width, height] = self.level_size(level);
-        r.texture(name, [tiles.tiles_per_row * width, rows * height], PARTS, format)
+        e.texture(name, [tiles.tiles_per_row * width, rows * height], PARTS, format)
     }
 
     /// Bytes of the tiles of a full batch at a level.
@@ -82,20 +82,20 @@ impl Work<'_> {
     }
 
     /// What each tile's light is multiplied by, where it is.
-    fn expose(&self, r: &mut Recorder<'_>, exposures: Resource, weights: Resource) {
+    fn expose(&self, e: &mut Encoder<'_>, exposures: Resource, weights: Resource) {
         let tiles = &self.weighted.tiles;
         let program = self.at_level("irradiance_sum/reduce", 0).bind("weights", weights).bind("radiance", tiles.samples).bind("exposures", exposures);
-        r.compute(program, "expose", Groups::Counted { count: tiles.requests.count, divisor: 1, per: 1 });
+        e.compute(program, "expose", Groups::Counted { count: tiles.requests.count, divisor: 1, per: 1 });
     }
 
     /// Every sample's six parts.
-    pub(super) fn contribute(&self, r: &mut Recorder<'_>, storage: &Storage, into: Resource) {
+    pub(super) fn contribute(&self, e: &mut Encoder<'_>, storage: &Storage, into: Resource) {
         let table = &self.weighted.table;
         let starts: Vec<u32> = (0..=table.samples.len()).map(|i| table.edges.partition_point(|e| e.a < i as u32) as u32).collect();
-        let [weights, edges] = [("weights", sample_bytes(table)), ("edges", edge_bytes(&table.edges))].map(|(name, bytes)| r.constant_buffer(name, &bytes));
-        let starts = r.constant_buffer("edge_starts", bytemuck::cast_slice(&starts));
+        let [weights, edges] = [("weights", sample_bytes(table)), ("edges", edge_bytes(&table.edges))].map(|(name, bytes)| e.constant_buffer(name, &bytes));
+        let starts = e.constant_buffer("edge_starts", bytemuck::cast_slice(&starts));
         let tiles = &self.weighted.tiles;
-        storage.exposures.into_iter().for_each(|exposures| self.expose(r, exposures, weights));
+        storage.exposures.into_iter().for_each(|exposures| self.expose(e, exposures, weights));
         let mut program = self
             .at_level("irradiance_sum/reduce", 0)
             .bind("requests", tiles.requests.places)
@@ -107,17 +107,17 @@ impl Work<'_> {
         if let Some(exposures) = storage.exposures {
             program = program.bind("exposures", exposures);
         }
-        r.compute(program, storage.contribute, self.groups(0));
+        e.compute(program, storage.contribute, self.groups(0));
     }
 
     /// Averages of 2×2 texels, the maximum where a maximum is wanted.
-    pub(super) fn average(&self, r: &mut Recorder<'_>, storage: &Storage, level: u32, from: Resource, into: Resource) {
+    pub(super) fn average(&self, e: &mut Encoder<'_>, storage: &Storage, level: u32, from: Resource, into: Resource) {
         let program = self.at_level("irradiance_sum/reduce", level).bind_part("fine", from, self.level_bytes(level - 1, storage.format)).bind_part(
             storage.coarse,
             into,
             self.level_bytes(level, storage.format),
         );
-        r.compute(program, storage.average, self.groups(level));
+        e.compute(program, storage.average, self.groups(level));
     }
 
     /// How often a tile can be halved until it is no larger than `enough` along each side.

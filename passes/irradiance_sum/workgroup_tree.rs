@@ -1,11 +1,11 @@
 //! One workgroup sums four tiles, each lane two rows of all four.
 
 use super::Work;
-use crate::contract::Recorder;
+use crate::contract::Encoder;
 use crate::host_struct;
 use crate::math::hemisphere::{Edge, Table};
 use crate::passes::record::{TileEdge, edge_bytes};
-use crate::recording::*;
+use crate::schedule::*;
 
 /// Tiles of a workgroup.
 const TILES: u32 = 4;
@@ -23,10 +23,10 @@ host_struct! {
     }
 }
 
-pub(super) fn record(r: &mut Recorder<'_>, work: &Work<'_>) {
+pub(super) fn encode(e: &mut Encoder<'_>, work: &Work<'_>) {
     let tiles = &work.weighted.tiles;
     let (cells, seams) = cells(&work.weighted.table);
-    let cells = r.constant_buffer("cells", bytemuck::cast_slice(&cells));
+    let cells = e.constant_buffer("cells", bytemuck::cast_slice(&cells));
     // A binding holds one element at least.
     let mut seam_bytes = edge_bytes(&seams);
     seam_bytes.resize(seam_bytes.len().max(size_of::<TileEdge>()), 0);
@@ -35,10 +35,10 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work<'_>) {
         .constant("SEAMS", seams.len() as u32)
         .bind("requests", tiles.requests.places)
         .bind("cells", cells)
-        .bind("seams", r.constant_buffer("seams", &seam_bytes))
+        .bind("seams", e.constant_buffer("seams", &seam_bytes))
         .bind("radiance", tiles.samples)
         .bind("records", work.records);
-    r.compute(program, "sum", Groups::Counted { count: tiles.requests.count, divisor: TILES, per: 1 });
+    e.compute(program, "sum", Groups::Counted { count: tiles.requests.count, divisor: TILES, per: 1 });
 }
 
 /// The samples with the walls to their neighbours in the picture, and all other walls.

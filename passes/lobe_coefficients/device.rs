@@ -1,7 +1,7 @@
 //! The same projections by a shader.
 
 use super::{MOST_BYTES, does_not_fit};
-use crate::contract::{Recorder, Refusal};
+use crate::contract::{Encoder, Refusal};
 use crate::host_struct;
 use crate::math::{
     harmonics::{
@@ -11,7 +11,7 @@ use crate::math::{
     lobe,
 };
 use crate::passes::record::TablePlace;
-use crate::recording::*;
+use crate::schedule::*;
 use glam::{Vec2, Vec4};
 
 host_struct! {
@@ -35,7 +35,7 @@ const MOST_ROUNDS: usize = 50_000;
 const DRAWN: u32 = 64 * 64;
 
 /// Adds the commands that project each lobe to the order of its place, `series` having the highest; the buffer of all tables.
-pub(super) fn record(r: &mut Recorder<'_>, lobes: &[lobe::Shape], places: &[TablePlace], series: Series, edge: usize) -> Result<Resource, Refusal> {
+pub(super) fn encode(e: &mut Encoder<'_>, lobes: &[lobe::Shape], places: &[TablePlace], series: Series, edge: usize) -> Result<Resource, Refusal> {
     let Series { harmonics, order, window } = series;
     let mut shapes = Vec::new();
     let [mut outgoing, mut points]: [Vec<Vec4>; 2] = Default::default();
@@ -60,9 +60,9 @@ pub(super) fn record(r: &mut Recorder<'_>, lobes: &[lobe::Shape], places: &[Tabl
     if bytes > MOST_BYTES {
         return Err(does_not_fit(lobes.len(), edge));
     }
-    let projected = r.buffer("projected", bytes);
+    let projected = e.buffer("projected", bytes);
     let fours: usize = places.iter().map(|place| table_fours(place.order as usize, edge)).sum();
-    let values = r.buffer("values", (fours * size_of::<Vec4>()) as u64);
+    let values = e.buffer("values", (fours * size_of::<Vec4>()) as u64);
     let program = Program::new("lobe_coefficients")
         .constant("ORDER", order as u32)
         .constant("QUADS", quads(order) as u32)
@@ -71,14 +71,14 @@ pub(super) fn record(r: &mut Recorder<'_>, lobes: &[lobe::Shape], places: &[Tabl
         .constant("HEIGHTS", STEPS as u32)
         .constant("SLICES", slices as u32)
         .constant("SPHERICAL", (harmonics == Harmonics::Spherical) as u8)
-        .bind("shapes", r.constant_buffer("shapes", bytemuck::cast_slice(&shapes)))
-        .bind("outgoing", r.constant_buffer("outgoing", bytemuck::cast_slice(&outgoing)))
-        .bind("points", r.constant_buffer("points", bytemuck::cast_slice(&points)))
-        .bind("steps", r.constant_buffer("steps", bytemuck::cast_slice(&steps)))
-        .bind("starts", r.constant_buffer("starts", bytemuck::cast_slice(&sectoral)))
+        .bind("shapes", e.constant_buffer("shapes", bytemuck::cast_slice(&shapes)))
+        .bind("outgoing", e.constant_buffer("outgoing", bytemuck::cast_slice(&outgoing)))
+        .bind("points", e.constant_buffer("points", bytemuck::cast_slice(&points)))
+        .bind("steps", e.constant_buffer("steps", bytemuck::cast_slice(&steps)))
+        .bind("starts", e.constant_buffer("starts", bytemuck::cast_slice(&sectoral)))
         .bind("projected", projected)
         .bind("values", values);
-    r.compute(program.clone(), "project", Groups::linear((outgoing.len() * slices) as u32));
-    r.compute(program, "lay_out", Groups::linear((lobes.len() * edge * edge * room).div_ceil(64) as u32));
+    e.compute(program.clone(), "project", Groups::linear((outgoing.len() * slices) as u32));
+    e.compute(program, "lay_out", Groups::linear((lobes.len() * edge * edge * room).div_ceil(64) as u32));
     Ok(values)
 }

@@ -3,7 +3,7 @@
 pub mod device;
 
 use crate::contract::{
-    Arguments, Bodies, Choice, Description, Need, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Recorder, Refusal, port,
+    Arguments, Bodies, Choice, Description, Encoder, Need, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Refusal, port,
 };
 use crate::math::{
     harmonics::{
@@ -136,8 +136,8 @@ fn shapes(scene: &Scene) -> (Vec<Used>, Vec<Option<u32>>) {
 }
 
 /// The order of each lobe: as the parameter has it; those that it does not hold are told, or refused.
-fn chosen_orders(r: &mut Recorder<'_>, harmonics: Harmonics, shapes: &[Used]) -> Result<Vec<u32>, Refusal> {
-    let (choice, inner) = r.arguments.choice("order");
+fn chosen_orders(e: &mut Encoder<'_>, harmonics: Harmonics, shapes: &[Used]) -> Result<Vec<u32>, Refusal> {
+    let (choice, inner) = e.arguments.choice("order");
     let (lost, at_most) = match choice {
         "Enough" => (inner.float("lost"), inner.integer("at_most") as usize),
         _ => (LOST, inner.integer("order") as usize),
@@ -158,13 +158,13 @@ fn chosen_orders(r: &mut Recorder<'_>, harmonics: Harmonics, shapes: &[Used]) ->
             100.0 * (1.0 - lost),
             100.0 * held[at_most - 1],
         );
-        if r.arguments.choice("too_sharp").0 == "Refuse" {
+        if e.arguments.choice("too_sharp").0 == "Refuse" {
             return Err(Refusal::of_parameter("order", "plan::too_sharp", told, "raise the order, make the material rougher, or set too_sharp to Blur"));
         }
-        r.remark(format!("{told}: it is blurred"));
+        e.remark(format!("{told}: it is blurred"));
     }
     if !orders.is_empty() {
-        r.remark(told_orders(&orders, shapes));
+        e.remark(told_orders(&orders, shapes));
     }
     Ok(orders)
 }
@@ -199,45 +199,45 @@ impl Pass for LobeCoefficients {
         if needs.lobes { Need::Kept } else { Need::Dropped("no material is glossy") }
     }
 
-    fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
-        let (shapes, of_material) = shapes(r.setting.scene);
-        let harmonics = if r.arguments.choice("harmonics").0 == "Spherical" { Harmonics::Spherical } else { Harmonics::Hemispherical };
-        let orders = chosen_orders(r, harmonics, &shapes)?;
-        let edge = r.arguments.integer("grid") as usize;
+    fn encode(&self, e: &mut Encoder<'_>) -> Result<(), Refusal> {
+        let (shapes, of_material) = shapes(e.setting.scene);
+        let harmonics = if e.arguments.choice("harmonics").0 == "Spherical" { Harmonics::Spherical } else { Harmonics::Hemispherical };
+        let orders = chosen_orders(e, harmonics, &shapes)?;
+        let edge = e.arguments.integer("grid") as usize;
         let fours: usize = orders.iter().map(|order| table_fours(*order as usize, edge)).sum();
         if (fours * size_of::<Vec4>()) as u64 > MOST_BYTES {
             return Err(does_not_fit(shapes.len(), edge));
         }
-        let window = if r.arguments.choice("window").0 == "Hann" { Window::Hann } else { Window::None };
+        let window = if e.arguments.choice("window").0 == "Hann" { Window::Hann } else { Window::None };
         let series = |order: u32| Series { harmonics, order: order as usize, window };
         let lobes: Vec<Shape> = shapes.iter().map(|used| used.shape).collect();
         let indices: Vec<u32> = of_material.iter().map(|index| index.unwrap_or(u32::MAX)).collect();
-        let of_material = r.constant_buffer("of_material", bytemuck::cast_slice(&indices));
+        let of_material = e.constant_buffer("of_material", bytemuck::cast_slice(&indices));
         let table_places = table_places(&orders, edge);
-        let places = r.constant_buffer("places", bytemuck::cast_slice(&table_places));
-        let (values, tables) = match r.place(Bodies::BOTH.better_at(Place::Host, "it does so once, as the plan is made"))? {
+        let places = e.constant_buffer("places", bytemuck::cast_slice(&table_places));
+        let (values, tables) = match e.place(Bodies::BOTH.better_at(Place::Host, "it does so once, as the plan is made"))? {
             Place::Device => {
                 let highest = orders.iter().copied().max().unwrap_or(1);
-                (device::record(r, &lobes, &table_places, series(highest), edge)?, None)
+                (device::encode(e, &lobes, &table_places, series(highest), edge)?, None)
             }
             Place::Host => {
-                let tables: Vec<LobeTable> = lobes.into_iter().zip(&orders).map(|(shape, order)| table(r, shape, series(*order), edge)).collect();
-                (r.constant_buffer("values", &lobe_bytes(&tables)), Some(Arc::new(tables)))
+                let tables: Vec<LobeTable> = lobes.into_iter().zip(&orders).map(|(shape, order)| table(e, shape, series(*order), edge)).collect();
+                (e.constant_buffer("values", &lobe_bytes(&tables)), Some(Arc::new(tables)))
             }
         };
         let lobes = port::Lobes { values, places, of_material, tables, harmonics, orders, edge: edge as u32 };
-        r.output("lobes", Port::Lobes(lobes));
+        e.output("lobes", Port::Lobes(lobes));
         Ok(())
     }
 }
 
 /// Kept where it is slow to make: lobes that are alike all around take hundredths of a second, the others up to some seconds.
-fn table(r: &Recorder<'_>, shape: Shape, series: Series, edge: usize) -> LobeTable {
+fn table(e: &Encoder<'_>, shape: Shape, series: Series, edge: usize) -> LobeTable {
     if !shape.is_anisotropic() {
         return LobeTable::new(shape, series, edge);
     }
     let name = format!("lobes {}: {shape:?} in {series:?}, {edge} directions a side", LobeTable::VERSION);
-    let values = r.table(&name, table_fours(series.order, edge), || LobeTable::new(shape, series, edge).values);
+    let values = e.table(&name, table_fours(series.order, edge), || LobeTable::new(shape, series, edge).values);
     LobeTable { harmonics: series.harmonics, order: series.order, edge, values }
 }
 
@@ -279,9 +279,9 @@ mod tests {
 #[cfg(test)]
 mod orders {
     use super::*;
-    use crate::contract::{Value, recorder::Setting};
+    use crate::contract::{Value, encoder::Setting};
     use crate::passes::mock::MockHost;
-    use crate::recording::{Device, HostContext, Recording};
+    use crate::schedule::{Device, HostContext, Schedule};
 
     /// A lobe that ten degrees hold, and one that they do not.
     const EXPONENTS: [f32; 2] = [3.0, 400.0];
@@ -292,11 +292,11 @@ mod orders {
             exponents.iter().map(|exponent| Used { shape: Shape::Phong { exponent: *exponent }, materials: vec![format!("m{exponent}")] }).collect();
         let mut arguments = Arguments::defaults(DESCRIPTION.parameters);
         set.iter().for_each(|(name, value)| arguments.set(name, value.clone()));
-        let (host, needs, inputs, mut recording) = (MockHost::new(Vec::new(), [4, 4]), Needs::default(), BTreeMap::new(), Recording::default());
+        let (host, needs, inputs, mut schedule) = (MockHost::new(Vec::new(), [4, 4]), Needs::default(), BTreeMap::new(), Schedule::default());
         let setting = Setting { scene: host.scene(), needs: &needs, device: Device::ABLE, size: [4, 4], tables: None };
-        let mut r = Recorder::new("lobes", &arguments, setting, &inputs, &mut recording);
-        let orders = chosen_orders(&mut r, Harmonics::Hemispherical, &shapes);
-        (orders, r.finish().remarks)
+        let mut e = Encoder::new("lobes", &arguments, setting, &inputs, &mut schedule);
+        let orders = chosen_orders(&mut e, Harmonics::Hemispherical, &shapes);
+        (orders, e.finish().remarks)
     }
 
     /// The lowest order that loses no more.

@@ -3,7 +3,7 @@
 //!
 //! Each accuracy hands over to the next as its weights fade out, so that no rim of a record shows. Pixels that miss nothing keep their light.
 
-use crate::contract::{Recorder, port};
+use crate::contract::{Encoder, port};
 use crate::math::{
     harmonics::{
         Harmonics,
@@ -18,7 +18,7 @@ use crate::passes::contribution::{
     radiance::{Placed, Reflection, fours},
 };
 use crate::passes::record::{RECORD_BYTES, Record as HostRecord, pinhole};
-use crate::recording::*;
+use crate::schedule::*;
 use bytemuck::cast_slice;
 use glam::{Vec3, Vec4, Vec4Swizzles};
 use rayon::prelude::*;
@@ -32,10 +32,10 @@ const LITTLE: f32 = 0.01;
 /// The coarsest accuracy over the stated one: far beyond what covers any scene.
 const MOST_TIMES: f32 = 1e12;
 
-pub(super) fn record(r: &mut Recorder<'_>, splats: &port::Splats, gbuffer: &port::GBuffer) {
-    let [pixels, coarsest] = ["coarse_pixels", "coarsest"].map(|name| r.variable(name, false));
-    r.report_variable("coarse_pixels", pixels);
-    r.report_variable("coarsest", coarsest);
+pub(super) fn encode(e: &mut Encoder<'_>, splats: &port::Splats, gbuffer: &port::GBuffer) {
+    let [pixels, coarsest] = ["coarse_pixels", "coarsest"].map(|name| e.variable(name, false));
+    e.report_variable("coarse_pixels", pixels);
+    e.report_variable("coarsest", coarsest);
     let (size, sums, gbuffer, cache) = (gbuffer.size, splats.sums, *gbuffer, splats.cache);
     let lobes = splats.lobes.clone().zip(cache.coefficients);
     let mut reads = vec![Read::whole(gbuffer.position), Read::whole(gbuffer.normal), Read::whole(sums)];
@@ -76,7 +76,7 @@ pub(super) fn record(r: &mut Recorder<'_>, splats: &port::Splats, gbuffer: &port
         host.set(coarsest, times as u32);
         Ok(())
     };
-    r.command(Command::Late(Host::new("splat_coarser", reads, vec![sums], run)));
+    e.command(Command::Late(Host::new("splat_coarser", reads, vec![sums], run)));
 }
 
 /// The lobes' tables, from one after the other.
@@ -125,7 +125,7 @@ impl Scene<'_> {
     fn placed<'r, R>(&'r self, times: f32, with: impl Fn(usize, Reaching<'r>) -> R) -> Vec<(PixelRectangle, R)> {
         let place = |(number, record): (usize, &'r Record)| {
             let reaching = self.rule.coarsely(record, times);
-            Some((self.camera.bounds(record.position, reaching.longest_reach() * 1.0001)?, with(number, reaching)))
+            Some((self.camera.bounds(record.position, reaching.longest_validity_radius() * 1.0001)?, with(number, reaching)))
         };
         self.records.iter().enumerate().filter_map(place).collect()
     }
@@ -327,7 +327,7 @@ mod tests {
 #[cfg(test)]
 mod steps {
     use super::*;
-    use crate::contract::{Arguments, recorder::Reported, recorder::Setting};
+    use crate::contract::{Arguments, encoder::Reported, encoder::Setting};
     use crate::passes::mock::{self, MockHost};
     use crate::scene::needs::Needs;
     use std::collections::BTreeMap;
@@ -337,24 +337,24 @@ mod steps {
     /// Closes the gaps of a picture of a wall 4 away, which these records light: the sums, pixels that were closed and the coarsest accuracy.
     fn closed(sums: &[Vec4], records: &[Record]) -> (Vec<Vec4>, u32, u32) {
         let (mut host, needs, inputs, arguments) = (MockHost::new(Vec::new(), SIZE), Needs::default(), BTreeMap::new(), Arguments::defaults(&[]));
-        let mut recording = Recording::default();
-        recording.variables.push(VariableDescription { name: String::new(), history: false });
+        let mut schedule = Schedule::default();
+        schedule.variables.push(VariableDescription { name: String::new(), history: false });
         let [position, normal, reflectance, triangles, of_sums] = [2, 3, 4, 5, 6].map(Resource);
-        let recorded = {
+        let encoded = {
             let setting = Setting { scene: host.scene(), needs: &needs, device: Device::SOFTWARE, size: SIZE, tables: None };
-            let mut r = Recorder::new("normalize", &arguments, setting, &inputs, &mut recording);
+            let mut e = Encoder::new("normalize", &arguments, setting, &inputs, &mut schedule);
             let splats = port::Splats { sums: of_sums, counts: None, lobes: None, cache: mock::cache(100) };
-            super::record(&mut r, &splats, &port::GBuffer { size: SIZE, position, normal, reflectance, triangles });
-            r.finish()
+            super::encode(&mut e, &splats, &port::GBuffer { size: SIZE, position, normal, reflectance, triangles });
+            e.finish()
         };
         let records: Vec<HostRecord> = records.iter().map(HostRecord::from).collect();
         host.write(Resource(0), 0, cast_slice(&records));
         let place = |pixel: u32| Vec4::new((pixel % 8) as f32 - 3.5, 3.5 - (pixel / 8) as f32, -4.0, 1.0);
         host.contents.extend([(position, (0..64).map(place).collect()), (normal, vec![Vec4::Z; 64]), (of_sums, sums.to_vec())]);
-        let [Command::Late(step)] = &recorded.commands[..] else { panic!("a late step") };
+        let [Command::Late(step)] = &encoded.commands[..] else { panic!("a late step") };
         (step.run)(&mut host).unwrap();
         let [pixels, coarsest] = ["coarse_pixels", "coarsest"].map(|name| {
-            let found = recorded.reports.iter().find(|(told, _)| *told == name);
+            let found = encoded.reports.iter().find(|(told, _)| *told == name);
             let Some((_, Reported::Variable(variable))) = found else { panic!("{name}") };
             host.variable(*variable)
         });

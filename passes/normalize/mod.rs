@@ -1,7 +1,7 @@
 //! From weighted sums to irradiance and radiance.
 
-use crate::contract::{Description, Input, Output, Pass, Port, PortKind, Recorder, Refusal, Takes, port};
-use crate::recording::*;
+use crate::contract::{Description, Encoder, Input, Output, Pass, Port, PortKind, Refusal, Takes, port};
+use crate::schedule::*;
 
 mod coarser;
 
@@ -33,14 +33,14 @@ impl Pass for Normalize {
         &DESCRIPTION
     }
 
-    fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
-        let (Some(splats), Some(gbuffer)) = (r.splats("splats").cloned(), r.g_buffer("gbuffer").copied()) else { return Ok(()) };
-        let irradiance = r.image("irradiance", gbuffer.size, Format::Rgba32Float);
-        let radiance = r.image("radiance", gbuffer.size, Format::Rgba32Float);
-        let faults = r.buffer("faults", 16);
-        r.clear(faults);
+    fn encode(&self, e: &mut Encoder<'_>) -> Result<(), Refusal> {
+        let (Some(splats), Some(gbuffer)) = (e.splats("splats").cloned(), e.g_buffer("gbuffer").copied()) else { return Ok(()) };
+        let irradiance = e.image("irradiance", gbuffer.size, Format::Rgba32Float);
+        let radiance = e.image("radiance", gbuffer.size, Format::Rgba32Float);
+        let faults = e.buffer("faults", 16);
+        e.clear(faults);
         let of_radiance = splats.lobes.is_some();
-        coarser::record(r, &splats, &gbuffer);
+        coarser::encode(e, &splats, &gbuffer);
         let program = Program::new("normalize")
             .constant("OF_RADIANCE", of_radiance as u8)
             .bind("sums", splats.sums)
@@ -49,19 +49,19 @@ impl Pass for Normalize {
             .bind("irradiance", irradiance)
             .bind("radiance", radiance)
             .bind("faults", faults);
-        r.compute_pixels(program, "divide", gbuffer.size);
-        r.report("uncovered_pixels", faults, 0);
-        r.report("non_finite_pixels", faults, 1);
+        e.compute_pixels(program, "divide", gbuffer.size);
+        e.report("uncovered_pixels", faults, 0);
+        e.report("non_finite_pixels", faults, 1);
         let image = |texture, channels| Port::Image(port::Image { texture, channels });
-        r.output("radiance", image(radiance, port::Channels::Colour));
+        e.output("radiance", image(radiance, port::Channels::Colour));
         if of_radiance {
-            r.report("negative_pixels", faults, 2);
+            e.report("negative_pixels", faults, 2);
         } else {
-            r.output("irradiance", image(irradiance, port::Channels::Colour));
+            e.output("irradiance", image(irradiance, port::Channels::Colour));
         }
-        r.output("weight", image(splats.sums, port::Channels::Fourth));
+        e.output("weight", image(splats.sums, port::Channels::Fourth));
         if let Some(counts) = splats.counts {
-            r.output("count", image(counts, port::Channels::Single));
+            e.output("count", image(counts, port::Channels::Single));
         }
         Ok(())
     }

@@ -1,7 +1,7 @@
 //! Photons: light that sources send out, followed from surface to surface, and kept where it arrives.
 
 use super::photons::{HEAD_BYTES, MapHead, PHOTON_BYTES, Photon, SLOTS_BEFORE, lookup, sorted};
-use crate::contract::{Description, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, port};
+use crate::contract::{Description, Encoder, Output, Parameter, ParameterKind, Pass, Port, PortKind, Refusal, port};
 use crate::math::morton::Cube;
 use crate::scene::sources::Sources;
 use rayon::prelude::*;
@@ -43,12 +43,12 @@ impl Pass for PhotonMap {
         &DESCRIPTION
     }
 
-    fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
-        let [most, capacity, legs] = ["photons", "kept", "legs"].map(|name| r.arguments.integer(name) as u32);
-        let data = r.buffer("data", PHOTON_BYTES * (SLOTS_BEFORE + u64::from(capacity)));
-        let [emitted, count, slots, cut_off] = ["emitted", "count", "slots", "cut_off"].map(|name| r.variable(name, false));
-        let lobes = r.setting.needs.lobes && !r.setting.needs.by_albedo;
-        r.host("trace", &[], &[data], move |host| {
+    fn encode(&self, e: &mut Encoder<'_>) -> Result<(), Refusal> {
+        let [most, capacity, legs] = ["photons", "kept", "legs"].map(|name| e.arguments.integer(name) as u32);
+        let data = e.buffer("data", PHOTON_BYTES * (SLOTS_BEFORE + u64::from(capacity)));
+        let [emitted, count, slots, cut_off] = ["emitted", "count", "slots", "cut_off"].map(|name| e.variable(name, false));
+        let lobes = e.setting.needs.lobes && !e.setting.needs.by_albedo;
+        e.host("trace", &[], &[data], move |host| {
             let scene = host.scene();
             let tracer = Tracer { scene, bvh: host.bvh(), sources: Sources::new(scene), extent: host.extent(), lobes, legs };
             let traced = traced(&tracer, most, capacity);
@@ -73,10 +73,10 @@ impl Pass for PhotonMap {
             host.set(cut_off, traced.cut_off);
             Ok(())
         });
-        r.report_variable("photons_emitted", emitted);
-        r.report_variable("photons", count);
-        r.report_variable("photons_cut_off", cut_off);
-        r.output("map", Port::PhotonMap(port::PhotonMap { data, slots }));
+        e.report_variable("photons_emitted", emitted);
+        e.report_variable("photons", count);
+        e.report_variable("photons_cut_off", cut_off);
+        e.output("map", Port::PhotonMap(port::PhotonMap { data, slots }));
         Ok(())
     }
 }

@@ -48,7 +48,7 @@ impl Tracer<'_> {
         let Some(emitted) = self.sources.emit(self.scene, number) else { return path };
         let (mut ray, mut flux) = (Ray { origin: emitted.origin, direction: emitted.direction }, emitted.flux);
         for leg in 0..self.legs {
-            let Some(hit) = self.bvh.first(self.scene, ray.origin, ray.direction) else { return path };
+            let Some(hit) = self.bvh.closest_blocker(self.scene, ray.origin, ray.direction) else { return path };
             let surface = match self.lobes {
                 true => self.scene.lit_surface(hit.triangle, hit.barycentric, ray),
                 false => self.scene.diffuse_surface(hit.triangle, hit.barycentric, ray),

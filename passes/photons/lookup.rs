@@ -3,7 +3,7 @@
 use super::{HEAD_BYTES, MapHead, PHOTON_BYTES, Photon, SLOTS_BEFORE, unpacked_ways};
 use crate::contract::port;
 use crate::math::morton::{BITS, Cube, code};
-use crate::recording::HostContext;
+use crate::schedule::HostContext;
 use glam::{UVec3, Vec3};
 
 /// A map in a host step that reads it.
@@ -69,7 +69,7 @@ impl<'a> Lookup<'a> {
     }
 
     /// Half the edge of a cell [scene units]: the cells next to a point hold all that is so near.
-    fn reach(&self, level: u32) -> f32 {
+    fn half_edge(&self, level: u32) -> f32 {
         0.5 * (1 << level) as f32 / self.cube.cells_per_unit
     }
 
@@ -110,20 +110,20 @@ impl<'a> Lookup<'a> {
                 level -= 1;
             }
         } else {
-            while level < BITS && self.reach(level) < most && count(level) < crowd {
+            while level < BITS && self.half_edge(level) < most && count(level) < crowd {
                 level += 1;
             }
         }
         let last = level + WIDENED;
         loop {
-            let radius = self.reach(level).min(most);
+            let radius = self.half_edge(level).min(most);
             let rings = self.rings(position, normal, Zone { radius, level, is_filled: false });
             let enough = rings.iter().position(|within| *within >= wanted);
             if let Some(ring) = enough {
                 return Zone { radius: radius * ((ring + 1) as f32 / RINGS as f32).sqrt(), level, is_filled: true };
             }
             // In details there are never as many on one surface.
-            if level == BITS.min(last) || self.reach(level) >= most || rings[RINGS - 1] * DETAIL >= wanted {
+            if level == BITS.min(last) || self.half_edge(level) >= most || rings[RINGS - 1] * DETAIL >= wanted {
                 return Zone { radius, level, is_filled: false };
             }
             level += 1;
@@ -146,7 +146,7 @@ impl<'a> Lookup<'a> {
     pub fn for_each(&self, position: Vec3, normal: Vec3, zone: Zone, mut see: impl FnMut(&'a Photon, f32)) {
         let most = zone.radius * zone.radius;
         // A cell that the surface's slab does not cross has none.
-        let slab = FLATNESS * zone.radius + self.reach(zone.level) * normal.abs().element_sum() * LONGER;
+        let slab = FLATNESS * zone.radius + self.half_edge(zone.level) * normal.abs().element_sum() * LONGER;
         for [first, end] in self.block(position, zone.level, |middle| (middle - position).dot(normal).abs() <= slab) {
             for photon in &self.photons[first..end] {
                 let way = Vec3::from(photon.position) - position;

@@ -1,6 +1,6 @@
 //! Photons in memory, as `shaders/lib/photon_map.wgsl` reads them.
 
-use crate::contract::{Input, Parameter, ParameterKind, PortKind, Recorder, Refusal, Takes};
+use crate::contract::{Encoder, Input, Parameter, ParameterKind, PortKind, Refusal, Takes};
 use crate::host_struct;
 use crate::math::morton::Cube;
 use glam::Vec3;
@@ -44,8 +44,8 @@ pub const SLOTS_BEFORE: u64 = (HEAD_BYTES + 4 * lookup::STARTS as u64).div_ceil(
 const _: () = assert!(SLOTS_BEFORE == 32_770);
 
 /// The parameter of estimates from photons that bounds them.
-pub const REACH: Parameter = Parameter {
-    name: "reach",
+pub const SEARCH_RADIUS: Parameter = Parameter {
+    name: "search_radius",
     about: "how far away photons may be, as a share of the scene's extent",
     unit: "",
     kind: ParameterKind::Float { default: 0.05, min: 1e-6, max: 1.0 },
@@ -61,12 +61,13 @@ pub const DIRECT: Input = Input {
 };
 
 /// Refuses to leave light out that neither the direct pass nor photons bring.
-pub fn expect_direct_light(r: &Recorder<'_>) -> Result<(), Refusal> {
-    let needs = r.setting.needs;
-    let is_lost = r.direct_light(DIRECT.name).is_some_and(|direct| !direct.lights_from_emitters) && (needs.emissive_triangles > 0 || needs.environment);
+pub fn expect_direct_light(e: &Encoder<'_>) -> Result<(), Refusal> {
+    let needs = e.setting.needs;
+    let is_lost = e.direct_light(DIRECT.name).is_some_and(|direct| !direct.lights_from_emitters) && (needs.emissive_triangles > 0 || needs.environment);
     let help = "set `emitters` of the DirectLight to Sampled";
-    let refusal =
-        || Refusal::new("plan::light_of_sources", "the direct pass leaves lamps and the sky to others, and photons bring only what they have reflected", help);
+    let refusal = || {
+        Refusal::new("plan::light_of_sources", "the direct pass leaves emitters and the sky to others, and photons bring only what they have reflected", help)
+    };
     if is_lost { Err(refusal()) } else { Ok(()) }
 }
 

@@ -1,13 +1,13 @@
 //! The tiles of a batch are read back and projected on the host in double precision.
 
 use super::{Work, keep};
-use crate::contract::Recorder;
+use crate::contract::Encoder;
 use crate::passes::record::{RECORD_BYTES, REQUEST_BYTES, Record, Request};
-use crate::recording::*;
 use crate::scene::model::surface_offset;
+use crate::schedule::*;
 use glam::{Vec3, Vec4};
 
-pub(super) fn record(r: &mut Recorder<'_>, work: &Work<'_>) {
+pub(super) fn encode(e: &mut Encoder<'_>, work: &Work<'_>) {
     let tiles = &work.weighted.tiles;
     let (table, expansion, requests, samples, values) = (work.weighted.table.clone(), work.expansion.clone(), tiles.requests, tiles.samples, work.values);
     let tile_bytes = table.samples.len() as u64 * 16;
@@ -17,7 +17,7 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work<'_>) {
         Read::counted(requests.places, REQUEST_BYTES, requests.count),
         Read::counted(records, RECORD_BYTES, requests.count),
     ];
-    r.host("project", &reads, &[values, records], move |host| {
+    e.host("project", &reads, &[values, records], move |host| {
         let extent = host.extent();
         let places: Vec<Request> = bytemuck::pod_collect_to_vec(host.read(requests.places));
         let mut heads: Vec<Record> = bytemuck::pod_collect_to_vec(host.read(records));

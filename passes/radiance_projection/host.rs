@@ -1,14 +1,14 @@
 //! The same product on the host, in single precision: where the device is a driver on the same cores, this takes a fraction of its time.
 
 use super::{Work, keep};
-use crate::contract::Recorder;
+use crate::contract::Encoder;
 use crate::math::{
     harmonics::reflection::{fours, quads},
     radiance::{Expansion, PLANES, Projected},
 };
 use crate::passes::record::{RECORD_BYTES, REQUEST_BYTES, Record, Request};
-use crate::recording::*;
 use crate::scene::model::surface_offset;
+use crate::schedule::*;
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
@@ -94,7 +94,7 @@ impl Tables {
     }
 }
 
-pub(super) fn record(r: &mut Recorder<'_>, work: &Work<'_>) {
+pub(super) fn encode(e: &mut Encoder<'_>, work: &Work<'_>) {
     let tiles = &work.weighted.tiles;
     let (samples, requests, values, records) = (tiles.samples, tiles.requests, work.values, work.records);
     let tables = Tables::new(&work.expansion, |at| work.weighted.table.samples[at as usize].depth_cosine);
@@ -104,7 +104,7 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work<'_>) {
         Read::counted(requests.places, REQUEST_BYTES, requests.count),
         Read::counted(records, RECORD_BYTES, requests.count),
     ];
-    r.host("project", &reads, &[values, records], move |host| {
+    e.host("project", &reads, &[values, records], move |host| {
         let extent = host.extent();
         let places: Vec<Request> = bytemuck::pod_collect_to_vec(host.read(requests.places));
         let mut heads: Vec<Record> = bytemuck::pod_collect_to_vec(host.read(records));

@@ -1,11 +1,11 @@
 //! Samples and steps at walls times tables of the basis, on the device.
 
 use super::Work;
-use crate::contract::Recorder;
+use crate::contract::Encoder;
 use crate::contract::port::{Coefficients, Precision};
 use crate::host_struct;
 use crate::math::harmonics::reflection::{fours, quads};
-use crate::recording::*;
+use crate::schedule::*;
 use glam::Vec4;
 
 /// Tiles of a workgroup, and fours of coefficients: `TILES` and `COLUMNS` of the shader.
@@ -25,7 +25,7 @@ host_struct! {
     }
 }
 
-pub(super) fn record(r: &mut Recorder<'_>, work: &Work<'_>) {
+pub(super) fn encode(e: &mut Encoder<'_>, work: &Work<'_>) {
     let (tiles, table, expansion) = (&work.weighted.tiles, &work.weighted.table, &work.expansion);
     let quads = quads(work.order as usize);
     let places: Vec<u32> = expansion.samples.iter().map(|(at, _)| *at).collect();
@@ -38,11 +38,11 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work<'_>) {
         .map(|w| TileWall { a: w.a, b: w.b, depth_a: depth(w.a), depth_b: depth(w.b), gradient: w.gradient.as_vec2().into(), padding: [0; 2] })
         .collect();
     let requests = tiles.requests;
-    let steps = r.buffer("steps", u64::from(requests.capacity) * walls.len() as u64 * 16);
-    let raw = r.buffer("raw", u64::from(requests.capacity) * Coefficients::bytes(work.order, Precision::Single));
+    let steps = e.buffer("steps", u64::from(requests.capacity) * walls.len() as u64 * 16);
+    let raw = e.buffer("raw", u64::from(requests.capacity) * Coefficients::bytes(work.order, Precision::Single));
     let mut wall_bytes = bytemuck::cast_slice(&walls).to_vec();
     wall_bytes.resize(wall_bytes.len().max(size_of::<TileWall>()), 0);
-    let walls_bound = r.constant_buffer("walls", &wall_bytes);
+    let walls_bound = e.constant_buffer("walls", &wall_bytes);
     let program = Program::new("radiance_projection")
         .constant("TILE_WIDTH", table.width)
         .constant("TILE_HEIGHT", table.height)
@@ -55,18 +55,18 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work<'_>) {
         .bind("walls", walls_bound)
         .bind("radiance", tiles.samples)
         .bind("steps", steps)
-        .bind("places", r.constant_buffer("places", bytemuck::cast_slice(&places)))
-        .bind("basis", r.constant_buffer("basis", bytemuck::cast_slice(&basis)))
-        .bind("wall_basis", r.constant_buffer("wall_basis", bytemuck::cast_slice(&wall_basis)))
+        .bind("places", e.constant_buffer("places", bytemuck::cast_slice(&places)))
+        .bind("basis", e.constant_buffer("basis", bytemuck::cast_slice(&basis)))
+        .bind("wall_basis", e.constant_buffer("wall_basis", bytemuck::cast_slice(&wall_basis)))
         .bind("raw", raw)
         .bind("values", work.values)
         .bind("records", work.records);
     if !walls.is_empty() {
-        r.compute(program.clone(), "step", Groups::Counted { count: requests.count, divisor: 1, per: (walls.len() as u32).div_ceil(64) });
+        e.compute(program.clone(), "step", Groups::Counted { count: requests.count, divisor: 1, per: (walls.len() as u32).div_ceil(64) });
     }
-    r.compute(program.clone(), "project", Groups::Counted { count: requests.count, divisor: TILES, per: (quads as u32).div_ceil(COLUMNS) });
+    e.compute(program.clone(), "project", Groups::Counted { count: requests.count, divisor: TILES, per: (quads as u32).div_ceil(COLUMNS) });
     if !walls.is_empty() {
-        r.compute(program.clone(), "bound", Groups::Counted { count: requests.count, divisor: 1, per: 1 });
+        e.compute(program.clone(), "bound", Groups::Counted { count: requests.count, divisor: 1, per: 1 });
     }
-    r.compute(program, "turn", Groups::Counted { count: requests.count, divisor: 1, per: (4 * quads as u32).div_ceil(64) });
+    e.compute(program, "turn", Groups::Counted { count: requests.count, divisor: 1, per: (4 * quads as u32).div_ceil(64) });
 }

@@ -2,10 +2,10 @@
 
 use super::record::{Record, Request};
 use crate::contract::{
-    Bodies, Choice, Description, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Recorder, Refusal, Takes, port,
+    Bodies, Choice, Description, Encoder, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Refusal, Takes, port,
 };
 use crate::math::radiance::{Expansion, Projected};
-use crate::recording::*;
+use crate::schedule::*;
 use glam::Vec4;
 use std::sync::Arc;
 
@@ -65,23 +65,23 @@ impl Pass for RadianceProjection {
         &DESCRIPTION
     }
 
-    fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
-        let (Some(weighted), Some(records), Some(lobes)) = (r.weighted_tiles("of"), r.records("records").copied(), r.lobes("lobes")) else { return Ok(()) };
+    fn encode(&self, e: &mut Encoder<'_>) -> Result<(), Refusal> {
+        let (Some(weighted), Some(records), Some(lobes)) = (e.weighted_tiles("of"), e.records("records").copied(), e.lobes("lobes")) else { return Ok(()) };
         lobes.expect_hemispherical()?;
         let order = lobes.order();
         let mut expansion = Expansion::new(&weighted.table, order as usize);
-        if !r.arguments.bool("gradients") {
+        if !e.arguments.bool("gradients") {
             expansion.walls.clear();
         }
-        let values = r.buffer("values", u64::from(records.capacity) * port::Coefficients::bytes(order, port::Precision::Single));
+        let values = e.buffer("values", u64::from(records.capacity) * port::Coefficients::bytes(order, port::Precision::Single));
         let work = Work { weighted, expansion: Arc::new(expansion), order, records: records.records, values };
-        let by = r.arguments.choice("by").0;
-        match (r.place(Bodies::BOTH.unless_on_device(by == "CpuReadback", "CpuReadback reads the tiles back"))?, by) {
-            (_, "CpuReadback") => cpu_readback::record(r, &work),
-            (Place::Host, _) => host::record(r, &work),
-            (Place::Device, _) => matrix_product::record(r, &work),
+        let by = e.arguments.choice("by").0;
+        match (e.place(Bodies::BOTH.unless_on_device(by == "CpuReadback", "CpuReadback reads the tiles back"))?, by) {
+            (_, "CpuReadback") => cpu_readback::encode(e, &work),
+            (Place::Host, _) => host::encode(e, &work),
+            (Place::Device, _) => matrix_product::encode(e, &work),
         }
-        r.output(
+        e.output(
             "records",
             Port::Records(port::Records { coefficients: Some(port::Coefficients { values, order, precision: port::Precision::Single }), ..records }),
         );

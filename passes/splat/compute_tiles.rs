@@ -1,8 +1,8 @@
 //! Records binned over tiles of 16×16 pixels and added in their order, without blending.
 
 use super::{Work, at_start, fresh};
-use crate::contract::Recorder;
-use crate::recording::*;
+use crate::contract::Encoder;
+use crate::schedule::*;
 
 /// Edge of a tile [pixels].
 const TILE: u32 = 16;
@@ -11,7 +11,7 @@ const CHUNK: u32 = 32_768;
 /// Most bytes of all tiles' masks.
 const MASK_BYTES: u64 = 32 << 20;
 
-pub(super) fn record(r: &mut Recorder<'_>, work: &Work) {
+pub(super) fn encode(e: &mut Encoder<'_>, work: &Work) {
     let [width, height] = work.gbuffer.size;
     let tiles = width.div_ceil(TILE) * height.div_ceil(TILE);
     // A bit a record, and a bit a word of those.
@@ -19,13 +19,13 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work) {
     let words = 32 * summary;
     let chunk = 32 * words;
     let pixels = width as u64 * height as u64;
-    let masks = r.buffer("masks", tiles as u64 * (summary + words) as u64 * 4);
-    let added = r.buffer("added", pixels * 16);
-    let counted = work.counts.map(|counts| (r.buffer("counted", pixels * 4), counts));
+    let masks = e.buffer("masks", tiles as u64 * (summary + words) as u64 * 4);
+    let added = e.buffer("added", pixels * 16);
+    let counted = work.counts.map(|counts| (e.buffer("counted", pixels * 4), counts));
     for buffer in [Some(masks), Some(added), counted.map(|c| c.0)].into_iter().flatten() {
-        at_start(r, Command::Clear(buffer));
+        at_start(e, Command::Clear(buffer));
     }
-    for (stretch, records) in fresh::record(r, work, chunk) {
+    for (stretch, records) in fresh::encode(e, work, chunk) {
         let program = work
             .contribution(Program::new("splat/compute_tiles"))
             .constant("MASK_WORDS", words)
@@ -34,13 +34,13 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work) {
             .bind("weighting", work.cache.weighting)
             .bind("stretch", stretch)
             .bind("masks", masks);
-        r.compute(program.clone(), "bin", Groups::Counted { count: records, divisor: 64, per: 1 });
+        e.compute(program.clone(), "bin", Groups::Counted { count: records, divisor: 64, per: 1 });
         let program = program.bind("position", work.gbuffer.position).bind("normal", work.gbuffer.normal).bind("added", added).bind("sums", work.sums);
         // As many groups as tiles where the chunk has any record.
         let groups = Groups::Counted { count: records, divisor: chunk, per: tiles };
         match counted {
-            Some((counted, counts)) => r.compute(program.bind("counted", counted).bind("counts", counts), "add_counted", groups),
-            None => r.compute(program, "add", groups),
+            Some((counted, counts)) => e.compute(program.bind("counted", counted).bind("counts", counts), "add_counted", groups),
+            None => e.compute(program, "add", groups),
         }
     }
 }
@@ -48,32 +48,32 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::contract::{Arguments, port, recorder::Recorded, recorder::Setting};
+    use crate::contract::{Arguments, encoder::Encoded, encoder::Setting, port};
     use crate::passes::mock::{self, MockHost};
     use crate::scene::needs::Needs;
     use std::collections::BTreeMap;
 
-    fn recorded(size: [u32; 2], capacity: u32, recording: &mut Recording) -> Recorded {
+    fn encoded(size: [u32; 2], capacity: u32, schedule: &mut Schedule) -> Encoded {
         let (host, needs, inputs, arguments) = (MockHost::new(Vec::new(), size), Needs::default(), BTreeMap::new(), Arguments::defaults(&[]));
-        recording.variables.extend((0..8).map(|_| VariableDescription { name: String::new(), history: false }));
-        recording.resources.extend((0..8).map(|_| ResourceDescription { name: String::new(), kind: ResourceKind::State, lifetime: Lifetime::Transient }));
+        schedule.variables.extend((0..8).map(|_| VariableDescription { name: String::new(), history: false }));
+        schedule.resources.extend((0..8).map(|_| ResourceDescription { name: String::new(), kind: ResourceKind::State, lifetime: Lifetime::Transient }));
         let setting = Setting { scene: host.scene(), needs: &needs, device: Device::ABLE, size, tables: None };
-        let mut r = Recorder::new("splat", &arguments, setting, &inputs, recording).in_loop(10, false);
+        let mut e = Encoder::new("splat", &arguments, setting, &inputs, schedule).in_loop(10, false);
         let [position, normal, reflectance, triangles, sums] = [2, 3, 4, 5, 6].map(Resource);
         let gbuffer = port::GBuffer { size, position, normal, reflectance, triangles };
-        record(&mut r, &Work { gbuffer, cache: mock::cache(capacity), sums, counts: None, first: Variable(1), radiance: None });
-        r.finish()
+        encode(&mut e, &Work { gbuffer, cache: mock::cache(capacity), sums, counts: None, first: Variable(1), radiance: None });
+        e.finish()
     }
 
     /// Bytes of the buffer of masks, and records that a chunk may have.
     fn masks(size: [u32; 2]) -> (u64, u32) {
-        let mut recording = Recording::default();
-        let recorded = recorded(size, 100, &mut recording);
-        let divisor = recorded.commands.iter().find_map(|command| match command {
+        let mut schedule = Schedule::default();
+        let encoded = encoded(size, 100, &mut schedule);
+        let divisor = encoded.commands.iter().find_map(|command| match command {
             Command::Compute(Compute { entry: "add", groups: Groups::Counted { divisor, .. }, .. }) => Some(*divisor),
             _ => None,
         });
-        let masks = recording.resources.iter().find(|resource| resource.name == "splat.masks").map(|resource| &resource.kind);
+        let masks = schedule.resources.iter().find(|resource| resource.name == "splat.masks").map(|resource| &resource.kind);
         let Some(ResourceKind::Buffer { bytes }) = masks else { panic!("a buffer") };
         (*bytes, divisor.unwrap())
     }
@@ -88,10 +88,10 @@ mod tests {
 
     #[test]
     fn new_records_are_shared_out_to_chunks() {
-        let mut recording = Recording::default();
-        let recorded = recorded([64, 48], 70_000, &mut recording);
-        let step = recorded.commands.iter().find_map(|command| if let Command::Host(step) = command { Some(step) } else { None }).unwrap();
-        let counts = recorded.commands.iter().filter_map(|command| match command {
+        let mut schedule = Schedule::default();
+        let encoded = encoded([64, 48], 70_000, &mut schedule);
+        let step = encoded.commands.iter().find_map(|command| if let Command::Host(step) = command { Some(step) } else { None }).unwrap();
+        let counts = encoded.commands.iter().filter_map(|command| match command {
             Command::Compute(Compute { entry: "bin", groups: Groups::Counted { count, .. }, .. }) => Some(*count),
             _ => None,
         });

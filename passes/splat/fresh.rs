@@ -1,22 +1,22 @@
 //! Records that the sums do not have yet, in stretches for the device.
 
 use super::Work;
-use crate::contract::Recorder;
+use crate::contract::Encoder;
 use crate::passes::record::Stretch;
-use crate::recording::*;
+use crate::schedule::*;
 
 /// Records of one stretch: a [`Stretch`], and how many they are.
 pub(super) type Fresh = (Resource, Variable);
 
-/// Records a step that splits up the records to be splatted, `most` a stretch, and takes them for splatted: outside of a fill all of them each time.
-pub(super) fn record(r: &mut Recorder<'_>, work: &Work, most: u32) -> Vec<Fresh> {
+/// Encodes a step that splits up the records to be splatted, `most` a stretch, and takes them for splatted: outside of a fill all of them each time.
+pub(super) fn encode(e: &mut Encoder<'_>, work: &Work, most: u32) -> Vec<Fresh> {
     let count = work.cache.capacity.div_ceil(most);
-    let buffers: Vec<_> = (0..count).map(|i| r.buffer(&format!("stretch{i}"), size_of::<Stretch>() as u64)).collect();
+    let buffers: Vec<_> = (0..count).map(|i| e.buffer(&format!("stretch{i}"), size_of::<Stretch>() as u64)).collect();
     // One after the other, as the device counts them from the first on.
-    let counts: Vec<_> = (0..count).map(|i| r.variable(&format!("count{i}"), false)).collect();
-    let next = r.variable("next", false);
+    let counts: Vec<_> = (0..count).map(|i| e.variable(&format!("count{i}"), false)).collect();
+    let next = e.variable("next", false);
     let stretches: Vec<Fresh> = buffers.iter().copied().zip(counts).collect();
-    let (first, all, in_fill) = (work.first, work.cache.count, r.batch.is_some());
+    let (first, all, in_fill) = (work.first, work.cache.count, e.batch.is_some());
     let twin = twin(work, most, &stretches, next);
     let list = stretches.clone();
     let run = move |host: &mut dyn HostContext| {
@@ -32,7 +32,7 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, most: u32) -> Vec<Fresh>
         host.set(first, last);
         Ok(())
     };
-    r.twin("fresh", &[], &buffers, run, twin);
+    e.twin("fresh", &[], &buffers, run, twin);
     stretches
 }
 

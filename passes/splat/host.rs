@@ -1,15 +1,15 @@
 //! Irradiance added to the pixels on the host.
 
 use super::Work;
-use crate::contract::Recorder;
+use crate::contract::Encoder;
 use crate::math::projection::PixelRectangle;
 use crate::math::weight::{Reaching, Record};
 use crate::passes::contribution::{bands, irradiance::Seen};
 use crate::passes::record::{RECORD_BYTES, Record as HostRecord, pinhole};
-use crate::recording::*;
+use crate::schedule::*;
 use glam::Vec4;
 
-pub(super) fn record(r: &mut Recorder<'_>, work: &Work) {
+pub(super) fn encode(e: &mut Encoder<'_>, work: &Work) {
     let images: Vec<Resource> = [Some(work.sums), work.counts].into_iter().flatten().collect();
     let cleared = images.clone();
     let clear = move |host: &mut dyn HostContext| {
@@ -20,8 +20,8 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work) {
         }
         Ok(())
     };
-    super::at_start(r, Command::Host(Host::new("clear", Vec::new(), images.clone(), clear)));
-    let (gbuffer, cache, first, width, in_fill) = (work.gbuffer, work.cache, work.first, work.gbuffer.size[0], r.batch.is_some());
+    super::at_start(e, Command::Host(Host::new("clear", Vec::new(), images.clone(), clear)));
+    let (gbuffer, cache, first, width, in_fill) = (work.gbuffer, work.cache, work.first, work.gbuffer.size[0], e.batch.is_some());
     let mut reads = vec![Read::whole(gbuffer.position), Read::whole(gbuffer.normal), Read::counted(cache.records, RECORD_BYTES, cache.count)];
     reads.extend(images.iter().copied().map(Read::whole));
     let written = images.clone();
@@ -33,7 +33,7 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work) {
         let new: Vec<Record> = records.get(from..).unwrap_or_default().iter().map(Record::from).collect();
         let placed: Vec<(PixelRectangle, Reaching<'_>)> = new
             .iter()
-            .filter_map(|record| Some((camera.bounds(record.position, cache.rule.longest_reach(record) * 1.0001)?, cache.rule.reaching(record))))
+            .filter_map(|record| Some((camera.bounds(record.position, cache.rule.longest_validity_radius(record) * 1.0001)?, cache.rule.reaching(record))))
             .collect();
         let positions = bytemuck::cast_slice(host.read(gbuffer.position));
         let seen = Seen { positions, normals: bytemuck::cast_slice(host.read(gbuffer.normal)) };
@@ -44,13 +44,13 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work) {
         host.set(first, host.variable(cache.count));
         Ok(())
     };
-    r.command(Command::Host(Host::new("splat", reads, images, splat)));
+    e.command(Command::Host(Host::new("splat", reads, images, splat)));
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::contract::{Arguments, port, recorder::Setting};
+    use crate::contract::{Arguments, encoder::Setting, port};
     use crate::passes::mock::{self, MockHost};
     use crate::scene::needs::Needs;
     use glam::{Vec3, Vec4Swizzles};
@@ -61,13 +61,13 @@ mod tests {
         let size = [12, 10];
         let [position, normal, reflectance, triangles, sums, counts] = [2, 3, 4, 5, 6, 7].map(Resource);
         let (mut host, needs, inputs, arguments) = (MockHost::new(Vec::new(), size), Needs::default(), BTreeMap::new(), Arguments::defaults(&[]));
-        let mut recording = Recording::default();
-        let recorded = {
+        let mut schedule = Schedule::default();
+        let encoded = {
             let setting = Setting { scene: host.scene(), needs: &needs, device: Device::SOFTWARE, size, tables: None };
-            let mut r = Recorder::new("splat", &arguments, setting, &inputs, &mut recording).in_loop(10, false);
+            let mut e = Encoder::new("splat", &arguments, setting, &inputs, &mut schedule).in_loop(10, false);
             let gbuffer = port::GBuffer { size, position, normal, reflectance, triangles };
-            record(&mut r, &Work { gbuffer, cache: mock::cache(100), sums, counts: Some(counts), first: Variable(1), radiance: None });
-            r.finish()
+            encode(&mut e, &Work { gbuffer, cache: mock::cache(100), sums, counts: Some(counts), first: Variable(1), radiance: None });
+            e.finish()
         };
         let record = |x: f32, light: f32| Record {
             position: Vec3::new(x, 0.5, -4.0),
@@ -88,7 +88,7 @@ mod tests {
         };
         let positions: Vec<Vec4> = (0..120).map(place).collect();
         host.contents.extend([(position, positions.clone()), (normal, vec![Vec4::Z; 120]), (sums, vec![Vec4::ONE; 120]), (counts, vec![Vec4::ONE; 120])]);
-        let [Command::Host(step)] = &recorded.commands[..] else { panic!("a step") };
+        let [Command::Host(step)] = &encoded.commands[..] else { panic!("a step") };
         (step.run)(&mut host).unwrap();
         let rule = mock::rule();
         let mut some = 0;
@@ -105,7 +105,7 @@ mod tests {
         }
         assert!((20..110).contains(&some));
         // As a loop starts all is black.
-        let [Command::Host(clear)] = &recorded.prologue[..] else { panic!("a step") };
+        let [Command::Host(clear)] = &encoded.prologue[..] else { panic!("a step") };
         (clear.run)(&mut host).unwrap();
         assert_eq!([sums, counts].map(|image| host.contents[&image].clone()), [(); 2].map(|()| vec![Vec4::ZERO; 120]));
     }

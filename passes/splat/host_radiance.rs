@@ -2,25 +2,25 @@
 //! differ between lanes take longer than the sums themselves.
 
 use super::{Radiance, Work};
-use crate::contract::{Recorder, Refusal, port};
+use crate::contract::{Encoder, Refusal, port};
 use crate::math::{harmonics::Tilting, projection::PixelRectangle, weight::Record};
 use crate::passes::contribution::{
     bands,
     radiance::{Placed, Reflection, fours},
 };
 use crate::passes::record::{RECORD_BYTES, Record as HostRecord, pinhole};
-use crate::recording::*;
+use crate::schedule::*;
 use bytemuck::cast_slice;
 use glam::Vec4;
 
 /// Steps of tables of matrices.
 const STEPS: usize = 64;
 
-pub(super) fn record(r: &mut Recorder<'_>, work: &Work, radiance: &Radiance) -> Result<(), Refusal> {
+pub(super) fn encode(e: &mut Encoder<'_>, work: &Work, radiance: &Radiance) -> Result<(), Refusal> {
     let width = work.gbuffer.size[0];
     let (gbuffer, cache, lobes, seen) = (work.gbuffer, work.cache, radiance.visible.lobes.on_host()?.clone(), radiance.visible.seen);
     let coefficients = radiance.coefficients;
-    let keep = |name: &str, count: usize, make: &dyn Fn() -> Vec<f32>| r.table(name, count, make);
+    let keep = |name: &str, count: usize, make: &dyn Fn() -> Vec<f32>| e.table(name, count, make);
     let tilting = radiance.rotation.map(|method| Tilting::kept(coefficients.order as usize, method, STEPS, keep));
     let images: Vec<Resource> = [Some(work.sums), work.counts].into_iter().flatten().collect();
     let written = images.clone();
@@ -47,7 +47,7 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, radiance: &Radiance) -> 
             .iter()
             .zip(values.chunks_exact(port::Coefficients::fours(coefficients.order) as usize))
             .filter_map(|(record, planes)| {
-                let bounds = camera.bounds(record.position, cache.rule.longest_reach(record) * 1.0001)?;
+                let bounds = camera.bounds(record.position, cache.rule.longest_validity_radius(record) * 1.0001)?;
                 Some((bounds, Placed { record: cache.rule.reaching(record), planes }))
             })
             .collect();
@@ -58,6 +58,6 @@ pub(super) fn record(r: &mut Recorder<'_>, work: &Work, radiance: &Radiance) -> 
         }
         Ok(())
     };
-    r.command(Command::Host(Host::new("reflect", reads, images, splat)));
+    e.command(Command::Host(Host::new("reflect", reads, images, splat)));
     Ok(())
 }

@@ -1,10 +1,10 @@
 //! Records onto pixels.
 
 use crate::contract::{
-    Bodies, Choice, Description, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Recorder, Refusal, Takes, port,
+    Bodies, Choice, Description, Encoder, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Refusal, Takes, port,
 };
 use crate::math::harmonics::{Method, reflection::quads};
-use crate::recording::*;
+use crate::schedule::*;
 
 mod compute_tiles;
 mod fresh;
@@ -115,10 +115,10 @@ impl Work {
     }
 }
 
-fn radiance(r: &Recorder<'_>, cache: &port::RecordCache) -> Result<Option<Radiance>, Refusal> {
-    let Some(visible) = r.visible_lobes("lobes") else { return Ok(None) };
+fn radiance(e: &Encoder<'_>, cache: &port::RecordCache) -> Result<Option<Radiance>, Refusal> {
+    let Some(visible) = e.visible_lobes("lobes") else { return Ok(None) };
     visible.lobes.expect_hemispherical()?;
-    let rotation = match r.arguments.choice("rotation").0 {
+    let rotation = match e.arguments.choice("rotation").0 {
         "Precomputed" => Some(Method::Precomputed),
         "Conversion" => Some(Method::Conversion { spherical: visible.lobes.order() as usize + 4 }),
         "DigonDeletion" => Some(Method::DigonDeletion),
@@ -129,7 +129,7 @@ fn radiance(r: &Recorder<'_>, cache: &port::RecordCache) -> Result<Option<Radian
         _ => Err(Refusal::new(
             "plan::coefficients",
             "the records hold no coefficients for these lobes",
-            "join the input `lobes` of the RecordCache and of the Surfaces to one LobeCoefficients node",
+            "join the input `lobes` of the RecordCache and of the Classify to one LobeCoefficients node",
         )),
     }
 }
@@ -139,54 +139,54 @@ impl Pass for Splat {
         &DESCRIPTION
     }
 
-    fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
-        let (Some(cache), Some(gbuffer)) = (r.record_cache("records").copied(), r.g_buffer("gbuffer").copied()) else { return Ok(()) };
-        let sums = r.image("sums", gbuffer.size, Format::Rgba32Float);
-        let counts = r.arguments.bool("count").then(|| r.image("counts", gbuffer.size, Format::Rgba32Float));
-        let first = r.variable("splatted", false);
-        let radiance = radiance(r, &cache)?;
+    fn encode(&self, e: &mut Encoder<'_>) -> Result<(), Refusal> {
+        let (Some(cache), Some(gbuffer)) = (e.record_cache("records").copied(), e.g_buffer("gbuffer").copied()) else { return Ok(()) };
+        let sums = e.image("sums", gbuffer.size, Format::Rgba32Float);
+        let counts = e.arguments.bool("count").then(|| e.image("counts", gbuffer.size, Format::Rgba32Float));
+        let first = e.variable("splatted", false);
+        let radiance = radiance(e, &cache)?;
         if radiance.is_none() {
-            r.idle("rotation", "records hold irradiance alone");
+            e.idle("rotation", "records hold irradiance alone");
         }
         let work = Work { gbuffer, cache, sums, counts, first, radiance };
-        match (place(r, &work)?, &work.radiance) {
-            (Place::Host, Some(radiance)) => host_radiance::record(r, &work, radiance)?,
-            (Place::Host, None) => host::record(r, &work),
-            (Place::Device, _) => record_on_device(r, &work),
+        match (place(e, &work)?, &work.radiance) {
+            (Place::Host, Some(radiance)) => host_radiance::encode(e, &work, radiance)?,
+            (Place::Host, None) => host::encode(e, &work),
+            (Place::Device, _) => encode_on_device(e, &work),
         }
         let lobes = work.radiance.map(|radiance| radiance.visible);
-        r.output("sums", Port::Splats(port::Splats { sums, counts, lobes, cache }));
+        e.output("sums", Port::Splats(port::Splats { sums, counts, lobes, cache }));
         Ok(())
     }
 }
 
-fn place(r: &mut Recorder<'_>, work: &Work) -> Result<Place, Refusal> {
+fn place(e: &mut Encoder<'_>, work: &Work) -> Result<Place, Refusal> {
     let bodies = match &work.radiance {
         Some(radiance) => Bodies::BOTH
             .unless(radiance.visible.lobes.tables.is_none(), "the device projects the lobes")
             .unless_on_device(radiance.rotation.is_some(), "expansions are rotated by the host alone"),
-        None => r.over_pixels(work.gbuffer.size),
+        None => e.over_pixels(work.gbuffer.size),
     };
-    let by = r.arguments.choice("by").0;
-    r.place(bodies.unless(by != "Auto", format!("{by} is a way of the device")))
+    let by = e.arguments.choice("by").0;
+    e.place(bodies.unless(by != "Auto", format!("{by} is a way of the device")))
 }
 
-fn record_on_device(r: &mut Recorder<'_>, work: &Work) {
+fn encode_on_device(e: &mut Encoder<'_>, work: &Work) {
     for target in [Some(work.sums), work.counts].into_iter().flatten() {
-        at_start(r, Command::Clear(target));
+        at_start(e, Command::Clear(target));
     }
-    let blends = r.setting.device.blends;
-    match (r.arguments.choice("by").0, &work.radiance) {
+    let blends = e.setting.device.blends;
+    match (e.arguments.choice("by").0, &work.radiance) {
         ("Auto", None) if !blends => {
-            r.remark("records are splatted in compute, as the device cannot blend 32-bit floats");
-            compute_tiles::record(r, work);
+            e.remark("records are splatted in compute, as the device cannot blend 32-bit floats");
+            compute_tiles::encode(e, work);
         }
-        ("RasterBlend", _) | ("Auto", None) => raster_blend::record(r, work),
-        _ => compute_tiles::record(r, work),
+        ("RasterBlend", _) | ("Auto", None) => raster_blend::encode(e, work),
+        _ => compute_tiles::encode(e, work),
     }
 }
 
 /// Once a frame: before the loop that holds the node, or before its other commands.
-fn at_start(r: &mut Recorder<'_>, command: Command) {
-    if r.batch.is_some() { r.before_loop(command) } else { r.command(command) }
+fn at_start(e: &mut Encoder<'_>, command: Command) {
+    if e.batch.is_some() { e.before_loop(command) } else { e.command(command) }
 }

@@ -1,18 +1,18 @@
 //! A screen rectangle a record, blended additively into 32-bit floats.
 
 use super::{Work, fresh};
-use crate::contract::Recorder;
-use crate::recording::*;
+use crate::contract::Encoder;
+use crate::schedule::*;
 
-pub(super) fn record(r: &mut Recorder<'_>, work: &Work) {
-    for (stretch, count) in fresh::record(r, work, u32::MAX) {
-        draw(r, work, stretch, count);
+pub(super) fn encode(e: &mut Encoder<'_>, work: &Work) {
+    for (stretch, count) in fresh::encode(e, work, u32::MAX) {
+        draw(e, work, stretch, count);
     }
 }
 
-fn draw(r: &mut Recorder<'_>, work: &Work, stretch: Resource, count: Variable) {
+fn draw(e: &mut Encoder<'_>, work: &Work, stretch: Resource, count: Variable) {
     let add = |texture| Target { texture, clear: None, blend: Blend::Add };
-    r.command(Command::Raster(Raster {
+    e.command(Command::Raster(Raster {
         program: work
             .contribution(Program::new("splat/raster_blend"))
             .bind("records", work.cache.records)

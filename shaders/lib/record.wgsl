@@ -35,18 +35,18 @@ struct Request {
 struct Weighting {
     // The accuracy a: a record reaches a · R.
     accuracy: f32,
-    // Limits of the reach in widths of the pixel.
+    // Limits of the validity radius in widths of the pixel.
     minimum_spacing: f32,
     maximum_spacing: f32,
     // 0 Ward, 1 Tabellion and Lamorlette, 2 compact.
     kind: u32,
-    // Most of the reach in distances of the nearest thing seen.
+    // Most of the validity radius in distances of the nearest thing seen.
     nearest: f32,
-    // Most of the reach in lengths over which the irradiance changes by all of itself.
+    // Most of the validity radius in lengths over which the irradiance changes by all of itself.
     change: f32,
     // A point whose weights add up to this or less misses a record.
     overlap: f32,
-    // Most change within the least reach, as a share of the picture's irradiance, and how small that reach may become for it
+    // Most change within the least validity radius, as a share of the picture's irradiance, and how small that validity radius may become for it
     // [widths of the pixel].
     contrast: f32,
     finest_spacing: f32,
@@ -77,14 +77,14 @@ fn half_units(record: Record) -> vec2f {
 }
 
 // How far a record's gradient may be followed: not to the corner of the nearest surface, nor until all has changed.
-fn gradient_reach(record: Record, weighting: Weighting) -> f32 {
+fn gradient_radius(record: Record, weighting: Weighting) -> f32 {
     return min(weighting.nearest * record.minimum_distance, weighting.change / max(record.translation[0].w, 1e-30));
 }
 
 // How far a record reaches along its shorter axis [scene units], within the limits in pixels.
-fn reach(record: Record, weighting: Weighting) -> f32 {
+fn validity_radius(record: Record, weighting: Weighting) -> f32 {
     let distance = select(record.radius, record.minimum_distance, weighting.kind == 1u);
-    let free = min(weighting.accuracy * distance, gradient_reach(record, weighting));
+    let free = min(weighting.accuracy * distance, gradient_radius(record, weighting));
     return clamp(free, weighting.minimum_spacing * record.translation[1].w * record.footprint, weighting.maximum_spacing * record.footprint);
 }
 
@@ -104,14 +104,14 @@ fn stretch_of(record: Record) -> vec3f {
 }
 
 // How far a record reaches along its longer axis [scene units].
-fn longest_reach(record: Record, weighting: Weighting) -> f32 {
+fn longest_validity_radius(record: Record, weighting: Weighting) -> f32 {
     let stretch = stretch_of(record);
-    return reach(record, weighting) / sqrt(max(1.0 - dot(stretch, stretch), 0.01));
+    return validity_radius(record, weighting) / sqrt(max(1.0 - dot(stretch, stretch), 0.01));
 }
 
 // Weight of a record at a point; 0 where it does not count.
 fn record_weight(record: Record, weighting: Weighting, position: vec3f, normal: vec3f) -> f32 {
-    let radius = max(reach(record, weighting), 1e-30);
+    let radius = max(validity_radius(record, weighting), 1e-30);
     let d = position - record.position;
     let along = dot(d, stretch_of(record));
     let apart = sqrt(max(dot(d, d) - along * along, 0.0)) / radius;
@@ -142,7 +142,7 @@ fn record_weight(record: Record, weighting: Weighting, position: vec3f, normal: 
 fn record_estimate(record: Record, weighting: Weighting, position: vec3f, normal: vec3f) -> vec3f {
     let turn = cross(record.normal, normal);
     // A record that has to reach farther foretells at its rim what it would have where its gradient ends.
-    let share = min(gradient_reach(record, weighting) / max(reach(record, weighting), 1e-30), 1.0);
+    let share = min(gradient_radius(record, weighting) / max(validity_radius(record, weighting), 1e-30), 1.0);
     let move_by = (position - record.position) * share;
     let change = vec3f(
         dot(turn, record.rotation[0].xyz) + dot(move_by, record.translation[0].xyz),

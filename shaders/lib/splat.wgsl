@@ -30,7 +30,7 @@ struct Rectangle {
 
 // Bounds the sphere that a record reaches, half a pixel wider: a pixel is covered where its centre is.
 fn rectangle_of(record: Record, weighting: Weighting) -> Rectangle {
-    let radius = longest_reach(record, weighting) * 1.0001;
+    let radius = longest_validity_radius(record, weighting) * 1.0001;
     let d = record.position - camera.eye;
     let depth = dot(d, camera.forward);
     let x = extent_along(dot(d, camera.right), depth, radius, camera.half_width);

@@ -6,11 +6,11 @@
 
 // What a tile adds up to, as six vectors in the record's frame: irradiance with Σ w/d; rotation gradients of red and
 // green; of blue with Σ w and 1/nearest; translation gradients of red, green and blue with xx, xy and yy of the
-// luminance's second derivatives, 0 where the reach does not follow the curvature. math::sum is the twin.
+// luminance's second derivatives, 0 where the validity radius does not follow the curvature. math::sum is the twin.
 
 const PARTS = 6u;
 
-// What the reach is in proportion to: 0 the harmonic mean distance, 1 the curvature.
+// What the validity radius is in proportion to: 0 the harmonic mean distance, 1 the curvature.
 override RADIUS: u32 = 0u;
 // Whether gradients are wanted.
 override GRADIENTS: bool = true;

@@ -1,11 +1,11 @@
-// The numbers of a recording, as a loop that the device drives has them: five of the loop, then those that passes declare, then what each of
+// The numbers of a schedule, as a loop that the device drives has them: five of the loop, then those that passes declare, then what each of
 // those was last before it became 0.
 
 @group(0) @binding(31) var<storage, read_write> variables: array<u32>;
 
 // Rounds that have begun.
 const ROUNDS = 0u;
-// Whether the loop has ended, so that the rounds recorded ahead do nothing.
+// Whether the loop has ended, so that the rounds encoded ahead do nothing.
 const IS_OVER = 1u;
 const IS_LAST_ROUND = 2u;
 // Why the loop ends although work is left, by its code; 0 for no reason.

@@ -13,7 +13,7 @@ use crate::measure::{Layer, Layers};
 use crate::passes::photons::{Photon, SLOTS_BEFORE, unpacked_ways};
 use crate::passes::record::{Record, Request, indexed};
 use crate::pipeline::Plan;
-use crate::recording::{Resource, ResourceKind};
+use crate::schedule::{Resource, ResourceKind};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -54,7 +54,7 @@ fn write_port(name: &str, port: &Port, plan: &Plan, run: &Run<'_>, beside: &Path
         Port::VisibleLobes(_) | Port::Image(_) | Port::DirectLight(_) | Port::Splats(_) => {
             let Some(image) = image(port) else { return Ok(()) };
             let layer = run.layer(name, image).map_err(Failure::work)?;
-            let ResourceKind::Texture { size, .. } = plan.recording.resource(image.texture).kind else { return Ok(()) };
+            let ResourceKind::Texture { size, .. } = plan.schedule.resource(image.texture).kind else { return Ok(()) };
             write_layers(Layers::new(size[0], size[1]).with("dump", layer), name, beside)
         }
     }
@@ -113,19 +113,20 @@ fn write_photons(photons: &[Photon], name: &str, beside: &Path) -> Result<(), Fa
 }
 
 fn write_records(records: &[Record], rule: Option<port::Rule>, name: &str, beside: &Path) -> Result<(), Failure> {
-    let mut csv = String::from("x,y,z,normal_x,normal_y,normal_z,irradiance_r,irradiance_g,irradiance_b,radius,minimum_distance,footprint,reach,limited_by\n");
+    let mut csv =
+        String::from("x,y,z,normal_x,normal_y,normal_z,irradiance_r,irradiance_g,irradiance_b,radius,minimum_distance,footprint,validity_radius,limited_by\n");
     let mut ply = format!("ply\nformat ascii 1.0\nelement vertex {}\n", records.len());
-    for property in ["x", "y", "z", "nx", "ny", "nz", "red", "green", "blue", "radius", "reach"] {
+    for property in ["x", "y", "z", "nx", "ny", "nz", "red", "green", "blue", "radius", "validity_radius"] {
         let _ = writeln!(ply, "property float {property}");
     }
     ply.push_str("end_header\n");
     for record in records {
         let ([x, y, z], [a, b, c], [r, g, h]) = (record.position, record.normal, record.irradiance);
         let twin = weight::Record::from(record);
-        let (reach, limited_by) = rule.map_or((record.radius, ""), |rule| (rule.reach(&twin), rule.limited_by(&twin)));
+        let (validity_radius, limited_by) = rule.map_or((record.radius, ""), |rule| (rule.validity_radius(&twin), rule.limited_by(&twin)));
         let (radius, footprint) = (record.radius, record.footprint);
-        let _ = writeln!(csv, "{x},{y},{z},{a},{b},{c},{r},{g},{h},{radius},{},{footprint},{reach},{limited_by}", record.minimum_distance);
-        let _ = writeln!(ply, "{x} {y} {z} {a} {b} {c} {r} {g} {h} {radius} {reach}");
+        let _ = writeln!(csv, "{x},{y},{z},{a},{b},{c},{r},{g},{h},{radius},{},{footprint},{validity_radius},{limited_by}", record.minimum_distance);
+        let _ = writeln!(ply, "{x} {y} {z} {a} {b} {c} {r} {g} {h} {radius} {validity_radius}");
     }
     file(beside, name, "csv")?.write(csv.as_bytes())?;
     file(beside, name, "ply")?.write(ply.as_bytes())
@@ -151,7 +152,7 @@ fn tiles_picture(tiles: &port::Tiles, run: &Run<'_>) -> Result<Layers, Failure> 
 /// What is seen, one layer each.
 fn surfaces_picture(surfaces: &port::GBuffer, plan: &Plan, run: &Run<'_>) -> Result<Layers, Failure> {
     use port::Channels::{Colour, Vector};
-    let ResourceKind::Texture { size: [width, height], .. } = plan.recording.resource(surfaces.position).kind else {
+    let ResourceKind::Texture { size: [width, height], .. } = plan.schedule.resource(surfaces.position).kind else {
         return Ok(Layers::new(1, 1));
     };
     let images = [("position", surfaces.position, Vector), ("normal", surfaces.normal, Vector), ("reflectance", surfaces.reflectance, Colour)];

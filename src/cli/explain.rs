@@ -28,6 +28,6 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     let view = options.scene.load(console)?;
     let plan = plan_view(&pipeline, &view, expected_device(), &[]).map_err(Failure::input)?;
     note_idle(&plan, &options.sets, console);
-    let sizes = spirv::sizes(&plan.recording).map_err(Failure::work)?;
+    let sizes = spirv::sizes(&plan.schedule).map_err(Failure::work)?;
     console.print(&(plan.explain() + &spirv::to_text(&sizes)))
 }

@@ -4,8 +4,8 @@ use super::failure::{CommandError, Failure};
 use super::pipeline::{load_pipeline, plan_view};
 use super::scene::View;
 use crate::pipeline::{PerFrame, Plan};
-use crate::recording::Device;
 use crate::scene::Camera;
+use crate::schedule::Device;
 use clap::Args;
 use std::ops::Range;
 
@@ -63,7 +63,7 @@ impl Plans {
                 continue;
             }
             let plan = plan_view(&load_pipeline(pipeline, &frame.sets)?, view, device, dumps).map_err(Failure::input)?;
-            if let Some(what) = plans.first().and_then(|(_, first)| first.recording.difference(&plan.recording)) {
+            if let Some(what) = plans.first().and_then(|(_, first)| first.schedule.difference(&plan.schedule)) {
                 return Err(Failure::input(CommandError::OtherPlan { frame: frame.number, sets: frame.sets.join(" "), what }));
             }
             plans.push((frame.sets.clone(), plan));

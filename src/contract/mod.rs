@@ -1,15 +1,15 @@
 //! What a pass promises: its parameters, its ports, whether a scene needs it, and what it records.
 
 pub mod arguments;
+pub mod encoder;
 pub mod place;
 pub mod port;
-pub mod recorder;
 pub mod tables;
 
 pub use arguments::{Arguments, Value};
+pub use encoder::{Encoder, Refusal};
 pub use place::{Bodies, PLACE, Place};
 pub use port::{Port, PortKind};
-pub use recorder::{Recorder, Refusal};
 
 use crate::scene::needs::Needs;
 
@@ -30,7 +30,7 @@ pub trait Pass: Send + Sync {
     }
 
     /// Declares the node's resources and commands. Called once per plan, needs no device.
-    fn record(&self, recorder: &mut Recorder<'_>) -> Result<(), Refusal>;
+    fn encode(&self, encoder: &mut Encoder<'_>) -> Result<(), Refusal>;
 }
 
 /// The passes that pipelines may use, by name.

@@ -1,7 +1,7 @@
 //! Where the work of a node is done: by the host or by the device.
 
-use super::{Choice, Parameter, ParameterKind, Recorder, Refusal};
-use crate::recording::Device;
+use super::{Choice, Encoder, Parameter, ParameterKind, Refusal};
+use crate::schedule::Device;
 use std::borrow::Cow;
 
 /// A side of the program's memory, and who works there.
@@ -117,7 +117,7 @@ pub fn refuse(asked: Place, obstacle: &str, other: Place) -> Refusal {
     Refusal::of_parameter(PLACE.name, "plan::place", told, format!("set `place` to Auto or {other:?}"))
 }
 
-impl Recorder<'_> {
+impl Encoder<'_> {
     /// Who does the node's work, by its parameter `place`; the reason becomes a remark.
     ///
     /// # Errors

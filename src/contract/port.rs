@@ -8,7 +8,7 @@ use crate::math::harmonics::{
 use crate::math::hemisphere::Table;
 use crate::math::radiance::PLANES;
 pub use crate::math::weight::{Rule, Weighting};
-use crate::recording::{Resource, Variable};
+use crate::schedule::{Resource, Variable};
 use std::sync::Arc;
 
 /// The kind of a port: an edge joins an output to an input of the same kind.
@@ -248,7 +248,7 @@ pub struct Tiles {
     pub samples: Resource,
     /// Where they were shaded.
     pub place: Place,
-    /// Whether lamps and the sky are in them; otherwise the direct pass lights from these.
+    /// Whether emitters and the sky are in them; otherwise the direct pass lights from these.
     pub sees_emission: bool,
     pub requests: Requests,
     pub shape: crate::math::hemisphere::Shape,
@@ -276,7 +276,7 @@ pub struct Records {
     pub coefficients: Option<Coefficients>,
     pub count: Variable,
     pub capacity: u32,
-    /// Whether light that comes straight from lamps and the sky is in them: see [`Tiles::sees_emission`].
+    /// Whether light that comes straight from emitters and the sky is in them: see [`Tiles::sees_emission`].
     pub sees_emission: bool,
 }
 
@@ -329,7 +329,7 @@ pub struct PhotonDensity {
     /// Photons of a point, where there are so many near.
     pub wanted: u32,
     /// How far away they may be [scene units].
-    pub reach: f32,
+    pub search_radius: f32,
     /// Whether their outline tells the area that they stand for; otherwise all of the disc does.
     pub edges: bool,
 }

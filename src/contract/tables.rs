@@ -1,6 +1,6 @@
 //! Tables that are slow to make and depend on parameters alone, kept for the next plan.
 
-use super::Recorder;
+use super::Encoder;
 use bytemuck::Pod;
 use std::collections::HashMap;
 use std::sync::{Mutex, PoisonError};
@@ -27,7 +27,7 @@ impl TableStore for Remembered {
     }
 }
 
-impl Recorder<'_> {
+impl Encoder<'_> {
     /// The table of `count` numbers or vectors that was kept under this key, or else one that is made now. Keys name the version of what makes the table.
     pub fn table<T: Pod>(&self, key: &str, count: usize, make: impl FnOnce() -> Vec<T>) -> Vec<T> {
         let Some(store) = self.setting.tables else { return make() };

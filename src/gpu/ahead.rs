@@ -1,4 +1,4 @@
-//! Loops that the device drives: rounds are recorded ahead of the host's knowing whether they are needed, and it looks every so many of them.
+//! Loops that the device drives: rounds are encoded ahead of the host's knowing whether they are needed, and it looks every so many of them.
 
 use super::device::GpuError;
 use super::encode::Pending;
@@ -7,9 +7,9 @@ use super::programs::Ready;
 use super::readback;
 use super::session::Session;
 use super::timing::Timing;
-use crate::recording::*;
+use crate::schedule::*;
 
-/// Rounds that are recorded before the first look, where no frame has told how many it takes.
+/// Rounds that are encoded before the first look, where no frame has told how many it takes.
 const FIRST: u32 = 8;
 /// Most rounds between two looks.
 const MOST: u32 = 64;
@@ -67,7 +67,7 @@ impl Session<'_> {
     }
 
     pub(super) fn variables_on_device(&self) -> Resource {
-        let found = self.recording.resources.iter().position(|resource| resource.lifetime == Lifetime::Variables);
+        let found = self.schedule.resources.iter().position(|resource| resource.lifetime == Lifetime::Variables);
         found.map_or_else(|| unreachable!("such loops have variables on the device"), |index| Resource(index as u32))
     }
 
@@ -115,7 +115,7 @@ impl Session<'_> {
         }
     }
 
-    /// Waits for all that was recorded, and takes the variables over.
+    /// Waits for all that was encoded, and takes the variables over.
     fn look_at_progress(&mut self, pending: &mut Pending) -> Result<Progress, GpuError> {
         self.waits += 1;
         let Words { progress, values, latest, .. } = self.look_at_variables(pending)?;
@@ -123,7 +123,7 @@ impl Session<'_> {
         Ok(progress)
     }
 
-    /// Waits for all that was recorded.
+    /// Waits for all that was encoded.
     pub(super) fn look_at_variables(&mut self, pending: &mut Pending) -> Result<Words, GpuError> {
         let variables = self.variables_on_device();
         let staging = self.kept_staging(variables);

@@ -6,7 +6,7 @@ use super::encode::Pending;
 use super::memory::Physical;
 use super::readback;
 use super::session::Session;
-use crate::recording::*;
+use crate::schedule::*;
 use std::collections::HashMap;
 
 /// Of a resource that a host step reads.
@@ -93,7 +93,7 @@ impl Session<'_> {
 
     /// Bytes of a resource, rows of a texture without padding.
     pub(super) fn unpadded_bytes(&self, resource: Resource) -> usize {
-        self.recording.resource(resource).kind.bytes() as usize
+        self.schedule.resource(resource).kind.bytes() as usize
     }
 
     fn wanted_bytes(&self, read: Read) -> usize {

@@ -1,7 +1,7 @@
 //! What the host has of resources. Contents stay on the side that made them until the other side looks: host steps that work on one thing after another
 //! move nothing, and what only they look at never reaches the device. Resources that share memory on the device share room here.
 
-use crate::recording::{Placement, Resource};
+use crate::schedule::{Placement, Resource};
 use glam::Vec4;
 use std::collections::HashMap;
 use std::ops::Range;

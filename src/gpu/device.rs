@@ -1,6 +1,6 @@
 //! Adapters and devices.
 
-use crate::recording::Device;
+use crate::schedule::Device;
 use miette::Diagnostic;
 use std::sync::{Arc, Mutex, OnceLock};
 use thiserror::Error;
@@ -44,7 +44,7 @@ pub enum GpuError {
     #[error("{node}: {reason}")]
     #[diagnostic(code(gpu::host_step))]
     HostStep { node: String, reason: String },
-    #[error("the session cannot go on with another recording: {what}")]
+    #[error("the session cannot go on with another schedule: {what}")]
     #[diagnostic(code(gpu::other_recording))]
     OtherRecording { what: String },
     #[error("interrupted")]

@@ -3,9 +3,9 @@
 use super::programs::Ready;
 use super::readback;
 use super::session::Session;
-use crate::recording::*;
+use crate::schedule::*;
 
-/// Commands recorded but not yet submitted.
+/// Commands encoded but not yet submitted.
 pub(super) struct Pending {
     pub encoder: wgpu::CommandEncoder,
     pub empty: bool,
@@ -43,13 +43,13 @@ impl Session<'_> {
     }
 
     fn encode_copy(&self, from: Resource, to: Resource, encoder: &mut wgpu::CommandEncoder) {
-        match self.recording.resource(to).kind {
+        match self.schedule.resource(to).kind {
             ResourceKind::Texture { .. } => {
                 let (from, to) = (self.texture(from).0, self.texture(to).0);
                 encoder.copy_texture_to_texture(from.as_image_copy(), to.as_image_copy(), to.size());
             }
             // An allocation may be larger than the resource that it is lent to.
-            _ => encoder.copy_buffer_to_buffer(self.buffer(from), 0, self.buffer(to), 0, self.recording.resource(to).kind.bytes()),
+            _ => encoder.copy_buffer_to_buffer(self.buffer(from), 0, self.buffer(to), 0, self.schedule.resource(to).kind.bytes()),
         }
     }
 

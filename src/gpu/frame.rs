@@ -6,7 +6,7 @@ use super::encode::Pending;
 use super::scene as scene_data;
 use super::session::Session;
 use super::timing::Timing;
-use crate::recording::*;
+use crate::schedule::*;
 use serde::Serialize;
 use std::time::{Duration, Instant};
 
@@ -59,7 +59,7 @@ pub enum Pace {
 pub type AskPace<'k> = &'k dyn Fn() -> Pace;
 
 impl Session<'_> {
-    /// Runs the recording once.
+    /// Runs the schedule once.
     pub fn frame(&mut self, pace: AskPace) -> Result<Frame, GpuError> {
         let start = Instant::now();
         let mut frame = match self.speculative_frame(pace)? {
@@ -84,17 +84,17 @@ impl Session<'_> {
         Ok(frame)
     }
 
-    /// Runs or records all of a frame, but for what is pending.
+    /// Runs or encodes all of a frame, but for what is pending.
     pub(super) fn encode_frame(&mut self, pace: AskPace) -> (Result<Frame, GpuError>, Pending) {
         self.start_frame();
-        let (recording, mut pending) = (self.recording, self.pending());
+        let (schedule, mut pending) = (self.schedule, self.pending());
         let mut frame = Frame { seconds: 0.0, nodes: Vec::new(), fill_rounds: None, waits: 0, unfinished: Vec::new() };
-        let result = self.run(&recording.steps, 0, &mut pending, &mut frame, pace);
+        let result = self.run(&schedule.steps, 0, &mut pending, &mut frame, pace);
         (result.map(|_| frame), pending)
     }
 
     fn start_frame(&mut self) {
-        for (variable, description) in self.variables.iter_mut().zip(&self.recording.variables) {
+        for (variable, description) in self.variables.iter_mut().zip(&self.schedule.variables) {
             if !description.history {
                 *variable = 0;
             }
@@ -104,13 +104,13 @@ impl Session<'_> {
         self.latest.clone_from(&self.variables);
         self.lists.clear();
         self.states.clear();
-        let recording = self.recording;
-        self.copies.invalidate(|resource| matches!(recording.resource(resource).lifetime, Lifetime::Transient));
+        let schedule = self.schedule;
+        self.copies.invalidate(|resource| matches!(schedule.resource(resource).lifetime, Lifetime::Transient));
         for node in &mut self.nodes {
             (node.gpu_ms, node.cpu_ms, node.runs) = (None, 0.0, 0);
         }
         let camera = scene_data::camera(&self.camera.0, self.camera.1, self.extent, self.frames);
-        for (index, resource) in self.recording.resources.iter().enumerate() {
+        for (index, resource) in self.schedule.resources.iter().enumerate() {
             if matches!(resource.lifetime, Lifetime::Frame) {
                 self.overwrite(Resource(index as u32), bytemuck::bytes_of(&camera));
             }

@@ -5,8 +5,8 @@ use super::copies::Copies;
 use super::device::GpuError;
 use super::encode::Pending;
 use super::session::Session;
-use crate::recording::*;
 use crate::scene::{Camera, Scene, bvh::Bvh};
+use crate::schedule::*;
 use glam::Vec4;
 use std::any::Any;
 use std::cell::Cell;
@@ -40,7 +40,7 @@ impl Session<'_> {
         (self.lists, self.states, self.variables) = (lists, states, variables);
         (self.latest, self.copies, self.cut_short) = (latest, copies, cut_short);
         match undeclared {
-            Some(resource) => Err(failed(format!("`{}` touches {}, which it does not declare", host.name, self.recording.resource(resource).name))),
+            Some(resource) => Err(failed(format!("`{}` touches {}, which it does not declare", host.name, self.schedule.resource(resource).name))),
             None => result.map_err(failed),
         }
     }
@@ -158,9 +158,9 @@ impl HostContext for HostView<'_, '_> {
 }
 
 /// What host steps hand to each other or to their next round: what more than one of them touches, one in a loop, or one that changes it in place.
-pub(super) fn shared(recording: &Recording) -> HashSet<Resource> {
+pub(super) fn shared(schedule: &Schedule) -> HashSet<Resource> {
     let (mut once, mut shared) = (HashSet::new(), HashSet::new());
-    share(&recording.steps, false, &mut once, &mut shared);
+    share(&schedule.steps, false, &mut once, &mut shared);
     shared
 }
 

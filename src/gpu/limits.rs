@@ -1,17 +1,17 @@
-//! What a recording asks of an adapter, held against what the adapter grants before anything is built.
+//! What a schedule asks of an adapter, held against what the adapter grants before anything is built.
 
 use super::device::GpuError;
 use super::pipelines::formats;
 use super::shader::{Slot, SlotKind};
 use super::shaders::Shaders;
-use crate::recording::*;
+use crate::schedule::*;
 
-/// Holds a recording against the limits and features of an adapter; `wgpu::Limits::default()` is what every adapter of WebGPU grants.
+/// Holds a schedule against the limits and features of an adapter; `wgpu::Limits::default()` is what every adapter of WebGPU grants.
 ///
 /// # Errors
 /// The first thing that is too large or too many, with the node that asks for it; a shader that is not valid.
-pub fn hold(recording: &Recording, limits: &wgpu::Limits, features: wgpu::Features, adapter: &str) -> Result<(), GpuError> {
-    hold_shaders(recording, &Shaders::load(recording)?, &Granted { limits, features, adapter })
+pub fn hold(schedule: &Schedule, limits: &wgpu::Limits, features: wgpu::Features, adapter: &str) -> Result<(), GpuError> {
+    hold_shaders(schedule, &Shaders::load(schedule)?, &Granted { limits, features, adapter })
 }
 
 /// What an adapter grants.
@@ -22,12 +22,12 @@ pub(super) struct Granted<'a> {
     pub adapter: &'a str,
 }
 
-/// The same with the recording's shaders at hand.
-pub(super) fn hold_shaders<'r>(recording: &'r Recording, shaders: &'r Shaders, granted: &Granted<'_>) -> Result<(), GpuError> {
-    recording.resources.iter().try_for_each(|resource| hold_resource(resource, granted.limits))?;
-    for node in recording.nodes() {
+/// The same with the schedule's shaders at hand.
+pub(super) fn hold_shaders<'r>(schedule: &'r Schedule, shaders: &'r Shaders, granted: &Granted<'_>) -> Result<(), GpuError> {
+    schedule.resources.iter().try_for_each(|resource| hold_resource(resource, granted.limits))?;
+    for node in schedule.nodes() {
         for command in &node.commands {
-            let asked = |program: &'r Program| Asked { recording, name: format!("{}: {}", node.name, program.shader), program, shaders };
+            let asked = |program: &'r Program| Asked { schedule, name: format!("{}: {}", node.name, program.shader), program, shaders };
             command.computes().iter().try_for_each(|compute| asked(&compute.program).hold_compute(compute, granted.limits))?;
             if let Command::Raster(raster) = command {
                 asked(&raster.program).hold_raster(raster, granted)?;
@@ -55,7 +55,7 @@ fn hold_resource(resource: &ResourceDescription, limits: &wgpu::Limits) -> Resul
 
 /// A command's shader, and what is bound to it.
 struct Asked<'a> {
-    recording: &'a Recording,
+    schedule: &'a Schedule,
     /// Node and shader, for messages.
     name: String,
     program: &'a Program,
@@ -84,7 +84,7 @@ impl Asked<'_> {
     fn hold_raster(&self, raster: &Raster, granted: &Granted<'_>) -> Result<(), GpuError> {
         self.hold_slots(&raster.entries(), granted.limits)?;
         let (mut count, mut bytes) = (0, 0);
-        for (format, blend) in formats(self.recording, raster) {
+        for (format, blend) in formats(self.schedule, raster) {
             (count, bytes) = (count + 1, bytes + format.bytes());
             if (format, blend) == (Format::Rgba32Float, Blend::Add) && !granted.features.contains(wgpu::Features::FLOAT32_BLENDABLE) {
                 return Err(self.lacks_blending(granted.adapter));
@@ -122,8 +122,8 @@ impl Asked<'_> {
             SlotKind::Uniform => limits.max_uniform_buffer_binding_size,
             SlotKind::Texture { .. } | SlotKind::StorageTexture { .. } => return Ok(()),
         };
-        let Some(resource) = self.recording.bound(self.program, &slot.name) else { return Ok(()) };
-        let resource = self.recording.resource(resource);
+        let Some(resource) = self.schedule.bound(self.program, &slot.name) else { return Ok(()) };
+        let resource = self.schedule.resource(resource);
         within(&format!("{}, which {} binds", resource.name, self.name), resource.kind.bytes(), limit, "bytes")
     }
 }

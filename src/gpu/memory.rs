@@ -3,7 +3,7 @@
 use super::device::GpuError;
 use super::scene as scene_data;
 use super::session::Session;
-use crate::recording::*;
+use crate::schedule::*;
 
 /// What stands behind a resource.
 pub(super) enum Physical {
@@ -19,10 +19,10 @@ pub(super) enum Physical {
 
 impl Session<'_> {
     pub(super) fn allocate(&mut self, placement: &Placement) -> Result<(), GpuError> {
-        let name = |slot: usize| placement.slots.iter().zip(&self.recording.resources).find(|(of, _)| **of == Some(slot as u32)).map_or("", |(_, r)| &r.name);
+        let name = |slot: usize| placement.slots.iter().zip(&self.schedule.resources).find(|(of, _)| **of == Some(slot as u32)).map_or("", |(_, r)| &r.name);
         let names: Vec<&str> = (0..placement.allocations.len()).map(name).collect();
         let shared = placement.allocations.iter().zip(names).map(|(kind, name)| self.create(name, kind)).collect::<Result<Vec<_>, _>>()?;
-        for (index, description) in self.recording.resources.iter().enumerate() {
+        for (index, description) in self.schedule.resources.iter().enumerate() {
             let physical = match (&description.lifetime, &description.kind) {
                 (_, ResourceKind::Draws | ResourceKind::State) => Physical::Host,
                 (Lifetime::Scene(data), kind) => self.upload(&description.name, kind, &scene_data::bytes(self.scene, self.bvh, *data))?,
@@ -91,14 +91,14 @@ impl Session<'_> {
     pub(super) fn buffer(&self, resource: Resource) -> &wgpu::Buffer {
         match &self.physical[resource.0 as usize] {
             Physical::Buffer(buffer) => buffer,
-            _ => unreachable!("{} is not a buffer", self.recording.resource(resource).name),
+            _ => unreachable!("{} is not a buffer", self.schedule.resource(resource).name),
         }
     }
 
     pub(super) fn texture(&self, resource: Resource) -> (&wgpu::Texture, Format) {
         match &self.physical[resource.0 as usize] {
             Physical::Texture { texture, format } => (texture, *format),
-            _ => unreachable!("{} is not a texture", self.recording.resource(resource).name),
+            _ => unreachable!("{} is not a texture", self.schedule.resource(resource).name),
         }
     }
 }

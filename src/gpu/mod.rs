@@ -1,4 +1,4 @@
-//! Executing recordings on a device.
+//! Executing schedules on a device.
 
 mod ahead;
 mod clock;

@@ -1,14 +1,14 @@
-//! Shader pipelines of a recording: what its commands run, before anything is bound.
+//! Shader pipelines of a schedule: what its commands run, before anything is bound.
 
 use super::device::{Gpu, GpuError};
 use super::memory::texture_format;
 use super::shader::{Slot, SlotKind};
 use super::shaders::{Shaders, Source, source};
-use crate::recording::*;
+use crate::schedule::*;
 use rayon::prelude::*;
 use std::collections::{BTreeMap, HashMap};
 
-/// Every pipeline of a recording, once, by everything that makes it differ from others.
+/// Every pipeline of a schedule, once, by everything that makes it differ from others.
 pub(super) struct Pipelines {
     compute: HashMap<String, Built<wgpu::ComputePipeline>>,
     raster: HashMap<String, Built<wgpu::RenderPipeline>>,
@@ -30,18 +30,18 @@ impl Pipelines {
     ///
     /// # Errors
     /// A shader that the driver refuses.
-    pub fn build(gpu: &Gpu, recording: &Recording, shaders: &Shaders) -> Result<Self, GpuError> {
+    pub fn build(gpu: &Gpu, schedule: &Schedule, shaders: &Shaders) -> Result<Self, GpuError> {
         let (mut computes, mut rasters) = (BTreeMap::new(), BTreeMap::new());
-        for command in recording.nodes().into_iter().flat_map(|node| &node.commands) {
+        for command in schedule.nodes().into_iter().flat_map(|node| &node.commands) {
             computes.extend(command.computes().iter().map(|compute| (key_of_compute(compute), compute)));
             if let Command::Raster(raster) = command {
-                rasters.insert(key_of_raster(recording, raster), raster);
+                rasters.insert(key_of_raster(schedule, raster), raster);
             }
         }
         let modules: Modules = shaders.par_iter().map(|(source, shader)| (source.clone(), module(gpu, source.0, &shader.text))).collect();
         let builder = Builder { gpu, shaders, modules };
         let compute = |(key, compute)| Ok((key, builder.compute(compute)?));
-        let raster = |(key, raster)| Ok((key, builder.raster(raster, &formats(recording, raster))?));
+        let raster = |(key, raster)| Ok((key, builder.raster(raster, &formats(schedule, raster))?));
         let (compute, raster) = rayon::join(
             || computes.into_par_iter().map(compute).collect::<Result<_, GpuError>>(),
             || rasters.into_par_iter().map(raster).collect::<Result<_, GpuError>>(),
@@ -54,8 +54,8 @@ impl Pipelines {
         &self.compute[&key_of_compute(compute)]
     }
 
-    pub fn of_raster(&self, recording: &Recording, raster: &Raster) -> &Built<wgpu::RenderPipeline> {
-        &self.raster[&key_of_raster(recording, raster)]
+    pub fn of_raster(&self, schedule: &Schedule, raster: &Raster) -> &Built<wgpu::RenderPipeline> {
+        &self.raster[&key_of_raster(schedule, raster)]
     }
 }
 
@@ -63,15 +63,15 @@ fn key_of_compute(compute: &Compute) -> String {
     compute.program.specialisation(compute.entry)
 }
 
-fn key_of_raster(recording: &Recording, raster: &Raster) -> String {
-    let formats = formats(recording, raster);
+fn key_of_raster(schedule: &Schedule, raster: &Raster) -> String {
+    let formats = formats(schedule, raster);
     let slots = [raster.depth.is_some(), raster.vertices.is_some(), raster.instances.is_some()];
     format!("{} {:?} {formats:?} {slots:?} {:?}", raster.program.specialisation(raster.vertex), raster.fragment, raster.topology)
 }
 
 /// Of the images that a command draws into, and how it does.
-pub(super) fn formats(recording: &Recording, raster: &Raster) -> Vec<(Format, Blend)> {
-    let format = |target: &Target| match recording.resource(target.texture).kind {
+pub(super) fn formats(schedule: &Schedule, raster: &Raster) -> Vec<(Format, Blend)> {
+    let format = |target: &Target| match schedule.resource(target.texture).kind {
         ResourceKind::Texture { format, .. } => Some((format, target.blend)),
         _ => None,
     };

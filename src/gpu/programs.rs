@@ -5,7 +5,7 @@ use super::pipelines::{Built, Pipelines};
 use super::session::Session;
 use super::shader::{Slot, SlotKind};
 use super::shaders::Shaders;
-use crate::recording::*;
+use crate::schedule::*;
 use std::num::NonZeroU64;
 
 /// A command with everything that encoding it needs.
@@ -44,10 +44,10 @@ impl Dispatch {
 }
 
 impl Session<'_> {
-    /// The commands of a recording, each with its shader built and what it touches bound, by node.
+    /// The commands of a schedule, each with its shader built and what it touches bound, by node.
     pub(super) fn prepare_all(&self, shaders: &Shaders) -> Result<Vec<Vec<Ready>>, GpuError> {
-        let pipelines = Pipelines::build(self.gpu, self.recording, shaders)?;
-        let nodes = self.recording.nodes();
+        let pipelines = Pipelines::build(self.gpu, self.schedule, shaders)?;
+        let nodes = self.schedule.nodes();
         let ready = nodes.iter().map(|node| node.commands.iter().map(|command| self.prepare(command, &pipelines)).collect()).collect();
         self.gpu.check("binding what shaders touch")?;
         ready
@@ -61,7 +61,7 @@ impl Session<'_> {
                 command.computes().iter().map(|compute| self.prepare_dispatch(compute, pipelines)).collect::<Result<_, _>>().map(Ready::Compute)
             }
             Command::Raster(raster) => {
-                let built = pipelines.of_raster(self.recording, raster);
+                let built = pipelines.of_raster(self.schedule, raster);
                 let view = |texture: Resource, layer: u32| layer_view(self.texture(texture).0, layer);
                 Ok(Ready::Raster {
                     pipeline: built.pipeline.clone(),
@@ -79,7 +79,7 @@ impl Session<'_> {
     }
 
     fn prepare_clear(&self, resource: Resource) -> Ready {
-        match self.recording.resource(resource).kind {
+        match self.schedule.resource(resource).kind {
             ResourceKind::Texture { format, .. } => Ready::Clear { layers: layer_views(self.texture(resource).0), format },
             _ => Ready::Plain,
         }
@@ -111,13 +111,13 @@ impl Session<'_> {
     /// A buffer as far as it is the resource's: memory that it shares may be larger than a uniform can be.
     fn part(&self, resource: Resource) -> wgpu::BufferBinding<'_> {
         let buffer = self.buffer(resource);
-        let description = self.recording.resource(resource);
+        let description = self.schedule.resource(resource);
         let size = matches!(description.lifetime, Lifetime::Transient).then(|| NonZeroU64::new(description.kind.bytes())).flatten();
         wgpu::BufferBinding { buffer, offset: 0, size }
     }
 
     fn bound(&self, program: &Program, name: &str) -> Result<Resource, GpuError> {
-        self.recording.bound(program, name).ok_or_else(|| GpuError::Shader { shader: program.shader.into(), reason: format!("nothing is bound to {name}") })
+        self.schedule.bound(program, name).ok_or_else(|| GpuError::Shader { shader: program.shader.into(), reason: format!("nothing is bound to {name}") })
     }
 
     fn view(&self, slot: &Slot, resource: Resource) -> Option<wgpu::TextureView> {

@@ -1,7 +1,7 @@
 //! From the device's memory to the host's.
 
 use super::device::{Gpu, GpuError};
-use crate::recording::Format;
+use crate::schedule::Format;
 
 /// Looks at the first bytes of a staging buffer, once the device is done with it.
 pub fn look<T>(gpu: &Gpu, staging: &wgpu::Buffer, bytes: u64, look: impl FnOnce(&[u8]) -> T) -> Result<T, GpuError> {

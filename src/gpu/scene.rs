@@ -2,8 +2,8 @@
 
 use super::hierarchy;
 use crate::host_struct;
-use crate::recording::{Format, HostLayout, ResourceKind, SceneData};
 use crate::scene::{Camera, Emitter, Environment, Glossy, LightKind, Material, Scene, Triangle, bvh::Bvh, shadow_half, shadow_layers};
+use crate::schedule::{Format, HostLayout, ResourceKind, SceneData};
 use bytemuck::{bytes_of, cast_slice};
 use glam::{Vec2, Vec3};
 

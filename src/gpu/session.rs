@@ -1,4 +1,4 @@
-//! A recording made ready on a device: its memory, its shader pipelines, and where it stands.
+//! A schedule made ready on a device: its memory, its shader pipelines, and where it stands.
 
 use super::clock::Clock;
 use super::copies::Copies;
@@ -12,20 +12,20 @@ use super::programs::{Ready, layer_views};
 use super::shaders::Shaders;
 use super::speculation::{self, Speculation};
 use super::timing::Timing;
-use crate::recording::*;
 use crate::scene::{Camera, Scene, bvh::Bvh};
+use crate::schedule::*;
 use std::any::Any;
 use std::collections::{HashMap, HashSet};
 
-/// A recording made ready on a device. History resources live as long as the session.
+/// A schedule made ready on a device. History resources live as long as the session.
 pub struct Session<'a> {
     pub(super) gpu: &'a Gpu,
     pub(super) scene: &'a Scene,
     pub(super) extent: f32,
     pub(super) bvh: &'a Bvh,
-    pub(super) recording: &'a Recording,
+    pub(super) schedule: &'a Schedule,
     pub(super) physical: Vec<Physical>,
-    /// Commands of each node, in the order of [`Recording::nodes`].
+    /// Commands of each node, in the order of [`Schedule::nodes`].
     pub(super) programs: Vec<Vec<Ready>>,
     pub(super) variables: Vec<u32>,
     /// What each variable was before it became 0, or is.
@@ -69,29 +69,29 @@ impl<'a> Session<'a> {
         gpu: &'a Gpu,
         scene: &'a Scene,
         bvh: &'a Bvh,
-        recording: &'a Recording,
+        schedule: &'a Schedule,
         placement: &Placement,
         camera: &Camera,
         size: [u32; 2],
     ) -> Result<Self, GpuError> {
-        let shaders = Shaders::load(recording)?;
-        limits::hold_shaders(recording, &shaders, &Granted { limits: &gpu.limits, features: gpu.features, adapter: &gpu.adapter.name })?;
+        let shaders = Shaders::load(schedule)?;
+        limits::hold_shaders(schedule, &shaders, &Granted { limits: &gpu.limits, features: gpu.features, adapter: &gpu.adapter.name })?;
         let mut session = Self {
             gpu,
             scene,
             extent: scene.extent(),
             bvh,
-            recording,
+            schedule,
             physical: Vec::new(),
             programs: Vec::new(),
-            variables: vec![0; recording.variables.len()],
-            latest: vec![0; recording.variables.len()],
+            variables: vec![0; schedule.variables.len()],
+            latest: vec![0; schedule.variables.len()],
             lists: HashMap::new(),
             states: HashMap::new(),
             staging: HashMap::new(),
             copies: Copies::new(placement),
-            shared: shared(recording),
-            timing: Timing::new(gpu, recording.nodes().len()),
+            shared: shared(schedule),
+            timing: Timing::new(gpu, schedule.nodes().len()),
             nodes: Vec::new(),
             camera: (camera.clone(), size),
             frames: 0,
@@ -102,14 +102,14 @@ impl<'a> Session<'a> {
             cut_short: HashMap::new(),
             rounds_before: HashMap::new(),
             waits: 0,
-            may_speculate: speculation::is_possible(recording, &shaders),
+            may_speculate: speculation::is_possible(schedule, &shaders),
             is_still: false,
             speculation: None,
             gpu_bytes: 0,
         };
         session.allocate(placement)?;
         session.programs = session.prepare_all(&shaders)?;
-        session.nodes = recording.nodes().into_iter().map(|node| NodeTimes { node: node.name.clone(), pass: node.pass, ..Default::default() }).collect();
+        session.nodes = schedule.nodes().into_iter().map(|node| NodeTimes { node: node.name.clone(), pass: node.pass, ..Default::default() }).collect();
         Ok(session)
     }
 
@@ -124,29 +124,29 @@ impl<'a> Session<'a> {
         self.is_still = true;
     }
 
-    /// Runs another recording from the next frame on, with the histories as they are: one that differs in contents of constants,
+    /// Runs another schedule from the next frame on, with the histories as they are: one that differs in contents of constants,
     /// host functions and bounds of loops at most.
-    pub fn switch_to(&mut self, recording: &'a Recording) -> Result<(), GpuError> {
-        if let Some(what) = self.recording.difference(recording) {
+    pub fn switch_to(&mut self, schedule: &'a Schedule) -> Result<(), GpuError> {
+        if let Some(what) = self.schedule.difference(schedule) {
             return Err(GpuError::OtherRecording { what });
         }
-        for (index, (before, after)) in self.recording.resources.iter().zip(&recording.resources).enumerate() {
+        for (index, (before, after)) in self.schedule.resources.iter().zip(&schedule.resources).enumerate() {
             if let (Lifetime::Constant(before), Lifetime::Constant(after)) = (&before.lifetime, &after.lifetime)
                 && before != after
             {
                 self.overwrite(Resource(index as u32), after);
             }
         }
-        self.recording = recording;
+        self.schedule = schedule;
         self.is_still = false;
         Ok(())
     }
 
     /// As before the first frame: histories are zero, frames count from 0 again. Returns once the device has done it.
     pub fn reset(&mut self) -> Result<(), GpuError> {
-        let recording = self.recording;
+        let schedule = self.schedule;
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
-        for (physical, description) in self.physical.iter().zip(&recording.resources) {
+        for (physical, description) in self.physical.iter().zip(&schedule.resources) {
             match physical {
                 _ if !matches!(description.lifetime, Lifetime::History) => {}
                 Physical::Buffer(buffer) => encoder.clear_buffer(buffer, 0, None),
@@ -155,7 +155,7 @@ impl<'a> Session<'a> {
             }
         }
         self.gpu.queue.submit([encoder.finish()]);
-        self.copies.invalidate(|resource| matches!(recording.resource(resource).lifetime, Lifetime::History));
+        self.copies.invalidate(|resource| matches!(schedule.resource(resource).lifetime, Lifetime::History));
         self.variables.fill(0);
         self.rounds_before.clear();
         self.is_still = false;

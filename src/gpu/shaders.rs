@@ -1,15 +1,15 @@
-//! The shaders of a recording, by file and imports.
+//! The shaders of a schedule, by file and imports.
 
 use super::device::GpuError;
 use super::shader::{Shader, Slot};
-use crate::recording::{Command, Program, Recording};
+use crate::schedule::{Command, Program, Schedule};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// A shader file and what its imports stand for.
 pub(super) type Source = (&'static str, Vec<(&'static str, &'static str)>);
 
-/// Every shader that a recording's commands run, parsed and validated once.
+/// Every shader that a schedule's commands run, parsed and validated once.
 pub(super) struct Shaders(BTreeMap<Source, Shader>);
 
 pub(super) fn source(program: &Program) -> Source {
@@ -19,8 +19,8 @@ pub(super) fn source(program: &Program) -> Source {
 impl Shaders {
     /// # Errors
     /// A shader that is not valid.
-    pub fn load(recording: &Recording) -> Result<Self, GpuError> {
-        let commands = recording.nodes().into_iter().flat_map(|node| &node.commands);
+    pub fn load(schedule: &Schedule) -> Result<Self, GpuError> {
+        let commands = schedule.nodes().into_iter().flat_map(|node| &node.commands);
         let sources: BTreeSet<_> = commands.flat_map(Command::programs).map(source).collect();
         let load = |source: Source| {
             let shader = Shader::load(source.0, &source.1)?;

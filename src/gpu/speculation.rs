@@ -1,5 +1,5 @@
 //! Frames of a still picture: where nothing has changed since a frame whose loops came to their ends, the host takes it for granted that they find nothing to
-//! do, records all of the frame without a look, and makes sure at its end.
+//! do, encodes all of the frame without a look, and makes sure at its end.
 
 use super::ahead::Words;
 use super::device::GpuError;
@@ -7,7 +7,7 @@ use super::encode::Pending;
 use super::frame::{AskPace, Frame, Pace};
 use super::session::Session;
 use super::shaders::Shaders;
-use crate::recording::*;
+use crate::schedule::*;
 use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -36,25 +36,25 @@ impl Speculation {
     }
 }
 
-/// Whether frames of a recording may be drawn twice, should the first be wrong: the device drives each loop, and after the first of them no step looks at
+/// Whether frames of a schedule may be drawn twice, should the first be wrong: the device drives each loop, and after the first of them no step looks at
 /// what the device has made or changes what the next frame starts from.
-pub(super) fn is_possible(recording: &Recording, shaders: &Shaders) -> bool {
+pub(super) fn is_possible(schedule: &Schedule, shaders: &Shaders) -> bool {
     let is_driven = |step: &Step| matches!(step, Step::Repeat(repeat) if repeat.driver != Driver::Host);
-    let Some(first) = recording.steps.iter().position(is_driven) else { return false };
-    recording.steps.iter().enumerate().all(|(index, step)| match step {
+    let Some(first) = schedule.steps.iter().position(is_driven) else { return false };
+    schedule.steps.iter().enumerate().all(|(index, step)| match step {
         Step::Repeat(_) => is_driven(step),
         Step::Node(node) => node.commands.iter().all(|command| {
             let looks = matches!(command, Command::Host(host) if index > first && !host.reads.is_empty());
-            !looks && !changes_history(command, recording, shaders)
+            !looks && !changes_history(command, schedule, shaders)
         }),
     })
 }
 
-fn changes_history(command: &Command, recording: &Recording, shaders: &Shaders) -> bool {
-    let is_history = |resource: &Resource| matches!(recording.resource(*resource).lifetime, Lifetime::History);
+fn changes_history(command: &Command, schedule: &Schedule, shaders: &Shaders) -> bool {
+    let is_history = |resource: &Resource| matches!(schedule.resource(*resource).lifetime, Lifetime::History);
     let by_shader = |program: &Program, entries: &[&str]| {
         let uses = entries.iter().flat_map(|entry| shaders.of(program).uses(entry)).filter(|used| used.writes);
-        uses.filter_map(|used| recording.bound(program, &used.name)).any(|resource| is_history(&resource))
+        uses.filter_map(|used| schedule.bound(program, &used.name)).any(|resource| is_history(&resource))
     };
     match command {
         Command::Late(_) => false,
@@ -90,7 +90,7 @@ impl Session<'_> {
         Ok(Some(frame))
     }
 
-    /// Records one round of a loop whose first node has the index `first`, and that it must be the last.
+    /// Encodes one round of a loop whose first node has the index `first`, and that it must be the last.
     pub(super) fn run_unseen(&mut self, repeat: &Repeat, sizes: Resource, first: usize, pending: &mut Pending) -> Result<u32, GpuError> {
         let [begin, open, close] = [0, 2, 3];
         self.bring_set_variables(pending);

@@ -1,8 +1,8 @@
-//! How large the shaders of a recording are when a driver gets them. Needs no device.
+//! How large the shaders of a schedule are when a driver gets them. Needs no device.
 
 use super::device::GpuError;
 use super::shader::Shader;
-use crate::recording::{Command, Program, Recording};
+use crate::schedule::{Command, Program, Schedule};
 use naga::ShaderStage;
 use naga::back::{PipelineConstants, pipeline_constants::process_overrides, spv};
 use naga::proc::{BoundsCheckPolicies, BoundsCheckPolicy};
@@ -20,14 +20,14 @@ pub struct Size {
     pub bytes: u64,
 }
 
-/// Every entry point that a recording runs, each specialisation once, in the order of their first use.
+/// Every entry point that a schedule runs, each specialisation once, in the order of their first use.
 ///
 /// # Errors
 /// A shader that is not valid, or a constant that it does not know.
-pub fn sizes(recording: &Recording) -> Result<Vec<Size>, GpuError> {
+pub fn sizes(schedule: &Schedule) -> Result<Vec<Size>, GpuError> {
     let mut seen = BTreeSet::new();
     let mut sizes = Vec::new();
-    for node in recording.nodes() {
+    for node in schedule.nodes() {
         for (program, stage, entry) in node.commands.iter().flat_map(entries) {
             if seen.insert(program.specialisation(entry)) {
                 sizes.push(Size { node: node.name.clone(), shader: program.shader, entry, bytes: bytes(program, stage, entry)? });

@@ -12,7 +12,7 @@ use glam::{IVec3, Vec3};
 /// Words before the lists' ends: exponent of the smallest cells' edge, a bit for each level that there is, number of hashes, number of records.
 pub const HEADER: usize = 4;
 
-/// Most levels; records that reach less than the smallest cells stand for are listed there.
+/// Most levels; records that validity radius less than the smallest cells stand for are listed there.
 pub const LEVELS: i32 = 24;
 
 /// A level that holds less than this share of the records is not worth a look at each point: the next larger cells take them.
@@ -111,7 +111,7 @@ impl Levels {
 impl Lists {
     /// Linear in the records.
     pub fn of(records: &[Reaching<'_>], hashes: usize) -> Self {
-        let reach = |record: &Reaching<'_>| record.longest_reach() * LONGER;
+        let reach = |record: &Reaching<'_>| record.longest_validity_radius() * LONGER;
         let exponents: Vec<i32> = records.iter().map(|record| exponent(2.0 * reach(record))).collect();
         let levels = Levels::of(&exponents);
         let touched: Vec<(u32, u32)> = (0..)
@@ -206,7 +206,7 @@ struct Block {
     position: [[f32; LANES]; 3],
     normal: [[f32; LANES]; 3],
     stretch: [[f32; LANES]; 3],
-    /// One over the reach.
+    /// One over the validity radius.
     inverse: [f32; LANES],
     irradiance: [[f32; LANES]; 3],
     number: [u32; LANES],
@@ -229,11 +229,11 @@ impl Block {
             (&mut self.irradiance, record.irradiance),
         ];
         vectors.into_iter().for_each(|(all, vector)| (0..3).for_each(|axis| all[axis][lane] = vector[axis]));
-        self.inverse[lane] = reaching.reach().recip().min(MOST_PER_LENGTH);
+        self.inverse[lane] = reaching.validity_radius().recip().min(MOST_PER_LENGTH);
         (self.number[lane], self.level[lane]) = (entry & ((1 << LEVEL_BIT) - 1), entry >> LEVEL_BIT);
     }
 
-    /// As [`Reaching::local_weight`] of compact weights, of eight records that reach so many times as far; None where none counts.
+    /// As [`Reaching::local_weight`] of compact weights, of eight records that validity radius so many times as far; None where none counts.
     #[inline(always)]
     fn weights<S: Simd>(&self, simd: S, level: u32, [position, normal]: [Vectors<S>; 2], [accuracy, times]: [f32; 2]) -> Option<f32x8<S>> {
         let zero = f32x8::splat(simd, 0.0);

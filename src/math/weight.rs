@@ -11,7 +11,7 @@ use glam::Vec3;
 pub const LEAST_ERROR: f32 = 1e-3;
 
 /// A record is in front of a point, and does not count, when the way to the point leaves the mean tangent plane downwards by more
-/// than this times its length. A share of the reach would be no measure: records that see the sky alone reach any distance.
+/// than this times its length. A share of the validity radius would be no measure: records that see the sky alone reach any distance.
 pub const FRONT_TOLERANCE: f32 = 0.05;
 
 /// `sqrt(1 − cos 10°)`: the change of normal at which Tabellion and Lamorlette's weight reaches 0.
@@ -31,7 +31,7 @@ const LEAST_LENGTH: f32 = 1e-30;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Record {
     pub position: Vec3,
-    /// What the reach is in proportion to: the harmonic mean distance of the surroundings, or the smaller radius of the
+    /// What the validity radius is in proportion to: the harmonic mean distance of the surroundings, or the smaller radius of the
     /// ellipse of its curvature; finite and > 0 [scene units].
     pub radius: f32,
     /// Unit normal.
@@ -73,7 +73,7 @@ fn binade(value: f32) -> f32 {
     f32::from_bits(value.clamp(1e-15, 1e15).to_bits() & 0x7f80_0000)
 }
 
-/// How a record counts within its reach; the shaders know the kinds by these numbers.
+/// How a record counts within its validity radius; the shaders know the kinds by these numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Weighting {
     /// Ward 1988, RCS 2 and 3: 1 over the error, counts from 1/a on.
@@ -92,31 +92,31 @@ pub struct Rule {
     pub accuracy: f32,
     /// Least and most reach in widths of the pixel that asked for the record; the least is not above the most.
     pub spacing: [f32; 2],
-    /// Most of the reach in distances of the nearest surface seen.
+    /// Most of the validity radius in distances of the nearest surface seen.
     pub nearest: f32,
-    /// Most of the reach in lengths over which the irradiance changes by all of itself.
+    /// Most of the validity radius in lengths over which the irradiance changes by all of itself.
     pub change: f32,
     /// A point whose weights add up to this or less misses a record.
     pub overlap: f32,
-    /// Most change that a gradient may foretell within the least reach, as a share of the picture's irradiance.
+    /// Most change that a gradient may foretell within the least validity radius, as a share of the picture's irradiance.
     pub contrast: f32,
-    /// How small the least reach may become for the contrast, in widths of the pixel.
+    /// How small the least validity radius may become for the contrast, in widths of the pixel.
     pub finest_spacing: f32,
 }
 
 impl Rule {
     /// How far a record's gradient may be followed: not to the corner of the nearest surface, nor until all has changed
     /// [scene units].
-    fn gradient_reach(&self, record: &Record) -> f32 {
+    fn gradient_radius(&self, record: &Record) -> f32 {
         let change = self.change / record.relative_gradient.max(LEAST_LENGTH);
         (self.nearest * record.minimum_distance).min(change)
     }
 
     /// How far a record reaches along the shorter axis: `a` times its distance, as far as the gradient may be followed,
     /// within the limits in pixels [scene units].
-    pub fn reach(&self, record: &Record) -> f32 {
+    pub fn validity_radius(&self, record: &Record) -> f32 {
         let [least, most] = self.limits(record);
-        (self.accuracy * self.distance(record)).min(self.gradient_reach(record)).max(least).min(most)
+        (self.accuracy * self.distance(record)).min(self.gradient_radius(record)).max(least).min(most)
     }
 
     /// The least and the most that it may reach [scene units].
@@ -125,7 +125,7 @@ impl Rule {
     }
 
     /// The share of the least spacing within which a record foretells no more change than `contrast` allows around `level`, the
-    /// luminance of the picture's irradiance [W/m²]. What an edge gets wrong over a whole least reach is then little in the picture,
+    /// luminance of the picture's irradiance [W/m²]. What an edge gets wrong over a whole least validity radius is then little in the picture,
     /// and dark creases, where relative gradients are as steep, ask for no more records than they are worth.
     pub fn fineness(&self, record: &Record, level: f32) -> f32 {
         let step = self.spacing[0] * record.footprint;
@@ -142,7 +142,7 @@ impl Rule {
 
     /// The parameter that decided how far a record reaches.
     pub fn limited_by(&self, record: &Record) -> &'static str {
-        let reach = self.reach(record);
+        let reach = self.validity_radius(record);
         let [least, most] = self.limits(record);
         match reach {
             _ if reach == most => "maximum_spacing",
@@ -154,8 +154,8 @@ impl Rule {
     }
 
     /// How far a record reaches along the longer axis [scene units].
-    pub fn longest_reach(&self, record: &Record) -> f32 {
-        self.reach(record) / record.roundness()
+    pub fn longest_validity_radius(&self, record: &Record) -> f32 {
+        self.validity_radius(record) / record.roundness()
     }
 
     /// What a record estimates at a point, see [`Reaching::estimate`].
@@ -170,17 +170,17 @@ impl Rule {
 
     /// A record for many points.
     pub fn reaching<'a>(&self, record: &'a Record) -> Reaching<'a> {
-        let reach = self.reach(record).max(LEAST_LENGTH);
-        let followed = (self.gradient_reach(record) / reach).min(1.0);
+        let reach = self.validity_radius(record).max(LEAST_LENGTH);
+        let followed = (self.gradient_radius(record) / reach).min(1.0);
         Reaching { record, reach, followed, weighting: self.weighting, accuracy: self.accuracy, front: FRONT_TOLERANCE }
     }
 
-    /// A record by a coarser accuracy, `times` this one: all limits of its reach are so many times as far, normals may differ by so much more, and
+    /// A record by a coarser accuracy, `times` this one: all limits of its validity radius are so many times as far, normals may differ by so much more, and
     /// it may stand so much farther in front. Its gradient is followed no farther, and its weight falls to 0 at the rim, whatever the weighting.
     pub fn coarsely<'a>(&self, record: &'a Record, times: f32) -> Reaching<'a> {
         let fine = self.reaching(record);
         let reach = fine.reach * times;
-        let followed = (self.gradient_reach(record) / reach).min(1.0);
+        let followed = (self.gradient_radius(record) / reach).min(1.0);
         Reaching { record, reach, followed, weighting: Weighting::Compact, accuracy: fine.accuracy * times, front: fine.front * times }
     }
 }
@@ -225,12 +225,12 @@ impl Reaching<'_> {
     }
 
     /// How far it reaches along the shorter axis [scene units].
-    pub fn reach(&self) -> f32 {
+    pub fn validity_radius(&self) -> f32 {
         self.reach
     }
 
     /// How far it reaches along the longer axis [scene units].
-    pub fn longest_reach(&self) -> f32 {
+    pub fn longest_validity_radius(&self) -> f32 {
         self.reach / self.record.roundness()
     }
 
@@ -358,11 +358,11 @@ mod tests {
     #[test]
     fn the_reach_is_held_in_pixels() {
         let rule = rule(Weighting::Compact);
-        assert!(near(rule.reach(&record()), 0.3));
-        assert!(near(rule.reach(&Record { radius: 1e30, ..record() }), 0.4));
-        assert!(near(rule.reach(&Record { radius: 0.0, ..record() }), 0.015));
+        assert!(near(rule.validity_radius(&record()), 0.3));
+        assert!(near(rule.validity_radius(&Record { radius: 1e30, ..record() }), 0.4));
+        assert!(near(rule.validity_radius(&Record { radius: 0.0, ..record() }), 0.015));
         let tabellion = super::tests::rule(Weighting::TabellionLamorlette);
-        assert!(near(tabellion.reach(&record()), 0.075));
+        assert!(near(tabellion.validity_radius(&record()), 0.075));
     }
 
     #[test]
@@ -379,9 +379,14 @@ mod tests {
             (Record { relative_gradient: 2.0, ..wide }, "change", 0.25),
         ];
         for (record, by, reach) in cases {
-            assert!(rule.limited_by(&record) == by && near(rule.reach(&record), reach), "{} and {}, not {by}", rule.limited_by(&record), rule.reach(&record));
+            assert!(
+                rule.limited_by(&record) == by && near(rule.validity_radius(&record), reach),
+                "{} and {}, not {by}",
+                rule.limited_by(&record),
+                rule.validity_radius(&record)
+            );
             let stretched = Record { stretch: Vec3::new(0.48, 0.64, 0.0), ..record };
-            assert!(near(rule.longest_reach(&stretched), reach / 0.6) && near(rule.reaching(&stretched).longest_reach(), reach / 0.6));
+            assert!(near(rule.longest_validity_radius(&stretched), reach / 0.6) && near(rule.reaching(&stretched).longest_validity_radius(), reach / 0.6));
         }
     }
 
@@ -500,18 +505,20 @@ mod tests {
         // A reach that the limits in pixels make ten times as long as the gradient's: the step counts a tenth.
         let steep = Record { relative_gradient: 100.0, footprint: 0.1, ..r };
         let wide = Rule { spacing: [1.0, 2.0], change: 1.0, ..rule };
-        assert!(near(wide.reach(&steep), 0.1) && near(wide.estimate(&steep, r.position + Vec3::X * 0.05, r.normal).x, 1.005));
+        assert!(near(wide.validity_radius(&steep), 0.1) && near(wide.estimate(&steep, r.position + Vec3::X * 0.05, r.normal).x, 1.005));
     }
 
     #[test]
     fn strong_contrasts_make_the_least_reach_smaller() {
-        // |∇E|/E = 1 over a least reach of 0.2: a fifth of a luminance of 1.8596.
+        // |∇E|/E = 1 over a least validity radius of 0.2: a fifth of a luminance of 1.8596.
         let r = Record { footprint: 0.1, radius: 0.0, ..record() };
         let rule = Rule { spacing: [2.0, 40.0], contrast: 0.1, finest_spacing: 0.5, ..rule(Weighting::Compact) };
         assert_eq!(rule.fineness(&r, 3.8), 1.0);
         assert!(near(rule.fineness(&r, 1.8596), 0.5) && near(rule.fineness(&r, 0.1), 0.25));
-        assert!(near(rule.reach(&Record { fineness: 0.5, ..r }), 0.1) && near(rule.reach(&Record { fineness: 0.5, radius: 1.0, ..r }), 0.15));
-        // What an extrapolation may not foretell does not count, and a least reach that is fine already stays.
+        assert!(
+            near(rule.validity_radius(&Record { fineness: 0.5, ..r }), 0.1) && near(rule.validity_radius(&Record { fineness: 0.5, radius: 1.0, ..r }), 0.15)
+        );
+        // What an extrapolation may not foretell does not count, and a least validity radius that is fine already stays.
         assert!(near(rule.fineness(&Record { relative_gradient: 1e30, ..r }, 10.0 * 1.8596), 1.0 / 1.5));
         assert_eq!(Rule { finest_spacing: 3.0, ..rule }.fineness(&r, 0.0), 1.0);
         // Without light there is no contrast.
@@ -540,10 +547,10 @@ mod tests {
             let along = Vec3::new(azimuth.cos(), azimuth.sin(), 0.0);
             for kind in KINDS {
                 let rule = Rule { spacing: [0.0, 1e6], ..rule(kind) };
-                let moved = |share: f32| rule.weight(&r, r.position + along * share * rule.reach(&r) * 1.1, r.normal);
+                let moved = |share: f32| rule.weight(&r, r.position + along * share * rule.validity_radius(&r) * 1.1, r.normal);
                 prop_assert!(moved(near.min(far)) >= moved(near.max(far)), "{kind:?}");
                 // About the way to the point, so that the record comes no nearer to being in front of it.
-                let turned = |degrees: f32| rule.weight(&r, r.position + along * near * rule.reach(&r), tilted(along, degrees));
+                let turned = |degrees: f32| rule.weight(&r, r.position + along * near * rule.validity_radius(&r), tilted(along, degrees));
                 prop_assert!(turned(less.min(more)) >= turned(less.max(more)), "{kind:?}");
             }
         }

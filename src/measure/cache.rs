@@ -1,7 +1,7 @@
 //! Records as a file: what `--cache` saves and loads.
 
 use super::run::{Run, RunError};
-use crate::contract::recorder::Persistent;
+use crate::contract::encoder::Persistent;
 use crate::gpu::scene::contents;
 use crate::pipeline::plan::Saved;
 use crate::scene::Scene;
@@ -131,7 +131,7 @@ fn fits(run: &Run<'_>, history: &Persistent, saved: &History) -> Result<(), RunE
             [(saved.name.as_str(), saved.item_bytes), (history.name, history.item_bytes)].map(|(name, bytes)| format!("`{name}` of {bytes} bytes each"));
         return Err(wrong(format!("it holds {theirs}, the pipeline keeps {ours}")));
     }
-    let capacity = run.plan().recording.resource(history.items).kind.bytes() / history.item_bytes;
+    let capacity = run.plan().schedule.resource(history.items).kind.bytes() / history.item_bytes;
     if u64::from(saved.items) > capacity {
         return Err(wrong(format!("it holds {} `{}`, the pipeline has room for {capacity}", saved.items, saved.name)));
     }

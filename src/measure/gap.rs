@@ -1,7 +1,7 @@
 //! What a frame left undone, for people.
 
 use crate::gpu::Unfinished;
-use crate::recording::Shortfall;
+use crate::schedule::Shortfall;
 use std::collections::BTreeMap;
 
 /// A frame that is not complete.

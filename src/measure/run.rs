@@ -3,13 +3,13 @@
 use super::layers::{Layer, Layers, VALUE};
 use crate::contract::{
     Port,
+    encoder::{Persistent, Reported},
     port::{Channels, Image},
-    recorder::{Persistent, Reported},
 };
 use crate::gpu::{AskPace, Frame, Gpu, GpuError, Reader, Session, Unfinished};
 use crate::pipeline::Plan;
-use crate::recording::{Format, Resource, ResourceKind};
 use crate::scene::{Camera, Scene, bvh::Bvh};
+use crate::schedule::{Format, Resource, ResourceKind};
 use miette::Diagnostic;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
@@ -96,7 +96,7 @@ impl RunError {
 
 impl<'a> Run<'a> {
     pub fn new(gpu: &'a Gpu, scene: &'a Scene, bvh: &'a Bvh, plan: &'a Plan, camera: &Camera, size: [u32; 2]) -> Result<Self, RunError> {
-        let session = Session::new(gpu, scene, bvh, &plan.recording, &plan.placement, camera, size)?;
+        let session = Session::new(gpu, scene, bvh, &plan.schedule, &plan.placement, camera, size)?;
         Ok(Self { plan, session, size })
     }
 
@@ -114,7 +114,7 @@ impl<'a> Run<'a> {
     /// # Errors
     /// Where the plan needs other memory or other programs.
     pub fn switch_to(&mut self, plan: &'a Plan) -> Result<(), RunError> {
-        self.session.switch_to(&plan.recording)?;
+        self.session.switch_to(&plan.schedule)?;
         self.plan = plan;
         Ok(())
     }
@@ -175,7 +175,7 @@ impl<'a> Run<'a> {
     }
 
     fn read_layer(&self, reader: &mut Reader<'_>, name: &str, image: Image) -> Result<Layer, RunError> {
-        let is_half = matches!(self.plan.recording.resource(image.texture).kind, ResourceKind::Texture { format: Format::Rgba16Float, .. });
+        let is_half = matches!(self.plan.schedule.resource(image.texture).kind, ResourceKind::Texture { format: Format::Rgba16Float, .. });
         let layer = reader.look(image.texture, |bytes| {
             let values = floats(bytes, is_half);
             match image.channels {
@@ -197,12 +197,12 @@ impl<'a> Run<'a> {
         Ok(self.session.read(resource)?)
     }
 
-    pub fn variable(&self, variable: crate::recording::Variable) -> u32 {
+    pub fn variable(&self, variable: crate::schedule::Variable) -> u32 {
         self.session.variable(variable)
     }
 
     /// The last value in the frame that was not 0.
-    pub fn latest(&self, variable: crate::recording::Variable) -> u32 {
+    pub fn latest(&self, variable: crate::schedule::Variable) -> u32 {
         self.session.latest(variable)
     }
 
@@ -278,7 +278,7 @@ fn report(frame: Frame, numbers: &[Number<'_>]) -> FrameReport {
 mod tests {
     use super::*;
     use crate::gpu::NodeTimes;
-    use crate::recording::{Shortfall, Variable};
+    use crate::schedule::{Shortfall, Variable};
 
     fn number(node: &'static str, name: &'static str, place: u32, value: u32) -> Number<'static> {
         Number { node, name, place: Reported::Variable(Variable(place)), value }

@@ -1,9 +1,9 @@
-//! How many bytes nodes move for each tile, as the recording has it: no caches, every byte that a command touches once.
+//! How many bytes nodes move for each tile, as the schedule has it: no caches, every byte that a command touches once.
 
 use crate::contract::Port;
 use crate::gpu::{GpuError, shader::Shader};
 use crate::pipeline::Plan;
-use crate::recording::{Command, Compute, Host, Lifetime, Recording, Resource};
+use crate::schedule::{Command, Compute, Host, Lifetime, Resource, Schedule};
 use serde::Serialize;
 use std::ops::Add;
 
@@ -36,9 +36,9 @@ impl Add for Traffic {
 /// A shader that cannot be read.
 pub fn traffic(plan: &Plan, nodes: &[&str]) -> Result<Option<Traffic>, GpuError> {
     let Some(tiles) = tiles(plan) else { return Ok(None) };
-    let recording = &plan.recording;
-    let commands = recording.nodes().into_iter().filter(|node| nodes.contains(&node.name.as_str())).flat_map(|node| &node.commands);
-    let all = commands.map(|command| of_command(recording, command, tiles)).collect::<Result<Option<Vec<_>>, _>>();
+    let schedule = &plan.schedule;
+    let commands = schedule.nodes().into_iter().filter(|node| nodes.contains(&node.name.as_str())).flat_map(|node| &node.commands);
+    let all = commands.map(|command| of_command(schedule, command, tiles)).collect::<Result<Option<Vec<_>>, _>>();
     // None of one is None of all.
     Ok(all?.map(|all| all.into_iter().fold(Traffic::default(), Add::add)))
 }
@@ -48,30 +48,30 @@ pub fn tiles(plan: &Plan) -> Option<f64> {
     plan.ports.values().find_map(|port| if let Port::Tiles(tiles) = port { Some(f64::from(tiles.requests.capacity)) } else { None })
 }
 
-fn of_command(recording: &Recording, command: &Command, tiles: f64) -> Result<Option<Traffic>, GpuError> {
-    let bytes = |resource: Resource| recording.resource(resource).kind.bytes() as f64 / tiles;
+fn of_command(schedule: &Schedule, command: &Command, tiles: f64) -> Result<Option<Traffic>, GpuError> {
+    let bytes = |resource: Resource| schedule.resource(resource).kind.bytes() as f64 / tiles;
     Ok(match command {
         Command::Clear(resource) => Some(Traffic { written_bytes: bytes(*resource), ..Traffic::default() }),
         Command::Copy { from, to } | Command::CopyToBuffer { from, to, .. } => {
             Some(Traffic { read_bytes: bytes(*from), written_bytes: bytes(*to), ..Traffic::default() })
         }
-        Command::Compute(compute) => Some(of_dispatch(recording, compute, tiles)?),
+        Command::Compute(compute) => Some(of_dispatch(schedule, compute, tiles)?),
         Command::Host(host) => Some(of_host(host, &bytes)),
         Command::Late(_) => Some(Traffic::default()),
         Command::Raster(_) => None,
     })
 }
 
-fn of_dispatch(recording: &Recording, compute: &Compute, tiles: f64) -> Result<Traffic, GpuError> {
+fn of_dispatch(schedule: &Schedule, compute: &Compute, tiles: f64) -> Result<Traffic, GpuError> {
     let program = &compute.program;
     let uses = Shader::load(program.shader, &program.imports)?.uses(compute.entry);
     let mut traffic = Traffic::default();
     for (name, resource) in &program.bindings {
-        if recording.resource(*resource).lifetime != Lifetime::Transient {
+        if schedule.resource(*resource).lifetime != Lifetime::Transient {
             continue;
         }
         let part = program.parts.iter().find(|(bound, _)| bound == name).map(|(_, bytes)| *bytes);
-        let bytes = part.unwrap_or_else(|| recording.resource(*resource).kind.bytes()) as f64 / tiles;
+        let bytes = part.unwrap_or_else(|| schedule.resource(*resource).kind.bytes()) as f64 / tiles;
         let used = uses.iter().find(|used| used.name == *name);
         traffic.read_bytes += if used.is_some_and(|used| used.reads) { bytes } else { 0.0 };
         traffic.written_bytes += if used.is_some_and(|used| used.writes) { bytes } else { 0.0 };
@@ -80,7 +80,7 @@ fn of_dispatch(recording: &Recording, compute: &Compute, tiles: f64) -> Result<T
 }
 
 fn of_host(host: &Host, bytes: &dyn Fn(Resource) -> f64) -> Traffic {
-    let read_back = |read: &crate::recording::Read| read.counted.map_or(bytes(read.resource), |(bytes, _)| bytes as f64);
+    let read_back = |read: &crate::schedule::Read| read.counted.map_or(bytes(read.resource), |(bytes, _)| bytes as f64);
     Traffic {
         read_bytes: 0.0,
         written_bytes: host.writes.iter().map(|resource| bytes(*resource)).sum(),

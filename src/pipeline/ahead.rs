@@ -1,8 +1,8 @@
-//! Loops that the device drives: rounds are recorded ahead, and what is in them is sized where it is counted.
+//! Loops that the device drives: rounds are encoded ahead, and what is in them is sized where it is counted.
 
 use super::Loop;
 use crate::host_struct;
-use crate::recording::*;
+use crate::schedule::*;
 
 host_struct! {
     /// A loop, as `shaders/rounds.wgsl` has it.
@@ -42,15 +42,15 @@ const MOST_SIZES: usize = 64;
 
 /// Lets the device drive the loops that it can, where that is worth it: waiting for a driver on the cores of the host costs nothing. Returns, by loop, why
 /// the host has to drive it.
-pub fn drive(recording: &mut Recording, device: Device) -> Vec<(String, String)> {
-    let (mut steps, mut remarks) = (std::mem::take(&mut recording.steps), Vec::new());
-    drive_level(&mut steps, recording, device, &mut remarks);
-    recording.steps = steps;
-    if recording.steps.iter().any(is_driven_by_device) {
+pub fn drive(schedule: &mut Schedule, device: Device) -> Vec<(String, String)> {
+    let (mut steps, mut remarks) = (std::mem::take(&mut schedule.steps), Vec::new());
+    drive_level(&mut steps, schedule, device, &mut remarks);
+    schedule.steps = steps;
+    if schedule.steps.iter().any(is_driven_by_device) {
         // What each variable was last stands behind all of them.
-        let words = VARIABLES_BEFORE as usize + 2 * recording.variables.len();
+        let words = VARIABLES_BEFORE as usize + 2 * schedule.variables.len();
         let kind = ResourceKind::Buffer { bytes: 4 * words.next_multiple_of(4) as u64 };
-        recording.resources.push(ResourceDescription { name: VARIABLES.into(), kind, lifetime: Lifetime::Variables });
+        schedule.resources.push(ResourceDescription { name: VARIABLES.into(), kind, lifetime: Lifetime::Variables });
     }
     remarks
 }
@@ -59,7 +59,7 @@ fn is_driven_by_device(step: &Step) -> bool {
     matches!(step, Step::Repeat(repeat) if repeat.driver != Driver::Host || repeat.steps.iter().any(is_driven_by_device))
 }
 
-fn drive_level(steps: &mut [Step], recording: &mut Recording, device: Device, remarks: &mut Vec<(String, String)>) {
+fn drive_level(steps: &mut [Step], schedule: &mut Schedule, device: Device, remarks: &mut Vec<(String, String)>) {
     for step in steps {
         let repeat = match step {
             // What does not run is not compiled.
@@ -72,10 +72,10 @@ fn drive_level(steps: &mut [Step], recording: &mut Recording, device: Device, re
         let is_worth_it = !device.is_software;
         let obstacle = obstacle(repeat);
         if is_worth_it && obstacle.is_none() {
-            drive_by_device(repeat, recording);
+            drive_by_device(repeat, schedule);
         } else {
             remarks.extend(obstacle.filter(|_| is_worth_it).map(|obstacle| (repeat.name.clone(), format!("the host decides on each round, as {obstacle}"))));
-            drive_level(&mut repeat.steps, recording, device, remarks);
+            drive_level(&mut repeat.steps, schedule, device, remarks);
         }
     }
 }
@@ -103,7 +103,7 @@ fn is_sized_on_device(command: &Command) -> bool {
     }
 }
 
-fn drive_by_device(repeat: &mut Repeat, recording: &mut Recording) {
+fn drive_by_device(repeat: &mut Repeat, schedule: &mut Schedule) {
     let Some(until) = repeat.until else { return };
     let sizings = sizings(repeat);
     let place = |variable: Variable| VARIABLES_BEFORE + variable.0;
@@ -112,15 +112,15 @@ fn drive_by_device(repeat: &mut Repeat, recording: &mut Recording) {
         round: place(repeat.round),
         at_most: repeat.at_most,
         sizes: sizings.len() as u32,
-        variables: recording.variables.len() as u32,
+        variables: schedule.variables.len() as u32,
         padding_a: 0,
         padding_b: 0,
         padding_c: 0,
     };
     let mut declare = |member: &str, bytes: u64, lifetime| {
         let name = format!("{}{member}", repeat.name);
-        recording.resources.push(ResourceDescription { name, kind: ResourceKind::Buffer { bytes }, lifetime });
-        Resource(recording.resources.len() as u32 - 1)
+        schedule.resources.push(ResourceDescription { name, kind: ResourceKind::Buffer { bytes }, lifetime });
+        Resource(schedule.resources.len() as u32 - 1)
     };
     let mut constant = |member: &str, contents: &[u8]| declare(member, contents.len() as u64, Lifetime::Constant(contents.into()));
     let (rounds, sized_by) = (constant(".rounds", bytemuck::bytes_of(&rounds)), constant(".sized_by", bytemuck::cast_slice(&sizings)));

@@ -1,11 +1,11 @@
 //! What edges to earlier rounds and frames read: memory of its own that a source's port is copied to.
 //!
-//! A consumer may be recorded before its source, so what the port looks like is guessed first, and everything is recorded
+//! A consumer may be encoded before its source, so what the port looks like is guessed first, and everything is encoded
 //! again until the guess is right.
 
 use super::{Edge, Node, When};
 use crate::contract::port::{Channels, DirectLight, GBuffer, Image, Memory, Port, PortKind};
-use crate::recording::*;
+use crate::schedule::*;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -66,11 +66,11 @@ impl Shape {
         Some(Self { port, resources: formats.iter().map(texture).collect(), variables: usize::from(kind == PortKind::Flag) })
     }
 
-    pub fn of(port: &Port, recording: &Recording) -> Self {
+    pub fn of(port: &Port, schedule: &Schedule) -> Self {
         let mut members = Members::default();
         let port = port.over(&mut members);
         let resource = |resource: &Resource| {
-            let description = recording.resource(*resource);
+            let description = schedule.resource(*resource);
             let lifetime = match &description.lifetime {
                 Lifetime::Transient | Lifetime::History => Lifetime::History,
                 written_once => written_once.clone(),
@@ -81,27 +81,27 @@ impl Shape {
     }
 
     /// Declares memory for what `key` reads.
-    pub fn declare(&self, key: &Key, recording: &mut Recording) -> Port {
+    pub fn declare(&self, key: &Key, schedule: &mut Schedule) -> Port {
         let when = key.round_of.as_ref().map_or("frame before".into(), |name| format!("round of {name} before"));
         let mut declared = Declared { resources: Vec::new(), variables: Vec::new() };
         for (index, (kind, lifetime)) in self.resources.iter().enumerate() {
             let name = format!("{} {when}, {index}", key.from);
-            declared.resources.push(Resource(recording.resources.len() as u32));
-            recording.resources.push(ResourceDescription { name, kind: kind.clone(), lifetime: lifetime.clone() });
+            declared.resources.push(Resource(schedule.resources.len() as u32));
+            schedule.resources.push(ResourceDescription { name, kind: kind.clone(), lifetime: lifetime.clone() });
         }
         for index in 0..self.variables {
             let name = format!("{} {when}, {index}", key.from);
-            declared.variables.push(Variable(recording.variables.len() as u32));
-            recording.variables.push(VariableDescription { name, history: key.when == When::PreviousFrame });
+            declared.variables.push(Variable(schedule.variables.len() as u32));
+            schedule.variables.push(VariableDescription { name, history: key.when == When::PreviousFrame });
         }
         self.port.over(&mut declared)
     }
 }
 
 /// Commands that make what a port holds the content of another of the same shape.
-pub fn copy(from: &Port, to: &Port, recording: &Recording) -> Vec<Command> {
+pub fn copy(from: &Port, to: &Port, schedule: &Schedule) -> Vec<Command> {
     let (from, to) = (members(from), members(to));
-    let is_kept = |resource: &Resource| matches!(recording.resource(*resource).lifetime, Lifetime::History);
+    let is_kept = |resource: &Resource| matches!(schedule.resource(*resource).lifetime, Lifetime::History);
     let pairs = from.resources.iter().zip(&to.resources).filter(|(_, to)| is_kept(to));
     let mut commands: Vec<_> = pairs.map(|(from, to)| Command::Copy { from: *from, to: *to }).collect();
     if !to.variables.is_empty() {
@@ -112,9 +112,9 @@ pub fn copy(from: &Port, to: &Port, recording: &Recording) -> Vec<Command> {
 }
 
 /// Commands that empty a port's memory.
-pub fn clear(port: &Port, recording: &Recording) -> Vec<Command> {
+pub fn clear(port: &Port, schedule: &Schedule) -> Vec<Command> {
     let members = members(port);
-    let is_kept = |resource: &Resource| matches!(recording.resource(*resource).lifetime, Lifetime::History);
+    let is_kept = |resource: &Resource| matches!(schedule.resource(*resource).lifetime, Lifetime::History);
     let mut commands: Vec<_> = members.resources.into_iter().filter(is_kept).map(Command::Clear).collect();
     commands.extend(reset(members.variables));
     commands

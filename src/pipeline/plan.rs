@@ -3,15 +3,15 @@
 use super::ahead;
 use super::history::{self, Key, Shape, Shapes};
 use super::{Edge, Layer, Loop, Node, Pipeline, Problem, Problems, When, Work, graph::family};
-use crate::contract::recorder::{Joined, Persistent, Recorded, Recorder, Reported, Setting};
+use crate::contract::encoder::{Encoded, Encoder, Joined, Persistent, Reported, Setting};
 use crate::contract::{Need, Port, PortKind, Refusal};
 use crate::math::bounces::Bounces;
-use crate::recording::*;
 use crate::scene::needs::Needs;
+use crate::schedule::*;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 
-/// Most times that a pipeline is recorded to learn what histories look like: one finds out, one uses it, one makes sure.
+/// Most times that a pipeline is encoded to learn what histories look like: one finds out, one uses it, one makes sure.
 const TRIES: usize = 4;
 
 /// Rounds of a fill that may find no pixel without a record: those of a search from coarse cells to single pixels, and the last.
@@ -26,7 +26,7 @@ pub struct Plan {
     pub about: String,
     /// See [`Pipeline::specialise`].
     pub specialised: bool,
-    pub recording: Recording,
+    pub schedule: Schedule,
     pub lifetimes: Lifetimes,
     pub placement: Placement,
     /// Layer, what it shows, and the port.
@@ -164,7 +164,7 @@ fn rounds_of(index: &Member<'_>) -> Bounces {
     }
 }
 
-/// Recording the source waits for the edge, and the edge for what the source looks like.
+/// Schedule the source waits for the edge, and the edge for what the source looks like.
 fn refuse_unknown(node: &Node, edge: &Edge) -> Problem {
     let message = format!("{}.{} → {}: what `{}` makes is not known before `{}` is", node.name, edge.input, edge.written(), edge.from, node.name);
     let help = "close a loop by an image, direct light, a G-buffer or a flag, whose kind tells all, or by an optional input";
@@ -290,7 +290,7 @@ struct Level {
 struct Planner<'a> {
     setting: Setting<'a>,
     dropped: &'a BTreeMap<&'a str, String>,
-    recording: Recording,
+    schedule: Schedule,
     ports: BTreeMap<String, Port>,
     /// What edges to earlier rounds and frames read.
     earlier: BTreeMap<Key, Port>,
@@ -298,7 +298,7 @@ struct Planner<'a> {
     idle: Vec<(String, &'static str)>,
     reports: Vec<(String, &'static str, Reported)>,
     persistent: Vec<Saved>,
-    /// Nodes that could not be recorded, and those that wait for them.
+    /// Nodes that could not be encoded, and those that wait for them.
     failed: BTreeSet<String>,
     problems: Vec<Problem>,
 }
@@ -313,29 +313,29 @@ impl<'a> Planner<'a> {
         scene_kind: &dyn Fn(SceneData) -> ResourceKind,
     ) -> Self {
         let mut planner = Self::new(setting, dropped, scene_kind);
-        planner.earlier = shapes.iter().map(|(key, shape)| (key.clone(), shape.declare(key, &mut planner.recording))).collect();
+        planner.earlier = shapes.iter().map(|(key, shape)| (key.clone(), shape.declare(key, &mut planner.schedule))).collect();
         let level = planner.record_level(&pipeline.nodes, Within::default());
-        planner.recording.steps = level.prologue.into_iter().chain(level.steps).collect();
-        share_time(&mut planner.recording.steps, &mut Vec::new());
+        planner.schedule.steps = level.prologue.into_iter().chain(level.steps).collect();
+        share_time(&mut planner.schedule.steps, &mut Vec::new());
         let keep = planner.keep_earlier(|key| key.when == When::PreviousFrame);
-        planner.recording.steps.extend(step("end of frame", "PreviousFrame", keep));
-        let remarks = ahead::drive(&mut planner.recording, setting.device);
+        planner.schedule.steps.extend(step("end of frame", "PreviousFrame", keep));
+        let remarks = ahead::drive(&mut planner.schedule, setting.device);
         planner.remarks.extend(remarks);
         planner
     }
 
     fn new(setting: Setting<'a>, dropped: &'a BTreeMap<&'a str, String>, scene_kind: &dyn Fn(SceneData) -> ResourceKind) -> Self {
-        let mut recording = Recording::default();
+        let mut schedule = Schedule::default();
         for data in SceneData::ALL {
             let data = if data == SceneData::Tables && setting.needs.by_albedo { SceneData::AlbedoTables } else { data };
-            recording.resources.push(ResourceDescription { name: data.name().into(), kind: scene_kind(data), lifetime: Lifetime::Scene(data) });
+            schedule.resources.push(ResourceDescription { name: data.name().into(), kind: scene_kind(data), lifetime: Lifetime::Scene(data) });
         }
         let kind = ResourceKind::Buffer { bytes: CAMERA_BYTES };
-        recording.resources.push(ResourceDescription { name: "camera".into(), kind, lifetime: Lifetime::Frame });
+        schedule.resources.push(ResourceDescription { name: "camera".into(), kind, lifetime: Lifetime::Frame });
         Self {
             setting,
             dropped,
-            recording,
+            schedule,
             ports: BTreeMap::new(),
             earlier: BTreeMap::new(),
             remarks: Vec::new(),
@@ -347,39 +347,39 @@ impl<'a> Planner<'a> {
         }
     }
 
-    /// What the sources of these edges look like, as far as they could be recorded.
+    /// What the sources of these edges look like, as far as they could be encoded.
     fn shapes(&self, edges: &[(&Node, &Edge)]) -> Shapes {
         let keys = edges.iter().filter_map(|(_, edge)| Key::of(edge));
-        keys.filter_map(|key| Some((key.clone(), Shape::of(self.ports.get(&key.from)?, &self.recording)))).collect()
+        keys.filter_map(|key| Some((key.clone(), Shape::of(self.ports.get(&key.from)?, &self.schedule)))).collect()
     }
 
     /// Commands that keep what the sources of some keys hold now.
     fn keep_earlier(&self, is_meant: impl Fn(&Key) -> bool) -> Vec<Command> {
         let pairs = self.earlier.iter().filter(|(key, _)| is_meant(key)).filter_map(|(key, to)| Some((self.ports.get(&key.from)?, to)));
-        pairs.flat_map(|(from, to)| history::copy(from, to, &self.recording)).collect()
+        pairs.flat_map(|(from, to)| history::copy(from, to, &self.schedule)).collect()
     }
 
     fn record_level(&mut self, nodes: &[Node], within: Within) -> Level {
         let mut level = Level::default();
         for node in nodes.iter().filter(|node| !self.dropped.contains_key(node.name.as_str())) {
             match &node.work {
-                Work::Pass(_) => self.record(node, within, &mut level),
-                Work::Loop(kind, inner) => self.record_loop(node, *kind, inner, within, &mut level.steps),
+                Work::Pass(_) => self.encode(node, within, &mut level),
+                Work::Loop(kind, inner) => self.encode_loop(node, *kind, inner, within, &mut level.steps),
             }
         }
         level
     }
 
-    fn record_loop(&mut self, node: &Node, kind: Loop, inner: &[Node], within: Within, steps: &mut Vec<Step>) {
-        let first_variable = self.recording.variables.len();
+    fn encode_loop(&mut self, node: &Node, kind: Loop, inner: &[Node], within: Within, steps: &mut Vec<Step>) {
+        let first_variable = self.schedule.variables.len();
         let batch = if kind == Loop::Fill { Some(batch_of(node)) } else { within.batch };
         let mut level = self.record_level(inner, Within { loops: within.loops + 1, batch });
         let is_mine = |key: &Key| key.round_of.as_ref() == Some(&node.name);
-        let mut start: Vec<Command> = self.earlier.iter().filter(|(key, _)| is_mine(key)).flat_map(|(_, port)| history::clear(port, &self.recording)).collect();
+        let mut start: Vec<Command> = self.earlier.iter().filter(|(key, _)| is_mine(key)).flat_map(|(_, port)| history::clear(port, &self.schedule)).collect();
         if within.loops > 0 {
             // The frame has reset them for a loop that starts once.
-            let fresh = first_variable..self.recording.variables.len();
-            start.extend(history::reset(fresh.filter(|v| !self.recording.variables[*v].history).map(|v| Variable(v as u32)).collect()));
+            let fresh = first_variable..self.schedule.variables.len();
+            start.extend(history::reset(fresh.filter(|v| !self.schedule.variables[*v].history).map(|v| Variable(v as u32)).collect()));
         }
         let pass = kind.description().name;
         level.steps.extend(step(&node.name, pass, self.keep_earlier(is_mine)));
@@ -407,8 +407,8 @@ impl<'a> Planner<'a> {
         if kind == Loop::Fill && until.is_none() {
             return None;
         }
-        let round = Variable(self.recording.variables.len() as u32);
-        self.recording.variables.push(VariableDescription { name: format!("{}.round", node.name), history: false });
+        let round = Variable(self.schedule.variables.len() as u32);
+        self.schedule.variables.push(VariableDescription { name: format!("{}.round", node.name), history: false });
         let pixels = u64::from(self.setting.size[0]) * u64::from(self.setting.size[1]);
         let bound = match kind {
             Loop::Fill => node.arguments.integer("max_rounds"),
@@ -422,21 +422,21 @@ impl<'a> Planner<'a> {
         Some(Repeat { name: node.name.clone(), until, round, at_most, steps, time, driver: Driver::Host })
     }
 
-    fn record(&mut self, node: &Node, within: Within, level: &mut Level) {
+    fn encode(&mut self, node: &Node, within: Within, level: &mut Level) {
         let Work::Pass(pass) = node.work else { return };
         let Some(inputs) = self.inputs(node) else {
             self.failed.insert(node.name.clone());
             return;
         };
-        let recorder = Recorder::new(&node.name, &node.arguments, self.setting, &inputs, &mut self.recording);
-        let mut recorder = match within.batch {
-            Some(batch) => recorder.in_loop(batch.at_most, batch.sequential),
-            None => recorder,
+        let encoder = Encoder::new(&node.name, &node.arguments, self.setting, &inputs, &mut self.schedule);
+        let mut encoder = match within.batch {
+            Some(batch) => encoder.in_loop(batch.at_most, batch.sequential),
+            None => encoder,
         };
-        match pass.record(&mut recorder) {
+        match pass.encode(&mut encoder) {
             Ok(()) => {
-                let recorded = recorder.finish();
-                self.keep(node, recorded, within.loops > 0, level);
+                let encoded = encoder.finish();
+                self.keep(node, encoded, within.loops > 0, level);
             }
             Err(refusal) => {
                 self.failed.insert(node.name.clone());
@@ -445,17 +445,17 @@ impl<'a> Planner<'a> {
         }
     }
 
-    fn keep(&mut self, node: &Node, recorded: Recorded, in_loop: bool, level: &mut Level) {
+    fn keep(&mut self, node: &Node, encoded: Encoded, in_loop: bool, level: &mut Level) {
         let prologue = if in_loop { &mut level.prologue } else { &mut level.steps };
         let pass = node.description().name;
-        prologue.extend(step(&node.name, pass, recorded.prologue));
-        level.steps.extend(step(&node.name, pass, recorded.commands));
-        level.at_least = level.at_least.max(recorded.at_least);
-        self.ports.extend(recorded.outputs.into_iter().map(|(output, port)| (format!("{}.{output}", node.name), port)));
-        self.remarks.extend(recorded.remarks.into_iter().map(|remark| (node.name.clone(), remark)));
-        self.idle.extend(recorded.idle.into_iter().map(|(parameter, because)| (format!("{}.{parameter}", node.name), because)));
-        self.reports.extend(recorded.reports.into_iter().map(|(name, from)| (node.name.clone(), name, from)));
-        for history in recorded.persistent {
+        prologue.extend(step(&node.name, pass, encoded.prologue));
+        level.steps.extend(step(&node.name, pass, encoded.commands));
+        level.at_least = level.at_least.max(encoded.at_least);
+        self.ports.extend(encoded.outputs.into_iter().map(|(output, port)| (format!("{}.{output}", node.name), port)));
+        self.remarks.extend(encoded.remarks.into_iter().map(|remark| (node.name.clone(), remark)));
+        self.idle.extend(encoded.idle.into_iter().map(|(parameter, because)| (format!("{}.{parameter}", node.name), because)));
+        self.reports.extend(encoded.reports.into_iter().map(|(name, from)| (node.name.clone(), name, from)));
+        for history in encoded.persistent {
             // The last node that adds to a history has all that do among those before it.
             self.persistent.retain(|saved| saved.history.items != history.items);
             self.persistent.push(Saved { node: node.name.clone(), history, made_by: Vec::new() });
@@ -469,7 +469,7 @@ impl<'a> Planner<'a> {
             let port = match Key::of(edge) {
                 None if self.failed.contains(&edge.from.node) => return None,
                 None => self.ports.get(&edge.from.to_string()),
-                // What of these is missing is told once all nodes are recorded.
+                // What of these is missing is told once all nodes are encoded.
                 Some(key) => self.earlier.get(&key),
             };
             match port {
@@ -519,8 +519,8 @@ impl<'a> Planner<'a> {
         kept.extend(self.reports.iter().filter_map(|(_, _, from)| if let Reported::Buffer(buffer, _) = from { Some(*buffer) } else { None }));
         let is_dumped = |port: &str| dumps.iter().any(|dump| port == dump || port.strip_prefix(dump.as_str()).is_some_and(|rest| rest.starts_with('.')));
         kept.extend(self.ports.iter().filter(|(name, _)| is_dumped(name)).flat_map(|(_, port)| port.resources()));
-        let lifetimes = Lifetimes::of(&self.recording, &kept);
-        let placement = Placement::of(&self.recording, &lifetimes);
+        let lifetimes = Lifetimes::of(&self.schedule, &kept);
+        let placement = Placement::of(&self.schedule, &lifetimes);
         for saved in &mut self.persistent {
             let node = members.iter().find(|member| member.node.name == saved.node).map(|member| member.node);
             let mut provenance = Provenance { members, ports: &self.ports, followed: BTreeSet::new(), made_by: Vec::new() };
@@ -536,7 +536,7 @@ impl<'a> Planner<'a> {
             dropped: members.iter().filter_map(|member| because(member.node)).collect(),
             bounces: bounces(members, self.dropped),
             by_albedo,
-            recording: self.recording,
+            schedule: self.schedule,
             lifetimes,
             placement,
             outputs,
@@ -619,7 +619,7 @@ fn share_time(steps: &mut [Step], later: &mut Vec<Variable>) {
 
 /// A step of these commands, if there are any.
 fn step(name: &str, pass: &'static str, commands: Vec<Command>) -> Option<Step> {
-    (!commands.is_empty()).then(|| Step::Node(crate::recording::Node { name: name.into(), pass, commands }))
+    (!commands.is_empty()).then(|| Step::Node(crate::schedule::Node { name: name.into(), pass, commands }))
 }
 
 fn batch_of(fill: &Node) -> Batch {
@@ -678,7 +678,7 @@ impl Plan {
             memory.constants,
             memory.scene
         );
-        text.push_str(&self.recording.to_text(&self.lifetimes, &self.placement));
+        text.push_str(&self.schedule.to_text(&self.lifetimes, &self.placement));
         text
     }
 
@@ -704,7 +704,7 @@ impl Plan {
     /// Bytes on the device by lifetime.
     pub fn memory(&self) -> Memory {
         let mut memory = Memory { transient: self.placement.allocations.iter().map(ResourceKind::bytes).sum(), ..Memory::default() };
-        for (resource, slot) in self.recording.resources.iter().zip(&self.placement.slots) {
+        for (resource, slot) in self.schedule.resources.iter().zip(&self.placement.slots) {
             let bytes = resource.kind.bytes();
             match &resource.lifetime {
                 Lifetime::Transient if slot.is_some() => memory.unshared += bytes,

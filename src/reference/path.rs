@@ -134,7 +134,7 @@ impl<'a> Tracer<'a> {
 
     /// The surface that a ray sees first.
     pub(super) fn surface(&self, origin: Vec3, direction: Vec3) -> Option<Surface> {
-        let hit = self.bvh.closest(self.scene, origin, direction, f32::INFINITY)?;
+        let hit = self.bvh.closest_hit(self.scene, origin, direction, f32::INFINITY)?;
         Some(self.scene.surface(hit.triangle, hit.barycentric, Ray { origin, direction }))
     }
 

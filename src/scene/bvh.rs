@@ -97,14 +97,14 @@ impl Bvh {
 
     /// The nearest surface that a viewer would see along `origin + t·direction`, 0 < t < `limit`: one-sided surfaces
     /// are seen from their front only, holes of alpha-masked textures not at all.
-    pub fn closest(&self, scene: &Scene, origin: Vec3, direction: Vec3, limit: f32) -> Option<Hit> {
+    pub fn closest_hit(&self, scene: &Scene, origin: Vec3, direction: Vec3, limit: f32) -> Option<Hit> {
         let seen = |candidate: &Candidate| is_seen(scene, candidate);
         let found = self.wide(scene).closest(origin, direction, limit, seen)?;
         Some(Hit { triangle: found.triangle as u32, distance: found.distance, barycentric: found.barycentric })
     }
 
     /// The nearest surface that stops light along `origin + t·direction`: from both of its sides, whatever its sidedness; not at holes of alpha-masked textures.
-    pub fn first(&self, scene: &Scene, origin: Vec3, direction: Vec3) -> Option<Hit> {
+    pub fn closest_blocker(&self, scene: &Scene, origin: Vec3, direction: Vec3) -> Option<Hit> {
         let found = self.wide(scene).closest(origin, direction, f32::INFINITY, |candidate| stops(scene, candidate))?;
         Some(Hit { triangle: found.triangle as u32, distance: found.distance, barycentric: found.barycentric })
     }
@@ -234,7 +234,7 @@ pub(super) mod tests {
                     let seen = |t: &&Triangle| met(t, origin, direction, margin).filter(|(_, front)| !two_sided_only || *front || t.material == 0);
                     scene.triangles.iter().filter_map(|t| seen(&t)).map(|(t, _)| t).fold(f64::INFINITY, f64::min)
                 };
-                let found = bvh.closest(&scene, origin, direction, f32::INFINITY).map_or(f64::INFINITY, |hit| hit.distance as f64);
+                let found = bvh.closest_hit(&scene, origin, direction, f32::INFINITY).map_or(f64::INFINITY, |hit| hit.distance as f64);
                 // Where the answer hangs on the rounding at an edge, either is right.
                 let (least, most) = (search(1e-4, true), search(-1e-4, true));
                 unsure += (least != most) as u32;
@@ -258,7 +258,7 @@ pub(super) mod tests {
                 let centre = target.positions.iter().sum::<Vec3>() / 3.0;
                 assert!(bvh.occluded(&scene, centre + target.face_normal(), -target.face_normal(), 2.0));
             }
-            assert!(bvh.closest(&scene, Vec3::splat(9.0), Vec3::ONE.normalize(), f32::INFINITY).is_none());
+            assert!(bvh.closest_hit(&scene, Vec3::splat(9.0), Vec3::ONE.normalize(), f32::INFINITY).is_none());
         }
     }
 }

@@ -19,7 +19,7 @@ use glam::{Vec2, Vec3};
 use std::f32::consts::{PI, TAU};
 
 /// An emissive triangle.
-pub struct Lamp {
+pub struct AreaLight {
     /// Running sum of area × luminance up to and including it.
     cumulative: f32,
     corner: Vec3,
@@ -30,9 +30,9 @@ pub struct Lamp {
     hue: Rgb,
 }
 
-impl Lamp {
+impl AreaLight {
     pub fn all(scene: &Scene) -> Vec<Self> {
-        let lamp = |emitter: crate::scene::Emitter| {
+        let light = |emitter: crate::scene::Emitter| {
             let triangle = &scene.triangles[emitter.triangle as usize];
             let material = &scene.materials[triangle.material as usize];
             let [a, b, c] = triangle.positions;
@@ -45,11 +45,11 @@ impl Lamp {
                 hue: material.emission / (luminance(material.emission.as_dvec3()) as f32).max(f32::MIN_POSITIVE),
             }
         };
-        scene.emitters().into_iter().map(lamp).collect()
+        scene.emitters().into_iter().map(light).collect()
     }
 }
 
-/// Lamps side by side.
+/// Emitters side by side.
 struct Facing<S: Simd> {
     corner: Vectors<S>,
     edges: [Vectors<S>; 2],
@@ -62,27 +62,27 @@ struct Facing<S: Simd> {
 pub struct Emitters<'a> {
     scene: &'a Scene,
     bvh: &'a Bvh,
-    lamps: &'a [Lamp],
+    area_lights: &'a [AreaLight],
     extent: f32,
-    /// Shadow rays from a place to the lamps and to the sky.
+    /// Shadow rays from a place to the emitters and to the sky.
     area: u32,
     sky: u32,
 }
 
-/// Points of the lamps as a place sees them, each by the number of its ray.
+/// Points of the emitters as a place sees them, each by the number of its ray.
 struct Shining {
     rays: ShadowRays,
-    lamps: [u32; RAYS],
+    area_lights: [u32; RAYS],
     /// The product of both cosines over the squared distance.
     form_factors: [f32; RAYS],
 }
 
 // All that runs within `dispatch!` is inlined into it: what is not would not have its instructions.
 impl<'a> Emitters<'a> {
-    /// By so many shadow rays from a place, none where there is no such light; `lamps` are all of the scene.
-    pub fn new(scene: &'a Scene, bvh: &'a Bvh, lamps: &'a [Lamp], [area, sky]: [u32; 2]) -> Self {
-        let (area, sky) = (if lamps.is_empty() { 0 } else { area }, if scene.environment.is_black() { 0 } else { sky });
-        Self { scene, bvh, lamps, extent: scene.extent(), area, sky }
+    /// By so many shadow rays from a place, none where there is no such light; `emitters` are all of the scene.
+    pub fn new(scene: &'a Scene, bvh: &'a Bvh, area_lights: &'a [AreaLight], [area, sky]: [u32; 2]) -> Self {
+        let (area, sky) = (if area_lights.is_empty() { 0 } else { area }, if scene.environment.is_black() { 0 } else { sky });
+        Self { scene, bvh, area_lights, extent: scene.extent(), area, sky }
     }
 
     /// Whether there is any light.
@@ -156,7 +156,7 @@ impl<'a> Emitters<'a> {
         let (mut arriving, mut glossy) = (Vec3::ZERO, Vec3::ZERO);
         for first in (0..self.area).step_by(RAYS) {
             let count = (self.area - first).min(RAYS as u32);
-            let mut shining = Shining { rays: ShadowRays { directions: [Vec3::ZERO; RAYS], all: 0 }, lamps: [0; RAYS], form_factors: [0.0; RAYS] };
+            let mut shining = Shining { rays: ShadowRays { directions: [Vec3::ZERO; RAYS], all: 0 }, area_lights: [0; RAYS], form_factors: [0.0; RAYS] };
             for group in (0..count).step_by(LANES) {
                 self.sample_lamps(simd, surface, origin, shift, [first, group], &mut shining);
             }
@@ -165,7 +165,7 @@ impl<'a> Emitters<'a> {
             while free != 0 {
                 let ray = free.trailing_zeros() as usize % RAYS;
                 free &= free - 1;
-                let light = self.lamps[shining.lamps[ray] as usize].hue * shining.form_factors[ray];
+                let light = self.area_lights[shining.area_lights[ray] as usize].hue * shining.form_factors[ray];
                 arriving += light;
                 if let Some(Gloss { lobe, frame, outgoing }) = surface.glossy {
                     glossy += light * lobe.value(outgoing, frame.to_local(shining.rays.directions[ray].normalize()));
@@ -175,10 +175,10 @@ impl<'a> Emitters<'a> {
         (arriving * surface.reflectance / PI + glossy) * (self.weight() / self.area as f32)
     }
 
-    /// Of all lamps, area × luminance.
+    /// Of all emitters, area × luminance.
     #[inline(always)]
     fn weight(&self) -> f32 {
-        self.lamps.last().map_or(0.0, |last| last.cumulative)
+        self.area_lights.last().map_or(0.0, |last| last.cumulative)
     }
 
     /// The eight samples from the `group`th of those from the `first` on: points in proportion to area × luminance, in strata of the running sum, within
@@ -186,17 +186,17 @@ impl<'a> Emitters<'a> {
     #[inline(always)]
     fn sample_lamps<S: Simd>(&self, simd: S, surface: &Surface, origin: Vec3, shift: Vec3, [first, group]: [u32; 2], shining: &mut Shining) {
         let group = group as usize;
-        let mut lamps = [0; LANES];
+        let mut area_lights = [0; LANES];
         let mut numbers = [0.0; LANES];
         for lane in 0..LANES {
             numbers[lane] = first as f32 + (group + lane) as f32;
             let at = (numbers[lane] + shift.x) / self.area as f32 * self.weight();
-            lamps[lane] = self.lamps.partition_point(|lamp| lamp.cumulative <= at).min(self.lamps.len() - 1);
+            area_lights[lane] = self.area_lights.partition_point(|light| light.cumulative <= at).min(self.area_lights.len() - 1);
         }
         let i = f32x8::load_array(simd, numbers);
         let (u, v) = ((i * LATTICE.x + shift.y).fract(), (i * LATTICE.y + shift.z).fract());
         let root = u.sqrt();
-        let Facing { corner, edges, normal, two_sided } = self.facing(simd, &lamps);
+        let Facing { corner, edges, normal, two_sided } = self.facing(simd, &area_lights);
         let point = corner.plus(edges[0].scaled(root * (1.0 - v))).plus(edges[1].scaled(root * v));
         let way = point.minus(Vectors::splat(simd, origin));
         let squared = way.dot(way).max(1e-30);
@@ -209,18 +209,18 @@ impl<'a> Emitters<'a> {
         let [x, y, z] = [way.x.to_array(), way.y.to_array(), way.z.to_array()];
         for lane in 0..LANES {
             shining.rays.directions[group + lane] = Vec3::new(x[lane], y[lane], z[lane]);
-            shining.lamps[group + lane] = lamps[lane] as u32;
+            shining.area_lights[group + lane] = area_lights[lane] as u32;
         }
         shining.form_factors[group..group + LANES].copy_from_slice(&(leaving * arriving / squared).to_array());
         shining.rays.all |= shines.to_bitmask() << group;
     }
 
-    /// The lamps of eight samples, which mostly are one.
+    /// The emitters of eight samples, which mostly are one.
     #[inline(always)]
-    fn facing<S: Simd>(&self, simd: S, lamps: &[usize; LANES]) -> Facing<S> {
+    fn facing<S: Simd>(&self, simd: S, area_lights: &[usize; LANES]) -> Facing<S> {
         let mut numbers = [[0.0; LANES]; 13];
         for lane in 0..LANES {
-            let Lamp { corner, edges: [first, second], normal, two_sided, .. } = &self.lamps[lamps[lane]];
+            let AreaLight { corner, edges: [first, second], normal, two_sided, .. } = &self.area_lights[area_lights[lane]];
             for (at, vector) in [corner, first, second, normal].into_iter().enumerate() {
                 numbers[3 * at][lane] = vector.x;
                 numbers[3 * at + 1][lane] = vector.y;

@@ -21,7 +21,7 @@ pub struct Test {
     pub of: String,
     program: PathBuf,
     pub name: String,
-    /// Of processors, without a change, while places are recorded.
+    /// Of processors, without a change, while places are encoded.
     pub seconds: f64,
     /// First numbers of the places.
     pub reached: BTreeSet<usize>,

@@ -78,7 +78,7 @@ fn contribution(record: Record, index: u32, weighting: Weighting, place: vec4f, 
     let mirrored = 2.0 * dot(toward, facing) * facing - toward;
     let moved = transpose(frame) * (2.0 * dot(mirrored, record.normal) * record.normal - mirrored);
     let at = corners_of(table, turned_about(moved, -angle));
-    let share = min(gradient_reach(record, weighting) / max(reach(record, weighting), 1e-30), 1.0);
+    let share = min(gradient_radius(record, weighting) / max(validity_radius(record, weighting), 1e-30), 1.0);
     let offset = (place.xyz - record.position) * share;
     let x = dot(offset, frame[0]);
     let y = dot(offset, frame[1]);

@@ -6,11 +6,11 @@
 
 // Photons of a point, how far away they may be, and whether their outline tells their area.
 override PHOTONS_WANTED: u32 = 64u;
-override PHOTONS_REACH: f32 = 1.0;
+override SEARCH_RADIUS: f32 = 1.0;
 override PHOTONS_EDGES: bool = true;
 
 fn indirect_irradiance(position: vec3f, normal: vec3f) -> vec3f {
-    let zone = photon_zone(position, normal, PHOTONS_WANTED, PHOTONS_REACH);
+    let zone = photon_zone(position, normal, PHOTONS_WANTED, SEARCH_RADIUS);
     let frame = frame_around(normal, 0.0);
     let head = map_head();
     var flux = vec3f(0.0);

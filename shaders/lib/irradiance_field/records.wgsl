@@ -35,7 +35,7 @@ const FRONT = 0.05;
 fn local_weight(record: Record, times: f32, position: vec3f, normal: vec3f) -> f32 {
     let d = position - record.position;
     let along = dot(d, stretch_of(record));
-    let reached = max(reach(record, index_weighting), 1e-30);
+    let reached = max(validity_radius(record, index_weighting), 1e-30);
     let apart = sqrt(max(dot(d, d) - along * along, 0.0)) / (reached * times);
     let turned = length(normal - record.normal) * 0.70710678;
     let is_level = abs(dot(d, normal + record.normal)) * 0.5 <= FRONT * times * length(d);

@@ -3,7 +3,7 @@
 use super::Trouble;
 use super::rooms::{Room, Stage};
 use crate::contract::Value;
-use crate::contract::{recorder::Setting, tables::Remembered};
+use crate::contract::{encoder::Setting, tables::Remembered};
 use crate::gpu::{Gpu, Pace, scene::kind};
 use crate::math::lobe::Lobe;
 use crate::measure::layers::Layers;
@@ -32,7 +32,7 @@ const SMALL: [Change; 5] = [
 /// A pass, one of its parameters, and a value for all nodes that use the pass.
 pub(super) type Change<'c> = (&'c str, &'c str, &'c str);
 
-/// Every pixel asks for a record of its own, whose reach is a tenth of the pixel: what a pixel shows is one sum.
+/// Every pixel asks for a record of its own, whose validity radius is a tenth of the pixel: what a pixel shows is one sum.
 pub(super) const RECORD_A_PIXEL: [Change; 2] = [("RecordCache", "minimum_spacing", "0.1"), ("RecordCache", "maximum_spacing", "0.1")];
 
 /// Records see the emitters and the sky, so that closed forms of their light are those of the irradiance.

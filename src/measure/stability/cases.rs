@@ -108,7 +108,7 @@ pub const CASES: &[Case] = &[
     Case {
         name: "radius-to-nothing",
         guards_against: "records that crowd where walls meet until memory ends",
-        must_hold: "the camera 10⁻³ units off a corner, a record's least reach a tenth of a pixel: at most one record a pixel",
+        must_hold: "the camera 10⁻³ units off a corner, a record's least validity radius a tenth of a pixel: at most one record a pixel",
         is_long: false,
         run: radius_to_nothing,
     },

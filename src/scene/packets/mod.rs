@@ -509,7 +509,7 @@ mod tests {
                         continue;
                     }
                     let direction = view.frame.to_world(Vec3::from(sample.direction.map(|d| d as f32)));
-                    let hit = bvh.closest(&scene, origin, direction, f32::INFINITY);
+                    let hit = bvh.closest_hit(&scene, origin, direction, f32::INFINITY);
                     rays += 1;
                     others += (hit.map_or(0, |hit| hit.triangle + 1) != *found) as u32;
                 }

@@ -82,7 +82,7 @@ impl Walker<'_> {
         rays.all & !walk.all
     }
 
-    /// Rays to a lamp are near each other: all enter a child if their beam does.
+    /// Rays to an emitter are near each other: all enter a child if their beam does.
     #[inline(always)]
     fn block_beam<S: Simd>(&self, simd: S, rays: &ShadowRays, to_do: &mut Vec<Visit>) -> u64 {
         let scale = self.packets.scale;

@@ -1,9 +1,9 @@
-//! What a pass sees while it records: its arguments and inputs, the scene, and the recording that it adds to.
+//! What a pass sees while it records: its arguments and inputs, the scene, and the schedule that it adds to.
 
 use super::tables::TableStore;
 use super::{Arguments, Port};
-use crate::recording::*;
 use crate::scene::{Scene, needs::Needs};
+use crate::schedule::*;
 use std::collections::BTreeMap;
 
 /// What a plan is made for.
@@ -18,7 +18,7 @@ pub struct Setting<'a> {
     pub tables: Option<&'a dyn TableStore>,
 }
 
-/// Why a pass cannot be recorded with these arguments on this scene.
+/// Why a pass cannot be encoded with these arguments on this scene.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Refusal {
     /// `plan::…`
@@ -43,8 +43,8 @@ impl Refusal {
 /// The ports that inputs are joined to, by their names, in the document's order.
 pub type Joined = BTreeMap<&'static str, Vec<Port>>;
 
-/// Records one node.
-pub struct Recorder<'a> {
+/// Encodes one node.
+pub struct Encoder<'a> {
     pub node: &'a str,
     pub arguments: &'a Arguments,
     pub setting: Setting<'a>,
@@ -53,13 +53,13 @@ pub struct Recorder<'a> {
     /// Whether the loop walks one record at a time in the order of pixels, as the papers do; then `batch` is 1.
     pub sequential: bool,
     inputs: &'a Joined,
-    recording: &'a mut Recording,
-    recorded: Recorded,
+    schedule: &'a mut Schedule,
+    encoded: Encoded,
 }
 
 /// What a node adds besides resources and variables.
 #[derive(Default)]
-pub struct Recorded {
+pub struct Encoded {
     pub outputs: BTreeMap<&'static str, Port>,
     /// Run each time the innermost loop that holds the node starts; before the other commands where none does.
     pub prologue: Vec<Command>,
@@ -93,9 +93,9 @@ pub struct Persistent {
     pub count: Variable,
 }
 
-impl<'a> Recorder<'a> {
-    pub fn new(node: &'a str, arguments: &'a Arguments, setting: Setting<'a>, inputs: &'a Joined, recording: &'a mut Recording) -> Self {
-        Self { node, arguments, setting, batch: None, sequential: false, inputs, recording, recorded: Recorded::default() }
+impl<'a> Encoder<'a> {
+    pub fn new(node: &'a str, arguments: &'a Arguments, setting: Setting<'a>, inputs: &'a Joined, schedule: &'a mut Schedule) -> Self {
+        Self { node, arguments, setting, batch: None, sequential: false, inputs, schedule, encoded: Encoded::default() }
     }
 
     /// For a node inside a fill.
@@ -103,8 +103,8 @@ impl<'a> Recorder<'a> {
         Self { batch: Some(batch), sequential, ..self }
     }
 
-    pub fn finish(self) -> Recorded {
-        self.recorded
+    pub fn finish(self) -> Encoded {
+        self.encoded
     }
 
     /// The port that an input is joined to; None for an optional one that is not there.
@@ -119,35 +119,35 @@ impl<'a> Recorder<'a> {
     }
 
     pub fn output(&mut self, name: &'static str, port: Port) {
-        self.recorded.outputs.insert(name, port);
+        self.encoded.outputs.insert(name, port);
     }
 
     /// Puts a number of a buffer into the run's report.
     pub fn report(&mut self, name: &'static str, buffer: Resource, index: u32) {
-        self.recorded.reports.push((name, Reported::Buffer(buffer, index)));
+        self.encoded.reports.push((name, Reported::Buffer(buffer, index)));
     }
 
     pub fn report_variable(&mut self, name: &'static str, variable: Variable) {
-        self.recorded.reports.push((name, Reported::Variable(variable)));
+        self.encoded.reports.push((name, Reported::Variable(variable)));
     }
 
     /// Makes a history one that `--cache` saves and loads.
     pub fn persist(&mut self, name: &'static str, items: Resource, item_bytes: u64, count: Variable) {
-        self.recorded.persistent.push(Persistent { name, items, item_bytes, count });
+        self.encoded.persistent.push(Persistent { name, items, item_bytes, count });
     }
 
     pub fn remark(&mut self, remark: impl Into<String>) {
-        self.recorded.remarks.push(remark.into());
+        self.encoded.remarks.push(remark.into());
     }
 
     /// Tells that a parameter, `outer` or `outer.inner`, changes nothing with this scene and these inputs. `because` completes "no effect, as …".
     pub fn idle(&mut self, parameter: &'static str, because: &'static str) {
-        self.recorded.idle.push((parameter, because));
+        self.encoded.idle.push((parameter, because));
     }
 
     fn resource(&mut self, member: &str, kind: ResourceKind, lifetime: Lifetime) -> Resource {
-        self.recording.resources.push(ResourceDescription { name: format!("{}.{member}", self.node), kind, lifetime });
-        Resource(self.recording.resources.len() as u32 - 1)
+        self.schedule.resources.push(ResourceDescription { name: format!("{}.{member}", self.node), kind, lifetime });
+        Resource(self.schedule.resources.len() as u32 - 1)
     }
 
     /// A buffer that lives within the frame.
@@ -188,32 +188,32 @@ impl<'a> Recorder<'a> {
 
     /// A number that is 0 as the frame and the innermost loop that holds the node start, or lives on as a history.
     pub fn variable(&mut self, member: &str, history: bool) -> Variable {
-        self.recording.variables.push(VariableDescription { name: format!("{}.{member}", self.node), history });
-        Variable(self.recording.variables.len() as u32 - 1)
+        self.schedule.variables.push(VariableDescription { name: format!("{}.{member}", self.node), history });
+        Variable(self.schedule.variables.len() as u32 - 1)
     }
 
     /// A part of the scene, for what is not bound by its name alone, such as vertices.
     pub fn scene_data(&mut self, data: SceneData) -> Resource {
-        let found = self.recording.resources.iter().position(|r| matches!(r.lifetime, Lifetime::Scene(d) if d.name() == data.name()));
+        let found = self.schedule.resources.iter().position(|r| matches!(r.lifetime, Lifetime::Scene(d) if d.name() == data.name()));
         found.map(|i| Resource(i as u32)).unwrap_or_else(|| unreachable!("{data:?} is declared before any pass records"))
     }
 
     pub fn kind(&self, resource: Resource) -> &ResourceKind {
-        &self.recording.resource(resource).kind
+        &self.schedule.resource(resource).kind
     }
 
     pub fn command(&mut self, command: Command) {
-        self.recorded.commands.push(command);
+        self.encoded.commands.push(command);
     }
 
     /// A command for each time that the innermost loop which holds this node starts.
     pub fn before_loop(&mut self, command: Command) {
-        self.recorded.prologue.push(command);
+        self.encoded.prologue.push(command);
     }
 
     /// Makes the innermost loop that holds the node run so many rounds, even if no time is left for them.
     pub fn run_at_least(&mut self, rounds: u32) {
-        self.recorded.at_least = rounds;
+        self.encoded.at_least = rounds;
     }
 
     pub fn clear(&mut self, resource: Resource) {
@@ -265,7 +265,7 @@ impl Read {
 /// Typed access to inputs: the checker has made sure of the kinds.
 macro_rules! typed_inputs {
     ($($function:ident: $variant:ident),*) => {
-        impl<'a> Recorder<'a> {
+        impl<'a> Encoder<'a> {
             $(pub fn $function(&self, name: &str) -> Option<&'a super::port::$variant> {
                 match self.input(name) {
                     Some(Port::$variant(port)) => Some(port),

@@ -1,9 +1,9 @@
-//! A recording as text: what `explain` shows and what tests compare.
+//! A schedule as text: what `explain` shows and what tests compare.
 
-use super::{Command, Draws, Driver, Groups, Host, Lifetime, Lifetimes, Placement, Recording, ResourceKind, Step};
+use super::{Command, Draws, Driver, Groups, Host, Lifetime, Lifetimes, Placement, ResourceKind, Schedule, Step};
 use std::fmt::Write;
 
-impl Recording {
+impl Schedule {
     /// Every resource with its kind, size and lifetime, then every command in order.
     pub fn to_text(&self, lifetimes: &Lifetimes, placement: &Placement) -> String {
         let mut text = String::from("resources\n");

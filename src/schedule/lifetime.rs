@@ -1,6 +1,6 @@
 //! Which resources can share memory.
 
-use super::{Lifetime, Recording, Resource, ResourceKind, Step};
+use super::{Lifetime, Resource, ResourceKind, Schedule, Step};
 
 /// First and last step, in the order of nodes, at which each resource is touched.
 pub struct Lifetimes(Vec<Option<[u32; 2]>>);
@@ -17,10 +17,10 @@ pub struct Placement {
 impl Lifetimes {
     /// What a loop touches lives as long as the whole loop: its next round may read what this one wrote.
     /// `kept` are needed after the last step: outputs and dumps.
-    pub fn of(recording: &Recording, kept: &[Resource]) -> Self {
-        let mut spans = vec![None; recording.resources.len()];
+    pub fn of(schedule: &Schedule, kept: &[Resource]) -> Self {
+        let mut spans = vec![None; schedule.resources.len()];
         let mut clock = 0;
-        visit(&recording.steps, &mut clock, &mut spans);
+        visit(&schedule.steps, &mut clock, &mut spans);
         for resource in kept {
             if let Some([_, last]) = &mut spans[resource.0 as usize] {
                 *last = clock;
@@ -64,15 +64,15 @@ fn touch(span: &mut Option<[u32; 2]>, at: [u32; 2]) {
 
 impl Placement {
     /// Greedy by first use: a resource takes over the first allocation of its kind that is free again.
-    pub fn of(recording: &Recording, lifetimes: &Lifetimes) -> Self {
-        let mut order: Vec<_> = (0..recording.resources.len() as u32).map(Resource).filter(|r| is_transient(recording, *r)).collect();
+    pub fn of(schedule: &Schedule, lifetimes: &Lifetimes) -> Self {
+        let mut order: Vec<_> = (0..schedule.resources.len() as u32).map(Resource).filter(|r| is_transient(schedule, *r)).collect();
         order.retain(|r| lifetimes.span(*r).is_some());
         order.sort_by_key(|r| (lifetimes.span(*r).map(|s| s[0]), r.0));
-        let mut slots = vec![None; recording.resources.len()];
+        let mut slots = vec![None; schedule.resources.len()];
         let mut allocations: Vec<(ResourceKind, u32)> = Vec::new();
         for resource in order {
             let Some([first, last]) = lifetimes.span(resource) else { continue };
-            let kind = &recording.resource(resource).kind;
+            let kind = &schedule.resource(resource).kind;
             let free = allocations.iter().position(|(held, until)| *until < first && can_share(held, kind));
             let slot = free.unwrap_or_else(|| {
                 allocations.push((kind.clone(), last));
@@ -89,8 +89,8 @@ impl Placement {
     }
 }
 
-fn is_transient(recording: &Recording, resource: Resource) -> bool {
-    let description = recording.resource(resource);
+fn is_transient(schedule: &Schedule, resource: Resource) -> bool {
+    let description = schedule.resource(resource);
     matches!(description.lifetime, Lifetime::Transient) && description.kind.bytes() > 0
 }
 

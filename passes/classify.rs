@@ -1,16 +1,16 @@
 //! Some of the visible surfaces.
 
 use crate::contract::{
-    Arguments, Choice, Description, Input, Need, Output, Parameter, ParameterKind, Pass, Port, PortKind, Recorder, Refusal, Takes, port,
-    recorder::scene_constants,
+    Arguments, Choice, Description, Encoder, Input, Need, Output, Parameter, ParameterKind, Pass, Port, PortKind, Refusal, Takes, encoder::scene_constants,
+    port,
 };
-use crate::recording::*;
 use crate::scene::needs::Needs;
+use crate::schedule::*;
 
-pub struct Surfaces;
+pub struct Classify;
 
 static DESCRIPTION: Description = Description {
-    name: "Surfaces",
+    name: "Classify",
     about: "The visible surfaces of one kind: what comes after sees nothing at the other pixels",
     source: "RCS section 4.1: irradiance records for diffuse surfaces, radiance records for glossy ones",
     parameters: &[Parameter {
@@ -38,7 +38,7 @@ fn is_glossy(arguments: &Arguments) -> bool {
     arguments.choice("which").0 == "Glossy"
 }
 
-impl Pass for Surfaces {
+impl Pass for Classify {
     fn description(&self) -> &'static Description {
         &DESCRIPTION
     }
@@ -51,31 +51,31 @@ impl Pass for Surfaces {
         }
     }
 
-    fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
-        let Some(gbuffer) = r.g_buffer("of").copied() else { return Ok(()) };
-        let glossy = is_glossy(r.arguments);
-        if !glossy && !r.setting.needs.lobes {
+    fn encode(&self, e: &mut Encoder<'_>) -> Result<(), Refusal> {
+        let Some(gbuffer) = e.g_buffer("of").copied() else { return Ok(()) };
+        let glossy = is_glossy(e.arguments);
+        if !glossy && !e.setting.needs.lobes {
             // All of them.
-            r.output("gbuffer", Port::GBuffer(gbuffer));
+            e.output("gbuffer", Port::GBuffer(gbuffer));
             return Ok(());
         }
-        let position = r.image("position", gbuffer.size, Format::Rgba32Float);
-        let program = scene_constants(Program::new("surfaces"), r.setting.needs)
+        let position = e.image("position", gbuffer.size, Format::Rgba32Float);
+        let program = scene_constants(Program::new("classify"), e.setting.needs)
             .bind("position", gbuffer.position)
             .bind("reflectance", gbuffer.reflectance)
             .bind("triangles", gbuffer.triangles)
             .bind("kept", position);
         if glossy {
-            let Some(lobes) = r.lobes("lobes").cloned() else {
+            let Some(lobes) = e.lobes("lobes").cloned() else {
                 return Err(port::Lobes::missing());
             };
-            let seen = r.image("seen", gbuffer.size, Format::Rgba32Float);
-            r.compute_pixels(program.bind("tables", lobes.of_material).bind("seen", seen), "keep_glossy", gbuffer.size);
-            r.output("lobes", Port::VisibleLobes(port::VisibleLobes { lobes, seen }));
+            let seen = e.image("seen", gbuffer.size, Format::Rgba32Float);
+            e.compute_pixels(program.bind("tables", lobes.of_material).bind("seen", seen), "keep_glossy", gbuffer.size);
+            e.output("lobes", Port::VisibleLobes(port::VisibleLobes { lobes, seen }));
         } else {
-            r.compute_pixels(program, "keep_diffuse", gbuffer.size);
+            e.compute_pixels(program, "keep_diffuse", gbuffer.size);
         }
-        r.output("gbuffer", Port::GBuffer(port::GBuffer { position, ..gbuffer }));
+        e.output("gbuffer", Port::GBuffer(port::GBuffer { position, ..gbuffer }));
         Ok(())
     }
 }

@@ -1,8 +1,8 @@
-//! Whether one recording can take another's place on the device.
+//! Whether one schedule can take another's place on the device.
 
-use super::{Host, Lifetime, Recording, ResourceDescription, Step};
+use super::{Host, Lifetime, ResourceDescription, Schedule, Step};
 
-impl Recording {
+impl Schedule {
     /// What of `other` would need other memory or other programs, for a message; None where one device session can run both.
     ///
     /// Contents of constants, what host steps do, and bounds of loops may differ.

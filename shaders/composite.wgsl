@@ -11,7 +11,7 @@
 override HAS_DIRECT: bool = true;
 
 @compute @workgroup_size(8, 8)
-fn combine_parts(@builtin(global_invocation_id) id: vec3u) {
+fn composite(@builtin(global_invocation_id) id: vec3u) {
     if all(id.xy < textureDimensions(triangles)) {
         textureStore(picture, id.xy, vec4f(radiance_toward_camera(id.xy), 1.0));
     }

@@ -2,15 +2,15 @@
 
 // The nearest surface that stops light, from both of its sides: as Bvh::first.
 
-struct FirstHit {
+struct ClosestHit {
     // NO_TRIANGLE for none.
     triangle: u32,
     // In the scene's units, for a unit direction.
     distance: f32,
 }
 
-fn trace_first(origin: vec3f, direction: vec3f, distance: f32) -> FirstHit {
-    var found = FirstHit(NO_TRIANGLE, distance);
+fn closest_hit(origin: vec3f, direction: vec3f, distance: f32) -> ClosestHit {
+    var found = ClosestHit(NO_TRIANGLE, distance);
     if EMPTY {
         return found;
     }
@@ -46,7 +46,7 @@ fn trace_first(origin: vec3f, direction: vec3f, distance: f32) -> FirstHit {
         for (var i = triangles.first; i < triangles.end; i++) {
             if blocks(i, grid, direction, limit) {
                 limit = met_at(i, grid, direction);
-                found = FirstHit(i, limit * grid.unit);
+                found = ClosestHit(i, limit * grid.unit);
             }
         }
         if top == 0u {

@@ -1,4 +1,4 @@
-//! A plan as a value: resources and commands on proxies. Recording needs no device and can be printed.
+//! A plan as a value: resources and commands on proxies. Schedule needs no device and can be printed.
 
 use glam::Vec4;
 use serde::Serialize;
@@ -11,7 +11,7 @@ mod print;
 
 pub use lifetime::{Lifetimes, Placement};
 
-/// A buffer, texture or list, by its index in [`Recording::resources`].
+/// A buffer, texture or list, by its index in [`Schedule::resources`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Resource(pub u32);
 
@@ -37,7 +37,7 @@ impl Device {
 
 /// Everything that one frame does, in order.
 #[derive(Default)]
-pub struct Recording {
+pub struct Schedule {
     pub resources: Vec<ResourceDescription>,
     pub variables: Vec<VariableDescription>,
     pub steps: Vec<Step>,
@@ -154,7 +154,7 @@ pub struct Repeat {
 pub enum Driver {
     /// The host, which looks at each round's end.
     Host,
-    /// The device: rounds are recorded ahead, and those that are not needed do nothing. The loop's first node begins a round and sizes what is in it,
+    /// The device: rounds are encoded ahead, and those that are not needed do nothing. The loop's first node begins a round and sizes what is in it,
     /// which it leaves here, four words each, and opens and closes a loop that the host does not look at; it has no part in rounds that the host decides on.
     /// Host steps are done by their twins.
     Device { sizes: Resource },
@@ -548,7 +548,7 @@ impl ResourceKind {
     }
 }
 
-impl Recording {
+impl Schedule {
     pub fn resource(&self, resource: Resource) -> &ResourceDescription {
         &self.resources[resource.0 as usize]
     }
@@ -630,10 +630,10 @@ macro_rules! host_struct {
         $visibility struct $name { $($(#[$field_meta])* pub $field: $type),* }
 
         impl $name {
-            pub const LAYOUT: $crate::recording::HostLayout = $crate::recording::HostLayout {
+            pub const LAYOUT: $crate::schedule::HostLayout = $crate::schedule::HostLayout {
                 name: stringify!($name),
                 bytes: std::mem::size_of::<$name>(),
-                fields: &[$($crate::recording::HostField {
+                fields: &[$($crate::schedule::HostField {
                     name: stringify!($field),
                     offset: std::mem::offset_of!($name, $field),
                     kind: stringify!($type),

@@ -1,12 +1,12 @@
 //! The picture.
 
-use crate::contract::{Description, Input, Output, Pass, Port, PortKind, Recorder, Refusal, Takes, port};
-use crate::recording::*;
+use crate::contract::{Description, Encoder, Input, Output, Pass, Port, PortKind, Refusal, Takes, port};
+use crate::schedule::*;
 
-pub struct Combine;
+pub struct Composite;
 
 static DESCRIPTION: Description = Description {
-    name: "Combine",
+    name: "Composite",
     about: "Adds direct light, indirect light and what surfaces and sky emit toward the camera",
     source: "RCS section 4, step 5",
     parameters: &[],
@@ -21,7 +21,7 @@ static DESCRIPTION: Description = Description {
     ],
 };
 
-impl Pass for Combine {
+impl Pass for Composite {
     fn description(&self) -> &'static Description {
         &DESCRIPTION
     }
@@ -30,39 +30,39 @@ impl Pass for Combine {
         Some("indirect")
     }
 
-    fn record(&self, r: &mut Recorder<'_>) -> Result<(), Refusal> {
-        let Some(gbuffer) = r.g_buffer("gbuffer").copied() else { return Ok(()) };
-        let direct = r.direct_light("direct").map(|d| d.radiance);
-        let parts: Vec<Resource> = r.images("indirect").iter().map(|image| image.texture).collect();
-        let indirect = sum(r, &parts, gbuffer.size);
-        let picture = r.image("picture", gbuffer.size, Format::Rgba32Float);
+    fn encode(&self, e: &mut Encoder<'_>) -> Result<(), Refusal> {
+        let Some(gbuffer) = e.g_buffer("gbuffer").copied() else { return Ok(()) };
+        let direct = e.direct_light("direct").map(|d| d.radiance);
+        let parts: Vec<Resource> = e.images("indirect").iter().map(|image| image.texture).collect();
+        let indirect = sum(e, &parts, gbuffer.size);
+        let picture = e.image("picture", gbuffer.size, Format::Rgba32Float);
         // Direct light that is absent is bound to any image and never read.
-        let program = Program::new("combine")
-            .constant("TEXTURES", r.setting.needs.textures as u8)
-            .constant("GLOSSY", r.setting.needs.lobes as u8)
+        let program = Program::new("composite")
+            .constant("TEXTURES", e.setting.needs.textures as u8)
+            .constant("GLOSSY", e.setting.needs.lobes as u8)
             .constant("HAS_DIRECT", direct.is_some() as u8)
             .bind("triangles", gbuffer.triangles)
             .bind("direct", direct.unwrap_or(gbuffer.position))
             .bind("indirect", indirect)
             .bind("picture", picture);
-        r.compute_pixels(program, "combine_parts", gbuffer.size);
+        e.compute_pixels(program, "composite", gbuffer.size);
         let image = |texture| Port::Image(port::Image { texture, channels: port::Channels::Colour });
-        r.output("picture", image(picture));
-        r.output("indirect", image(indirect));
+        e.output("picture", image(picture));
+        e.output("indirect", image(indirect));
         Ok(())
     }
 }
 
 /// Adds images two by two; one alone is its own sum, and that of none is black.
-fn sum(r: &mut Recorder<'_>, images: &[Resource], size: [u32; 2]) -> Resource {
+fn sum(e: &mut Encoder<'_>, images: &[Resource], size: [u32; 2]) -> Resource {
     let [first, others @ ..] = images else {
-        let black = r.image("indirect", size, Format::Rgba32Float);
-        r.clear(black);
+        let black = e.image("indirect", size, Format::Rgba32Float);
+        e.clear(black);
         return black;
     };
     others.iter().fold(*first, |left, right| {
-        let sum = r.image("indirect", size, Format::Rgba32Float);
-        r.compute_pixels(Program::new("add_images").bind("left", left).bind("right", *right).bind("sum", sum), "add", size);
+        let sum = e.image("indirect", size, Format::Rgba32Float);
+        e.compute_pixels(Program::new("add_images").bind("left", left).bind("right", *right).bind("sum", sum), "add", size);
         sum
     })
 }

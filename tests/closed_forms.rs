@@ -56,7 +56,7 @@ fn cases() -> Vec<(String, Case)> {
     cases.push(("a_sift_loses_no_triangle".into(), Box::new(sift_loses_nothing)));
     cases.push(("one_bounce_in_an_oven".into(), Box::new(one_bounce_in_an_oven)));
     cases.push(("all_bounces_in_an_oven".into(), Box::new(all_bounces_in_an_oven)));
-    for (pipeline, limit) in [("photon", 0.02), ("photon-density", 0.02), ("photon-gather", 0.01), ("photon-gather-density", 0.01)] {
+    for (pipeline, limit) in [("photon", 0.02), ("photon-density", 0.02), ("photon-gather", 0.01), ("photon-gather-density", 0.02)] {
         cases.push((format!("photons_in_an_oven {pipeline}"), Box::new(move |gpu| photons_in_an_oven(gpu, pipeline, limit))));
     }
     // A record of photons reaches as far as they are apart, through a wall that is thinner.

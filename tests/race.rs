@@ -148,7 +148,7 @@ mod the_machine {
 mod the_settings {
     use crate::settings::*;
 
-    const FILES: [&str; 2] = ["race.ron", "race-quick.ron"];
+    const FILES: [&str; 3] = ["race.ron", "race-bounces.ron", "race-quick.ron"];
 
     fn text(name: &str) -> String {
         std::fs::read_to_string(std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("benches").join(name)).unwrap()
@@ -396,6 +396,7 @@ mod the_report {
             versions: Versions { hemisplat: text("1"), radiance: text("2"), mitsuba: text("3"), denoiser: text("4") },
             size: 1000,
             truth: Truth { samples: 4096, stride: 4, windows: 16 },
+            bounces: 1,
             others_at_most: 0.02,
             scenes: vec![scene()],
         };

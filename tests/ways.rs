@@ -844,7 +844,7 @@ fn twin(@builtin(global_invocation_id) id: vec3u) {
     let record = records[id.x];
     values[id.x] = Value(
         record_estimate(record, weighting, place.position, place.normal), record_weight(record, weighting, place.position, place.normal),
-        reach(record, weighting), fineness(record, weighting, 0.5), 0.0, 0.0,
+        validity_radius(record, weighting), fineness(record, weighting, 0.5), 0.0, 0.0,
     );
 }
 ";

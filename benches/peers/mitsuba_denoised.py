@@ -3,7 +3,7 @@
 
     $PEERS_HOME/bin/python mitsuba_denoised.py sibenik --size 1000 --rays 16 --quality balanced -o OUT
 
-Writes OUT/CASE.indirect.exr (indirect irradiance of one bounce at each pixel's centre, W/m2, denoised) and prints seconds and settings as JSON. The
+Writes OUT/CASE.indirect.exr (indirect irradiance of one bounce, or with --bounces of more, at each pixel's centre, W/m2, denoised) and prints seconds and settings as JSON. The
 quantity is that of mitsuba_reference.py. Rays are cosine-distributed and stratified, all of a pixel's in one loop of one kernel on all cores. The
 denoiser is given the normals and the albedo of the same G-buffer, which have no noise, and is told so.
 
@@ -19,6 +19,7 @@ import pyoidn
 STRATA = {1: (1, 1), 2: (1, 2), 4: (2, 2), 8: (2, 4), 16: (4, 4), 32: (4, 8), 64: (8, 8)}
 QUALITY = {"fast": pyoidn.OIDN_QUALITY_FAST, "balanced": pyoidn.OIDN_QUALITY_BALANCED, "high": pyoidn.OIDN_QUALITY_HIGH}
 EPSILON = 1e-4
+ROULETTE_FROM = 5
 
 
 def gbuffer(scene, camera, size):
@@ -43,8 +44,8 @@ def gbuffer(scene, camera, size):
 
 
 @dr.syntax
-def cast(scene, point, normal, seen, lights, across, along):
-    """Means over across x along stratified rays of reflectance x direct irradiance where they land."""
+def cast(scene, point, normal, seen, lights, across, along, bounces):
+    """Means over across x along stratified paths of the light that they gather. Paths end by chance from the fifth surface on, as those of Mitsuba's integrator do."""
     random = mi.PCG32(size=dr.width(point), initstate=dr.arange(mi.UInt32, dr.width(point)))
     frame, origin = mi.Frame3f(normal), mi.Point3f(point + EPSILON * normal)
     total, k = mi.Color3f(0), mi.UInt32(0)
@@ -53,10 +54,7 @@ def cast(scene, point, normal, seen, lights, across, along):
         v = (mi.Float(k // across) + random.next_float32()) * (2 * dr.pi / mi.Float(along))
         sine, cosine = dr.sincos(v)
         towards = frame.to_world(mi.Vector3f(dr.sqrt(u) * cosine, dr.sqrt(u) * sine, dr.sqrt(1 - u)))
-        far = scene.ray_intersect(mi.Ray3f(origin, towards), seen)
-        is_hit = far.is_valid() & seen
-        lit = reference.direct_irradiance(scene, far.p, reference.facing(far.n, towards), is_hit, lights, EPSILON)
-        total += dr.select(is_hit, mi.Color3f(*lit) * far.bsdf().eval_diffuse_reflectance(far, is_hit), 0)
+        total += reference.gathered(scene, origin, towards, seen, lights, random, bounces, ROULETTE_FROM, EPSILON)
         k += 1
     total /= mi.Float(across * along)
     dr.eval(total)
@@ -95,14 +93,14 @@ def denoise(colour, albedo, normal, quality):
     return out
 
 
-def picture(scene, case, size, rays, quality):
+def picture(scene, case, size, rays, quality, bounces):
     """The denoised irradiance, and when each part was done."""
     times = [time.monotonic()]
     point, normal, seen, albedo = gbuffer(scene, case["camera"], size)
     aux = array(albedo, size), array(normal, size)
     times.append(time.monotonic())
     across, along = (dr.opaque(mi.UInt32, strata) for strata in STRATA[rays])
-    noisy = array(cast(scene, point, normal, seen, case["lights"], across, along), size)
+    noisy = array(cast(scene, point, normal, seen, case["lights"], across, along, dr.opaque(mi.UInt32, bounces)), size)
     times.append(time.monotonic())
     out = np.maximum(denoise(noisy, *aux, quality), 0) * np.array(seen).reshape(size, size, 1)
     times.append(time.monotonic())
@@ -116,6 +114,7 @@ def main():
     p.add_argument("--scenes", type=pathlib.Path, default=os.environ.get("HEMISPLAT_SCENES", "."), help="folder of the scenes (default: $HEMISPLAT_SCENES)")
     p.add_argument("--size", type=int, default=1000)
     p.add_argument("--rays", type=int, default=16, choices=sorted(STRATA))
+    p.add_argument("--bounces", type=int, default=1, help="most surfaces that light touches on its way")
     p.add_argument("--quality", default="balanced", choices=list(QUALITY))
     p.add_argument("-o", "--out", type=pathlib.Path, required=True)
     a = p.parse_args()
@@ -124,11 +123,11 @@ def main():
     mesh = reference.ply(a.scenes / case["obj"], a.out / f"{a.case}.ply")
     bsdf = reference.diffuse([case["reflectance"]] * 3)
     scene = mi.load_dict({"type": "scene", "mesh": {"type": "ply", "filename": str(mesh), "face_normals": True, "bsdf": bsdf}})
-    picture(scene, case, 16, a.rays, a.quality)
-    out, (start, seen, cast_at, end) = picture(scene, case, a.size, a.rays, a.quality)
+    picture(scene, case, 16, a.rays, a.quality, a.bounces)
+    out, (start, seen, cast_at, end) = picture(scene, case, a.size, a.rays, a.quality, a.bounces)
     reference.write(a.out / f"{a.case}.indirect.exr", out, a.size, a.size)
     parts = {"gbuffer": seen - start, "rays": cast_at - seen, "denoiser": end - cast_at}
-    json.dump({"case": a.case, "size": a.size, "samples": a.rays, "quality": a.quality, "seconds": end - start, "parts": parts, "mean": float(out.mean())}, sys.stdout)
+    json.dump({"case": a.case, "size": a.size, "samples": a.rays, "bounces": a.bounces, "quality": a.quality, "seconds": end - start, "parts": parts, "mean": float(out.mean())}, sys.stdout)
     print()
 
 

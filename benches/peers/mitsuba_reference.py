@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Truth for a case of cases.json, by Mitsuba 3's ray caster: the indirect irradiance of exactly one bounce at each pixel's centre.
+"""Truth for a case of cases.json, by Mitsuba 3's ray caster: the indirect irradiance of one bounce at each pixel's centre, or with --bounces of more.
 
     $PEERS_HOME/bin/python mitsuba_reference.py sibenik --size 1000 --stride 4 --samples 4096 -o OUT
     $PEERS_HOME/bin/python mitsuba_reference.py sibenik --size 1000 --windows 16 --samples 4096 -o OUT
@@ -9,7 +9,7 @@ OUT/CASE.reference-direct.exr (direct irradiance). With --stride k only every k-
 and the files are k times smaller: take the same pixels of what is compared. With --windows N only N squares of 64x64
 pixels are computed (windows.py), and one file is written, OUT/CASE.reference-windows.exr: of the full size, 0 outside of the windows, with the
 layers irradiance, variance, depth, normal, and the windows' corners as its attribute. Pixels that see nothing are 0. No pixel filter: compare with renderers
-that sample pixel centres. Directions are cosine-distributed, stratified 16x16 a round.
+that sample pixel centres. Directions are cosine-distributed, stratified 16x16 a round. Paths end after --bounces surfaces, and before by chance.
 """
 import argparse, json, os, pathlib, sys, time
 
@@ -109,8 +109,32 @@ def facing(normal, direction):
     return dr.select(dr.dot(normal, direction) > 0, -normal, normal)
 
 
-def truth(scene, eye, rays, lights, samples, epsilon, seed=1, note=lambda *a: None):
-    """Direct and one-bounce indirect irradiance, and the latter's variance, where each ray first hits: three (n, 3) arrays."""
+@dr.syntax
+def gathered(scene, origin, towards, active, lights, random, bounces, surely, epsilon):
+    """What rays bring of light that surfaces reflect, at most `bounces` times: reflectance x direct irradiance where they land, and where they go on to.
+    From the bounce `surely` on they go on by chance, as probably as the surface reflects."""
+    at, way, alive = mi.Point3f(origin), mi.Vector3f(towards), mi.Bool(active)
+    total, weight, b = mi.Color3f(0), mi.Color3f(1), mi.UInt32(0)
+    while alive:
+        far = scene.ray_intersect(mi.Ray3f(at, way), alive)
+        alive &= far.is_valid()
+        normal = facing(far.n, way)
+        weight *= dr.select(alive, far.bsdf().eval_diffuse_reflectance(far, alive), 0)
+        lit = direct_irradiance(scene, far.p, normal, alive, lights, epsilon)
+        total += dr.select(alive, mi.Color3f(*lit) * weight, 0)
+        b += 1
+        goes_on = dr.select(b < surely, mi.Float(1), dr.minimum(dr.max(weight), 1))
+        alive &= (b < bounces) & (random.next_float32() < goes_on)
+        weight /= dr.maximum(goes_on, 1e-6)
+        u, v = random.next_float32(), random.next_float32()
+        sine, cosine = dr.sincos(2 * dr.pi * v)
+        way = mi.Frame3f(normal).to_world(mi.Vector3f(dr.sqrt(u) * cosine, dr.sqrt(u) * sine, dr.sqrt(1 - u)))
+        at = mi.Point3f(far.p + epsilon * normal)
+    return total
+
+
+def truth(scene, eye, rays, lights, samples, epsilon, seed=1, note=lambda *a: None, bounces=1):
+    """Direct irradiance, indirect irradiance of so many bounces, and the latter's variance, where each ray first hits: three (n, 3) arrays."""
     n = len(rays)
     hit = scene.ray_intersect(mi.Ray3f(vector(np.broadcast_to(np.array(eye, float), (n, 3))), vector(rays)))
     normal = facing(hit.n, vector(rays))
@@ -135,12 +159,10 @@ def truth(scene, eye, rays, lights, samples, epsilon, seed=1, note=lambda *a: No
             w = (r * np.cos(v))[..., None] * t[i][:, None] + (r * np.sin(v))[..., None] * b[i][:, None] + z[..., None] * nn[i][:, None]
             o = np.repeat(p[i] + epsilon * nn[i], 256, axis=0)
             w = vector(w.reshape(-1, 3))
-            far = scene.ray_intersect(mi.Ray3f(vector(o), w))
-            e = direct_irradiance(scene, far.p, facing(far.n, w), far.is_valid(), lights, epsilon)
-            rho = far.bsdf().eval_diffuse_reflectance(far, far.is_valid())
-            light = [dr.select(far.is_valid(), a * c, 0) for a, c in zip(e, (rho.x, rho.y, rho.z))]  # pi * (rho/pi) * E
-            dr.eval(light)  # together: each alone would cast all rays again
-            one = np.stack([np.array(x) for x in light], 1).reshape(len(i), 256, 3).mean(1)
+            random = mi.PCG32(size=len(o), initstate=dr.arange(mi.UInt32, len(o)) + dr.opaque(mi.UInt32, (seed + k * 7919 + s) % 2**31))
+            light = gathered(scene, vector(o), w, mi.Bool(True), lights, random, dr.opaque(mi.UInt32, bounces), dr.opaque(mi.UInt32, 1), epsilon)
+            dr.eval(light)
+            one = np.stack([np.array(x) for x in (light.x, light.y, light.z)], 1).reshape(len(i), 256, 3).mean(1)
             mean[i] += one
             square[i] += one**2
         note(k + 1, rounds)
@@ -181,6 +203,7 @@ def main():
     p.add_argument("--stride", type=int, default=4)
     p.add_argument("--windows", type=int, help="squares of 64x64 pixels, in place of every k-th pixel")
     p.add_argument("--samples", type=int, default=4096)
+    p.add_argument("--bounces", type=int, default=1, help="most surfaces that light touches on its way")
     p.add_argument("-o", "--out", type=pathlib.Path, required=True)
     a = p.parse_args()
     case = json.load(open(a.cases))[a.case]
@@ -191,7 +214,7 @@ def main():
     columns, rows, corners = windowed(a.size, a.size, a.windows) if a.windows is not None else (*strided(a.size, a.size, a.stride), None)
     rays = rays_through(case["camera"], a.size, a.size, columns, rows)
     result = truth(scene, case["camera"]["eye"], rays, case["lights"], a.samples, 1e-4,
-                   note=lambda k, n: print(f"{k}/{n} {time.monotonic() - start:.0f} s", file=sys.stderr))
+                   bounces=a.bounces, note=lambda k, n: print(f"{k}/{n} {time.monotonic() - start:.0f} s", file=sys.stderr))
     _, mean, variance = result
     if corners:
         depth, normal = geometry(scene, case["camera"], rays)
@@ -201,7 +224,7 @@ def main():
         side = len(range(a.stride // 2, a.size, a.stride))
         for label, data in zip(("direct", "indirect", "variance"), result):
             write(a.out / f"{a.case}.reference-{label}.exr", data, side, side)
-    print(json.dumps({"case": a.case, "size": a.size, "stride": a.stride if not corners else None, "windows": a.windows, "samples": a.samples, "seconds": time.monotonic() - start, "mean": float(mean.mean()),
+    print(json.dumps({"case": a.case, "size": a.size, "stride": a.stride if not corners else None, "windows": a.windows, "samples": a.samples, "bounces": a.bounces, "seconds": time.monotonic() - start, "mean": float(mean.mean()),
                       "relative_noise": float(np.sqrt(variance).mean() / mean.mean())}))
 
 

@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""Runs Radiance's irradiance cache (one bounce) on a case of cases.json and times it.
+"""Runs Radiance's irradiance cache (one bounce, or with --bounces more) on a case of cases.json and times it.
 
     $PEERS_HOME/bin/python radiance.py sibenik --size 1000 --processes 2 -o OUT
 
-Writes OUT/CASE.indirect.exr (indirect irradiance at each pixel, W/m2, from two runs of rtrace -i: one bounce minus none),
-OUT/CASE.picture.exr (radiance) and prints seconds, ambient values and settings as JSON. Only the one-bounce run is timed.
+Writes OUT/CASE.indirect.exr (indirect irradiance at each pixel, W/m2, from two runs of rtrace -i: with bounces minus without),
+OUT/CASE.picture.exr (radiance) and prints seconds, ambient values and settings as JSON. Only the run with bounces is timed.
 Radiance 6 places its values by Hessians: give --resolution (-ar) with every comparison; 0 lifts the limit.
 """
 import argparse, json, os, pathlib, subprocess, sys, time
@@ -85,6 +85,7 @@ def main():
     p.add_argument("--accuracy", type=float)
     p.add_argument("--samples", type=int, default=4096)
     p.add_argument("--resolution", type=int, default=64)
+    p.add_argument("--bounces", type=int, default=1, help="-ab")
     p.add_argument("--processes", type=int, default=2)
     p.add_argument("--picture", action="store_true", help="also write the radiance image")
     p.add_argument("-o", "--out", type=pathlib.Path, required=True)
@@ -94,14 +95,14 @@ def main():
     count = octree(case, a.case, a.scenes, a.out)
     import mitsuba as mi
     mi.set_variant("scalar_rgb")
-    total, seconds, values = image(a.out, a.case, case, a.size, 1, a, True)
+    total, seconds, values = image(a.out, a.case, case, a.size, a.bounces, a, True)
     direct, _, _ = image(a.out, a.case, case, a.size, 0, a, True)
     mi.Bitmap(np.ascontiguousarray(total - direct)).write(str(a.out / f"{a.case}.indirect.exr"))
     if a.picture:
-        picture, _, _ = image(a.out, a.case, case, a.size, 1, a, False)
+        picture, _, _ = image(a.out, a.case, case, a.size, a.bounces, a, False)
         mi.Bitmap(np.ascontiguousarray(picture)).write(str(a.out / f"{a.case}.picture.exr"))
     json.dump({"case": a.case, "triangles": count, "seconds": seconds, "values": values, "size": a.size, "accuracy": a.accuracy or case["accuracy"],
-               "samples": a.samples, "resolution": a.resolution, "processes": a.processes}, sys.stdout)
+               "samples": a.samples, "resolution": a.resolution, "bounces": a.bounces, "processes": a.processes}, sys.stdout)
     print()
 
 

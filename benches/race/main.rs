@@ -38,6 +38,9 @@ struct Options {
     /// Small pictures and few settings, to see whether all runs: results stay in the folder of --out
     #[arg(long)]
     quick: bool,
+    /// All bounces in place of one: results have names of their own
+    #[arg(long, conflicts_with = "quick")]
+    bounces: bool,
     /// One scene of the list alone
     #[arg(long)]
     scene: Option<String>,
@@ -63,7 +66,11 @@ fn main() -> ExitCode {
 }
 
 fn race(options: &Options) -> Result<(), Failure> {
-    let file = if options.quick { "benches/race-quick.ron" } else { "benches/race.ron" };
+    let file = match (options.quick, options.bounces) {
+        (true, _) => "benches/race-quick.ron",
+        (_, true) => "benches/race-bounces.ron",
+        _ => "benches/race.ron",
+    };
     let text = String::from_utf8(read(&Path::new(env!("CARGO_MANIFEST_DIR")).join(file))?)?;
     let mut race = Race::read(&text).and_then(|race| race.only(options.scene.as_deref())).map_err(|error| format!("{file}: {error}"))?;
     if let Some(runs) = options.runs {
@@ -76,16 +83,17 @@ fn race(options: &Options) -> Result<(), Failure> {
     let tracks = race.scenes.iter().map(|case| Track::new(&race, &programs, &folder, case)).collect::<Result<Vec<_>, _>>()?;
     let scenes = tracks.iter().map(|track| Scene::of(&track.case.name, track.points()?)).collect::<Result<Vec<_>, _>>()?;
     drop(tracks);
-    let (size, truth, others_at_most) = (race.size, race.truth, race.others_at_most);
+    let (size, truth, bounces, others_at_most) = (race.size, race.truth, race.bounces, race.others_at_most);
     let Programs { versions, machine, .. } = programs;
     let (date, changes) = (machine::date()?, machine::changes()?);
-    publish(options, &Report { schema: 2, date, commit, changes, machine, versions, size, truth, others_at_most, scenes })
+    publish(options, &Report { schema: 2, date, commit, changes, machine, versions, size, truth, bounces, others_at_most, scenes })
 }
 
 /// Tables on the terminal, everything else into files.
 fn publish(options: &Options, report: &Report) -> Result<(), Failure> {
     let folder = if options.quick { options.out.clone() } else { "benches/results".into() };
-    let name = |scene: Option<&str>| folder.join(format!("{}-race{}", report.date, scene.map_or(String::new(), |scene| format!("-{scene}"))));
+    let race = if options.bounces { "race-bounces" } else { "race" };
+    let name = |scene: Option<&str>| folder.join(format!("{}-{race}{}", report.date, scene.map_or(String::new(), |scene| format!("-{scene}"))));
     let json = name(options.scene.as_deref()).with_extension("json");
     let tables = tell::markdown(report);
     write(&json, &(serde_json::to_string_pretty(report)? + "\n"))?;
@@ -126,7 +134,7 @@ struct Sealed {
 impl<'a> Track<'a> {
     fn new(race: &'a Race, programs: &'a Programs, folder: &'a Folder, case: &'a Case) -> Result<Self, Failure> {
         let (scene, mitsuba) = (programs.scene_checksum(case)?, &programs.versions.mitsuba);
-        let key = format!("scene {scene}, size {}, {:?}, Mitsuba {mitsuba}", race.size, race.truth);
+        let key = format!("scene {scene}, size {}, {:?}, {} bounces, Mitsuba {mitsuba}", race.size, race.truth, race.bounces);
         let truth = truth(race, programs, folder, case, &key)?;
         Ok(Self { race, programs, folder, case, ground: format!("{key}, {} cores, {:?}", programs.machine.cores, programs.machine.cpu), truth })
     }

@@ -102,7 +102,7 @@ impl Programs {
     pub fn trace(&self, race: &Race, case: &Case, folder: &Path) -> Result<Value, Failure> {
         let truth = race.truth;
         let trace = |what: &str, number: u32| -> Result<Value, Failure> {
-            let numbers = [("--size", race.size), (what, number), ("--samples", truth.samples)];
+            let numbers = [("--size", race.size), (what, number), ("--samples", truth.samples), ("--bounces", race.bounces)];
             let done = finish(self.script("mitsuba_reference.py", case, &numbers.map(|(name, value)| (name, value.to_string()))).arg("-o").arg(folder))?;
             Ok(serde_json::from_slice(&done.stdout)?)
         };
@@ -111,18 +111,19 @@ impl Programs {
 
     /// Runs a setting once, in an empty folder of its own, and judges its picture.
     pub fn run(&self, race: &Race, case: &Case, setting: &Setting, truth: &Truth, folder: &Path) -> Result<Run, Failure> {
+        let bounces = ("--bounces", race.bounces.to_string());
         match setting {
             Setting::Radiance(Radiance { accuracy, samples, resolution }) => {
                 let numbers = [("--accuracy", accuracy.to_string()), ("--samples", samples.to_string()), ("--resolution", resolution.to_string())];
-                let rest = [("--size", race.size.to_string()), ("--processes", self.machine.cores.to_string())];
+                let rest = [("--size", race.size.to_string()), bounces, ("--processes", self.machine.cores.to_string())];
                 self.run_peer(case, truth, folder, self.script("radiance.py", case, &[&numbers[..], &rest].concat()))
             }
             Setting::Mitsuba(Mitsuba { strata }) => {
-                let numbers = [("--size", race.size.to_string()), ("--strata", strata.to_string())];
+                let numbers = [("--size", race.size.to_string()), bounces, ("--strata", strata.to_string())];
                 self.run_peer(case, truth, folder, self.script("mitsuba_cast.py", case, &numbers))
             }
             Setting::Denoised(Denoised { rays, quality }) => {
-                let numbers = [("--size", race.size.to_string()), ("--rays", rays.to_string()), ("--quality", quality.name().to_owned())];
+                let numbers = [("--size", race.size.to_string()), bounces, ("--rays", rays.to_string()), ("--quality", quality.name().to_owned())];
                 self.run_peer(case, truth, folder, self.script("mitsuba_denoised.py", case, &numbers))
             }
             Setting::Hemisplat(ours) => self.run_ours(race, case, ours, truth, folder),

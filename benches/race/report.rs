@@ -26,6 +26,8 @@ pub struct Report {
     /// Edge of all pictures [pixels].
     pub size: u32,
     pub truth: Truth,
+    /// Most surfaces that light touches on its way, in the truth and with every peer.
+    pub bounces: u32,
     /// Runs in which other processes had more of the processors' time were thrown away.
     pub others_at_most: f64,
     pub scenes: Vec<Scene>,

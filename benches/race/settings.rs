@@ -18,6 +18,9 @@ pub struct Race {
     /// Edge of all pictures [pixels].
     pub size: u32,
     pub truth: Truth,
+    /// Most surfaces that light touches on its way, in the truth and with every peer; the pipelines have theirs.
+    #[serde(default = "one")]
+    pub bounces: u32,
     /// `NODE.PARAM=VALUE` that make a render short without changing its shaders.
     pub warm_up: Vec<String>,
     pub scenes: Vec<Case>,
@@ -28,6 +31,10 @@ pub struct Race {
     pub runs: Runs,
     /// The most that other processes may have of the processors' time while a run is timed; a run that they had more of is thrown away.
     pub others_at_most: f64,
+}
+
+fn one() -> u32 {
+    1
 }
 
 /// How often each program's settings run: what takes minutes is disturbed less than what takes a second.
@@ -233,6 +240,9 @@ impl Race {
         }
         if !samples.is_multiple_of(ROUND) || samples < ROUND * FEWEST_ROUNDS {
             return Err(format!("truth.samples {samples}: Mitsuba casts rounds of {ROUND}, {FEWEST_ROUNDS} at least"));
+        }
+        if !(1..=64).contains(&self.bounces) {
+            return Err(format!("bounces {}: 1 to 64", self.bounces));
         }
         if self.mitsuba.iter().any(|mitsuba| !(1..=1000).contains(&mitsuba.strata)) {
             return Err("mitsuba.strata: a number from 1 to 1000".into());

@@ -13,10 +13,11 @@ use std::fmt::Write;
 const OUT_OF_RANGE: &str = "out of range";
 
 pub fn markdown(report: &Report) -> String {
-    let Report { date, machine, versions, size, truth, .. } = report;
+    let Report { date, machine, versions, size, truth, bounces, .. } = report;
+    let bounces = if *bounces == 1 { "one bounce".to_owned() } else { format!("{bounces} bounces") };
     let cpu = [&[machine.cpu.clone().unwrap_or("processor unknown".into())][..], &machine.caches].concat().join(", ");
     let mut text = format!(
-        "{date}, commit {}: {size}×{size} pixels, one bounce; {} cores ({cpu}), {}; hemisplat {}, Radiance by {}, Mitsuba {}, Open Image Denoise by {}; runs in which others had more than {} of the processors' time were thrown away; \
+        "{date}, commit {}: {size}×{size} pixels, {bounces}; {} cores ({cpu}), {}; hemisplat {}, Radiance by {}, Mitsuba {}, Open Image Denoise by {}; runs in which others had more than {} of the processors' time were thrown away; \
          truth by Mitsuba, {} rays at one pixel of {stride}×{stride} and in {windows} windows of {side}×{side} pixels (`band_error`, `rmse_interior`, `rmse_edges`).\n",
         report.commit.as_deref().unwrap_or("unknown"),
         machine.cores,

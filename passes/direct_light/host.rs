@@ -29,7 +29,7 @@ pub(super) fn encode(e: &mut Encoder<'_>, gbuffer: &port::GBuffer, [area, sky]: 
         let seen: Vec<u32> = bytemuck::pod_collect_to_vec(host.read(triangles));
         let (camera, scene) = (host.camera().0, host.scene());
         let area_lights = AreaLight::all(scene);
-        let emitters = Emitters::new(scene, host.bvh(), &area_lights, [area, sky]);
+        let emitters = Emitters::new(scene, host.bvh(), host.extent(), &area_lights, [area, sky]);
         let mut lights = vec![Vec4::ZERO; seen.len()];
         lights.par_chunks_mut(PIXELS).enumerate().for_each_init(ToDo::default, |to_do, (chunk, lights)| {
             for (at, out) in (chunk * PIXELS..).zip(lights) {

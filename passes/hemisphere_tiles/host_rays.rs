@@ -45,7 +45,7 @@ pub(super) fn encode_shaded(
         let mut samples = host.take(radiance);
         let lighting = host_shade::lighting(host, lighting)?;
         let maps = maps.map_or_else(ShadowMaps::default, |maps| host_shade::shadow_maps(&maps, host));
-        let emitters = lighting.emitters(host.scene(), host.bvh());
+        let emitters = lighting.emitters(host.scene(), host.bvh(), host.extent());
         let records = indirect.map_or_else(Vec::new, |field| irradiance_field::records(&field, host));
         let indirect = indirect.map(|field| irradiance_field::on_host(&field, host, &records));
         let shader = host_shade::Shading { lighting: &lighting, maps, scene: host.scene(), emitters, places: &places, indirect: indirect.as_ref() };

@@ -38,8 +38,9 @@ pub(super) struct Lighting {
 }
 
 impl Lighting {
-    pub fn emitters<'a>(&'a self, scene: &'a Scene, bvh: &'a Bvh) -> Emitters<'a> {
-        Emitters::new(scene, bvh, &self.area_lights, self.samples)
+    /// `extent` is the scene's, which takes a look at all of it.
+    pub fn emitters<'a>(&'a self, scene: &'a Scene, bvh: &'a Bvh, extent: f32) -> Emitters<'a> {
+        Emitters::new(scene, bvh, extent, &self.area_lights, self.samples)
     }
 }
 
@@ -559,7 +560,7 @@ mod tiles {
         if lighting.sees_emission && (front || material.two_sided) {
             light += material.emission;
         }
-        let emitters = lighting.emitters(scene, &host.bvh);
+        let emitters = lighting.emitters(scene, &host.bvh, scene.extent());
         light += dispatch!(Level::new(), simd => emitters.light(simd, &surface, seed, &mut ToDo::default()));
         light.extend(surface.position.distance(ray.origin))
     }
@@ -579,7 +580,7 @@ mod tiles {
                 lighting: &lighting,
                 maps: ShadowMaps::default(),
                 scene: &host.scene,
-                emitters: lighting.emitters(&host.scene, &host.bvh),
+                emitters: lighting.emitters(&host.scene, &host.bvh, host.scene.extent()),
                 places: &places,
                 indirect: None,
             };

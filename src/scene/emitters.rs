@@ -79,10 +79,10 @@ struct Shining {
 
 // All that runs within `dispatch!` is inlined into it: what is not would not have its instructions.
 impl<'a> Emitters<'a> {
-    /// By so many shadow rays from a place, none where there is no such light; `emitters` are all of the scene.
-    pub fn new(scene: &'a Scene, bvh: &'a Bvh, area_lights: &'a [AreaLight], [area, sky]: [u32; 2]) -> Self {
+    /// By so many shadow rays from a place, none where there is no such light; `area_lights` are all of the scene, `extent` is its own.
+    pub fn new(scene: &'a Scene, bvh: &'a Bvh, extent: f32, area_lights: &'a [AreaLight], [area, sky]: [u32; 2]) -> Self {
         let (area, sky) = (if area_lights.is_empty() { 0 } else { area }, if scene.environment.is_black() { 0 } else { sky });
-        Self { scene, bvh, area_lights, extent: scene.extent(), area, sky }
+        Self { scene, bvh, area_lights, extent, area, sky }
     }
 
     /// Whether there is any light.

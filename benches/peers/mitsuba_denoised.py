@@ -19,7 +19,6 @@ import pyoidn
 STRATA = {1: (1, 1), 2: (1, 2), 4: (2, 2), 8: (2, 4), 16: (4, 4), 32: (4, 8), 64: (8, 8)}
 QUALITY = {"fast": pyoidn.OIDN_QUALITY_FAST, "balanced": pyoidn.OIDN_QUALITY_BALANCED, "high": pyoidn.OIDN_QUALITY_HIGH}
 EPSILON = 1e-4
-ROULETTE_FROM = 5
 
 
 def gbuffer(scene, camera, size):
@@ -45,7 +44,7 @@ def gbuffer(scene, camera, size):
 
 @dr.syntax
 def cast(scene, point, normal, seen, lights, across, along, bounces):
-    """Means over across x along stratified paths of the light that they gather. Paths end by chance from the fifth surface on, as those of Mitsuba's integrator do."""
+    """Means over across x along stratified paths of the light that they gather."""
     random = mi.PCG32(size=dr.width(point), initstate=dr.arange(mi.UInt32, dr.width(point)))
     frame, origin = mi.Frame3f(normal), mi.Point3f(point + EPSILON * normal)
     total, k = mi.Color3f(0), mi.UInt32(0)
@@ -54,7 +53,7 @@ def cast(scene, point, normal, seen, lights, across, along, bounces):
         v = (mi.Float(k // across) + random.next_float32()) * (2 * dr.pi / mi.Float(along))
         sine, cosine = dr.sincos(v)
         towards = frame.to_world(mi.Vector3f(dr.sqrt(u) * cosine, dr.sqrt(u) * sine, dr.sqrt(1 - u)))
-        total += reference.gathered(scene, origin, towards, seen, lights, random, bounces, ROULETTE_FROM, EPSILON)
+        total += reference.gathered(scene, origin, towards, seen, lights, random, bounces, reference.ROULETTE_FROM, EPSILON)
         k += 1
     total /= mi.Float(across * along)
     dr.eval(total)

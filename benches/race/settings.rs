@@ -188,7 +188,7 @@ impl Setting {
 
     /// What anyone gets who changes nothing.
     pub fn is_what_ships(&self) -> bool {
-        matches!(self, Self::Hemisplat(Hemisplat { pipeline, set, start: Start::Warm }) if pipeline == "irradiance" && set.is_empty())
+        matches!(self, Self::Hemisplat(Hemisplat { pipeline, set, start: Start::Warm }) if ["irradiance", "irradiance-bounces"].contains(&pipeline.as_str()) && set.is_empty())
     }
 
     /// As its program is told.

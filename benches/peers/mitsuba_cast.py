@@ -41,8 +41,7 @@ def gathered(scene, start, normal, pixel, lights, strata, epsilon, bounces):
     sine, cosine = dr.sincos(v)
     origin, up = (mi.Vector3f(*[dr.gather(mi.Float, one, pixel) for one in (of.x, of.y, of.z)]) for of in (start, normal))
     towards = mi.Frame3f(up).to_world(mi.Vector3f(dr.sqrt(u) * cosine, dr.sqrt(u) * sine, dr.sqrt(1 - u)))
-    most = dr.opaque(mi.UInt32, bounces)
-    light = reference.gathered(scene, origin, towards, mi.Bool(True), lights, random, most, reference.ROULETTE_FROM, epsilon)
+    light = reference.gathered(scene, origin, towards, mi.Bool(True), lights, random, dr.opaque(mi.UInt32, bounces), epsilon)
     dr.eval(light)  # all channels together: each alone would cast all rays again
     return np.stack([np.array(dr.block_reduce(dr.ReduceOp.Add, one, each)) for one in (light.x, light.y, light.z)], 1) / each
 

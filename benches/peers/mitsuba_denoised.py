@@ -53,7 +53,7 @@ def cast(scene, point, normal, seen, lights, across, along, bounces):
         v = (mi.Float(k // across) + random.next_float32()) * (2 * dr.pi / mi.Float(along))
         sine, cosine = dr.sincos(v)
         towards = frame.to_world(mi.Vector3f(dr.sqrt(u) * cosine, dr.sqrt(u) * sine, dr.sqrt(1 - u)))
-        total += reference.gathered(scene, origin, towards, seen, lights, random, bounces, reference.ROULETTE_FROM, EPSILON)
+        total += reference.gathered(scene, origin, towards, seen, lights, random, bounces, EPSILON)
         k += 1
     total /= mi.Float(across * along)
     dr.eval(total)

@@ -112,9 +112,9 @@ def facing(normal, direction):
 
 
 @dr.syntax
-def gathered(scene, origin, towards, active, lights, random, bounces, surely, epsilon):
+def gathered(scene, origin, towards, active, lights, random, bounces, epsilon):
     """What rays bring of light that surfaces reflect, at most `bounces` times: reflectance x direct irradiance where they land, and where they go on to.
-    From the bounce `surely` on they go on by chance, as probably as the surface reflects."""
+    From the bounce ROULETTE_FROM on they go on by chance, as probably as the surface reflects."""
     at, way, alive = mi.Point3f(origin), mi.Vector3f(towards), mi.Bool(active)
     total, weight, b = mi.Color3f(0), mi.Color3f(1), mi.UInt32(0)
     while alive:
@@ -125,7 +125,7 @@ def gathered(scene, origin, towards, active, lights, random, bounces, surely, ep
         lit = direct_irradiance(scene, far.p, normal, alive, lights, epsilon)
         total += dr.select(alive, mi.Color3f(*lit) * weight, 0)
         b += 1
-        goes_on = dr.select(b < surely, mi.Float(1), dr.minimum(dr.max(weight), 1))
+        goes_on = dr.select(b < ROULETTE_FROM, mi.Float(1), dr.minimum(dr.max(weight), 1))
         alive &= (b < bounces) & (random.next_float32() < goes_on)
         weight /= dr.maximum(goes_on, 1e-6)
         u, v = random.next_float32(), random.next_float32()
@@ -162,7 +162,7 @@ def truth(scene, eye, rays, lights, samples, epsilon, seed=1, note=lambda *a: No
             o = np.repeat(p[i] + epsilon * nn[i], 256, axis=0)
             w = vector(w.reshape(-1, 3))
             random = mi.PCG32(size=len(o), initstate=dr.arange(mi.UInt32, len(o)) + dr.opaque(mi.UInt32, (seed + k * 7919 + s) % 2**31))
-            light = gathered(scene, vector(o), w, mi.Bool(True), lights, random, dr.opaque(mi.UInt32, bounces), dr.opaque(mi.UInt32, ROULETTE_FROM), epsilon)
+            light = gathered(scene, vector(o), w, mi.Bool(True), lights, random, dr.opaque(mi.UInt32, bounces), epsilon)
             dr.eval(light)
             one = np.stack([np.array(x) for x in (light.x, light.y, light.z)], 1).reshape(len(i), 256, 3).mean(1)
             mean[i] += one

@@ -63,7 +63,7 @@ impl Grid {
         Ok(Self { coarsest, finest, cell, phase, idle })
     }
 
-    /// Before the loop.
+    /// Before the loop; all that its first round reads, for the device may be ahead of the host.
     pub fn start(&self, host: &mut dyn HostContext) {
         host.set(self.cell, self.coarsest);
         host.set(self.phase, 0);

@@ -14,7 +14,6 @@ pub(super) fn encode(e: &mut Encoder<'_>, work: &Work, grid: Grid) {
     let asked = e.state("asked");
     let begin = move |host: &mut dyn HostContext| {
         grid.start(host);
-        host.set(looked_over, 0);
         Ok(())
     };
     e.before_loop(Command::Host(Host::new("start", Vec::new(), Vec::new(), begin)));

@@ -99,13 +99,13 @@ fn first_from(head: MapHead, code: u32) -> u32 {
     return low;
 }
 
-fn zone_reach(head: MapHead, level: u32) -> f32 {
+fn half_edge(head: MapHead, level: u32) -> f32 {
     return 0.5 * f32(1u << level) / head.cells_per_unit;
 }
 
 // How far from a surface the middle of a cell may be that has photons of it.
 fn slab_of(head: MapHead, normal: vec3f, radius: f32, level: u32) -> f32 {
-    return FLATNESS * radius + zone_reach(head, level) * dot(abs(normal), vec3f(1.0)) * LONGER;
+    return FLATNESS * radius + half_edge(head, level) * dot(abs(normal), vec3f(1.0)) * LONGER;
 }
 
 // The photons in one of the eight cells next to a point, if its middle is within a slab: the first, and one past the last.
@@ -165,13 +165,13 @@ fn photon_zone(position: vec3f, normal: vec3f, wanted: u32, most: f32) -> Zone {
             level -= 1u;
         }
     } else {
-        while level < BITS && zone_reach(head, level) < most && count_around(head, position, level) < crowd {
+        while level < BITS && half_edge(head, level) < most && count_around(head, position, level) < crowd {
             level += 1u;
         }
     }
     let last = min(BITS, level + WIDENED);
     loop {
-        let radius = min(zone_reach(head, level), most);
+        let radius = min(half_edge(head, level), most);
         var rings: array<u32, RINGS>;
         let scale = f32(RINGS) / (radius * radius);
         let slab = slab_of(head, normal, radius, level);
@@ -191,7 +191,7 @@ fn photon_zone(position: vec3f, normal: vec3f, wanted: u32, most: f32) -> Zone {
                 return Zone(radius * sqrt(f32(ring + 1u) / f32(RINGS)), level, true);
             }
         }
-        if level == last || zone_reach(head, level) >= most || sum * DETAIL >= wanted {
+        if level == last || half_edge(head, level) >= most || sum * DETAIL >= wanted {
             return Zone(radius, level, false);
         }
         level += 1u;

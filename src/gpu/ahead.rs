@@ -14,6 +14,12 @@ const FIRST: u32 = 8;
 /// Most rounds between two looks.
 const MOST: u32 = 64;
 
+/// Where a loop's own dispatches stand among the commands of its first node, as [`crate::pipeline::ahead`] lists them.
+pub(super) const BEGIN: usize = 0;
+const SIZE: usize = 1;
+pub(super) const OPEN: usize = 2;
+pub(super) const CLOSE: usize = 3;
+
 /// The variables on the device, as `shaders/lib/variables.wgsl` has them.
 pub(super) struct Words {
     progress: Progress,
@@ -72,13 +78,10 @@ impl Session<'_> {
     }
 
     pub(super) fn encode_round(&mut self, repeat: &Repeat, sizes: Resource, first: usize, pending: &mut Pending) -> Result<(), GpuError> {
-        let nodes: Vec<&Node> = repeat.steps.iter().filter_map(|step| if let Step::Node(node) = step { Some(node) } else { None }).collect();
-        let [begin, size] = [0, 1].map(|position| (&nodes[0].commands[position], position));
-        for (command, position) in [begin, size] {
-            self.encode(command, first, position, pending);
-        }
+        [BEGIN, SIZE].into_iter().for_each(|own| self.encode_own(repeat, first, own, pending));
+        let nodes = repeat.steps.iter().filter_map(|step| if let Step::Node(node) = step { Some(node) } else { None });
         let mut next_size = 0;
-        for (node, index) in nodes.into_iter().zip(first..).skip(1) {
+        for (node, index) in nodes.zip(first..).skip(1) {
             let mut open = false;
             for (position, command) in node.commands.iter().enumerate() {
                 self.catch_up_all(command, pending);
@@ -88,13 +91,19 @@ impl Session<'_> {
                 next_size += self.encode_sized(command, &self.programs[index][position], (sizes, next_size), pending);
                 // What a host step's twin has counted changes the sizes of what follows.
                 if matches!(command, Command::Host(_)) {
-                    self.encode(size.0, first, size.1, pending);
+                    self.encode_own(repeat, first, SIZE, pending);
                 }
             }
             self.end_timing(&mut open, pending)?;
         }
         pending.empty = false;
         Ok(())
+    }
+
+    /// Encodes one of the loop's own dispatches.
+    pub(super) fn encode_own(&self, repeat: &Repeat, first: usize, position: usize, pending: &mut Pending) {
+        let Some(Step::Node(own)) = repeat.steps.first() else { unreachable!("such loops have a node that begins their rounds") };
+        self.encode(&own.commands[position], first, position, pending);
     }
 
     /// Encodes a command with sizes from a place of theirs on; how many it takes.

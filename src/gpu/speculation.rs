@@ -1,7 +1,7 @@
 //! Frames of a still picture: where nothing has changed since a frame whose loops came to their ends, the host takes it for granted that they find nothing to
 //! do, encodes all of the frame without a look, and makes sure at its end.
 
-use super::ahead::Words;
+use super::ahead::{BEGIN, CLOSE, OPEN, Words};
 use super::device::GpuError;
 use super::encode::Pending;
 use super::frame::{AskPace, Frame, Pace};
@@ -11,7 +11,8 @@ use crate::schedule::*;
 use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// What host steps do with variables while the device is ahead of the host.
+/// What host steps do with variables while the device is ahead of the host. What they read then they have to have set themselves, or else it must turn out that
+/// no loop has changed it.
 #[derive(Default)]
 pub(super) struct Speculation {
     /// Whether the device has run a loop that the host has not looked at.
@@ -63,8 +64,7 @@ fn changes_history(command: &Command, schedule: &Schedule, shaders: &Shaders) ->
         Command::Compute(compute) => by_shader(&compute.program, &[compute.entry]),
         Command::Raster(raster) => {
             let targets = raster.colours.iter().map(|target| target.texture).chain(raster.depth.map(|depth| depth.texture));
-            let entries: Vec<&str> = [raster.vertex].into_iter().chain(raster.fragment).collect();
-            targets.into_iter().any(|target| is_history(&target)) || by_shader(&raster.program, &entries)
+            targets.into_iter().any(|target| is_history(&target)) || by_shader(&raster.program, &raster.entries())
         }
     }
 }
@@ -80,26 +80,23 @@ impl Session<'_> {
         let (result, mut pending) = self.encode_frame(pace);
         let words = self.look_at_variables(&mut pending);
         let speculation = self.speculation.take().unwrap_or_default();
-        let (frame, words) = (result?, words?);
-        if words.is_held || !self.take_over(&words, &speculation) {
-            // Should it happen once, it might each time.
-            self.may_speculate = false;
-            self.variables = before;
-            return Ok(None);
+        match result.and_then(|frame| Ok((frame, words?))) {
+            Ok((frame, words)) if !words.is_held && self.take_over(&words, &speculation) => Ok(Some(frame)),
+            found => {
+                // What the device has added beyond these counts is as if it were not there. A guess that is wrong once might be wrong each time.
+                self.variables = before;
+                self.may_speculate &= found.is_err();
+                found.map(|_| None)
+            }
         }
-        Ok(Some(frame))
     }
 
     /// Encodes one round of a loop whose first node has the index `first`, and that it must be the last.
     pub(super) fn run_unseen(&mut self, repeat: &Repeat, sizes: Resource, first: usize, pending: &mut Pending) -> Result<u32, GpuError> {
-        let [begin, open, close] = [0, 2, 3];
         self.bring_set_variables(pending);
-        let Some(Step::Node(own)) = repeat.steps.first() else { unreachable!("such loops have a node that begins their rounds") };
-        self.encode(&own.commands[open], first, open, pending);
+        self.encode_own(repeat, first, OPEN, pending);
         self.encode_round(repeat, sizes, first, pending)?;
-        for position in [begin, close] {
-            self.encode(&own.commands[position], first, position, pending);
-        }
+        [BEGIN, CLOSE].into_iter().for_each(|own| self.encode_own(repeat, first, own, pending));
         self.nodes[first + 1..first + repeat.steps.len()].iter_mut().for_each(|node| node.runs += 1);
         if let Some(until) = repeat.until {
             self.variables[until.0 as usize] = 1;

@@ -27,6 +27,7 @@ pub mod photon_tiles;
 pub mod photons;
 pub mod prefix_sum;
 pub mod radiance_projection;
+pub mod radix_sort;
 pub mod record;
 pub mod record_cache;
 pub mod record_index;

@@ -38,7 +38,7 @@ const MAY_TOUCH_THE_SYSTEM: [&str; 22] = [
     "passes/path_vertices.rs",
     "passes/contribution/bands.rs",
     "passes/indirect_light.rs",
-    "passes/photon_map/mod.rs",
+    "passes/photon_map/host.rs",
     "passes/photon_tiles.rs",
     "passes/photons/mod.rs",
     "src/math/walk.rs",

@@ -10,8 +10,10 @@ mod skips;
 use hemisplat::{
     contract::{PLACE, Port, encoder::Setting, port, tables::Remembered},
     gpu::{Gpu, Pace, Session, scene::kind},
+    math::morton::Cube,
     passes::{
         REGISTRY,
+        photons::{HEAD_BYTES, MapHead, PHOTON_BYTES, Photon, SLOTS_BEFORE},
         record::{RECORD_BYTES, REQUEST_BYTES},
     },
     pipeline::{self, Pipeline, Plan, Problems, embedded::EMBEDDED, load, plan},
@@ -152,6 +154,8 @@ struct Part {
     fields: usize,
     /// Known as the plan is made: compared, and left as it is.
     is_constant: bool,
+    /// Photons come in another order where one of them is on the other side of a cell's edge.
+    is_photons: bool,
 }
 
 impl Part {
@@ -166,8 +170,8 @@ type Counted = Option<(u64, Variable)>;
 fn fields(kind: &ResourceKind, counted: Counted) -> usize {
     match (kind, counted) {
         (ResourceKind::Texture { format: Format::R32Uint | Format::R32Float | Format::Depth32Float, .. }, _) => 1,
-        // Requests and records; tiles and coefficients are vectors of four.
-        (_, Some((stride @ (REQUEST_BYTES | RECORD_BYTES), _))) => stride as usize / 4,
+        // Requests, records and photons; tiles and coefficients are vectors of four.
+        (_, Some((stride, _))) if [REQUEST_BYTES, RECORD_BYTES, PHOTON_BYTES].contains(&stride) => stride as usize / 4,
         _ => 4,
     }
 }
@@ -185,6 +189,7 @@ fn parts(port: &Port) -> (Vec<(Resource, Counted)>, Vec<Variable>) {
         }
         Port::Splats(p) => ([p.sums].into_iter().chain(p.counts).map(|image| (image, None)).collect(), Vec::new()),
         Port::Flag(flag) => (Vec::new(), vec![*flag]),
+        Port::PhotonMap(p) => (vec![(p.data, Some((PHOTON_BYTES, p.slots)))], Vec::new()),
         // Maps are drawn by the device alone.
         Port::ShadowMaps(_) => Default::default(),
         other => (other.resources().into_iter().map(|resource| (resource, None)).collect(), Vec::new()),
@@ -206,8 +211,7 @@ struct Noted {
 }
 
 impl Log {
-    fn judge(&mut self, port: &str, (kind, fields): (&ResourceKind, usize), found: &[u8], expected: &[u8]) {
-        let share = apart(kind, fields, found, expected);
+    fn judge(&mut self, port: &str, share: f64) {
         let largest = self.compared.entry(port.into()).or_default();
         *largest = largest.max(share);
         if share > APART {
@@ -226,7 +230,7 @@ impl Log {
                 _ => None,
             });
             let constants: Vec<_> = constants.collect();
-            constants.iter().zip(&rest[0].contents).for_each(|((kind, found), expected)| self.judge(port, (kind, fields(kind, None)), found, expected));
+            constants.iter().zip(&rest[0].contents).for_each(|((kind, found), expected)| self.judge(port, apart(kind, fields(kind, None), found, expected)));
             constants.is_empty()
         });
         self.noted = noted;
@@ -271,7 +275,8 @@ fn watcher(schedule: &Schedule, name: &str, port: &Port, log: &Arc<Mutex<Log>>, 
     let is_constant = |resource| matches!(schedule.resource(resource).lifetime, Lifetime::Constant(_));
     let described = |(resource, counted)| {
         let kind = schedule.resource(resource).kind.clone();
-        Part { resource, fields: fields(&kind, counted), kind, counted, is_constant: is_constant(resource) }
+        let is_photons = matches!(port, Port::PhotonMap(_));
+        Part { resource, fields: fields(&kind, counted), kind, counted, is_constant: is_constant(resource), is_photons }
     };
     let made = |part: &Part| !matches!(schedule.resource(part.resource).lifetime, Lifetime::Scene(_) | Lifetime::Frame);
     let parts: Vec<Part> = parts.into_iter().map(described).filter(made).collect();
@@ -299,7 +304,8 @@ fn compare(log: &mut Log, port: &str, parts: &[Part], variables: &[Variable], ho
         return log.apart.push(format!("{port}: the host does more than the device"));
     };
     for (part, expected) in parts.iter().zip(&noted.contents) {
-        log.judge(port, (&part.kind, part.fields), host.read(part.resource), expected);
+        let found = host.read(part.resource);
+        log.judge(port, if part.is_photons { photons_apart(found, expected) } else { apart(&part.kind, part.fields, found, expected) });
         if part.is_constant {
             continue;
         }
@@ -314,6 +320,58 @@ fn compare(log: &mut Log, port: &str, parts: &[Part], variables: &[Variable], ho
         }
         host.set(*variable, *expected);
     }
+    for (part, expected) in parts.iter().zip(&noted.contents) {
+        part.counted.iter().for_each(|(stride, count)| host.set(*count, (expected.len() as u64 / stride) as u32));
+    }
+}
+
+/// The share of photons of either map that have none like them in the other; all where their heads differ, the tables do by many photons, or one is not sorted.
+fn photons_apart(found: &[u8], expected: &[u8]) -> f64 {
+    let [found, expected] = [found, expected].map(Map::of);
+    let [few, many] = [found.photons.len(), expected.photons.len()].map(|count| count as f64);
+    let is_near = |(a, b): (&u32, &u32)| f64::from(a.abs_diff(*b)) <= APART * many;
+    let is_built = found.is_sorted() && expected.is_sorted() && found.level == expected.level && found.cube == expected.cube;
+    if !is_built || !found.table.iter().zip(&expected.table).all(is_near) {
+        return 1.0;
+    }
+    let lonely = without_partner(&found.photons, &expected.photons).max(without_partner(&expected.photons, &found.photons));
+    lonely.max((few - many).abs() / many.max(1.0))
+}
+
+/// A photon map.
+struct Map {
+    cube: Cube,
+    level: u32,
+    table: Vec<u32>,
+    photons: Vec<Photon>,
+}
+
+impl Map {
+    fn of(bytes: &[u8]) -> Self {
+        let (before, photons) = bytes.split_at((SLOTS_BEFORE * PHOTON_BYTES) as usize);
+        let (head, table) = before.split_at(HEAD_BYTES as usize);
+        let head: MapHead = bytemuck::pod_read_unaligned(head);
+        let cube = Cube { corner: head.corner.into(), cells_per_unit: head.cells_per_unit };
+        let photons = bytemuck::pod_collect_to_vec::<u8, Photon>(photons)[..head.count as usize].to_vec();
+        Self { cube, level: head.level, table: bytemuck::pod_collect_to_vec(table), photons }
+    }
+
+    fn is_sorted(&self) -> bool {
+        self.photons.is_sorted_by_key(|photon| self.cube.code(photon.position.into()))
+    }
+}
+
+/// The share of photons that have no partner among others: at the same place [scene units, of scenes some units wide], as bright and as far from where it came.
+fn without_partner(photons: &[Photon], others: &[Photon]) -> f64 {
+    const NEAR: f32 = 2e-3;
+    let cell = |photon: &Photon, step: [i32; 3]| std::array::from_fn::<i32, 3, _>(|axis| (photon.position[axis] / NEAR).floor() as i32 + step[axis]);
+    let mut cells: BTreeMap<[i32; 3], Vec<&Photon>> = BTreeMap::new();
+    others.iter().for_each(|other| cells.entry(cell(other, [0; 3])).or_default().push(other));
+    let is_alike = |a: f32, b: f32| (a - b).abs() <= 5.0 * ALIKE * a.abs().max(b.abs());
+    let are_partners = |a: &Photon, b: &Photon| is_alike(a.leg, b.leg) && (0..3).all(|channel| is_alike(a.flux[channel], b.flux[channel]));
+    let steps = || (0..27).map(|at| [at % 3 - 1, at / 3 % 3 - 1, at / 9 - 1]);
+    let has_partner = |photon: &&Photon| steps().filter_map(|step| cells.get(&cell(photon, step))).flatten().any(|other| are_partners(photon, other));
+    photons.iter().filter(|photon| !has_partner(photon)).count() as f64 / photons.len().max(1) as f64
 }
 
 /// The share of numbers that are not alike.

@@ -18,6 +18,7 @@ use hemisplat::{
     },
     passes::{
         REGISTRY,
+        photons::{Photon, SLOTS_BEFORE},
         record::{Radius, Record, Request, Weighting, summed_record},
     },
     scene::{bvh::Bvh, load, model::*, needs::Needs},
@@ -36,7 +37,7 @@ type Outcome = Result<(), Failed>;
 type Case = fn(&Stage) -> Outcome;
 
 fn main() {
-    let cases: [(&str, bool, Case); 16] = [
+    let cases: [(&str, bool, Case); 17] = [
         ("host_steps_touch_nothing_undeclared", false, undeclared_is_refused),
         ("sums_agree_with_double_precision", false, sums_agree),
         ("curvatures_agree_with_double_precision", false, curvatures_agree),
@@ -52,6 +53,7 @@ fn main() {
         ("a_sequential_walk_has_no_surplus", false, sequential_walk),
         ("weights_on_the_host_are_those_on_the_device", false, weights_agree),
         ("indices_of_host_and_device_find_what_a_look_at_all_records_finds", false, indices_agree),
+        ("as_many_photons_are_kept_on_host_and_device_as_there_is_room_for", false, photons_fit),
         ("as_many_records_as_fit_splat_alike", true, many_records),
     ];
     let stage = Stage::open().map(Arc::new);
@@ -980,6 +982,33 @@ fn indices_agree(stage: &Stage) -> Outcome {
             }
         }
         check(found >= count.min(100), || format!("only {found} of the points are reached"))?;
+    }
+    Ok(())
+}
+
+/// Where there is no room for the photons of all paths, only those paths count that came before; their light is shared out among them.
+fn photons_fit(stage: &Stage) -> Outcome {
+    for (photons, kept) in [("20000", "1024"), ("20000", "100000"), ("1", "1024"), ("0", "1024")] {
+        let map = |place: &str| {
+            let mut graph = Graph::new(stage, [8, 8]);
+            graph.node("map", "PhotonMap", &[("place", place), ("photons", photons), ("kept", kept)], &[])?;
+            let Some(Port::PhotonMap(map)) = graph.ports.get("map").cloned() else { return Err("no map".into()) };
+            let mut session = graph.session(&[map.data])?;
+            session.frame(&|| Pace::GoOn).map_err(|e| e.to_string())?;
+            let told = ["photons_emitted", "photons", "photons_cut_off"].map(|name| graph.report(&session, name));
+            let [emitted, count, cut_off] = told.map(|number| number.unwrap_or(u32::MAX));
+            let held: Vec<Photon> = read(&session, map.data)?;
+            let flux = held[SLOTS_BEFORE as usize..][..count as usize].iter().map(|photon| f64::from(photon.flux[1])).sum::<f64>();
+            Ok::<_, Failed>((emitted, count, cut_off, flux))
+        };
+        let (host, device) = (map("Host")?, map("Device")?);
+        let [kept, photons]: [u32; 2] = [kept.parse()?, photons.parse()?];
+        let told = || format!("{photons} photons, {kept} kept: host {host:?}, device {device:?}");
+        let is_full = host.0 < photons;
+        check(host.1 <= kept && device.1 <= kept && (!is_full || device.1 + 64 > kept), told)?;
+        let are_alike = |a: u32, b: u32| a.abs_diff(b) <= 2 + a / 200;
+        check(are_alike(host.0, device.0) && are_alike(host.1, device.1) && host.2 == device.2, told)?;
+        check((host.3 - device.3).abs() <= 0.01 * host.3, told)?;
     }
     Ok(())
 }

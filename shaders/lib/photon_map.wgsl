@@ -138,6 +138,14 @@ fn fold(own: f32, other: f32) -> f32 {
     return (1.0 - abs(other)) * select(1.0, -1.0, own < 0.0);
 }
 
+// As passes::photons::ways.
+fn packed_way(way: vec3f) -> u32 {
+    let flat = way / max(dot(abs(way), vec3f(1.0)), 1e-37);
+    let folded = select(flat.xy, vec2f(fold(flat.x, flat.y), fold(flat.y, flat.x)), flat.z < 0.0);
+    let at = vec2u(clamp(folded * 127.0 + 127.5, vec2f(0.0), vec2f(254.0)));
+    return at.x | at.y << 8u;
+}
+
 fn unpacked_way(bits: u32) -> vec3f {
     let at = vec2f(vec2u(bits & 255u, bits >> 8u & 255u)) / 127.0 - 1.0;
     let z = 1.0 - abs(at.x) - abs(at.y);

@@ -263,8 +263,18 @@ fn nearest_of_edge(corner: vec3f, edge: vec3f, origin: vec3f, direction: vec3f) 
     return vec4f(corner + edge * share, dot(beside, beside));
 }
 
-// The surface that a ray, known to meet the triangle, sees. What rounding puts outside is moved to the edge.
+// The surface that a ray, known to meet the triangle, sees.
 fn surface_seen(triangle: u32, origin: vec3f, direction: vec3f) -> Surface {
+    var surface = lit_surface(triangle, origin, direction);
+    if GLOSSY && surface.lobe == MICROFACETS {
+        surface.reflectance *= facets_leave(surface.specular, surface.outgoing.z);
+    }
+    return surface;
+}
+
+// The same for light that arrives along the ray: the lobe takes its share of the diffuse part by where light leaves to, which is left to do. What rounding
+// puts outside is moved to the edge.
+fn lit_surface(triangle: u32, origin: vec3f, direction: vec3f) -> Surface {
     let hit = intersect_plane(triangle, origin, direction);
     var b = clamp(hit.barycentric, vec2f(0.0), vec2f(1.0));
     b = b / max(b.x + b.y, 1.0);
@@ -298,7 +308,14 @@ fn surface_seen(triangle: u32, origin: vec3f, direction: vec3f) -> Surface {
     return surface;
 }
 
-// As Material::reflection, with the share of it that Lobe::leaves to the diffuse part.
+// The share of the light toward a direction of this cosine that microfacets leave to the diffuse part: as Lobe::leaves.
+fn facets_leave(specular: vec3f, cosine: f32) -> vec3f {
+    let aside = 1.0 - saturate(cosine);
+    let squared = aside * aside;
+    return (1.0 - specular) * (1.0 - squared * squared * aside);
+}
+
+// As Material::reflection.
 fn with_lobe(plain: Surface, material: SceneMaterial, triangle: u32, direction: vec3f) -> Surface {
     var surface = plain;
     surface.lobe = material.lobe;
@@ -311,9 +328,7 @@ fn with_lobe(plain: Surface, material: SceneMaterial, triangle: u32, direction: 
     surface.outgoing = vec3f(dot(toward, axes[0]), dot(toward, axes[1]), dot(toward, surface.normal));
     if material.lobe == MICROFACETS {
         surface.specular = mix(vec3f(DIELECTRIC), surface.reflectance, material.metallic);
-        let aside = 1.0 - saturate(surface.outgoing.z);
-        let squared = aside * aside;
-        surface.reflectance *= (1.0 - material.metallic) * (1.0 - surface.specular) * (1.0 - squared * squared * aside);
+        surface.reflectance *= 1.0 - material.metallic;
     }
     return surface;
 }

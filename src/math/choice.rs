@@ -34,6 +34,11 @@ impl Choice {
         (index, ((at - self.below(index)) / self.weight(index)).clamp(0.0, 1.0))
     }
 
+    /// Where an entry's share ends, were all of them 2³² long: an entry is picked by the numbers below that, from the end of the one before on.
+    pub fn end(&self, index: usize) -> u32 {
+        if index + 1 == self.cumulative.len() { u32::MAX } else { (self.cumulative[index] / self.total() * 4_294_967_296.0) as u32 }
+    }
+
     fn below(&self, index: usize) -> f64 {
         if index == 0 { 0.0 } else { self.cumulative[index - 1] }
     }

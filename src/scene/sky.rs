@@ -27,6 +27,11 @@ impl Sky {
         self.texels.total() * TAU / f64::from(self.width) * PI / f64::from(self.height)
     }
 
+    /// Where the share of each texel ends, as [`Choice::end`] tells it.
+    pub fn ends(&self) -> impl Iterator<Item = u32> {
+        (0..(self.width * self.height) as usize).map(|texel| self.texels.end(texel))
+    }
+
     /// A direction with the density of the bilinear lookup: a texel, and a place within the tent that spreads it.
     pub fn sample(&self, [a, b]: [f64; 2]) -> Option<Vec3> {
         let (index, rest) = self.texels.pick(a);

@@ -17,7 +17,8 @@ pub struct Sources {
 }
 
 enum Source {
-    Light(LightKind),
+    /// One of the scene's lights, by its number.
+    Light(u32),
     Emitter(u32),
     /// A sky of one radiance.
     Dome(Rgb),
@@ -35,15 +36,22 @@ pub struct Emitted {
 }
 
 /// How far each photon is along the five sides of a unit cube: a lattice of rank 1 (Roberts' generator for five dimensions), which fills it evenly however
-/// many there are.
-const STEPS: [f64; 5] = [0.881_271_461_633_57, 0.776_639_389_089_77, 0.684_430_129_585_34, 0.603_168_740_685_73, 0.531_555_397_715_79];
+/// many there are. In units of 2⁻³², so that the host and devices have the same.
+const STEPS: [u32; 5] = [3_785_032_107, 3_335_640_777, 2_939_605_023, 2_590_590_015, 2_283_013_049];
+
+/// Where a photon is along them, each 0..1.
+fn lattice_point(number: u32) -> [f64; 5] {
+    STEPS.map(|step| f64::from(step.wrapping_mul(number.wrapping_add(1)).wrapping_add(1 << 31)) / TWO_TO_32)
+}
+
+const TWO_TO_32: f64 = 4_294_967_296.0;
 
 impl Sources {
     pub fn new(scene: &Scene) -> Self {
         let bounds = scene.bounds();
         let (extent, radius) = (scene.extent(), 0.5 * bounds.diagonal());
         let disc = PI * f64::from(radius).powi(2);
-        let lights = scene.lights.iter().map(|light| (Source::Light(light.kind), flux_of_light(&light.kind, disc)));
+        let lights = (0..).zip(&scene.lights).map(|(at, light)| (Source::Light(at), flux_of_light(&light.kind, disc)));
         let emitters = scene.emitters().into_iter().map(|emitter| {
             let triangle = &scene.triangles[emitter.triangle as usize];
             (Source::Emitter(emitter.triangle), luminance(flux_of_emitter(triangle, material(scene, triangle))))
@@ -64,10 +72,10 @@ impl Sources {
         if self.sources.is_empty() {
             return None;
         }
-        let [choice, u, v, s, t] = STEPS.map(|step| (0.5 + step * f64::from(number + 1)).fract());
+        let [choice, u, v, s, t] = lattice_point(number);
         let (index, _) = self.flux.pick(choice);
         let emitted = match &self.sources[index] {
-            Source::Light(kind) => Some(self.leaving_light(kind, [u, v])),
+            Source::Light(at) => Some(self.leaving_light(&scene.lights[*at as usize].kind, [u, v])),
             Source::Emitter(triangle) => self.leaving_emitter(scene, *triangle, [u, v], [s, t]),
             Source::Dome(radiance) => {
                 let direction = on_sphere([u, v]);
@@ -80,6 +88,24 @@ impl Sources {
         }?;
         let share = self.flux.weight(index) / self.flux.total();
         Some(Emitted { flux: emitted.flux / share as f32, ..emitted })
+    }
+
+    /// What `shaders/lib/sources.wgsl` reads: a head, each source, and where the share of each of the sky's texels ends.
+    pub fn words(&self) -> Vec<u32> {
+        let mut words = vec![self.sources.len() as u32, 0, 0, 0];
+        for (at, source) in self.sources.iter().enumerate() {
+            let (kind, index) = match source {
+                Source::Light(light) => (0, *light),
+                Source::Emitter(triangle) => (1, *triangle),
+                Source::Dome(_) => (2, 0),
+                Source::Sky(_) => (3, 0),
+            };
+            let inverse_share = (self.flux.total() / self.flux.weight(at)) as f32;
+            words.extend([kind, index, self.flux.end(at), inverse_share.to_bits()]);
+        }
+        let sky = self.sources.iter().find_map(|source| if let Source::Sky(sky) = source { Some(sky) } else { None });
+        words.extend(sky.into_iter().flat_map(Sky::ends));
+        words
     }
 
     /// Area of the disc that stands for the scene seen from far away [scene units²].

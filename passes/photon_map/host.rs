@@ -1,0 +1,63 @@
+//! Photons followed and sorted by the host.
+
+use super::Work;
+use super::trace::{Path, Tracer};
+use crate::contract::Encoder;
+use crate::math::morton::Cube;
+use crate::passes::photons::{HEAD_BYTES, MapHead, PHOTON_BYTES, Photon, SLOTS_BEFORE, lookup, sorted};
+use crate::scene::sources::Sources;
+use rayon::prelude::*;
+
+/// Photons that are followed before it is asked whether there is room for more.
+const BATCH: u32 = 1 << 15;
+
+pub(super) fn encode(e: &mut Encoder<'_>, work: Work) {
+    e.host("trace", &[], &[work.data], move |host| {
+        let scene = host.scene();
+        let tracer = Tracer { scene, bvh: host.bvh(), sources: Sources::new(scene), extent: host.extent(), lobes: work.lobes, legs: work.legs };
+        let traced = traced(&tracer, work.most, work.capacity);
+        let bounds = scene.bounds();
+        let cube = Cube::around(bounds.min, bounds.max);
+        let sorted = sorted(traced.photons, cube, traced.emitted);
+        let head = MapHead {
+            corner: cube.corner.into(),
+            cells_per_unit: cube.cells_per_unit,
+            count: sorted.len() as u32,
+            level: lookup::usual_level(sorted.iter().map(|(code, _)| *code)),
+            padding_a: 0,
+            padding_b: 0,
+        };
+        let (codes, photons): (Vec<u32>, Vec<Photon>) = sorted.into_iter().unzip();
+        host.write(work.data, 0, bytemuck::bytes_of(&head));
+        host.write(work.data, HEAD_BYTES, bytemuck::cast_slice(&lookup::starts(&codes)));
+        host.write(work.data, SLOTS_BEFORE * PHOTON_BYTES, bytemuck::cast_slice(&photons));
+        work.tell(host, [traced.emitted, photons.len() as u32, traced.cut_off]);
+        Ok(())
+    });
+}
+
+/// Photons of all paths, in the order of the paths.
+#[derive(Default)]
+struct Traced {
+    photons: Vec<Photon>,
+    emitted: u32,
+    cut_off: u32,
+}
+
+/// As many paths as `most`, and as `capacity` photons can be kept of.
+fn traced(tracer: &Tracer<'_>, most: u32, capacity: u32) -> Traced {
+    let mut all = Traced::default();
+    while all.emitted < most {
+        let numbers = all.emitted..most.min(all.emitted.saturating_add(BATCH));
+        let paths: Vec<Path> = numbers.into_par_iter().map(|number| tracer.path(number)).collect();
+        for path in paths {
+            if all.photons.len() + path.photons.len() > capacity as usize {
+                return all;
+            }
+            all.photons.extend(path.photons);
+            all.emitted += 1;
+            all.cut_off += u32::from(path.is_cut_off);
+        }
+    }
+    all
+}

@@ -1,6 +1,6 @@
 //! An irradiance field, seen by the camera.
 
-use super::irradiance_field;
+use super::irradiance_field::{self, Asked};
 use super::record::texels;
 use crate::contract::{Description, Encoder, Input, Output, PLACE, Pass, Place, Port, PortKind, Refusal, Takes, port};
 use crate::schedule::*;
@@ -36,7 +36,7 @@ impl Pass for IndirectLight {
         let (Some(gbuffer), Some(field)) = (e.g_buffer("gbuffer").copied(), e.irradiance_field("field").copied()) else { return Ok(()) };
         let images = ["radiance", "irradiance"].map(|name| e.image(name, gbuffer.size, Format::Rgba32Float));
         match e.place(e.over_pixels(gbuffer.size))? {
-            Place::Host => encode_on_host(e, gbuffer, field, images),
+            Place::Host => encode_on_host(e, gbuffer, images),
             Place::Device => encode_on_device(e, gbuffer, &field, images),
         }
         let [radiance, irradiance] = images.map(|texture| Port::Image(port::Image { texture, channels: port::Channels::Colour }));
@@ -56,13 +56,14 @@ fn encode_on_device(e: &mut Encoder<'_>, gbuffer: port::GBuffer, field: &port::I
     e.compute_pixels(program, "ask", gbuffer.size);
 }
 
-fn encode_on_host(e: &mut Encoder<'_>, gbuffer: port::GBuffer, field: port::IrradianceField, [radiance, irradiance]: [Resource; 2]) {
+fn encode_on_host(e: &mut Encoder<'_>, gbuffer: port::GBuffer, [radiance, irradiance]: [Resource; 2]) {
+    let Some(field) = Asked::of(e, "field") else { return };
     let surfaces = [gbuffer.position, gbuffer.normal, gbuffer.reflectance].map(Read::whole);
-    let reads: Vec<Read> = surfaces.into_iter().chain(irradiance_field::reads(&field)).collect();
+    let reads: Vec<Read> = surfaces.into_iter().chain(field.reads()).collect();
     e.host("ask", &reads, &[radiance, irradiance], move |host| {
         let mut images = [radiance, irradiance].map(|image| host.take(image));
-        let records = irradiance_field::records(&field, host);
-        let light = irradiance_field::on_host(&field, host, &records);
+        let index = field.index(host);
+        let light = field.on_host(host, index.as_deref()).ok_or("the field has no index")?;
         let (positions, normals) = (texels(host, gbuffer.position), texels(host, gbuffer.normal));
         let reflectances: &[[f16; 4]] = bytemuck::cast_slice(host.read(gbuffer.reflectance));
         let [reflected, arriving] = &mut images;

@@ -2,14 +2,16 @@
 //! `indirect_irradiance` is one of those in `shaders/lib/irradiance_field`, on the host by [`Field`]. Another kind of field is one more of each.
 
 use super::photons::{PHOTON_BYTES, lookup::Lookup};
-use super::record::{index_of, indexed_records};
+use super::record::index_of;
+use crate::contract::Encoder;
 use crate::contract::port::{IrradianceField, PhotonDensity};
 use crate::math::record_index::{Layout, RecordIndex};
-use crate::math::{frame::Frame, outline::Outline, weight};
+use crate::math::{frame::Frame, outline::Outline};
 use crate::schedule::*;
 use fearless_simd::Simd;
 use glam::{Vec2, Vec3};
 use std::f32::consts::PI;
+use std::sync::Arc;
 
 /// Joins a field to a program that asks it.
 pub fn bind(program: Program, field: &IrradianceField) -> Program {
@@ -32,33 +34,62 @@ pub fn bind(program: Program, field: &IrradianceField) -> Program {
     }
 }
 
-/// What a host step reads that asks a field.
-pub fn reads(field: &IrradianceField) -> Vec<Read> {
-    match field {
-        IrradianceField::Records(index) => vec![Read::whole(index.data)],
-        IrradianceField::Photons(PhotonDensity { map, .. }) => vec![Read::counted(map.data, PHOTON_BYTES, map.slots)],
-    }
+/// A field that host steps ask.
+#[derive(Clone, Copy)]
+pub struct Asked {
+    field: IrradianceField,
+    /// Where its index over records is kept that is the same in each round of a loop.
+    kept: Option<Resource>,
 }
 
-/// The records of a field that has some, as [`on_host`] takes them.
-pub fn records(field: &IrradianceField, host: &dyn HostContext) -> Vec<weight::Record> {
-    match field {
-        IrradianceField::Records(index) => indexed_records(index, host),
-        IrradianceField::Photons(_) => Vec::new(),
-    }
-}
+type Kept = Arc<RecordIndex>;
 
-/// A field in a host step that reads it, with its records.
-pub fn on_host<'a>(field: &IrradianceField, host: &'a dyn HostContext, records: &'a [weight::Record]) -> Field<'a> {
-    match field {
-        IrradianceField::Records(index) => Field::Records(index_of(index, host, records)),
-        IrradianceField::Photons(density) => Field::Photons(Density { lookup: Lookup::of(&density.map, host), of: *density }),
+impl Asked {
+    /// The field that an input is joined to. An index that is the same in each round of the loop is made ready as the loop starts.
+    pub fn of(e: &mut Encoder<'_>, input: &str) -> Option<Self> {
+        let field = *e.irradiance_field(input)?;
+        let IrradianceField::Records(index) = field else { return Some(Self { field, kept: None }) };
+        if !e.is_steady(input) {
+            return Some(Self { field, kept: None });
+        }
+        let kept = e.state("index");
+        let keep = move |host: &mut dyn HostContext| {
+            let made: Kept = Arc::new(index_of(&index, host));
+            *host.state(kept) = Some(Box::new(made));
+            Ok(())
+        };
+        e.before_loop(Command::Host(Host::new("make_ready", vec![Read::whole(index.data)], Vec::new(), keep)));
+        Some(Self { field, kept: Some(kept) })
+    }
+
+    /// What a host step reads that asks it.
+    pub fn reads(&self) -> Vec<Read> {
+        match self.field {
+            IrradianceField::Records(_) if self.kept.is_some() => Vec::new(),
+            IrradianceField::Records(index) => vec![Read::whole(index.data)],
+            IrradianceField::Photons(PhotonDensity { map, .. }) => vec![Read::counted(map.data, PHOTON_BYTES, map.slots)],
+        }
+    }
+
+    /// The index over records, if the field is one: [`Self::on_host`] takes it.
+    pub fn index(&self, host: &mut dyn HostContext) -> Option<Arc<RecordIndex>> {
+        let IrradianceField::Records(index) = self.field else { return None };
+        let kept = self.kept.and_then(|kept| host.state(kept).as_ref()?.downcast_ref::<Kept>().cloned());
+        Some(kept.unwrap_or_else(|| Arc::new(index_of(&index, host))))
+    }
+
+    /// The field in a host step that reads it.
+    pub fn on_host<'a>(&self, host: &'a dyn HostContext, index: Option<&'a RecordIndex>) -> Option<Field<'a>> {
+        match self.field {
+            IrradianceField::Records(_) => index.map(Field::Records),
+            IrradianceField::Photons(density) => Some(Field::Photons(Density { lookup: Lookup::of(&density.map, host), of: density })),
+        }
     }
 }
 
 /// An irradiance field on the host.
 pub enum Field<'a> {
-    Records(RecordIndex<'a>),
+    Records(&'a RecordIndex),
     Photons(Density<'a>),
 }
 

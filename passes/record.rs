@@ -9,7 +9,7 @@ use crate::math::{
     projection::Pinhole,
     radius::Ellipse,
     random::{hash, unit},
-    record_index::{HEADER, Layout, RecordIndex},
+    record_index::{HEADER, Layout, RecordIndex, RecordLight},
     sum::Summed,
     thinning::Vertex,
     weight::{self, Rule},
@@ -285,14 +285,17 @@ pub fn indexed(index: &port::RecordIndex, bytes: &[u8]) -> Vec<Record> {
     bytemuck::pod_collect_to_vec(&records[..header[3] as usize * RECORD_BYTES as usize])
 }
 
-/// The same, in a host step that reads it.
-pub fn indexed_records(index: &port::RecordIndex, host: &dyn HostContext) -> Vec<weight::Record> {
-    indexed(index, host.read(index.data)).iter().map(weight::Record::from).collect()
+/// The records of an index as points look at them, in a host step that reads it.
+pub fn light_of(index: &port::RecordIndex, host: &dyn HostContext) -> RecordLight {
+    let records: Vec<weight::Record> = indexed(index, host.read(index.data)).iter().map(weight::Record::from).collect();
+    RecordLight::new(&records, &index.rule)
 }
 
-/// The index, in a host step that reads it, over its records.
-pub fn index_of<'a>(index: &port::RecordIndex, host: &'a dyn HostContext, records: &'a [weight::Record]) -> RecordIndex<'a> {
-    RecordIndex::new(bytemuck::cast_slice(host.read(index.data)), Layout::of(index.capacity as usize), records, &index.rule)
+/// The index, in a host step that reads it.
+pub fn index_of(index: &port::RecordIndex, host: &dyn HostContext) -> RecordIndex {
+    let bytes = host.read(index.data);
+    let records = indexed(index, bytes).iter().map(weight::Record::from).collect();
+    RecordIndex::new(bytemuck::cast_slice(bytes), Layout::of(index.capacity as usize), records, index.rule)
 }
 
 /// Requests of a node that places records without looking at pixels: nothing in them yet.

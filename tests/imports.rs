@@ -37,10 +37,13 @@ const MAY_TOUCH_THE_SYSTEM: [&str; 22] = [
     "passes/normalize/coarser.rs",
     "passes/path_vertices.rs",
     "passes/contribution/bands.rs",
+    "passes/hemisphere_tiles/host_rays.rs",
     "passes/indirect_light.rs",
     "passes/photon_map/host.rs",
     "passes/photon_tiles.rs",
     "passes/photons/mod.rs",
+    "src/math/record_index.rs",
+    "src/math/record_tree.rs",
     "src/math/walk.rs",
     "passes/radiance_projection/host.rs",
 ];

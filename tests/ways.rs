@@ -955,11 +955,11 @@ fn indices_agree(stage: &Stage) -> Outcome {
         session.frame(&|| Pace::GoOn).map_err(|e| e.to_string())?;
         let layout = Layout::of(capacity as usize);
         let all: Vec<weight::Record> = records.iter().map(weight::Record::from).collect();
-        let words = [by_host, by_device].map(|index| read::<u32>(&session, index.data));
-        let words = words.into_iter().collect::<Result<Vec<_>, _>>()?;
+        let words = [read::<u32>(&session, by_host.data)?, read::<u32>(&session, by_device.data)?];
         check(words[0][..4] == words[1][..4], || format!("headers differ: {:?} {:?}", &words[0][..4], &words[1][..4]))?;
         let apart = words[0].iter().zip(&words[1]).filter(|(host, device)| host != device).count();
         check(apart <= words[0].len() / 1000, || format!("{apart} of {} words differ", words[0].len()))?;
+        let indices = words.map(|words| RecordIndex::new(&words, layout, all.clone(), by_host.rule));
         let mut numbers = Numbers(9);
         let mut found = 0;
         for _ in 0..2000.min(20 * count) {
@@ -976,8 +976,8 @@ fn indices_agree(stage: &Stage) -> Outcome {
             }
             let expected = sum / weights;
             found += 1;
-            for words in &words {
-                let (estimate, _) = RecordIndex::new(words, layout, &all, &by_host.rule).estimate_at(position, normal);
+            for index in &indices {
+                let (estimate, _) = index.estimate_at(position, normal);
                 check((estimate - expected).length() <= 1e-3 * expected.length(), || format!("{estimate} instead of {expected}"))?;
             }
         }

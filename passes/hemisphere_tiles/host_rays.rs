@@ -1,16 +1,18 @@
 //! One ray a sample, in packets of neighbours, cast on the host.
 
+use super::host_shade::{Hit, Keeping, Shading};
 use super::{SAMPLES_OF_EMITTERS, Work, host_shade};
 use crate::contract::{Encoder, port};
-use crate::math::frame::Frame;
-use crate::passes::irradiance_field;
-use crate::passes::record::{REQUEST_BYTES, Request};
+use crate::math::{frame::Frame, record_index::Shares};
+use crate::passes::irradiance_field::Asked;
+use crate::passes::record::{REQUEST_BYTES, Request, index_of, light_of};
 use crate::scene::{
-    packets::{Numbers, RayBundle, View},
+    packets::{HitShader, Numbers, RayBundle, View},
     shadow_maps::ShadowMaps,
 };
 use crate::schedule::*;
-use glam::Vec3;
+use glam::{Vec3, Vec4};
+use rayon::prelude::*;
 
 /// The host finds the triangles, the device is to shade them.
 pub(super) fn encode(e: &mut Encoder<'_>, work: &Work) {
@@ -28,27 +30,21 @@ pub(super) fn encode(e: &mut Encoder<'_>, work: &Work) {
 }
 
 /// The host shades them, too: the buffer of radiance and distance.
-pub(super) fn encode_shaded(
-    e: &mut Encoder<'_>,
-    work: &Work,
-    maps: Option<port::ShadowMaps>,
-    indirect: Option<port::IrradianceField>,
-    sees_emission: bool,
-) -> Resource {
+pub(super) fn encode_shaded(e: &mut Encoder<'_>, work: &Work, maps: Option<port::ShadowMaps>, sees_emission: bool) -> Resource {
+    let indirect = Asked::of(e, "indirect");
     let bundle = RayBundle::new(&work.table);
     let (requests, radiance) = (work.requests, work.radiance(e));
     let lighting = host_shade::encode(e, SAMPLES_OF_EMITTERS, sees_emission);
-    let lit_by = maps.iter().map(|maps| Read::whole(maps.depth)).chain(indirect.iter().flat_map(irradiance_field::reads));
+    let lit_by = maps.iter().map(|maps| Read::whole(maps.depth)).chain(indirect.iter().flat_map(Asked::reads));
     let reads: Vec<Read> = lit_by.chain([Read::counted(requests.places, REQUEST_BYTES, requests.count)]).collect();
     e.host("cast_and_shade", &reads, &[radiance], move |host| {
         let places: Vec<Request> = bytemuck::pod_collect_to_vec(host.read(requests.places));
         let mut samples = host.take(radiance);
-        let lighting = host_shade::lighting(host, lighting)?;
+        let (lighting, index) = (host_shade::lighting(host, lighting)?, indirect.and_then(|field| field.index(host)));
         let maps = maps.map_or_else(ShadowMaps::default, |maps| host_shade::shadow_maps(&maps, host));
         let emitters = lighting.emitters(host.scene(), host.bvh(), host.extent());
-        let records = indirect.map_or_else(Vec::new, |field| irradiance_field::records(&field, host));
-        let indirect = indirect.map(|field| irradiance_field::on_host(&field, host, &records));
-        let shader = host_shade::Shading { lighting: &lighting, maps, scene: host.scene(), emitters, places: &places, indirect: indirect.as_ref() };
+        let indirect = indirect.and_then(|field| field.on_host(host, index.as_deref()));
+        let shader = Shading { lighting: &lighting, maps, scene: host.scene(), emitters, places: &places, indirect: indirect.as_ref() };
         let seen = &mut samples[..places.len() * bundle.samples];
         host.bvh().packets(host.scene()).trace(host.scene(), &views(&places), &bundle, &shader, seen);
         let bytes = size_of_val(seen) as u64;
@@ -56,6 +52,77 @@ pub(super) fn encode_shaded(
         Ok(())
     });
     radiance
+}
+
+/// What the places of a loop see in each of its rounds.
+struct Kept {
+    /// Radiance and distance, with direct light alone.
+    seen: Vec<Vec4>,
+    hits: Vec<Hit>,
+    /// Which records of the round before count where; none before there are any.
+    shares: Option<Shares>,
+}
+
+/// The same where the places stay as they are while a loop runs, whose records of the round before light what they see: rays are cast and what they see is shaded
+/// as the loop starts, each round adds what the records tell.
+pub(super) fn encode_steady(e: &mut Encoder<'_>, work: &Work, maps: Option<port::ShadowMaps>, index: port::RecordIndex, sees_emission: bool) -> Resource {
+    let bundle = RayBundle::new(&work.table);
+    let (requests, radiance, memory) = (work.requests, work.radiance(e), e.state("kept"));
+    let lighting = host_shade::encode(e, SAMPLES_OF_EMITTERS, sees_emission);
+    let reads: Vec<Read> = maps.iter().map(|maps| Read::whole(maps.depth)).chain([Read::counted(requests.places, REQUEST_BYTES, requests.count)]).collect();
+    let samples = bundle.samples;
+    let cast = move |host: &mut dyn HostContext| {
+        let places: Vec<Request> = bytemuck::pod_collect_to_vec(host.read(requests.places));
+        let lighting = host_shade::lighting(host, lighting)?;
+        let maps = maps.map_or_else(ShadowMaps::default, |maps| host_shade::shadow_maps(&maps, host));
+        let emitters = lighting.emitters(host.scene(), host.bvh(), host.extent());
+        let shader = Keeping(Shading { lighting: &lighting, maps, scene: host.scene(), emitters, places: &places, indirect: None });
+        let mut sights = vec![Keeping::NOTHING; places.len() * bundle.samples];
+        host.bvh().packets(host.scene()).trace(host.scene(), &views(&places), &bundle, &shader, &mut sights);
+        let (seen, hits) = sights.into_iter().map(|sight| (sight.seen, sight.hit)).unzip();
+        *host.state(memory) = Some(Box::new(Kept { seen, hits, shares: None }));
+        Ok(())
+    };
+    e.before_loop(Command::Host(Host::new("cast_and_shade", reads, Vec::new(), cast)));
+    e.host("add_indirect", &[Read::whole(index.data)], &[radiance], move |host| {
+        let mut kept = host.state(memory).take().and_then(|kept| kept.downcast::<Kept>().ok()).ok_or("no ray was cast before the loop")?;
+        let mut tiles = host.take(radiance);
+        let seen = &mut tiles[..kept.seen.len()];
+        kept.light(host, &index, samples, seen);
+        let bytes = size_of_val(seen) as u64;
+        host.put(radiance, tiles, bytes);
+        *host.state(memory) = Some(kept);
+        Ok(())
+    });
+    radiance
+}
+
+impl Kept {
+    /// What the surfaces send back, lit by records too.
+    fn light(&mut self, host: &dyn HostContext, index: &port::RecordIndex, samples: usize, tiles: &mut [Vec4]) {
+        let light = light_of(index, host);
+        if let Some(shares) = self.shares.take_if(|shares| shares.are_of(&light)) {
+            self.add(samples, tiles, |_, number| shares.irradiance(&light, number));
+            self.shares = Some(shares);
+            return;
+        }
+        let all = index_of(index, host);
+        if !light.is_flat() {
+            return self.add(samples, tiles, |hit, _| all.estimate_at(hit.position, hit.normal).0);
+        }
+        let points: Vec<[Vec3; 2]> = self.hits.iter().map(|hit| [hit.position, hit.normal]).collect();
+        let shares = Shares::of(&all, &points);
+        self.add(samples, tiles, |_, number| shares.irradiance(&light, number));
+        self.shares = Some(shares);
+    }
+
+    fn add(&self, samples: usize, tiles: &mut [Vec4], irradiance: impl Fn(&Hit, usize) -> Vec3 + Sync) {
+        let light = |number: usize| {
+            let (hit, seen) = (&self.hits[number], self.seen[number]);
+            if hit.reflectance == Vec3::ZERO { seen } else { seen + (hit.reflectance * irradiance(hit, number)).extend(0.0) }
+        };
+        tiles.par_chunks_mut(samples).enumerate().for_each(|(tile, seen)| (tile * samples..).zip(seen).for_each(|(number, seen)| *seen = light(number)));
+    }
 }
 
 fn views(places: &[Request]) -> Vec<View> {

@@ -121,6 +121,64 @@ impl HitShader for Shading<'_> {
 
     #[inline(always)]
     fn shade<S: Simd>(&self, simd: S, hits: &Hits<'_>, tile: &mut [Vec4]) {
+        self.shade_packet(simd, hits, |sample, seen, _| tile[sample] = seen);
+    }
+}
+
+/// A sample of a tile that is lit again and again: what it sees by direct light, and where.
+#[derive(Clone, Copy)]
+pub(super) struct Sight {
+    /// Radiance and distance.
+    pub seen: Vec4,
+    pub hit: Hit,
+}
+
+/// A place that indirect light is asked for.
+#[derive(Clone, Copy)]
+pub(super) struct Hit {
+    pub position: Vec3,
+    pub normal: Vec3,
+    /// Of all parts, over π; black where nothing is met.
+    pub reflectance: Rgb,
+}
+
+/// Sees what [`Shading`] does, and keeps where it is.
+pub(super) struct Keeping<'a>(pub Shading<'a>);
+
+impl HitShader for Keeping<'_> {
+    type Seen = Sight;
+    const NOTHING: Sight = Sight { seen: Shading::NOTHING, hit: Hit { position: Vec3::ZERO, normal: Vec3::ZERO, reflectance: Rgb::ZERO } };
+
+    #[inline(always)]
+    fn shade<S: Simd>(&self, simd: S, hits: &Hits<'_>, tile: &mut [Sight]) {
+        self.0.shade_packet(simd, hits, |sample, seen, hit| tile[sample] = Sight { seen, hit: hit.unwrap_or(Self::NOTHING.hit) });
+    }
+}
+
+/// What a sample sees besides diffusely reflected light of punctual lights, one sample after the other.
+#[derive(Clone, Copy)]
+struct Other {
+    /// Of emitters and the sky, and what the lobe reflects of punctual lights [W m⁻² sr⁻¹].
+    light: Vec3,
+    /// Of the diffuse part, over π, with what the lobe leaves to it.
+    reflectance: Rgb,
+    gloss: Option<Gloss>,
+}
+
+impl Other {
+    const NONE: Self = Self { light: Vec3::ZERO, reflectance: Rgb::ZERO, gloss: None };
+
+    /// What the lobe reflects of irradiance, as if it came alike from all sides [1/sr].
+    fn by_lobe(&self) -> Rgb {
+        self.gloss.map_or(Rgb::ZERO, |gloss| gloss.lobe.reflectance * FRAC_1_PI)
+    }
+}
+
+// All that runs within `dispatch!` is inlined into it: what is not would not have its instructions.
+impl Shading<'_> {
+    /// Hands over each sample with what it sees, and where, if it meets anything.
+    #[inline(always)]
+    fn shade_packet<S: Simd>(&self, simd: S, hits: &Hits<'_>, mut see: impl FnMut(usize, Vec4, Option<Hit>)) {
         // All of a packet's triangles are fetched before any is worked on, so that memory is waited for once.
         let mut fetched = [const { None }; GROUPS];
         for (group, fetched) in fetched.iter_mut().enumerate() {
@@ -146,39 +204,26 @@ impl HitShader for Shading<'_> {
         for group in 0..GROUPS {
             let Some(surfaces) = &surfaces[group] else { continue };
             let reflectance = others.as_ref().filter(|_| self.lighting.lobes).map(|others| reflectances(simd, &others[group * LANES..]));
-            let light = light[group].times(reflectance.unwrap_or(surfaces.reflectance));
-            let (red, green, blue, distance) = (light.x.to_array(), light.y.to_array(), light.z.to_array(), surfaces.distance.to_array());
+            let reflectance = reflectance.unwrap_or(surfaces.reflectance);
+            let light = light[group].times(reflectance);
+            let [light, position, normal, reflectance] = [light, surfaces.position, surfaces.normal, reflectance].map(Vectors::lanes);
+            let distance = surfaces.distance.to_array();
             for lane in 0..LANES {
                 let ray = group * LANES + lane;
                 if hits.triangles[ray] != 0 && hits.samples[ray] != u32::MAX {
-                    let diffuse = Vec3::new(red[lane], green[lane], blue[lane]);
-                    let other = others.as_ref().map_or(Vec3::ZERO, |others| others[ray].light);
-                    tile[hits.samples[ray] as usize] = (diffuse + other).extend(distance[lane]);
+                    let other = others.as_ref().map_or(Other::NONE, |others| others[ray]);
+                    let hit = Hit { position: position[lane], normal: normal[lane], reflectance: reflectance[lane] + other.by_lobe() };
+                    see(hits.samples[ray] as usize, (light[lane] + other.light).extend(distance[lane]), Some(hit));
                 }
             }
         }
         if self.lighting.sees_emission {
-            self.see_sky(hits, tile);
+            for (index, sample) in hits.samples.iter().enumerate().filter(|(index, sample)| hits.triangles[*index] == 0 && **sample != u32::MAX) {
+                see(*sample as usize, self.scene.environment.radiance(hits.directions[index]).extend(FAR_AWAY), None);
+            }
         }
     }
-}
 
-/// What a sample sees besides diffusely reflected light of punctual lights, one sample after the other.
-#[derive(Clone, Copy)]
-struct Other {
-    /// Of emitters and the sky, and what the lobe reflects of punctual lights [W m⁻² sr⁻¹].
-    light: Vec3,
-    /// Of the diffuse part, over π, with what the lobe leaves to it.
-    reflectance: Rgb,
-    gloss: Option<Gloss>,
-}
-
-impl Other {
-    const NONE: Self = Self { light: Vec3::ZERO, reflectance: Rgb::ZERO, gloss: None };
-}
-
-// All that runs within `dispatch!` is inlined into it: what is not would not have its instructions.
-impl Shading<'_> {
     /// Whether there is nothing but diffusely reflected light of punctual lights.
     fn is_plain(&self) -> bool {
         !(self.lighting.lobes || self.lighting.sees_emission || self.emitters.shine())
@@ -208,13 +253,6 @@ impl Shading<'_> {
         let triangle = &self.scene.triangles[triangle as usize];
         let material = &self.scene.materials[triangle.material as usize];
         if material.two_sided || triangle.cross().dot(direction) <= 0.0 { material.emission } else { Rgb::ZERO }
-    }
-
-    /// What rays that meet nothing see.
-    fn see_sky(&self, hits: &Hits<'_>, tile: &mut [Vec4]) {
-        for (index, sample) in hits.samples.iter().enumerate().filter(|(index, sample)| hits.triangles[*index] == 0 && **sample != u32::MAX) {
-            tile[*sample as usize] = self.scene.environment.radiance(hits.directions[index]).extend(FAR_AWAY);
-        }
     }
 
     /// What rays from the `first` on meet. Lanes that met nothing do as the first triangle's would.
@@ -330,20 +368,17 @@ fn add_indirect<S: Simd>(
 ) {
     for group in 0..GROUPS {
         let Some(surfaces) = &surfaces[group] else { continue };
-        let [position, normal] = [surfaces.position, surfaces.normal].map(|all| [all.x.to_array(), all.y.to_array(), all.z.to_array()]);
+        let [position, normal] = [surfaces.position, surfaces.normal].map(Vectors::lanes);
         let mut received = [[0.0; LANES]; 3];
         for lane in 0..LANES {
             let ray = group * LANES + lane;
             if hits.triangles[ray] == 0 || hits.samples[ray] == u32::MAX {
                 continue;
             }
-            let at = |all: &[[f32; LANES]; 3]| Vec3::new(all[0][lane], all[1][lane], all[2][lane]);
-            let irradiance = field.irradiance(simd, at(&position), at(&normal));
+            let irradiance = field.irradiance(simd, position[lane], normal[lane]);
             (0..3).for_each(|channel| received[channel][lane] = irradiance[channel]);
-            if let Some(other) = others.as_deref_mut().map(|others| &mut others[ray])
-                && let Some(gloss) = other.gloss
-            {
-                other.light += irradiance * gloss.lobe.reflectance * FRAC_1_PI;
+            if let Some(other) = others.as_deref_mut().map(|others| &mut others[ray]) {
+                other.light += irradiance * other.by_lobe();
             }
         }
         light[group] = light[group].plus(Vectors::load(simd, &received));

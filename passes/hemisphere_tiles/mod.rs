@@ -199,15 +199,31 @@ impl Pass for HemisphereTiles {
         let shaded = shading_place(e, cast, maps.as_ref())?;
         let indirect = e.irradiance_field("indirect").copied();
         let sees_emission = sees_emission(e);
-        let samples = match (shaded, cast) {
-            (Place::Host, _) => host_rays::encode_shaded(e, &work, maps, indirect, sees_emission),
-            (Place::Device, cast) => {
-                match cast {
-                    Place::Host => host_rays::encode(e, &work),
-                    Place::Device if by == "Raster" => raster::encode(e, &work, way.bool("sift")),
-                    Place::Device => ray_cast::encode(e, &work),
-                }
-                let radiance = shade(e, &work, maps.as_ref(), sees_emission);
+        // Places that stay where they are while a loop runs see the same in each round; what lights that by way of other surfaces may change.
+        let steady = match indirect {
+            Some(port::IrradianceField::Records(index)) if e.is_steady("at") && !e.is_steady("indirect") => Some(index),
+            _ => None,
+        };
+        let samples = match (shaded, steady) {
+            (Place::Host, None) => host_rays::encode_shaded(e, &work, maps, sees_emission),
+            (Place::Host, Some(index)) => host_rays::encode_steady(e, &work, maps, index, sees_emission),
+            (Place::Device, _) => {
+                let see = |e: &mut Encoder<'_>| {
+                    match cast {
+                        Place::Host => host_rays::encode(e, &work),
+                        Place::Device if by == "Raster" => raster::encode(e, &work, way.bool("sift")),
+                        Place::Device => ray_cast::encode(e, &work),
+                    }
+                    shade(e, &work, maps.as_ref(), sees_emission)
+                };
+                let radiance = match steady {
+                    None => see(e),
+                    Some(_) => {
+                        let (from, to) = (e.all_before_loop(see), work.radiance(e));
+                        e.command(Command::Copy { from, to });
+                        to
+                    }
+                };
                 indirect.iter().for_each(|field| add_indirect(e, &work, field, radiance));
                 radiance
             }

@@ -4,7 +4,7 @@ use super::tables::TableStore;
 use super::{Arguments, Port};
 use crate::scene::{Scene, needs::Needs};
 use crate::schedule::*;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// What a plan is made for.
 #[derive(Clone, Copy)]
@@ -52,6 +52,8 @@ pub struct Encoder<'a> {
     pub batch: Option<u32>,
     /// Whether the loop walks one record at a time in the order of pixels, as the papers do; then `batch` is 1.
     pub sequential: bool,
+    /// Inputs that are the same in each round of the innermost loop that holds the node; none outside of loops.
+    steady: BTreeSet<&'static str>,
     inputs: &'a Joined,
     schedule: &'a mut Schedule,
     encoded: Encoded,
@@ -95,7 +97,17 @@ pub struct Persistent {
 
 impl<'a> Encoder<'a> {
     pub fn new(node: &'a str, arguments: &'a Arguments, setting: Setting<'a>, inputs: &'a Joined, schedule: &'a mut Schedule) -> Self {
-        Self { node, arguments, setting, batch: None, sequential: false, inputs, schedule, encoded: Encoded::default() }
+        Self { node, arguments, setting, batch: None, sequential: false, steady: BTreeSet::new(), inputs, schedule, encoded: Encoded::default() }
+    }
+
+    /// For a node inside a loop, with the inputs that are the same in each round.
+    pub fn with_steady(self, steady: BTreeSet<&'static str>) -> Self {
+        Self { steady, ..self }
+    }
+
+    /// Whether the node is in a loop, in each round of which an input is the same: what depends on nothing else can be done before the loop.
+    pub fn is_steady(&self, input: &str) -> bool {
+        self.steady.contains(input)
     }
 
     /// For a node inside a fill.
@@ -209,6 +221,15 @@ impl<'a> Encoder<'a> {
     /// A command for each time that the innermost loop which holds this node starts.
     pub fn before_loop(&mut self, command: Command) {
         self.encoded.prologue.push(command);
+    }
+
+    /// All that is added meanwhile is for each time that the innermost loop which holds this node starts.
+    pub fn all_before_loop<T>(&mut self, encode: impl FnOnce(&mut Self) -> T) -> T {
+        let in_loop = std::mem::take(&mut self.encoded.commands);
+        let made = encode(self);
+        let before = std::mem::replace(&mut self.encoded.commands, in_loop);
+        self.encoded.prologue.extend(before);
+        made
     }
 
     /// Makes the innermost loop that holds the node run so many rounds, even if no time is left for them.

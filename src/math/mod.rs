@@ -18,6 +18,7 @@ pub mod radiance;
 pub mod radius;
 pub mod random;
 pub mod record_index;
+mod record_tree;
 pub mod solid_angle;
 pub mod sum;
 pub mod sum_vectors;

@@ -4,10 +4,12 @@
 //! `shaders/lib/irradiance_field/records.wgsl` reads it: [`HEADER`] words, where the list of each hash ends, the lists, the records.
 
 use super::random::hash;
+use super::record_tree::Tree;
 use super::vectors::{LANES, Vectors};
 use super::weight::{FRONT_TOLERANCE, MOST_PER_LENGTH, Reaching, Record, Rule};
 use fearless_simd::{Level, Select, Simd, dispatch, f32x8, prelude::*, u32x8};
 use glam::{IVec3, Vec3};
+use rayon::prelude::*;
 
 /// Words before the lists' ends: exponent of the smallest cells' edge, a bit for each level that there is, number of hashes, number of records.
 pub const HEADER: usize = 4;
@@ -189,16 +191,66 @@ fn hash_of(cell: IVec3, level: u32, hashes: usize) -> u32 {
 const PRIMES: [u32; 4] = [2_654_435_761, 2_246_822_519, 3_266_489_917, 668_265_263];
 
 /// Records and their lists, to be asked for the irradiance at points.
-pub struct RecordIndex<'a> {
-    records: Vec<Reaching<'a>>,
+pub struct RecordIndex {
+    records: Vec<Record>,
+    rule: Rule,
+    light: RecordLight,
+    tree: Tree,
     levels: Levels,
     /// Where the blocks of each hash start, and their end.
     starts: Vec<u32>,
     /// The lists, eight records side by side.
     blocks: Vec<Block>,
-    accuracy: f32,
-    /// Whether records foretell what they hold themselves, as they have no gradients.
+}
+
+/// What tells how much a record weighs, and the light that it holds: a line of memory.
+#[repr(align(64))]
+struct Weighed {
+    position: Vec3,
+    /// One over the validity radius.
+    inverse: f32,
+    normal: Vec3,
+    stretch: Vec3,
+    irradiance: Vec3,
+}
+
+impl Weighed {
+    fn of(reaching: &Reaching<'_>) -> Self {
+        let Record { position, normal, stretch, irradiance, .. } = *reaching.record();
+        Self { position, inverse: reaching.validity_radius().recip().min(MOST_PER_LENGTH), normal, stretch, irradiance }
+    }
+
+    /// As [`Reaching::local_weight`] of compact weights; `turns` is one over the square of the accuracy, halved.
+    #[inline(always)]
+    fn weight(&self, position: Vec3, normal: Vec3, turns: f32) -> f32 {
+        let offset = position - self.position;
+        let (along, square) = (offset.dot(self.stretch), offset.length_squared());
+        let per_area = self.inverse * self.inverse;
+        let apart = (square - along * along).max(0.0) * per_area;
+        let turned = (normal - self.normal).length_squared() * turns;
+        let behind = offset.dot(self.normal + normal) * 0.5;
+        // Without a branch: most records do not count, for one reason or another.
+        let counts = (apart <= 1.0) & (turned <= 1.0) & (behind * behind <= square * (FRONT_TOLERANCE * FRONT_TOLERANCE));
+        f32::from(u8::from(counts)) * (1.0 - apart.sqrt() - turned.sqrt()).max(0.0) * per_area
+    }
+}
+
+/// Records as points look at them one by one.
+pub struct RecordLight {
+    weighed: Vec<Weighed>,
     is_flat: bool,
+}
+
+impl RecordLight {
+    pub fn new(records: &[Record], rule: &Rule) -> Self {
+        let is_flat = records.iter().all(|record| [record.rotation, record.translation] == [[Vec3::ZERO; 3]; 2]);
+        Self { weighed: records.iter().map(|record| Weighed::of(&rule.reaching(record))).collect(), is_flat }
+    }
+
+    /// Whether records foretell what they hold themselves, as they have no gradients.
+    pub fn is_flat(&self) -> bool {
+        self.is_flat
+    }
 }
 
 /// What tells how much eight records weigh, and the light that they hold.
@@ -233,61 +285,103 @@ impl Block {
         (self.number[lane], self.level[lane]) = (entry & ((1 << LEVEL_BIT) - 1), entry >> LEVEL_BIT);
     }
 
-    /// As [`Reaching::local_weight`] of compact weights, of eight records that validity radius so many times as far; None where none counts.
+    /// As [`Reaching::local_weight`] of compact weights, of eight records that reach [`COARSER`] times as far; None where none counts.
     #[inline(always)]
-    fn weights<S: Simd>(&self, simd: S, level: u32, [position, normal]: [Vectors<S>; 2], [accuracy, times]: [f32; 2]) -> Option<f32x8<S>> {
+    fn weights<S: Simd>(&self, simd: S, level: u32, [position, normal]: [Vectors<S>; 2], accuracy: f32) -> Option<f32x8<S>> {
         let zero = f32x8::splat(simd, 0.0);
         let facing = Vectors::load(simd, &self.normal);
         let offset = position.minus(Vectors::load(simd, &self.position));
         let (along, square) = (offset.dot(Vectors::load(simd, &self.stretch)), offset.dot(offset));
         let inverse = f32x8::load_array_ref(simd, &self.inverse);
         let per_area = inverse * inverse;
-        let apart = (square - along * along).max(zero) * (per_area * (1.0 / (times * times)));
+        let apart = (square - along * along).max(zero) * (per_area * (1.0 / (COARSER * COARSER)));
         let difference = normal.minus(facing);
-        let turned = difference.dot(difference) * (0.5 / (accuracy * times).powi(2));
+        let turned = difference.dot(difference) * (0.5 / (accuracy * COARSER).powi(2));
         let behind = offset.dot(facing.plus(normal)) * 0.5;
-        let is_level = (behind * behind).simd_le(square * (FRONT_TOLERANCE * times).powi(2));
+        let is_level = (behind * behind).simd_le(square * (FRONT_TOLERANCE * COARSER).powi(2));
         let counts = u32x8::load_array_ref(simd, &self.level).simd_eq(level) & apart.simd_le(1.0) & turned.simd_le(1.0) & is_level;
         // Most are out of reach: their roots are not worth taking.
         (counts.to_bitmask() != 0).then(|| counts.select((1.0 - apart.sqrt() - turned.sqrt()).max(zero) * per_area, zero))
     }
 }
 
-impl<'a> RecordIndex<'a> {
+impl RecordIndex {
     /// Of the words of the buffer; `records` are those in it. Weights are compact.
-    pub fn new(words: &[u32], layout: Layout, records: &'a [Record], rule: &Rule) -> Self {
-        let records: Vec<Reaching<'a>> = records.iter().map(|record| rule.reaching(record)).collect();
+    pub fn new(words: &[u32], layout: Layout, records: Vec<Record>, rule: Rule) -> Self {
+        let reaching: Vec<Reaching<'_>> = records.iter().map(|record| rule.reaching(record)).collect();
         let (ends, entries) = (&words[HEADER..layout.entries], &words[layout.entries..layout.records]);
         let (mut starts, mut blocks, mut first) = (Vec::with_capacity(layout.hashes + 1), Vec::new(), 0);
         for end in ends {
             starts.push(blocks.len() as u32);
             for eight in entries[first..*end as usize].chunks(LANES) {
                 let mut block = Block::EMPTY;
-                eight.iter().enumerate().for_each(|(lane, entry)| block.set(lane, *entry, &records[(entry & ((1 << LEVEL_BIT) - 1)) as usize]));
+                eight.iter().enumerate().for_each(|(lane, entry)| block.set(lane, *entry, &reaching[(entry & ((1 << LEVEL_BIT) - 1)) as usize]));
                 blocks.push(block);
             }
             first = *end as usize;
         }
         starts.push(blocks.len() as u32);
-        let is_flat = records.iter().all(|reaching| [reaching.record().rotation, reaching.record().translation] == [[Vec3::ZERO; 3]; 2]);
-        Self { records, levels: Levels { lowest: words[0] as i32, there: words[1] }, starts, blocks, accuracy: rule.accuracy, is_flat }
+        let tree = Tree::new(&reaching, rule.accuracy);
+        Self { light: RecordLight::new(&records, &rule), records, rule, tree, levels: Levels { lowest: words[0] as i32, there: words[1] }, starts, blocks }
     }
 
     /// The weighted mean of what the records that count at a point foretell, and the sum of their weights [W/m²]. Where none counts, that of the records listed
     /// there as if they reached [`COARSER`] times as far: see [`Rule::coarsely`]; 0 where none does even so.
     #[inline(always)]
     pub fn estimate<S: Simd>(&self, simd: S, position: Vec3, normal: Vec3) -> (Vec3, f32) {
-        let (light, all) = self.sums(simd, [position, normal], 1.0);
+        let (mut light, mut all) = (Vec3::ZERO, 0.0);
+        let turns = 0.5 / (self.rule.accuracy * self.rule.accuracy);
+        if self.light.is_flat {
+            for number in self.tree.near(position, normal) {
+                let weighed = &self.light.weighed[*number as usize];
+                let weight = weighed.weight(position, normal, turns);
+                light += weight * weighed.irradiance;
+                all += weight;
+            }
+        } else {
+            self.see_near(position, normal, |number, weight| {
+                light += weight * self.rule.estimate(&self.records[number as usize], position, normal);
+                all += weight;
+            });
+        }
         if all > 0.0 {
             return (light / all, all);
         }
-        let (light, all) = self.sums(simd, [position, normal], COARSER);
+        let (light, all) = self.coarse_sums(simd, position, normal);
         if all > 0.0 { (light / all, all) } else { (Vec3::ZERO, 0.0) }
     }
 
+    /// Shows the records that count at a point, with their weights.
     #[inline(always)]
-    fn sums<S: Simd>(&self, simd: S, [position, normal]: [Vec3; 2], times: f32) -> (Vec3, f32) {
+    fn see_near(&self, position: Vec3, normal: Vec3, mut see: impl FnMut(u32, f32)) {
+        let turns = 0.5 / (self.rule.accuracy * self.rule.accuracy);
+        for number in self.tree.near(position, normal) {
+            let weight = self.light.weighed[*number as usize].weight(position, normal, turns);
+            if weight > 0.0 {
+                see(*number, weight);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn coarse_sums<S: Simd>(&self, simd: S, position: Vec3, normal: Vec3) -> (Vec3, f32) {
         let (mut light, mut all) = (Vectors::splat(simd, Vec3::ZERO), f32x8::splat(simd, 0.0));
+        self.see_listed(simd, position, normal, |block, weights| {
+            let irradiance = if self.light.is_flat {
+                Vectors::load(simd, &block.irradiance)
+            } else {
+                Vectors::load(simd, &self.foretold(block, weights.to_array(), position, normal))
+            };
+            light = light.plus(irradiance.scaled(weights));
+            all += weights;
+        });
+        let sum = |lanes: f32x8<S>| lanes.to_array().iter().sum::<f32>();
+        (Vec3::new(sum(light.x), sum(light.y), sum(light.z)), sum(all))
+    }
+
+    /// Shows the blocks of those listed at a point in which any counts were it to reach [`COARSER`] times as far, with the weights.
+    #[inline(always)]
+    fn see_listed<S: Simd>(&self, simd: S, position: Vec3, normal: Vec3, mut see: impl FnMut(&Block, f32x8<S>)) {
         let at = [position, normal].map(|vector| Vectors::splat(simd, vector));
         let smallest = cell(position, self.levels.lowest);
         let mut there = self.levels.there;
@@ -296,35 +390,98 @@ impl<'a> RecordIndex<'a> {
             there &= there - 1;
             let hash = hash_of(smallest >> level, level, self.starts.len() - 1) as usize;
             for block in &self.blocks[self.starts[hash] as usize..self.starts[hash + 1] as usize] {
-                if let Some(weights) = block.weights(simd, level, at, [self.accuracy, times]) {
-                    let irradiance = if self.is_flat {
-                        Vectors::load(simd, &block.irradiance)
-                    } else {
-                        Vectors::load(simd, &self.foretold(block, weights.to_array(), position, normal))
-                    };
-                    light = light.plus(irradiance.scaled(weights));
-                    all += weights;
+                if let Some(weights) = block.weights(simd, level, at, self.rule.accuracy) {
+                    see(block, weights);
                 }
             }
         }
-        let sum = |lanes: f32x8<S>| lanes.to_array().iter().sum::<f32>();
-        (Vec3::new(sum(light.x), sum(light.y), sum(light.z)), sum(all))
     }
 
     /// What records that count foretell by their gradients.
     fn foretold(&self, block: &Block, weights: [f32; LANES], position: Vec3, normal: Vec3) -> [[f32; LANES]; 3] {
         let mut foretold = [[0.0; LANES]; 3];
         for lane in (0..LANES).filter(|lane| weights[*lane] > 0.0) {
-            let estimate = self.records[block.number[lane] as usize].estimate(position, normal);
+            let estimate = self.rule.estimate(&self.records[block.number[lane] as usize], position, normal);
             (0..3).for_each(|channel| foretold[channel][lane] = estimate[channel]);
         }
         foretold
+    }
+
+    /// The records that [`Self::estimate`] takes the mean of at a point, and the share of each.
+    #[inline(always)]
+    fn shares<S: Simd>(&self, simd: S, position: Vec3, normal: Vec3, shares: &mut Vec<Share>) {
+        let first = shares.len();
+        self.see_near(position, normal, |number, weight| shares.push((number, weight)));
+        if shares.len() == first {
+            self.see_listed(simd, position, normal, |block, weights| {
+                shares.extend(block.number.into_iter().zip(weights.to_array()).filter(|(_, weight)| *weight > 0.0));
+            });
+        }
+        let all: f32 = shares[first..].iter().map(|(_, weight)| weight).sum();
+        shares[first..].iter_mut().for_each(|(_, share)| *share /= all);
     }
 
     /// The same for a point alone.
     pub fn estimate_at(&self, position: Vec3, normal: Vec3) -> (Vec3, f32) {
         dispatch!(Level::new(), simd => self.estimate(simd, position, normal))
     }
+}
+
+/// The number of a record, and its share of a mean.
+type Share = (u32, f32);
+
+/// Of a list of points, which records count at each, and how much: asked once for light that is new in each round.
+#[derive(Default)]
+pub struct Shares {
+    /// Of each point, where its shares begin, and one past the last.
+    starts: Vec<u32>,
+    shares: Vec<Share>,
+    /// What the weights depend on, of each record.
+    stands: Vec<[Vec3; 4]>,
+}
+
+impl Shares {
+    /// Of records that have no gradients: with them a point's light is no sum of theirs.
+    pub fn of(index: &RecordIndex, points: &[[Vec3; 2]]) -> Self {
+        const POINTS: usize = 4096;
+        let of_chunk = |chunk: &[[Vec3; 2]]| {
+            dispatch!(Level::new(), simd => {
+                let (mut counts, mut shares) = (Vec::with_capacity(chunk.len()), Vec::with_capacity(4 * chunk.len()));
+                for [position, normal] in chunk {
+                    let before = shares.len();
+                    index.shares(simd, *position, *normal, &mut shares);
+                    counts.push((shares.len() - before) as u32);
+                }
+                (counts, shares)
+            })
+        };
+        let parts: Vec<(Vec<u32>, Vec<Share>)> = points.par_chunks(POINTS).map(of_chunk).collect();
+        let (mut starts, mut shares) = (vec![0], Vec::with_capacity(parts.iter().map(|(_, shares)| shares.len()).sum()));
+        let mut end = 0;
+        for (counts, more) in parts {
+            starts.extend(counts.into_iter().map(|count| {
+                end += count;
+                end
+            }));
+            shares.extend(more);
+        }
+        Self { starts, shares, stands: stands(&index.light) }
+    }
+
+    /// Whether these are the shares of records: they stand where those stood, reach as far, and have no gradients.
+    pub fn are_of(&self, light: &RecordLight) -> bool {
+        light.is_flat && self.stands.len() == light.weighed.len() && self.stands == stands(light)
+    }
+
+    /// What records tell at a point, by its number [W/m²].
+    pub fn irradiance(&self, light: &RecordLight, point: usize) -> Vec3 {
+        let of_point = &self.shares[self.starts[point] as usize..self.starts[point + 1] as usize];
+        of_point.iter().fold(Vec3::ZERO, |sum, (number, share)| sum + light.weighed[*number as usize].irradiance * *share)
+    }
+}
+
+fn stands(light: &RecordLight) -> Vec<[Vec3; 4]> {
+    light.weighed.iter().map(|record| [record.position, record.normal, record.stretch, Vec3::splat(record.inverse)]).collect()
 }
 
 #[cfg(test)]
@@ -384,7 +541,7 @@ mod tests {
             let scale = 3.0f32.powi(scale);
             let records: Vec<Record> = (0..count as u32).map(|at| record(first + at, scale)).collect();
             let (words, layout) = words(&records, count.max(1));
-            let index = RecordIndex::new(&words, layout, &records, &rule());
+            let index = RecordIndex::new(&words, layout, records.clone(), rule());
             for at in 0..200 {
                 let (position, normal) = (point(first + 7_000 + at) * scale * 1.2, point(first + 9_000 + at).normalize());
                 let Some((expected, weights)) = by_all(&records, position, normal) else { continue };
@@ -399,10 +556,38 @@ mod tests {
     fn records_are_found_and_found_once() {
         let records: Vec<Record> = (0..300).map(|at| record(at, 1.0)).collect();
         let (words, layout) = words(&records, 300);
-        let index = RecordIndex::new(&words, layout, &records, &rule());
+        let index = RecordIndex::new(&words, layout, records.clone(), rule());
         assert!(records.iter().all(|record| index.estimate_at(record.position, record.normal).1 > 0.0));
         assert!(index.blocks.iter().flat_map(|block| block.level).filter(|level| *level != u32::MAX).count() <= TOUCHED * 300);
         assert!((2..LEVELS as u32).contains(&index.levels.there.count_ones()));
+    }
+
+    /// Light that is asked for again is that of the index, also after it has changed; records that stand elsewhere are told.
+    #[test]
+    fn shares_tell_what_the_index_tells() {
+        let flat = |at: u32, light: f32| Record {
+            rotation: [Vec3::ZERO; 3],
+            translation: [Vec3::ZERO; 3],
+            irradiance: Vec3::new(1.0, 2.0, 3.0) * light,
+            ..record(at, 1.0)
+        };
+        let points: Vec<[Vec3; 2]> = (0..10_000).map(|at| [point(at + 500) * 1.1, point(at + 1000).normalize()]).collect();
+        let index = |records: Vec<Record>| {
+            let (words, layout) = words(&records, 300);
+            RecordIndex::new(&words, layout, records, rule())
+        };
+        let shares = Shares::of(&index((0..300).map(|at| flat(at, 1.0)).collect()), &points);
+        let later: Vec<Record> = (0..300).map(|at| flat(at, 2.0 + number(at))).collect();
+        let light = RecordLight::new(&later, &rule());
+        assert!(shares.are_of(&light));
+        let all = index(later);
+        for (number, [position, normal]) in points.iter().enumerate() {
+            let (found, expected) = (shares.irradiance(&light, number), all.estimate_at(*position, *normal).0);
+            assert!((found - expected).length() <= 1e-5 * expected.length(), "{found} {expected}");
+        }
+        let others =
+            [(0..299).map(|at| flat(at, 1.0)).collect(), (1..301).map(|at| flat(at, 1.0)).collect(), (0..300).map(|at| record(at, 1.0)).collect::<Vec<_>>()];
+        assert!(others.iter().all(|records| !shares.are_of(&RecordLight::new(records, &rule()))));
     }
 
     #[test]
@@ -417,9 +602,9 @@ mod tests {
     #[test]
     fn without_records_nothing_is_found() {
         let (words, layout) = words(&[], 5);
-        assert_eq!(RecordIndex::new(&words, layout, &[], &rule()).estimate_at(Vec3::ONE, Vec3::Z), (Vec3::ZERO, 0.0));
+        assert_eq!(RecordIndex::new(&words, layout, Vec::new(), rule()).estimate_at(Vec3::ONE, Vec3::Z), (Vec3::ZERO, 0.0));
         // As a loop starts all is 0.
         let zeros = vec![0; layout.records];
-        assert_eq!(RecordIndex::new(&zeros, layout, &[], &rule()).estimate_at(Vec3::ONE, Vec3::Z), (Vec3::ZERO, 0.0));
+        assert_eq!(RecordIndex::new(&zeros, layout, Vec::new(), rule()).estimate_at(Vec3::ONE, Vec3::Z), (Vec3::ZERO, 0.0));
     }
 }

@@ -27,6 +27,13 @@ impl<S: Simd> Vectors<S> {
         Self { x: f32x8::splat(simd, vector.x), y: f32x8::splat(simd, vector.y), z: f32x8::splat(simd, vector.z) }
     }
 
+    /// One by one.
+    #[inline(always)]
+    pub fn lanes(self) -> [Vec3; LANES] {
+        let [x, y, z] = [self.x, self.y, self.z].map(|axis| axis.to_array());
+        std::array::from_fn(|lane| Vec3::new(x[lane], y[lane], z[lane]))
+    }
+
     #[inline(always)]
     pub fn product(&self, other: Vec3) -> f32x8<S> {
         self.x.mul_add(other.x, self.y.mul_add(other.y, self.z * other.z))

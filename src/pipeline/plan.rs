@@ -272,10 +272,26 @@ struct Batch {
 
 /// The loops around a node.
 #[derive(Clone, Copy, Default)]
-struct Within {
+struct Within<'p> {
     loops: u32,
+    /// Nodes of the innermost loop.
+    nodes: &'p [Node],
     /// Of the innermost fill.
     batch: Option<Batch>,
+}
+
+impl Within<'_> {
+    /// The inputs of a node of the innermost loop whose sources are all outside of it. A cache is never steady: nodes of the loop may add to it.
+    fn steady(&self, node: &Node) -> BTreeSet<&'static str> {
+        let has = |name: &str| {
+            let mut found = false;
+            self.nodes.iter().for_each(|inner| family(inner, &mut |member| found |= member.name == name));
+            found
+        };
+        let comes_from_outside = |edge: &Edge| edge.when == When::Now && !has(&edge.from.node);
+        let inputs = node.description().inputs.iter().filter(|input| self.loops > 0 && input.accepts != PortKind::RecordCache);
+        inputs.map(|input| input.name).filter(|input| node.inputs.iter().filter(|edge| edge.input == *input).all(comes_from_outside)).collect()
+    }
 }
 
 /// What the nodes of one level do: once as the level's loop starts, and in each round.
@@ -359,7 +375,7 @@ impl<'a> Planner<'a> {
         pairs.flat_map(|(from, to)| history::copy(from, to, &self.schedule)).collect()
     }
 
-    fn record_level(&mut self, nodes: &[Node], within: Within) -> Level {
+    fn record_level(&mut self, nodes: &[Node], within: Within<'_>) -> Level {
         let mut level = Level::default();
         for node in nodes.iter().filter(|node| !self.dropped.contains_key(node.name.as_str())) {
             match &node.work {
@@ -370,10 +386,10 @@ impl<'a> Planner<'a> {
         level
     }
 
-    fn encode_loop(&mut self, node: &Node, kind: Loop, inner: &[Node], within: Within, steps: &mut Vec<Step>) {
+    fn encode_loop(&mut self, node: &Node, kind: Loop, inner: &[Node], within: Within<'_>, steps: &mut Vec<Step>) {
         let first_variable = self.schedule.variables.len();
         let batch = if kind == Loop::Fill { Some(batch_of(node)) } else { within.batch };
-        let mut level = self.record_level(inner, Within { loops: within.loops + 1, batch });
+        let mut level = self.record_level(inner, Within { loops: within.loops + 1, nodes: inner, batch });
         let is_mine = |key: &Key| key.round_of.as_ref() == Some(&node.name);
         let mut start: Vec<Command> = self.earlier.iter().filter(|(key, _)| is_mine(key)).flat_map(|(_, port)| history::clear(port, &self.schedule)).collect();
         if within.loops > 0 {
@@ -422,13 +438,13 @@ impl<'a> Planner<'a> {
         Some(Repeat { name: node.name.clone(), until, round, at_most, steps, time, driver: Driver::Host })
     }
 
-    fn encode(&mut self, node: &Node, within: Within, level: &mut Level) {
+    fn encode(&mut self, node: &Node, within: Within<'_>, level: &mut Level) {
         let Work::Pass(pass) = node.work else { return };
         let Some(inputs) = self.inputs(node) else {
             self.failed.insert(node.name.clone());
             return;
         };
-        let encoder = Encoder::new(&node.name, &node.arguments, self.setting, &inputs, &mut self.schedule);
+        let encoder = Encoder::new(&node.name, &node.arguments, self.setting, &inputs, &mut self.schedule).with_steady(within.steady(node));
         let mut encoder = match within.batch {
             Some(batch) => encoder.in_loop(batch.at_most, batch.sequential),
             None => encoder,

@@ -18,6 +18,7 @@ const DRAWN: &[(&str, Case)] = &[
     ("errors_are_those_of_diff_and_pictures_repeat_under_interleaving", errors),
     ("a_reference_is_kept_and_a_damaged_one_traced_anew", kept_reference),
     ("a_reference_of_windows_measures_all_that_a_whole_one_does", windows),
+    ("errors_against_more_bounces_have_two_parts", two_parts),
     ("several_at_once_keep_one_reference", concurrent),
     ("a_pipeline_without_irradiance_is_judged_by_its_picture", without_irradiance),
     ("pipelines_of_direct_light_alone_are_judged_by_it", direct_alone),
@@ -130,6 +131,25 @@ fn kept_reference() -> Outcome {
         place.succeed(&format!("compare irradiance {arguments} --runs 1"))?;
     }
     check(place.kept()?.len() == 3, || format!("{:?}", place.kept()))
+}
+
+/// What a pipeline leaves out is told apart from what its method does: the first is the difference of two truths, the second the error against its own.
+fn two_parts() -> Outcome {
+    let place = Place::new()?;
+    let variant = |options: &str, index: usize| -> Result<Value, Failed> {
+        place.succeed(&format!("compare irradiance irradiance-bounces {SMALL} --runs 1 {options} --json out.json"))?;
+        Ok(place.json("out.json")?["variants"][index].clone())
+    };
+    let one = variant("--bounces all", 0)?;
+    let all = variant("--bounces all", 1)?;
+    check(all.get("error_parts").is_none(), || "a pipeline of all bounces leaves some out".into())?;
+    place.succeed(&format!("compare irradiance {SMALL} --runs 1 --json own.json"))?;
+    let own = &place.json("own.json")?["variants"][0]["errors"];
+    let parts = &one["error_parts"];
+    check(parts["bounces"] == "1" && &parts["method"] == own, || format!("{} is not {own}", parts["method"]))?;
+    let bias = |errors: &Value| errors["irradiance"]["bias_over_mean"]["value"].as_f64().or(errors["irradiance"]["bias_over_mean"].as_f64()).ok_or("no bias");
+    let [whole, left_out] = [bias(&one["errors"])?, bias(&parts["left_out"])?];
+    check(left_out < -0.2 && (whole - left_out).abs() < 0.05, || format!("{left_out} of {whole} is left out"))
 }
 
 /// With windows everything can be measured that a stride leaves out.

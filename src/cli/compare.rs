@@ -7,7 +7,7 @@ use super::given::PictureOption;
 use super::input::peak_host_bytes;
 use super::interrupt::Shelter;
 use super::output::{Target, expect_distinct};
-use super::pipeline::{check_pipeline, note_idle, note_names, plan_view};
+use super::pipeline::{check_pipeline, judged_bounces, note_idle, note_names, plan_view};
 use super::progress::Progress;
 use super::resources::expect_memory;
 use super::scene::{SceneOptions, View};
@@ -78,11 +78,13 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     let judged = options.truth.judged(plans.iter().map(|(plan, _)| plan))?;
     let (given, given_seconds) = timed(|| options.truth.given(&view, judged))?;
     let keeper = options.truth.keeper(&view, judged)?;
+    let shorter_keepers = options.truth.shorter_keepers(&view, plans.iter().map(|(plan, _)| plan), judged)?;
     expect_memory(plans.iter().map(|(plan, _)| plan), &view)?;
     warn_of_few_runs(options, console);
     let (gpu, device_seconds) = timed(|| Gpu::open().map_err(Failure::work))?;
     let runs = plans.iter().map(|(plan, _)| timed(|| ready(&gpu, &view, plan))).collect::<Result<Vec<_>, _>>()?;
     let (traced, traced_seconds) = timed(|| keeper.map(|keeper| keeper.obtain(&view, console)).transpose())?;
+    let shorter = shorter_keepers.iter().map(|keeper| keeper.obtain(&view, console)).collect::<Result<Vec<_>, _>>()?;
     let truth = given.or(traced);
     warn_of_unstated_bounces(truth.as_ref(), console);
     let judged = options
@@ -94,7 +96,7 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     let judged = judged.collect::<Result<Vec<_>, _>>()?;
 
     let gallery = targets.html.is_some().then(|| Gallery::new(view.size, plans.len() + pictures.len(), truth.as_ref().map(Truth::picture)));
-    let mut contest = Contest { truth: truth.as_ref(), gallery, entries: Vec::new(), rounds: runs_of(options), shelter: None };
+    let mut contest = Contest { truth: truth.as_ref(), shorter: &shorter, gallery, entries: Vec::new(), rounds: runs_of(options), shelter: None };
     let about = variants.into_iter().zip(&plans).map(|(variant, (_, plan_seconds))| variant.about(*plan_seconds));
     let result = contest.hold(runs.into_iter().zip(about).collect(), &Progress::new(console, "comparing"));
     let is_interrupted = result.as_ref().is_err_and(|failure| failure.status == 130);
@@ -163,7 +165,7 @@ impl Variant {
     }
 
     fn about(self, plan_seconds: f64) -> About {
-        About { name: self.name, set: self.sets, plan_seconds, shaders_seconds: 0.0, errors: VariantErrors::default() }
+        About { name: self.name, set: self.sets, plan_seconds, shaders_seconds: 0.0, errors: VariantErrors::default(), error_parts: None }
     }
 }
 
@@ -216,6 +218,8 @@ pub(super) fn warn_of_unstated_bounces(truth: Option<&Truth>, console: &Console)
 /// The variants as they run.
 struct Contest<'t, 'a> {
     truth: Option<&'t Truth>,
+    /// Truths of fewer bounces.
+    shorter: &'t [Truth],
     /// Where a page is wanted.
     gallery: Option<Gallery<'t>>,
     entries: Vec<(Contender<'a>, About)>,
@@ -233,8 +237,10 @@ impl<'a> Contest<'_, 'a> {
         for ((run, shaders_seconds), about) in runs {
             let (contender, picture) = Contender::warm_up(run, &pace(self.entries.len())).map_err(Failure::of_run)?;
             self.exhibit(&picture)?;
+            let own = self.shorter.iter().find(|truth| truth.bounces() == judged_bounces(contender.plan()));
+            let error_parts = own.zip(self.truth).map(|(own, truth)| own.parts(picture.clone(), truth)).transpose()?;
             let errors = self.truth.map_or(Ok(VariantErrors::default()), |truth| truth.judge(picture))?;
-            self.entries.push((contender, About { shaders_seconds, errors, ..about }));
+            self.entries.push((contender, About { shaders_seconds, errors, error_parts, ..about }));
         }
         for round in 0..self.rounds {
             for (place, variant) in compare::order(round, variants).into_iter().enumerate() {

@@ -301,7 +301,7 @@ impl<'a> Work<'a> {
 
     fn keep(&mut self, Entry { index, contender, picture, errors }: Entry<'a>) -> Result<(), Failure> {
         let point = &mut self.points[index];
-        let about = About { name: point.name(&[]), set: point.set.clone(), plan_seconds: 0.0, shaders_seconds: 0.0, errors };
+        let about = About { name: point.name(&[]), set: point.set.clone(), plan_seconds: 0.0, shaders_seconds: 0.0, errors, error_parts: None };
         if let Some(report) = contender.report(point.id.clone(), about, usize::from(self.survey.runs)) {
             let measured = Measured::from(report);
             self.folder.keep(&self.keys[index], point, &measured, picture)?;

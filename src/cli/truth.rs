@@ -15,7 +15,7 @@ use super::sealed::{self, Unusable};
 use crate::gpu::scene::camera;
 use crate::math::windows::SIDE;
 use crate::measure::cache::{Checksum, fingerprint};
-use crate::measure::compare::{ReferenceReport, VariantErrors, checksum, judged};
+use crate::measure::compare::{ErrorParts, ReferenceReport, VariantErrors, checksum, judged};
 use crate::measure::metrics::{SCENE_CHECKSUM, other_view};
 use crate::measure::projection::Projection;
 use crate::measure::{DIRECT, Errors, GLOSSY, IRRADIANCE, Layer, Layers, MetricsError, PICTURE, PictureError, compare};
@@ -167,6 +167,17 @@ impl TruthOptions {
         let key = key(view, &settings);
         let target = Target::new(&folder.join(format!("reference-{}.exr", Checksum::of(key.as_bytes()))))?;
         Ok(Some(Keeper { target, settings, key, judged }))
+    }
+
+    /// What tells the error of a method from that of the bounces which it leaves out: the truth of each number of bounces that plans make and that is less than
+    /// asked for. None where the reference is read from a file, of which there is no other.
+    pub fn shorter_keepers<'p>(&self, view: &View, plans: impl Iterator<Item = &'p Plan>, judged: Judged) -> Result<Vec<Keeper>, Failure> {
+        let mut made: Vec<Bounces> = Vec::new();
+        plans.map(judged_bounces).filter(|bounces| bounces.are_fewer_than(judged.bounces)).for_each(|bounces| {
+            made.extend(Some(bounces).filter(|bounces| !made.contains(bounces)));
+        });
+        let keepers = made.into_iter().map(|bounces| self.keeper(view, Judged { bounces, any: true }));
+        keepers.filter_map(Result::transpose).collect()
     }
 
     fn stop(&self, view: &View) -> Stop {
@@ -333,6 +344,11 @@ impl Truth {
             return Err(Failure::input(CommandError::NoCommonLayer { test: held(picture), reference: held(&self.picture) }));
         }
         Ok(errors)
+    }
+
+    /// The error of a picture in two parts, where `self` is the truth of the bounces that it makes and `whole` that of more.
+    pub fn parts(&self, picture: Layers, whole: &Self) -> Result<ErrorParts, Failure> {
+        Ok(ErrorParts { bounces: self.bounces().to_string(), left_out: whole.judge(self.picture.clone())?, method: self.judge(picture)? })
     }
 
     fn errors(&self, picture: &Layers) -> Result<VariantErrors, MetricsError> {

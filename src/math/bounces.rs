@@ -52,6 +52,11 @@ impl Bounces {
         }
     }
 
+    /// Whether these are fewer than others.
+    pub fn are_fewer_than(self, other: Self) -> bool {
+        self != other && self.max(other) == other
+    }
+
     /// The more of two.
     pub fn max(self, other: Self) -> Self {
         match (self, other) {

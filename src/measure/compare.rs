@@ -49,6 +49,10 @@ impl<'a> Contender<'a> {
         Ok(())
     }
 
+    pub fn plan(&self) -> &Plan {
+        self.run.plan()
+    }
+
     /// Runs measured so far.
     pub fn runs(&self) -> usize {
         self.frames.len()
@@ -81,6 +85,7 @@ impl<'a> Contender<'a> {
             peak_gpu_bytes: self.run.gpu_bytes(),
             passes: passes(frames),
             errors: about.errors,
+            error_parts: about.error_parts,
         })
     }
 }
@@ -94,6 +99,19 @@ pub struct About {
     pub plan_seconds: f64,
     pub shaders_seconds: f64,
     pub errors: VariantErrors,
+    /// Where the reference holds more bounces than the variant makes, and the truth of its own bounces is at hand.
+    pub error_parts: Option<ErrorParts>,
+}
+
+/// An error in two parts: of the bounces left out, and of the method.
+#[derive(Debug, Clone, Serialize)]
+pub struct ErrorParts {
+    /// That the variant makes.
+    pub bounces: String,
+    /// Of the truth of these bounces, against the reference.
+    pub left_out: VariantErrors,
+    /// Of the variant, against the truth of these bounces.
+    pub method: VariantErrors,
 }
 
 /// Everything that a comparison found. Keys in JSON are the fields' names.
@@ -231,6 +249,8 @@ pub struct VariantReport {
     pub peak_gpu_bytes: u64,
     pub passes: Vec<PassSpread>,
     pub errors: VariantErrors,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub error_parts: Option<ErrorParts>,
 }
 
 fn names<S: Serializer>(unfinished: &[Unfinished], serializer: S) -> Result<S::Ok, S::Error> {

@@ -107,6 +107,7 @@ pub fn variant(index: usize, picture: &Layers, reference: Option<&Layers>) -> Va
         peak_gpu_bytes: 50 << 20,
         passes: vec![pass("gbuffer", "GBuffer", 0.05), pass("tiles", "HemisphereTiles", 0.7), pass("splats", "Splat", 0.25)],
         errors: VariantErrors { irradiance: errors("irradiance"), picture: errors(PICTURE), glossy: errors(GLOSSY), direct: None },
+        error_parts: None,
     }
 }
 

@@ -19,7 +19,7 @@ const BLOCK_NOISE: f64 = 0.003;
 
 /// The report for people.
 pub fn text(comparison: &Comparison) -> String {
-    [headline(comparison), costs(comparison), errors(comparison), nodes(comparison), differences(comparison)].concat()
+    [headline(comparison), costs(comparison), errors(comparison), error_parts(comparison), nodes(comparison), differences(comparison)].concat()
 }
 
 /// What a reader must know before trusting the numbers.
@@ -151,6 +151,28 @@ fn errors(comparison: &Comparison) -> String {
     }
     text.push_str("; in brackets 95 % intervals\n");
     text + &judged.chunks(COLUMNS).map(errors_of).collect::<Vec<_>>().join("\n")
+}
+
+/// What the bounces that variants leave out have of their errors.
+fn error_parts(comparison: &Comparison) -> String {
+    let mut text = String::new();
+    for variant in &comparison.variants {
+        let Some(parts) = &variant.error_parts else { continue };
+        let bounces = if parts.bounces == "1" { "1 bounce".to_owned() } else { format!("{} bounces", parts.bounces) };
+        let _ = writeln!(text, "\n{} makes {bounces}; its errors in two parts", variant.id);
+        let head = format!("{:<27} {:>27} {:>27}", "", "light left out", format!("method, against {bounces}"));
+        let _ = writeln!(text, "{head}");
+        for (layer, metric) in
+            [("irradiance", "rmse_over_mean"), ("irradiance", "bias_over_mean"), ("picture", "rmse_over_mean"), ("picture", "bias_over_mean")]
+        {
+            let told = [&parts.left_out, &parts.method].map(|errors| errors.layer(layer).and_then(|errors| errors.told(metric, 2)));
+            if told.iter().any(Option::is_some) {
+                let cells: String = told.into_iter().map(|told| format!(" {:>27}", told.map_or("-".to_owned(), |told| told.sentence()))).collect();
+                let _ = writeln!(text, "{:<27}{cells}", format!("{layer} {metric}"));
+            }
+        }
+    }
+    text
 }
 
 /// Of what [`Comparison::judged`] tells.

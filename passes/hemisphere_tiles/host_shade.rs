@@ -121,7 +121,7 @@ impl HitShader for Shading<'_> {
 
     #[inline(always)]
     fn shade<S: Simd>(&self, simd: S, hits: &Hits<'_>, tile: &mut [Vec4]) {
-        self.shade_packet(simd, hits, |sample, seen, _| tile[sample] = seen);
+        self.shade_packet::<S, false>(simd, hits, |sample, seen, _| tile[sample] = seen);
     }
 }
 
@@ -151,7 +151,7 @@ impl HitShader for Keeping<'_> {
 
     #[inline(always)]
     fn shade<S: Simd>(&self, simd: S, hits: &Hits<'_>, tile: &mut [Sight]) {
-        self.0.shade_packet(simd, hits, |sample, seen, hit| tile[sample] = Sight { seen, hit: hit.unwrap_or(Self::NOTHING.hit) });
+        self.0.shade_packet::<S, true>(simd, hits, |sample, seen, hit| tile[sample] = Sight { seen, hit: hit.unwrap_or(Self::NOTHING.hit) });
     }
 }
 
@@ -170,15 +170,15 @@ impl Other {
 
     /// What the lobe reflects of irradiance, as if it came alike from all sides [1/sr].
     fn by_lobe(&self) -> Rgb {
-        self.gloss.map_or(Rgb::ZERO, |gloss| gloss.lobe.reflectance * FRAC_1_PI)
+        self.gloss.map_or(Rgb::ZERO, |gloss| gloss.lobe.albedo(gloss.outgoing) * FRAC_1_PI)
     }
 }
 
 // All that runs within `dispatch!` is inlined into it: what is not would not have its instructions.
 impl Shading<'_> {
-    /// Hands over each sample with what it sees, and where, if it meets anything.
+    /// Hands over each sample with what it sees, and where, if it meets anything and that is kept.
     #[inline(always)]
-    fn shade_packet<S: Simd>(&self, simd: S, hits: &Hits<'_>, mut see: impl FnMut(usize, Vec4, Option<Hit>)) {
+    fn shade_packet<S: Simd, const KEEPS: bool>(&self, simd: S, hits: &Hits<'_>, mut see: impl FnMut(usize, Vec4, Option<Hit>)) {
         // All of a packet's triangles are fetched before any is worked on, so that memory is waited for once.
         let mut fetched = [const { None }; GROUPS];
         for (group, fetched) in fetched.iter_mut().enumerate() {
@@ -212,8 +212,8 @@ impl Shading<'_> {
                 let ray = group * LANES + lane;
                 if hits.triangles[ray] != 0 && hits.samples[ray] != u32::MAX {
                     let other = others.as_ref().map_or(Other::NONE, |others| others[ray]);
-                    let hit = Hit { position: position[lane], normal: normal[lane], reflectance: reflectance[lane] + other.by_lobe() };
-                    see(hits.samples[ray] as usize, (light[lane] + other.light).extend(distance[lane]), Some(hit));
+                    let hit = || Hit { position: position[lane], normal: normal[lane], reflectance: reflectance[lane] + other.by_lobe() };
+                    see(hits.samples[ray] as usize, (light[lane] + other.light).extend(distance[lane]), KEEPS.then(hit));
                 }
             }
         }

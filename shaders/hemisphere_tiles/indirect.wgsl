@@ -1,3 +1,4 @@
+#import lib/lobe
 #import lib/seen
 #import IRRADIANCE_FIELD
 
@@ -14,7 +15,10 @@ fn add_indirect(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) gr
     }
     let surface = surface_seen(ray.triangle - 1u, ray.origin, ray.direction);
     // Lobes reflect it as if it came alike from all sides.
-    let reflectance = surface.reflectance + select(vec3f(0.0), surface.specular, GLOSSY && surface.lobe != 0u);
+    var reflectance = surface.reflectance;
+    if GLOSSY && surface.lobe != 0u {
+        reflectance += lobe_albedo(lobe_of(surface), surface.outgoing);
+    }
     let reflected = indirect_irradiance(surface.position, surface.normal) * reflectance / PI;
     radiance[ray.place] += vec4f(reflected, 0.0);
 }

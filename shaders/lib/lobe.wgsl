@@ -126,3 +126,19 @@ fn lobe_density(lobe: Lobe, outgoing: vec3f, incoming: vec3f) -> f32 {
     let shown = 2.0 / max(outgoing.z + slope_root(lobe.shape.x, outgoing), 1e-37);
     return shown * facets(lobe.shape.x, half) * max(dot(outgoing, half), 0.0) / across;
 }
+
+const ALBEDO_SAMPLES = 16u;
+
+// The share of light from all sides alike that the lobe reflects toward a direction: as Lobe::albedo.
+fn lobe_albedo(lobe: Lobe, outgoing: vec3f) -> vec3f {
+    var sum = vec3f(0.0);
+    for (var i = 0u; i < ALBEDO_SAMPLES; i++) {
+        let u = vec2f((f32(i) + 0.5) / f32(ALBEDO_SAMPLES), fract(0.618034 * f32(i) + 0.25));
+        let incoming = lobe_sample(lobe, outgoing, u);
+        let density = lobe_density(lobe, outgoing, incoming);
+        if incoming.z > 0.0 && density > 0.0 {
+            sum += lobe_value(lobe, outgoing, incoming) * (incoming.z / density);
+        }
+    }
+    return sum / f32(ALBEDO_SAMPLES);
+}

@@ -101,6 +101,16 @@ impl Lobe {
         }
     }
 
+    /// The share of light from all sides alike that the lobe reflects toward a direction: by [`ALBEDO_SAMPLES`] samples, to a tenth.
+    pub fn albedo(&self, outgoing: Vec3) -> Vec3 {
+        let of_sample = |at: u32| {
+            let incoming = self.sample(outgoing, albedo_numbers(at));
+            let density = self.density(outgoing, incoming);
+            if incoming.z > 0.0 && density > 0.0 { self.value(outgoing, incoming) * (incoming.z / density) } else { Vec3::ZERO }
+        };
+        (0..ALBEDO_SAMPLES).map(of_sample).sum::<Vec3>() / ALBEDO_SAMPLES as f32
+    }
+
     /// Density of [`Self::sample`] [1/sr].
     pub fn density(&self, outgoing: Vec3, incoming: Vec3) -> f32 {
         let half = (outgoing + incoming).normalize_or(Vec3::Z);
@@ -115,6 +125,15 @@ impl Lobe {
             }
         }
     }
+}
+
+/// Samples of [`Lobe::albedo`].
+const ALBEDO_SAMPLES: u32 = 16;
+
+/// Two numbers in 0..1 for each, spread evenly.
+fn albedo_numbers(at: u32) -> [f32; 2] {
+    let at = at as f32;
+    [(at + 0.5) / ALBEDO_SAMPLES as f32, (0.618_034 * at + 0.25).fract()]
 }
 
 /// Of the cosine to the mirrored direction: 0 from 90° on, whatever the exponent.
@@ -173,6 +192,35 @@ fn visible_facet(outgoing: Vec3, alpha: f32, [u, v]: [f32; 2]) -> Vec3 {
 mod tests {
     use super::*;
     use crate::math::harmonics::quadrature::{gauss_legendre, hemisphere};
+
+    #[test]
+    fn albedos_are_integrals() {
+        let shapes = [
+            Shape::Phong { exponent: 5.0 },
+            Shape::Phong { exponent: 60.0 },
+            Shape::Ward { alpha: Vec2::new(0.2, 0.5) },
+            Shape::Microfacets { alpha: 0.25 },
+            Shape::Microfacets { alpha: 0.7 },
+        ];
+        for shape in shapes {
+            let lobe = Lobe { shape, reflectance: Vec3::new(0.8, 0.5, 0.1) };
+            for cosine in [0.15f32, 0.4, 0.7, 0.98] {
+                let outgoing = around(cosine, 0.7);
+                let mut integral = Vec3::ZERO;
+                let steps = 400;
+                for i in 0..steps {
+                    for j in 0..2 * steps {
+                        // Even in the square of the sine, which has the cosine in it.
+                        let incoming = around((1.0 - (i as f32 + 0.5) / steps as f32).sqrt(), TAU * (j as f32 + 0.5) / (2 * steps) as f32);
+                        integral += lobe.value(outgoing, incoming);
+                    }
+                }
+                integral *= PI / (2 * steps * steps) as f32;
+                let apart = (lobe.albedo(outgoing) - integral).abs().max_element() / integral.max_element();
+                assert!(apart < 0.1, "{shape:?} at {cosine}: {} instead of {integral}", lobe.albedo(outgoing));
+            }
+        }
+    }
 
     #[test]
     fn what_lies_below_facets_has_what_they_leave() {

@@ -9,10 +9,10 @@ use rayon::prelude::*;
 const GRID: usize = 16;
 
 /// A leaf that lists so few is not divided.
-const FEW: usize = 8;
+const FEW: usize = 16;
 
 /// A cell is not divided that is less than this share of how far the records in it reach: its parts would list nearly the same.
-const SMALL: f32 = 0.5;
+const SMALL: f32 = 1.0;
 
 /// Most divisions of a cell of the grid.
 const DEEPEST: u32 = 16;

@@ -101,17 +101,13 @@ impl Kept {
     /// What the surfaces send back, lit by records too.
     fn light(&mut self, host: &dyn HostContext, index: &port::RecordIndex, samples: usize, tiles: &mut [Vec4]) {
         let light = light_of(index, host);
-        if let Some(shares) = self.shares.take_if(|shares| shares.are_of(&light)) {
-            self.add(samples, tiles, |_, number| shares.irradiance(&light, number));
-            self.shares = Some(shares);
-            return;
-        }
-        let all = index_of(index, host);
         if !light.is_flat() {
+            let all = index_of(index, host);
             return self.add(samples, tiles, |hit, _| all.estimate_at(hit.position, hit.normal).0);
         }
-        let points: Vec<[Vec3; 2]> = self.hits.iter().map(|hit| [hit.position, hit.normal]).collect();
-        let shares = Shares::of(&all, &points);
+        let points = || self.hits.iter().map(|hit| [hit.position, hit.normal]).collect::<Vec<_>>();
+        let known = self.shares.take().filter(|shares| shares.are_of(&light));
+        let shares = known.unwrap_or_else(|| Shares::of(&index_of(index, host), &points()));
         self.add(samples, tiles, |_, number| shares.irradiance(&light, number));
         self.shares = Some(shares);
     }

@@ -11,7 +11,7 @@ use super::pipeline::{check_pipeline, judged_bounces, note_idle, note_names, pla
 use super::progress::Progress;
 use super::resources::expect_memory;
 use super::scene::{SceneOptions, View};
-use super::truth::{FILES, Truth, TruthOptions};
+use super::truth::{FILES, Shorter, Truth, TruthOptions};
 use crate::gpu::{Gpu, Pace, expected_device};
 use crate::measure::Layers;
 use crate::measure::compare::{self, About, Comparison, Contender, GivenPicture, StartUp, VariantErrors};
@@ -84,8 +84,9 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     let (gpu, device_seconds) = timed(|| Gpu::open().map_err(Failure::work))?;
     let runs = plans.iter().map(|(plan, _)| timed(|| ready(&gpu, &view, plan))).collect::<Result<Vec<_>, _>>()?;
     let (traced, traced_seconds) = timed(|| keeper.map(|keeper| keeper.obtain(&view, console)).transpose())?;
-    let shorter = shorter_keepers.iter().map(|keeper| keeper.obtain(&view, console)).collect::<Result<Vec<_>, _>>()?;
     let truth = given.or(traced);
+    let pairs = shorter_keepers.iter().filter_map(|keeper| Some((keeper, truth.as_ref()?)));
+    let shorter = pairs.map(|(keeper, truth)| Shorter::new(keeper.obtain(&view, console)?, truth)).collect::<Result<Vec<_>, _>>()?;
     warn_of_unstated_bounces(truth.as_ref(), console);
     let judged = options
         .pictures
@@ -219,7 +220,7 @@ pub(super) fn warn_of_unstated_bounces(truth: Option<&Truth>, console: &Console)
 struct Contest<'t, 'a> {
     truth: Option<&'t Truth>,
     /// Truths of fewer bounces.
-    shorter: &'t [Truth],
+    shorter: &'t [Shorter],
     /// Where a page is wanted.
     gallery: Option<Gallery<'t>>,
     entries: Vec<(Contender<'a>, About)>,
@@ -238,7 +239,7 @@ impl<'a> Contest<'_, 'a> {
             let (contender, picture) = Contender::warm_up(run, &pace(self.entries.len())).map_err(Failure::of_run)?;
             self.exhibit(&picture)?;
             let own = self.shorter.iter().find(|truth| truth.bounces() == judged_bounces(contender.plan()));
-            let error_parts = own.zip(self.truth).map(|(own, truth)| own.parts(picture.clone(), truth)).transpose()?;
+            let error_parts = own.map(|own| own.parts(picture.clone())).transpose()?;
             let errors = self.truth.map_or(Ok(VariantErrors::default()), |truth| truth.judge(picture))?;
             self.entries.push((contender, About { shaders_seconds, errors, error_parts, ..about }));
         }

@@ -82,6 +82,27 @@ pub struct Truth {
     bounces: Judged,
 }
 
+/// A truth of fewer bounces than the reference's, and what it lacks of those.
+pub struct Shorter {
+    truth: Truth,
+    left_out: VariantErrors,
+}
+
+impl Shorter {
+    pub fn new(truth: Truth, whole: &Truth) -> Result<Self, Failure> {
+        Ok(Self { left_out: whole.judge(truth.picture.clone())?, truth })
+    }
+
+    pub fn bounces(&self) -> Bounces {
+        self.truth.bounces()
+    }
+
+    /// The error of a picture of so many bounces in two parts.
+    pub fn parts(&self, picture: Layers) -> Result<ErrorParts, Failure> {
+        Ok(ErrorParts { bounces: self.bounces().to_string(), left_out: self.left_out.clone(), method: self.truth.judge(picture)? })
+    }
+}
+
 /// The bounces that a reference holds.
 #[derive(Clone, Copy)]
 pub struct Judged {
@@ -344,11 +365,6 @@ impl Truth {
             return Err(Failure::input(CommandError::NoCommonLayer { test: held(picture), reference: held(&self.picture) }));
         }
         Ok(errors)
-    }
-
-    /// The error of a picture in two parts, where `self` is the truth of the bounces that it makes and `whole` that of more.
-    pub fn parts(&self, picture: Layers, whole: &Self) -> Result<ErrorParts, Failure> {
-        Ok(ErrorParts { bounces: self.bounces().to_string(), left_out: whole.judge(self.picture.clone())?, method: self.judge(picture)? })
     }
 
     fn errors(&self, picture: &Layers) -> Result<VariantErrors, MetricsError> {

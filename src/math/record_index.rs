@@ -220,6 +220,11 @@ impl Weighed {
         Self { position, inverse: reaching.validity_radius().recip().min(MOST_PER_LENGTH), normal, stretch, irradiance }
     }
 
+    /// What its weights depend on.
+    fn stand(&self) -> [Vec3; 4] {
+        [self.position, self.normal, self.stretch, Vec3::splat(self.inverse)]
+    }
+
     /// As [`Reaching::local_weight`] of compact weights; `turns` is one over the square of the accuracy, halved.
     #[inline(always)]
     fn weight(&self, position: Vec3, normal: Vec3, turns: f32) -> f32 {
@@ -465,12 +470,12 @@ impl Shares {
             }));
             shares.extend(more);
         }
-        Self { starts, shares, stands: stands(&index.light) }
+        Self { starts, shares, stands: index.light.weighed.iter().map(Weighed::stand).collect() }
     }
 
     /// Whether these are the shares of records: they stand where those stood, reach as far, and have no gradients.
     pub fn are_of(&self, light: &RecordLight) -> bool {
-        light.is_flat && self.stands.len() == light.weighed.len() && self.stands == stands(light)
+        light.is_flat && self.stands.iter().copied().eq(light.weighed.iter().map(Weighed::stand))
     }
 
     /// What records tell at a point, by its number [W/m²].
@@ -478,10 +483,6 @@ impl Shares {
         let of_point = &self.shares[self.starts[point] as usize..self.starts[point + 1] as usize];
         of_point.iter().fold(Vec3::ZERO, |sum, (number, share)| sum + light.weighed[*number as usize].irradiance * *share)
     }
-}
-
-fn stands(light: &RecordLight) -> Vec<[Vec3; 4]> {
-    light.weighed.iter().map(|record| [record.position, record.normal, record.stretch, Vec3::splat(record.inverse)]).collect()
 }
 
 #[cfg(test)]

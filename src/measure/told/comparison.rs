@@ -165,11 +165,7 @@ fn error_parts(comparison: &Comparison) -> String {
         for (layer, metric) in
             [("irradiance", "rmse_over_mean"), ("irradiance", "bias_over_mean"), ("picture", "rmse_over_mean"), ("picture", "bias_over_mean")]
         {
-            let told = [&parts.left_out, &parts.method].map(|errors| errors.layer(layer).and_then(|errors| errors.told(metric, 2)));
-            if told.iter().any(Option::is_some) {
-                let cells: String = told.into_iter().map(|told| format!(" {:>27}", told.map_or("-".to_owned(), |told| told.sentence()))).collect();
-                let _ = writeln!(text, "{:<27}{cells}", format!("{layer} {metric}"));
-            }
+            text.push_str(&metric_row(&[&parts.left_out, &parts.method].map(|errors| errors.layer(layer)), layer, metric));
         }
     }
     text
@@ -182,14 +178,20 @@ fn errors_of(judged: &[(&str, &str, &VariantErrors)]) -> String {
     for (layer, metrics) in TOLD {
         let errors: Vec<Option<&Errors>> = judged.iter().map(|(_, _, errors)| errors.layer(layer)).collect();
         for metric in metrics {
-            let told: Vec<Option<InWords>> = errors.iter().map(|errors| errors.and_then(|errors| errors.told(metric, 2))).collect();
-            if told.iter().any(Option::is_some) {
-                let cells: String = told.into_iter().map(|told| format!(" {:>27}", told.map_or("-".to_owned(), |told| told.sentence()))).collect();
-                let _ = writeln!(text, "{:<27}{cells}", format!("{layer} {metric}"));
-            }
+            text.push_str(&metric_row(&errors, layer, metric));
         }
     }
     text
+}
+
+/// A metric of several errors of a layer beside each other; nothing where none has it.
+fn metric_row(errors: &[Option<&Errors>], layer: &str, metric: &str) -> String {
+    let told: Vec<Option<InWords>> = errors.iter().map(|errors| errors.and_then(|errors| errors.told(metric, 2))).collect();
+    if told.iter().all(Option::is_none) {
+        return String::new();
+    }
+    let cells: String = told.into_iter().map(|told| format!(" {:>27}", told.map_or("-".to_owned(), |told| told.sentence()))).collect();
+    format!("{:<27}{cells}\n", format!("{layer} {metric}"))
 }
 
 fn metric(errors: Option<&Errors>, name: &str) -> Option<f64> {

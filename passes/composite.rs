@@ -1,5 +1,6 @@
 //! The picture.
 
+use super::add_images;
 use crate::contract::{Description, Encoder, Input, Output, Pass, Port, PortKind, Refusal, Takes, port};
 use crate::schedule::*;
 
@@ -34,7 +35,7 @@ impl Pass for Composite {
         let Some(gbuffer) = e.g_buffer("gbuffer").copied() else { return Ok(()) };
         let direct = e.direct_light("direct").map(|d| d.radiance);
         let parts: Vec<Resource> = e.images("indirect").iter().map(|image| image.texture).collect();
-        let indirect = sum(e, &parts, gbuffer.size);
+        let indirect = add_images::sum(e, "indirect", &parts, gbuffer.size);
         let picture = e.image("picture", gbuffer.size, Format::Rgba32Float);
         // Direct light that is absent is bound to any image and never read.
         let program = Program::new("composite")
@@ -51,18 +52,4 @@ impl Pass for Composite {
         e.output("indirect", image(indirect));
         Ok(())
     }
-}
-
-/// Adds images two by two; one alone is its own sum, and that of none is black.
-fn sum(e: &mut Encoder<'_>, images: &[Resource], size: [u32; 2]) -> Resource {
-    let [first, others @ ..] = images else {
-        let black = e.image("indirect", size, Format::Rgba32Float);
-        e.clear(black);
-        return black;
-    };
-    others.iter().fold(*first, |left, right| {
-        let sum = e.image("indirect", size, Format::Rgba32Float);
-        e.compute_pixels(Program::new("add_images").bind("left", left).bind("right", *right).bind("sum", sum), "add", size);
-        sum
-    })
 }

@@ -2,6 +2,8 @@
 
 use crate::contract::Registry;
 
+pub mod add_images;
+pub mod add_irradiance;
 pub mod add_records;
 pub mod classify;
 pub mod compensation;
@@ -54,9 +56,11 @@ pub static REGISTRY: &Registry = &[
     &hemisphere_tiles::HemisphereTiles,
     &compensation::Compensation,
     &irradiance_sum::IrradianceSum,
+    &add_irradiance::AddIrradiance,
     &radiance_projection::RadianceProjection,
     &add_records::AddRecords,
     &normalize::Normalize,
     &indirect_light::IndirectLight,
+    &add_images::AddImages,
     &composite::Composite,
 ];

@@ -1,7 +1,7 @@
 //! One ray a sample, in packets of neighbours, cast on the host.
 
 use super::host_shade::{Hit, Keeping, Shading};
-use super::{SAMPLES_OF_EMITTERS, Work, host_shade};
+use super::{SAMPLES_OF_EMITTERS, Sees, Work, host_shade};
 use crate::contract::{Encoder, port};
 use crate::math::{frame::Frame, record_index::Shares};
 use crate::passes::irradiance_field::Asked;
@@ -30,11 +30,11 @@ pub(super) fn encode(e: &mut Encoder<'_>, work: &Work) {
 }
 
 /// The host shades them, too: the buffer of radiance and distance.
-pub(super) fn encode_shaded(e: &mut Encoder<'_>, work: &Work, maps: Option<port::ShadowMaps>, sees_emission: bool) -> Resource {
+pub(super) fn encode_shaded(e: &mut Encoder<'_>, work: &Work, maps: Option<port::ShadowMaps>, sees: Sees) -> Resource {
     let indirect = Asked::of(e, "indirect");
     let bundle = RayBundle::new(&work.table);
     let (requests, radiance) = (work.requests, work.radiance(e));
-    let lighting = host_shade::encode(e, SAMPLES_OF_EMITTERS, sees_emission);
+    let lighting = host_shade::encode(e, SAMPLES_OF_EMITTERS, sees);
     let lit_by = maps.iter().map(|maps| Read::whole(maps.depth)).chain(indirect.iter().flat_map(Asked::reads));
     let reads: Vec<Read> = lit_by.chain([Read::counted(requests.places, REQUEST_BYTES, requests.count)]).collect();
     e.host("cast_and_shade", &reads, &[radiance], move |host| {
@@ -44,7 +44,7 @@ pub(super) fn encode_shaded(e: &mut Encoder<'_>, work: &Work, maps: Option<port:
         let maps = maps.map_or_else(ShadowMaps::default, |maps| host_shade::shadow_maps(&maps, host));
         let emitters = lighting.emitters(host.scene(), host.bvh(), host.extent());
         let indirect = indirect.and_then(|field| field.on_host(host, index.as_deref()));
-        let shader = Shading { lighting: &lighting, maps, scene: host.scene(), emitters, places: &places, indirect: indirect.as_ref() };
+        let shader = Shading { lighting: &lighting, maps, scene: host.scene(), emitters, bvh: host.bvh(), extent: host.extent(), places: &places, indirect: indirect.as_ref() };
         let seen = &mut samples[..places.len() * bundle.samples];
         host.bvh().packets(host.scene()).trace(host.scene(), &views(&places), &bundle, &shader, seen);
         let bytes = size_of_val(seen) as u64;
@@ -65,10 +65,10 @@ struct Kept {
 
 /// The same where the places stay as they are while a loop runs, whose records of the round before light what they see: rays are cast and what they see is shaded
 /// as the loop starts, each round adds what the records tell.
-pub(super) fn encode_steady(e: &mut Encoder<'_>, work: &Work, maps: Option<port::ShadowMaps>, index: port::RecordIndex, sees_emission: bool) -> Resource {
+pub(super) fn encode_steady(e: &mut Encoder<'_>, work: &Work, maps: Option<port::ShadowMaps>, index: port::RecordIndex, sees: Sees) -> Resource {
     let bundle = RayBundle::new(&work.table);
     let (requests, radiance, memory) = (work.requests, work.radiance(e), e.state("kept"));
-    let lighting = host_shade::encode(e, SAMPLES_OF_EMITTERS, sees_emission);
+    let lighting = host_shade::encode(e, SAMPLES_OF_EMITTERS, sees);
     let reads: Vec<Read> = maps.iter().map(|maps| Read::whole(maps.depth)).chain([Read::counted(requests.places, REQUEST_BYTES, requests.count)]).collect();
     let samples = bundle.samples;
     let cast = move |host: &mut dyn HostContext| {
@@ -76,7 +76,7 @@ pub(super) fn encode_steady(e: &mut Encoder<'_>, work: &Work, maps: Option<port:
         let lighting = host_shade::lighting(host, lighting)?;
         let maps = maps.map_or_else(ShadowMaps::default, |maps| host_shade::shadow_maps(&maps, host));
         let emitters = lighting.emitters(host.scene(), host.bvh(), host.extent());
-        let shader = Keeping(Shading { lighting: &lighting, maps, scene: host.scene(), emitters, places: &places, indirect: None });
+        let shader = Keeping(Shading { lighting: &lighting, maps, scene: host.scene(), emitters, bvh: host.bvh(), extent: host.extent(), places: &places, indirect: None });
         let mut sights = vec![Keeping::NOTHING; places.len() * bundle.samples];
         host.bvh().packets(host.scene()).trace(host.scene(), &views(&places), &bundle, &shader, &mut sights);
         let (seen, hits) = sights.into_iter().map(|sight| (sight.seen, sight.hit)).unzip();

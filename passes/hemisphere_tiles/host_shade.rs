@@ -1,6 +1,7 @@
 //! Radiance of what rays see, on the host: `shaders/hemisphere_tiles/shade.wgsl` and `lib/light.wgsl` have the twins. Where the device
 //! is a driver on the same cores, each of its lanes loads a triangle number by number; here eight samples are computed side by side as their rays end.
 
+use super::Sees;
 use crate::contract::{Encoder, port};
 use crate::math::{
     random::{combinations, combine},
@@ -13,7 +14,7 @@ use crate::scene::{
     emitters::{AreaLight, Emitters},
     packets::{HitShader, Hits, RAYS, ToDo},
     shadow_maps::{Lookups, Receivers, ShadowCameras, ShadowMaps},
-    surface::{Gloss, Ray},
+    surface::{Gloss, Ray, Surface},
 };
 use crate::schedule::*;
 use fearless_simd::{Select, Simd, f32x8, mask32x8, prelude::*, u32x8};
@@ -33,8 +34,7 @@ pub(super) struct Lighting {
     area_lights: Vec<AreaLight>,
     /// Shadow rays from what a sample sees to the emitters and to the sky.
     samples: [u32; 2],
-    /// Whether records see emitters and the sky themselves.
-    sees_emission: bool,
+    sees: Sees,
 }
 
 impl Lighting {
@@ -45,7 +45,7 @@ impl Lighting {
 }
 
 /// Adds a step before the loop that prepares the lights; where it leaves them.
-pub(super) fn encode(e: &mut Encoder<'_>, samples: [u32; 2], sees_emission: bool) -> Resource {
+pub(super) fn encode(e: &mut Encoder<'_>, samples: [u32; 2], sees: Sees) -> Resource {
     let memory = e.state("lighting");
     let needs = e.setting.needs;
     let (smooth, textures, lobes) = (needs.smooth, needs.textures, needs.lobes && !needs.by_albedo);
@@ -55,7 +55,7 @@ pub(super) fn encode(e: &mut Encoder<'_>, samples: [u32; 2], sees_emission: bool
         let albedos = scene.materials.iter().map(|material| untextured(material.albedo())).collect();
         let lights = scene.lights.iter().map(|light| light.kind).zip(ShadowCameras::all(scene)).collect();
         let area_lights = AreaLight::all(scene);
-        *host.state(memory) = Some(Box::new(Arc::new(Lighting { lights, albedos, smooth, lobes, area_lights, samples, sees_emission })));
+        *host.state(memory) = Some(Box::new(Arc::new(Lighting { lights, albedos, smooth, lobes, area_lights, samples, sees })));
         Ok(())
     };
     e.before_loop(Command::Host(Host::new("light", Vec::new(), Vec::new(), run)));
@@ -84,6 +84,9 @@ pub(super) struct Shading<'a> {
     pub maps: ShadowMaps<'a>,
     pub scene: &'a Scene,
     pub emitters: Emitters<'a>,
+    pub bvh: &'a Bvh,
+    /// Of the scene [scene units].
+    pub extent: f32,
     pub places: &'a [Request],
     /// What lights surfaces besides, by way of others.
     pub indirect: Option<&'a Field<'a>>,
@@ -142,16 +145,20 @@ pub(super) struct Hit {
     pub reflectance: Rgb,
 }
 
+impl Hit {
+    pub const NONE: Self = Self { position: Vec3::ZERO, normal: Vec3::ZERO, reflectance: Rgb::ZERO };
+}
+
 /// Sees what [`Shading`] does, and keeps where it is.
 pub(super) struct Keeping<'a>(pub Shading<'a>);
 
 impl HitShader for Keeping<'_> {
     type Seen = Sight;
-    const NOTHING: Sight = Sight { seen: Shading::NOTHING, hit: Hit { position: Vec3::ZERO, normal: Vec3::ZERO, reflectance: Rgb::ZERO } };
+    const NOTHING: Sight = Sight { seen: Shading::NOTHING, hit: Hit::NONE };
 
     #[inline(always)]
     fn shade<S: Simd>(&self, simd: S, hits: &Hits<'_>, tile: &mut [Sight]) {
-        self.0.shade_packet::<S, true>(simd, hits, |sample, seen, hit| tile[sample] = Sight { seen, hit: hit.unwrap_or(Self::NOTHING.hit) });
+        self.0.shade_packet::<S, true>(simd, hits, |sample, seen, hit| tile[sample] = Sight { seen, hit: hit.unwrap_or(Hit::NONE) });
     }
 }
 
@@ -163,15 +170,12 @@ struct Other {
     /// Of the diffuse part, over π, with what the lobe leaves to it.
     reflectance: Rgb,
     gloss: Option<Gloss>,
+    /// Where indirect light is asked for in place of the surface itself, if that has a lobe.
+    asked: Option<Hit>,
 }
 
 impl Other {
-    const NONE: Self = Self { light: Vec3::ZERO, reflectance: Rgb::ZERO, gloss: None };
-
-    /// What the lobe reflects of irradiance, as if it came alike from all sides [1/sr].
-    fn by_lobe(&self) -> Rgb {
-        self.gloss.map_or(Rgb::ZERO, |gloss| gloss.lobe.albedo(gloss.outgoing) * FRAC_1_PI)
-    }
+    const NONE: Self = Self { light: Vec3::ZERO, reflectance: Rgb::ZERO, gloss: None, asked: None };
 }
 
 // All that runs within `dispatch!` is inlined into it: what is not would not have its instructions.
@@ -193,7 +197,7 @@ impl Shading<'_> {
                 *surfaces = Some(self.surfaces(simd, hits.origin, fetched));
             }
         }
-        let mut others = if self.is_plain() { None } else { Some(self.others(simd, hits)) };
+        let mut others = if self.is_plain() { None } else { Some(self.others(simd, hits, KEEPS || self.indirect.is_some())) };
         let mut light = [Vectors::splat(simd, Vec3::ZERO); GROUPS];
         for (index, (kind, cameras)) in (0..).zip(&self.lighting.lights) {
             self.add_light(simd, (index, kind, cameras), hits, &surfaces, (&mut light, others.as_deref_mut()));
@@ -212,12 +216,12 @@ impl Shading<'_> {
                 let ray = group * LANES + lane;
                 if hits.triangles[ray] != 0 && hits.samples[ray] != u32::MAX {
                     let other = others.as_ref().map_or(Other::NONE, |others| others[ray]);
-                    let hit = || Hit { position: position[lane], normal: normal[lane], reflectance: reflectance[lane] + other.by_lobe() };
+                    let hit = || other.asked.unwrap_or(Hit { position: position[lane], normal: normal[lane], reflectance: reflectance[lane] });
                     see(hits.samples[ray] as usize, (light[lane] + other.light).extend(distance[lane]), KEEPS.then(hit));
                 }
             }
         }
-        if self.lighting.sees_emission {
+        if self.lighting.sees.emission {
             for (index, sample) in hits.samples.iter().enumerate().filter(|(index, sample)| hits.triangles[*index] == 0 && **sample != u32::MAX) {
                 see(*sample as usize, self.scene.environment.radiance(hits.directions[index]).extend(FAR_AWAY), None);
             }
@@ -226,12 +230,12 @@ impl Shading<'_> {
 
     /// Whether there is nothing but diffusely reflected light of punctual lights.
     fn is_plain(&self) -> bool {
-        !(self.lighting.lobes || self.lighting.sees_emission || self.emitters.shine())
+        !(self.lighting.lobes || self.lighting.sees.emission || self.emitters.shine())
     }
 
-    /// For each ray that meets something, light of emitters and the sky, and its lobe.
+    /// For each ray that meets something, light of emitters and the sky, and its lobe; what that reflects of other surfaces, if the ray is to go on.
     #[inline(always)]
-    fn others<S: Simd>(&self, simd: S, hits: &Hits<'_>) -> Box<[Other; RAYS]> {
+    fn others<S: Simd>(&self, simd: S, hits: &Hits<'_>, walks: bool) -> Box<[Other; RAYS]> {
         let mut others = Box::new([Other::NONE; RAYS]);
         let mut to_do = ToDo::default();
         for (index, other) in others.iter_mut().enumerate() {
@@ -240,12 +244,22 @@ impl Shading<'_> {
             let barycentric = self.scene.triangles[number as usize].barycentric(ray);
             let surface = if self.lighting.lobes { self.scene.surface(number, barycentric, ray) } else { self.scene.diffuse_surface(number, barycentric, ray) };
             let seed = combine(self.places[hits.view].turn.to_bits(), hits.samples[index]);
-            let emitted = if self.lighting.sees_emission { self.emitted(number, ray.direction) } else { Vec3::ZERO };
-            other.light = emitted + self.emitters.light(simd, &surface, seed, &mut to_do);
+            let emitted = if self.lighting.sees.emission { self.emitted(number, ray.direction) } else { Vec3::ZERO };
+            other.light = emitted + self.emitters.light(simd, &self.lit(&surface), seed, &mut to_do);
             other.reflectance = surface.reflectance * FRAC_1_PI;
             other.gloss = surface.glossy;
+            if walks && surface.glossy.is_some() {
+                let walked = self.walk(simd, &surface, seed, &mut to_do);
+                other.light += walked.light;
+                other.asked = Some(walked.hit);
+            }
         }
         others
+    }
+
+    /// The surface as direct light is reflected.
+    pub(super) fn lit(&self, surface: &Surface) -> Surface {
+        Surface { glossy: surface.glossy.filter(|_| self.lighting.sees.highlights), ..*surface }
     }
 
     /// Radiance that a triangle sends back along a ray.
@@ -331,7 +345,7 @@ impl Shading<'_> {
             received[group] *= f32x8::load_array(simd, visible);
             light[group] = light[group].plus(Vectors::splat(simd, intensity).scaled(received[group]));
         }
-        if let Some(others) = others.filter(|_| self.lighting.lobes) {
+        if let Some(others) = others.filter(|_| self.lighting.lobes && self.lighting.sees.highlights) {
             for (group, others) in others.chunks_exact_mut(LANES).enumerate() {
                 reflect_by_lobes(others, ways[group], received[group], intensity);
             }
@@ -357,7 +371,7 @@ impl Shading<'_> {
     }
 }
 
-/// Adds what a field tells of the light at surfaces. Lobes reflect it as if it came alike from all sides.
+/// Adds indirect light at surfaces, or where their lobes have led.
 #[inline(always)]
 fn add_indirect<S: Simd>(
     simd: S,
@@ -375,10 +389,15 @@ fn add_indirect<S: Simd>(
             if hits.triangles[ray] == 0 || hits.samples[ray] == u32::MAX {
                 continue;
             }
-            let irradiance = field.irradiance(simd, position[lane], normal[lane]);
-            (0..3).for_each(|channel| received[channel][lane] = irradiance[channel]);
-            if let Some(other) = others.as_deref_mut().map(|others| &mut others[ray]) {
-                other.light += irradiance * other.by_lobe();
+            let asked = others.as_deref().and_then(|others| others[ray].asked);
+            let [position, normal] = asked.map_or([position[lane], normal[lane]], |asked| [asked.position, asked.normal]);
+            if asked.is_some_and(|asked| asked.reflectance == Vec3::ZERO) {
+                continue;
+            }
+            let irradiance = field.irradiance(simd, position, normal);
+            match (asked, others.as_deref_mut()) {
+                (Some(asked), Some(others)) => others[ray].light += asked.reflectance * irradiance,
+                _ => (0..3).for_each(|channel| received[channel][lane] = irradiance[channel]),
             }
         }
         light[group] = light[group].plus(Vectors::load(simd, &received));
@@ -561,7 +580,7 @@ mod tiles {
             lobes,
             area_lights: if samples[0] > 0 { AreaLight::all(scene) } else { Vec::new() },
             samples,
-            sees_emission,
+            sees: Sees { emission: sees_emission, highlights: true },
         }
     }
 
@@ -592,7 +611,7 @@ mod tiles {
         }
         let material = &scene.materials[scene.triangles[triangle as usize].material as usize];
         let front = scene.triangles[triangle as usize].face_normal().dot(ray.direction) <= 0.0;
-        if lighting.sees_emission && (front || material.two_sided) {
+        if lighting.sees.emission && (front || material.two_sided) {
             light += material.emission;
         }
         let emitters = lighting.emitters(scene, &host.bvh, scene.extent());
@@ -616,6 +635,8 @@ mod tiles {
                 maps: ShadowMaps::default(),
                 scene: &host.scene,
                 emitters: lighting.emitters(&host.scene, &host.bvh, host.scene.extent()),
+                bvh: &host.bvh,
+                extent: host.scene.extent(),
                 places: &places,
                 indirect: None,
             };

@@ -14,6 +14,7 @@ use std::sync::Arc;
 mod cull;
 mod host_rays;
 mod host_shade;
+mod lobe_walk;
 pub mod raster;
 mod ray_cast;
 pub mod sift;
@@ -90,6 +91,12 @@ static DESCRIPTION: Description = Description {
                     Choice { name: "Never", about: "not at all: for records that tell what surfaces receive of each other", parameters: &[] },
                 ],
             },
+        },
+        Parameter {
+            name: "highlights",
+            about: "whether lobes of the surfaces seen reflect direct light; narrow ones make bright blots of it, where photons bring it instead there should be none",
+            unit: "",
+            kind: ParameterKind::Bool { default: true },
         },
         PLACE,
     ],
@@ -198,15 +205,15 @@ impl Pass for HemisphereTiles {
         let cast = e.place(Bodies::BOTH.unless(by == "Raster", "the scene is rasterised"))?;
         let shaded = shading_place(e, cast, maps.as_ref())?;
         let indirect = e.irradiance_field("indirect").copied();
-        let sees_emission = sees_emission(e);
+        let sees = sees(e);
         // Places that stay where they are while a loop runs see the same in each round; what lights that by way of other surfaces may change.
         let steady = match indirect {
             Some(port::IrradianceField::Records(index)) if e.is_steady("at") && !e.is_steady("indirect") => Some(index),
             _ => None,
         };
         let samples = match (shaded, steady) {
-            (Place::Host, None) => host_rays::encode_shaded(e, &work, maps, sees_emission),
-            (Place::Host, Some(index)) => host_rays::encode_steady(e, &work, maps, index, sees_emission),
+            (Place::Host, None) => host_rays::encode_shaded(e, &work, maps, sees),
+            (Place::Host, Some(index)) => host_rays::encode_steady(e, &work, maps, index, sees),
             (Place::Device, _) => {
                 let see = |e: &mut Encoder<'_>| {
                     match cast {
@@ -214,7 +221,7 @@ impl Pass for HemisphereTiles {
                         Place::Device if by == "Raster" => raster::encode(e, &work, way.bool("sift")),
                         Place::Device => ray_cast::encode(e, &work),
                     }
-                    shade(e, &work, maps.as_ref(), sees_emission)
+                    shade(e, &work, maps.as_ref(), sees)
                 };
                 let radiance = match steady {
                     None => see(e),
@@ -228,16 +235,28 @@ impl Pass for HemisphereTiles {
                 radiance
             }
         };
-        let sees_emission = sees_emission && (e.setting.needs.emissive_triangles > 0 || e.setting.needs.environment);
+        let sees_emission = sees.emission && (e.setting.needs.emissive_triangles > 0 || e.setting.needs.environment);
         let tiles = port::Tiles { samples, place: shaded, sees_emission, requests, shape, resolution, table: work.table, tiles_per_row: work.tiles_per_row };
         e.output("tiles", Port::Tiles(tiles));
         Ok(())
     }
 }
 
-/// Whether records see emitters and the sky themselves; otherwise the direct pass lights from them.
-fn sees_emission(e: &Encoder<'_>) -> bool {
-    e.arguments.choice("emission").0 == "Auto" && e.direct_light("direct").is_none_or(|direct| !direct.lights_from_emitters)
+/// What samples see besides diffusely reflected light.
+#[derive(Clone, Copy)]
+struct Sees {
+    /// Emitters and the sky themselves; otherwise the direct pass lights from them.
+    emission: bool,
+    /// Direct light by lobes.
+    highlights: bool,
+}
+
+fn sees(e: &mut Encoder<'_>) -> Sees {
+    let emission = e.arguments.choice("emission").0 == "Auto" && e.direct_light("direct").is_none_or(|direct| !direct.lights_from_emitters);
+    if !e.setting.needs.lobes {
+        e.idle("highlights", "no surface has a lobe that is rendered");
+    }
+    Sees { emission, highlights: e.arguments.bool("highlights") }
 }
 
 /// Who shades what rays see: whoever casts them, if it can look up the shadow maps.
@@ -288,20 +307,23 @@ fn layout(e: &mut Encoder<'_>, requests: port::Requests, shape: Shape, table: Ta
 /// Shadow rays from what a sample sees, to area lights and to the sky: a tile holds thousands of samples.
 const SAMPLES_OF_EMITTERS: [u32; 2] = [1, 1];
 
-fn shade(e: &mut Encoder<'_>, work: &Work, maps: Option<&port::ShadowMaps>, sees_emission: bool) -> Resource {
+fn shade(e: &mut Encoder<'_>, work: &Work, maps: Option<&port::ShadowMaps>, sees: Sees) -> Resource {
     let radiance = work.radiance(e);
+    let walks = e.irradiance_field("indirect").is_some();
     let program = work.layout(light_constants(Program::new("hemisphere_tiles/shade"), e.setting.needs, SAMPLES_OF_EMITTERS));
     let program = bind_visibility(program, maps)
-        .constant("SEES_EMISSION", sees_emission as u8)
+        .constant("SEES_EMISSION", sees.emission as u8)
+        .constant("HIGHLIGHTS", sees.highlights as u8)
+        .constant("WALKS", walks as u8)
         .bind("requests", work.requests.places)
         .bind("samples", work.samples)
         .bind("seen", work.seen)
         .bind("radiance", radiance);
-    e.compute(program, "shade", Groups::Counted { count: work.requests.count, divisor: 1, per: work.samples_per_tile().div_ceil(64) });
+    e.compute(program, "shade", each_sample(work));
     radiance
 }
 
-/// Adds what the surfaces that are seen reflect of the light of a field.
+/// Adds what the surfaces that are seen reflect of indirect light.
 fn add_indirect(e: &mut Encoder<'_>, work: &Work, field: &port::IrradianceField, radiance: Resource) {
     let program = work
         .layout(scene_constants(irradiance_field::bind(Program::new("hemisphere_tiles/indirect"), field), e.setting.needs))
@@ -309,5 +331,9 @@ fn add_indirect(e: &mut Encoder<'_>, work: &Work, field: &port::IrradianceField,
         .bind("samples", work.samples)
         .bind("seen", work.seen)
         .bind("radiance", radiance);
-    e.compute(program, "add_indirect", Groups::Counted { count: work.requests.count, divisor: 1, per: work.samples_per_tile().div_ceil(64) });
+    e.compute(program, "add_indirect", each_sample(work));
+}
+
+fn each_sample(work: &Work) -> Groups {
+    Groups::Counted { count: work.requests.count, divisor: 1, per: work.samples_per_tile().div_ceil(64) }
 }

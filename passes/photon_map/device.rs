@@ -1,6 +1,6 @@
 //! Photons followed and sorted by the device: `shaders/photon_map/trace.wgsl`, `shaders/photon_map/sort.wgsl`.
 
-use super::Work;
+use super::{Reflects, Work, guide, trace::Tracer};
 use crate::contract::{Encoder, encoder::scene_constants};
 use crate::math::morton::{BITS, Cube};
 use crate::passes::photons::{PHOTON_BYTES, lookup::STARTS};
@@ -14,6 +14,8 @@ const COUNT: u32 = 1;
 
 pub(super) fn encode(e: &mut Encoder<'_>, work: Work) {
     let sources = e.constant_buffer("sources", bytemuck::cast_slice(&Sources::new(e.setting.scene).words()));
+    // Words of the sources stand in where nothing is guided.
+    let guide = if work.reflects == Reflects::Lobes { guide(e, &work) } else { sources };
     let counts = e.buffer("counts", 4 * (u64::from(work.most) + 1));
     let totals = e.buffer("totals", 4 * TOTALS);
     let photons = e.buffer("photons", PHOTON_BYTES * u64::from(work.capacity));
@@ -21,10 +23,12 @@ pub(super) fn encode(e: &mut Encoder<'_>, work: Work) {
         .constant("PATHS", work.most)
         .constant("CAPACITY", work.capacity)
         .constant("LEGS", work.legs)
+        .constant("CAUSTICS", (work.reflects == Reflects::Lobes) as u8)
         .bind("counts", counts)
         .bind("totals", totals)
         .bind("photons", photons)
-        .bind("sources", sources);
+        .bind("sources", sources)
+        .bind("guide", guide);
     let each_path = Groups::linear(work.most / 64 + 1);
     e.compute(trace.clone(), "count", each_path);
     prefix_sum::encode(e, counts, 0, work.most + 1);
@@ -37,6 +41,18 @@ pub(super) fn encode(e: &mut Encoder<'_>, work: Work) {
         Ok(())
     });
     sort(e, &work, photons, totals);
+}
+
+/// The host looks where photons start that meet lobes.
+fn guide(e: &mut Encoder<'_>, work: &Work) -> Resource {
+    let (words, reflects, legs) = (e.buffer("guide", 4 * guide::WORDS as u64), work.reflects, work.legs);
+    e.host("look_for_lobes", &[], &[words], move |host| {
+        let tracer = Tracer::of(host, reflects, legs).guided();
+        let guide = tracer.guide.map_or_else(Vec::new, |guide| guide.words().to_vec());
+        host.write(words, 0, bytemuck::cast_slice(&guide));
+        Ok(())
+    });
+    words
 }
 
 /// Puts the photons into the map.

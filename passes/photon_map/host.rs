@@ -5,7 +5,6 @@ use super::trace::{Path, Tracer};
 use crate::contract::Encoder;
 use crate::math::morton::Cube;
 use crate::passes::photons::{HEAD_BYTES, MapHead, PHOTON_BYTES, Photon, SLOTS_BEFORE, lookup, sorted};
-use crate::scene::sources::Sources;
 use rayon::prelude::*;
 
 /// Photons that are followed before it is asked whether there is room for more.
@@ -14,7 +13,7 @@ const BATCH: u32 = 1 << 15;
 pub(super) fn encode(e: &mut Encoder<'_>, work: Work) {
     e.host("trace", &[], &[work.data], move |host| {
         let scene = host.scene();
-        let tracer = Tracer { scene, bvh: host.bvh(), sources: Sources::new(scene), extent: host.extent(), lobes: work.lobes, legs: work.legs };
+        let tracer = Tracer::of(host, work.reflects, work.legs).guided();
         let traced = traced(&tracer, work.most, work.capacity);
         let bounds = scene.bounds();
         let cube = Cube::around(bounds.min, bounds.max);

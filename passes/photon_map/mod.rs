@@ -1,10 +1,15 @@
 //! Photons: light that sources send out, followed from surface to surface, and kept where it arrives.
 
 use super::photons::{PHOTON_BYTES, SLOTS_BEFORE};
-use crate::contract::{Bodies, Description, Encoder, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Refusal, port};
+use crate::contract::{
+    Arguments, Bodies, Choice, Description, Encoder, Need, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Refusal, port,
+};
+use crate::scene::needs::Needs;
+use crate::math::bounces::Bounces;
 use crate::schedule::{HostContext, Resource, Variable};
 
 mod device;
+mod guide;
 mod host;
 mod trace;
 
@@ -27,12 +32,30 @@ static DESCRIPTION: Description = Description {
             unit: "photons",
             kind: ParameterKind::Integer { default: 1 << 20, min: 1 << 10, max: (1 << 22) - (1 << 16) },
         },
-        Parameter { name: "legs", about: "most surfaces that a photon meets", unit: "", kind: ParameterKind::Integer { default: 64, min: 2, max: 1024 } },
+        Parameter {
+            name: "light",
+            about: "which light is followed",
+            unit: "",
+            kind: ParameterKind::Choice {
+                choices: &[
+                    Choice { name: "All", about: "of any reflections", parameters: &[] },
+                    Choice { name: "Caustics", about: "that lobes alone have reflected since it left its source, as far as diffuse surfaces", parameters: &[] },
+                ],
+            },
+        },
+        Parameter { name: "legs", about: "most surfaces that a photon meets", unit: "", kind: ParameterKind::Integer { default: ALL_LEGS, min: 2, max: 1024 } },
         PLACE,
     ],
     inputs: &[],
     outputs: &[Output { name: "map", about: "the photons, sorted by where they are", kind: PortKind::PhotonMap }],
 };
+
+/// Surfaces after which hardly any photon is left, but where surfaces reflect all light.
+const ALL_LEGS: i64 = 64;
+
+fn is_caustics(arguments: &Arguments) -> bool {
+    arguments.choice("light").0 == "Caustics"
+}
 
 /// What both sides need.
 #[derive(Clone, Copy)]
@@ -42,12 +65,22 @@ struct Work {
     most: u32,
     capacity: u32,
     legs: u32,
-    /// Whether lobes reflect.
-    lobes: bool,
+    reflects: Reflects,
     emitted: Variable,
     count: Variable,
     slots: Variable,
     cut_off: Variable,
+}
+
+/// What reflects photons.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Reflects {
+    /// Surfaces as they would be by their albedo.
+    Albedo,
+    /// Diffuse parts and lobes.
+    All,
+    /// Lobes: photons are caustics, which diffuse parts receive and end.
+    Lobes,
 }
 
 impl Work {
@@ -67,12 +100,26 @@ impl Pass for PhotonMap {
         &DESCRIPTION
     }
 
+    fn need(&self, arguments: &Arguments, needs: &Needs) -> Need {
+        if is_caustics(arguments) && !needs.lobes { Need::Dropped("no surface has a lobe that is rendered") } else { Need::Kept }
+    }
+
+    fn reflections(&self, arguments: &Arguments) -> Option<Bounces> {
+        let legs = arguments.integer("legs");
+        let reflections = u32::try_from(legs).unwrap_or(u32::MAX).saturating_sub(1);
+        Some(if legs < ALL_LEGS { Bounces::Count(reflections) } else { Bounces::All })
+    }
+
     fn encode(&self, e: &mut Encoder<'_>) -> Result<(), Refusal> {
         let [most, capacity, legs] = ["photons", "kept", "legs"].map(|name| e.arguments.integer(name) as u32);
         let data = e.buffer("data", PHOTON_BYTES * (SLOTS_BEFORE + u64::from(capacity)));
         let [emitted, count, slots, cut_off] = ["emitted", "count", "slots", "cut_off"].map(|name| e.variable(name, false));
-        let lobes = e.setting.needs.lobes && !e.setting.needs.by_albedo;
-        let work = Work { data, most, capacity, legs, lobes, emitted, count, slots, cut_off };
+        let reflects = match (e.setting.needs.lobes && !e.setting.needs.by_albedo, is_caustics(e.arguments)) {
+            (false, _) => Reflects::Albedo,
+            (true, false) => Reflects::All,
+            (true, true) => Reflects::Lobes,
+        };
+        let work = Work { data, most, capacity, legs, reflects, emitted, count, slots, cut_off };
         let is_long = e.setting.device.is_software && legs > MOST_BY_SOFTWARE;
         match e.place(Bodies::BOTH.unless_on_device(is_long, "a driver on the cores of the host ends loops after 65,536 rounds"))? {
             Place::Host => host::encode(e, work),

@@ -1,5 +1,6 @@
 //! Photons on their way: from a source through a scene, until one is absorbed.
 
+use super::{Reflects, guide::Guide};
 use crate::math::{
     colour::luminance,
     frame::Frame,
@@ -7,14 +8,16 @@ use crate::math::{
     random::{combine, hash, unit},
 };
 use crate::passes::photons::{Photon, ways};
+use crate::schedule::HostContext;
 use crate::scene::{
     Rgb, Scene,
     bvh::Bvh,
-    sources::Sources,
-    surface::{Ray, Surface},
+    sources::{Sources, Start, start},
+    surface::{Gloss, Ray, Surface},
     surface_offset,
 };
 use glam::Vec3;
+use rayon::prelude::*;
 use std::f32::consts::{FRAC_1_PI, TAU};
 
 /// Light that arrives at a grazing angle of the plane and not of the shading normal counts no more than so many times.
@@ -27,11 +30,13 @@ pub(super) struct Tracer<'a> {
     pub sources: Sources,
     /// Of the scene [scene units].
     pub extent: f32,
-    /// Whether lobes reflect; otherwise surfaces are taken by their albedo.
-    pub lobes: bool,
+    pub reflects: Reflects,
     /// Most surfaces that a photon meets.
     pub legs: u32,
+    /// Where photons start that are wanted; all alike without one.
+    pub guide: Option<Guide>,
 }
+
 
 /// Where a photon has been, its first surface left out: what it brings there is direct light.
 #[derive(Default)]
@@ -41,17 +46,41 @@ pub(super) struct Path {
     pub is_cut_off: bool,
 }
 
-impl Tracer<'_> {
+impl<'a> Tracer<'a> {
+    /// In a host step.
+    pub fn of(host: &'a dyn HostContext, reflects: Reflects, legs: u32) -> Self {
+        let scene = host.scene();
+        Self { scene, bvh: host.bvh(), sources: Sources::new(scene), extent: host.extent(), reflects, legs, guide: None }
+    }
+
+    /// Looks where photons start that meet a lobe first, if lobes alone reflect.
+    pub fn guided(self) -> Self {
+        if self.reflects != Reflects::Lobes {
+            return self;
+        }
+        let found: Vec<Start> = (0..Guide::scouts(self.sources.count())).into_par_iter().map(start).filter(|start| self.meets_lobe(*start).unwrap_or(false)).collect();
+        Self { guide: Some(Guide::new(self.sources.count(), &found)), ..self }
+    }
+
+    /// Whether the surface that a photon meets first has a lobe.
+    fn meets_lobe(&self, start: Start) -> Option<bool> {
+        let emitted = self.sources.emit(self.scene, start)?;
+        let ray = Ray { origin: emitted.origin, direction: emitted.direction };
+        let hit = self.bvh.closest_blocker(self.scene, ray.origin, ray.direction)?;
+        Some(self.scene.lit_surface(hit.triangle, hit.barycentric, ray).glossy.is_some())
+    }
+
     /// The way of a photon by its number. Flux is all of the light's, were it the only one.
     pub fn path(&self, number: u32) -> Path {
         let mut path = Path::default();
-        let Some(emitted) = self.sources.emit(self.scene, number) else { return path };
-        let (mut ray, mut flux) = (Ray { origin: emitted.origin, direction: emitted.direction }, emitted.flux);
+        let (start, density) = self.guide.as_ref().map_or((start(number), 1.0), |guide| guide.start(number));
+        let Some(emitted) = self.sources.emit(self.scene, start) else { return path };
+        let (mut ray, mut flux) = (Ray { origin: emitted.origin, direction: emitted.direction }, emitted.flux / density);
         for leg in 0..self.legs {
             let Some(hit) = self.bvh.closest_blocker(self.scene, ray.origin, ray.direction) else { return path };
-            let surface = match self.lobes {
-                true => self.scene.lit_surface(hit.triangle, hit.barycentric, ray),
-                false => self.scene.diffuse_surface(hit.triangle, hit.barycentric, ray),
+            let surface = match self.reflects {
+                Reflects::Albedo => self.scene.diffuse_surface(hit.triangle, hit.barycentric, ray),
+                Reflects::All | Reflects::Lobes => self.scene.lit_surface(hit.triangle, hit.barycentric, ray),
             };
             // The side that light comes from is the back of a one-sided surface: nobody sees what it reflects.
             let triangle = &self.scene.triangles[hit.triangle as usize];
@@ -64,7 +93,7 @@ impl Tracer<'_> {
                 path.photons.push(Photon { position: surface.position.into(), leg: hit.distance, flux: flux.into(), ways: ways(surface.face, -ray.direction) });
             }
             let seed = combine(number, leg);
-            let Some((direction, share)) = scattered(&surface, seed) else { return path };
+            let Some((direction, share)) = self.scattered(&surface, seed) else { return path };
             let survival = share.max_element().min(1.0);
             if unit(hash(seed ^ 0x68bc_21eb)) >= survival {
                 return path;
@@ -75,6 +104,16 @@ impl Tracer<'_> {
         path.is_cut_off = true;
         path
     }
+
+    /// A direction in which light goes on, and its share of what arrived; none where it would go into the surface, or nothing reflects it.
+    fn scattered(&self, surface: &Surface, seed: u32) -> Option<(Vec3, Rgb)> {
+        let numbers = [0x5bd1_e995, 0x27d4_eb2f, 0x1656_67b1].map(|key| unit(hash(seed ^ key)));
+        match (&surface.glossy, self.reflects) {
+            (None, Reflects::Lobes) => None,
+            (None, _) => Some((cosine_direction(surface.face, [numbers[0], numbers[1]]), surface.reflectance)),
+            (Some(gloss), reflects) => scattered_by_lobe(surface, gloss, reflects == Reflects::All, numbers),
+        }
+    }
 }
 
 /// Irradiance is that of the shading normal: what light along a direction gives it, as a share of what it gives the plane.
@@ -83,13 +122,10 @@ fn by_shading(surface: &Surface, direction: Vec3) -> f32 {
     if plane > 0.0 { (shaded / plane).clamp(0.0, MOST_BY_SHADING) } else { 0.0 }
 }
 
-/// A direction in which light goes on, and its share of what arrived; none where it would go into the surface.
-fn scattered(surface: &Surface, seed: u32) -> Option<(Vec3, Rgb)> {
-    let [u, v, choice] = [0x5bd1_e995, 0x27d4_eb2f, 0x1656_67b1].map(|key| unit(hash(seed ^ key)));
-    let Some(gloss) = &surface.glossy else { return Some((cosine_direction(surface.face, [u, v]), surface.reflectance)) };
-    let [lobe, diffuse] = [gloss.lobe.reflectance, surface.reflectance].map(|colour| luminance(colour.as_dvec3()) as f32);
-    // Either is drawn at times, as what a lobe reflects grows toward its horizon.
-    let by_lobe = (lobe / (lobe + diffuse).max(f32::MIN_POSITIVE)).clamp(0.1, 0.9);
+/// The same where there is a lobe, with the diffuse part or without it.
+fn scattered_by_lobe(surface: &Surface, gloss: &Gloss, with_diffuse: bool, [u, v, choice]: [f32; 3]) -> Option<(Vec3, Rgb)> {
+    let diffuse = if with_diffuse { surface.reflectance } else { Vec3::ZERO };
+    let by_lobe = if with_diffuse { lobe_share(gloss.lobe.reflectance, diffuse) } else { 1.0 };
     let direction = match choice < by_lobe {
         true => gloss.frame.to_world(gloss.lobe.sample(gloss.outgoing, [u, v])).try_normalize()?,
         false => cosine_direction(surface.face, [u, v]),
@@ -99,8 +135,14 @@ fn scattered(surface: &Surface, seed: u32) -> Option<(Vec3, Rgb)> {
         return None;
     }
     let density = by_lobe * gloss.lobe.density(gloss.outgoing, leaving) + (1.0 - by_lobe) * cosine * FRAC_1_PI;
-    let reflected = surface.reflectance * gloss.lobe.leaves(leaving.z) * FRAC_1_PI + gloss.lobe.value(gloss.outgoing, leaving);
+    let reflected = diffuse * gloss.lobe.leaves(leaving.z) * FRAC_1_PI + gloss.lobe.value(gloss.outgoing, leaving);
     Some((direction, reflected * (cosine / density.max(f32::MIN_POSITIVE))))
+}
+
+/// How often a direction is drawn from a lobe. Either is at times, as what a lobe reflects grows toward its horizon.
+fn lobe_share(lobe: Rgb, diffuse: Rgb) -> f32 {
+    let [lobe, diffuse] = [lobe, diffuse].map(|colour| luminance(colour.as_dvec3()) as f32);
+    (lobe / (lobe + diffuse).max(f32::MIN_POSITIVE)).clamp(0.1, 0.9)
 }
 
 fn cosine_direction(normal: Vec3, [u, v]: [f32; 2]) -> Vec3 {

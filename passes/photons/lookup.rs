@@ -4,7 +4,7 @@ use super::{HEAD_BYTES, MapHead, PHOTON_BYTES, Photon, SLOTS_BEFORE, unpacked_wa
 use crate::contract::port;
 use crate::math::morton::{BITS, Cube, code};
 use crate::schedule::HostContext;
-use glam::{UVec3, Vec3};
+use glam::{IVec3, Vec3};
 
 /// A map in a host step that reads it.
 #[derive(Clone, Copy)]
@@ -17,6 +17,9 @@ pub struct Lookup<'a> {
     photons: &'a [Photon],
 }
 
+/// The photons in each of the eight cells next to a point: the first, and one past the last.
+type Cells = [[u32; 2]; 8];
+
 /// The photons that count at a point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Zone {
@@ -24,6 +27,7 @@ pub struct Zone {
     pub radius: f32,
     /// Size of the cells in which they are, by its logarithm: those next to the point hold all of them.
     level: u32,
+    cells: Cells,
     /// Whether it ends where there are as many as are wanted.
     is_filled: bool,
 }
@@ -73,60 +77,70 @@ impl<'a> Lookup<'a> {
         0.5 * (1 << level) as f32 / self.cube.cells_per_unit
     }
 
-    /// The photons in each of the eight cells next to a point that hold any place accepted, by its middle: the first, and one past the last.
-    fn block(&self, position: Vec3, level: u32, accepts: impl Fn(Vec3) -> bool) -> [[usize; 2]; 8] {
+    /// The cells next to a point, each by its place among those of its size; below 0 or too large outside of the cube.
+    fn cells(&self, position: Vec3, level: u32) -> [IVec3; 8] {
+        let base = (self.cube.place(position) / (1 << level) as f32 - 0.5).floor().as_ivec3();
+        std::array::from_fn(|number| base + IVec3::new(number as i32 & 1, number as i32 >> 1 & 1, number as i32 >> 2))
+    }
+
+    fn block(&self, position: Vec3, level: u32) -> Cells {
         let last = (1i32 << (BITS - level)) - 1;
-        let size = (1 << level) as f32;
-        let base = (self.cube.place(position) / size - 0.5).floor().as_ivec3();
-        std::array::from_fn(|number| {
-            let cell = base + glam::IVec3::new(number as i32 & 1, number as i32 >> 1 & 1, number as i32 >> 2);
-            let middle = self.cube.corner + (cell.as_vec3() + 0.5) * (size / self.cube.cells_per_unit);
-            if cell.min_element() < 0 || cell.max_element() > last || !accepts(middle) {
+        self.cells(position, level).map(|cell| {
+            if cell.min_element() < 0 || cell.max_element() > last {
                 return [0; 2];
             }
-            let first = code(UVec3::new(cell.x as u32, cell.y as u32, cell.z as u32)) << (3 * level);
-            let past = first + (1 << (3 * level));
-            [self.first_from(first), self.first_from(past)]
+            let first = code(cell.as_uvec3()) << (3 * level);
+            let begin = self.first_from(first, 0);
+            [begin, self.first_from(first + (1 << (3 * level)), begin)]
         })
     }
 
-    /// The first photon whose code is no less.
-    fn first_from(&self, code: u32) -> usize {
+    /// The first photon whose code is no less; none before `least` is.
+    fn first_from(&self, code: u32, least: u32) -> u32 {
         let cell = (code >> TABLE_BITS) as usize;
-        let start = self.starts[cell] as usize;
+        let start = self.starts[cell];
         if code & ((1 << TABLE_BITS) - 1) == 0 {
             return start;
         }
-        start + self.photons[start..self.starts[cell + 1] as usize].partition_point(|photon| self.cube.code(photon.position.into()) < code)
+        let start = start.max(least);
+        let photons = &self.photons[start as usize..self.starts[cell + 1].max(start) as usize];
+        start + photons.partition_point(|photon| self.cube.code(photon.position.into()) < code) as u32
     }
 
     /// The zone around a point that holds so many photons of its surface; fewer in details and within `most` [scene units].
     pub fn zone(&self, position: Vec3, normal: Vec3, wanted: u32, most: f32) -> Zone {
         let crowd = CROWD * wanted as usize;
-        let count = |level: u32| self.block(position, level, |_| true).iter().map(|[first, end]| end - first).sum::<usize>();
+        let count = |cells: &Cells| cells.iter().map(|[first, end]| (end - first) as usize).sum::<usize>();
         let mut level = self.level;
-        if count(level) >= crowd {
-            while level > 0 && count(level - 1) >= crowd {
-                level -= 1;
+        let mut cells = self.block(position, level);
+        if count(&cells) >= crowd {
+            while level > 0 {
+                let finer = self.block(position, level - 1);
+                if count(&finer) < crowd {
+                    break;
+                }
+                (level, cells) = (level - 1, finer);
             }
         } else {
-            while level < BITS && self.half_edge(level) < most && count(level) < crowd {
+            while level < BITS && self.half_edge(level) < most && count(&cells) < crowd {
                 level += 1;
+                cells = self.block(position, level);
             }
         }
         let last = level + WIDENED;
         loop {
             let radius = self.half_edge(level).min(most);
-            let rings = self.rings(position, normal, Zone { radius, level, is_filled: false });
+            let rings = self.rings(position, normal, Zone { radius, level, cells, is_filled: false });
             let enough = rings.iter().position(|within| *within >= wanted);
             if let Some(ring) = enough {
-                return Zone { radius: radius * ((ring + 1) as f32 / RINGS as f32).sqrt(), level, is_filled: true };
+                return Zone { radius: radius * ((ring + 1) as f32 / RINGS as f32).sqrt(), level, cells, is_filled: true };
             }
             // In details there are never as many on one surface.
             if level == BITS.min(last) || self.half_edge(level) >= most || rings[RINGS - 1] * DETAIL >= wanted {
-                return Zone { radius, level, is_filled: false };
+                return Zone { radius, level, cells, is_filled: false };
             }
             level += 1;
+            cells = self.block(position, level);
         }
     }
 
@@ -147,8 +161,13 @@ impl<'a> Lookup<'a> {
         let most = zone.radius * zone.radius;
         // A cell that the surface's slab does not cross has none.
         let slab = FLATNESS * zone.radius + self.half_edge(zone.level) * normal.abs().element_sum() * LONGER;
-        for [first, end] in self.block(position, zone.level, |middle| (middle - position).dot(normal).abs() <= slab) {
-            for photon in &self.photons[first..end] {
+        let edge = (1 << zone.level) as f32 / self.cube.cells_per_unit;
+        for (cell, [first, end]) in self.cells(position, zone.level).into_iter().zip(zone.cells) {
+            let middle = self.cube.corner + (cell.as_vec3() + 0.5) * edge;
+            if first == end || (middle - position).dot(normal).abs() > slab {
+                continue;
+            }
+            for photon in &self.photons[first as usize..end as usize] {
                 let way = Vec3::from(photon.position) - position;
                 let squared = way.length_squared();
                 let counts = squared <= most && way.dot(normal).abs() <= FLATNESS * zone.radius && unpacked_ways(photon.ways)[0].dot(normal) >= LEAST_COSINE;

@@ -65,3 +65,9 @@ fn met_at(triangle: u32, grid: Grid, direction: vec3f) -> f32 {
     let determinant = dot(at.e1, p);
     return dot(at.e2, cross(at.point, at.e1)) / determinant;
 }
+
+// Whether a ray meets the back of a one-sided surface, which is not seen.
+fn is_back(triangle: u32, direction: vec3f) -> bool {
+    let plane = cross(scene_corners[3u * triangle + 1u].xyz, scene_corners[3u * triangle + 2u].xyz);
+    return ONE_SIDED && dot(plane, direction) > 0.0 && (scene_material(material_of(triangle)).flags & TWO_SIDED) == 0u;
+}

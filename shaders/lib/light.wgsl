@@ -31,8 +31,16 @@ fn in_lobe_frame(surface: Surface, direction: vec3f) -> vec3f {
     return vec3f(dot(direction, surface.tangent), dot(direction, surface.bitangent), dot(direction, surface.normal));
 }
 
-// Light of a punctual light that is reflected; the surface's normal faces the side that is lit.
-fn light_reflected(light: SceneLight, surface: Surface, seed: u32) -> vec3f {
+// Of a punctual light where nothing is in its way.
+struct Arriving {
+    // Irradiance that the surface receives; black where the light is behind it.
+    irradiance: vec3f,
+    // Unit vector to the light, and how far it is.
+    to_light: vec3f,
+    distance: f32,
+}
+
+fn arriving_from(light: SceneLight, surface: Surface) -> Arriving {
     var to_light = -light.direction;
     var distance = 4.0 * scene_parameters.extent;
     var arriving = light.intensity;
@@ -47,10 +55,18 @@ fn light_reflected(light: SceneLight, surface: Surface, seed: u32) -> vec3f {
         arriving *= ramp * ramp;
     }
     arriving *= dot(surface.normal, to_light);
-    if max(arriving.x, max(arriving.y, arriving.z)) <= 0.0 || dot(surface.face_normal, to_light) <= 0.0 {
+    let is_lit = max(arriving.x, max(arriving.y, arriving.z)) > 0.0 && dot(surface.face_normal, to_light) > 0.0;
+    return Arriving(select(vec3f(0.0), arriving, is_lit), to_light, distance);
+}
+
+// Light of a punctual light that is reflected; the surface's normal faces the side that is lit.
+fn light_reflected(light: SceneLight, surface: Surface, seed: u32) -> vec3f {
+    let light_there = arriving_from(light, surface);
+    if all(light_there.irradiance == vec3f(0.0)) {
         return vec3f(0.0);
     }
-    return arriving * response(surface, to_light) * light_visibility(light, surface.position, surface.face_normal, to_light, distance, seed);
+    let visibility = light_visibility(light, surface.position, surface.face_normal, light_there.to_light, light_there.distance, seed);
+    return light_there.irradiance * response(surface, light_there.to_light) * visibility;
 }
 
 // One of the first lights, with what the plan knows of it in place of what the scene says.

@@ -68,11 +68,26 @@ fn lattice_place(number: u32, step: u32) -> u32 {
     return step * (number + 1u) + 0x80000000u;
 }
 
-fn emitted(number: u32) -> Emitted {
-    let chosen = lattice_place(number, 3785032107u);
-    let u = lattice_place(number, 3335640777u);
-    let first = vec2f(side(u), side(lattice_place(number, 2939605023u)));
-    let second = vec2f(side(lattice_place(number, 2590590015u)), side(lattice_place(number, 2283013049u)));
+// Where a photon starts: which source, then two numbers for where and two for which way it goes.
+struct Start {
+    source: u32,
+    first: vec2u,
+    second: vec2u,
+}
+
+fn start_of(number: u32) -> Start {
+    return Start(
+        lattice_place(number, 3785032107u),
+        vec2u(lattice_place(number, 3335640777u), lattice_place(number, 2939605023u)),
+        vec2u(lattice_place(number, 2590590015u), lattice_place(number, 2283013049u)),
+    );
+}
+
+fn emitted(start: Start) -> Emitted {
+    let chosen = start.source;
+    let u = start.first.x;
+    let first = vec2f(side(u), side(start.first.y));
+    let second = vec2f(side(start.second.x), side(start.second.y));
     if source_count() == 0u {
         return Emitted(vec3f(0.0), vec3f(0.0), vec3f(0.0), false);
     }

@@ -2,6 +2,7 @@
 #import lib/colour
 #import lib/lobe
 #import lib/photon_map
+#import lib/guide
 #import lib/sources
 
 // Photons on their way: as passes/photon_map/trace.rs. A lane a path, which is walked twice: first the photons of each are counted, then kept, in the order of
@@ -24,6 +25,8 @@ struct Totals {
 override PATHS: u32 = 1u;
 override CAPACITY: u32 = 1u;
 override LEGS: u32 = 64u;
+// Whether lobes alone reflect photons: they are caustics, which diffuse parts receive and end.
+override CAUSTICS: bool = false;
 
 const MOST_BY_SHADING = 4.0;
 
@@ -48,12 +51,12 @@ struct Scattered {
 fn scattered(surface: Surface, seed: u32) -> Scattered {
     let u = vec2f(unit(hash(seed ^ 0x5bd1e995u)), unit(hash(seed ^ 0x27d4eb2fu)));
     if !GLOSSY || surface.lobe == 0u {
-        return Scattered(cosine_direction(surface.face_normal, u), surface.reflectance);
+        return Scattered(cosine_direction(surface.face_normal, u), select(surface.reflectance, vec3f(0.0), CAUSTICS));
     }
     let lobe = lobe_of(surface);
     let bright = luminance(lobe.reflectance);
     // Either is drawn at times, as what a lobe reflects grows toward its horizon.
-    let by_lobe = clamp(bright / max(bright + luminance(surface.reflectance), 1e-37), 0.1, 0.9);
+    let by_lobe = select(clamp(bright / max(bright + luminance(surface.reflectance), 1e-37), 0.1, 0.9), 1.0, CAUSTICS);
     let axes = mat3x3f(surface.tangent, surface.bitangent, surface.normal);
     var direction = cosine_direction(surface.face_normal, u);
     if unit(hash(seed ^ 0x165667b1u)) < by_lobe {
@@ -65,7 +68,7 @@ fn scattered(surface: Surface, seed: u32) -> Scattered {
         return Scattered(direction, vec3f(0.0));
     }
     let density = by_lobe * lobe_density(lobe, surface.outgoing, leaving) + (1.0 - by_lobe) * cosine / PI;
-    var diffuse = surface.reflectance;
+    var diffuse = select(surface.reflectance, vec3f(0.0), CAUSTICS);
     if surface.lobe == MICROFACETS {
         diffuse *= facets_leave(surface.specular, leaving.z);
     }
@@ -73,24 +76,26 @@ fn scattered(surface: Surface, seed: u32) -> Scattered {
     return Scattered(direction, reflected * (cosine / max(density, 1e-37)));
 }
 
-// The side that light comes from is the back of a one-sided surface: nobody sees what it reflects.
-fn is_back(triangle: u32, direction: vec3f) -> bool {
-    let plane = cross(scene_corners[3u * triangle + 1u].xyz, scene_corners[3u * triangle + 2u].xyz);
-    return ONE_SIDED && dot(plane, direction) > 0.0 && (scene_material(material_of(triangle)).flags & TWO_SIDED) == 0u;
-}
-
 // Follows a path, and keeps its photons from a slot on where it is to keep them; how many there are.
 fn walk(number: u32, keeps: bool, slot: u32) -> u32 {
-    let start = emitted(number);
-    if !start.is_there {
+    var start = start_of(number);
+    var density = 1.0;
+    if CAUSTICS {
+        let chosen = guided(number);
+        start = chosen.start;
+        density = chosen.density;
+    }
+    let photon = emitted(start);
+    if !photon.is_there {
         return 0u;
     }
-    var origin = start.origin;
-    var direction = start.direction;
-    var flux = start.flux;
+    var origin = photon.origin;
+    var direction = photon.direction;
+    var flux = photon.flux / density;
     var count = 0u;
     for (var leg = 0u; leg < LEGS; leg++) {
         let hit = closest_hit(origin, direction, FAR_AWAY);
+        // The side that light comes from may be the back of a one-sided surface: nobody sees what that reflects.
         if hit.triangle == NO_TRIANGLE || is_back(hit.triangle, direction) {
             return count;
         }

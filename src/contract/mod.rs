@@ -11,6 +11,7 @@ pub use encoder::{Encoder, Refusal};
 pub use place::{Bodies, PLACE, Place};
 pub use port::{Port, PortKind};
 
+use crate::math::bounces::Bounces;
 use crate::scene::needs::Needs;
 
 /// A kind of work. One value of a unit struct per pass, listed in the registry.
@@ -26,6 +27,11 @@ pub trait Pass: Send + Sync {
     /// The input for images of indirect light, of a pass that makes the picture of them. Where none of these has what lobes reflect, the whole plan takes
     /// surfaces by their albedo.
     fn indirect_light(&self) -> Option<&'static str> {
+        None
+    }
+
+    /// How often the light has been reflected that a pass brings from sources by itself; None where others tell.
+    fn reflections(&self, _arguments: &Arguments) -> Option<Bounces> {
         None
     }
 

@@ -139,18 +139,40 @@ fn refuse_growth(node: &Node, edge: &Edge) -> Problem {
     Problem::new("plan::history", message).at(&edge.from.place, "an earlier value").help("a loop through time needs memory of one size and format")
 }
 
-/// How often the light of records is reflected on its way to visible surfaces: once, and once more for each round in which the records of an index are lit by
-/// those of the round before, where records look such an index up. Photons are reflected any number of times. Without either there is direct light alone.
+/// How often light is reflected on its way to visible surfaces at most: once by way of records, as often as photons are that are shown or made into records, and
+/// once more where records see what a field lights. Without any there is direct light alone.
 fn bounces(members: &[Member<'_>], dropped: &BTreeMap<&str, String>) -> Bounces {
     let kept = || members.iter().filter(|member| !dropped.contains_key(member.node.name.as_str()));
-    let edges = |kind| kept().flat_map(move |member| member.node.inputs.iter().filter(move |edge| member.node.accepts(edge) == Some(kind)));
-    if edges(PortKind::PhotonMap).next().is_some() {
-        return Bounces::All;
+    let edges = |kind| {
+        let own = move |member: &'_ Member<'_>, edge: &&Edge| member.node.accepts(edge) == Some(kind) && edge.when == When::Now;
+        kept().flat_map(move |member| member.node.inputs.iter().filter(move |edge| own(member, edge)).map(move |edge| (member.node, edge)))
+    };
+    let makes = |node: &Node, kind| node.description().outputs.iter().any(|output| output.kind == kind);
+    let source = |edge: &Edge| kept().find(|member| member.node.name == edge.from.node);
+    let once_more = |node: &Node| Bounces::Count(u32::from(makes(node, PortKind::Tiles)));
+    let of_fields = edges(PortKind::IrradianceField).filter_map(|(node, edge)| Some(of_field(source(edge)?, members).and(once_more(node))));
+    let of_photons = edges(PortKind::PhotonMap).filter(|(node, _)| makes(node, PortKind::Tiles)).filter_map(|(_, edge)| of_map(source(edge)?.node));
+    let of_records = Bounces::Count(u32::from(edges(PortKind::RecordCache).next().is_some()));
+    of_fields.chain(of_photons).fold(of_records, Bounces::max)
+}
+
+fn of_map(node: &Node) -> Option<Bounces> {
+    let Work::Pass(pass) = &node.work else { return None };
+    pass.reflections(&node.arguments)
+}
+
+/// How often the light of a field has been reflected: as that of the photons that it is made of, or once in each round of its loop.
+fn of_field(field: &Member<'_>, members: &[Member<'_>]) -> Bounces {
+    let (mut waiting, mut seen) = (vec![field.node.name.as_str()], BTreeSet::new());
+    while let Some(name) = waiting.pop() {
+        let Some(member) = members.iter().find(|member| member.node.name == name).filter(|_| seen.insert(name)) else { continue };
+        match of_map(member.node) {
+            Some(reflections) => return reflections,
+            // Photons that light what records see are not what these are made of.
+            None => waiting.extend(member.node.inputs.iter().filter(|edge| member.node.accepts(edge) != Some(PortKind::IrradianceField)).map(|edge| edge.from.node.as_str())),
+        }
     }
-    let looked_up = edges(PortKind::IrradianceField).filter(|edge| edge.when == When::Now);
-    let rounds = looked_up.filter_map(|edge| Some(rounds_of(kept().find(|member| member.node.name == edge.from.node)?)));
-    let own = Bounces::Count(u32::from(edges(PortKind::RecordCache).next().is_some()));
-    rounds.reduce(Bounces::max).map_or(own, |rounds| own.and(rounds))
+    rounds_of(field)
 }
 
 /// Rounds of the loop around an index in which its records light those of the next.

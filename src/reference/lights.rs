@@ -4,10 +4,10 @@ use super::luminance;
 use crate::math::{choice::Choice, random::triangle_point};
 use crate::scene::{
     bvh::is_hole,
-    model::{LightKind, Material, Rgb, Scene, Triangle},
+    model::{Material, Rgb, Scene, Triangle},
     sky::Sky,
 };
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 
 /// Everything with an extent that shines: emissive triangles by area × luminance, and a latitude-longitude sky by its
 /// texels. A constant sky is left to the rays, which sample it best.
@@ -97,26 +97,4 @@ impl Sources {
 
 fn emission_luminance(material: &Material) -> f64 {
     luminance(material.emission.as_dvec3())
-}
-
-/// Way to a punctual light from `receiver`, its distance (infinite for a directional one), and the irradiance that it
-/// gives a surface that faces it [W/m²]; none at the light's own place.
-pub fn punctual(kind: &LightKind, receiver: Vec3) -> Option<(Vec3, f32, DVec3)> {
-    match *kind {
-        LightKind::Directional { direction, irradiance } => Some((-direction, f32::INFINITY, irradiance.as_dvec3())),
-        LightKind::Point { position, intensity } => toward(position, receiver, intensity),
-        LightKind::Spot { position, direction, intensity, inner, outer } => {
-            let (to, distance, irradiance) = toward(position, receiver, intensity)?;
-            // The falloff of KHR_lights_punctual, its least width small enough for a spot of one degree.
-            let (inner, outer) = (inner.cos(), outer.cos());
-            let ramp = ((-to.dot(direction) - outer) / (inner - outer).max(1e-4)).clamp(0.0, 1.0);
-            Some((to, distance, irradiance * (ramp as f64).powi(2)))
-        }
-    }
-}
-
-fn toward(position: Vec3, receiver: Vec3, intensity: Rgb) -> Option<(Vec3, f32, DVec3)> {
-    let to = position - receiver;
-    let distance = to.length();
-    (distance > 0.0).then(|| (to / distance, distance, intensity.as_dvec3() / (distance as f64).powi(2)))
 }

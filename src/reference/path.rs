@@ -2,7 +2,7 @@
 
 use super::{
     Bounces, Rounds, Stop,
-    lights::{Sources, punctual},
+    lights::Sources,
     luminance,
     random::{Random, cells, cosine_direction},
     variance_of_mean,
@@ -196,7 +196,7 @@ impl<'a> Tracer<'a> {
         let start = self.start(at);
         let mut sum = DVec3::ZERO;
         for light in &self.scene.lights {
-            let Some((direction, distance, irradiance)) = punctual(&light.kind, start) else { continue };
+            let Some((direction, distance, irradiance)) = light.kind.toward(start) else { continue };
             let Some(cosine) = at.cosine(direction) else { continue };
             if irradiance != DVec3::ZERO && !(light.shadows && self.shadowed(start, direction, distance)) {
                 sum += irradiance * cosine as f64 * at.factor(wanted, direction);

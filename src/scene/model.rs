@@ -121,6 +121,27 @@ impl LightKind {
         }
     }
 
+    /// Way to the light from `receiver`, its distance (infinite for a directional one), and the irradiance that it gives a surface that faces it [W/m²]; none at
+    /// the light's own place.
+    pub fn toward(&self, receiver: Vec3) -> Option<(Vec3, f32, DVec3)> {
+        let from_point = |position: Vec3, intensity: Rgb| {
+            let to = position - receiver;
+            let distance = to.length();
+            (distance > 0.0).then(|| (to / distance, distance, intensity.as_dvec3() / f64::from(distance).powi(2)))
+        };
+        match *self {
+            Self::Directional { direction, irradiance } => Some((-direction, f32::INFINITY, irradiance.as_dvec3())),
+            Self::Point { position, intensity } => from_point(position, intensity),
+            Self::Spot { position, direction, intensity, inner, outer } => {
+                let (to, distance, irradiance) = from_point(position, intensity)?;
+                // The falloff of KHR_lights_punctual, its least width small enough for a spot of one degree.
+                let (inner, outer) = (inner.cos(), outer.cos());
+                let ramp = ((-to.dot(direction) - outer) / (inner - outer).max(1e-4)).clamp(0.0, 1.0);
+                Some((to, distance, irradiance * f64::from(ramp).powi(2)))
+            }
+        }
+    }
+
     /// The shaders' name for it.
     pub fn number(&self) -> u32 {
         match self {

@@ -39,9 +39,13 @@ pub struct Emitted {
 /// many there are. In units of 2⁻³², so that the host and devices have the same.
 const STEPS: [u32; 5] = [3_785_032_107, 3_335_640_777, 2_939_605_023, 2_590_590_015, 2_283_013_049];
 
-/// Where a photon is along them, each 0..1.
-fn lattice_point(number: u32) -> [f64; 5] {
-    STEPS.map(|step| f64::from(step.wrapping_mul(number.wrapping_add(1)).wrapping_add(1 << 31)) / TWO_TO_32)
+/// Where a photon is along the sides of the unit cube that tells how it starts, in units of 2⁻³²: which source, then two numbers for where and two for which way
+/// it goes; of what comes from afar, and of points, the first two tell the way.
+pub type Start = [u32; 5];
+
+/// Where a photon is by its number.
+pub fn start(number: u32) -> Start {
+    STEPS.map(|step| step.wrapping_mul(number.wrapping_add(1)).wrapping_add(1 << 31))
 }
 
 const TWO_TO_32: f64 = 4_294_967_296.0;
@@ -67,12 +71,16 @@ impl Sources {
         Self { sources, flux: Choice::new(flux.into_iter()), centre: bounds.centre(), radius, extent }
     }
 
-    /// A photon by its number; none where there is no light, or none that goes that way.
-    pub fn emit(&self, scene: &Scene, number: u32) -> Option<Emitted> {
+    pub fn count(&self) -> usize {
+        self.sources.len()
+    }
+
+    /// A photon by where it starts; none where there is no light, or none that goes that way.
+    pub fn emit(&self, scene: &Scene, start: Start) -> Option<Emitted> {
         if self.sources.is_empty() {
             return None;
         }
-        let [choice, u, v, s, t] = lattice_point(number);
+        let [choice, u, v, s, t] = start.map(|place| f64::from(place) / TWO_TO_32);
         let (index, _) = self.flux.pick(choice);
         let emitted = match &self.sources[index] {
             Source::Light(at) => Some(self.leaving_light(&scene.lights[*at as usize].kind, [u, v])),
@@ -220,7 +228,7 @@ mod tests {
     /// Means over photons of their flux, and of it times a number of theirs.
     fn means(scene: &Scene, number: impl Fn(&Emitted) -> f64) -> (DVec3, f64) {
         let sources = Sources::new(scene);
-        let photons = (0..PHOTONS).filter_map(|at| sources.emit(scene, at));
+        let photons = (0..PHOTONS).filter_map(|at| sources.emit(scene, start(at)));
         let sums = photons.fold((DVec3::ZERO, 0.0), |(flux, sum), p| (flux + p.flux.as_dvec3(), sum + f64::from(p.flux.x) * number(&p)));
         (sums.0 / f64::from(PHOTONS), sums.1 / f64::from(PHOTONS))
     }
@@ -284,6 +292,6 @@ mod tests {
     #[test]
     fn a_scene_without_light_sends_out_nothing() {
         let dark = scene(vec![triangle(2)], Vec::new(), Environment::Constant(Vec3::ZERO));
-        assert_eq!(Sources::new(&dark).emit(&dark, 7), None);
+        assert_eq!(Sources::new(&dark).emit(&dark, start(7)), None);
     }
 }

@@ -95,6 +95,51 @@ fn subdivide(points: &mut Vec<DVec3>, triangles: &[[usize; 3]]) -> Vec<[usize; 3
     finer
 }
 
+/// Sides of a tube, if nothing is said.
+pub(super) const SIDES: u32 = 64;
+/// Fewest and most.
+pub(super) const SIDES_IN: std::ops::RangeInclusive<u32> = 3..=65_536;
+
+/// Of an upright tube: the middle of its lower end, and what is said of its size.
+#[derive(Clone, Copy)]
+pub(super) struct Tube {
+    pub centre: DVec3,
+    /// Of the outer wall.
+    pub radius: f64,
+    pub thickness: f64,
+    pub height: f64,
+    pub sides: u32,
+}
+
+/// A tube of 8 triangles a side: two round walls with their own normals, between flat ends.
+pub(super) fn tube(of: Tube, material: u32) -> Vec<Face> {
+    let way = |side: u32| {
+        let (sine, cosine) = (std::f64::consts::TAU * f64::from(side % of.sides) / f64::from(of.sides)).sin_cos();
+        DVec3::new(cosine, 0.0, sine)
+    };
+    let up = of.height * DVec3::Y;
+    let wall = |radius: f64, [from, to]: [DVec3; 2], outwards: f64| {
+        let [low_from, low_to] = [from, to].map(|way| of.centre + radius * way);
+        let normals = [from, to].map(|way| (outwards * way).as_vec3());
+        // Around the corners of a quad; the first half has the first three.
+        let quad = quad([low_from, low_from + up, low_to + up, low_to], material);
+        let corners = [[0, 0, 1], [0, 1, 1]];
+        [0, 1].map(|half: usize| Face { normals: corners[half].map(|corner: usize| normals[corner]), ..quad[half] })
+    };
+    let inner = of.radius - of.thickness;
+    (0..of.sides)
+        .flat_map(|side| {
+            let ways = [way(side), way(side + 1)];
+            let [outer_from, outer_to] = ways.map(|way| of.centre + of.radius * way);
+            let [inner_from, inner_to] = ways.map(|way| of.centre + inner * way);
+            let top = quad([inner_from + up, inner_to + up, outer_to + up, outer_from + up], material);
+            let bottom = quad([inner_from, outer_from, outer_to, inner_to], material);
+            let inside = wall(inner, [ways[1], ways[0]], -1.0);
+            [wall(of.radius, ways, 1.0), inside, top, bottom].concat()
+        })
+        .collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -110,5 +155,13 @@ mod tests {
         let sphere = sphere(DVec3::new(5.0, 0.0, 0.0), 2.0, 5, 0);
         assert_eq!(sphere.len(), 20 << 10);
         assert!((volume(&sphere) / (32.0 / 3.0 * std::f64::consts::PI) - 1.0).abs() < 2e-3);
+        let tube = tube(Tube { centre: DVec3::new(5.0, 1.0, 0.0), radius: 2.0, thickness: 0.5, height: 3.0, sides: 200 }, 0);
+        assert_eq!(tube.len(), 1600);
+        assert!((volume(&tube) / ((4.0 - 2.25) * 3.0 * std::f64::consts::PI) - 1.0).abs() < 2e-3);
+        for face in &tube {
+            let [a, b, c] = face.positions;
+            let plane = (b - a).cross(c - a).as_vec3().normalize();
+            assert!(face.normals.iter().all(|normal| normal.dot(plane) > 0.99 || *normal == Vec3::ZERO), "{face:?}");
+        }
     }
 }

@@ -140,6 +140,21 @@ enum Geometry<'a> {
         #[serde(borrow, default)]
         material: Option<Raw<'a, String>>,
     },
+    /// An upright tube whose lower end has its middle at `centre`; smooth where `normals` is `File`.
+    Tube {
+        #[serde(borrow)]
+        centre: Raw<'a, Triple>,
+        #[serde(borrow)]
+        radius: Raw<'a, f64>,
+        #[serde(borrow)]
+        thickness: Raw<'a, f64>,
+        #[serde(borrow)]
+        height: Raw<'a, f64>,
+        #[serde(borrow, default)]
+        sides: Option<Raw<'a, u32>>,
+        #[serde(borrow, default)]
+        material: Option<Raw<'a, String>>,
+    },
     /// Newell's teapot, standing on `centre`, its spout towards +x; smooth where `normals` is `File`.
     Teapot {
         #[serde(borrow)]
@@ -746,6 +761,15 @@ impl<'a> Reader<'a> {
                 self.draft.expect_room(20 << (2 * level))?;
                 let material = self.primitive_material(material, raw)?;
                 self.add_faces(&primitives::sphere(centre, radius, level, material), map, "a sphere")
+            }
+            Geometry::Tube { centre, radius, thickness, height, sides, material } => {
+                let above = |raw| self.source.number_in(raw, "greater than 0", |number| number > 0.0);
+                let (centre, radius, height) = (self.source.vector(centre)?, above(radius)?, above(height)?);
+                let thickness = self.source.number_in(thickness, "greater than 0, and less than `radius`", |number| number > 0.0 && number < radius)?;
+                let sides = sides.map_or(Ok(primitives::SIDES), |raw| self.source.count_in(raw, primitives::SIDES_IN))?;
+                self.draft.expect_room(8 * sides as usize)?;
+                let material = self.primitive_material(material, raw)?;
+                self.add_faces(&primitives::tube(primitives::Tube { centre, radius, thickness, height, sides }, material), map, "a tube")
             }
             Geometry::Teapot { centre, scale, detail, material } => {
                 let centre = self.source.vector(centre)?;

@@ -1,0 +1,113 @@
+//! What lobes of the surfaces that samples see reflect of light that other surfaces reflect: `shaders/hemisphere_tiles/lobe_walk.wgsl` has the twin.
+//!
+//! A sample that meets a lobe goes on, by the lobe or not, as chance has it, until it stays at a surface: there the irradiance field is asked. On its way it gathers what
+//! surfaces reflect of direct light.
+
+use super::host_shade::{Hit, Shading};
+use crate::math::{
+    colour::luminance,
+    random::{combine, hash, unit},
+};
+use crate::scene::{
+    Rgb,
+    packets::{ALMOST, ToDo},
+    surface::{Gloss, Ray, Surface},
+    surface_offset,
+};
+use fearless_simd::Simd;
+use glam::Vec3;
+use std::f32::consts::FRAC_1_PI;
+
+/// Lobes that a sample may go on by; the last reflects what the field tells as if it came alike from all sides.
+const MOST_LOBES: u32 = 4;
+
+/// Apart from the seeds of lights.
+const FIRST_SEED: u32 = 101;
+
+/// What a sample that met a lobe found.
+#[derive(Clone, Copy)]
+pub(super) struct Walked {
+    /// What other surfaces reflect of direct light, and lobes of that [W m⁻² sr⁻¹].
+    pub light: Vec3,
+    /// Where it stayed; black where it left the scene.
+    pub hit: Hit,
+}
+
+/// The way on from a surface by its lobe.
+struct Step {
+    direction: Vec3,
+    /// What is reflected of the light from there, over how often it is drawn.
+    share: Rgb,
+}
+
+// All that runs within `dispatch!` is inlined into it: what is not would not have its instructions.
+impl Shading<'_> {
+    #[inline(always)]
+    pub(super) fn walk<S: Simd>(&self, simd: S, first: &Surface, seed: u32, to_do: &mut ToDo) -> Walked {
+        let (mut at, mut share, mut light) = (*first, Vec3::ONE, Vec3::ZERO);
+        for number in 0..MOST_LOBES {
+            let Some(gloss) = at.glossy else { break };
+            let seed = combine(seed, FIRST_SEED + number);
+            let by_lobe = lobe_share(&at, &gloss);
+            if unit(hash(seed ^ 0x1656_67b1)) >= by_lobe {
+                return Walked { light, hit: hit(&at, share / (1.0 - by_lobe), Vec3::ZERO) };
+            }
+            let met = step(&at, &gloss, seed, by_lobe).and_then(|step| {
+                share *= step.share;
+                self.seen_from(&at, step.direction)
+            });
+            let Some(next) = met else { return Walked { light, hit: Hit::NONE } };
+            light += share * self.direct(simd, &next, seed, to_do);
+            at = next;
+        }
+        let left = at.glossy.map_or(Vec3::ZERO, |gloss| gloss.lobe.albedo(gloss.outgoing));
+        Walked { light, hit: hit(&at, share, left) }
+    }
+
+    fn seen_from(&self, at: &Surface, direction: Vec3) -> Option<Surface> {
+        let origin = at.position + at.face * surface_offset(self.extent, at.position);
+        let hit = self.bvh.closest_hit(self.scene, origin, direction, f32::INFINITY)?;
+        Some(self.scene.surface(hit.triangle, hit.barycentric, Ray { origin, direction }))
+    }
+
+    /// What a surface reflects of direct light.
+    #[inline(always)]
+    fn direct<S: Simd>(&self, simd: S, at: &Surface, seed: u32, to_do: &mut ToDo) -> Vec3 {
+        let lit = self.lit(at);
+        let origin = at.position + at.face * surface_offset(self.extent, at.position);
+        let mut light = self.emitters.light(simd, &lit, seed, to_do);
+        for source in &self.scene.lights {
+            let Some((way, distance, irradiance)) = source.kind.toward(origin) else { continue };
+            let cosine = at.normal.dot(way);
+            if cosine <= 0.0 || at.face.dot(way) <= 0.0 || irradiance == glam::DVec3::ZERO {
+                continue;
+            }
+            if !(source.shadows && self.bvh.occluded(self.scene, origin, way, ALMOST * distance)) {
+                let lobe = lit.glossy.map_or(Vec3::ZERO, |gloss| gloss.lobe.value(gloss.outgoing, gloss.frame.to_local(way)));
+                light += irradiance.as_vec3() * cosine * (at.reflectance * FRAC_1_PI + lobe);
+            }
+        }
+        light
+    }
+}
+
+/// How often a sample goes on by a lobe: by how much of light from all sides it and the diffuse part reflect.
+fn lobe_share(at: &Surface, gloss: &Gloss) -> f32 {
+    if at.reflectance == Vec3::ZERO {
+        return 1.0;
+    }
+    let [lobe, diffuse] = [gloss.lobe.reflectance, at.reflectance].map(|colour| luminance(colour.as_dvec3()) as f32);
+    (lobe / (lobe + diffuse).max(f32::MIN_POSITIVE)).clamp(0.1, 0.9)
+}
+
+fn step(at: &Surface, gloss: &Gloss, seed: u32, by_lobe: f32) -> Option<Step> {
+    let incoming = gloss.lobe.sample(gloss.outgoing, [0x5bd1_e995, 0x27d4_eb2f].map(|key| unit(hash(seed ^ key))));
+    let density = by_lobe * gloss.lobe.density(gloss.outgoing, incoming);
+    let direction = gloss.frame.to_world(incoming).try_normalize()?;
+    let is_above = incoming.z > 0.0 && density > 0.0 && at.face.dot(direction) > 0.0;
+    is_above.then(|| Step { direction, share: gloss.lobe.value(gloss.outgoing, incoming) * (incoming.z / density) })
+}
+
+fn hit(at: &Surface, share: Rgb, by_lobe: Rgb) -> Hit {
+    Hit { position: at.position, normal: at.normal, reflectance: share * (at.reflectance + by_lobe) * FRAC_1_PI }
+}

@@ -1,0 +1,59 @@
+#import lib/closest_hit
+#import lib/colour
+#import lib/lobe
+#import lib/random
+
+// Where samples that meet a lobe go on to, until they stay at a surface: as passes/hemisphere_tiles/lobe_walk.rs.
+
+// Lobes that a sample may go on by.
+const MOST_LOBES = 4u;
+// Apart from the seeds of lights.
+const FIRST_WALK_SEED = 101u;
+// Backs of one-sided surfaces that a ray may pass.
+const MOST_BACKS = 8u;
+
+struct WalkStep {
+    // Whether the sample goes on; otherwise it stays, or has left the scene where its share is black.
+    goes_on: bool,
+    // What is reflected of the light from where it is now, over how often it comes there.
+    share: vec3f,
+    surface: Surface,
+}
+
+fn walk_seed(seed: u32, number: u32) -> u32 {
+    return combine(seed, FIRST_WALK_SEED + number);
+}
+
+// From a surface with a lobe by it to the next, or not, as chance has it.
+fn walk_step(surface: Surface, seed: u32) -> WalkStep {
+    let lobe = lobe_of(surface);
+    var by_lobe = 1.0;
+    if any(surface.reflectance != vec3f(0.0)) {
+        let bright = luminance(lobe.reflectance);
+        by_lobe = clamp(bright / max(bright + luminance(surface.reflectance), 1e-37), 0.1, 0.9);
+    }
+    if unit(hash(seed ^ 0x165667b1u)) >= by_lobe {
+        return WalkStep(false, vec3f(1.0 / (1.0 - by_lobe)), surface);
+    }
+    let u = vec2f(unit(hash(seed ^ 0x5bd1e995u)), unit(hash(seed ^ 0x27d4eb2fu)));
+    let incoming = lobe_sample(lobe, surface.outgoing, u);
+    let density = by_lobe * lobe_density(lobe, surface.outgoing, incoming);
+    let direction = normalize(surface.tangent * incoming.x + surface.bitangent * incoming.y + surface.normal * incoming.z);
+    if !(incoming.z > 0.0 && density > 0.0 && dot(surface.face_normal, direction) > 0.0) {
+        return WalkStep(false, vec3f(0.0), surface);
+    }
+    var origin = surface.position + surface.face_normal * surface_offset(surface.position);
+    for (var backs = 0u; backs < MOST_BACKS; backs++) {
+        let hit = closest_hit(origin, direction, FAR_AWAY);
+        if hit.triangle == NO_TRIANGLE {
+            break;
+        }
+        if !is_back(hit.triangle, direction) {
+            let share = lobe_value(lobe, surface.outgoing, incoming) * (incoming.z / density);
+            return WalkStep(true, share, surface_seen(hit.triangle, origin, direction));
+        }
+        let behind = origin + direction * hit.distance;
+        origin = behind + direction * surface_offset(behind);
+    }
+    return WalkStep(false, vec3f(0.0), surface);
+}

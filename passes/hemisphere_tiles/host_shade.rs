@@ -169,6 +169,7 @@ struct Other {
     light: Vec3,
     /// Of the diffuse part, over π, with what the lobe leaves to it.
     reflectance: Rgb,
+    /// The lobe, if it reflects direct light.
     gloss: Option<Gloss>,
     /// Where indirect light is asked for in place of the surface itself, if that has a lobe.
     asked: Option<Hit>,
@@ -245,9 +246,10 @@ impl Shading<'_> {
             let surface = if self.lighting.lobes { self.scene.surface(number, barycentric, ray) } else { self.scene.diffuse_surface(number, barycentric, ray) };
             let seed = combine(self.places[hits.view].turn.to_bits(), hits.samples[index]);
             let emitted = if self.lighting.sees.emission { self.emitted(number, ray.direction) } else { Vec3::ZERO };
-            other.light = emitted + self.emitters.light(simd, &self.lit(&surface), seed, &mut to_do);
+            let lit = self.lit(&surface);
+            other.light = emitted + self.emitters.light(simd, &lit, seed, &mut to_do);
             other.reflectance = surface.reflectance * FRAC_1_PI;
-            other.gloss = surface.glossy;
+            other.gloss = lit.glossy;
             if walks && surface.glossy.is_some() {
                 let walked = self.walk(simd, &surface, seed, &mut to_do);
                 other.light += walked.light;
@@ -259,7 +261,7 @@ impl Shading<'_> {
 
     /// The surface as direct light is reflected.
     pub(super) fn lit(&self, surface: &Surface) -> Surface {
-        Surface { glossy: surface.glossy.filter(|_| self.lighting.sees.highlights), ..*surface }
+        Surface { glossy: surface.glossy.filter(|gloss| self.lighting.sees.narrow_highlights || !gloss.lobe.shape.is_narrow()), ..*surface }
     }
 
     /// Radiance that a triangle sends back along a ray.
@@ -345,7 +347,7 @@ impl Shading<'_> {
             received[group] *= f32x8::load_array(simd, visible);
             light[group] = light[group].plus(Vectors::splat(simd, intensity).scaled(received[group]));
         }
-        if let Some(others) = others.filter(|_| self.lighting.lobes && self.lighting.sees.highlights) {
+        if let Some(others) = others.filter(|_| self.lighting.lobes) {
             for (group, others) in others.chunks_exact_mut(LANES).enumerate() {
                 reflect_by_lobes(others, ways[group], received[group], intensity);
             }
@@ -580,7 +582,7 @@ mod tiles {
             lobes,
             area_lights: if samples[0] > 0 { AreaLight::all(scene) } else { Vec::new() },
             samples,
-            sees: Sees { emission: sees_emission, highlights: true },
+            sees: Sees { emission: sees_emission, narrow_highlights: true },
         }
     }
 

@@ -94,9 +94,14 @@ static DESCRIPTION: Description = Description {
         },
         Parameter {
             name: "highlights",
-            about: "whether lobes of the surfaces seen reflect direct light; narrow ones make bright blots of it, where photons bring it instead there should be none",
+            about: "lobes of the surfaces seen that reflect direct light",
             unit: "",
-            kind: ParameterKind::Bool { default: true },
+            kind: ParameterKind::Choice {
+                choices: &[
+                    Choice { name: "All", about: "all; narrow ones make blots of what they reflect of small lights", parameters: &[] },
+                    Choice { name: "Wide", about: "all but narrow ones, whose light photons bring", parameters: &[] },
+                ],
+            },
         },
         PLACE,
     ],
@@ -247,16 +252,16 @@ impl Pass for HemisphereTiles {
 struct Sees {
     /// Emitters and the sky themselves; otherwise the direct pass lights from them.
     emission: bool,
-    /// Direct light by lobes.
-    highlights: bool,
+    /// Direct light by narrow lobes.
+    narrow_highlights: bool,
 }
 
 fn sees(e: &mut Encoder<'_>) -> Sees {
     let emission = e.arguments.choice("emission").0 == "Auto" && e.direct_light("direct").is_none_or(|direct| !direct.lights_from_emitters);
-    if !e.setting.needs.lobes {
-        e.idle("highlights", "no surface has a lobe that is rendered");
+    if !e.setting.needs.narrow_lobes {
+        e.idle("highlights", "no surface has a narrow lobe that is rendered");
     }
-    Sees { emission, highlights: e.arguments.bool("highlights") }
+    Sees { emission, narrow_highlights: e.arguments.choice("highlights").0 == "All" }
 }
 
 /// Who shades what rays see: whoever casts them, if it can look up the shadow maps.
@@ -313,7 +318,7 @@ fn shade(e: &mut Encoder<'_>, work: &Work, maps: Option<&port::ShadowMaps>, sees
     let program = work.layout(light_constants(Program::new("hemisphere_tiles/shade"), e.setting.needs, SAMPLES_OF_EMITTERS));
     let program = bind_visibility(program, maps)
         .constant("SEES_EMISSION", sees.emission as u8)
-        .constant("HIGHLIGHTS", sees.highlights as u8)
+        .constant("NARROW_HIGHLIGHTS", sees.narrow_highlights as u8)
         .constant("WALKS", walks as u8)
         .bind("requests", work.requests.places)
         .bind("samples", work.samples)

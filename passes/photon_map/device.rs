@@ -15,7 +15,7 @@ const COUNT: u32 = 1;
 pub(super) fn encode(e: &mut Encoder<'_>, work: Work) {
     let sources = e.constant_buffer("sources", bytemuck::cast_slice(&Sources::new(e.setting.scene).words()));
     // Words of the sources stand in where nothing is guided.
-    let guide = if work.reflects == Reflects::Lobes { guide(e, &work) } else { sources };
+    let guide = if work.reflects == Reflects::NarrowLobes { guide(e, &work) } else { sources };
     let counts = e.buffer("counts", 4 * (u64::from(work.most) + 1));
     let totals = e.buffer("totals", 4 * TOTALS);
     let photons = e.buffer("photons", PHOTON_BYTES * u64::from(work.capacity));
@@ -23,7 +23,7 @@ pub(super) fn encode(e: &mut Encoder<'_>, work: Work) {
         .constant("PATHS", work.most)
         .constant("CAPACITY", work.capacity)
         .constant("LEGS", work.legs)
-        .constant("CAUSTICS", (work.reflects == Reflects::Lobes) as u8)
+        .constant("CAUSTICS", (work.reflects == Reflects::NarrowLobes) as u8)
         .bind("counts", counts)
         .bind("totals", totals)
         .bind("photons", photons)

@@ -39,7 +39,7 @@ static DESCRIPTION: Description = Description {
             kind: ParameterKind::Choice {
                 choices: &[
                     Choice { name: "All", about: "of any reflections", parameters: &[] },
-                    Choice { name: "Caustics", about: "that lobes alone have reflected since it left its source, as far as diffuse surfaces", parameters: &[] },
+                    Choice { name: "Caustics", about: "that narrow lobes alone have reflected since it left its source", parameters: &[] },
                 ],
             },
         },
@@ -79,8 +79,8 @@ enum Reflects {
     Albedo,
     /// Diffuse parts and lobes.
     All,
-    /// Lobes: photons are caustics, which diffuse parts receive and end.
-    Lobes,
+    /// Narrow lobes: photons are caustics, which end at whatever else they meet.
+    NarrowLobes,
 }
 
 impl Work {
@@ -101,7 +101,7 @@ impl Pass for PhotonMap {
     }
 
     fn need(&self, arguments: &Arguments, needs: &Needs) -> Need {
-        if is_caustics(arguments) && !needs.lobes { Need::Dropped("no surface has a lobe that is rendered") } else { Need::Kept }
+        if is_caustics(arguments) && !needs.narrow_lobes { Need::Dropped("no surface has a narrow lobe that is rendered") } else { Need::Kept }
     }
 
     fn reflections(&self, arguments: &Arguments) -> Option<Bounces> {
@@ -114,10 +114,10 @@ impl Pass for PhotonMap {
         let [most, capacity, legs] = ["photons", "kept", "legs"].map(|name| e.arguments.integer(name) as u32);
         let data = e.buffer("data", PHOTON_BYTES * (SLOTS_BEFORE + u64::from(capacity)));
         let [emitted, count, slots, cut_off] = ["emitted", "count", "slots", "cut_off"].map(|name| e.variable(name, false));
-        let reflects = match (e.setting.needs.lobes && !e.setting.needs.by_albedo, is_caustics(e.arguments)) {
+        let reflects = match (e.setting.needs.lobes, is_caustics(e.arguments)) {
             (false, _) => Reflects::Albedo,
             (true, false) => Reflects::All,
-            (true, true) => Reflects::Lobes,
+            (true, true) => Reflects::NarrowLobes,
         };
         let work = Work { data, most, capacity, legs, reflects, emitted, count, slots, cut_off };
         let is_long = e.setting.device.is_software && legs > MOST_BY_SOFTWARE;

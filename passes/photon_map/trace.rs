@@ -53,21 +53,21 @@ impl<'a> Tracer<'a> {
         Self { scene, bvh: host.bvh(), sources: Sources::new(scene), extent: host.extent(), reflects, legs, guide: None }
     }
 
-    /// Looks where photons start that meet a lobe first, if lobes alone reflect.
+    /// Looks where photons start that meet a narrow lobe first, if these alone reflect.
     pub fn guided(self) -> Self {
-        if self.reflects != Reflects::Lobes {
+        if self.reflects != Reflects::NarrowLobes {
             return self;
         }
         let found: Vec<Start> = (0..Guide::scouts(self.sources.count())).into_par_iter().map(start).filter(|start| self.meets_lobe(*start).unwrap_or(false)).collect();
         Self { guide: Some(Guide::new(self.sources.count(), &found)), ..self }
     }
 
-    /// Whether the surface that a photon meets first has a lobe.
+    /// Whether the surface that a photon meets first has a narrow lobe.
     fn meets_lobe(&self, start: Start) -> Option<bool> {
         let emitted = self.sources.emit(self.scene, start)?;
         let ray = Ray { origin: emitted.origin, direction: emitted.direction };
         let hit = self.bvh.closest_blocker(self.scene, ray.origin, ray.direction)?;
-        Some(self.scene.lit_surface(hit.triangle, hit.barycentric, ray).glossy.is_some())
+        Some(self.scene.lit_surface(hit.triangle, hit.barycentric, ray).glossy.is_some_and(|gloss| gloss.lobe.shape.is_narrow()))
     }
 
     /// The way of a photon by its number. Flux is all of the light's, were it the only one.
@@ -80,7 +80,7 @@ impl<'a> Tracer<'a> {
             let Some(hit) = self.bvh.closest_blocker(self.scene, ray.origin, ray.direction) else { return path };
             let surface = match self.reflects {
                 Reflects::Albedo => self.scene.diffuse_surface(hit.triangle, hit.barycentric, ray),
-                Reflects::All | Reflects::Lobes => self.scene.lit_surface(hit.triangle, hit.barycentric, ray),
+                Reflects::All | Reflects::NarrowLobes => self.scene.lit_surface(hit.triangle, hit.barycentric, ray),
             };
             // The side that light comes from is the back of a one-sided surface: nobody sees what it reflects.
             let triangle = &self.scene.triangles[hit.triangle as usize];
@@ -109,7 +109,8 @@ impl<'a> Tracer<'a> {
     fn scattered(&self, surface: &Surface, seed: u32) -> Option<(Vec3, Rgb)> {
         let numbers = [0x5bd1_e995, 0x27d4_eb2f, 0x1656_67b1].map(|key| unit(hash(seed ^ key)));
         match (&surface.glossy, self.reflects) {
-            (None, Reflects::Lobes) => None,
+            (Some(gloss), Reflects::NarrowLobes) if !gloss.lobe.shape.is_narrow() => None,
+            (None, Reflects::NarrowLobes) => None,
             (None, _) => Some((cosine_direction(surface.face, [numbers[0], numbers[1]]), surface.reflectance)),
             (Some(gloss), reflects) => scattered_by_lobe(surface, gloss, reflects == Reflects::All, numbers),
         }

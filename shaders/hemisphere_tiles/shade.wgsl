@@ -9,15 +9,17 @@
 
 // Whether records see emitters and the sky themselves; otherwise the direct pass lights from them.
 override SEES_EMISSION: bool = false;
-// Whether lobes reflect direct light.
-override HIGHLIGHTS: bool = true;
+// Whether narrow lobes reflect direct light.
+override NARROW_HIGHLIGHTS: bool = true;
 // Whether what lobes reflect of other surfaces is gathered, as an irradiance field will be asked there.
 override WALKS: bool = false;
 
 // The surface as direct light is reflected.
 fn lit(surface: Surface) -> Surface {
     var same = surface;
-    same.lobe = select(0u, surface.lobe, HIGHLIGHTS);
+    if GLOSSY && !NARROW_HIGHLIGHTS && surface.lobe != 0u && is_narrow(lobe_of(surface)) {
+        same.lobe = 0u;
+    }
     return same;
 }
 

@@ -4,6 +4,7 @@
 
 const LEAST_ALPHA = 1e-3;
 const MOST_EXPONENT = 1e6;
+const NARROW = 0.15;
 
 struct Lobe {
     kind: u32,
@@ -14,6 +15,14 @@ struct Lobe {
 fn lobe_of(surface: Surface) -> Lobe {
     let least = select(vec2f(LEAST_ALPHA), vec2f(0.0), surface.lobe == PHONG);
     return Lobe(surface.lobe, clamp(surface.lobe_shape, least, vec2f(MOST_EXPONENT)), surface.specular);
+}
+
+// As Shape::is_narrow.
+fn is_narrow(lobe: Lobe) -> bool {
+    if lobe.kind == PHONG {
+        return 2.0 * PI / (lobe.shape.x + 1.0) < NARROW;
+    }
+    return 4.0 * PI * lobe.shape.x * select(lobe.shape.x, lobe.shape.y, lobe.kind == WARD) < NARROW;
 }
 
 // Of the cosine to the mirrored direction: 0 from 90° on, whatever the exponent, and no power of 0, which is not defined.

@@ -25,7 +25,7 @@ struct Totals {
 override PATHS: u32 = 1u;
 override CAPACITY: u32 = 1u;
 override LEGS: u32 = 64u;
-// Whether lobes alone reflect photons: they are caustics, which diffuse parts receive and end.
+// Whether narrow lobes alone reflect photons: they are caustics, which end at whatever else they meet.
 override CAUSTICS: bool = false;
 
 const MOST_BY_SHADING = 4.0;
@@ -54,6 +54,9 @@ fn scattered(surface: Surface, seed: u32) -> Scattered {
         return Scattered(cosine_direction(surface.face_normal, u), select(surface.reflectance, vec3f(0.0), CAUSTICS));
     }
     let lobe = lobe_of(surface);
+    if CAUSTICS && !is_narrow(lobe) {
+        return Scattered(surface.face_normal, vec3f(0.0));
+    }
     let bright = luminance(lobe.reflectance);
     // Either is drawn at times, as what a lobe reflects grows toward its horizon.
     let by_lobe = select(clamp(bright / max(bright + luminance(surface.reflectance), 1e-37), 0.1, 0.9), 1.0, CAUSTICS);

@@ -29,6 +29,9 @@ pub struct Lobe {
 const LEAST_ALPHA: f32 = 1e-3;
 const MOST_EXPONENT: f32 = 1e6;
 
+/// Width of lobes below which they are narrow: roughness 0.33, or an exponent of 41 [sr].
+const NARROW: f32 = 0.15;
+
 impl Shape {
     /// As shaders have it: the kind of lobe and its numbers.
     pub fn numbers(self) -> (u32, Vec2) {
@@ -42,6 +45,20 @@ impl Shape {
     /// Whether it depends on the azimuth around the normal.
     pub fn is_anisotropic(self) -> bool {
         matches!(self, Self::Ward { alpha } if alpha.x != alpha.y)
+    }
+
+    /// Whether a few hundred rays over a hemisphere may miss what it makes of a small light.
+    pub fn is_narrow(self) -> bool {
+        self.width() < NARROW
+    }
+
+    /// The solid angle that it scatters light into, about [sr].
+    fn width(self) -> f32 {
+        match self {
+            Self::Phong { exponent } => TAU / (exponent + 1.0),
+            Self::Ward { alpha } => 4.0 * PI * alpha.x * alpha.y,
+            Self::Microfacets { alpha } => 4.0 * PI * alpha * alpha,
+        }
     }
 
     /// As wide at least as a density can be.
@@ -220,6 +237,13 @@ mod tests {
                 assert!(apart < 0.1, "{shape:?} at {cosine}: {} instead of {integral}", lobe.albedo(outgoing));
             }
         }
+    }
+
+    #[test]
+    fn narrow_lobes_are_told_from_wide_ones() {
+        let narrow = [Shape::Phong { exponent: 42.0 }, Shape::Ward { alpha: Vec2::new(0.05, 0.2) }, Shape::Microfacets { alpha: 0.33 * 0.33 }];
+        let wide = [Shape::Phong { exponent: 40.0 }, Shape::Ward { alpha: Vec2::new(0.05, 0.3) }, Shape::Microfacets { alpha: 0.34 * 0.34 }];
+        assert!(narrow.into_iter().all(Shape::is_narrow) && !wide.into_iter().any(Shape::is_narrow));
     }
 
     #[test]

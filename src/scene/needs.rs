@@ -26,6 +26,8 @@ pub struct Needs {
     pub lobes: bool,
     /// Whether [`Material::albedo`] stands for every lobe.
     pub by_albedo: bool,
+    /// Whether any is narrow.
+    pub narrow_lobes: bool,
     /// Whether any lobe depends on the azimuth around the normal.
     pub anisotropic: bool,
     /// Whether any surface has a diffuse part, or emits and nothing else.
@@ -52,6 +54,7 @@ impl Needs {
             glossy: materials().filter(|m| has_lobe(m)).map(|m| m.name.clone()).collect(),
             lobes: materials().any(has_lobe),
             by_albedo: false,
+            narrow_lobes: materials().any(|m| m.reflection(m.reflectance).lobe.is_some_and(|lobe| lobe.shape.is_narrow())),
             anisotropic: materials().any(|m| m.reflection(m.reflectance).lobe.is_some_and(|lobe| lobe.shape.is_anisotropic())),
             diffuse: materials().any(|m| !has_lobe(m) || m.reflection(m.reflectance).diffuse != glam::Vec3::ZERO),
             extent: scene.extent(),
@@ -60,7 +63,7 @@ impl Needs {
 
     /// Of the same scene, with [`Material::albedo`] in place of every lobe.
     pub fn without_lobes(&self) -> Self {
-        Self { glossy: Vec::new(), lobes: false, by_albedo: true, anisotropic: false, diffuse: true, ..self.clone() }
+        Self { glossy: Vec::new(), lobes: false, by_albedo: true, narrow_lobes: false, anisotropic: false, diffuse: true, ..self.clone() }
     }
 
     /// Of the same scene, taken as if it had all that a scene can have: nothing is left out for its sake.
@@ -76,6 +79,7 @@ impl Needs {
             one_sided: true,
             smooth: true,
             lobes: true,
+            narrow_lobes: true,
             anisotropic: true,
             ..self.clone()
         }

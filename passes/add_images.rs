@@ -1,5 +1,6 @@
 //! The sum of images.
 
+use super::image_sum::sum;
 use crate::contract::{Description, Encoder, Input, Output, Pass, Port, PortKind, Refusal, Takes, port};
 use crate::schedule::*;
 
@@ -29,18 +30,4 @@ impl Pass for AddImages {
         e.output("sum", Port::Image(port::Image { texture, channels: port::Channels::Colour }));
         Ok(())
     }
-}
-
-/// Adds images two by two; one alone is its own sum, and that of none is black.
-pub fn sum(e: &mut Encoder<'_>, member: &'static str, images: &[Resource], size: [u32; 2]) -> Resource {
-    let [first, others @ ..] = images else {
-        let black = e.image(member, size, Format::Rgba32Float);
-        e.clear(black);
-        return black;
-    };
-    others.iter().fold(*first, |left, right| {
-        let sum = e.image(member, size, Format::Rgba32Float);
-        e.compute_pixels(Program::new("add_images").bind("left", left).bind("right", *right).bind("sum", sum), "add", size);
-        sum
-    })
 }

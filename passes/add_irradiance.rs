@@ -18,7 +18,13 @@ static DESCRIPTION: Description = Description {
     inputs: &[
         Input { name: "to", about: "records of those places, without gradients", accepts: PortKind::Records, takes: Takes::One, changes: false },
         Input { name: "at", about: "the places", accepts: PortKind::Requests, takes: Takes::One, changes: false },
-        Input { name: "field", about: "what is asked; without it the records stay as they are", accepts: PortKind::IrradianceField, takes: Takes::AtMostOne, changes: false },
+        Input {
+            name: "field",
+            about: "what is asked; without it the records stay as they are",
+            accepts: PortKind::IrradianceField,
+            takes: Takes::AtMostOne,
+            changes: false,
+        },
     ],
     outputs: &[Output { name: "records", about: "the records with the light of both", kind: PortKind::Records }],
 };

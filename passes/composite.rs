@@ -1,6 +1,6 @@
 //! The picture.
 
-use super::add_images;
+use super::image_sum;
 use crate::contract::{Description, Encoder, Input, Output, Pass, Port, PortKind, Refusal, Takes, port};
 use crate::schedule::*;
 
@@ -35,7 +35,7 @@ impl Pass for Composite {
         let Some(gbuffer) = e.g_buffer("gbuffer").copied() else { return Ok(()) };
         let direct = e.direct_light("direct").map(|d| d.radiance);
         let parts: Vec<Resource> = e.images("indirect").iter().map(|image| image.texture).collect();
-        let indirect = add_images::sum(e, "indirect", &parts, gbuffer.size);
+        let indirect = image_sum::sum(e, "indirect", &parts, gbuffer.size);
         let picture = e.image("picture", gbuffer.size, Format::Rgba32Float);
         // Direct light that is absent is bound to any image and never read.
         let program = Program::new("composite")

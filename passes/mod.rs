@@ -14,6 +14,7 @@ pub mod environment_light;
 pub mod find_misses;
 pub mod gbuffer;
 pub mod hemisphere_tiles;
+pub mod image_sum;
 pub mod indirect_light;
 pub mod irradiance_field;
 pub mod irradiance_sum;

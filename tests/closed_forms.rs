@@ -63,6 +63,10 @@ fn cases() -> Vec<(String, Case)> {
     for (pipeline, limit) in [("irradiance-bounces", 1e-3), ("photon", 0.02), ("photon-gather", 1e-3)] {
         cases.push((format!("no_light_comes_through_a_wall {pipeline}"), Box::new(move |gpu| no_light_comes_through_a_wall(gpu, pipeline, limit))));
     }
+    for pipeline in ["radiance", "radiance-bounces"] {
+        cases.push((format!("a_mirror_lights_a_floor {pipeline}"), Box::new(move |gpu| a_mirror_lights_a_floor(gpu, pipeline))));
+    }
+    cases.push(("a_mirror_is_as_good_as_the_image".into(), Box::new(a_mirror_is_as_good_as_the_image)));
     cases.push(("the_formulas_hold".into(), Box::new(formulas_hold)));
     cases.push(("small_pictures_are_whole".into(), Box::new(small_pictures_are_whole)));
     cases.push(("mistakes_are_refused".into(), Box::new(mistakes_are_refused)));
@@ -671,6 +675,59 @@ fn no_light_comes_through_a_wall(gpu: &Gpu, pipeline: &str, limit: f64) -> Outco
     let [lit, dark] = [light("3")?, light("5")?];
     check(lit > 0.0, || "the lit room is dark".into())?;
     at_most("light behind a wall", dark / lit, limit)
+}
+
+// A floor before a mirror
+
+/// A floor, seen from above, a screen over it, and nearly a mirror on the other side; or what stands there in the mirror.
+const MIRROR: &str = r#"Scene(version: 1, geometry: [Quad(corners: ((-3, 0, BEHIND), (-3, 0, 3), (3, 0, 3), (3, 0, BEHIND)), material: "floor"), THINGS],
+    materials: { "floor": Diffuse(reflectance: (0.01, 0.01, 0.01)), MATERIALS },
+    normals: Face, lights: [Point(position: (0.3, 1, 0.5), intensity: (3, 3, 3)), LIGHTS],
+    cameras: { "main": (eye: (0, 2, 0.5), direction: (0, -1, 0), up: (0, 0, 1), fov: 30) })"#;
+
+const MIRRORING: &str = r#"Quad(corners: ((-30, 0, -1), (30, 0, -1), (30, 30, -1), (-30, 30, -1)), material: "mirror")"#;
+const SCREEN: &str = r#"Quad(corners: ((-2, 0, 3), (2, 0, 3), (2, 2, 3), (-2, 2, 3)), material: "screen")"#;
+const ITS_IMAGE: &str = r#"Quad(corners: ((-2, 0, -5), (2, 0, -5), (2, 2, -5), (-2, 2, -5)), material: "screen")"#;
+
+/// A scene of [`MIRROR`] with a mirror of this share, or the image of what is before it.
+fn mirror(share: Option<f64>, things: &[&str]) -> Result<Room, Failed> {
+    let (behind, light) = if share.is_some() { ("-1", "") } else { ("-5", "Point(position: (0.3, 1, -2.5), intensity: (3, 3, 3))") };
+    let share = share.unwrap_or_default();
+    let screen = r#""screen": Diffuse(reflectance: (0.7, 0.7, 0.7))"#;
+    let metal = format!(r#""mirror": MetallicRoughness(base: ({share}, {share}, {share}), metallic: 1, roughness: 0.05)"#);
+    let has = |name: &str| things.iter().any(|thing| thing.contains(name));
+    let materials = [("screen", screen), ("mirror", metal.as_str())].into_iter().filter(|(name, _)| has(name)).map(|(_, material)| material);
+    let written = MIRROR.replace("BEHIND", behind).replace("THINGS", &things.join(", ")).replace("LIGHTS", light);
+    Room::new(&written.replace("MATERIALS", &materials.collect::<Vec<_>>().join(", ")))
+}
+
+/// Mean irradiance of the floor that is seen by what the light is in a mirror that reflects such a share along its normal.
+fn by_image_of_light(share: f64) -> f64 {
+    let (image, half) = (DVec3::new(0.3, 1.0, -2.5), 2.0 * 15.0f64.to_radians().tan());
+    let at = |pixel: u32| ((f64::from(pixel) + 0.5) / 12.0 - 1.0) * half;
+    let light = |pixel: u32| {
+        let way = image - DVec3::new(at(pixel % 24), 0.0, 0.5 + at(pixel / 24));
+        // Schlick's rise at the angle of incidence, as nearly all facets stand along the mirror.
+        let fresnel = share + (1.0 - share) * (1.0 - way.z.abs() / way.length()).powi(5);
+        3.0 * fresnel * way.y / way.length().powi(3)
+    };
+    (0..24 * 24).map(light).sum::<f64>() / (24.0 * 24.0)
+}
+
+/// Where the light is in a mirror, it lights the floor as much as the mirror does.
+fn a_mirror_lights_a_floor(gpu: &Gpu, pipeline: &str) -> Outcome {
+    let found = mean_irradiance(gpu, &mirror(Some(0.8), &[MIRRORING])?, 24, (pipeline, &[]))?;
+    at_most("light by the mirror", (found / by_image_of_light(0.8) - 1.0).abs(), 0.02)
+}
+
+/// With a mirror that reflects all there is as much light, of any number of bounces, as with the image of all that is before it.
+fn a_mirror_is_as_good_as_the_image(gpu: &Gpu) -> Outcome {
+    let light = |room: Room| mean_irradiance(gpu, &room, 24, ("radiance-bounces", &[]));
+    let found = light(mirror(Some(1.0), &[MIRRORING, SCREEN])?)? - by_image_of_light(1.0);
+    let image = light(mirror(None, &[SCREEN, ITS_IMAGE])?)?;
+    let direct_view = light(mirror(Some(1.0), &[SCREEN])?)?;
+    check(image > 1.3 * direct_view, || format!("the mirror brings little: {image} and {direct_view}"))?;
+    at_most("light by the mirror", (found / image - 1.0).abs(), 0.03)
 }
 
 // A floor below a screen

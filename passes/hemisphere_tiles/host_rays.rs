@@ -44,7 +44,16 @@ pub(super) fn encode_shaded(e: &mut Encoder<'_>, work: &Work, maps: Option<port:
         let maps = maps.map_or_else(ShadowMaps::default, |maps| host_shade::shadow_maps(&maps, host));
         let emitters = lighting.emitters(host.scene(), host.bvh(), host.extent());
         let indirect = indirect.and_then(|field| field.on_host(host, index.as_deref()));
-        let shader = Shading { lighting: &lighting, maps, scene: host.scene(), emitters, bvh: host.bvh(), extent: host.extent(), places: &places, indirect: indirect.as_ref() };
+        let shader = Shading {
+            lighting: &lighting,
+            maps,
+            scene: host.scene(),
+            emitters,
+            bvh: host.bvh(),
+            extent: host.extent(),
+            places: &places,
+            indirect: indirect.as_ref(),
+        };
         let seen = &mut samples[..places.len() * bundle.samples];
         host.bvh().packets(host.scene()).trace(host.scene(), &views(&places), &bundle, &shader, seen);
         let bytes = size_of_val(seen) as u64;
@@ -76,7 +85,16 @@ pub(super) fn encode_steady(e: &mut Encoder<'_>, work: &Work, maps: Option<port:
         let lighting = host_shade::lighting(host, lighting)?;
         let maps = maps.map_or_else(ShadowMaps::default, |maps| host_shade::shadow_maps(&maps, host));
         let emitters = lighting.emitters(host.scene(), host.bvh(), host.extent());
-        let shader = Keeping(Shading { lighting: &lighting, maps, scene: host.scene(), emitters, bvh: host.bvh(), extent: host.extent(), places: &places, indirect: None });
+        let shader = Keeping(Shading {
+            lighting: &lighting,
+            maps,
+            scene: host.scene(),
+            emitters,
+            bvh: host.bvh(),
+            extent: host.extent(),
+            places: &places,
+            indirect: None,
+        });
         let mut sights = vec![Keeping::NOTHING; places.len() * bundle.samples];
         host.bvh().packets(host.scene()).trace(host.scene(), &views(&places), &bundle, &shader, &mut sights);
         let (seen, hits) = sights.into_iter().map(|sight| (sight.seen, sight.hit)).unzip();

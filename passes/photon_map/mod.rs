@@ -4,8 +4,8 @@ use super::photons::{PHOTON_BYTES, SLOTS_BEFORE};
 use crate::contract::{
     Arguments, Bodies, Choice, Description, Encoder, Need, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Refusal, port,
 };
-use crate::scene::needs::Needs;
 use crate::math::bounces::Bounces;
+use crate::scene::needs::Needs;
 use crate::schedule::{HostContext, Resource, Variable};
 
 mod device;
@@ -127,7 +127,10 @@ impl Pass for PhotonMap {
         }
         e.report_variable("photons_emitted", emitted);
         e.report_variable("photons", count);
-        e.report_variable("photons_cut_off", cut_off);
+        // Those that were to go no farther are not missed.
+        if self.reflections(e.arguments) == Some(Bounces::All) {
+            e.report_variable("photons_cut_off", cut_off);
+        }
         e.output("map", Port::PhotonMap(port::PhotonMap { data, slots }));
         Ok(())
     }

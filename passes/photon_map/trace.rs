@@ -8,7 +8,6 @@ use crate::math::{
     random::{combine, hash, unit},
 };
 use crate::passes::photons::{Photon, ways};
-use crate::schedule::HostContext;
 use crate::scene::{
     Rgb, Scene,
     bvh::Bvh,
@@ -16,6 +15,7 @@ use crate::scene::{
     surface::{Gloss, Ray, Surface},
     surface_offset,
 };
+use crate::schedule::HostContext;
 use glam::Vec3;
 use rayon::prelude::*;
 use std::f32::consts::{FRAC_1_PI, TAU};
@@ -37,7 +37,6 @@ pub(super) struct Tracer<'a> {
     pub guide: Option<Guide>,
 }
 
-
 /// Where a photon has been, its first surface left out: what it brings there is direct light.
 #[derive(Default)]
 pub(super) struct Path {
@@ -58,7 +57,8 @@ impl<'a> Tracer<'a> {
         if self.reflects != Reflects::NarrowLobes {
             return self;
         }
-        let found: Vec<Start> = (0..Guide::scouts(self.sources.count())).into_par_iter().map(start).filter(|start| self.meets_lobe(*start).unwrap_or(false)).collect();
+        let found: Vec<Start> =
+            (0..Guide::scouts(self.sources.count())).into_par_iter().map(start).filter(|start| self.meets_lobe(*start).unwrap_or(false)).collect();
         Self { guide: Some(Guide::new(self.sources.count(), &found)), ..self }
     }
 

@@ -14,7 +14,7 @@ fn with_lobe_albedo(surface: Surface) -> vec3f {
     return surface.reflectance + lobe_albedo(lobe_of(surface), surface.outgoing);
 }
 
-fn reflected(surface: Surface, reflectance: vec3f) -> vec3f {
+fn reflected_there(surface: Surface, reflectance: vec3f) -> vec3f {
     if all(reflectance == vec3f(0.0)) {
         return vec3f(0.0);
     }
@@ -29,12 +29,12 @@ fn asked(first: Surface, seed: u32) -> vec3f {
         let next = walk_step(at, walk_seed(seed, number));
         share *= next.share;
         if !next.goes_on {
-            return reflected(at, share * at.reflectance);
+            return reflected_there(at, share * at.reflectance);
         }
         at = next.surface;
     }
     // The last lobe reflects as if light came alike from all sides.
-    return reflected(at, share * with_lobe_albedo(at));
+    return reflected_there(at, share * with_lobe_albedo(at));
 }
 
 @compute @workgroup_size(64)

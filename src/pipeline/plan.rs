@@ -169,7 +169,9 @@ fn of_field(field: &Member<'_>, members: &[Member<'_>]) -> Bounces {
         match of_map(member.node) {
             Some(reflections) => return reflections,
             // Photons that light what records see are not what these are made of.
-            None => waiting.extend(member.node.inputs.iter().filter(|edge| member.node.accepts(edge) != Some(PortKind::IrradianceField)).map(|edge| edge.from.node.as_str())),
+            None => waiting.extend(
+                member.node.inputs.iter().filter(|edge| member.node.accepts(edge) != Some(PortKind::IrradianceField)).map(|edge| edge.from.node.as_str()),
+            ),
         }
     }
     rounds_of(field)

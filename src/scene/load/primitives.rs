@@ -161,7 +161,7 @@ mod tests {
         for face in &tube {
             let [a, b, c] = face.positions;
             let plane = (b - a).cross(c - a).as_vec3().normalize();
-            assert!(face.normals.iter().all(|normal| normal.dot(plane) > 0.99 || *normal == Vec3::ZERO), "{face:?}");
+            assert!(face.normals.iter().all(|normal| normal.dot(plane) > 0.99 || *normal == glam::Vec3::ZERO), "{face:?}");
         }
     }
 }

@@ -64,12 +64,13 @@ const GEOMETRY_LIMIT: f64 = 1e-3;
 const COUNT_LIMIT: (f64, f64) = (1.1, 2.0);
 
 /// Beside those of all pipelines: pipeline, what is set, scene, pixels, and whose golden picture it has to match.
-const LARGE: [(&str, &[&str], &str, &str, &str); 7] = [
+const LARGE: [(&str, &[&str], &str, &str, &str); 8] = [
     ("irradiance", &[], "hall", "224x224", "irradiance"),
     ("irradiance-device", &[], "hall", "224x224", "irradiance"),
     ("irradiance", &[], "balls", "240x200", "irradiance"),
     ("irradiance-device", &[], "balls", "240x200", "irradiance"),
     ("radiance", &[], "balls", "240x200", "radiance"),
+    ("radiance-bounces", &[], "ring", "192x128", "radiance-bounces"),
     // A driver on the CPU takes half a minute for the tables of these lobes.
     ("radiance-device", &["--set", "lobes.place=Host"], "balls", "240x200", "radiance"),
     ("radiance-rotated", &[], "balls", "240x200", "radiance-rotated"),
@@ -449,7 +450,7 @@ fn specialisation_changes_no_picture() -> Outcome {
 }
 
 /// Another value for each parameter that a plan may call idle, by how it ends.
-const OTHER_VALUES: [(&str, &str); 8] = [
+const OTHER_VALUES: [(&str, &str); 9] = [
     (".taps", "4"),
     (".coefficients", "Half"),
     (".rotation", "DigonDeletion"),
@@ -458,6 +459,7 @@ const OTHER_VALUES: [(&str, &str); 8] = [
     (".emitters.sky_samples", "3"),
     (".emitters", "Records"),
     (".place", "Device"),
+    (".highlights", "Wide"),
 ];
 
 /// What `explain` calls without effect has none: not on one bit of the picture.

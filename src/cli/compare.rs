@@ -85,8 +85,7 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     let runs = plans.iter().map(|(plan, _)| timed(|| ready(&gpu, &view, plan))).collect::<Result<Vec<_>, _>>()?;
     let (traced, traced_seconds) = timed(|| keeper.map(|keeper| keeper.obtain(&view, console)).transpose())?;
     let truth = given.or(traced);
-    let pairs = shorter_keepers.iter().filter_map(|keeper| Some((keeper, truth.as_ref()?)));
-    let shorter = pairs.map(|(keeper, truth)| Shorter::new(keeper.obtain(&view, console)?, truth)).collect::<Result<Vec<_>, _>>()?;
+    let shorter = Shorter::all(&shorter_keepers, truth.as_ref(), &view, console)?;
     warn_of_unstated_bounces(truth.as_ref(), console);
     let judged = options
         .pictures

@@ -41,6 +41,9 @@ pub struct Options {
     /// The reference holds so many bounces, N or `all`, and the picture may hold others: what it leaves out counts as its error
     #[arg(long, value_name = "N")]
     bounces: Option<Bounces>,
+    /// A reference of as many bounces as the picture has: the error is told in two parts, of the light left out and of the method
+    #[arg(long, value_name = "C.exr[:LAYER]", requires = "bounces")]
+    own: Option<String>,
     /// Write what was found as JSON; - is standard output
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -67,8 +70,10 @@ fn threshold(text: &str) -> Result<Threshold, String> {
 pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     let json = options.json.as_deref().map(Target::new).transpose()?;
     let (mut test, reference) = (Input::read(&options.test)?, Input::read(&options.reference)?);
-    let read: Vec<&Path> = [&test.file.path, &reference.file.path].into_iter().chain(&options.variance).map(PathBuf::as_path).collect();
+    let own = options.own.as_deref().map(Input::read).transpose()?;
+    let read: Vec<&Path> = [&test.file.path, &reference.file.path].into_iter().chain(own.iter().map(|own| &own.file.path)).chain(&options.variance).map(PathBuf::as_path).collect();
     expect_distinct(&options.json.iter().map(PathBuf::as_path).collect::<Vec<_>>(), &read)?;
+    let parts = own.as_ref().map(|own| Parts::new(&test, own, &reference, options)).transpose()?;
     if let Some(bounces) = options.bounces {
         // What the reference says is compared with this below.
         test.picture = test.picture.with_attribute("bounces", bounces);
@@ -84,9 +89,10 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
         variance.as_ref(),
     )
     .map_err(Failure::input)?;
-    console.print(&table(&test.file.path, &reference.file.path, &errors))?;
+    console.print(&(table(&test.file.path, &reference.file.path, &errors) + &parts.as_ref().map_or_else(String::new, Parts::table)))?;
     if let Some(json) = json {
-        json.write_json(&Comparison { test: test.file.path.display().to_string(), reference: reference.file.path.display().to_string(), errors: &errors })?;
+        let [test, reference] = [&test, &reference].map(|input| input.file.path.display().to_string());
+        json.write_json(&Comparison { test, reference, errors: &errors, parts: parts.as_ref() })?;
     }
     judge(&errors, &options.fail_above)
 }
@@ -184,6 +190,42 @@ struct Comparison<'a> {
     reference: String,
     #[serde(flatten)]
     errors: &'a Errors,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    parts: Option<&'a Parts>,
+}
+
+/// An error in two parts.
+#[derive(Serialize)]
+struct Parts {
+    /// Of a reference of the picture's own bounces, against that of more.
+    left_out: Errors,
+    /// Of the picture, against that reference.
+    method: Errors,
+}
+
+impl Parts {
+    fn new(test: &Input, own: &Input, reference: &Input, options: &Options) -> Result<Self, Failure> {
+        let with_bounces = |bounces: Option<&str>| {
+            let picture = bounces.map_or_else(|| own.picture.clone(), |bounces| own.picture.clone().with_attribute("bounces", bounces));
+            Input { file: own.file.clone(), picture }
+        };
+        let asked = options.bounces.map(|bounces| bounces.to_string());
+        let compared = |test: &Input, reference: &Input| {
+            let [test_layer, reference_layer] = choose_layers(test, reference)?;
+            if !options.anyway {
+                expect_same_view(test, reference)?;
+            }
+            let [test, reference] = [Selected { picture: &test.picture, layer: test_layer }, Selected { picture: &reference.picture, layer: reference_layer }];
+            compare_layers(test, reference, None).map_err(Failure::input)
+        };
+        Ok(Self { left_out: compared(&with_bounces(asked.as_deref()), reference)?, method: compared(test, own)? })
+    }
+
+    fn table(&self) -> String {
+        let head = |what: &str| format!("{what}\n  {:<16}{:>12}   {:<23} noise of the reference in it\n", "", "", "95 % interval");
+        let rows = |errors: &Errors| ["rmse_over_mean", "bias_over_mean"].map(|metric| row(errors, metric)).concat();
+        [head("of this the light left out"), rows(&self.left_out), head("and the method, against a reference of its own bounces"), rows(&self.method)].concat()
+    }
 }
 
 /// What an error that the reference's noise hides is known to be below.

@@ -11,7 +11,7 @@ use crate::measure::sweep::Point;
 /// A picture for each point that is measured; `keys` are those that the points are kept under.
 pub(super) fn gallery<'j>(points: &[Point], keys: &[String], folder: &Folder, judge: &'j Judge, size: [u32; 2]) -> Result<Gallery<'j>, Failure> {
     let picture = |index: usize| points[index].measured().and_then(|_| folder.picture(&keys[index]).ok());
-    let truth = if let Judge::Truth(truth) = judge { Some(Truth::picture(truth)) } else { None };
+    let truth = if let Judge::Truth(truth, _) = judge { Some(Truth::picture(truth)) } else { None };
     let measured = points.iter().filter(|point| point.measured().is_some()).count();
     let mut gallery = Gallery::new(size, measured, truth);
     for index in 0..points.len() {

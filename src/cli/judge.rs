@@ -1,13 +1,14 @@
 //! What the pictures of a survey are judged by.
 
-use super::truth::Truth;
+use super::truth::{Shorter, Truth};
 use crate::measure::compare::ReferenceReport;
 use crate::measure::survey::Survey;
 use std::collections::BTreeMap;
 
 pub(super) enum Judge {
     Nothing,
-    Truth(Box<Truth>),
+    /// And by shorter ones what is the method's.
+    Truth(Box<Truth>, Vec<Shorter>),
     Row(JudgingRow),
 }
 
@@ -31,10 +32,10 @@ impl JudgingRow {
 
 impl Judge {
     /// By the row of this place, or else by this picture, if there is one.
-    pub(super) fn new(row: Option<usize>, survey: &Survey, truth: Option<Truth>) -> Self {
+    pub(super) fn new(row: Option<usize>, survey: &Survey, truth: Option<Truth>, shorter: Vec<Shorter>) -> Self {
         match (row, truth) {
             (Some(index), _) => Self::Row(JudgingRow { name: survey.rows[index].name.clone(), index, columns: survey.columns(), pictures: BTreeMap::new() }),
-            (None, Some(truth)) => Self::Truth(Box::new(truth)),
+            (None, Some(truth)) => Self::Truth(Box::new(truth), shorter),
             (None, None) => Self::Nothing,
         }
     }
@@ -42,7 +43,7 @@ impl Judge {
     pub(super) fn report(&self) -> Option<ReferenceReport> {
         match self {
             Self::Nothing => None,
-            Self::Truth(truth) => Some(truth.report()),
+            Self::Truth(truth, _) => Some(truth.report()),
             Self::Row(row) => Some(ReferenceReport {
                 file: None,
                 row: Some(row.name.clone()),

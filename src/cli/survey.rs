@@ -9,16 +9,16 @@ use super::interrupt::Shelter;
 use super::judge::Judge;
 use super::kept::{self, Folder};
 use super::output::{Target, expect_distinct};
-use super::pipeline::note_names;
+use super::pipeline::{judged_bounces, note_names};
 use super::points::{check, expect_none_refused, listed, planned, weigh};
 use super::progress::Progress;
 use super::resources::expect_memory;
 use super::scene::{SceneOptions, View};
-use super::truth::{Truth, TruthOptions, content};
+use super::truth::{Shorter, Truth, TruthOptions, content};
 use crate::gpu::{AskPace, Gpu, Pace};
 use crate::measure::Layers;
 use crate::measure::cache::Checksum;
-use crate::measure::compare::{self, About, Contender, ReferenceReport, VariantErrors, approximations};
+use crate::measure::compare::{self, About, Contender, ErrorParts, ReferenceReport, VariantErrors, approximations};
 use crate::measure::expectation;
 use crate::measure::plot::{Paper, svg};
 use crate::measure::run::{Run, RunError};
@@ -93,11 +93,13 @@ pub(super) fn run(survey: &Survey, scene: &SceneOptions, reference: &Reference, 
     let judged = outside.judged(plans.iter().flatten())?;
     let given = outside.given(&view, judged)?;
     let keeper = outside.keeper(&view, judged)?;
+    let shorter_keepers = outside.shorter_keepers(&view, plans.iter().flatten(), judged)?;
     let gpu = Gpu::open().map_err(Failure::work)?;
     let truth = given.map_or_else(|| keeper.map(|keeper| keeper.obtain(&view, console)).transpose(), |given| Ok(Some(given)))?;
     warn_of_unstated_bounces(truth.as_ref(), console);
+    let shorter = Shorter::all(&shorter_keepers, truth.as_ref(), &view, console)?;
 
-    let judge = Judge::new(row, survey, truth);
+    let judge = Judge::new(row, survey, truth, shorter);
     let keys = keys(&pipelines, &judge, &conditions(&view, &gpu), survey.runs);
     let found = folder.find(&mut points, &keys, console);
     tell_what_is_there(&points, found, &folder, console);
@@ -172,7 +174,7 @@ fn keys(pipelines: &[Pipeline], judge: &Judge, conditions: &str, runs: u16) -> V
     let key = |(index, pipeline): (usize, &Pipeline)| {
         let reference = match judge {
             Judge::Nothing => "none".to_owned(),
-            Judge::Truth(truth) => truth.content(),
+            Judge::Truth(truth, shorter) => [truth.content()].into_iter().chain(shorter.iter().map(Shorter::content)).collect::<Vec<_>>().join("\n"),
             Judge::Row(row) => format!("pipeline {}", Checksum::of(pipelines[row.point_of(index)].to_ron().as_bytes())),
         };
         format!("{conditions}reference {reference}\nruns {runs}\n{}", pipeline.to_ron())
@@ -213,6 +215,7 @@ struct Entry<'a> {
     /// Of the warm-up, as it is kept.
     picture: Layers,
     errors: VariantErrors,
+    error_parts: Option<ErrorParts>,
 }
 
 impl<'a> Work<'a> {
@@ -242,8 +245,9 @@ impl<'a> Work<'a> {
             match self.warm_up(plan, &pace(place)) {
                 Ok((contender, picture)) => {
                     let kept = kept::shown(&picture);
+                    let error_parts = self.parts(plan, &picture)?;
                     let errors = self.judge(*index, picture, &pace(place))?;
-                    entries.push(Entry { index: *index, contender, picture: kept, errors });
+                    entries.push(Entry { index: *index, contender, picture: kept, errors, error_parts });
                 }
                 Err(error) if refuses(&error) => self.points[*index].outcome = Outcome::Refused { because: with_code(&error) },
                 Err(error) => return Err(Failure::of_run(error)),
@@ -267,10 +271,17 @@ impl<'a> Work<'a> {
         Contender::warm_up(run, pace)
     }
 
+    /// What of a point's error is of the bounces that it leaves out, and what is its method's.
+    fn parts(&self, plan: &Plan, picture: &Layers) -> Result<Option<ErrorParts>, Failure> {
+        let Judge::Truth(_, shorter) = &self.judge else { return Ok(None) };
+        let own = shorter.iter().find(|truth| truth.bounces() == judged_bounces(plan));
+        own.map(|own| own.parts(picture.clone())).transpose()
+    }
+
     fn judge(&mut self, index: usize, picture: Layers, pace: AskPace) -> Result<VariantErrors, Failure> {
         let judging = match &self.judge {
             Judge::Nothing => return Ok(VariantErrors::default()),
-            Judge::Truth(truth) => return truth.judge(picture),
+            Judge::Truth(truth, _) => return truth.judge(picture),
             Judge::Row(row) => row.point_of(index),
         };
         self.look_at(judging, (judging == index).then_some(&picture), pace)?;
@@ -299,9 +310,9 @@ impl<'a> Work<'a> {
         Ok(())
     }
 
-    fn keep(&mut self, Entry { index, contender, picture, errors }: Entry<'a>) -> Result<(), Failure> {
+    fn keep(&mut self, Entry { index, contender, picture, errors, error_parts }: Entry<'a>) -> Result<(), Failure> {
         let point = &mut self.points[index];
-        let about = About { name: point.name(&[]), set: point.set.clone(), plan_seconds: 0.0, shaders_seconds: 0.0, errors, error_parts: None };
+        let about = About { name: point.name(&[]), set: point.set.clone(), plan_seconds: 0.0, shaders_seconds: 0.0, errors, error_parts };
         if let Some(report) = contender.report(point.id.clone(), about, usize::from(self.survey.runs)) {
             let measured = Measured::from(report);
             self.folder.keep(&self.keys[index], point, &measured, picture)?;

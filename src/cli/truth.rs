@@ -89,12 +89,23 @@ pub struct Shorter {
 }
 
 impl Shorter {
-    pub fn new(truth: Truth, whole: &Truth) -> Result<Self, Failure> {
+    fn new(truth: Truth, whole: &Truth) -> Result<Self, Failure> {
         Ok(Self { left_out: whole.judge(truth.picture.clone())?, truth })
+    }
+
+    /// Of each of these that the truth is longer than.
+    pub fn all(keepers: &[Keeper], whole: Option<&Truth>, view: &View, console: &Console) -> Result<Vec<Self>, Failure> {
+        let Some(whole) = whole else { return Ok(Vec::new()) };
+        keepers.iter().map(|keeper| Self::new(keeper.obtain(view, console)?, whole)).collect()
     }
 
     pub fn bounces(&self) -> Bounces {
         self.truth.bounces()
+    }
+
+    /// Everything that numbers by it depend on.
+    pub fn content(&self) -> String {
+        self.truth.content()
     }
 
     /// The error of a picture of so many bounces in two parts.

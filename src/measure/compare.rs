@@ -104,7 +104,7 @@ pub struct About {
 }
 
 /// An error in two parts: of the bounces left out, and of the method.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ErrorParts {
     /// That the variant makes.
     pub bounces: String,

@@ -1,6 +1,6 @@
 //! A pipeline over a grid of parameters: error over time, and which points nothing else beats.
 
-use super::compare::{AdapterReport, Comparison, Given, GivenPicture, ReferenceReport, VariantErrors, VariantReport};
+use super::compare::{AdapterReport, Comparison, Given, GivenPicture, ReferenceReport, ErrorParts, VariantErrors, VariantReport};
 use super::criteria::{Cost, Metric};
 use super::expectation::Found;
 use super::front::{Standing, front};
@@ -109,6 +109,9 @@ pub struct Measured {
     pub peak_gpu_bytes: u64,
     pub passes: Vec<PassMedian>,
     pub errors: VariantErrors,
+    /// Where the reference has more bounces than the point makes, and one of as many was made.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub error_parts: Option<ErrorParts>,
 }
 
 /// The median time of a node.
@@ -144,6 +147,7 @@ impl From<VariantReport> for Measured {
             peak_gpu_bytes: report.peak_gpu_bytes,
             passes: passes.collect(),
             errors: report.errors,
+            error_parts: report.error_parts,
         }
     }
 }

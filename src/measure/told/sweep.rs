@@ -2,7 +2,7 @@
 
 use super::comparison::{Cell, cell, count, line, of_errors, significant};
 use super::expectations;
-use crate::measure::compare::{VariantErrors, dropped};
+use crate::measure::compare::{ErrorParts, VariantErrors, dropped};
 use crate::measure::criteria::{Cost, Metric};
 use crate::measure::page::{Beside, Report};
 use crate::measure::survey::Survey;
@@ -31,7 +31,19 @@ pub fn text(sweep: &Sweep, survey: &Survey) -> String {
         "front"
     );
     let rows: String = sweep.points.iter().zip(&names).map(|(point, name)| row(point, name, widest, metric)).collect();
-    [head, against.unwrap_or_default(), columns, rows].concat()
+    [head, against.unwrap_or_default(), columns, rows, parts(sweep, metric)].concat()
+}
+
+/// What of the errors is of bounces that points leave out.
+fn parts(sweep: &Sweep, metric: &Metric) -> String {
+    let with_parts = sweep.points.iter().filter_map(|point| Some((point, point.measured()?.error_parts.as_ref()?)));
+    let row = |(point, parts): (&Point, &ErrorParts)| {
+        let [left_out, method] = [&parts.left_out, &parts.method].map(|errors| metric.told(errors).map_or("-".to_owned(), |told| told.sentence()));
+        format!("{:<4} {:>8} {left_out:>26} {method:>26}\n", point.id, parts.bounces)
+    };
+    let rows: String = with_parts.map(row).collect();
+    let head = format!("\n{metric} in two parts\n{:<4} {:>8} {:>26} {:>26}\n", "", "bounces", "light left out", "method");
+    if rows.is_empty() { rows } else { head + &rows }
 }
 
 fn row(point: &Point, name: &str, widest: usize, metric: &Metric) -> String {
@@ -142,6 +154,12 @@ fn cells(sweep: &Sweep, point: &Point, nodes: &[&str], survey: &Survey) -> Vec<C
         cells.extend(of_traffic(point.traffic));
     }
     cells.extend(of_errors(point.measured().map_or(&VariantErrors::default(), |measured| &measured.errors)));
+    if sweep.points.iter().filter_map(Point::measured).any(|measured| measured.error_parts.is_some()) {
+        let parts = point.measured().and_then(|measured| measured.error_parts.as_ref());
+        let of = |errors: Option<&VariantErrors>| errors.and_then(|errors| survey.metric.of(errors));
+        cells.push(cell(format!("{}_left_out", survey.metric), of(parts.map(|parts| &parts.left_out))));
+        cells.push(cell(format!("{}_method", survey.metric), of(parts.map(|parts| &parts.method))));
+    }
     cells.extend(nodes.iter().flat_map(|node| of_node(node, point.measured())));
     cells
 }

@@ -91,6 +91,17 @@ static DESCRIPTION: Description = Description {
             unit: "records",
             kind: ParameterKind::Integer { default: 131_072, min: 1, max: 900_000 },
         },
+        Parameter {
+            name: "lasts",
+            about: "how long records are kept",
+            unit: "",
+            kind: ParameterKind::Choice {
+                choices: &[
+                    Choice { name: "Always", about: "for all frames to come", parameters: &[] },
+                    Choice { name: "Frame", about: "until the frame ends: for light that changes from frame to frame", parameters: &[] },
+                ],
+            },
+        },
     ],
     inputs: &[Input {
         name: "lobes",
@@ -136,6 +147,8 @@ impl Pass for RecordCache {
             contrast: number("contrast"),
             finest_spacing: number("finest_spacing"),
         };
+        let lasts = e.arguments.choice("lasts").0 == "Always";
+        let buffer = |e: &mut Encoder<'_>, member: &str, bytes: u64| if lasts { e.history_buffer(member, bytes) } else { e.buffer(member, bytes) };
         let precision = if e.arguments.choice("coefficients").0 == "Half" { port::Precision::Half } else { port::Precision::Single };
         let mut capacity = e.arguments.integer("capacity") as u32;
         let coefficients = e.lobes("lobes").map(port::Lobes::order).map(|order| {
@@ -145,15 +158,15 @@ impl Pass for RecordCache {
                 e.remark(format!("room for {fits} records: the coefficients of order {order} of more do not fit into {} MiB", MOST_BYTES >> 20));
                 capacity = fits;
             }
-            port::Coefficients { values: e.history_buffer("coefficients", u64::from(capacity) * bytes), order, precision }
+            port::Coefficients { values: buffer(e, "coefficients", u64::from(capacity) * bytes), order, precision }
         });
         if coefficients.is_none() {
             e.idle("coefficients", "records hold irradiance alone");
         }
         let cache = port::RecordCache {
-            records: e.history_buffer("records", capacity as u64 * RECORD_BYTES),
+            records: buffer(e, "records", capacity as u64 * RECORD_BYTES),
             coefficients,
-            count: e.variable("count", true),
+            count: e.variable("count", lasts),
             capacity,
             weighting: e.constant_buffer("weighting", bytemuck::bytes_of(&Weighting::from(&rule))),
             rule,

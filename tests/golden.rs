@@ -121,12 +121,12 @@ impl Golden {
     /// The small picture of a pipeline.
     fn small(pipeline: &str) -> Self {
         let scene = match pipeline.split('-').next() {
-            Some("radiance") => "cornell-glossy",
+            _ if pipeline.split('-').any(|part| part == "radiance") => "cornell-glossy",
             Some("environment") => "teapot-noon",
             _ => "cornell",
         };
         // Records of photons stand where photons are.
-        let stands_by_pixels = scene.starts_with("cornell") && !["photon", "photon-density"].contains(&pipeline);
+        let stands_by_pixels = scene.starts_with("cornell") && !["photon", "photon-density", "photon-radiance"].contains(&pipeline);
         let sets: &[&str] = if stands_by_pixels { &["--set", SPACING] } else { &[] };
         Self { pipeline: pipeline.into(), sets, scene, size: SIZE, like: pipeline.into(), shaders: None, driver: None }
     }

@@ -72,8 +72,9 @@ fn nodes_change_what_they_say() -> Outcome {
             let setting = Setting { scene: &scene, needs: &needs, device, size: SIZE, tables: None };
             let Ok(plan) = plan(&pipeline, setting, &[], &|data| kind(&scene, data)) else { continue };
             for node in plan.schedule.nodes() {
-                // A loop keeps what its last round left.
-                let (own, kept) = (format!("{}.", node.name), format!(" round of {} before", node.name));
+                // A loop keeps what its last round left, and the end of a frame what that left.
+                let own = format!("{}.", node.name);
+                let kept = if node.name == "end of frame" { " frame before".to_owned() } else { format!(" round of {} before", node.name) };
                 let edges = inputs.get(&node.name[..]).copied().unwrap_or_default();
                 let may: BTreeSet<Resource> =
                     edges.iter().filter(|edge| edge.changes).filter_map(|edge| plan.ports.get(&edge.from.to_string())).flat_map(Port::resources).collect();

@@ -1,18 +1,18 @@
 #!/usr/bin/env python3
 """LuxCore's path tracer with its PhotonGI cache of indirect light on a case of cases.json, timed.
 
-    $PEERS_HOME/bin/python luxcore_photongi.py sibenik --size 1000 --radius 0.15 --photons 4000000 --samples 8 -o OUT
+    $PEERS_HOME/bin/python luxcore_photongi.py sibenik --size 1000 --radius 0.12 --photons 500000 --samples 8 -o OUT
 
 Writes OUT/CASE.indirect.exr (indirect irradiance at each pixel's centre, W/m2: the quantity of mitsuba_reference.py with --bounces) and prints seconds and
-settings as JSON. Photons fill points on what the camera's paths see, all of one disc of --radius; the picture's paths end at the nearest point where they
-first hit something further off than a random share of --usage radii. `--photons 0` is plain path tracing. `--denoise` ends with Open Image Denoise, as mitsuba_denoised.py does, and also
-writes OUT/CASE.noisy.exr, from before it.
+settings as JSON. First the camera's paths leave points on what they see, then photons give those the light of discs of --radius. The picture's paths end
+at the nearest point where, past the first surface, they hit something further off than a random share of --usage radii. `--photons 0` is plain path
+tracing. `--denoise` ends with Open Image Denoise, as mitsuba_denoised.py does, and also writes OUT/CASE.noisy.exr, from before it.
 
-LuxCore's layer of indirect light lacks what comes from the cache. So that light is the radiance less the layer of direct light, sample by sample the same,
+LuxCore's layer of indirect light lacks what comes from the cache. So that light is the radiance less the layer of direct light, which is of the same paths,
 times pi over the reflectance.
 
-"seconds" holds the cache and the rendering. It holds neither loading the scene, nor building LuxCore's acceleration structure, nor writing the picture. "processor_seconds"
-holds all threads' work, the acceleration structure's too: more than --processes times "seconds" less tells that something else ran beside it.
+"seconds" holds the cache, the rendering and the denoiser. It holds neither loading the scene, nor building LuxCore's acceleration structure, nor writing the
+picture. "processor_seconds" is what LuxCore's threads worked: far less than --processes times the seconds tells that other programs ran beside it.
 """
 import argparse, concurrent.futures, contextlib, json, multiprocessing, os, pathlib, sys, time
 

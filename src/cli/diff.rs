@@ -71,7 +71,12 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     let json = options.json.as_deref().map(Target::new).transpose()?;
     let (mut test, reference) = (Input::read(&options.test)?, Input::read(&options.reference)?);
     let own = options.own.as_deref().map(Input::read).transpose()?;
-    let read: Vec<&Path> = [&test.file.path, &reference.file.path].into_iter().chain(own.iter().map(|own| &own.file.path)).chain(&options.variance).map(PathBuf::as_path).collect();
+    let read: Vec<&Path> = [&test.file.path, &reference.file.path]
+        .into_iter()
+        .chain(own.iter().map(|own| &own.file.path))
+        .chain(&options.variance)
+        .map(PathBuf::as_path)
+        .collect();
     expect_distinct(&options.json.iter().map(PathBuf::as_path).collect::<Vec<_>>(), &read)?;
     let parts = own.as_ref().map(|own| Parts::new(&test, own, &reference, options)).transpose()?;
     if let Some(bounces) = options.bounces {

@@ -143,8 +143,11 @@ impl<'a> Encoder<'a> {
         self.encoded.reports.push((name, Reported::Variable(variable)));
     }
 
-    /// Makes a history one that `--cache` saves and loads.
+    /// Makes a history one that `--cache` saves and loads; what ends with the frame is none.
     pub fn persist(&mut self, name: &'static str, items: Resource, item_bytes: u64, count: Variable) {
+        if !matches!(self.schedule.resource(items).lifetime, Lifetime::History) {
+            return;
+        }
         self.encoded.persistent.push(Persistent { name, items, item_bytes, count });
     }
 

@@ -1,6 +1,6 @@
 //! A pipeline over a grid of parameters: error over time, and which points nothing else beats.
 
-use super::compare::{AdapterReport, Comparison, Given, GivenPicture, ReferenceReport, ErrorParts, VariantErrors, VariantReport};
+use super::compare::{AdapterReport, Comparison, ErrorParts, Given, GivenPicture, ReferenceReport, VariantErrors, VariantReport};
 use super::criteria::{Cost, Metric};
 use super::expectation::Found;
 use super::front::{Standing, front};

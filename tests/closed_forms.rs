@@ -56,6 +56,9 @@ fn cases() -> Vec<(String, Case)> {
     cases.push(("a_sift_loses_no_triangle".into(), Box::new(sift_loses_nothing)));
     cases.push(("one_bounce_in_an_oven".into(), Box::new(one_bounce_in_an_oven)));
     cases.push(("all_bounces_in_an_oven".into(), Box::new(all_bounces_in_an_oven)));
+    for place in ["Host", "Device"] {
+        cases.push((format!("walls_that_shine_and_reflect {place}"), Box::new(move |gpu| walls_that_shine_and_reflect(gpu, place))));
+    }
     for (pipeline, limit) in [("photon", 0.02), ("photon-density", 0.02), ("photon-gather", 0.01), ("photon-gather-density", 0.02)] {
         cases.push((format!("photons_in_an_oven {pipeline}"), Box::new(move |gpu| photons_in_an_oven(gpu, pipeline, limit))));
     }
@@ -650,6 +653,26 @@ fn mean_irradiance(gpu: &Gpu, room: &Room, edge: u32, pipeline: (&str, &[String]
         let picture = run.picture().map_err(|e| e.to_string())?;
         let [red, ..] = picture.rgb("irradiance").map_err(|e| e.to_string())?;
         Ok(red.iter().map(|value| f64::from(*value)).sum::<f64>() / red.len() as f64)
+    })
+}
+
+/// Walls that emit 1 and reflect half light each other directly by a half, wherever: lamps that touch what they light. Of one bounce more there is π/2.
+fn walls_that_shine_and_reflect(gpu: &Gpu, place: &str) -> Outcome {
+    let room = Room::new(
+        r#"Scene(version: 1, geometry: [Box(min: (-1, -1, -1), max: (1, 1, 1))], materials: { "*": Emitter(radiance: (1, 1, 1), reflectance: (0.5, 0.5, 0.5)) },
+        cameras: { "main": (eye: (-0.6, 0.3, 0.9), target: (0.2, -0.2, -0.4), fov: 75) })"#,
+    )?;
+    let sets = ["direct", "tiles", "detail_tiles"].map(|node| format!("{node}.place={place}"));
+    rendered(gpu, &room, [48, 48], ("irradiance", &sets), |run, _| {
+        let picture = run.picture().map_err(|e| e.to_string())?;
+        let [direct, irradiance] = ["direct", "irradiance"].map(|layer| picture.rgb(layer).map(|[red, ..]| red.to_vec()));
+        for (layer, found, known) in [("direct", direct, 0.5), ("irradiance", irradiance, PI / 2.0)] {
+            let found: Vec<f64> = found.map_err(|e| e.to_string())?.into_iter().map(f64::from).collect();
+            let mean = found.iter().sum::<f64>() / found.len() as f64;
+            at_most(&format!("{layer} {mean}, of {known},"), (mean / known - 1.0).abs(), 0.02)?;
+            at_most(&format!("{layer} at its brightest"), found.iter().fold(0.0, |most: f64, light| most.max(*light)) / known, 4.0)?;
+        }
+        Ok(())
     })
 }
 

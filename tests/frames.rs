@@ -724,7 +724,8 @@ fn photons_cut_off() -> Outcome {
     let white = r#"Scene(version: 1, geometry: [Box(min: (0, 0, 0), max: (2, 2, 2))], materials: { "*": Diffuse(reflectance: (1, 1, 1)) },
         lights: [Point(position: (1, 1.5, 1), intensity: (1, 1, 1))], cameras: { "main": (eye: (1, 1, 0.1), target: (1, 1, 2), fov: 60, size: (16, 16)) })"#;
     fs::write(place.path("white.ron"), white).map_err(failed)?;
-    let render = |scene: &str, set: &str| place.render_by("photon-gather", scene, &["--set", "map.photons=5000", "--set", set, "--dump", "map", "-o", "out.exr"]);
+    let render =
+        |scene: &str, set: &str| place.render_by("photon-gather", scene, &["--set", "map.photons=5000", "--set", set, "--dump", "map", "-o", "out.exr"]);
     let (status, told) = render("white.ron", "map.legs=64")?;
     check(status == 0 && told.contains("photons of `map` were still on their way"), || told)?;
     for (scene, set) in [("white.ron", "map.legs=2"), ("cornell", "map.legs=64")] {

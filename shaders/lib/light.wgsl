@@ -3,6 +3,7 @@
 #import lib/lobe
 #import lib/random
 #import lib/frame
+#import lib/spherical_triangle
 #import lib/trace
 #import VISIBILITY
 
@@ -117,6 +118,13 @@ fn pick_emitter(at: f32) -> u32 {
     return scene_emitter(low).triangle;
 }
 
+// Whether a lamp, from its corner on as it is seen, is so near that its points differ much in what they stand for: no farther than its longest edge is long.
+fn is_lamp_near(corner: vec3f, e1: vec3f, e2: vec3f) -> bool {
+    let middle = corner + (e1 + e2) / 3.0;
+    let longest = max(dot(e1, e1), max(dot(e2, e2), dot(e2 - e1, e2 - e1)));
+    return dot(middle, middle) < longest;
+}
+
 // Reflected light of emissive triangles: points in proportion to area × luminance, in `AREA_SAMPLES` strata of the
 // running sum; the point within the triangle by a rank-1 lattice, shifted by `seed`.
 fn area_reflected(surface: Surface, seed: u32) -> vec3f {
@@ -134,19 +142,32 @@ fn area_reflected(surface: Surface, seed: u32) -> vec3f {
         let b = vec2f(root * (1.0 - u.y), root * u.y);
         let e1 = scene_corners[3u * triangle + 1u].xyz;
         let e2 = scene_corners[3u * triangle + 2u].xyz;
-        let point = scene_corners[3u * triangle].xyz + e1 * b.x + e2 * b.y;
+        let corner = scene_corners[3u * triangle].xyz - origin;
         let material = scene_material(material_of(triangle));
-        let d = point - origin;
+        var d = corner + e1 * b.x + e2 * b.y;
+        let plane = cross(e1, e2);
+        let is_near = is_lamp_near(corner, e1, e2);
+        var seen: SphericalTriangle;
+        if is_near {
+            seen = spherical_triangle(corner, corner + e1, corner + e2);
+            if seen.solid_angle > 0.0 {
+                let direction = sample_spherical_triangle(seen, u);
+                d = direction * (dot(corner, plane) / dot(direction, plane));
+            }
+        }
         let squared = max(dot(d, d), 1e-30);
         let to_light = d * inverseSqrt(squared);
-        let plane = cross(e1, e2);
         var leaving = -dot(plane, to_light) / max(length(plane), 1e-37);
         if (material.flags & TWO_SIDED) != 0u {
             leaving = abs(leaving);
         }
         let arriving = dot(surface.normal, to_light);
         if leaving > 0.0 && arriving > 0.0 && dot(surface.face_normal, to_light) > 0.0 && !trace_occluded(origin, d, 0.9999) {
-            sum += response(surface, to_light) * material.emission * (arriving * leaving / squared / max(luminance(material.emission), 1e-37));
+            // What a point of the lamp stands for: its area as it is seen, or an equal share of the solid angle of all.
+            let by_area = leaving / squared;
+            let by_angle = seen.solid_angle / max(0.5 * length(plane), 1e-37);
+            let share = select(by_area, by_angle, seen.solid_angle > 0.0);
+            sum += response(surface, to_light) * material.emission * (arriving * share / max(luminance(material.emission), 1e-37));
         }
     }
     return sum * (scene_parameters.emitter_weight / f32(max(AREA_SAMPLES, 1u)));

@@ -20,6 +20,7 @@ pub mod random;
 pub mod record_index;
 mod record_tree;
 pub mod solid_angle;
+pub mod spherical_triangle;
 pub mod sum;
 pub mod sum_vectors;
 pub mod thinning;

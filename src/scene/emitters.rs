@@ -12,6 +12,7 @@ use crate::math::{
     frame::Frame,
     lobe::around,
     random::{hash, unit},
+    spherical_triangle::SphericalTriangle,
     vectors::{LANES, Vectors},
 };
 use fearless_simd::{Simd, f32x8, prelude::*};
@@ -28,6 +29,8 @@ pub struct AreaLight {
     two_sided: bool,
     /// Emission over its luminance.
     hue: Rgb,
+    /// Longest edge, squared [scene units²].
+    longest: f32,
 }
 
 impl AreaLight {
@@ -36,7 +39,9 @@ impl AreaLight {
             let triangle = &scene.triangles[emitter.triangle as usize];
             let material = &scene.materials[triangle.material as usize];
             let [a, b, c] = triangle.positions;
+            let longest = [b - a, c - a, c - b].map(Vec3::length_squared).into_iter().fold(0.0, f32::max);
             Self {
+                longest,
                 cumulative: emitter.cumulative,
                 corner: a,
                 edges: [b - a, c - a],
@@ -46,6 +51,28 @@ impl AreaLight {
             }
         };
         scene.emitters().into_iter().map(light).collect()
+    }
+}
+
+impl AreaLight {
+    /// The way to a point of a lamp that is no farther than its longest edge is long, spread evenly over the solid angle that it covers, and what it stands for: the
+    /// points of such a lamp are too unlike to be spread over its area. None where it is farther away, or too thin.
+    #[inline(always)]
+    fn near(&self, surface: &Surface, origin: Vec3, numbers: [f32; 2]) -> Option<(Vec3, f32)> {
+        let corner = self.corner - origin;
+        if (corner + (self.edges[0] + self.edges[1]) / 3.0).length_squared() >= self.longest {
+            return None;
+        }
+        let seen = SphericalTriangle::new([corner, corner + self.edges[0], corner + self.edges[1]])?;
+        let direction = seen.sample(numbers);
+        let (leaving, arriving) = (-self.normal.dot(direction), surface.normal.dot(direction));
+        let shines = (leaving > 0.0 || self.two_sided && leaving < 0.0) && arriving > 0.0 && surface.face.dot(direction) > 0.0;
+        if !shines {
+            return Some((Vec3::ZERO, 0.0));
+        }
+        let way = direction * (corner.dot(self.normal) / direction.dot(self.normal));
+        let area = 0.5 * self.edges[0].cross(self.edges[1]).length();
+        Some((way, arriving * seen.solid_angle / area))
     }
 }
 
@@ -158,7 +185,7 @@ impl<'a> Emitters<'a> {
             let count = (self.area - first).min(RAYS as u32);
             let mut shining = Shining { rays: ShadowRays { directions: [Vec3::ZERO; RAYS], all: 0 }, area_lights: [0; RAYS], form_factors: [0.0; RAYS] };
             for group in (0..count).step_by(LANES) {
-                self.sample_lamps(simd, surface, origin, shift, [first, group], &mut shining);
+                self.sample_lamps(simd, surface, origin, shift, [first, group, count], &mut shining);
             }
             shining.rays.all &= u64::MAX >> (RAYS as u32 - count);
             let mut free = shining.rays.all & !self.hidden(origin, &shining.rays, Until::TheirEnd, to_do);
@@ -181,11 +208,11 @@ impl<'a> Emitters<'a> {
         self.area_lights.last().map_or(0.0, |last| last.cumulative)
     }
 
-    /// The eight samples from the `group`th of those from the `first` on: points in proportion to area × luminance, in strata of the running sum, within
+    /// The eight samples from the `group`th of the `count` from the `first` on: points in proportion to area × luminance, in strata of the running sum, within
     /// the triangle by a lattice.
     #[inline(always)]
-    fn sample_lamps<S: Simd>(&self, simd: S, surface: &Surface, origin: Vec3, shift: Vec3, [first, group]: [u32; 2], shining: &mut Shining) {
-        let group = group as usize;
+    fn sample_lamps<S: Simd>(&self, simd: S, surface: &Surface, origin: Vec3, shift: Vec3, [first, group, count]: [u32; 3], shining: &mut Shining) {
+        let (group, count) = (group as usize, count as usize);
         let mut area_lights = [0; LANES];
         let mut numbers = [0.0; LANES];
         for lane in 0..LANES {
@@ -213,6 +240,14 @@ impl<'a> Emitters<'a> {
         }
         shining.form_factors[group..group + LANES].copy_from_slice(&(leaving * arriving / squared).to_array());
         shining.rays.all |= shines.to_bitmask() << group;
+        let (u, v) = (u.to_array(), v.to_array());
+        for lane in 0..LANES.min(count - group) {
+            let near = self.area_lights[area_lights[lane]].near(surface, origin, [u[lane], v[lane]]);
+            let Some((way, form_factor)) = near else { continue };
+            let ray = group + lane;
+            (shining.rays.directions[ray], shining.form_factors[ray]) = (way, form_factor);
+            shining.rays.all = shining.rays.all & !(1 << ray) | u64::from(form_factor > 0.0) << ray;
+        }
     }
 
     /// The emitters of eight samples, which mostly are one.

@@ -31,8 +31,14 @@ fn orders(order: &str) -> [Change<'_>; 1] {
     [("LobeCoefficients", "order", order)]
 }
 
+/// Records of photons hold what surfaces have reflected, by groups of a few hundred.
+fn expect_no_photons(bench: &Bench<'_>) -> Result<(), Trouble> {
+    bench.expect_no_pass("PhotonTiles", "a lone lobe under a sky gets no photons but those that come straight from it")
+}
+
 /// An even sky is one harmonic, so that what a lobe reflects of it is its albedo, whatever else the order cuts off.
 pub(super) fn albedos(bench: &Bench<'_>) -> Seen {
+    expect_no_photons(bench)?;
     bench.expect_pass("LobeCoefficients")?;
     let mut farthest = (0.0, String::new());
     for (material, order) in MATERIALS.into_iter().zip([20, 20, 20, 1]) {
@@ -77,6 +83,7 @@ pub(super) fn beyond(bench: &Bench<'_>) -> Seen {
 
 /// A bright light beside the dark: what cut off expansions make of it is bounded.
 pub(super) fn ringing(bench: &Bench<'_>) -> Seen {
+    expect_no_photons(bench)?;
     bench.expect_pass("RadianceProjection")?;
     let room = Room::corner().of("Phong(reflectance: (0.2, 0.2, 0.2), specular: (0.7, 0.7, 0.7), exponent: 200)");
     let mean = |order: &str| Ok::<_, Trouble>(bench.light(&room, &orders(order))?.mean());

@@ -6,10 +6,7 @@ use crate::contract::{Encoder, port};
 use crate::math::{frame::Frame, record_index::Shares};
 use crate::passes::irradiance_field::Asked;
 use crate::passes::record::{REQUEST_BYTES, Request, index_of, light_of};
-use crate::scene::{
-    packets::{HitShader, Numbers, RayBundle, View},
-    shadow_maps::ShadowMaps,
-};
+use crate::scene::packets::{HitShader, Numbers, RayBundle, View};
 use crate::schedule::*;
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
@@ -41,19 +38,8 @@ pub(super) fn encode_shaded(e: &mut Encoder<'_>, work: &Work, maps: Option<port:
         let places: Vec<Request> = bytemuck::pod_collect_to_vec(host.read(requests.places));
         let mut samples = host.take(radiance);
         let (lighting, index) = (host_shade::lighting(host, lighting)?, indirect.and_then(|field| field.index(host)));
-        let maps = maps.map_or_else(ShadowMaps::default, |maps| host_shade::shadow_maps(&maps, host));
-        let emitters = lighting.emitters(host.scene(), host.bvh(), host.extent());
         let indirect = indirect.and_then(|field| field.on_host(host, index.as_deref()));
-        let shader = Shading {
-            lighting: &lighting,
-            maps,
-            scene: host.scene(),
-            emitters,
-            bvh: host.bvh(),
-            extent: host.extent(),
-            places: &places,
-            indirect: indirect.as_ref(),
-        };
+        let shader = Shading { indirect: indirect.as_ref(), ..Shading::of(host, &lighting, maps, &places) };
         let seen = &mut samples[..places.len() * bundle.samples];
         host.bvh().packets(host.scene()).trace(host.scene(), &views(&places), &bundle, &shader, seen);
         let bytes = size_of_val(seen) as u64;
@@ -83,18 +69,7 @@ pub(super) fn encode_steady(e: &mut Encoder<'_>, work: &Work, maps: Option<port:
     let cast = move |host: &mut dyn HostContext| {
         let places: Vec<Request> = bytemuck::pod_collect_to_vec(host.read(requests.places));
         let lighting = host_shade::lighting(host, lighting)?;
-        let maps = maps.map_or_else(ShadowMaps::default, |maps| host_shade::shadow_maps(&maps, host));
-        let emitters = lighting.emitters(host.scene(), host.bvh(), host.extent());
-        let shader = Keeping(Shading {
-            lighting: &lighting,
-            maps,
-            scene: host.scene(),
-            emitters,
-            bvh: host.bvh(),
-            extent: host.extent(),
-            places: &places,
-            indirect: None,
-        });
+        let shader = Keeping(Shading::of(host, &lighting, maps, &places));
         let mut sights = vec![Keeping::NOTHING; places.len() * bundle.samples];
         host.bvh().packets(host.scene()).trace(host.scene(), &views(&places), &bundle, &shader, &mut sights);
         let (seen, hits) = sights.into_iter().map(|sight| (sight.seen, sight.hit)).unzip();

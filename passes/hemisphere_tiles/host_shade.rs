@@ -63,7 +63,7 @@ pub(super) fn encode(e: &mut Encoder<'_>, samples: [u32; 2], sees: Sees) -> Reso
 }
 
 /// The maps, in a host step that reads them.
-pub(super) fn shadow_maps<'a>(maps: &port::ShadowMaps, host: &'a dyn HostContext) -> ShadowMaps<'a> {
+fn shadow_maps<'a>(maps: &port::ShadowMaps, host: &'a dyn HostContext) -> ShadowMaps<'a> {
     ShadowMaps {
         depth: bytemuck::cast_slice(host.read(maps.depth)),
         resolution: maps.resolution,
@@ -90,6 +90,15 @@ pub(super) struct Shading<'a> {
     pub places: &'a [Request],
     /// What lights surfaces besides, by way of others.
     pub indirect: Option<&'a Field<'a>>,
+}
+
+impl<'a> Shading<'a> {
+    /// In a host step that reads the maps, by direct light alone.
+    pub fn of(host: &'a dyn HostContext, lighting: &'a Lighting, maps: Option<port::ShadowMaps>, places: &'a [Request]) -> Self {
+        let (scene, bvh, extent) = (host.scene(), host.bvh(), host.extent());
+        let maps = maps.map_or_else(ShadowMaps::default, |maps| shadow_maps(&maps, host));
+        Self { lighting, maps, scene, emitters: lighting.emitters(scene, bvh, extent), bvh, extent, places, indirect: None }
+    }
 }
 
 /// Eight samples each, which are computed side by side.

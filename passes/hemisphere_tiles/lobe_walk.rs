@@ -1,13 +1,10 @@
-//! What lobes of the surfaces that samples see reflect of light that other surfaces reflect: `shaders/hemisphere_tiles/lobe_walk.wgsl` has the twin.
+//! What lobes of the surfaces that samples see reflect of light that other surfaces reflect: `shaders/lib/lobe_walk.wgsl` has the twin.
 //!
 //! A sample that meets a lobe goes on, by the lobe or not, as chance has it, until it stays at a surface: there the irradiance field is asked. On its way it gathers what
 //! surfaces reflect of direct light.
 
 use super::host_shade::{Hit, Shading};
-use crate::math::{
-    colour::luminance,
-    random::{combine, hash, unit},
-};
+use crate::math::random::{combine, hash, unit};
 use crate::scene::{
     Rgb,
     packets::{ALMOST, ToDo},
@@ -48,7 +45,7 @@ impl Shading<'_> {
         for number in 0..MOST_LOBES {
             let Some(gloss) = at.glossy else { break };
             let seed = combine(seed, FIRST_SEED + number);
-            let by_lobe = lobe_share(&at, &gloss);
+            let by_lobe = if at.reflectance == Vec3::ZERO { 1.0 } else { gloss.lobe.share(at.reflectance) };
             if unit(hash(seed ^ 0x1656_67b1)) >= by_lobe {
                 return Walked { light, hit: hit(&at, share / (1.0 - by_lobe), Vec3::ZERO) };
             }
@@ -89,15 +86,6 @@ impl Shading<'_> {
         }
         light
     }
-}
-
-/// How often a sample goes on by a lobe: by how much of light from all sides it and the diffuse part reflect.
-fn lobe_share(at: &Surface, gloss: &Gloss) -> f32 {
-    if at.reflectance == Vec3::ZERO {
-        return 1.0;
-    }
-    let [lobe, diffuse] = [gloss.lobe.reflectance, at.reflectance].map(|colour| luminance(colour.as_dvec3()) as f32);
-    (lobe / (lobe + diffuse).max(f32::MIN_POSITIVE)).clamp(0.1, 0.9)
 }
 
 fn step(at: &Surface, gloss: &Gloss, seed: u32, by_lobe: f32) -> Option<Step> {

@@ -2,7 +2,6 @@
 
 use super::{Reflects, guide::Guide};
 use crate::math::{
-    colour::luminance,
     frame::Frame,
     lobe::around,
     random::{combine, hash, unit},
@@ -126,7 +125,7 @@ fn by_shading(surface: &Surface, direction: Vec3) -> f32 {
 /// The same where there is a lobe, with the diffuse part or without it.
 fn scattered_by_lobe(surface: &Surface, gloss: &Gloss, with_diffuse: bool, [u, v, choice]: [f32; 3]) -> Option<(Vec3, Rgb)> {
     let diffuse = if with_diffuse { surface.reflectance } else { Vec3::ZERO };
-    let by_lobe = if with_diffuse { lobe_share(gloss.lobe.reflectance, diffuse) } else { 1.0 };
+    let by_lobe = if with_diffuse { gloss.lobe.share(diffuse) } else { 1.0 };
     let direction = match choice < by_lobe {
         true => gloss.frame.to_world(gloss.lobe.sample(gloss.outgoing, [u, v])).try_normalize()?,
         false => cosine_direction(surface.face, [u, v]),
@@ -138,12 +137,6 @@ fn scattered_by_lobe(surface: &Surface, gloss: &Gloss, with_diffuse: bool, [u, v
     let density = by_lobe * gloss.lobe.density(gloss.outgoing, leaving) + (1.0 - by_lobe) * cosine * FRAC_1_PI;
     let reflected = diffuse * gloss.lobe.leaves(leaving.z) * FRAC_1_PI + gloss.lobe.value(gloss.outgoing, leaving);
     Some((direction, reflected * (cosine / density.max(f32::MIN_POSITIVE))))
-}
-
-/// How often a direction is drawn from a lobe. Either is at times, as what a lobe reflects grows toward its horizon.
-fn lobe_share(lobe: Rgb, diffuse: Rgb) -> f32 {
-    let [lobe, diffuse] = [lobe, diffuse].map(|colour| luminance(colour.as_dvec3()) as f32);
-    (lobe / (lobe + diffuse).max(f32::MIN_POSITIVE)).clamp(0.1, 0.9)
 }
 
 fn cosine_direction(normal: Vec3, [u, v]: [f32; 2]) -> Vec3 {

@@ -1,3 +1,4 @@
+#import lib/colour
 #import lib/scene
 
 // Glossy lobes in the frame of a surface, z its normal: as math::lobe.
@@ -15,6 +16,12 @@ struct Lobe {
 fn lobe_of(surface: Surface) -> Lobe {
     let least = select(vec2f(LEAST_ALPHA), vec2f(0.0), surface.lobe == PHONG);
     return Lobe(surface.lobe, clamp(surface.lobe_shape, least, vec2f(MOST_EXPONENT)), surface.specular);
+}
+
+// As Lobe::share.
+fn lobe_share(lobe: Lobe, diffuse: vec3f) -> f32 {
+    let bright = luminance(lobe.reflectance);
+    return clamp(bright / max(bright + luminance(diffuse), 1e-37), 0.1, 0.9);
 }
 
 // As Shape::is_narrow.

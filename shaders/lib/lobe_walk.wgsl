@@ -1,5 +1,4 @@
 #import lib/closest_hit
-#import lib/colour
 #import lib/lobe
 #import lib/random
 
@@ -27,11 +26,7 @@ fn walk_seed(seed: u32, number: u32) -> u32 {
 // From a surface with a lobe by it to the next, or not, as chance has it.
 fn walk_step(surface: Surface, seed: u32) -> WalkStep {
     let lobe = lobe_of(surface);
-    var by_lobe = 1.0;
-    if any(surface.reflectance != vec3f(0.0)) {
-        let bright = luminance(lobe.reflectance);
-        by_lobe = clamp(bright / max(bright + luminance(surface.reflectance), 1e-37), 0.1, 0.9);
-    }
+    let by_lobe = select(1.0, lobe_share(lobe, surface.reflectance), any(surface.reflectance != vec3f(0.0)));
     if unit(hash(seed ^ 0x165667b1u)) >= by_lobe {
         return WalkStep(false, vec3f(1.0 / (1.0 - by_lobe)), surface);
     }

@@ -1,8 +1,7 @@
 #import lib/closest_hit
-#import lib/colour
+#import lib/guide
 #import lib/lobe
 #import lib/photon_map
-#import lib/guide
 #import lib/sources
 
 // Photons on their way: as passes/photon_map/trace.rs. A lane a path, which is walked twice: first the photons of each are counted, then kept, in the order of
@@ -57,9 +56,7 @@ fn scattered(surface: Surface, seed: u32) -> Scattered {
     if CAUSTICS && !is_narrow(lobe) {
         return Scattered(surface.face_normal, vec3f(0.0));
     }
-    let bright = luminance(lobe.reflectance);
-    // Either is drawn at times, as what a lobe reflects grows toward its horizon.
-    let by_lobe = select(clamp(bright / max(bright + luminance(surface.reflectance), 1e-37), 0.1, 0.9), 1.0, CAUSTICS);
+    let by_lobe = select(lobe_share(lobe, surface.reflectance), 1.0, CAUSTICS);
     let axes = mat3x3f(surface.tangent, surface.bitangent, surface.normal);
     var direction = cosine_direction(surface.face_normal, u);
     if unit(hash(seed ^ 0x165667b1u)) < by_lobe {

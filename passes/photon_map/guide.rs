@@ -20,12 +20,13 @@ const GRID_WORDS: usize = CELLS + CELLS * CELLS;
 /// Words of all.
 pub(super) const WORDS: usize = PARTS + PARTS * GRIDS * GRID_WORDS;
 
-/// What is chosen without regard to what was found: a photon that goes where none was seen to meet a lobe has no more than so many times its flux.
+/// The share of photons that start anywhere, whatever was found.
 const BLIND: f64 = 0.1;
 
-/// Bits of a place that are not shaken: of a million photons two are a thousandth of an edge apart.
+/// Bits of a place that are not shaken: it moves by a cell of the guide at most.
 const SHAKEN_BITS: u32 = 5;
 
+/// Some tens for each cell.
 const SCOUTS_OF_PART: u32 = 1 << 16;
 
 /// Parts that so many sources have each for themselves.
@@ -42,7 +43,7 @@ pub(super) struct Guide {
 }
 
 impl Guide {
-    /// How many photons, of so many sources, look for lobes: some tens for each cell.
+    /// How many photons, of so many sources, look for lobes.
     pub fn scouts(sources: usize) -> u32 {
         SCOUTS_OF_PART * own_parts(sources) as u32
     }
@@ -98,7 +99,7 @@ impl Guide {
     }
 }
 
-/// Where a photon is on the lattice, and as far beside that as photons are apart in two dimensions: the lattice shows in what curved mirrors make of it.
+/// Where a photon is on the lattice, moved by chance: the lattice shows in what curved mirrors make of it.
 fn shaken(number: u32) -> Start {
     let mut key = 0;
     start(number).map(|place| {

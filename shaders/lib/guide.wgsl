@@ -41,7 +41,7 @@ struct Guided {
     density: f32,
 }
 
-// A place on the lattice moved as far as photons are apart in two dimensions.
+// A place on the lattice, moved by chance.
 fn shaken(place: u32, number: u32, key: u32) -> u32 {
     return place + (hash(combine(number, key)) >> 5u);
 }

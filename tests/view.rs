@@ -58,7 +58,9 @@ fn mean(place: &Place, name: &str) -> Result<f64, Failed> {
 /// Device, host and the shaders for any scene take the glossy scene as the diffuse one of the same albedo, to the bit.
 fn lobes_by_albedo() -> Outcome {
     let place = place(&[("glossy.ron", scene(GLOSSY, LAMP)), ("diffuse.ron", scene(DIFFUSE, LAMP))])?;
-    for pipeline in ["irradiance", "irradiance-device", "irradiance-general"] {
+    let photons = r#"Variant(version: 1, about: "for any scene", of: "photon-density.ron", specialise: false, set: { "map.photons": 20000 })"#;
+    fs::write(place.0.path().join("photons.ron"), photons)?;
+    for pipeline in ["irradiance", "irradiance-device", "irradiance-general", "photons.ron"] {
         let render = |scene: &str| place.succeed(&format!("render {pipeline} --scene {scene}.ron -o {scene}.exr --stats {scene}.json"));
         let ((_, said), (_, silent)) = (render("glossy")?, render("diffuse")?);
         let note = "takes glossy materials as diffuse, by their albedo (`floor`, `box`); `radiance` renders their lobes";

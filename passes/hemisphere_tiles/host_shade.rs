@@ -48,7 +48,7 @@ impl Lighting {
 pub(super) fn encode(e: &mut Encoder<'_>, samples: [u32; 2], sees: Sees) -> Resource {
     let memory = e.state("lighting");
     let needs = e.setting.needs;
-    let (smooth, textures, lobes) = (needs.smooth, needs.textures, needs.lobes && !needs.by_albedo);
+    let (smooth, textures, lobes) = (needs.smooth, needs.textures, needs.renders_lobes());
     let run = move |host: &mut dyn HostContext| {
         let scene = host.scene();
         let untextured = |(albedo, texture): (Rgb, Option<u32>)| (albedo, texture.filter(|_| textures));

@@ -101,7 +101,8 @@ impl Pass for PhotonMap {
     }
 
     fn need(&self, arguments: &Arguments, needs: &Needs) -> Need {
-        if is_caustics(arguments) && !needs.narrow_lobes { Need::Dropped("no surface has a narrow lobe that is rendered") } else { Need::Kept }
+        let has_caustics = needs.narrow_lobes && needs.renders_lobes();
+        if is_caustics(arguments) && !has_caustics { Need::Dropped("no surface has a narrow lobe that is rendered") } else { Need::Kept }
     }
 
     fn reflections(&self, arguments: &Arguments) -> Option<Bounces> {
@@ -114,7 +115,7 @@ impl Pass for PhotonMap {
         let [most, capacity, legs] = ["photons", "kept", "legs"].map(|name| e.arguments.integer(name) as u32);
         let data = e.buffer("data", PHOTON_BYTES * (SLOTS_BEFORE + u64::from(capacity)));
         let [emitted, count, slots, cut_off] = ["emitted", "count", "slots", "cut_off"].map(|name| e.variable(name, false));
-        let reflects = match (e.setting.needs.lobes, is_caustics(e.arguments)) {
+        let reflects = match (e.setting.needs.renders_lobes(), is_caustics(e.arguments)) {
             (false, _) => Reflects::Albedo,
             (true, false) => Reflects::All,
             (true, true) => Reflects::NarrowLobes,

@@ -61,6 +61,11 @@ impl Needs {
         }
     }
 
+    /// Whether lobes are rendered. Shaders of a plan that leaves nothing out for its scene may know of lobes where albedos stand for them.
+    pub fn renders_lobes(&self) -> bool {
+        self.lobes && !self.by_albedo
+    }
+
     /// Of the same scene, with [`Material::albedo`] in place of every lobe.
     pub fn without_lobes(&self) -> Self {
         Self { glossy: Vec::new(), lobes: false, by_albedo: true, narrow_lobes: false, anisotropic: false, diffuse: true, ..self.clone() }

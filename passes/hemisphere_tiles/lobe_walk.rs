@@ -9,7 +9,6 @@ use crate::scene::{
     Rgb,
     packets::{ALMOST, ToDo},
     surface::{Gloss, Ray, Surface},
-    surface_offset,
 };
 use fearless_simd::Simd;
 use glam::Vec3;
@@ -62,7 +61,7 @@ impl Shading<'_> {
     }
 
     fn seen_from(&self, at: &Surface, direction: Vec3) -> Option<Surface> {
-        let origin = at.position + at.face * surface_offset(self.extent, at.position);
+        let origin = at.start(self.extent);
         let hit = self.bvh.closest_hit(self.scene, origin, direction, f32::INFINITY)?;
         Some(self.scene.surface(hit.triangle, hit.barycentric, Ray { origin, direction }))
     }
@@ -71,7 +70,7 @@ impl Shading<'_> {
     #[inline(always)]
     fn direct<S: Simd>(&self, simd: S, at: &Surface, seed: u32, to_do: &mut ToDo) -> Vec3 {
         let lit = self.lit(at);
-        let origin = at.position + at.face * surface_offset(self.extent, at.position);
+        let origin = at.start(self.extent);
         let mut light = self.emitters.light(simd, &lit, seed, to_do);
         for source in &self.scene.lights {
             let Some((way, distance, irradiance)) = source.kind.toward(origin) else { continue };

@@ -51,16 +51,15 @@ impl Guide {
     /// From starts of photons, of so many sources, that met a lobe.
     pub fn new(sources: usize, found: &[Start]) -> Self {
         let alike = PARTS / own_parts(sources);
-        let part = |place: u32| place as usize / (1 << 32 >> PARTS.trailing_zeros());
         let mut parts = vec![0.0; PARTS];
         let mut grids = vec![[false; CELLS * CELLS]; PARTS * GRIDS];
         for [source, u, v, s, t] in found {
-            let first = part(*source) / alike * alike;
+            let first = index(*source, PARTS) / alike * alike;
             for part in first..first + alike {
                 // Not by how many: photons of unlike flux make more noise than those that meet nothing.
                 parts[part] = 1.0;
                 for (grid, pair) in [[u, v], [s, t]].into_iter().enumerate() {
-                    let [row, column] = pair.map(|place| *place as usize / (1 << 32 >> CELLS.trailing_zeros()));
+                    let [row, column] = pair.map(|place| index(*place, CELLS));
                     grids[GRIDS * part + grid][CELLS * row + column] = true;
                 }
             }
@@ -84,12 +83,12 @@ impl Guide {
         let [source, u, v, s, t] = shaken(number);
         let (parts, grids) = self.words.split_at(PARTS);
         let (source, density) = warped(parts, source);
-        let part = source as usize / (1 << 32 >> PARTS.trailing_zeros());
+        let part = index(source, PARTS);
         let grid = |number: usize, row: u32, column: u32| {
             let first = (GRIDS * part + number) * GRID_WORDS;
             let (rows, cells) = grids[first..first + GRID_WORDS].split_at(CELLS);
             let (row, of_row) = warped(rows, row);
-            let at = row as usize / (1 << 32 >> CELLS.trailing_zeros());
+            let at = index(row, CELLS);
             let (column, of_column) = warped(&cells[CELLS * at..CELLS * (at + 1)], column);
             ([row, column], of_row * of_column)
         };
@@ -97,6 +96,11 @@ impl Guide {
         let ([s, t], second) = grid(1, s, t);
         ([source, u, v, s, t], density * first * second)
     }
+}
+
+/// Which of so many equal shares holds a place; their number is a power of two.
+fn index(place: u32, shares: usize) -> usize {
+    (place >> (32 - shares.trailing_zeros())) as usize
 }
 
 /// Where a photon is on the lattice, moved by chance: the lattice shows in what curved mirrors make of it.

@@ -12,7 +12,6 @@ use crate::scene::{
     bvh::Bvh,
     sources::{Sources, Start, start},
     surface::{Gloss, Ray, Surface},
-    surface_offset,
 };
 use crate::schedule::HostContext;
 use glam::Vec3;
@@ -56,17 +55,16 @@ impl<'a> Tracer<'a> {
         if self.reflects != Reflects::NarrowLobes {
             return self;
         }
-        let found: Vec<Start> =
-            (0..Guide::scouts(self.sources.count())).into_par_iter().map(start).filter(|start| self.meets_lobe(*start).unwrap_or(false)).collect();
+        let found: Vec<Start> = (0..Guide::scouts(self.sources.count())).into_par_iter().map(start).filter(|start| self.meets_lobe(*start)).collect();
         Self { guide: Some(Guide::new(self.sources.count(), &found)), ..self }
     }
 
     /// Whether the surface that a photon meets first has a narrow lobe.
-    fn meets_lobe(&self, start: Start) -> Option<bool> {
-        let emitted = self.sources.emit(self.scene, start)?;
+    fn meets_lobe(&self, start: Start) -> bool {
+        let Some(emitted) = self.sources.emit(self.scene, start) else { return false };
         let ray = Ray { origin: emitted.origin, direction: emitted.direction };
-        let hit = self.bvh.closest_blocker(self.scene, ray.origin, ray.direction)?;
-        Some(self.scene.lit_surface(hit.triangle, hit.barycentric, ray).glossy.is_some_and(|gloss| gloss.lobe.shape.is_narrow()))
+        let Some(hit) = self.bvh.closest_blocker(self.scene, ray.origin, ray.direction) else { return false };
+        self.scene.lit_surface(hit.triangle, hit.barycentric, ray).glossy.is_some_and(|gloss| gloss.lobe.shape.is_narrow())
     }
 
     /// The way of a photon by its number. Flux is all of the light's, were it the only one.
@@ -98,7 +96,7 @@ impl<'a> Tracer<'a> {
                 return path;
             }
             flux *= share / survival;
-            ray = Ray { origin: surface.position + surface.face * surface_offset(self.extent, surface.position), direction };
+            ray = Ray { origin: surface.start(self.extent), direction };
         }
         path.is_cut_off = true;
         path

@@ -7,7 +7,7 @@ use super::given::PictureOption;
 use super::input::peak_host_bytes;
 use super::interrupt::Shelter;
 use super::output::{Target, expect_distinct};
-use super::pipeline::{check_pipeline, judged_bounces, note_idle, note_names, plan_view};
+use super::pipeline::{check_pipeline, note_idle, note_names, plan_view};
 use super::progress::Progress;
 use super::resources::expect_memory;
 use super::scene::{SceneOptions, View};
@@ -237,8 +237,7 @@ impl<'a> Contest<'_, 'a> {
         for ((run, shaders_seconds), about) in runs {
             let (contender, picture) = Contender::warm_up(run, &pace(self.entries.len())).map_err(Failure::of_run)?;
             self.exhibit(&picture)?;
-            let own = self.shorter.iter().find(|truth| truth.bounces() == judged_bounces(contender.plan()));
-            let error_parts = own.map(|own| own.parts(picture.clone())).transpose()?;
+            let error_parts = Shorter::parts(self.shorter, contender.plan(), &picture)?;
             let errors = self.truth.map_or(Ok(VariantErrors::default()), |truth| truth.judge(picture))?;
             self.entries.push((contender, About { shaders_seconds, errors, error_parts, ..about }));
         }

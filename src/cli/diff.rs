@@ -69,7 +69,7 @@ fn threshold(text: &str) -> Result<Threshold, String> {
 
 pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     let json = options.json.as_deref().map(Target::new).transpose()?;
-    let (mut test, reference) = (Input::read(&options.test)?, Input::read(&options.reference)?);
+    let (test, reference) = (Input::read(&options.test)?, Input::read(&options.reference)?);
     let own = options.own.as_deref().map(Input::read).transpose()?;
     let read: Vec<&Path> = [&test.file.path, &reference.file.path]
         .into_iter()
@@ -78,22 +78,13 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
         .map(PathBuf::as_path)
         .collect();
     expect_distinct(&options.json.iter().map(PathBuf::as_path).collect::<Vec<_>>(), &read)?;
-    let parts = own.as_ref().map(|own| Parts::new(&test, own, &reference, options)).transpose()?;
-    if let Some(bounces) = options.bounces {
-        // What the reference says is compared with this below.
-        test.picture = test.picture.with_attribute("bounces", bounces);
-    }
     let variance = options.variance.as_deref().map(read_picture).transpose()?;
-    let [test_layer, reference_layer] = choose_layers(&test, &reference)?;
-    if !options.anyway {
-        expect_same_view(&test, &reference)?;
-    }
-    let errors = compare_layers(
-        Selected { picture: &test.picture, layer: test_layer },
-        Selected { picture: &reference.picture, layer: reference_layer },
-        variance.as_ref(),
-    )
-    .map_err(Failure::input)?;
+    let judged = |test: &Input, by: &Input, variance: Option<&Layers>| compared(test, by, variance, options.anyway);
+    let method = own.as_ref().map(|own| judged(&test, own, None)).transpose()?;
+    let left_out = own.map(|own| judged(&own.told_to_hold(options.bounces), &reference, None)).transpose()?;
+    let parts = method.zip(left_out).map(|(method, left_out)| Parts { left_out, method });
+    let test = test.told_to_hold(options.bounces);
+    let errors = judged(&test, &reference, variance.as_ref())?;
     console.print(&(table(&test.file.path, &reference.file.path, &errors) + &parts.as_ref().map_or_else(String::new, Parts::table)))?;
     if let Some(json) = json {
         let [test, reference] = [&test, &reference].map(|input| input.file.path.display().to_string());
@@ -112,6 +103,14 @@ impl Input {
     fn read(argument: &str) -> Result<Self, Failure> {
         let file = NamedFile::parse(argument);
         Ok(Self { picture: file.read()?, file })
+    }
+
+    /// As if its light had so many bounces, if any number is said: what a reference says is compared with it.
+    fn told_to_hold(self, bounces: Option<Bounces>) -> Self {
+        match bounces {
+            Some(bounces) => Self { picture: self.picture.with_attribute("bounces", bounces), ..self },
+            None => self,
+        }
     }
 
     fn layers(&self) -> String {
@@ -135,6 +134,16 @@ fn choose_layers<'a>(test: &'a Input, reference: &'a Input) -> Result<[&'a str; 
 }
 
 /// Refuses pictures that say that they show something else.
+/// The errors of a picture's layer against that of a reference.
+fn compared(test: &Input, reference: &Input, variance: Option<&Layers>, anyway: bool) -> Result<Errors, Failure> {
+    let [test_layer, reference_layer] = choose_layers(test, reference)?;
+    if !anyway {
+        expect_same_view(test, reference)?;
+    }
+    let [test, reference] = [(test, test_layer), (reference, reference_layer)].map(|(input, layer)| Selected { picture: &input.picture, layer });
+    compare_layers(test, reference, variance).map_err(Failure::input)
+}
+
 fn expect_same_view(test: &Input, reference: &Input) -> Result<(), Failure> {
     let differences = other_view(&test.picture, &reference.picture);
     if differences.is_empty() {
@@ -209,23 +218,6 @@ struct Parts {
 }
 
 impl Parts {
-    fn new(test: &Input, own: &Input, reference: &Input, options: &Options) -> Result<Self, Failure> {
-        let with_bounces = |bounces: Option<&str>| {
-            let picture = bounces.map_or_else(|| own.picture.clone(), |bounces| own.picture.clone().with_attribute("bounces", bounces));
-            Input { file: own.file.clone(), picture }
-        };
-        let asked = options.bounces.map(|bounces| bounces.to_string());
-        let compared = |test: &Input, reference: &Input| {
-            let [test_layer, reference_layer] = choose_layers(test, reference)?;
-            if !options.anyway {
-                expect_same_view(test, reference)?;
-            }
-            let [test, reference] = [Selected { picture: &test.picture, layer: test_layer }, Selected { picture: &reference.picture, layer: reference_layer }];
-            compare_layers(test, reference, None).map_err(Failure::input)
-        };
-        Ok(Self { left_out: compared(&with_bounces(asked.as_deref()), reference)?, method: compared(test, own)? })
-    }
-
     fn table(&self) -> String {
         let head = |what: &str| format!("{what}\n  {:<16}{:>12}   {:<23} noise of the reference in it\n", "", "", "95 % interval");
         let rows = |errors: &Errors| ["rmse_over_mean", "bias_over_mean"].map(|metric| row(errors, metric)).concat();

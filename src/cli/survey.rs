@@ -9,7 +9,7 @@ use super::interrupt::Shelter;
 use super::judge::Judge;
 use super::kept::{self, Folder};
 use super::output::{Target, expect_distinct};
-use super::pipeline::{judged_bounces, note_names};
+use super::pipeline::note_names;
 use super::points::{check, expect_none_refused, listed, planned, weigh};
 use super::progress::Progress;
 use super::resources::expect_memory;
@@ -273,9 +273,7 @@ impl<'a> Work<'a> {
 
     /// What of a point's error is of the bounces that it leaves out, and what is its method's.
     fn parts(&self, plan: &Plan, picture: &Layers) -> Result<Option<ErrorParts>, Failure> {
-        let Judge::Truth(_, shorter) = &self.judge else { return Ok(None) };
-        let own = shorter.iter().find(|truth| truth.bounces() == judged_bounces(plan));
-        own.map(|own| own.parts(picture.clone())).transpose()
+        if let Judge::Truth(_, shorter) = &self.judge { Shorter::parts(shorter, plan, picture) } else { Ok(None) }
     }
 
     fn judge(&mut self, index: usize, picture: Layers, pace: AskPace) -> Result<VariantErrors, Failure> {

@@ -99,18 +99,16 @@ impl Shorter {
         keepers.iter().map(|keeper| Self::new(keeper.obtain(view, console)?, whole)).collect()
     }
 
-    pub fn bounces(&self) -> Bounces {
-        self.truth.bounces()
+    /// The error of a plan's picture in two parts, if one of these holds as many bounces as the plan makes.
+    pub fn parts(all: &[Self], plan: &Plan, picture: &Layers) -> Result<Option<ErrorParts>, Failure> {
+        let Some(own) = all.iter().find(|shorter| shorter.truth.bounces() == judged_bounces(plan)) else { return Ok(None) };
+        let bounces = own.truth.bounces().to_string();
+        Ok(Some(ErrorParts { bounces, left_out: own.left_out.clone(), method: own.truth.judge(picture.clone())? }))
     }
 
     /// Everything that numbers by it depend on.
     pub fn content(&self) -> String {
         self.truth.content()
-    }
-
-    /// The error of a picture of so many bounces in two parts.
-    pub fn parts(&self, picture: Layers) -> Result<ErrorParts, Failure> {
-        Ok(ErrorParts { bounces: self.bounces().to_string(), left_out: self.left_out.clone(), method: self.truth.judge(picture)? })
     }
 }
 

@@ -104,7 +104,7 @@ impl<'a> Tracer<'a> {
         let mut sum = Round::default();
         for cell in cells(rays) {
             let direction = cosine_direction(at.normal, random.pair_in(cell));
-            let met = self.surface(self.start(at), direction);
+            let met = self.surface(at.start(self.extent), direction);
             sum.direct += self.light_met(at, For::Irradiance, direction, met.as_ref());
             sum.direct += self.light_sampled(at, For::Irradiance, random.pair_in(cell));
             if let Some(met) = met.filter(|_| !bounces.end_at(0)) {
@@ -116,7 +116,7 @@ impl<'a> Tracer<'a> {
                 let direction = at.sample(For::Lobe, random.pair_in(cell));
                 sum.glossy_direct += self.light_sampled(at, For::Lobe, random.pair_in(cell)) / PI;
                 let Some(share) = at.share(For::Lobe, direction) else { continue };
-                let met = self.surface(self.start(at), direction);
+                let met = self.surface(at.start(self.extent), direction);
                 sum.glossy_direct += self.light_met(at, For::Lobe, direction, met.as_ref()) / PI;
                 if let Some(met) = met.filter(|_| !bounces.end_at(0)) {
                     sum.glossy_indirect += share * self.reflected(met, bounces, random) / PI;
@@ -136,11 +136,6 @@ impl<'a> Tracer<'a> {
     pub(super) fn surface(&self, origin: Vec3, direction: Vec3) -> Option<Surface> {
         let hit = self.bvh.closest_hit(self.scene, origin, direction, f32::INFINITY)?;
         Some(self.scene.surface(hit.triangle, hit.barycentric, Ray { origin, direction }))
-    }
-
-    /// Where rays that leave a surface start.
-    fn start(&self, at: &Surface) -> Vec3 {
-        at.position + at.face * surface_offset(self.extent, at.position)
     }
 
     /// π times the radiance that leaves `first` toward where the ray came from: an estimate of the irradiance there when
@@ -173,7 +168,7 @@ impl<'a> Tracer<'a> {
                 For::Irradiance => cosine_direction(at.normal, random.pair()),
                 _ => at.sample(if random.number() < at.lobe_share() { For::Lobe } else { For::Irradiance }, random.pair()),
             };
-            let met = self.surface(self.start(&at), direction);
+            let met = self.surface(at.start(self.extent), direction);
             add(bounce, throughput * self.light_met(&at, wanted, direction, met.as_ref()));
             if wanted == For::Reflection {
                 let Some(share) = at.share(wanted, direction) else { break };
@@ -193,7 +188,7 @@ impl<'a> Tracer<'a> {
 
     /// Light of punctual lights.
     fn punctual(&self, at: &Surface, wanted: For) -> DVec3 {
-        let start = self.start(at);
+        let start = at.start(self.extent);
         let mut sum = DVec3::ZERO;
         for light in &self.scene.lights {
             let Some((direction, distance, irradiance)) = light.kind.toward(start) else { continue };
@@ -207,7 +202,7 @@ impl<'a> Tracer<'a> {
 
     /// One point of the sources: its share of the light under the balance heuristic.
     fn light_sampled(&self, at: &Surface, wanted: For, pair: [f64; 2]) -> DVec3 {
-        let start = self.start(at);
+        let start = at.start(self.extent);
         let Some(sample) = self.sources.sample(self.scene, start, pair) else { return DVec3::ZERO };
         match at.cosine(sample.direction) {
             Some(cosine) if !self.shadowed(start, sample.direction, sample.distance) => {
@@ -219,7 +214,7 @@ impl<'a> Tracer<'a> {
 
     /// What a ray met that was drawn by the surface's own density: its share of the direct light under the balance heuristic.
     fn light_met(&self, at: &Surface, wanted: For, direction: Vec3, met: Option<&Surface>) -> DVec3 {
-        let start = self.start(at);
+        let start = at.start(self.extent);
         let (radiance, distance, density) = match met {
             None if self.sources.visible() => (self.scene.environment.radiance(direction), f32::INFINITY, self.sources.sky_density(direction)),
             Some(met) if luminance(met.emission.as_dvec3()) > 0.0 => {

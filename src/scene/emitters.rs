@@ -5,7 +5,6 @@ use super::{
     bvh::Bvh,
     packets::{ALMOST, RAYS, ShadowRays, ToDo, Until},
     surface::{Gloss, Surface},
-    surface_offset,
 };
 use crate::math::{
     colour::luminance,
@@ -166,11 +165,6 @@ impl<'a> Emitters<'a> {
         hidden
     }
 
-    #[inline(always)]
-    fn origin(&self, surface: &Surface) -> Vec3 {
-        surface.position + surface.face * surface_offset(self.extent, surface.position)
-    }
-
     /// The `i`th place of the sky's samples in the unit square.
     #[inline(always)]
     fn of_sky(&self, i: f32, shift: Vec2) -> [f32; 2] {
@@ -179,7 +173,7 @@ impl<'a> Emitters<'a> {
 
     #[inline(always)]
     fn of_lamps<S: Simd>(&self, simd: S, surface: &Surface, shift: Vec3, to_do: &mut ToDo) -> Vec3 {
-        let origin = self.origin(surface);
+        let origin = surface.start(self.extent);
         let (mut arriving, mut glossy) = (Vec3::ZERO, Vec3::ZERO);
         for first in (0..self.area).step_by(RAYS) {
             let count = (self.area - first).min(RAYS as u32);
@@ -276,7 +270,7 @@ impl<'a> Emitters<'a> {
         way: impl Fn(f32) -> Option<(Vec3, T)>,
         reflected: impl Fn(T, Vec3) -> Vec3,
     ) -> Vec3 {
-        let origin = self.origin(surface);
+        let origin = surface.start(self.extent);
         let mut sum = Vec3::ZERO;
         for first in (0..self.sky).step_by(RAYS) {
             let mut rays = ShadowRays { directions: [Vec3::ZERO; RAYS], all: 0 };

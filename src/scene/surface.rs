@@ -1,6 +1,6 @@
 //! What a ray sees of a surface.
 
-use super::{Rgb, Scene, Triangle};
+use super::{Rgb, Scene, Triangle, surface_offset};
 use crate::math::{frame::Frame, lobe::Lobe};
 use glam::{Vec2, Vec3};
 
@@ -54,6 +54,14 @@ const SLIVER: f32 = 1e-4;
 
 /// The sine between a plane and a ray below which rounding decides where they meet.
 const GRAZING: f32 = 1e-5;
+
+impl Surface {
+    /// Where rays that leave it start; `extent` is the scene's.
+    #[inline(always)]
+    pub fn start(&self, extent: f32) -> Vec3 {
+        self.position + self.face * surface_offset(extent, self.position)
+    }
+}
 
 impl Scene {
     /// What a ray sees where it meets a triangle.

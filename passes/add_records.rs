@@ -97,7 +97,7 @@ fn encode_on_device(e: &mut Encoder<'_>, new: &port::Records, cache: &port::Reco
         .bind("surplus", surplus)
         .bind("level", level);
     e.compute(program.clone(), "measure", Groups::ONE);
-    e.compute(program.clone(), "append", Groups::Counted { count: added, divisor: 64, per: 1 });
+    e.compute(program.clone(), "append", Groups::Counted { count: added, divisor: 1, per: 1 });
     if let Some((from, to)) = coefficients {
         let fours = port::Coefficients::fours(to.order) as u32;
         let program = program
@@ -183,7 +183,7 @@ mod tests {
     }
 
     fn batch() -> port::Records {
-        port::Records { records: Resource(2), coefficients: None, count: Variable(1), capacity: 300, sees_emission: true }
+        port::Records { records: Resource(2), coefficients: None, count: Variable(1), capacity: 300, is_steady: false, sees_emission: true }
     }
 
     fn record(x: f32, normal: Vec3, light: f32) -> weight::Record {

@@ -84,29 +84,44 @@ fn refined(record: Record) -> Record {
     return finer;
 }
 
+// As bits, which stand in the order of the numbers, as none is negative.
+var<workgroup> radius: atomic<u32>;
+var<workgroup> is_covered: atomic<u32>;
+
+// One workgroup a record.
 @compute @workgroup_size(64)
-fn append(@builtin(global_invocation_id) id: vec3u) {
-    if id.x >= batch.count {
+fn append(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) lane: u32) {
+    let index = group.x + group.y * groups.x;
+    if index >= batch.count {
         return;
     }
-    var record = records[id.x];
+    var record = records[index];
     if NEIGHBOUR_CLAMPING {
-        for (var i = 0u; i < batch.first; i++) {
+        if lane == 0u {
+            atomicStore(&radius, bitcast<u32>(record.radius));
+        }
+        workgroupBarrier();
+        for (var i = lane; i < batch.first; i += 64u) {
             let other = cache[i];
             if dot(other.normal, record.normal) > 0.7 {
-                record.radius = min(record.radius, other.radius + distance(other.position, record.position));
+                atomicMin(&radius, bitcast<u32>(min(record.radius, other.radius + distance(other.position, record.position))));
             }
         }
+        workgroupBarrier();
+        record.radius = bitcast<f32>(atomicLoad(&radius));
     }
-    cache[batch.first + id.x] = refined(record);
-    if !COUNTS_SURPLUS {
-        return;
-    }
-    for (var i = 0u; i < id.x; i++) {
-        if record_weight(refined(records[i]), weighting, record.position, record.normal) > weighting.overlap {
-            atomicAdd(&surplus[0], 1u);
-            break;
+    if COUNTS_SURPLUS {
+        for (var i = lane; i < index; i += 64u) {
+            if record_weight(refined(records[i]), weighting, record.position, record.normal) > weighting.overlap {
+                atomicStore(&is_covered, 1u);
+                break;
+            }
         }
+        workgroupBarrier();
+    }
+    if lane == 0u {
+        cache[batch.first + index] = refined(record);
+        atomicAdd(&surplus[0], atomicLoad(&is_covered));
     }
 }
 

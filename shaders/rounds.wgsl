@@ -61,6 +61,7 @@ fn begin() {
     if variables[HELD] != 0u {
         return;
     }
+    variables[UNTIL] = rounds.until;
     let is_over = variables[rounds.until] != 0u || variables[ROUNDS] == rounds.at_most;
     variables[IS_OVER] = u32(is_over);
     if !is_over {

@@ -5,8 +5,8 @@ use super::{STALLED_ROUNDS, Work};
 use crate::contract::Encoder;
 use crate::schedule::*;
 
-/// Cells up to this edge take one lane each: a workgroup that waits for its lanes costs more than their longer walk.
-const SMALL: u32 = 16;
+/// Cells up to this edge take one lane each, larger ones a workgroup: a lane looks at one pixel after the other.
+const SMALL: u32 = 4;
 
 /// Where the device looks in a round.
 #[derive(Clone, Copy)]
@@ -19,6 +19,8 @@ struct Search {
     /// Blocks that a lane each looks at, and blocks that a workgroup each does.
     lanes: Variable,
     blocks: Variable,
+    /// All blocks that are looked at.
+    all: Variable,
     /// 1 in the first round, which looks at all pixels.
     looks_over: Variable,
 }
@@ -33,6 +35,7 @@ impl Search {
         let is_small = cell <= SMALL;
         host.set(self.lanes, if is_small { count } else { 0 });
         host.set(self.blocks, if is_small { 0 } else { count });
+        host.set(self.all, count);
     }
 
     /// What [`Grid::advance`] and [`Self::aim`] do, on the device.
@@ -60,6 +63,7 @@ impl Search {
             .variable("IDLE", grid.idle)
             .variable("LANES", self.lanes)
             .variable("BLOCKS", self.blocks)
+            .variable("ALL_BLOCKS", self.all)
             .variable("LOOKS_OVER", self.looks_over)
             .bind("next", self.round)
             .bind("counts", counts);
@@ -70,12 +74,13 @@ impl Search {
 pub(super) fn encode(e: &mut Encoder<'_>, work: &Work, grid: Grid) {
     let [width, height] = work.gbuffer.size;
     let round = e.buffer("grid", size_of::<Round>() as u64);
-    let candidates = e.buffer("candidates", 4 * width.div_ceil(2) as u64 * height.div_ceil(2) as u64);
+    let blocks = u64::from(width.div_ceil(2)) * u64::from(height.div_ceil(2));
+    let (candidates, tallies) = (e.buffer("candidates", 4 * blocks), e.buffer("tallies", 4 * blocks.div_ceil(64)));
     let (counts, any_missing) = (e.buffer("counts", 32), e.buffer("any_missing", 16));
     let picked = e.buffer("picked", 4 * work.requests.capacity as u64);
     let capacity = work.requests.capacity;
-    let [lanes, blocks, looks_over] = ["lanes", "blocks", "looks_over"].map(|name| e.variable(name, false));
-    let search = Search { grid, round, capacity, size: work.gbuffer.size, lanes, blocks, looks_over };
+    let [lanes, blocks, all, looks_over] = ["lanes", "blocks", "all", "looks_over"].map(|name| e.variable(name, false));
+    let search = Search { grid, round, capacity, size: work.gbuffer.size, lanes, blocks, all, looks_over };
     let start = move |host: &mut dyn HostContext| {
         grid.start(host);
         search.aim(host, 0);
@@ -85,6 +90,7 @@ pub(super) fn encode(e: &mut Encoder<'_>, work: &Work, grid: Grid) {
     e.before_loop(Command::Host(Host::new("start", Vec::new(), vec![round], start)));
     e.before_loop(Command::Clear(counts));
     e.before_loop(Command::Clear(any_missing));
+    e.before_loop(Command::Clear(tallies));
     let program = Program::new("find_misses/device_grid")
         .constant("OVERLAP", work.overlap)
         .bind("grid", round)
@@ -95,12 +101,13 @@ pub(super) fn encode(e: &mut Encoder<'_>, work: &Work, grid: Grid) {
         .bind("counts", counts)
         .bind("any_missing", any_missing)
         .bind("requests", work.requests.places)
-        .bind("picked", picked);
+        .bind("picked", picked)
+        .bind("tallies", tallies);
     e.compute(program.clone(), "look_over", Groups::Counted { count: looks_over, divisor: 1, per: (width * height).div_ceil(64) });
     e.compute(program.clone(), "search", Groups::Counted { count: blocks, divisor: 1, per: 1 });
     e.compute(program.clone(), "search_small", Groups::Counted { count: lanes, divisor: 64, per: 1 });
     e.compute(program.clone(), "collect", Groups::ONE);
-    e.compute(program, "ask", Groups::Fixed([capacity.div_ceil(64), 1, 1]));
+    e.compute(program, "ask", Groups::Counted { count: all, divisor: 64, per: 1 });
     let work = *work;
     let advance = move |host: &mut dyn HostContext| {
         let numbers: Vec<u32> = bytemuck::pod_collect_to_vec(host.read(counts));

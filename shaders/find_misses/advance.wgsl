@@ -33,11 +33,19 @@ override IDLE: u32 = 0u;
 override LOOKS_OVER: u32 = 0u;
 override LANES: u32 = 0u;
 override BLOCKS: u32 = 0u;
+override ALL_BLOCKS: u32 = 0u;
 
 fn count_stalled() {
     let asked = variables[COUNT];
     if asked > 0u {
         variables[STALLED] = select(0u, variables[STALLED] + 1u, counts[3] >= asked);
+    }
+}
+
+// Tells why the loop ends, if this search ends it.
+fn fall_short(because: u32) {
+    if NONE == variables[UNTIL] {
+        variables[SHORTFALL] = because;
     }
 }
 
@@ -49,13 +57,13 @@ fn room() -> u32 {
         return 0u;
     }
     if variables[STALLED] >= STALLED_ROUNDS {
-        variables[SHORTFALL] = NO_PROGRESS;
+        fall_short(NO_PROGRESS);
         return 0u;
     }
     if free == 0u {
-        variables[SHORTFALL] = CACHE_FULL;
+        fall_short(CACHE_FULL);
     } else if unasked == 0u {
-        variables[SHORTFALL] = FRAME_LIMIT;
+        fall_short(FRAME_LIMIT);
     }
     return min(unasked, free);
 }
@@ -94,4 +102,5 @@ fn advance() {
     let blocks = ((WIDTH + 2u * cell - 1u) / (2u * cell)) * ((HEIGHT + 2u * cell - 1u) / (2u * cell));
     variables[LANES] = select(0u, blocks, cell <= SMALL);
     variables[BLOCKS] = select(blocks, 0u, cell <= SMALL);
+    variables[ALL_BLOCKS] = blocks;
 }

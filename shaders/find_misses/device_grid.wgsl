@@ -17,6 +17,8 @@
 @group(0) @binding(6) var<storage, read_write> requests: array<Request>;
 // Pixel index + 1 of each request.
 @group(0) @binding(7) var<storage, read_write> picked: array<u32>;
+// Of each 64 blocks how many are candidates, then how many there are in blocks before; 0 as a round begins.
+@group(0) @binding(9) var<storage, read_write> tallies: array<atomic<u32>>;
 
 @group(0) @binding(8) var<storage, read_write> any_missing: atomic<u32>;
 
@@ -96,7 +98,15 @@ fn search(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: 
     if lane == 0u && block < count.x * count.y {
         let first = best[0];
         let pixel = cell * grid.cell + vec2u(first & 63u, first >> 6u & 63u);
-        candidates[block] = select(candidate_of(pixel), 0u, first == NONE);
+        note(block, select(candidate_of(pixel), 0u, first == NONE));
+    }
+}
+
+// Keeps what the search in a block has come to.
+fn note(block: u32, candidate: u32) {
+    candidates[block] = candidate;
+    if candidate != 0u {
+        atomicAdd(&tallies[block / 64u], 1u);
     }
 }
 
@@ -105,13 +115,14 @@ fn search(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: 
 fn search_small(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) lane: u32) {
     let count = blocks();
     let block = (group.x + group.y * groups.x) * 64u + lane;
-    if block < grid.start || block >= count.x * count.y {
+    if block >= count.x * count.y {
         return;
     }
     let cell = vec2u(block % count.x, block / count.x) * 2u + vec2u(grid.phase & 1u, grid.phase >> 1u);
     var candidate = 0u;
     var found = NONE;
-    for (var i = 0u; i < grid.cell * grid.cell; i++) {
+    let looked_at = select(grid.cell * grid.cell, 0u, block < grid.start);
+    for (var i = 0u; i < looked_at; i++) {
         let local = in_cell(i);
         let pixel = cell * grid.cell + local;
         if all(pixel < size()) && rank(local) < found && misses(pixel) {
@@ -119,7 +130,7 @@ fn search_small(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) gr
             candidate = candidate_of(pixel);
         }
     }
-    candidates[block] = candidate;
+    note(block, candidate);
 }
 
 // How many pixels of the batch before miss a record still, of those that a lane looks at.
@@ -131,61 +142,76 @@ fn uncovered(lane: u32) -> u32 {
     return missing;
 }
 
-var<workgroup> starts: array<u32, 256>;
+var<workgroup> totals: array<u32, 256>;
 var<workgroup> missing: atomic<u32>;
 
-// Picks candidates in their order, so that every run picks the same: one workgroup, each lane a stretch.
+// Adds up what the search has counted: one workgroup, 256 tallies at a time.
 @compute @workgroup_size(256)
 fn collect(@builtin(local_invocation_index) lane: u32) {
-    let count = blocks();
-    let total = count.x * count.y;
-    let stretch = (total + 255u) / 256u;
-    let first = clamp(lane * stretch, grid.start, total);
-    let last = clamp(lane * stretch + stretch, grid.start, total);
-    var mine = 0u;
-    for (var i = first; i < last; i++) {
-        mine += select(0u, 1u, candidates[i] != 0u);
-    }
-    starts[lane] = mine;
     atomicAdd(&missing, uncovered(lane));
-    // What the batch before picked has been looked at once all lanes are here.
-    storageBarrier();
-    workgroupBarrier();
-    for (var step = 1u; step < 256u; step *= 2u) {
-        let before = select(0u, starts[max(lane, step) - step], lane >= step);
-        workgroupBarrier();
-        starts[lane] += before;
-        workgroupBarrier();
-    }
-    let before = starts[lane] - mine;
-    var slot = before;
-    var next = first;
-    for (; next < last && slot < grid.capacity; next++) {
-        let candidate = candidates[next];
-        if candidate != 0u {
-            picked[slot] = candidate;
-            slot += 1u;
+    let count = blocks();
+    let all = (count.x * count.y + 63u) / 64u;
+    var before = 0u;
+    for (var first = 0u; first < all; first += 256u) {
+        let at = first + lane;
+        var mine = 0u;
+        if at < all {
+            mine = atomicLoad(&tallies[at]);
         }
+        totals[lane] = mine;
+        for (var step = 1u; step < 256u; step *= 2u) {
+            workgroupBarrier();
+            let lower = select(0u, totals[max(lane, step) - step], lane >= step);
+            workgroupBarrier();
+            totals[lane] += lower;
+        }
+        if at < all {
+            atomicStore(&tallies[at], before + totals[lane] - mine);
+        }
+        before += workgroupUniformLoad(&totals[255]);
     }
-    if before < slot && slot == grid.capacity {
-        counts[2] = next;
-    }
-    if lane == 255u {
-        counts[0] = min(starts[255], grid.capacity);
-        counts[1] = starts[255];
+    // What the batch before picked has been looked at: all lanes have been here.
+    if lane == 0u {
+        counts[0] = min(before, grid.capacity);
+        counts[1] = before;
         counts[3] = atomicLoad(&missing);
         counts[4] = atomicLoad(&any_missing);
     }
 }
 
-// Turns what is picked into requests.
+// Which of a workgroup's blocks are candidates.
+var<workgroup> found_in: array<atomic<u32>, 2>;
+var<workgroup> found_before: u32;
+
+// Turns candidates into requests, as many as a batch holds, in their order, so that every run picks the same.
 @compute @workgroup_size(64)
-fn ask(@builtin(global_invocation_id) id: vec3u) {
-    if id.x >= counts[0] {
+fn ask(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) lane: u32) {
+    let count = blocks();
+    let part = group.x + group.y * groups.x;
+    let block = part * 64u + lane;
+    var candidate = 0u;
+    if block < count.x * count.y {
+        candidate = candidates[block];
+    }
+    let bit = 1u << (lane % 32u);
+    if candidate != 0u {
+        atomicOr(&found_in[lane / 32u], bit);
+    }
+    if lane == 0u && block < count.x * count.y {
+        found_before = atomicExchange(&tallies[part], 0u);
+    }
+    workgroupBarrier();
+    let low = atomicLoad(&found_in[0]);
+    let earlier = select(low & (bit - 1u), atomicLoad(&found_in[1]) & (bit - 1u), lane >= 32u);
+    let slot = found_before + countOneBits(earlier) + select(0u, countOneBits(low), lane >= 32u);
+    if candidate == 0u || slot >= grid.capacity {
         return;
     }
-    let candidate = picked[id.x];
+    if slot + 1u == grid.capacity {
+        counts[2] = block + 1u;
+    }
+    picked[slot] = candidate;
     let pixel = pixel_of(candidate);
     let place = textureLoad(position, pixel, 0);
-    requests[id.x] = Request(place.xyz, place.w, textureLoad(normal, pixel, 0).xyz, 6.2831853 * unit(hash(candidate)));
+    requests[slot] = Request(place.xyz, place.w, textureLoad(normal, pixel, 0).xyz, 6.2831853 * unit(hash(candidate)));
 }

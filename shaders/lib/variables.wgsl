@@ -1,4 +1,4 @@
-// The numbers of a schedule, as a loop that the device drives has them: five of the loop, then those that passes declare, then what each of
+// The numbers of a schedule, as a loop that the device drives has them: six of the loop, then those that passes declare, then what each of
 // those was last before it became 0.
 
 @group(0) @binding(31) var<storage, read_write> variables: array<u32>;
@@ -12,4 +12,6 @@ const IS_LAST_ROUND = 2u;
 const SHORTFALL = 3u;
 // Whether a loop has more to do than the host takes for granted: then loops do nothing until the host has looked.
 const HELD = 4u;
-const VARIABLES_BEFORE = 5u;
+// Where the variable stands that ends the loop.
+const UNTIL = 5u;
+const VARIABLES_BEFORE = 6u;

@@ -1,18 +1,19 @@
-//! Loops that the device drives: rounds are encoded ahead of the host's knowing whether they are needed, and it looks every so many of them.
+//! Loops that the device drives: rounds are encoded ahead of the host's knowing whether they are needed. While the device works on some, the host encodes the
+//! next, and then looks at what became of those before. Rounds behind the end do nothing.
 
 use super::device::GpuError;
 use super::encode::Pending;
 use super::frame::{AskPace, Pace};
 use super::programs::Ready;
-use super::readback;
+use super::readback::{self, Look};
 use super::session::Session;
 use super::timing::Timing;
 use crate::schedule::*;
 
-/// Rounds that are encoded before the first look, where no frame has told how many it takes.
-const FIRST: u32 = 8;
-/// Most rounds between two looks.
-const MOST: u32 = 64;
+/// Rounds that are submitted first, where no frame has told how many it takes; then twice as many each time.
+const FIRST: u32 = 2;
+/// Most rounds that are submitted together: as many again are encoded meanwhile, and may be behind the end.
+const MOST: u32 = 8;
 
 /// Where a loop's own dispatches stand among the commands of its first node, as [`crate::pipeline::ahead`] lists them.
 pub(super) const BEGIN: usize = 0;
@@ -27,6 +28,12 @@ pub(super) struct Words {
     pub values: Vec<u32>,
     /// What each was before it became 0, or is.
     pub latest: Vec<u32>,
+}
+
+/// A look at them as they are when the device has done what was submitted before.
+pub(super) struct LookAtVariables {
+    look: Look,
+    submission: wgpu::SubmissionIndex,
 }
 
 /// Of the loop that ran last.
@@ -45,21 +52,23 @@ impl Session<'_> {
         }
         self.bring_variables();
         // As many as the last time, and one that finds the end.
-        let mut ahead = self.rounds_before.get(&repeat.round).map_or(FIRST, |rounds| rounds + 1).min(MOST);
+        let mut together = self.rounds_before.get(&repeat.round).map_or(FIRST, |rounds| rounds + 1).min(MOST);
+        let mut under_way: Option<LookAtVariables> = None;
         let rounds = loop {
-            for _ in 0..ahead {
+            for _ in 0..together {
                 self.encode_round(repeat, sizes, first, pending)?;
             }
-            let progress = self.look_at_progress(pending)?;
-            if progress.is_over || self.is_done(repeat, progress.rounds) || progress.rounds == repeat.at_most {
-                self.is_last_round = progress.is_last_round;
-                self.cut_short.extend(repeat.until.zip(progress.shortfall));
-                break progress.rounds;
+            let next = self.ask_for_variables(pending);
+            if let Some(look) = under_way.replace(next) {
+                let progress = self.see_progress(look)?;
+                if progress.is_over || self.is_done(repeat, progress.rounds) || progress.rounds == repeat.at_most {
+                    break self.end_of_loop(repeat, under_way)?;
+                }
             }
             if pace() == Pace::Stop {
                 return Err(GpuError::Interrupted);
             }
-            ahead = (2 * ahead).min(MOST);
+            together = (2 * together).min(MOST);
         };
         self.rounds_before.insert(repeat.round, rounds);
         self.nodes[first + 1..first + repeat.steps.len()].iter_mut().for_each(|node| node.runs += rounds);
@@ -124,21 +133,36 @@ impl Session<'_> {
         }
     }
 
-    /// Waits for all that was encoded, and takes the variables over.
-    fn look_at_progress(&mut self, pending: &mut Pending) -> Result<Progress, GpuError> {
+    /// What the rounds behind a loop's end leave as it was; how many there were before it.
+    fn end_of_loop(&mut self, repeat: &Repeat, under_way: Option<LookAtVariables>) -> Result<u32, GpuError> {
         self.waits += 1;
-        let Words { progress, values, latest, .. } = self.look_at_variables(pending)?;
+        let Some(look) = under_way else { unreachable!("rounds are under way as long as the end has not been seen") };
+        let progress = self.see_progress(look)?;
+        self.is_last_round = progress.is_last_round;
+        self.cut_short.extend(repeat.until.zip(progress.shortfall));
+        Ok(progress.rounds)
+    }
+
+    /// Waits for what was encoded before the look, and takes the variables over.
+    fn see_progress(&mut self, look: LookAtVariables) -> Result<Progress, GpuError> {
+        let Words { progress, values, latest, .. } = self.see_variables(look)?;
         (self.variables, self.latest) = (values, latest);
         Ok(progress)
     }
 
-    /// Waits for all that was encoded.
-    pub(super) fn look_at_variables(&mut self, pending: &mut Pending) -> Result<Words, GpuError> {
+    /// Submits all that was encoded, and asks what the variables are then.
+    pub(super) fn ask_for_variables(&mut self, pending: &mut Pending) -> LookAtVariables {
         let variables = self.variables_on_device();
-        let staging = self.kept_staging(variables);
+        let staging = self.idle_staging.pop().unwrap_or_else(|| readback::staging(self.gpu, self.schedule.resource(variables).kind.bytes()));
         let bytes = self.copy_out(pending, Read::whole(variables), &staging);
-        self.submit(pending);
-        let words: Vec<u32> = readback::look(self.gpu, &staging, bytes, bytemuck::pod_collect_to_vec)?;
+        let submission = self.submit(pending);
+        LookAtVariables { look: Look::ask(staging, bytes), submission }
+    }
+
+    /// Waits for what was encoded before the look.
+    pub(super) fn see_variables(&mut self, LookAtVariables { look, submission }: LookAtVariables) -> Result<Words, GpuError> {
+        let words: Vec<u32> = look.see(self.gpu, Some(submission), bytemuck::pod_collect_to_vec)?;
+        self.idle_staging.push(look.staging);
         let (before, numbers) = words.split_at(VARIABLES_BEFORE as usize);
         let count = self.variables.len();
         let progress = Progress { rounds: before[0], is_over: before[1] != 0, is_last_round: before[2] != 0, shortfall: Shortfall::of_code(before[3]) };

@@ -122,7 +122,13 @@ fn rank(adapter: &Adapter) -> (bool, Option<usize>) {
     (!adapter.lacks.is_empty(), kind)
 }
 
-fn instance() -> wgpu::Instance {
+/// The program's only one, for as long as it runs: where a driver's library is unloaded, threads that have used it crash as they end.
+fn instance() -> &'static wgpu::Instance {
+    static INSTANCE: OnceLock<wgpu::Instance> = OnceLock::new();
+    INSTANCE.get_or_init(new_instance)
+}
+
+fn new_instance() -> wgpu::Instance {
     let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle_from_env();
     descriptor.backends &= wgpu::Backends::PRIMARY;
     descriptor.flags = wgpu::InstanceFlags::from_env_or_default() & !wgpu::InstanceFlags::VALIDATION_INDIRECT_CALL;
@@ -225,7 +231,12 @@ impl Gpu {
 
     /// Waits until the device has done all that was submitted.
     pub fn wait(&self, doing: &str) -> Result<(), GpuError> {
-        let polled = self.device.poll(wgpu::PollType::wait_indefinitely());
+        self.wait_for(doing, None)
+    }
+
+    /// Waits until the device has done what was submitted up to a submission; all of it where none is given.
+    pub fn wait_for(&self, doing: &str, submission: Option<wgpu::SubmissionIndex>) -> Result<(), GpuError> {
+        let polled = self.device.poll(wgpu::PollType::Wait { submission_index: submission, timeout: None });
         self.check(doing)?;
         polled.map(|_| ()).map_err(|e| GpuError::Driver { doing: doing.into(), reason: e.to_string() })
     }

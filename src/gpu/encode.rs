@@ -16,9 +16,9 @@ impl Session<'_> {
         Pending { encoder: self.gpu.device.create_command_encoder(&Default::default()), empty: true }
     }
 
-    pub(super) fn submit(&self, pending: &mut Pending) {
+    pub(super) fn submit(&self, pending: &mut Pending) -> wgpu::SubmissionIndex {
         let encoder = std::mem::replace(pending, self.pending()).encoder;
-        self.gpu.queue.submit([encoder.finish()]);
+        self.gpu.queue.submit([encoder.finish()])
     }
 
     pub(super) fn encode(&self, command: &Command, index: usize, position: usize, pending: &mut Pending) {

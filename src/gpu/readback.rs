@@ -2,21 +2,41 @@
 
 use super::device::{Gpu, GpuError};
 use crate::schedule::Format;
+use std::sync::mpsc::Receiver;
 
-/// Looks at the first bytes of a staging buffer, once the device is done with it.
+/// A look at the first bytes of a staging buffer, which the device will be done with some time.
+pub struct Look {
+    pub staging: wgpu::Buffer,
+    bytes: u64,
+    mapped: Receiver<Result<(), wgpu::BufferAsyncError>>,
+}
+
+impl Look {
+    /// Asks for it. What fills the buffer must have been submitted.
+    pub fn ask(staging: wgpu::Buffer, bytes: u64) -> Self {
+        let (sender, mapped) = std::sync::mpsc::channel();
+        staging.map_async(wgpu::MapMode::Read, 0..bytes, move |result| {
+            let _ = sender.send(result);
+        });
+        Self { staging, bytes, mapped }
+    }
+
+    /// Looks, once the device is done with what was submitted last or, where one is given, up to a submission.
+    pub fn see<T>(&self, gpu: &Gpu, submission: Option<wgpu::SubmissionIndex>, look: impl FnOnce(&[u8]) -> T) -> Result<T, GpuError> {
+        gpu.wait_for("reading back", submission)?;
+        let failed = |reason: String| GpuError::Driver { doing: "reading back".into(), reason };
+        self.mapped.recv().map_err(|e| failed(e.to_string()))?.map_err(|e| failed(e.to_string()))?;
+        let view = self.staging.get_mapped_range(0..self.bytes).map_err(|e| failed(e.to_string()))?;
+        let seen = look(&view);
+        drop(view);
+        self.staging.unmap();
+        Ok(seen)
+    }
+}
+
+/// Looks at the first bytes of a staging buffer, once the device is done with all that was submitted.
 pub fn look<T>(gpu: &Gpu, staging: &wgpu::Buffer, bytes: u64, look: impl FnOnce(&[u8]) -> T) -> Result<T, GpuError> {
-    let (sender, receiver) = std::sync::mpsc::channel();
-    staging.map_async(wgpu::MapMode::Read, 0..bytes, move |result| {
-        let _ = sender.send(result);
-    });
-    gpu.wait("reading back")?;
-    let failed = |reason: String| GpuError::Driver { doing: "reading back".into(), reason };
-    receiver.recv().map_err(|e| failed(e.to_string()))?.map_err(|e| failed(e.to_string()))?;
-    let view = staging.get_mapped_range(0..bytes).map_err(|e| failed(e.to_string()))?;
-    let seen = look(&view);
-    drop(view);
-    staging.unmap();
-    Ok(seen)
+    Look::ask(staging.clone(), bytes).see(gpu, None, look)
 }
 
 pub fn staging(gpu: &Gpu, bytes: u64) -> wgpu::Buffer {

@@ -33,6 +33,8 @@ pub struct Session<'a> {
     pub(super) lists: HashMap<Resource, Vec<Draw>>,
     pub(super) states: HashMap<Resource, Option<Box<dyn Any + Send>>>,
     pub(super) staging: HashMap<Resource, wgpu::Buffer>,
+    /// For looks at the variables, as many as were under way at once.
+    pub(super) idle_staging: Vec<wgpu::Buffer>,
     pub(super) copies: Copies,
     /// What host steps hand to each other, or to their next round.
     pub(super) shared: HashSet<Resource>,
@@ -89,6 +91,7 @@ impl<'a> Session<'a> {
             lists: HashMap::new(),
             states: HashMap::new(),
             staging: HashMap::new(),
+            idle_staging: Vec::new(),
             copies: Copies::new(placement),
             shared: shared(schedule),
             timing: Timing::new(gpu, schedule.nodes().len()),

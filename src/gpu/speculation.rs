@@ -78,7 +78,8 @@ impl Session<'_> {
         let before = self.variables.clone();
         self.speculation = Some(Speculation::default());
         let (result, mut pending) = self.encode_frame(pace);
-        let words = self.look_at_variables(&mut pending);
+        let look = self.ask_for_variables(&mut pending);
+        let words = self.see_variables(look);
         let speculation = self.speculation.take().unwrap_or_default();
         match result.and_then(|frame| Ok((frame, words?))) {
             Ok((frame, words)) if !words.is_held && self.take_over(&words, &speculation) => Ok(Some(frame)),

@@ -93,7 +93,7 @@ pub enum Lifetime {
 pub const VARIABLES: &str = "variables";
 
 /// Words of [`VARIABLES`] before the first variable, as `shaders/lib/variables.wgsl` has them.
-pub const VARIABLES_BEFORE: u32 = 5;
+pub const VARIABLES_BEFORE: u32 = 6;
 
 /// The parts of a scene that shaders read, bound by these names.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]

@@ -83,9 +83,9 @@ const HALLS: [Hall; 2] = [
             ("picture", "flip", 0.0241),
             ("picture", "hdr_flip", 0.0394),
         ],
-        records: 11_168,
-        rounds: 62,
-        bytes: [157_215_968, 160_099_000],
+        records: 11_182,
+        rounds: 32,
+        bytes: [174_051_668, 184_900_048],
     },
     Hall {
         name: "sponza",
@@ -124,9 +124,9 @@ const HALLS: [Hall; 2] = [
             ("picture", "flip", 0.0221),
             ("picture", "hdr_flip", 0.037),
         ],
-        records: 7_443,
-        rounds: 45,
-        bytes: [155_905_168, 158_788_200],
+        records: 7_448,
+        rounds: 28,
+        bytes: [172_575_940, 183_424_320],
     },
 ];
 

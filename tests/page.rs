@@ -279,7 +279,7 @@ fn sweep(browser: &mut Browser) -> Outcome {
 fn refused(browser: &mut Browser) -> Outcome {
     let made = made(6);
     let mut sweep = swept(&made);
-    sweep.points[1].outcome = State::Refused { because: "plan::batch: too large".into() };
+    sweep.points[1].outcome = State::Refused { because: "plan::tile: too large".into() };
     let mut gallery = Gallery::new(made.comparison.size, 6, made.reference.as_ref());
     for (index, picture) in made.pictures.iter().enumerate() {
         if index == 1 { gallery.skip() } else { gallery.add(picture, made.reference.as_ref())? }
@@ -287,7 +287,7 @@ fn refused(browser: &mut Browser) -> Outcome {
     let _page = open(&page(&swept_report(&made, sweep), &gallery)?, browser)?;
     equals(browser, "document.querySelectorAll('#plot .mark').length", 5)?;
     equals(browser, "document.querySelector('#plot-note').textContent.endsWith('not known: B.')", true)?;
-    equals(browser, "document.querySelector('#table').textContent.includes('refused: plan::batch: too large')", true)?;
+    equals(browser, "document.querySelector('#table').textContent.includes('refused: plan::tile: too large')", true)?;
     equals(browser, "document.querySelector('#absent').textContent", "B  cache.accuracy=0.1 tiles.resolution=16 was refused")?;
     shows(browser, 0.25, 0)
 }

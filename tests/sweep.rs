@@ -237,13 +237,14 @@ fn interrupted() -> Outcome {
 
 fn refused() -> Outcome {
     let place = Place::new()?;
-    let (status, text, stderr) =
-        place.run(&format!("sweep irradiance --over tiles.resolution=512,8 {SMALL} --runs 1 --json a.json --csv a.csv --svg a.svg --html a.html"))?;
+    let (status, text, stderr) = place.run(&format!(
+        "sweep irradiance --set tiles.shape=Hemicube --over tiles.resolution=9,8 {SMALL} --runs 1 --json a.json --csv a.csv --svg a.svg --html a.html"
+    ))?;
     check(status == 1 && stderr.contains("sweep::refused") && stderr.contains("1 of 2 points"), || format!("{status}\n{stderr}"))?;
-    check(text.contains("refused: plan::batch"), || text)?;
+    check(text.contains("refused: plan::tile"), || text)?;
     let json = place.json("a.json")?;
     let [first, second] = [&json["points"][0], &json["points"][1]];
-    check(first["state"] == "refused" && first["because"].as_str().is_some_and(|why| why.contains("plan::batch")), || first.to_string())?;
+    check(first["state"] == "refused" && first["because"].as_str().is_some_and(|why| why.contains("plan::tile")), || first.to_string())?;
     check(first["pareto"] == false && second["pareto"] == true && second["state"] == "measured" && json["complete"] == false, || json.to_string())?;
     let page = place.page("a.html")?;
     let pictures = &page["gallery"]["shown"][0]["images"];
@@ -351,7 +352,7 @@ fn dry_run() -> Outcome {
     let (text, _) = place.succeed("sweep irradiance --over cache.accuracy=0.1,0.2 --over tiles.resolution=4,8 --scene cornell --size 32x24 --dry-run")?;
     let lines: Vec<&str> = text.lines().collect();
     check(lines.len() == 4 && lines[1].starts_with("B irradiance cache.accuracy=0.1 tiles.resolution=8, "), || text.clone())?;
-    let (status, text, _) = place.run("sweep irradiance --over tiles.resolution=8,512 --scene cornell --size 32x24 --dry-run")?;
-    check(status == 1 && text.contains("refused: plan::batch"), || text)?;
+    let (status, text, _) = place.run("sweep irradiance --set tiles.shape=Hemicube --over tiles.resolution=8,9 --scene cornell --size 32x24 --dry-run")?;
+    check(status == 1 && text.contains("refused: plan::tile"), || text)?;
     check(fs::read_dir(place.0.path())?.next().is_none(), || "a dry run writes files".into())
 }

@@ -5,7 +5,7 @@ use super::record::{TileSample, sample_bytes};
 use crate::contract::encoder::{bind_visibility, light_constants, scene_constants, shadow_taps};
 use crate::contract::place::refuse;
 use crate::contract::{
-    Bodies, Choice, Description, Encoder, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Refusal, Takes, port,
+    Arguments, Bodies, Choice, Description, Encoder, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Refusal, Takes, port,
 };
 use crate::math::hemisphere::{Shape, Table};
 use crate::schedule::*;
@@ -186,9 +186,16 @@ impl Pass for HemisphereTiles {
         &DESCRIPTION
     }
 
+    fn most_of_batch(&self, arguments: &Arguments) -> u32 {
+        let size = shape(arguments).size(arguments.integer("resolution") as u32);
+        let in_atlas = size.map(|edge| ATLAS / edge).iter().product::<u32>();
+        let in_buffer = MOST_BYTES / (16 * u64::from(size[0]) * u64::from(size[1]));
+        in_atlas.min(in_buffer as u32).max(1)
+    }
+
     fn encode(&self, e: &mut Encoder<'_>) -> Result<(), Refusal> {
         let Some(requests) = e.requests("at").copied() else { return Ok(()) };
-        let shape = shape(e);
+        let shape = shape(e.arguments);
         let resolution = e.arguments.integer("resolution") as u32;
         let (by, way) = e.arguments.choice("by");
         let taps = shadow_taps(e.arguments)?;
@@ -205,7 +212,7 @@ impl Pass for HemisphereTiles {
                 "cast rays, or choose Plane, Hemicube or Hemispherical",
             ));
         }
-        let work = layout(e, requests, shape, table, by == "Raster")?;
+        let work = layout(e, requests, shape, table, by == "Raster");
         let maps = e.shadow_maps("shadow").map(|maps| port::ShadowMaps { taps, ..*maps });
         let cast = e.place(Bodies::BOTH.unless(by == "Raster", "the scene is rasterised"))?;
         let shaded = shading_place(e, cast, maps.as_ref())?;
@@ -241,7 +248,8 @@ impl Pass for HemisphereTiles {
             }
         };
         let sees_emission = sees.emission && (e.setting.needs.emissive_triangles > 0 || e.setting.needs.environment);
-        let tiles = port::Tiles { samples, place: shaded, sees_emission, requests, shape, resolution, table: work.table, tiles_per_row: work.tiles_per_row };
+        let (is_steady, table, tiles_per_row) = (e.is_steady("at"), work.table, work.tiles_per_row);
+        let tiles = port::Tiles { samples, place: shaded, is_steady, sees_emission, requests, shape, resolution, table, tiles_per_row };
         e.output("tiles", Port::Tiles(tiles));
         Ok(())
     }
@@ -278,8 +286,8 @@ fn shading_place(e: &mut Encoder<'_>, cast: Place, maps: Option<&port::ShadowMap
     Ok(Place::Device)
 }
 
-fn shape(e: &Encoder<'_>) -> Shape {
-    match e.arguments.choice("shape") {
+fn shape(arguments: &Arguments) -> Shape {
+    match arguments.choice("shape") {
         ("Plane", arguments) => Shape::Plane { fov_degrees: arguments.float("fov") },
         ("Hemicube", _) => Shape::Hemicube,
         ("Hemispherical", _) => Shape::Hemispherical,
@@ -288,25 +296,16 @@ fn shape(e: &Encoder<'_>) -> Shape {
     }
 }
 
-fn layout(e: &mut Encoder<'_>, requests: port::Requests, shape: Shape, table: Table, is_raster: bool) -> Result<Work, Refusal> {
+fn layout(e: &mut Encoder<'_>, requests: port::Requests, shape: Shape, table: Table, is_raster: bool) -> Work {
     let bytes = requests.capacity as u64 * (table.width * table.height) as u64 * 16;
     let tiles_per_row = (ATLAS / table.width).min(requests.capacity).max(1);
     let rows = requests.capacity.div_ceil(tiles_per_row);
-    if bytes > MOST_BYTES || rows * table.height > ATLAS {
-        let fits = (MOST_BYTES / ((table.width * table.height) as u64 * 16)).min((tiles_per_row * (ATLAS / table.height)) as u64);
-        return Err(Refusal::of_parameter(
-            "resolution",
-            "plan::batch",
-            format!("a batch of {} tiles of {}×{} samples does not fit into {} MiB", requests.capacity, table.width, table.height, MOST_BYTES >> 20),
-            format!("fill in batches of at most {fits}"),
-        ));
-    }
     let samples = e.constant_buffer("directions", &sample_bytes(&table));
     let size = [tiles_per_row * table.width, rows * table.height];
     let seen_bytes = if is_raster { Format::R32Uint.row_bytes(size[0]) * size[1] as u64 } else { bytes / 4 };
     let seen = e.buffer("seen", seen_bytes);
     debug_assert_eq!(size_of::<TileSample>(), 32);
-    Ok(Work { requests, table: Arc::new(table), shape, samples, seen, size, tiles_per_row, is_raster })
+    Work { requests, table: Arc::new(table), shape, samples, seen, size, tiles_per_row, is_raster }
 }
 
 /// Shadow rays from what a sample sees, to area lights and to the sky: a tile holds thousands of samples.

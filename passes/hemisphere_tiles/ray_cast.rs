@@ -1,6 +1,6 @@
-//! One ray a sample, in packets of neighbours.
+//! One ray a sample: on the cores of the host in packets of neighbours, on hardware each in a lane of its own.
 
-use super::Work;
+use super::{Work, each_sample};
 use crate::contract::{Encoder, encoder::scene_constants};
 use crate::schedule::*;
 
@@ -13,6 +13,10 @@ pub(super) fn encode(e: &mut Encoder<'_>, work: &Work) {
         .bind("requests", work.requests.places)
         .bind("samples", work.samples)
         .bind("seen", work.seen);
-    let parts = work.table.width.div_ceil(COVERED[0]) * work.table.height.div_ceil(COVERED[1]);
-    e.compute(program, "trace", Groups::Counted { count: work.requests.count, divisor: 1, per: parts });
+    if e.setting.device.is_software {
+        let parts = work.table.width.div_ceil(COVERED[0]) * work.table.height.div_ceil(COVERED[1]);
+        e.compute(program, "trace_packets", Groups::Counted { count: work.requests.count, divisor: 1, per: parts });
+    } else {
+        e.compute(program, "trace_each", each_sample(work));
+    }
 }

@@ -1,7 +1,5 @@
 #import lib/trace
 
-// The nearest surface that stops light, from both of its sides: as Bvh::first.
-
 struct ClosestHit {
     // NO_TRIANGLE for none.
     triangle: u32,
@@ -9,7 +7,13 @@ struct ClosestHit {
     distance: f32,
 }
 
+// The nearest surface that stops light, from both of its sides: as Bvh::first.
 fn closest_hit(origin: vec3f, direction: vec3f, distance: f32) -> ClosestHit {
+    return nearest_hit(origin, direction, distance, true);
+}
+
+// The nearest surface, of two at the same distance the first in the scene's order; those with one side alone from behind, too, where backs stop light.
+fn nearest_hit(origin: vec3f, direction: vec3f, distance: f32, backs_stop: bool) -> ClosestHit {
     var found = ClosestHit(NO_TRIANGLE, distance);
     if EMPTY {
         return found;
@@ -24,14 +28,15 @@ fn closest_hit(origin: vec3f, direction: vec3f, distance: f32) -> ClosestHit {
         while is_inner(content) {
             let left = scene_tables[content];
             let right = scene_tables[content + 1u];
-            let enters_left = enters_box(left, grid, inverse, limit);
-            let enters_right = enters_box(right, grid, inverse, limit);
-            if enters_left && enters_right {
-                stack[top] = right.w;
+            let to_left = entry(left, grid, inverse, limit);
+            let to_right = entry(right, grid, inverse, limit);
+            let left_first = to_left <= to_right;
+            if max(to_left, to_right) != NOT_ENTERED {
+                stack[top] = select(left.w, right.w, left_first);
                 top += 1u;
             }
-            if enters_left || enters_right {
-                content = select(right.w, left.w, enters_left);
+            if min(to_left, to_right) != NOT_ENTERED {
+                content = select(right.w, left.w, left_first);
             } else if top > 0u {
                 top -= 1u;
                 content = stack[top];
@@ -44,8 +49,10 @@ fn closest_hit(origin: vec3f, direction: vec3f, distance: f32) -> ClosestHit {
         }
         let triangles = triangles_of(content);
         for (var i = triangles.first; i < triangles.end; i++) {
-            if blocks(i, grid, direction, limit) {
-                limit = met_at(i, grid, direction);
+            let met = meeting(i, grid, direction);
+            let is_nearer = met.distance < limit || (met.distance == limit && i < found.triangle);
+            if met.distance > 0.0 && is_nearer && (backs_stop || !ONE_SIDED || met.is_front || is_two_sided(i)) {
+                limit = met.distance;
                 found = ClosestHit(i, limit * grid.unit);
             }
         }
@@ -58,16 +65,12 @@ fn closest_hit(origin: vec3f, direction: vec3f, distance: f32) -> ClosestHit {
     return found;
 }
 
-// Where a ray meets the plane of a triangle, in the hierarchy's units.
-fn met_at(triangle: u32, grid: Grid, direction: vec3f) -> f32 {
-    let at = corners(triangle, grid);
-    let p = cross(direction, at.e2);
-    let determinant = dot(at.e1, p);
-    return dot(at.e2, cross(at.point, at.e1)) / determinant;
+fn is_two_sided(triangle: u32) -> bool {
+    return (scene_material(material_of(triangle)).flags & TWO_SIDED) != 0u;
 }
 
 // Whether a ray meets the back of a one-sided surface, which is not seen.
 fn is_back(triangle: u32, direction: vec3f) -> bool {
     let plane = cross(scene_corners[3u * triangle + 1u].xyz, scene_corners[3u * triangle + 2u].xyz);
-    return ONE_SIDED && dot(plane, direction) > 0.0 && (scene_material(material_of(triangle)).flags & TWO_SIDED) == 0u;
+    return ONE_SIDED && dot(plane, direction) > 0.0 && !is_two_sided(triangle);
 }

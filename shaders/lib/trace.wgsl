@@ -2,8 +2,10 @@
 
 // Single rays against the scene's hierarchy.
 
-// Whether a ray enters a box before `limit`.
-fn enters_box(node: vec4u, grid: Grid, inverse: vec3f, limit: f32) -> bool {
+const NOT_ENTERED = 3e38;
+
+// Where a ray enters a box, in the hierarchy's units; NOT_ENTERED where it does not before `limit`.
+fn entry(node: vec4u, grid: Grid, inverse: vec3f, limit: f32) -> f32 {
     let a = lower_bound(node, grid) * inverse;
     let b = upper_bound(node, grid) * inverse;
     let low = min(a, b);
@@ -11,10 +13,21 @@ fn enters_box(node: vec4u, grid: Grid, inverse: vec3f, limit: f32) -> bool {
     let near = max(max(low.x, low.y), max(low.z, 0.0));
     let far = min(min(high.x, high.y), min(high.z, limit));
     // Widened so that rounding opens no gaps between boxes.
-    return near <= far * 1.0000004;
+    return select(NOT_ENTERED, near, near <= far * 1.0000004);
 }
 
-fn blocks(triangle: u32, grid: Grid, direction: vec3f, limit: f32) -> bool {
+fn enters_box(node: vec4u, grid: Grid, inverse: vec3f, limit: f32) -> bool {
+    return entry(node, grid, inverse, limit) != NOT_ENTERED;
+}
+
+// How a ray meets a triangle.
+struct Meeting {
+    // How far it is, in the hierarchy's units; at most 0 where they do not meet.
+    distance: f32,
+    is_front: bool,
+}
+
+fn meeting(triangle: u32, grid: Grid, direction: vec3f) -> Meeting {
     let at = corners(triangle, grid);
     let p = cross(direction, at.e2);
     let q = cross(at.point, at.e1);
@@ -23,8 +36,14 @@ fn blocks(triangle: u32, grid: Grid, direction: vec3f, limit: f32) -> bool {
     let b = vec2f(dot(at.point, p), dot(direction, q)) * inverse;
     let distance = dot(at.e2, q) * inverse;
     let least = -at.rounding * length(direction) * abs(inverse);
-    let inside = determinant != 0.0 && b.x >= least && b.y >= least && b.x + b.y <= 1.0 - least && distance > 0.0 && distance < limit;
-    return inside && !(ALPHA_MASKS && is_hole(triangle, b));
+    let inside = determinant != 0.0 && b.x >= least && b.y >= least && b.x + b.y <= 1.0 - least;
+    let is_met = inside && distance > 0.0 && !(ALPHA_MASKS && is_hole(triangle, b));
+    return Meeting(select(0.0, distance, is_met), determinant > 0.0);
+}
+
+fn blocks(triangle: u32, grid: Grid, direction: vec3f, limit: f32) -> bool {
+    let distance = meeting(triangle, grid, direction).distance;
+    return distance > 0.0 && distance < limit;
 }
 
 // Whether anything blocks light between 0 and `distance`; surfaces block from both sides.

@@ -35,6 +35,11 @@ pub trait Pass: Send + Sync {
         None
     }
 
+    /// How many items of a batch its buffers hold, where all that adapters must bind is one of them.
+    fn most_of_batch(&self, _arguments: &Arguments) -> u32 {
+        u32::MAX
+    }
+
     /// Declares the node's resources and commands. Called once per plan, needs no device.
     fn encode(&self, encoder: &mut Encoder<'_>) -> Result<(), Refusal>;
 }

@@ -145,6 +145,13 @@ pub enum TableError {
     FieldOfView(f64),
 }
 
+impl Shape {
+    /// Width and height of a tile of `resolution` N [samples].
+    pub fn size(self, resolution: u32) -> [u32; 2] {
+        [resolution, if self == Self::Hemicube { 3 * resolution } else { resolution }]
+    }
+}
+
 impl Table {
     /// The table of a tile of `resolution` N, see [`Shape`].
     ///
@@ -396,7 +403,8 @@ fn divide_by_coverage(table: &mut Table, half: f64) {
 }
 
 fn hemicube(resolution: u32) -> Table {
-    let mut builder = Builder::new(resolution, 3 * resolution);
+    let [width, height] = Shape::Hemicube.size(resolution);
+    let mut builder = Builder::new(width, height);
     let top = View::along_normal(1.0, resolution, true);
     let sides = side_views(resolution);
     builder.face(top);

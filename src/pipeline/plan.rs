@@ -412,7 +412,7 @@ impl<'a> Planner<'a> {
 
     fn encode_loop(&mut self, node: &Node, kind: Loop, inner: &[Node], within: Within<'_>, steps: &mut Vec<Step>) {
         let first_variable = self.schedule.variables.len();
-        let batch = if kind == Loop::Fill { Some(batch_of(node)) } else { within.batch };
+        let batch = if kind == Loop::Fill { Some(self.batch_of(node, inner)) } else { within.batch };
         let mut level = self.record_level(inner, Within { loops: within.loops + 1, nodes: inner, batch });
         let is_mine = |key: &Key| key.round_of.as_ref() == Some(&node.name);
         let mut start: Vec<Command> = self.earlier.iter().filter(|(key, _)| is_mine(key)).flat_map(|(_, port)| history::clear(port, &self.schedule)).collect();
@@ -429,6 +429,19 @@ impl<'a> Planner<'a> {
             steps.append(&mut level.prologue);
             steps.push(Step::Repeat(repeat));
         }
+    }
+
+    /// As the fill says, or as many items as its nodes have room for.
+    fn batch_of(&mut self, fill: &Node, inner: &[Node]) -> Batch {
+        let ("Batched", arguments) = fill.arguments.choice("order") else { return Batch { at_most: 1, sequential: true } };
+        let wanted = u32::try_from(arguments.integer("at_most")).unwrap_or(1);
+        let kept = inner.iter().filter(|node| !self.dropped.contains_key(node.name.as_str()));
+        let most = |node: &Node| if let Work::Pass(pass) = node.work { pass.most_of_batch(&node.arguments) } else { u32::MAX };
+        let at_most = kept.map(most).fold(wanted, u32::min);
+        if at_most < wanted {
+            self.remarks.push((fill.name.clone(), format!("batches of {at_most} in place of {wanted}, which its nodes have no room for")));
+        }
+        Batch { at_most, sequential: false }
     }
 
     /// The number of records of the cache that these nodes add to.
@@ -660,13 +673,6 @@ fn share_time(steps: &mut [Step], later: &mut Vec<Variable>) {
 /// A step of these commands, if there are any.
 fn step(name: &str, pass: &'static str, commands: Vec<Command>) -> Option<Step> {
     (!commands.is_empty()).then(|| Step::Node(crate::schedule::Node { name: name.into(), pass, commands }))
-}
-
-fn batch_of(fill: &Node) -> Batch {
-    match fill.arguments.choice("order") {
-        ("Batched", arguments) => Batch { at_most: u32::try_from(arguments.integer("at_most")).unwrap_or(1), sequential: false },
-        _ => Batch { at_most: 1, sequential: true },
-    }
 }
 
 fn refused(node: &Node, refusal: Refusal) -> Problem {

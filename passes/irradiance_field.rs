@@ -22,6 +22,8 @@ pub fn bind(program: Program, field: &IrradianceField) -> Program {
                 .import("IRRADIANCE_FIELD", "lib/irradiance_field/records")
                 .constant("INDEX_ENTRIES", layout.entries as u32)
                 .constant("INDEX_RECORDS", layout.records as u32)
+                .constant("NEAR_HEADER", layout.near.header as u32)
+                .constant("NEAR_ENTRIES", layout.near.entries as u32)
                 .bind("record_index", index.data)
                 .bind("index_weighting", index.weighting)
         }

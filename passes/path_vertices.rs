@@ -1,7 +1,10 @@
 //! Where light is looked for beyond what the camera sees: places for the records of a second cache.
 
 use super::record::{hand_on, requests, texels};
-use crate::contract::{Description, Encoder, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Refusal, Takes};
+use crate::contract::{
+    Bodies, Description, Encoder, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Refusal, Takes, encoder::scene_constants, port,
+};
+use crate::host_struct;
 use crate::math::frame::Frame;
 use crate::math::lattice::pixel;
 use crate::math::random::{combine, hash, unit};
@@ -16,7 +19,7 @@ pub struct PathVertices;
 
 static DESCRIPTION: Description = Description {
     name: "PathVertices",
-    about: "Places where paths from the camera meet surfaces, thinned to one for each group of neighbours: dense where much light is gathered from; by the host",
+    about: "Places where paths from the camera meet surfaces, thinned to one for each group of neighbours: dense where much light is gathered from",
     source: "our own",
     parameters: &[
         Parameter {
@@ -32,6 +35,7 @@ static DESCRIPTION: Description = Description {
             kind: ParameterKind::Integer { default: 3, min: 1, max: 64 },
         },
         Parameter { name: "records", about: "most places", unit: "records", kind: ParameterKind::Integer { default: 8192, min: 1, max: 1 << 20 } },
+        PLACE,
     ],
     inputs: &[Input { name: "gbuffer", about: "the visible surfaces", accepts: PortKind::GBuffer, takes: Takes::One, changes: false }],
     outputs: &[Output { name: "requests", about: "places for records", kind: PortKind::Requests }],
@@ -46,25 +50,62 @@ impl Pass for PathVertices {
         let Some(gbuffer) = e.g_buffer("gbuffer").copied() else { return Ok(()) };
         let [paths, legs, capacity] = ["paths", "legs", "records"].map(|name| e.arguments.integer(name) as u32);
         let requests = requests(e, capacity);
-        let size = gbuffer.size;
-        e.host("walk", &[Read::whole(gbuffer.position), Read::whole(gbuffer.normal)], &[requests.places], move |host| {
-            let (positions, normals) = (texels(host, gbuffer.position), texels(host, gbuffer.normal));
-            let (scene, bvh, extent) = (host.scene(), host.bvh(), host.extent());
-            let walk = |number: u32| {
-                let [column, row] = pixel(number, size);
-                let pixel = row as usize * size[0] as usize + column as usize;
-                let [x, y, z, width] = positions[pixel];
-                let start = Vertex { position: Vec3::new(x, y, z), normal: Vec3::from_slice(&normals[pixel]) };
-                if width > 0.0 { walked(scene, bvh, extent, start, number, legs) } else { Vec::new() }
-            };
-            let vertices: Vec<Vertex> = (0..paths).into_par_iter().flat_map_iter(walk).collect();
-            hand_on(host, &requests, thinned(vertices, capacity as usize));
-            Ok(())
-        });
+        match e.place(Bodies::BOTH)? {
+            Place::Host => walk_on_host(e, &gbuffer, requests, [paths, legs]),
+            Place::Device => walk_on_device(e, &gbuffer, requests, [paths, legs]),
+        }
         e.report_variable("records_of_bounces", requests.made);
         e.output("requests", Port::Requests(requests));
         Ok(())
     }
+}
+
+fn walk_on_host(e: &mut Encoder<'_>, gbuffer: &port::GBuffer, requests: port::Requests, [paths, legs]: [u32; 2]) {
+    let gbuffer = *gbuffer;
+    e.host("walk", &[Read::whole(gbuffer.position), Read::whole(gbuffer.normal)], &[requests.places], move |host| {
+        let (positions, normals) = (texels(host, gbuffer.position), texels(host, gbuffer.normal));
+        let (scene, bvh, extent) = (host.scene(), host.bvh(), host.extent());
+        let walk = |number: u32| {
+            let [column, row] = pixel(number, gbuffer.size);
+            let pixel = row as usize * gbuffer.size[0] as usize + column as usize;
+            let [x, y, z, width] = positions[pixel];
+            let start = Vertex { position: Vec3::new(x, y, z), normal: Vec3::from_slice(&normals[pixel]) };
+            if width > 0.0 { walked(scene, bvh, extent, start, number, legs) } else { Vec::new() }
+        };
+        let vertices: Vec<Vertex> = (0..paths).into_par_iter().flat_map_iter(walk).collect();
+        hand_on(host, &requests, thinned(vertices, requests.capacity as usize));
+        Ok(())
+    });
+}
+
+host_struct! {
+    /// A vertex as the device hands it on.
+    pub struct WalkedVertex {
+        position: [f32; 3],
+        /// 1 for a vertex, 0 behind a path's end.
+        is_there: f32,
+        normal: [f32; 3],
+        padding: f32,
+    }
+}
+
+/// The host thins what the device finds: the latter would decide on each division after the one before.
+fn walk_on_device(e: &mut Encoder<'_>, gbuffer: &port::GBuffer, requests: port::Requests, [paths, legs]: [u32; 2]) {
+    let vertices = e.buffer("vertices", size_of::<WalkedVertex>() as u64 * u64::from(paths) * u64::from(legs));
+    let program = scene_constants(Program::new("path_vertices"), e.setting.needs)
+        .constant("PATHS", paths)
+        .constant("LEGS", legs)
+        .bind("position", gbuffer.position)
+        .bind("normal", gbuffer.normal)
+        .bind("vertices", vertices);
+    e.compute(program, "walk", Groups::linear(paths.div_ceil(64)));
+    e.host("thin", &[Read::whole(vertices)], &[requests.places], move |host| {
+        let walked: &[WalkedVertex] = bytemuck::cast_slice(host.read(vertices));
+        let met = walked.par_iter().filter(|vertex| vertex.is_there > 0.0);
+        let met = met.map(|vertex| Vertex { position: vertex.position.into(), normal: vertex.normal.into() }).collect();
+        hand_on(host, &requests, thinned(met, requests.capacity as usize));
+        Ok(())
+    });
 }
 
 /// The surfaces that a path meets behind its first, each by a ray whose density is that of the light which arrives from there, as far as the cosine tells.

@@ -133,7 +133,17 @@ impl Pass for PhotonTiles {
             Place::Device => encode_on_device(e, requests, map, samples, (resolution, sought)),
         }
         let tiles_per_row = (8192 / table.width).min(requests.capacity).max(1);
-        let tiles = port::Tiles { samples, place, sees_emission: false, requests, shape: Shape::Concentric, resolution, table: Arc::new(table), tiles_per_row };
+        let tiles = port::Tiles {
+            samples,
+            place,
+            is_steady: false,
+            sees_emission: false,
+            requests,
+            shape: Shape::Concentric,
+            resolution,
+            table: Arc::new(table),
+            tiles_per_row,
+        };
         e.output("tiles", Port::Tiles(tiles));
         Ok(())
     }

@@ -36,7 +36,7 @@ pub fn encode(e: &mut Encoder<'_>, [mut from, mut to]: [Resource; 2], keys: Keys
             .bind("sizes", keys.counted.0);
         // Blocks without pairs too, which have none of each digit.
         e.compute(program.clone(), "count_digits", Groups::linear(blocks));
-        prefix_sum::encode(e, counts, 0, digits * blocks);
+        prefix_sum::encode(e, counts, 0, digits * blocks, None);
         e.compute(program, "scatter", Groups::Counted { count: keys.count, divisor: BLOCK, per: 1 });
         (from, to) = (to, from);
     }

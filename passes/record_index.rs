@@ -5,7 +5,8 @@ use super::record::{RECORD_BYTES, Record, Weighting};
 use crate::contract::{Bodies, Description, Encoder, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Refusal, Takes, port};
 use crate::math::{
     colour::luminance,
-    record_index::{HEADER, Layout, Levels, Lists, RECORD_WORDS},
+    record_index::{Cells, HEADER, Layout, Levels, Lists, RECORD_WORDS},
+    record_tree::steepest,
     weight,
 };
 use crate::schedule::*;
@@ -80,16 +81,20 @@ impl Pass for RecordIndex {
     }
 }
 
+/// Records that stay where they are keep the lists of the first round; each round brings its light.
 fn build_on_host(e: &mut Encoder<'_>, new: port::Records, index: port::RecordIndex, growth: Growth) {
     let layout = Layout::of(index.capacity as usize);
     e.host("build", &[Read::counted(new.records, RECORD_BYTES, new.count)], &[index.data], move |host| {
         let records: Vec<Record> = bytemuck::pod_collect_to_vec(host.read(new.records));
-        let all: Vec<weight::Record> = records.iter().map(weight::Record::from).collect();
-        let reaching: Vec<_> = all.iter().map(|record| index.rule.reaching(record)).collect();
-        let mut words = Lists::of(&reaching, layout.hashes).words(layout, records.len());
-        words.extend_from_slice(bytemuck::cast_slice(&records));
-        words.resize(layout.words, 0);
-        host.write(index.data, 0, bytemuck::cast_slice(&words));
+        if !new.is_steady || growth.is_first(host) {
+            let all: Vec<weight::Record> = records.iter().map(weight::Record::from).collect();
+            let reaching: Vec<_> = all.iter().map(|record| index.rule.reaching(record)).collect();
+            let near = Cells::Near { accuracy: index.rule.accuracy };
+            for (cells, first, hashes) in [(Cells::Far, 0, layout.hashes), (near, layout.near.header, layout.near.hashes)] {
+                host.write(index.data, 4 * first as u64, bytemuck::cast_slice(&Lists::of(&reaching, cells, hashes).words(records.len())));
+            }
+        }
+        host.write(index.data, 4 * layout.records as u64, bytemuck::cast_slice(&records));
         let light = records.iter().map(|record| luminance(Vec3::from(record.irradiance).as_dvec3())).sum();
         growth.judge(host, light);
         Ok(())
@@ -99,38 +104,58 @@ fn build_on_host(e: &mut Encoder<'_>, new: port::Records, index: port::RecordInd
 /// Powers of two that the shader counts records by.
 const EXPONENTS: u64 = 256;
 
-/// As shaders/record_index.wgsl does it.
+/// As shaders/record_index.wgsl does it. Lists are kept as on the host.
 fn build_on_device(e: &mut Encoder<'_>, new: port::Records, index: port::RecordIndex, growth: Growth) {
     let layout = Layout::of(index.capacity as usize);
-    let [held, light] = [("held", 4 * EXPONENTS), ("light", 16)].map(|(member, bytes)| e.buffer(member, bytes));
-    e.clear(index.data);
-    e.clear(held);
+    let light = e.buffer("light", 16);
+    let [lists, listed] = ["lists", "listed"].map(|name| e.variable(name, false));
+    if new.is_steady {
+        e.before_loop(Command::Clear(index.data))
+    } else {
+        e.clear(index.data)
+    }
     e.host("begin", &[], &[index.data], move |host| {
-        let head = Levels::NONE.header(layout, host.variable(new.count));
-        host.write(index.data, 0, bytemuck::cast_slice(&head));
+        let (count, is_new) = (host.variable(new.count), !new.is_steady || growth.is_first(host));
+        host.set(lists, u32::from(is_new));
+        host.set(listed, if is_new { count } else { 0 });
+        for (first, hashes) in [(0, layout.hashes), (layout.near.header, layout.near.hashes)].into_iter().filter(|_| is_new) {
+            host.write(index.data, 4 * first as u64, bytemuck::cast_slice(&Levels::NONE.header(hashes, count)));
+        }
         Ok(())
     });
     let program = Program::new("record_index")
-        .constant("INDEX_ENTRIES", layout.entries as u32)
         .constant("INDEX_RECORDS", layout.records as u32)
+        .constant("STEEPEST", steepest(index.rule.accuracy))
         .bind("weighting", index.weighting)
         .bind("records", new.records)
         .bind("words", index.data)
-        .bind("held", held)
         .bind("light", light);
-    let each_record = Groups::Counted { count: new.count, divisor: 64, per: 1 };
-    e.compute(program.clone(), "measure", each_record);
-    e.compute(program.clone(), "tell_levels", Groups::ONE);
-    e.compute(program.clone(), "count", each_record);
-    prefix_sum::encode(e, index.data, HEADER as u32, layout.hashes as u32);
-    e.compute(program.clone(), "list", each_record);
-    e.compute(program.clone(), "sort", Groups::linear((layout.hashes as u32).div_ceil(64)));
+    let far = program.clone().constant("INDEX_ENTRIES", layout.entries as u32);
+    let near = program.clone().constant("INDEX_LISTS", layout.near.header as u32).constant("INDEX_ENTRIES", layout.near.entries as u32).constant("NEAR", 1);
+    make_lists(e, far, (index.data, HEADER, layout.hashes), [lists, listed]);
+    make_lists(e, near, (index.data, layout.near.header + HEADER, layout.near.hashes), [lists, listed]);
+    e.compute(program.clone(), "keep_records", Groups::Counted { count: new.count, divisor: 64, per: 1 });
     e.compute(program, "add_light", Groups::ONE);
     e.host("judge", &[Read::whole(light)], &[], move |host| {
         let light = bytemuck::pod_read_unaligned::<f32>(&host.read(light)[..4]);
         growth.judge(host, light.into());
         Ok(())
     });
+}
+
+/// In rounds in which `lists` is 1 and `listed` the number of records. The lists' ends are told by where they start, and how many there are.
+fn make_lists(e: &mut Encoder<'_>, program: Program, (words, first, hashes): (Resource, usize, usize), [lists, listed]: [Variable; 2]) {
+    let held = e.buffer("held", 4 * EXPONENTS);
+    e.clear(held);
+    let program = program.bind("held", held);
+    let each_record = Groups::Counted { count: listed, divisor: 64, per: 1 };
+    let each_list = |groups| Groups::Counted { count: lists, divisor: 1, per: groups };
+    e.compute(program.clone(), "measure", each_record);
+    e.compute(program.clone(), "tell_levels", each_list(1));
+    e.compute(program.clone(), "count", each_record);
+    prefix_sum::encode(e, words, first as u32, hashes as u32, Some(lists));
+    e.compute(program.clone(), "list", each_record);
+    e.compute(program, "sort", each_list((hashes as u32).div_ceil(64)));
 }
 
 const _: () = assert!(RECORD_BYTES == 4 * RECORD_WORDS as u64);
@@ -145,6 +170,11 @@ struct Growth {
 }
 
 impl Growth {
+    /// Whether no round has been judged yet.
+    fn is_first(&self, host: &mut dyn HostContext) -> bool {
+        host.state(self.sums).is_none()
+    }
+
     fn judge(&self, host: &mut dyn HostContext, light: f64) {
         let before = host.state(self.sums).take().and_then(|sums| sums.downcast::<Vec<f64>>().ok()).map_or_else(Vec::new, |sums| *sums);
         let sums: Vec<f64> = before.into_iter().chain([light]).collect();

@@ -20,7 +20,7 @@ const MAY_NAME: [(&str, &[&str]); 10] = [
 /// Where files may be read and threads be started; everything else has to run in a browser too. Shaders are built, tiles of rays
 /// cast, summed and projected, records added and splatted, their gaps closed, paths walked, misses looked for, skies turned, photons followed, sorted, gathered and walked through, blocks of files compressed side by side,
 /// where rayon has threads to do it. Shaders in a folder are read while developing only.
-const MAY_TOUCH_THE_SYSTEM: [&str; 26] = [
+const MAY_TOUCH_THE_SYSTEM: [&str; 27] = [
     "src/cli/",
     "src/scene/load",
     "src/scene/packets/mod.rs",
@@ -45,6 +45,7 @@ const MAY_TOUCH_THE_SYSTEM: [&str; 26] = [
     "passes/photons/mod.rs",
     "src/math/record_index.rs",
     "src/math/record_tree.rs",
+    "src/math/thinning.rs",
     "src/math/walk.rs",
     "passes/radiance_projection/host.rs",
 ];

@@ -7,7 +7,7 @@ use hemisplat::passes::{
     find_misses::grid,
     hemisphere_tiles::{raster, sift},
     irradiance_sum::workgroup_tree,
-    lobe_coefficients, photons,
+    lobe_coefficients, path_vertices, photons,
     radiance_projection::matrix_product,
     record,
 };
@@ -27,6 +27,7 @@ fn shared() -> Vec<(&'static str, Vec<HostLayout>)> {
         ("environment_light", vec![record::TablePlace::LAYOUT]),
         ("photon_tiles", vec![photons::Photon::LAYOUT, photons::MapHead::LAYOUT]),
         ("add_records", vec![add_records::Batch::LAYOUT]),
+        ("path_vertices", vec![path_vertices::WalkedVertex::LAYOUT]),
         ("rounds", vec![ahead::Rounds::LAYOUT, ahead::Sizing::LAYOUT]),
         ("find_misses/device_grid", vec![grid::Round::LAYOUT]),
         ("hemisphere_tiles/raster", vec![raster::TileView::LAYOUT, raster::TileCamera::LAYOUT, sift::SiftView::LAYOUT]),

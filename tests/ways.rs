@@ -369,6 +369,7 @@ fn summed(stage: &Stage, table: &Arc<Table>, shape: (Shape, u32), by: &str, radi
     let tiles = port::Tiles {
         samples: graph.buffer("samples", bytemuck::cast_slice(&samples)),
         place: Place::Device,
+        is_steady: false,
         sees_emission: true,
         requests,
         shape: shape.0,
@@ -940,7 +941,7 @@ fn indices_agree(stage: &Stage) -> Outcome {
         let held = if records.is_empty() { vec![0; size_of::<Record>()] } else { bytemuck::cast_slice(&records).to_vec() };
         let buffer = graph.buffer("records", &held);
         let counted = graph.variable("count");
-        let new = port::Records { records: buffer, coefficients: None, count: counted, capacity, sees_emission: false };
+        let new = port::Records { records: buffer, coefficients: None, count: counted, capacity, is_steady: false, sees_emission: false };
         graph.ports.insert("records".into(), Port::Records(new));
         let values = |place| [("place", place), ("spacing", "30")];
         graph.node("by_host", "RecordIndex", &values("Host"), &[("of", "records")])?;

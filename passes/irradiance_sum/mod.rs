@@ -124,8 +124,9 @@ impl Pass for IrradianceSum {
             (Place::Host, _) => host::encode(e, &work),
             (Place::Device, _) => workgroup_tree::encode(e, &work),
         }
-        let sees_emission = weighted.tiles.sees_emission;
-        e.output("records", Port::Records(port::Records { records, coefficients: None, count: requests.count, capacity: requests.capacity, sees_emission }));
+        let port::Tiles { sees_emission, is_steady, .. } = weighted.tiles;
+        let (count, capacity) = (requests.count, requests.capacity);
+        e.output("records", Port::Records(port::Records { records, coefficients: None, count, capacity, is_steady, sees_emission }));
         Ok(())
     }
 }

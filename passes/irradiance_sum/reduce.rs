@@ -145,6 +145,7 @@ mod tests {
         let tiles = port::Tiles {
             samples: Resource(1),
             place: Place::Device,
+            is_steady: false,
             sees_emission: true,
             requests,
             shape,

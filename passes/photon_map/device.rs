@@ -31,7 +31,7 @@ pub(super) fn encode(e: &mut Encoder<'_>, work: Work) {
         .bind("guide", guide);
     let each_path = Groups::linear(work.most / 64 + 1);
     e.compute(trace.clone(), "count", each_path);
-    prefix_sum::encode(e, counts, 0, work.most + 1);
+    prefix_sum::encode(e, counts, 0, work.most + 1, None);
     e.compute(trace.clone(), "tell", Groups::ONE);
     e.compute(trace, "keep", each_path);
     e.host("look", &[Read::whole(totals)], &[], move |host| {

@@ -14,34 +14,41 @@ fn with_lobe_albedo(surface: Surface) -> vec3f {
     return surface.reflectance + lobe_albedo(lobe_of(surface), surface.outgoing);
 }
 
-fn reflected_there(surface: Surface, reflectance: vec3f) -> vec3f {
-    if all(reflectance == vec3f(0.0)) {
-        return vec3f(0.0);
-    }
-    return indirect_irradiance(surface.position, surface.normal) * reflectance / PI;
+// Where the irradiance is asked that a sample brings.
+struct Stay {
+    position: vec3f,
+    normal: vec3f,
+    // What comes back of it, times pi.
+    reflectance: vec3f,
 }
 
-// Where the sample stays, and what comes back of what is reflected there.
-fn asked(first: Surface, seed: u32) -> vec3f {
+// Where the sample stays that meets a surface.
+fn stay_of(first: Surface, seed: u32) -> Stay {
     var at = first;
     var share = vec3f(1.0);
     for (var number = 0u; GLOSSY && number < MOST_LOBES && at.lobe != 0u; number++) {
         let next = walk_step(at, walk_seed(seed, number));
         share *= next.share;
         if !next.goes_on {
-            return reflected_there(at, share * at.reflectance);
+            return Stay(at.position, at.normal, share * at.reflectance);
         }
         at = next.surface;
     }
     // The last lobe reflects as if light came alike from all sides.
-    return reflected_there(at, share * with_lobe_albedo(at));
+    return Stay(at.position, at.normal, share * with_lobe_albedo(at));
 }
 
 @compute @workgroup_size(64)
 fn add_indirect(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) lane: u32) {
     let ray = seen_sample(group, groups, lane);
+    var stay = Stay(vec3f(0.0), vec3f(0.0), vec3f(0.0));
     if ray.inside && ray.triangle != 0u {
         let surface = surface_seen(ray.triangle - 1u, ray.origin, ray.direction);
-        radiance[ray.place] += vec4f(asked(surface, combine(bitcast<u32>(ray.turn), ray.index)), 0.0);
+        stay = stay_of(surface, combine(bitcast<u32>(ray.turn), ray.index));
+    }
+    let asks = any(stay.reflectance != vec3f(0.0));
+    let irradiance = irradiance_of_lanes(lane, asks, stay.position, stay.normal);
+    if asks {
+        radiance[ray.place] += vec4f(irradiance * stay.reflectance / PI, 0.0);
     }
 }

@@ -248,6 +248,8 @@ pub struct Tiles {
     pub samples: Resource,
     /// Where they were shaded.
     pub place: Place,
+    /// Whether each round of their loop has them at the same places: they see the same, but for its light.
+    pub is_steady: bool,
     /// Whether emitters and the sky are in them; otherwise the direct pass lights from these.
     pub sees_emission: bool,
     pub requests: Requests,
@@ -276,6 +278,8 @@ pub struct Records {
     pub coefficients: Option<Coefficients>,
     pub count: Variable,
     pub capacity: u32,
+    /// Whether each round of their loop has them at the same places and reaching as far, with other light.
+    pub is_steady: bool,
     /// Whether light that comes straight from emitters and the sky is in them: see [`Tiles::sees_emission`].
     pub sees_emission: bool,
 }

@@ -18,7 +18,7 @@ pub mod radiance;
 pub mod radius;
 pub mod random;
 pub mod record_index;
-mod record_tree;
+pub mod record_tree;
 pub mod solid_angle;
 pub mod spherical_triangle;
 pub mod sum;

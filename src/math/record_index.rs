@@ -1,10 +1,11 @@
 //! An index over records by where they reach: what is the irradiance at any point and normal? The cells of a level are cubes of one size, a power of two; a record
 //! is listed in the cells that it touches of the level whose cells are two to four times as wide as it reaches, eight at most, so that a point looks into one cell
 //! a level. Cells are found by a hash, and what two of them share is told apart by the level and by the record's own weight. One buffer holds it all, as
-//! `shaders/lib/irradiance_field/records.wgsl` reads it: [`HEADER`] words, where the list of each hash ends, the lists, the records.
+//! `shaders/lib/irradiance_field/records.wgsl` reads it: [`HEADER`] words, where the list of each hash ends, the lists, the records; then near lists, made in the same
+//! way for smaller cells, of the records that may count in a part of a cell: the device finds those of a point by them, the host by a tree.
 
 use super::random::hash;
-use super::record_tree::Tree;
+use super::record_tree::{Region, Tree};
 use super::vectors::{LANES, Vectors};
 use super::weight::{FRONT_TOLERANCE, MOST_PER_LENGTH, Reaching, Record, Rule};
 use fearless_simd::{Level, Select, Simd, dispatch, f32x8, prelude::*, u32x8};
@@ -26,8 +27,29 @@ pub const COARSER: f32 = 3.0;
 /// Words of a record.
 pub const RECORD_WORDS: usize = 36;
 
-/// Most cells that a record touches.
-const TOUCHED: usize = 8;
+/// Which cells records are listed in.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Cells {
+    /// Two to four times as wide as a record reaches: those that its reach touches.
+    Far,
+    /// One to two times as wide: those in parts of which a record may count, where normals differ no more than by this accuracy.
+    Near { accuracy: f32 },
+}
+
+impl Cells {
+    /// Most that list a record.
+    const fn most(self) -> usize {
+        match self {
+            Self::Far => 8,
+            Self::Near { .. } => 27,
+        }
+    }
+
+    /// The exponent of the edge of those that list a record of some reach.
+    fn edge_exponent(self, reach: f32) -> i32 {
+        exponent(if self == Self::Far { 2.0 * reach } else { reach })
+    }
+}
 
 /// The level stands in the bits of an entry from here on, the record's number below.
 pub const LEVEL_BIT: u32 = 24;
@@ -44,8 +66,20 @@ pub struct Layout {
     pub entries: usize,
     /// The first record's place, a multiple of four.
     pub records: usize,
+    pub near: NearLayout,
     /// All of them.
     pub words: usize,
+}
+
+/// Where the parts of the near lists stand [words].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct NearLayout {
+    /// Their header's place.
+    pub header: usize,
+    /// A power of two.
+    pub hashes: usize,
+    /// The first entry's place.
+    pub entries: usize,
 }
 
 impl Layout {
@@ -53,8 +87,11 @@ impl Layout {
     pub fn of(capacity: usize) -> Self {
         let hashes = (2 * capacity).next_power_of_two().max(4);
         let entries = HEADER + hashes;
-        let records = entries + (TOUCHED * capacity).next_multiple_of(4);
-        Self { hashes, entries, records, words: records + RECORD_WORDS * capacity }
+        let records = entries + (Cells::Far.most() * capacity).next_multiple_of(4);
+        let (header, near_hashes) = (records + RECORD_WORDS * capacity, (8 * capacity).next_power_of_two().max(4));
+        let near = NearLayout { header, hashes: near_hashes, entries: header + HEADER + near_hashes };
+        let words = (near.entries + Cells::Near { accuracy: 1.0 }.most() * capacity).next_multiple_of(4);
+        Self { hashes, entries, records, near, words }
     }
 }
 
@@ -99,8 +136,8 @@ impl Levels {
     }
 
     /// The first words of an index over so many records.
-    pub fn header(self, layout: Layout, records: u32) -> [u32; HEADER] {
-        [self.lowest as u32, self.there, layout.hashes as u32, records]
+    pub fn header(self, hashes: usize, records: u32) -> [u32; HEADER] {
+        [self.lowest as u32, self.there, hashes as u32, records]
     }
 
     /// The smallest level whose cells have at least an edge of this exponent.
@@ -112,18 +149,15 @@ impl Levels {
 
 impl Lists {
     /// Linear in the records.
-    pub fn of(records: &[Reaching<'_>], hashes: usize) -> Self {
+    pub fn of(records: &[Reaching<'_>], cells: Cells, hashes: usize) -> Self {
         let reach = |record: &Reaching<'_>| record.longest_validity_radius() * LONGER;
-        let exponents: Vec<i32> = records.iter().map(|record| exponent(2.0 * reach(record))).collect();
+        let exponents: Vec<i32> = records.iter().map(|record| cells.edge_exponent(reach(record))).collect();
         let levels = Levels::of(&exponents);
-        let touched: Vec<(u32, u32)> = (0..)
-            .zip(records.iter().zip(&exponents))
-            .flat_map(|(number, (record, exponent))| {
-                let level = levels.level(*exponent);
-                let listed = listed(record.record().position, reach(record), levels.lowest, level, hashes);
-                listed.into_iter().map(move |hash| (hash, number | level << LEVEL_BIT))
-            })
-            .collect();
+        let listed = |(number, (record, exponent)): (u32, (&Reaching<'_>, &i32))| {
+            let level = levels.level(*exponent);
+            listed(record, reach(record), cells, [levels.lowest, level as i32], hashes).into_iter().map(move |hash| (hash, number | level << LEVEL_BIT))
+        };
+        let touched: Vec<(u32, u32)> = (0..).zip(records.iter().zip(&exponents)).flat_map(listed).collect();
         let mut ends = vec![0u32; hashes];
         touched.iter().for_each(|(hash, _)| ends[*hash as usize] += 1);
         let mut next = Vec::with_capacity(hashes);
@@ -142,24 +176,28 @@ impl Lists {
         Self { levels, ends, entries }
     }
 
-    /// The words of an index before those of its records.
-    pub fn words(&self, layout: Layout, records: usize) -> Vec<u32> {
-        let mut words = self.levels.header(layout, records as u32).to_vec();
-        words.extend(self.ends.iter().chain(&self.entries));
-        words.resize(layout.records, 0);
-        words
+    /// Their header, their ends and themselves, for an index over so many records.
+    pub fn words(&self, records: usize) -> Vec<u32> {
+        let header = self.levels.header(self.ends.len(), records as u32);
+        header.iter().chain(&self.ends).chain(&self.entries).copied().collect()
     }
 }
 
-/// The hashes of the cells of a level that a ball touches, each once.
-fn listed(centre: Vec3, radius: f32, lowest: i32, level: u32, hashes: usize) -> Vec<u32> {
-    let (first, last) = (cell(centre - radius, lowest) >> level, cell(centre + radius, lowest) >> level);
-    let mut listed = Vec::with_capacity(TOUCHED);
+/// The hashes of the cells of a level that list a record, each once.
+fn listed(record: &Reaching<'_>, reach: f32, cells: Cells, [lowest, level]: [i32; 2], hashes: usize) -> Vec<u32> {
+    let centre = record.record().position;
+    let (first, last) = (cell(centre - reach, lowest) >> level, cell(centre + reach, lowest) >> level);
+    let edge = f32::from_bits(((127 + lowest + level) as u32) << 23);
+    let counts_within = |at: IVec3| match cells {
+        Cells::Far => true,
+        Cells::Near { accuracy } => Region::reaching(record, reach, accuracy).counts_within((at.as_vec3() + 0.5) * edge, 0.5 * edge),
+    };
+    let mut listed = Vec::with_capacity(cells.most());
     for z in first.z..=last.z {
         for y in first.y..=last.y {
             for x in first.x..=last.x {
-                let hash = hash_of(IVec3::new(x, y, z), level, hashes);
-                if !listed.contains(&hash) {
+                let hash = hash_of(IVec3::new(x, y, z), level as u32, hashes);
+                if listed.len() < cells.most() && counts_within(IVec3::new(x, y, z)) && !listed.contains(&hash) {
                     listed.push(hash);
                 }
             }
@@ -533,7 +571,9 @@ mod tests {
     fn words(records: &[Record], capacity: usize) -> (Vec<u32>, Layout) {
         let (layout, rule) = (Layout::of(capacity), rule());
         let reaching: Vec<_> = records.iter().map(|record| rule.reaching(record)).collect();
-        (Lists::of(&reaching, layout.hashes).words(layout, records.len()), layout)
+        let mut words = Lists::of(&reaching, Cells::Far, layout.hashes).words(records.len());
+        words.resize(layout.records, 0);
+        (words, layout)
     }
 
     proptest! {
@@ -559,7 +599,7 @@ mod tests {
         let (words, layout) = words(&records, 300);
         let index = RecordIndex::new(&words, layout, records.clone(), rule());
         assert!(records.iter().all(|record| index.estimate_at(record.position, record.normal).1 > 0.0));
-        assert!(index.blocks.iter().flat_map(|block| block.level).filter(|level| *level != u32::MAX).count() <= TOUCHED * 300);
+        assert!(index.blocks.iter().flat_map(|block| block.level).filter(|level| *level != u32::MAX).count() <= Cells::Far.most() * 300);
         assert!((2..LEVELS as u32).contains(&index.levels.there.count_ones()));
     }
 

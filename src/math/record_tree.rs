@@ -41,7 +41,7 @@ struct Side {
 }
 
 /// The part of space where a record counts for some normal: within a ball, between two planes.
-struct Region {
+pub(super) struct Region {
     position: Vec3,
     normal: Vec3,
     radius: f32,
@@ -55,18 +55,26 @@ struct Cell {
     half: Vec3,
 }
 
+/// How far above its plane a record may count, over how far it reaches.
+pub fn steepest(accuracy: f32) -> f32 {
+    // Half the angle that normals may differ by, and as far as a point may be above or below the mean of the planes.
+    let half = (accuracy * std::f32::consts::FRAC_1_SQRT_2).min(1.0).asin();
+    let beside = (FRONT_TOLERANCE / half.cos().max(f32::MIN_POSITIVE)).min(1.0).asin();
+    (half + beside).min(std::f32::consts::FRAC_PI_2).sin()
+}
+
 impl Region {
     fn of(record: &Reaching<'_>, accuracy: f32) -> Self {
-        // Half the angle that normals may differ by, and as far as a point may be above or below the mean of the planes.
-        let half = (accuracy * std::f32::consts::FRAC_1_SQRT_2).min(1.0).asin();
-        let beside = (FRONT_TOLERANCE / half.cos().max(f32::MIN_POSITIVE)).min(1.0).asin();
-        let radius = record.longest_validity_radius();
-        Self {
-            position: record.record().position,
-            normal: record.record().normal,
-            radius,
-            height: radius * (half + beside).min(std::f32::consts::FRAC_PI_2).sin(),
-        }
+        Self::reaching(record, record.longest_validity_radius(), accuracy)
+    }
+
+    pub fn reaching(record: &Reaching<'_>, radius: f32, accuracy: f32) -> Self {
+        Self { position: record.record().position, normal: record.record().normal, radius, height: radius * steepest(accuracy) }
+    }
+
+    /// Whether it is partly in a cube, which is taken for larger by what rounding takes away.
+    pub fn counts_within(&self, middle: Vec3, half_edge: f32) -> bool {
+        self.touches(&Cell { middle, half: half_edge * (1.0 + MARGIN) + 4e-7 * middle.abs() })
     }
 
     fn touches(&self, cell: &Cell) -> bool {

@@ -1,6 +1,7 @@
 //! Points on surfaces, thinned: groups of neighbours that one place each can stand for.
 
 use glam::Vec3;
+use rayon::prelude::*;
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
@@ -28,11 +29,16 @@ pub fn thinned(mut vertices: Vec<Vertex>, most: usize) -> Vec<(Vertex, f32)> {
     if vertices.is_empty() || most == 0 {
         return Vec::new();
     }
-    let mut groups = BinaryHeap::from([Group::of(&vertices, 0)]);
+    let likely = 2 * vertices.len().div_ceil(most);
+    let mut groups = BinaryHeap::from([Group::divided_down_to(likely, &mut vertices, 0)]);
     let mut whole = Vec::new();
     while groups.len() + whole.len() < most
-        && let Some(group) = groups.pop()
+        && let Some(mut group) = groups.pop()
     {
+        if let Some(halves) = group.halves.take() {
+            groups.extend(*halves);
+            continue;
+        }
         let members = &mut vertices[group.first..group.first + group.count];
         let divided = if group.count > FEWEST { group.divide(members) } else { 0 };
         if divided == 0 || divided == group.count {
@@ -46,7 +52,7 @@ pub fn thinned(mut vertices: Vec<Vertex>, most: usize) -> Vec<(Vertex, f32)> {
     whole.extend(groups);
     whole.sort_unstable_by_key(|group| group.first);
     // Vertices in one spot tell nothing of how far another is.
-    let places: Vec<(Vertex, f32)> = whole.iter().map(|group| group.place(&vertices[group.first..][..group.count])).collect();
+    let places: Vec<(Vertex, f32)> = whole.par_iter().map(|group| group.place(&vertices[group.first..][..group.count])).collect();
     let mut radii: Vec<f32> = places.iter().map(|(_, radius)| *radius).collect();
     radii.sort_unstable_by(f32::total_cmp);
     let least = LEAST_RADIUS * radii[radii.len() / 2];
@@ -65,6 +71,8 @@ struct Group {
     widest: Width,
     /// The sum of squares along it.
     spread: f32,
+    /// Of one that has been divided ahead of its turn.
+    halves: Option<Box<[Self; 2]>>,
 }
 
 /// A direction in which vertices differ, as what a vertex is multiplied with.
@@ -86,25 +94,33 @@ impl Width {
 impl Group {
     fn of(members: &[Vertex], first: usize) -> Self {
         let count = members.len() as f32;
-        let middle = Vertex {
-            position: members.iter().map(|vertex| vertex.position).sum::<Vec3>() / count,
-            normal: members.iter().map(|vertex| vertex.normal).sum::<Vec3>() / count,
-        };
+        let [position, normal] = sums(members, |vertex| [vertex.position, vertex.normal]);
+        let middle = Vertex { position: position / count, normal: normal / count };
         let up = middle.normal.normalize_or_zero();
-        let (mut position, mut normal, mut across) = (Vec3::ZERO, Vec3::ZERO, 0.0);
-        for vertex in members {
+        let [position, normal, across] = sums(members, |vertex| {
             let (way, turn) = (vertex.position - middle.position, vertex.normal - middle.normal);
-            position += way * way;
-            normal += turn * turn;
-            across += way.dot(up).powi(2);
-        }
+            [way * way, turn * turn, Vec3::splat(way.dot(up).powi(2))]
+        });
+        let across = across.x;
         let size = position.element_sum() / count;
         let axes = [Vec3::X, Vec3::Y, Vec3::Z];
         let along = axes.into_iter().map(|axis| (Width::Position(axis), position.dot(axis)));
         let turned = axes.into_iter().map(|axis| (Width::Normal(axis), normal.dot(axis) * size * TURNED * TURNED));
         let widths = along.chain(turned).chain([(Width::Position(up), across * ACROSS * ACROSS)]);
         let (widest, spread) = widths.fold((Width::Position(Vec3::X), -1.0), |best, width| if width.1 > best.1 { width } else { best });
-        Self { first, count: members.len(), middle, widest, spread }
+        Self { first, count: members.len(), middle, widest, spread, halves: None }
+    }
+
+    /// Divides all groups of more than so many, whose turn is likely to come: how a group is divided does not depend on when, so that cores share this.
+    fn divided_down_to(likely: usize, members: &mut [Vertex], first: usize) -> Self {
+        let mut group = Self::of(members, first);
+        let divided = if group.count > likely.max(FEWEST) { group.divide(members) } else { 0 };
+        if divided > 0 && divided < group.count {
+            let (left, right) = members.split_at_mut(divided);
+            let halves = rayon::join(|| Self::divided_down_to(likely, left, first), || Self::divided_down_to(likely, right, first + divided));
+            group.halves = Some(Box::new(halves.into()));
+        }
+        group
     }
 
     /// Puts those on one side of the middle before the others: how many there are.
@@ -130,6 +146,20 @@ impl Group {
         let radius = members.iter().map(|vertex| vertex.position.distance(nearest.position)).fold(0.0, f32::max);
         (nearest, radius)
     }
+}
+
+/// Vertices that a core adds up at once.
+const TOGETHER: usize = 1 << 13;
+
+/// Sums over vertices, which cores share; the order in which numbers are added does not depend on them.
+fn sums<const N: usize>(members: &[Vertex], of: impl Fn(&Vertex) -> [Vec3; N] + Sync) -> [Vec3; N] {
+    let add = |sum: [Vec3; N], other: [Vec3; N]| std::array::from_fn(|at| sum[at] + other[at]);
+    let of_part = |part: &[Vertex]| part.iter().map(&of).fold([Vec3::ZERO; N], add);
+    if members.len() <= TOGETHER {
+        return of_part(members);
+    }
+    let parts: Vec<_> = members.par_chunks(TOGETHER).map(of_part).collect();
+    parts.into_iter().fold([Vec3::ZERO; N], add)
 }
 
 impl PartialEq for Group {

@@ -37,3 +37,11 @@ fn indirect_irradiance(position: vec3f, normal: vec3f) -> vec3f {
     }
     return flux * (fair_share(zone, count) / max(area, 1e-37));
 }
+
+// The same at a point of each lane that asks.
+fn irradiance_of_lanes(lane: u32, asks: bool, position: vec3f, normal: vec3f) -> vec3f {
+    if !asks {
+        return vec3f(0.0);
+    }
+    return indirect_irradiance(position, normal);
+}

@@ -7,6 +7,9 @@
 @group(0) @binding(20) var<storage, read> record_index: array<vec4u>;
 @group(0) @binding(21) var<uniform> index_weighting: Weighting;
 
+// Where the near lists and their entries start [words].
+override NEAR_HEADER: u32 = 0u;
+override NEAR_ENTRIES: u32 = 8u;
 // Where the lists and the records start [words].
 override INDEX_ENTRIES: u32 = 8u;
 override INDEX_RECORDS: u32 = 16u;
@@ -46,38 +49,103 @@ fn local_weight(record: Record, times: f32, position: vec3f, normal: vec3f) -> f
     return max(1.0 - apart - turned / (index_weighting.accuracy * times), 0.0) * per_length * per_length;
 }
 
-// Sums over the records listed at a point that reach it if they reach so many times as far: weighted irradiance, weight.
-fn indexed_sums(position: vec3f, normal: vec3f, times: f32) -> vec4f {
-    let header = record_index[0];
+// Weighted irradiance and weight of a record that an entry of a list names, if it is of cells of the level and reaches a point.
+fn listed_sums(entry: u32, level: u32, position: vec3f, normal: vec3f, times: f32) -> vec4f {
+    if entry >> LEVEL_BIT != level {
+        return vec4f(0.0);
+    }
+    let record = indexed_record(entry & ((1u << LEVEL_BIT) - 1u));
+    let weight = local_weight(record, times, position, normal);
+    if weight <= 0.0 {
+        return vec4f(0.0);
+    }
+    return vec4f(record_estimate(record, index_weighting, position, normal), 1.0) * weight;
+}
+
+// Sums over the records that lists name at a point and that reach it if they reach so many times as far: weighted irradiance, weight. Of each list the entry
+// with the number `from` counts, and then each that is `stride` after.
+fn indexed_sums(header_at: u32, entries: u32, position: vec3f, normal: vec3f, times: f32, from_entry: u32, stride: u32) -> vec4f {
+    let header = record_index[header_at / 4u];
     let smallest = cell_of(position, bitcast<i32>(header.x));
     var sum = vec4f(0.0);
     var there = header.y;
     while there != 0u {
         let level = countTrailingZeros(there);
         there &= there - 1u;
-        let hashed = cell_hash(smallest >> vec3u(level), level, header.z);
-        let first = select(index_word(INDEX_HEADER + max(hashed, 1u) - 1u), 0u, hashed == 0u);
-        let end = index_word(INDEX_HEADER + hashed);
-        for (var i = first; i < end; i++) {
-            let entry = index_word(INDEX_ENTRIES + i);
-            if entry >> LEVEL_BIT != level {
-                continue;
-            }
-            let record = indexed_record(entry & ((1u << LEVEL_BIT) - 1u));
-            let weight = local_weight(record, times, position, normal);
-            if weight > 0.0 {
-                sum += vec4f(record_estimate(record, index_weighting, position, normal), 1.0) * weight;
-            }
+        let ends = header_at + INDEX_HEADER + cell_hash(smallest >> vec3u(level), level, header.z);
+        let first = select(index_word(ends - 1u), 0u, ends == header_at + INDEX_HEADER);
+        let end = index_word(ends);
+        for (var i = first + from_entry; i < end; i += stride) {
+            sum += listed_sums(index_word(entries + i), level, position, normal, times);
         }
     }
     return sum;
 }
 
+// Over the records that count.
+fn near_sums(position: vec3f, normal: vec3f) -> vec4f {
+    return indexed_sums(NEAR_HEADER, NEAR_ENTRIES, position, normal, 1.0, 0u, 1u);
+}
+
+// Over those that would if they reached farther.
+fn far_sums(position: vec3f, normal: vec3f, from_entry: u32, stride: u32) -> vec4f {
+    return indexed_sums(0u, INDEX_ENTRIES, position, normal, COARSER, from_entry, stride);
+}
+
+fn mean_of(sum: vec4f) -> vec3f {
+    return select(vec3f(0.0), sum.xyz / max(sum.w, 1e-37), sum.w > 0.0);
+}
+
 // The weighted mean of what the records that count at a point foretell; where none counts, of those listed there as if they reached farther.
 fn indirect_irradiance(position: vec3f, normal: vec3f) -> vec3f {
-    var sum = indexed_sums(position, normal, 1.0);
+    var sum = near_sums(position, normal);
     if sum.w == 0.0 {
-        sum = indexed_sums(position, normal, COARSER);
+        sum = far_sums(position, normal, 0u, 1u);
     }
-    return select(vec3f(0.0), sum.xyz / max(sum.w, 1e-37), sum.w > 0.0);
+    return mean_of(sum);
+}
+
+var<workgroup> far_lanes: array<atomic<u32>, 2>;
+var<workgroup> all_far_lanes: vec2u;
+var<workgroup> far_points: array<vec3f, 64>;
+var<workgroup> far_normals: array<vec3f, 64>;
+var<workgroup> far_parts: array<vec4f, 64>;
+
+// The same at a point of each lane that asks, of a workgroup of 64 that are all here. Where no record counts the lanes share the work, as few points would
+// have all the others wait: the lists are long.
+fn irradiance_of_lanes(lane: u32, asks: bool, position: vec3f, normal: vec3f) -> vec3f {
+    var sum = vec4f(0.0);
+    if asks {
+        sum = near_sums(position, normal);
+    }
+    far_points[lane] = position;
+    far_normals[lane] = normal;
+    if asks && sum.w == 0.0 {
+        atomicOr(&far_lanes[lane / 32u], 1u << (lane % 32u));
+    }
+    workgroupBarrier();
+    if lane == 0u {
+        all_far_lanes = vec2u(atomicLoad(&far_lanes[0]), atomicLoad(&far_lanes[1]));
+    }
+    let all = workgroupUniformLoad(&all_far_lanes);
+    for (var half = 0u; half < 2u; half++) {
+        var rest = all[half];
+        while rest != 0u {
+            let at = 32u * half + countTrailingZeros(rest);
+            rest &= rest - 1u;
+            far_parts[lane] = far_sums(far_points[at], far_normals[at], lane, 64u);
+            for (var step = 32u; step > 0u; step /= 2u) {
+                workgroupBarrier();
+                if lane < step {
+                    far_parts[lane] += far_parts[lane + step];
+                }
+            }
+            workgroupBarrier();
+            if lane == at {
+                sum = far_parts[0];
+            }
+            workgroupBarrier();
+        }
+    }
+    return mean_of(sum);
 }

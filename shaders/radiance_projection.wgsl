@@ -40,7 +40,7 @@ const PLANES = 9u;
 const TILES = 2u;
 // Fours of coefficients of a workgroup, and lanes that share the samples of each.
 const COLUMNS = 32u;
-const SHARES = 2u;
+const SHARES = 4u;
 
 @compute @workgroup_size(64)
 fn step(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) lane: u32) {
@@ -62,7 +62,8 @@ struct Sums {
     planes: array<vec4f, 9>,
 }
 
-var<workgroup> shared_sums: array<Sums, 32>;
+// Of all shares but the first.
+var<workgroup> shared_sums: array<Sums, 96>;
 
 fn add_sample(sums: ptr<function, Sums>, weight: vec4f, seen: vec4f) {
     (*sums).planes[0] += weight * seen.r;
@@ -88,12 +89,16 @@ fn finish(sums: Sums, tile: u32, quad: u32, lane: u32) {
     workgroupBarrier();
     if lane < COLUMNS && quad < QUADS && tile < TILE_CAPACITY {
         for (var plane = 0u; plane < PLANES; plane++) {
-            raw[(tile * PLANES + plane) * QUADS + quad] = sums.planes[plane] + shared_sums[lane].planes[plane];
+            var sum = sums.planes[plane];
+            for (var share = 0u; share + 1u < SHARES; share++) {
+                sum += shared_sums[lane + share * COLUMNS].planes[plane];
+            }
+            raw[(tile * PLANES + plane) * QUADS + quad] = sum;
         }
     }
 }
 
-@compute @workgroup_size(64)
+@compute @workgroup_size(128)
 fn project(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) lane: u32) {
     let blocks = (QUADS + COLUMNS - 1u) / COLUMNS;
     let linear = group.x + group.y * groups.x;

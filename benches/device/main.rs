@@ -1,4 +1,4 @@
-//! What one adapter makes of it: each pass beside what the hardware could move, frames a second, device time of few records.
+//! What one adapter makes of it: each pass beside what the hardware could move, frames a second, device time of few records, and pictures of all bounces.
 //!
 //! `./bench device` builds and runs it on the adapter that `hemisplat adapters` names first, or that `WGPU_ADAPTER_NAME` asks for;
 //! docs/device.md tells what came of it.
@@ -34,6 +34,7 @@ use kept::write;
 use peak::Peak;
 use serde::Serialize;
 use std::{
+    collections::BTreeSet,
     fmt::Write,
     path::{Path, PathBuf},
     process::ExitCode,
@@ -41,7 +42,7 @@ use std::{
 
 type Failure = Box<dyn std::error::Error>;
 
-/// Measure what one adapter makes of Sibenik: each pass beside the hardware's limits, and frames a second
+/// Measure what one adapter makes of Sibenik: each pass beside the hardware's limits, frames a second, and pictures of all bounces
 #[derive(Parser)]
 #[command(name = "./bench device")]
 struct Options {
@@ -65,7 +66,7 @@ struct Options {
 /// Keys in JSON are the fields' names.
 #[derive(Debug, Serialize)]
 struct Report {
-    /// Version of this record: 1.
+    /// Version of this record: 2, which has `pictures` and `interactive.moving`.
     schema: u32,
     date: String,
     commit: String,
@@ -81,6 +82,18 @@ struct Report {
     few: Work,
     passes: Vec<Pass>,
     interactive: Interactive,
+    /// Of all bounces.
+    pictures: Vec<Picture>,
+}
+
+#[derive(Debug, Serialize)]
+struct Picture {
+    scene: &'static str,
+    pipeline: &'static str,
+    /// In words, as tables have it.
+    setting: &'static str,
+    #[serde(flatten)]
+    work: Work,
 }
 
 /// A picture from an empty cache: medians over the runs.
@@ -119,6 +132,8 @@ struct Interactive {
     /// Frames a second that add this many records each.
     adding: f64,
     added: u32,
+    /// Frames a second while the camera moves forward, records being kept and made where new surfaces come into view.
+    moving: f64,
 }
 
 struct Stage {
@@ -136,16 +151,73 @@ const INTERACTIVE: [&str; 1] = ["cache.accuracy=0.5"];
 const ADDED: u32 = 100;
 /// Frames of one view that are timed.
 const FRAMES: usize = 10;
+/// How far the camera moves from a frame to the next [extents of the scene].
+const STEP: f32 = 0.002;
+
+/// Pictures of all bounces: scenes, pipeline, setting in words, size, parameters. Those of the halls are settings of the race (benches/race-bounces.ron), by which
+/// their errors are known.
+type Pictured = (&'static [&'static str], &'static str, &'static str, u32, &'static [&'static str]);
+const HALLS: &[&str] = &["sibenik", "sponza"];
+const PICTURES: [Pictured; 9] = [
+    (HALLS, "irradiance-bounces", "as it ships", STILL, &[]),
+    (HALLS, "irradiance-bounces", "24×24 and 12×12 rays", STILL, &["tiles.resolution=24", "detail_tiles.resolution=12"]),
+    (
+        HALLS,
+        "irradiance-bounces",
+        "16×16 and 8×8, spacings from 8 pixels",
+        STILL,
+        &["tiles.resolution=16", "detail_tiles.resolution=8", "cache.minimum_spacing=8", "cache.finest_spacing=2"],
+    ),
+    (
+        HALLS,
+        "irradiance-bounces",
+        "12×12 and 6×6, spacings from 8 to 20 pixels, 6,144 deep records",
+        STILL,
+        &[
+            "tiles.resolution=12",
+            "detail_tiles.resolution=6",
+            "cache.minimum_spacing=8",
+            "cache.maximum_spacing=20",
+            "cache.finest_spacing=2",
+            "deep_places.records=6144",
+            "deep_places.paths=32768",
+        ],
+    ),
+    (
+        HALLS,
+        "irradiance-bounces",
+        "10×10 and 6×6, spacings from 32 pixels, 4,096 deep records",
+        STILL,
+        &[
+            "tiles.resolution=10",
+            "detail_tiles.resolution=6",
+            "cache.minimum_spacing=32",
+            "cache.maximum_spacing=48",
+            "cache.finest_spacing=8",
+            "cache.contrast=2",
+            "deep_places.records=4096",
+            "deep_places.paths=32768",
+        ],
+    ),
+    (HALLS, "photon-gather", "as it ships", STILL, &[]),
+    (&["cornell"], "irradiance-bounces", "as it ships", SMALL, &[]),
+    (&["balls", "ring"], "radiance-bounces", "as it ships", SMALL, &[]),
+    (&["castle"], "radiance-bounces", "as it ships", STILL, &[]),
+];
 
 impl Stage {
-    fn open() -> Result<Self, Failure> {
-        let mut scene = load(&machine::root().join("scenes/sibenik.ron"), &LoadOptions::default().with_environment()).map_err(|e| e.to_string())?;
+    fn open(name: &str) -> Result<Self, Failure> {
+        let mut scene = load(&machine::root().join(format!("scenes/{name}.ron")), &LoadOptions::default().with_environment()).map_err(|e| e.to_string())?;
         let bvh = Bvh::build(&mut scene);
         Ok(Self { scene, bvh })
     }
 
     fn plan(&self, sets: &[String], edge: u32) -> Result<Plan, Failure> {
-        let pipeline = load_pipeline(PIPELINE, sets, REGISTRY, &mut |path| std::fs::read_to_string(path)).map_err(|e| e.to_string())?;
+        self.plan_of(PIPELINE, sets, edge)
+    }
+
+    fn plan_of(&self, pipeline: &str, sets: &[String], edge: u32) -> Result<Plan, Failure> {
+        let pipeline = load_pipeline(pipeline, sets, REGISTRY, &mut |path| std::fs::read_to_string(path)).map_err(|e| e.to_string())?;
         let needs = Needs::of(&self.scene);
         let setting = Setting { scene: &self.scene, needs: &needs, device: hemisplat::gpu::expected_device(), size: [edge, edge], tables: None };
         Ok(plan(&pipeline, setting, &[], &|data| kind(&self.scene, data)).map_err(|e| e.to_string())?)
@@ -174,7 +246,22 @@ impl Stage {
         let full = self.frames(gpu, &whole)?;
         let mut adding = self.frames(gpu, &bounded)?;
         adding.retain(|frame| frame.new_records == Some(ADDED));
-        Ok(Interactive { size: [SMALL; 2], set, full: rate(&full), adding: rate(&adding), added: ADDED })
+        let moving = self.moving_frames(gpu, &whole)?;
+        Ok(Interactive { size: [SMALL; 2], set, full: rate(&full), adding: rate(&adding), added: ADDED, moving: rate(&moving) })
+    }
+
+    /// Frames while the camera moves; those of the first view do not count.
+    fn moving_frames(&self, gpu: &Gpu, plan: &Plan) -> Result<Vec<FrameReport>, Failure> {
+        let mut run = self.run(gpu, plan, SMALL)?;
+        (0..2).try_for_each(|_| run.frame(&|| Pace::GoOn).map(drop))?;
+        let mut camera = self.scene.cameras[0].clone();
+        let step = STEP * self.scene.extent() * camera.direction;
+        let mut frame = |_| {
+            camera.eye += step;
+            run.set_camera(&camera);
+            Ok(run.frame(&|| Pace::GoOn)?)
+        };
+        (0..FRAMES).map(&mut frame).collect()
     }
 
     /// Frames of one view, one after another; the first one compiles and does not count.
@@ -183,6 +270,22 @@ impl Stage {
         run.frame(&|| Pace::GoOn)?;
         (0..FRAMES).map(|_| Ok(run.frame(&|| Pace::GoOn)?)).collect()
     }
+}
+
+/// Each scene is loaded once.
+fn pictures(gpu: &Gpu, runs: u32) -> Result<Vec<Picture>, Failure> {
+    let scenes: BTreeSet<&str> = PICTURES.iter().flat_map(|(scenes, ..)| scenes.iter().copied()).collect();
+    let mut made = Vec::new();
+    for scene in scenes {
+        let stage = Stage::open(scene)?;
+        for (_, pipeline, setting, edge, sets) in PICTURES.iter().filter(|(scenes, ..)| scenes.contains(&scene)) {
+            let sets: Vec<String> = sets.iter().map(|set| (*set).to_owned()).collect();
+            let plan = stage.plan_of(pipeline, &sets, *edge)?;
+            let reports = stage.pictures(gpu, &plan, *edge, runs)?;
+            made.push(Picture { scene, pipeline, setting, work: work(&reports, *edge, &sets) });
+        }
+    }
+    Ok(made)
 }
 
 /// Frames a second, by the median of their seconds.
@@ -244,7 +347,7 @@ fn pass(reports: &[FrameReport], index: usize, plan: &Plan, peak: &Peak) -> Resu
 fn measure(options: &Options) -> Result<Report, Failure> {
     let (commit, changes) = (machine::clean_commit()?, machine::changes()?);
     let gpu = Gpu::open()?;
-    let stage = Stage::open()?;
+    let stage = Stage::open("sibenik")?;
     let peak = Peak::measure(&gpu)?;
     let still = stage.plan(&[], STILL)?;
     let stills = stage.pictures(&gpu, &still, STILL, options.runs)?;
@@ -253,7 +356,7 @@ fn measure(options: &Options) -> Result<Report, Failure> {
     let few = stage.plan(&set, STILL)?;
     let fews = stage.pictures(&gpu, &few, STILL, options.runs)?;
     Ok(Report {
-        schema: 1,
+        schema: 2,
         date: machine::date()?,
         commit,
         changes,
@@ -266,6 +369,7 @@ fn measure(options: &Options) -> Result<Report, Failure> {
         few: work(&fews, STILL, &set),
         passes,
         interactive: stage.interactive(&gpu)?,
+        pictures: pictures(&gpu, options.runs)?,
     })
 }
 
@@ -292,9 +396,15 @@ fn tables(report: &Report) -> Result<String, Failure> {
     let interactive = &report.interactive;
     writeln!(
         text,
-        "\nFrames a second at {0}×{0}: {1:.1} of one view, {2:.1} with {3} new records each.\n",
-        interactive.size[0], interactive.full, interactive.adding, interactive.added
+        "\nFrames a second at {0}×{0}: {1:.1} of one view, {2:.1} with {3} new records each, {4:.1} while the camera moves.\n",
+        interactive.size[0], interactive.full, interactive.adding, interactive.added, interactive.moving
     )?;
+    writeln!(text, "| scene | pipeline | setting | records | seconds | on the device |\n|---|---|---|---|---|---|")?;
+    for Picture { scene, pipeline, setting, work } in &report.pictures {
+        let on_device = told(work.device_seconds, |s| format!("{s:.3}"));
+        writeln!(text, "| {scene}, {0}×{0} | `{pipeline}` | {setting} | {1} | {2:.3} | {on_device} |", work.size[0], work.records, work.seconds)?;
+    }
+    writeln!(text)?;
     writeln!(text, "| node | runs | device ms | host ms | GB moved, at most | triangles | of the bandwidth | bound by |\n|---|---|---|---|---|---|---|---|")?;
     for pass in &report.passes {
         writeln!(

@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
 """Seconds that mitsuba_denoised.py would take with an NVIDIA GPU: its paths by Mitsuba's CUDA variant, its denoiser by Open Image Denoise on CUDA.
 
-    $PEERS_HOME/bin/python mitsuba_on_gpu.py sibenik sponza --rays 1 4 16 64 --bounces 24
+    $PEERS_HOME/bin/python mitsuba_on_gpu.py sibenik sponza --rays 1 4 16 64 --bounces 24 -o OUT.json
 
-Prints a line of JSON for each case and number of rays, and one for each quality of the denoiser, where pyoidn is installed. Seconds are medians of --runs, after one
-run that compiles: the G-buffer with the paths, and the denoiser with and without making it. They do not hold transfers between host and device, nor files. The
-pictures are those that mitsuba_denoised.py makes on a processor, from the same numbers, so that its errors are theirs.
+Tells each case and number of rays, and each quality of the denoiser, where pyoidn is installed. Seconds are medians of --runs, after one run that compiles: the
+G-buffer with the paths, and the denoiser with and without making it. They do not hold transfers between host and device, nor files. The pictures are those that
+mitsuba_denoised.py makes on a processor, from the same numbers, so that its errors are theirs.
 """
-import argparse, json, os, pathlib, statistics, sys, tempfile, time, types
+import argparse, datetime, json, os, pathlib, statistics, subprocess, sys, tempfile, time, types
 
 import mitsuba as mi
 
@@ -64,7 +64,7 @@ def denoising(size, quality, runs):
     device, made, _buffers = made_denoiser(size, quality)
     executed = seconds(made.execute, runs)
     peer.check(device)
-    return {"quality": quality, "size": size, "denoise": executed, "make": made_in}
+    return {"quality": quality, "seconds": executed, "seconds_to_make": made_in}
 
 
 def main():
@@ -75,7 +75,10 @@ def main():
     p.add_argument("--rays", type=int, nargs="+", default=[1, 4, 16, 64], choices=sorted(peer.STRATA))
     p.add_argument("--bounces", type=int, default=24, help="most surfaces that light touches on its way")
     p.add_argument("--runs", type=int, default=5)
+    p.add_argument("-o", "--out", type=pathlib.Path, required=True)
     a = p.parse_args()
+    gpu = subprocess.run(["nvidia-smi", "--query-gpu=name,driver_version", "--format=csv,noheader"], capture_output=True, text=True, check=True).stdout.strip()
+    told = {"schema": 1, "date": str(datetime.datetime.now(datetime.timezone.utc).date()), "gpu": gpu, "size": a.size, "bounces": a.bounces, "paths": [], "denoising": []}
     for name in a.cases:
         case = json.load(open(reference.HERE / "cases.json"))[name]
         with tempfile.TemporaryDirectory() as folder:
@@ -83,10 +86,9 @@ def main():
             bsdf = reference.diffuse([case["reflectance"]] * 3)
             scene = mi.load_dict({"type": "scene", "mesh": {"type": "ply", "filename": str(mesh), "face_normals": True, "bsdf": bsdf}})
         for rays in a.rays:
-            taken = seconds(lambda: paths(case, scene, a.size, rays, a.bounces), a.runs)
-            print(json.dumps({"case": name, "size": a.size, "rays": rays, "bounces": a.bounces, "paths": taken}), flush=True)
-    for quality in peer.QUALITY if pyoidn else []:
-        print(json.dumps(denoising(a.size, quality, a.runs)), flush=True)
+            told["paths"].append({"case": name, "rays": rays, "seconds": seconds(lambda: paths(case, scene, a.size, rays, a.bounces), a.runs)})
+    told["denoising"] = [denoising(a.size, quality, a.runs) for quality in (peer.QUALITY if pyoidn else [])]
+    a.out.write_text(json.dumps(told, indent=2) + "\n")
 
 
 if __name__ == "__main__":

@@ -29,14 +29,14 @@ pub fn thinned(mut vertices: Vec<Vertex>, most: usize) -> Vec<(Vertex, f32)> {
     if vertices.is_empty() || most == 0 {
         return Vec::new();
     }
-    let likely = 2 * vertices.len().div_ceil(most);
-    let mut groups = BinaryHeap::from([Group::divided_down_to(likely, &mut vertices, 0)]);
-    let mut whole = Vec::new();
-    while groups.len() + whole.len() < most
-        && let Some(mut group) = groups.pop()
+    let likely = vertices.len().div_ceil(most);
+    let mut turns = BinaryHeap::from([Turn::of(Box::new(Group::divided_down_to(likely, &mut vertices, 0)))]);
+    let mut whole = Vec::with_capacity(most);
+    while turns.len() + whole.len() < most
+        && let Some(Turn { mut group, .. }) = turns.pop()
     {
         if let Some(halves) = group.halves.take() {
-            groups.extend(*halves);
+            turns.extend(halves.map(Turn::of));
             continue;
         }
         let members = &mut vertices[group.first..group.first + group.count];
@@ -46,10 +46,9 @@ pub fn thinned(mut vertices: Vec<Vertex>, most: usize) -> Vec<(Vertex, f32)> {
             continue;
         }
         let (left, right) = members.split_at(divided);
-        groups.push(Group::of(left, group.first));
-        groups.push(Group::of(right, group.first + divided));
+        turns.extend([Group::of(left, group.first), Group::of(right, group.first + divided)].map(Box::new).map(Turn::of));
     }
-    whole.extend(groups);
+    whole.extend(turns.into_iter().map(|turn| turn.group));
     whole.sort_unstable_by_key(|group| group.first);
     // Vertices in one spot tell nothing of how far another is.
     let places: Vec<(Vertex, f32)> = whole.par_iter().map(|group| group.place(&vertices[group.first..][..group.count])).collect();
@@ -72,7 +71,20 @@ struct Group {
     /// The sum of squares along it.
     spread: f32,
     /// Of one that has been divided ahead of its turn.
-    halves: Option<Box<[Self; 2]>>,
+    halves: Option<[Box<Self>; 2]>,
+}
+
+/// When a group is divided: the more it is spread the sooner. It is small, as a heap moves it often.
+struct Turn {
+    spread: f32,
+    first: u32,
+    group: Box<Group>,
+}
+
+impl Turn {
+    fn of(group: Box<Group>) -> Self {
+        Self { spread: group.spread, first: group.first as u32, group }
+    }
 }
 
 /// A direction in which vertices differ, as what a vertex is multiplied with.
@@ -117,8 +129,9 @@ impl Group {
         let divided = if group.count > likely.max(FEWEST) { group.divide(members) } else { 0 };
         if divided > 0 && divided < group.count {
             let (left, right) = members.split_at_mut(divided);
-            let halves = rayon::join(|| Self::divided_down_to(likely, left, first), || Self::divided_down_to(likely, right, first + divided));
-            group.halves = Some(Box::new(halves.into()));
+            let (left, right) =
+                rayon::join(|| Box::new(Self::divided_down_to(likely, left, first)), || Box::new(Self::divided_down_to(likely, right, first + divided)));
+            group.halves = Some([left, right]);
         }
         group
     }
@@ -162,21 +175,21 @@ fn sums<const N: usize>(members: &[Vertex], of: impl Fn(&Vertex) -> [Vec3; N] + 
     parts.into_iter().fold([Vec3::ZERO; N], add)
 }
 
-impl PartialEq for Group {
+impl PartialEq for Turn {
     fn eq(&self, other: &Self) -> bool {
         self.cmp(other) == Ordering::Equal
     }
 }
 
-impl Eq for Group {}
+impl Eq for Turn {}
 
-impl PartialOrd for Group {
+impl PartialOrd for Turn {
     fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
         Some(self.cmp(other))
     }
 }
 
-impl Ord for Group {
+impl Ord for Turn {
     fn cmp(&self, other: &Self) -> Ordering {
         self.spread.total_cmp(&other.spread).then(other.first.cmp(&self.first))
     }

@@ -14,7 +14,9 @@ pub enum GpuError {
     #[error("no usable GPU adapter was found")]
     #[diagnostic(
         code(gpu::no_adapter),
-        help("install a Vulkan driver; without a GPU, Debian's packages mesa-vulkan-drivers and libvulkan1 bring a software one")
+        help(
+            "install a Vulkan driver; without a GPU, Debian's packages mesa-vulkan-drivers and libvulkan1 bring a software one. A driver that is there may not load under `ulimit -v`"
+        )
     )]
     NoAdapter,
     #[error("no adapter is called `{name}`, which WGPU_ADAPTER_NAME asks for")]

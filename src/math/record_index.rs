@@ -593,6 +593,42 @@ mod tests {
         }
     }
 
+    /// The near list of a point's cell names each record that counts there, once.
+    #[test]
+    fn near_lists_name_all_that_counts() {
+        let (records, rule) = ((0..400).map(|at| record(at, 1.0)).collect::<Vec<_>>(), rule());
+        let reaching: Vec<_> = records.iter().map(|record| rule.reaching(record)).collect();
+        let hashes = Layout::of(400).near.hashes;
+        let Lists { levels, ends, entries } = Lists::of(&reaching, Cells::Near { accuracy: rule.accuracy }, hashes);
+        let listed = |at: Vec3| -> Vec<u32> {
+            let of_level = |level: u32| {
+                let hash = hash_of(cell(at, levels.lowest) >> level as i32, level, hashes) as usize;
+                let first = if hash == 0 { 0 } else { ends[hash - 1] };
+                entries[first as usize..ends[hash] as usize]
+                    .iter()
+                    .filter(move |entry| **entry >> LEVEL_BIT == level)
+                    .map(|entry| entry & ((1 << LEVEL_BIT) - 1))
+            };
+            (0..LEVELS as u32).filter(|level| levels.there >> level & 1 == 1).flat_map(of_level).collect()
+        };
+        let mut counting = 0;
+        for at in 0..4000 {
+            let near = &reaching[at as usize % reaching.len()];
+            let (way, normal) = (point(7_000 + at).normalize() * near.longest_validity_radius() * 0.9, near.record().normal);
+            let position = near.record().position + way - normal * normal.dot(way) * 0.97;
+            let there = listed(position);
+            for (number, record) in (0..).zip(&reaching) {
+                let times = there.iter().filter(|other| **other == number).count();
+                assert!(times <= 1);
+                if record.local_weight(position, normal) > 0.0 {
+                    counting += 1;
+                    assert_eq!(times, 1, "{position} {normal}");
+                }
+            }
+        }
+        assert!(counting > 1000, "{counting} count");
+    }
+
     #[test]
     fn records_are_found_and_found_once() {
         let records: Vec<Record> = (0..300).map(|at| record(at, 1.0)).collect();

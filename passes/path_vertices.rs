@@ -50,7 +50,8 @@ impl Pass for PathVertices {
         let Some(gbuffer) = e.g_buffer("gbuffer").copied() else { return Ok(()) };
         let [paths, legs, capacity] = ["paths", "legs", "records"].map(|name| e.arguments.integer(name) as u32);
         let requests = requests(e, capacity);
-        match e.place(Bodies::BOTH)? {
+        let is_large = vertex_bytes([paths, legs]) > MOST_BYTES;
+        match e.place(Bodies::BOTH.unless_on_device(is_large, "what so many paths meet does not fit into a buffer"))? {
             Place::Host => walk_on_host(e, &gbuffer, requests, [paths, legs]),
             Place::Device => walk_on_device(e, &gbuffer, requests, [paths, legs]),
         }
@@ -89,9 +90,16 @@ host_struct! {
     }
 }
 
+/// Most bytes of a buffer: the least that adapters must bind.
+const MOST_BYTES: u64 = 128 << 20;
+
+fn vertex_bytes([paths, legs]: [u32; 2]) -> u64 {
+    size_of::<WalkedVertex>() as u64 * u64::from(paths) * u64::from(legs)
+}
+
 /// The host thins what the device finds: the latter would decide on each division after the one before.
 fn walk_on_device(e: &mut Encoder<'_>, gbuffer: &port::GBuffer, requests: port::Requests, [paths, legs]: [u32; 2]) {
-    let vertices = e.buffer("vertices", size_of::<WalkedVertex>() as u64 * u64::from(paths) * u64::from(legs));
+    let vertices = e.buffer("vertices", vertex_bytes([paths, legs]));
     let program = scene_constants(Program::new("path_vertices"), e.setting.needs)
         .constant("PATHS", paths)
         .constant("LEGS", legs)

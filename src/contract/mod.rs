@@ -35,7 +35,7 @@ pub trait Pass: Send + Sync {
         None
     }
 
-    /// How many items of a batch its buffers hold, where all that adapters must bind is one of them.
+    /// Most items of a batch that its buffers can hold on any adapter.
     fn most_of_batch(&self, _arguments: &Arguments) -> u32 {
         u32::MAX
     }

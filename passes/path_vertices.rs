@@ -2,7 +2,8 @@
 
 use super::record::{hand_on, requests, texels};
 use crate::contract::{
-    Bodies, Description, Encoder, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Refusal, Takes, encoder::scene_constants, port,
+    Bodies, Description, Encoder, Input, MOST_BYTES, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Refusal, Takes,
+    encoder::scene_constants, port,
 };
 use crate::host_struct;
 use crate::math::frame::Frame;
@@ -89,9 +90,6 @@ host_struct! {
         padding: f32,
     }
 }
-
-/// Most bytes of a buffer: the least that adapters must bind.
-const MOST_BYTES: u64 = 128 << 20;
 
 fn vertex_bytes([paths, legs]: [u32; 2]) -> u64 {
     size_of::<WalkedVertex>() as u64 * u64::from(paths) * u64::from(legs)

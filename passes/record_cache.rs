@@ -1,7 +1,7 @@
 //! The records that earlier rounds and frames left.
 
 use super::record::{RECORD_BYTES, Weighting};
-use crate::contract::{Choice, Description, Encoder, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Refusal, Takes, port};
+use crate::contract::{Choice, Description, Encoder, Input, MOST_BYTES, Output, Parameter, ParameterKind, Pass, Port, PortKind, Refusal, Takes, port};
 
 pub struct RecordCache;
 
@@ -112,9 +112,6 @@ static DESCRIPTION: Description = Description {
     }],
     outputs: &[Output { name: "cache", about: "the records", kind: PortKind::RecordCache }],
 };
-
-/// Most bytes of the coefficients: 128 MiB is the least that adapters must bind.
-const MOST_BYTES: u64 = 128 << 20;
 
 impl Pass for RecordCache {
     fn description(&self) -> &'static Description {

@@ -1,7 +1,7 @@
 //! Shadow maps of the punctual lights.
 
 use crate::contract::encoder::shadow_taps;
-use crate::contract::{Arguments, Description, Encoder, Need, Output, Parameter, ParameterKind, Pass, Port, PortKind, Refusal, port};
+use crate::contract::{Arguments, Description, Encoder, MOST_BYTES, Need, Output, Parameter, ParameterKind, Pass, Port, PortKind, Refusal, port};
 use crate::scene::{Bounds, Light, LightKind, Triangle, needs::Needs, shadow_layers, surface_offset};
 use crate::schedule::*;
 use glam::Vec3;
@@ -72,9 +72,6 @@ impl Pass for ShadowMap {
         Ok(())
     }
 }
-
-/// Most bytes that a buffer of maps may have: what every device can bind.
-const MOST_BYTES: u64 = 128 << 20;
 
 /// Where the maps are drawn, and where they are looked up.
 struct Maps {

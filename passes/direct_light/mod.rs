@@ -3,7 +3,7 @@
 mod host;
 
 use crate::contract::{
-    Bodies, Choice, Description, Encoder, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Refusal, Takes,
+    Bodies, Choice, Description, Encoder, Input, MOST_BYTES, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Refusal, Takes,
     encoder::{bind_visibility, light_constants},
     port,
 };
@@ -111,9 +111,6 @@ fn tell_idle(e: &mut Encoder<'_>, sampled: bool, has_sky: bool) {
     ];
     idle.into_iter().filter(|(holds, ..)| *holds).for_each(|(_, parameter, because)| e.idle(parameter, because));
 }
-
-/// Most bytes of the light of all pixels: what every device binds.
-const MOST_BYTES: u64 = 128 << 20;
 
 /// The shadow rays that the host is to cast, 64 of a pixel together, if it is; of `samples` to area lights and to the sky those that there is light for.
 fn light_by_host(e: &mut Encoder<'_>, [area, sky]: [u32; 2], size: [u32; 2]) -> Result<Option<[u32; 2]>, Refusal> {

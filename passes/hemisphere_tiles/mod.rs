@@ -5,7 +5,8 @@ use super::record::{TileSample, sample_bytes};
 use crate::contract::encoder::{bind_visibility, light_constants, scene_constants, shadow_taps};
 use crate::contract::place::refuse;
 use crate::contract::{
-    Arguments, Bodies, Choice, Description, Encoder, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Refusal, Takes, port,
+    Arguments, Bodies, Choice, Description, Encoder, Input, MOST_BYTES, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Refusal, Takes,
+    port,
 };
 use crate::math::hemisphere::{Shape, Table};
 use crate::schedule::*;
@@ -132,8 +133,6 @@ static DESCRIPTION: Description = Description {
     outputs: &[Output { name: "tiles", about: "the atlas", kind: PortKind::Tiles }],
 };
 
-/// Most bytes of one buffer of a batch: 128 MiB is the least that adapters must bind.
-const MOST_BYTES: u64 = 128 << 20;
 /// Widest atlas [texels].
 const ATLAS: u32 = 8192;
 

@@ -1,7 +1,7 @@
 //! The same projections by a shader.
 
-use super::{MOST_BYTES, does_not_fit};
-use crate::contract::{Encoder, Refusal};
+use super::does_not_fit;
+use crate::contract::{Encoder, MOST_BYTES, Refusal};
 use crate::host_struct;
 use crate::math::{
     harmonics::{

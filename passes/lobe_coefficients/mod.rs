@@ -3,7 +3,7 @@
 pub mod device;
 
 use crate::contract::{
-    Arguments, Bodies, Choice, Description, Encoder, Need, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Refusal, port,
+    Arguments, Bodies, Choice, Description, Encoder, MOST_BYTES, Need, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Refusal, port,
 };
 use crate::math::{
     harmonics::{
@@ -105,9 +105,6 @@ static DESCRIPTION: Description = Description {
     inputs: &[],
     outputs: &[Output { name: "lobes", about: "a table for each shape of lobe", kind: PortKind::Lobes }],
 };
-
-/// Most bytes of all tables: 128 MiB is the least that adapters must bind.
-const MOST_BYTES: u64 = 128 << 20;
 
 /// The share of a lobe's energy that a fixed order may lose before it is told.
 const LOST: f64 = 0.05;

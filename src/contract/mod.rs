@@ -14,6 +14,9 @@ pub use port::{Port, PortKind};
 use crate::math::bounces::Bounces;
 use crate::scene::needs::Needs;
 
+/// Most bytes of one buffer: the least that adapters must bind.
+pub const MOST_BYTES: u64 = 128 << 20;
+
 /// A kind of work. One value of a unit struct per pass, listed in the registry.
 pub trait Pass: Send + Sync {
     /// Name, parameters and ports: stands once, in the pass's own file.

@@ -53,22 +53,21 @@ impl Session<'_> {
         self.bring_variables();
         // As many as the last time, and one that finds the end.
         let mut together = self.rounds_before.get(&repeat.round).map_or(FIRST, |rounds| rounds + 1).min(MOST);
-        let mut under_way: Option<LookAtVariables> = None;
+        let mut submit = |session: &mut Self, together: u32| {
+            (0..together).try_for_each(|_| session.encode_round(repeat, sizes, first, pending))?;
+            Ok(session.ask_for_variables(pending))
+        };
+        let mut under_way = submit(self, together)?;
         let rounds = loop {
-            for _ in 0..together {
-                self.encode_round(repeat, sizes, first, pending)?;
-            }
-            let next = self.ask_for_variables(pending);
-            if let Some(look) = under_way.replace(next) {
-                let progress = self.see_progress(look)?;
-                if progress.is_over || self.is_done(repeat, progress.rounds) || progress.rounds == repeat.at_most {
-                    break self.end_of_loop(repeat, under_way)?;
-                }
-            }
             if pace() == Pace::Stop {
                 return Err(GpuError::Interrupted);
             }
             together = (2 * together).min(MOST);
+            let next = submit(self, together)?;
+            let progress = self.see_progress(std::mem::replace(&mut under_way, next))?;
+            if progress.is_over || self.is_done(repeat, progress.rounds) || progress.rounds == repeat.at_most {
+                break self.end_of_loop(repeat, under_way)?;
+            }
         };
         self.rounds_before.insert(repeat.round, rounds);
         self.nodes[first + 1..first + repeat.steps.len()].iter_mut().for_each(|node| node.runs += rounds);
@@ -134,10 +133,9 @@ impl Session<'_> {
     }
 
     /// What the rounds behind a loop's end leave as it was; how many there were before it.
-    fn end_of_loop(&mut self, repeat: &Repeat, under_way: Option<LookAtVariables>) -> Result<u32, GpuError> {
+    fn end_of_loop(&mut self, repeat: &Repeat, under_way: LookAtVariables) -> Result<u32, GpuError> {
         self.waits += 1;
-        let Some(look) = under_way else { unreachable!("rounds are under way as long as the end has not been seen") };
-        let progress = self.see_progress(look)?;
+        let progress = self.see_progress(under_way)?;
         self.is_last_round = progress.is_last_round;
         self.cut_short.extend(repeat.until.zip(progress.shortfall));
         Ok(progress.rounds)

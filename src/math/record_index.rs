@@ -188,10 +188,11 @@ fn listed(record: &Reaching<'_>, reach: f32, cells: Cells, [lowest, level]: [i32
     let centre = record.record().position;
     let (first, last) = (cell(centre - reach, lowest) >> level, cell(centre + reach, lowest) >> level);
     let edge = f32::from_bits(((127 + lowest + level) as u32) << 23);
-    let counts_within = |at: IVec3| match cells {
-        Cells::Far => true,
-        Cells::Near { accuracy } => Region::reaching(record, reach, accuracy).counts_within((at.as_vec3() + 0.5) * edge, 0.5 * edge),
+    let region = match cells {
+        Cells::Far => None,
+        Cells::Near { accuracy } => Some(Region::reaching(record, reach, accuracy)),
     };
+    let counts_within = |at: IVec3| region.as_ref().is_none_or(|region| region.counts_within((at.as_vec3() + 0.5) * edge, 0.5 * edge));
     let mut listed = Vec::with_capacity(cells.most());
     for z in first.z..=last.z {
         for y in first.y..=last.y {

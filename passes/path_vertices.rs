@@ -75,7 +75,7 @@ fn walk_on_host(e: &mut Encoder<'_>, gbuffer: &port::GBuffer, requests: port::Re
             if width > 0.0 { walked(scene, bvh, extent, start, number, legs) } else { Vec::new() }
         };
         let vertices: Vec<Vertex> = (0..paths).into_par_iter().flat_map_iter(walk).collect();
-        hand_on(host, &requests, thinned(vertices, requests.capacity as usize));
+        hand_on(host, &requests, &thinned(vertices, requests.capacity as usize));
         Ok(())
     });
 }
@@ -109,7 +109,7 @@ fn walk_on_device(e: &mut Encoder<'_>, gbuffer: &port::GBuffer, requests: port::
         let walked: &[WalkedVertex] = bytemuck::cast_slice(host.read(vertices));
         let met = walked.par_iter().filter(|vertex| vertex.is_there > 0.0);
         let met = met.map(|vertex| Vertex { position: vertex.position.into(), normal: vertex.normal.into() }).collect();
-        hand_on(host, &requests, thinned(met, requests.capacity as usize));
+        hand_on(host, &requests, &thinned(met, requests.capacity as usize));
         Ok(())
     });
 }

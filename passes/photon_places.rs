@@ -1,15 +1,21 @@
 //! Where records made of photons stand: where photons are.
 
-use super::photons::{PHOTON_BYTES, Photon, lookup::Lookup, unpacked_ways};
+use super::photons::{
+    PHOTON_BYTES, Photon,
+    lookup::{FLATNESS, Lookup},
+    unpacked_ways,
+};
 use super::record::{hand_on, requests};
 use crate::contract::{Choice, Description, Encoder, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Refusal, Takes};
 use crate::math::{
     frame::Frame,
+    radius::Reach,
     thinning::{Vertex, thinned},
     walk::{spread, walked},
 };
 use crate::scene::{Scene, bvh::Bvh, surface_offset};
 use crate::schedule::*;
+use glam::Vec3;
 use std::f32::consts::TAU;
 
 pub struct PhotonPlaces;
@@ -82,7 +88,7 @@ impl Pass for PhotonPlaces {
         e.host("place", &reads, &[requests.places], move |host| {
             let around = Surroundings { scene: host.scene(), bvh: host.bvh(), extent: host.extent() };
             let places = by.places(&Lookup::of(&map, host), capacity as usize, around);
-            hand_on(host, &requests, places);
+            hand_on(host, &requests, &places);
             Ok(())
         });
         e.report_variable("photon_records", requests.made);
@@ -101,12 +107,19 @@ enum By {
 /// How far away photons may be that tell how far a place reaches, as a share of the scene's extent.
 const FARTHEST: f32 = 0.05;
 
-/// A place reaches no farther than this share of the way to what stands next to it, lest its light come out on the other side of a wall.
-const BEFORE: f32 = 0.7;
+/// A place reaches no farther than this share of the way to what stands next to it, lest its light come out on the other side of a wall: records count to one and
+/// a half times as far.
+const BEFORE: f32 = 0.65;
+
+/// How far it reaches at least, as a share of the radius that so many photons are within: a tenth of how far they are apart.
+const LEAST: f32 = 1.0 / 32.0;
 
 /// Rays that look for what stands around a place, and how steeply they rise.
 const RAYS: u32 = 12;
 const RISE: f32 = 0.05;
+
+/// Where it is looked for what a record could light behind an obstacle, as shares of the way on.
+const BEYOND: [f32; 3] = [0.1, 0.5, 1.0];
 
 #[derive(Clone, Copy)]
 struct Surroundings<'a> {
@@ -116,16 +129,25 @@ struct Surroundings<'a> {
 }
 
 impl Surroundings<'_> {
-    /// How far it is from a place along its surface to what stands on it.
-    fn clearance(&self, place: &Vertex) -> f32 {
+    /// What stands on the surface of a place, as ways from there no longer than `radius`.
+    fn obstacles(&self, place: &Vertex, radius: f32) -> impl Iterator<Item = Vec3> {
         let frame = Frame::new(place.normal);
         let origin = place.position + place.normal * surface_offset(self.extent, place.position);
-        let distance = |ray: u32| {
+        (0..RAYS).filter_map(move |ray| {
             let (sine, cosine) = (TAU * ray as f32 / RAYS as f32).sin_cos();
             let direction = (frame.tangent * cosine + frame.bitangent * sine + frame.normal * RISE).normalize();
-            self.bvh.closest_blocker(self.scene, origin, direction).map_or(f32::INFINITY, |hit| hit.distance)
-        };
-        (0..RAYS).map(distance).fold(f32::INFINITY, f32::min)
+            let hit = self.bvh.closest_blocker(self.scene, origin, direction).filter(|hit| hit.distance < radius)?;
+            let goes_on = BEYOND.iter().any(|share| self.is_surface(place, direction * (hit.distance + share * (radius - hit.distance)), radius));
+            goes_on.then_some(direction * hit.distance)
+        })
+    }
+
+    /// Whether the plane of a place has a surface there.
+    fn is_surface(&self, place: &Vertex, way: Vec3, radius: f32) -> bool {
+        let height = FLATNESS * radius;
+        let aside = way - place.normal * (way.dot(place.normal) - height);
+        let hit = self.bvh.closest_blocker(self.scene, place.position + aside, -place.normal);
+        hit.is_some_and(|hit| hit.distance <= 2.0 * height)
     }
 }
 
@@ -140,7 +162,7 @@ impl By {
         }
     }
 
-    fn places(self, lookup: &Lookup<'_>, most: usize, around: Surroundings<'_>) -> Vec<(Vertex, f32)> {
+    fn places(self, lookup: &Lookup<'_>, most: usize, around: Surroundings<'_>) -> Vec<(Vertex, Reach)> {
         let photons = lookup.photons();
         let vertex = |photon: &Photon| Vertex { position: photon.position.into(), normal: unpacked_ways(photon.ways)[0] };
         match self {
@@ -149,8 +171,9 @@ impl By {
                     let zone = lookup.zone(place.position, place.normal, least, FARTHEST * around.extent);
                     let (mut count, mut inverse) = (0.0, 0.0);
                     lookup.for_each(place.position, place.normal, zone, |photon, _| (count, inverse) = (count + 1.0, inverse + 1.0 / photon.leg));
-                    let wished = (radius * count / inverse).min(FARTHEST * around.extent);
-                    wished.min(BEFORE * around.clearance(place)).max(zone.radius)
+                    let wished = (radius * count / inverse).min(FARTHEST * around.extent).max(zone.radius);
+                    let obstacles = around.obstacles(place, wished / BEFORE).map(|way| way * BEFORE);
+                    Reach::before(&obstacles.collect::<Vec<_>>(), place.normal, wished, LEAST * zone.radius)
                 };
                 let all: Vec<Vertex> = spread(photons.len()).map(|at| vertex(&photons[at])).collect();
                 walked(&all, accuracy, most, reaches)

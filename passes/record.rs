@@ -7,7 +7,7 @@ use crate::math::{
     harmonics::reflection::{LobeTable, table_fours},
     hemisphere::{Edge, Table},
     projection::Pinhole,
-    radius::Ellipse,
+    radius::{Ellipse, Reach},
     random::{hash, unit},
     record_index::{HEADER, Layout, RecordIndex, RecordLight},
     sum::Summed,
@@ -16,7 +16,7 @@ use crate::math::{
 };
 use crate::schedule::*;
 use bytemuck::cast_slice;
-use glam::Vec3;
+use glam::{DVec2, Vec3};
 use std::f32::consts::TAU;
 
 host_struct! {
@@ -45,6 +45,27 @@ host_struct! {
         normal: [f32; 3],
         /// Turn of the hemisphere's frame around the normal [radians].
         turn: f32,
+        /// How much farther its record reaches along the frame's first axis, `√(1 − (R₀/R₁)²)`; 0 where the light alone says so.
+        stretch: f32,
+        padding_a: u32,
+        padding_b: u32,
+        padding_c: u32,
+    }
+}
+
+impl Request {
+    /// One whose record reaches as far all around.
+    pub fn new(position: Vec3, footprint: f32, normal: Vec3, turn: f32) -> Self {
+        let [padding_a, padding_b, padding_c] = [0; 3];
+        Self { position: position.into(), footprint, normal: normal.into(), turn, stretch: 0.0, padding_a, padding_b, padding_c }
+    }
+
+    /// One whose record reaches as far as `reach` says.
+    fn reaching(place: &Vertex, reach: &Reach, turn: f32) -> Self {
+        let stretch = reach.stretch.length();
+        let round = Self::new(place.position, reach.radius, place.normal, turn);
+        let along = Frame::new(place.normal).to_local(reach.stretch);
+        if stretch == 0.0 { round } else { Self { turn: along.y.atan2(along.x), stretch, ..round } }
     }
 }
 
@@ -234,6 +255,7 @@ pub fn summed_record(request: &Request, summed: &Summed, gradients: bool, radius
         Radius::HarmonicMean => Ellipse::disc(summed.harmonic_mean_cosine),
         Radius::Curvature => Ellipse::of_curvature(summed.luminance(), summed.hessian),
     };
+    let ellipse = if request.stretch > 0.0 { Ellipse { stretch: DVec2::X * f64::from(request.stretch), ..ellipse } } else { ellipse };
     let record = summed.record(Vec3::from(request.position), &frame, ellipse, request.footprint);
     let record = weight::Record { minimum_distance: summed.min_distance.min(FAR_AWAY) as f32, ..record };
     let none = [Vec3::ZERO; 3];
@@ -306,14 +328,9 @@ pub fn requests(e: &mut Encoder<'_>, capacity: u32) -> port::Requests {
 }
 
 /// Makes a request of each place, in a host step that writes them. Its footprint is the radius within which the place stands for others.
-pub fn hand_on(host: &mut dyn HostContext, requests: &port::Requests, places: Vec<(Vertex, f32)>) {
-    let request = |(number, (place, radius)): (u32, (Vertex, f32))| Request {
-        position: place.position.into(),
-        footprint: radius,
-        normal: place.normal.into(),
-        turn: TAU * unit(hash(number + 1)),
-    };
-    let all: Vec<Request> = (0..).zip(places).map(request).collect();
+pub fn hand_on(host: &mut dyn HostContext, requests: &port::Requests, places: &[(Vertex, Reach)]) {
+    let turn = |number: u32| TAU * unit(hash(number + 1));
+    let all: Vec<Request> = (0..).zip(places).map(|(number, (place, reach))| Request::reaching(place, reach, turn(number))).collect();
     host.write(requests.places, 0, bytemuck::cast_slice(&all));
     host.set(requests.count, all.len() as u32);
     host.set(requests.made, all.len() as u32);
@@ -363,7 +380,7 @@ mod tests {
 
     #[test]
     fn records_of_sums_have_gradients_where_they_are_asked_for() {
-        let request = Request { position: [1.0, 2.0, 3.0], footprint: 0.25, normal: [0.0, 0.0, 1.0], turn: 0.3 };
+        let request = Request::new(Vec3::new(1.0, 2.0, 3.0), 0.25, Vec3::Z, 0.3);
         let summed = Summed {
             irradiance: DVec3::new(1.0, 2.0, 3.0),
             rotation: [DVec3::X; 3],

@@ -37,6 +37,12 @@ static DESCRIPTION: Description = Description {
             unit: "",
             kind: ParameterKind::Float { default: 0.005, min: 0.0, max: 1.0 },
         },
+        Parameter {
+            name: "coarser",
+            about: "where no record counts, take those that would if they reached three times as far, also through a wall; otherwise there is no light",
+            unit: "",
+            kind: ParameterKind::Bool { default: true },
+        },
         PLACE,
     ],
     inputs: &[Input { name: "of", about: "the records", accepts: PortKind::Records, takes: Takes::One, changes: false }],
@@ -83,15 +89,16 @@ impl Pass for RecordIndex {
 
 /// Records that stay where they are keep the lists of the first round; each round brings its light.
 fn build_on_host(e: &mut Encoder<'_>, new: port::Records, index: port::RecordIndex, growth: Growth) {
-    let layout = Layout::of(index.capacity as usize);
+    let (layout, coarser) = (Layout::of(index.capacity as usize), e.arguments.bool("coarser"));
     e.host("build", &[Read::counted(new.records, RECORD_BYTES, new.count)], &[index.data], move |host| {
         let records: Vec<Record> = bytemuck::pod_collect_to_vec(host.read(new.records));
         if !new.is_steady || growth.is_first(host) {
             let all: Vec<weight::Record> = records.iter().map(weight::Record::from).collect();
             let reaching: Vec<_> = all.iter().map(|record| index.rule.reaching(record)).collect();
-            let near = Cells::Near { accuracy: index.rule.accuracy };
-            for (cells, first, hashes) in [(Cells::Far, 0, layout.hashes), (near, layout.near.header, layout.near.hashes)] {
-                host.write(index.data, 4 * first as u64, bytemuck::cast_slice(&Lists::of(&reaching, cells, hashes).words(records.len())));
+            let far = Lists::of(if coarser { &reaching } else { &[] }, Cells::Far, layout.hashes);
+            let near = Lists::of(&reaching, Cells::Near { accuracy: index.rule.accuracy }, layout.near.hashes);
+            for (lists, first) in [(far, 0), (near, layout.near.header)] {
+                host.write(index.data, 4 * first as u64, bytemuck::cast_slice(&lists.words(records.len())));
             }
         }
         host.write(index.data, 4 * layout.records as u64, bytemuck::cast_slice(&records));
@@ -132,7 +139,9 @@ fn build_on_device(e: &mut Encoder<'_>, new: port::Records, index: port::RecordI
         .bind("light", light);
     let far = program.clone().constant("INDEX_ENTRIES", layout.entries as u32);
     let near = program.clone().constant("INDEX_LISTS", layout.near.header as u32).constant("INDEX_ENTRIES", layout.near.entries as u32).constant("NEAR", 1);
-    make_lists(e, far, (index.data, HEADER, layout.hashes), [lists, listed]);
+    if e.arguments.bool("coarser") {
+        make_lists(e, far, (index.data, HEADER, layout.hashes), [lists, listed]);
+    }
     make_lists(e, near, (index.data, layout.near.header + HEADER, layout.near.hashes), [lists, listed]);
     e.compute(program.clone(), "keep_records", Groups::Counted { count: new.count, divisor: 64, per: 1 });
     e.compute(program, "add_light", Groups::ONE);

@@ -347,7 +347,8 @@ fn tiles(table: &Table, extent: f32) -> [Vec<[f32; 4]>; TILES] {
 
 fn requests() -> [Request; TILES] {
     let mut numbers = Numbers(3);
-    [0.0, 1.0, 2.5, 6.0].map(|turn| Request { position: numbers.vector().into(), footprint: 0.01, normal: numbers.vector().normalize().into(), turn })
+    let mut request = |turn, stretch| Request { stretch, ..Request::new(numbers.vector(), 0.01, numbers.vector().normalize(), turn) };
+    [request(0.0, 0.0), request(1.0, 0.5), request(2.5, 0.0), request(6.0, 0.0)]
 }
 
 /// The records of the tiles, summed one way, after two frames that must give the same bits.
@@ -489,12 +490,7 @@ fn half_sums_are_bounded(stage: &Stage) -> Outcome {
 
 /// What tiles above some triangles see, sample by sample, as the way says: radiance and distance.
 fn seen(stage: &Stage, shape: &str, by: &str) -> Result<Vec<[f32; 4]>, Failed> {
-    let above = |triangle: &Triangle| Request {
-        position: (triangle.positions.iter().sum::<Vec3>() / 3.0).into(),
-        footprint: 0.01,
-        normal: triangle.face_normal().into(),
-        turn: 0.7,
-    };
+    let above = |triangle: &Triangle| Request::new(triangle.positions.iter().sum::<Vec3>() / 3.0, 0.01, triangle.face_normal(), 0.7);
     let places: Vec<Request> = stage.scene.triangles.iter().step_by(40).map(above).collect();
     let mut graph = Graph::new(stage, [16, 16]);
     let requests = port::Requests {

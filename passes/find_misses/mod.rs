@@ -196,7 +196,7 @@ fn first_rounds(e: &Encoder<'_>, size: [u32; 2], capacity: u32) -> u32 {
 /// The request of a pixel that sees `place`, whose fourth component is the pixel's width there, and faces there like `facing`: as `ask` of
 /// shaders/find_misses/device_grid.wgsl makes it.
 fn request(place: Vec4, facing: Vec4, pixel: u32) -> Request {
-    Request { position: place.xyz().into(), footprint: place.w, normal: facing.xyz().into(), turn: TAU * unit(hash(pixel + 1)) }
+    Request::new(place.xyz(), place.w, facing.xyz(), TAU * unit(hash(pixel + 1)))
 }
 
 #[cfg(test)]

@@ -280,7 +280,7 @@ mod views {
 
     #[test]
     fn views_draw_all_that_they_see_and_little_more() {
-        let request = |position: [f32; 3], normal: Vec3| Request { position, footprint: 1.0, normal: normal.normalize().into(), turn: 0.7 };
+        let request = |position: [f32; 3], normal: Vec3| Request::new(position.into(), 1.0, normal.normalize(), 0.7);
         let places = [request([0.1, 0.2, 0.3], Vec3::new(1.0, 2.0, 3.0)), request([-1.0, 0.5, 1.0], Vec3::NEG_Z)];
         for (shape, most) in [(Shape::Hemicube, 0.6), (Shape::Plane { fov_degrees: 60.0 }, 0.4), (Shape::Hemispherical, 0.8)] {
             let table = Table::new(shape, 16, Method::None).unwrap();

@@ -635,7 +635,7 @@ mod tiles {
         let host = surroundings();
         let table = Table::new(Shape::Cosine, 18, Method::None).unwrap();
         let fan = RayBundle::new(&table);
-        let places = [0.3, 0.9].map(|turn| Request { position: [0.1, turn, 0.2], footprint: 1.0, normal: [0.0, 0.6, 0.8], turn });
+        let places = [0.3, 0.9].map(|turn| Request::new(Vec3::new(0.1, turn, 0.2), 1.0, Vec3::new(0.0, 0.6, 0.8), turn));
         let views = places.each_ref().map(|place| View { position: place.position.into(), frame: Frame::new(place.normal.into()).turned(place.turn) });
         let mut numbers = vec![0; 2 * fan.samples];
         host.bvh.packets(&host.scene).trace(&host.scene, &views, &fan, &Numbers, &mut numbers);

@@ -30,6 +30,11 @@ struct Request {
     normal: vec3f,
     // Turn of the frame around the normal [radians].
     turn: f32,
+    // How much farther its record reaches along the frame's first axis, sqrt(1 - (R0 / R1)²); 0 where the light alone says so.
+    stretch: f32,
+    padding_a: u32,
+    padding_b: u32,
+    padding_c: u32,
 }
 
 struct Weighting {

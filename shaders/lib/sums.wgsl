@@ -106,12 +106,18 @@ fn record_of(request: Request, sums: Sums) -> Record {
         record.translation[2] = vec4f(frame * sums.parts[5].xyz, 0.0);
         if RADIUS == 1u {
             let ellipse = ellipse_of_curvature(luminance(record.irradiance), vec3f(sums.parts[3].w, sums.parts[4].w, sums.parts[5].w));
-            let stretch = frame * vec3f(ellipse.stretch, 0.0);
             record.radius = ellipse.radius;
-            record.rotation[0].w = stretch.x;
-            record.rotation[1].w = stretch.y;
-            record.rotation[2].w = stretch.z;
+            set_stretch(&record, frame * vec3f(ellipse.stretch, 0.0));
         }
     }
+    if request.stretch > 0.0 {
+        set_stretch(&record, frame[0] * request.stretch);
+    }
     return record;
+}
+
+fn set_stretch(record: ptr<function, Record>, stretch: vec3f) {
+    (*record).rotation[0].w = stretch.x;
+    (*record).rotation[1].w = stretch.y;
+    (*record).rotation[2].w = stretch.z;
 }

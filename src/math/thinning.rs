@@ -1,5 +1,6 @@
 //! Points on surfaces, thinned: groups of neighbours that one place each can stand for.
 
+use super::radius::Reach;
 use glam::Vec3;
 use rayon::prelude::*;
 use std::cmp::Ordering;
@@ -25,7 +26,7 @@ const FEWEST: usize = 3;
 /// At most `most` of these vertices, and of each the radius within which it stands for others. The group that many vertices are far from the middle of is divided
 /// first, across the direction in which it is widest: along the surface, across it, or by the normals. Then the sum of squared distances falls the fastest, as that
 /// of k-means does, in O(n log n).
-pub fn thinned(mut vertices: Vec<Vertex>, most: usize) -> Vec<(Vertex, f32)> {
+pub fn thinned(mut vertices: Vec<Vertex>, most: usize) -> Vec<(Vertex, Reach)> {
     if vertices.is_empty() || most == 0 {
         return Vec::new();
     }
@@ -55,7 +56,7 @@ pub fn thinned(mut vertices: Vec<Vertex>, most: usize) -> Vec<(Vertex, f32)> {
     let mut radii: Vec<f32> = places.iter().map(|(_, radius)| *radius).collect();
     radii.sort_unstable_by(f32::total_cmp);
     let least = LEAST_RADIUS * radii[radii.len() / 2];
-    places.into_iter().map(|(place, radius)| (place, radius.max(least))).collect()
+    places.into_iter().map(|(place, radius)| (place, Reach::round(radius.max(least)))).collect()
 }
 
 /// The least radius, as a share of the middle one.
@@ -216,14 +217,14 @@ mod tests {
         let places = thinned(all.clone(), 300);
         assert_eq!(places.len(), 300);
         assert!(places.iter().all(|(place, _)| all.contains(place)));
-        let stands_for = |(place, radius): &(Vertex, f32), vertex: &Vertex| {
+        let stands_for = |(place, reach): &(Vertex, Reach), vertex: &Vertex| {
             place.normal == vertex.normal
-                && place.position.distance(vertex.position) <= radius * 1.0001
+                && reach.apart(place.position - vertex.position) <= 1.0001
                 && (place.position.z - vertex.position.z).abs() < 1e-3 + f32::from(u8::from(place.normal == Vec3::Y)) * 9.0
         };
         assert!(all.iter().all(|vertex| places.iter().any(|place| stands_for(place, vertex))));
         // 180 m² by 300 places: a circle of 0.6 m² has a radius of 0.44 m.
-        let mean = places.iter().map(|(_, radius)| radius).sum::<f32>() / 300.0;
+        let mean = places.iter().map(|(_, reach)| reach.radius).sum::<f32>() / 300.0;
         assert!((0.3..0.9).contains(&mean), "{mean}");
     }
 
@@ -232,6 +233,6 @@ mod tests {
         assert!(thinned(Vec::new(), 10).is_empty() && thinned(vertices(4), 0).is_empty());
         assert_eq!(thinned(vertices(4), 1).len(), 1);
         let same = vec![Vertex { position: Vec3::ONE, normal: Vec3::X }; 50];
-        assert_eq!(thinned(same.clone(), 10), [(same[0], 0.0)]);
+        assert_eq!(thinned(same.clone(), 10), [(same[0], Reach::round(0.0))]);
     }
 }

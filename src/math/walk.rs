@@ -1,7 +1,7 @@
 //! Points on surfaces, walked through one after the other: where none stands yet that reaches it, a place is made.
 
 use super::record_index::{cell, exponent};
-use super::thinning::Vertex;
+use super::{radius::Reach, thinning::Vertex};
 use glam::IVec3;
 use rayon::prelude::*;
 use std::collections::{BTreeSet, HashMap};
@@ -12,16 +12,16 @@ struct Grid {
     cells: HashMap<(i32, IVec3), Vec<u32>>,
     /// Of the cells that there are.
     sizes: BTreeSet<i32>,
-    places: Vec<(Vertex, f32)>,
+    places: Vec<(Vertex, Reach)>,
 }
 
 /// How far beside the plane of a place a point may be, as a share of its distance.
 const LEVEL: f32 = 0.1;
 
 impl Grid {
-    fn add(&mut self, place: Vertex, reach: f32) {
-        let size = exponent(2.0 * reach);
-        let (first, last) = (cell(place.position - reach, size), cell(place.position + reach, size));
+    fn add(&mut self, place: Vertex, reach: Reach) {
+        let size = exponent(2.0 * reach.longest());
+        let (first, last) = (cell(place.position - reach.longest(), size), cell(place.position + reach.longest(), size));
         for z in first.z..=last.z {
             for y in first.y..=last.y {
                 for x in first.x..=last.x {
@@ -40,7 +40,7 @@ impl Grid {
             let way = point.position - place.position;
             let turned = (1.0 - point.normal.dot(place.normal)).max(0.0).sqrt();
             let is_level = way.dot(point.normal + place.normal).abs() * 0.5 <= LEVEL * way.length();
-            way.length() / reach + turned / accuracy < 1.0 && is_level
+            reach.apart(way) + turned / accuracy < 1.0 && is_level
         };
         self.sizes.iter().any(|size| self.cells.get(&(*size, cell(point.position, *size))).is_some_and(|listed| listed.iter().any(reaches)))
     }
@@ -51,11 +51,11 @@ const CHUNK: usize = 4096;
 
 /// Of points in this order the places, `most` at most, and how far each reaches, as `reach` says. Every point is reached by one where there are no more. All cores
 /// look at points; the places are those of one after the other.
-pub fn walked(points: &[Vertex], accuracy: f32, most: usize, reach: impl Fn(&Vertex) -> f32 + Sync) -> Vec<(Vertex, f32)> {
+pub fn walked(points: &[Vertex], accuracy: f32, most: usize, reach: impl Fn(&Vertex) -> Reach + Sync) -> Vec<(Vertex, Reach)> {
     let mut grid = Grid::default();
     for chunk in points.chunks(CHUNK) {
         let unreached = chunk.par_iter().filter(|point| !grid.covers(point, accuracy));
-        let places: Vec<(Vertex, f32)> = unreached.map(|point| (*point, reach(point).max(f32::MIN_POSITIVE))).collect();
+        let places: Vec<(Vertex, Reach)> = unreached.map(|point| (*point, reach(point))).collect();
         for (place, reach) in places {
             if grid.places.len() == most {
                 return grid.places;
@@ -96,14 +96,14 @@ mod tests {
                 Vertex { position: Vec3::new(x, y, if at % 5 == 0 { 1.0 } else { 0.0 }), normal }
             })
             .collect();
-        let reach = |point: &Vertex| 0.2 + 0.1 * point.position.x;
+        let reach = |point: &Vertex| Reach { radius: 0.2 + 0.1 * point.position.x, stretch: Vec3::new(0.0, 0.8, 0.0) };
         let places = walked(&points, 0.5, usize::MAX, reach);
-        let covers = |(place, radius): &(Vertex, f32), point: &Vertex| {
-            place.normal == point.normal && place.position.z == point.position.z && place.position.distance(point.position) < radius * 1.0001
-        };
+        let apart = |(place, reach): &(Vertex, Reach), point: &Vertex| reach.apart(point.position - place.position);
+        let is_level = |place: &Vertex, point: &Vertex| place.normal == point.normal && place.position.z == point.position.z;
+        let covers = |place: &(Vertex, Reach), point: &Vertex| is_level(&place.0, point) && apart(place, point) < 1.0001;
         assert!(points.iter().all(|point| places.iter().any(|place| covers(place, point) || place.0 == *point)));
         for (at, (place, _)) in places.iter().enumerate() {
-            assert!(!places[..at].iter().any(|before| covers(before, place) && before.0.position.distance(place.position) < 0.999 * before.1));
+            assert!(!places[..at].iter().any(|before| is_level(&before.0, place) && apart(before, place) < 0.999));
         }
         assert!(places.len() > 100 && places.len() < 1500, "{}", places.len());
         assert_eq!(walked(&points, 0.5, 7, reach).len(), 7);

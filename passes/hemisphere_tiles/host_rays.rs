@@ -1,5 +1,6 @@
 //! One ray a sample, in packets of neighbours, cast on the host.
 
+use super::guide::Guide;
 use super::host_shade::{Hit, Keeping, Shading};
 use super::{SAMPLES_OF_EMITTERS, Sees, Work, host_shade};
 use crate::contract::{Encoder, port};
@@ -32,16 +33,26 @@ pub(super) fn encode_shaded(e: &mut Encoder<'_>, work: &Work, maps: Option<port:
     let bundle = RayBundle::new(&work.table);
     let (requests, radiance) = (work.requests, work.radiance(e));
     let lighting = host_shade::encode(e, SAMPLES_OF_EMITTERS, sees);
-    let lit_by = maps.iter().map(|maps| Read::whole(maps.depth)).chain(indirect.iter().flat_map(Asked::reads));
+    let guide = Guide::of(e, work);
+    let lit_by = maps.iter().map(|maps| Read::whole(maps.depth)).chain(indirect.iter().flat_map(Asked::reads)).chain(guide.iter().map(Guide::reads));
     let reads: Vec<Read> = lit_by.chain([Read::counted(requests.places, REQUEST_BYTES, requests.count)]).collect();
     e.host("cast_and_shade", &reads, &[radiance], move |host| {
         let places: Vec<Request> = bytemuck::pod_collect_to_vec(host.read(requests.places));
+        let more = guide.map(|guide| guide.rays(host, &places));
         let mut samples = host.take(radiance);
         let (lighting, index) = (host_shade::lighting(host, lighting)?, indirect.and_then(|field| field.index(host)));
         let indirect = indirect.and_then(|field| field.on_host(host, index.as_deref()));
         let shader = Shading { indirect: indirect.as_ref(), ..Shading::of(host, &lighting, maps, &places) };
         let seen = &mut samples[..places.len() * bundle.samples];
-        host.bvh().packets(host.scene()).trace(host.scene(), &views(&places), &bundle, &shader, seen);
+        let views = views(&places);
+        let packets = host.bvh().packets(host.scene());
+        packets.trace(host.scene(), &views, &bundle, &shader, seen);
+        if let Some(more) = &more {
+            let bundles: Vec<&RayBundle> = more.iter().map(|more| &more.bundle).collect();
+            let also_seen = packets.trace_own(host.scene(), &views, &bundles, &shader);
+            let tiles = seen.par_chunks_exact_mut(bundle.samples).zip(more);
+            tiles.zip(&also_seen).for_each(|((tile, more), seen)| more.join(seen, tile));
+        }
         let bytes = size_of_val(seen) as u64;
         host.put(radiance, samples, bytes);
         Ok(())

@@ -1,6 +1,7 @@
 //! What records see.
 
 use super::irradiance_field;
+use super::photons::SEARCH_RADIUS;
 use super::record::{TileSample, sample_bytes};
 use crate::contract::encoder::{bind_visibility, light_constants, scene_constants, shadow_taps};
 use crate::contract::place::refuse;
@@ -13,6 +14,7 @@ use crate::schedule::*;
 use std::sync::Arc;
 
 mod cull;
+mod guide;
 mod host_rays;
 mod host_shade;
 mod lobe_walk;
@@ -104,6 +106,19 @@ static DESCRIPTION: Description = Description {
                 ],
             },
         },
+        Parameter {
+            name: "photons",
+            about: "photons of the guide that are looked at for a tile",
+            unit: "photons",
+            kind: ParameterKind::Integer { default: 64, min: 1, max: 4096 },
+        },
+        SEARCH_RADIUS,
+        Parameter {
+            name: "share",
+            about: "share of a tile's light that is worth a second ray to a stratum; twice the share is worth four more",
+            unit: "",
+            kind: ParameterKind::Float { default: 0.02, min: 1e-4, max: 1.0 },
+        },
         PLACE,
     ],
     inputs: &[
@@ -126,6 +141,13 @@ static DESCRIPTION: Description = Description {
             name: "indirect",
             about: "what lights surfaces by way of others; without it they are lit by direct light alone",
             accepts: PortKind::IrradianceField,
+            takes: Takes::AtMostOne,
+            changes: false,
+        },
+        Input {
+            name: "guide",
+            about: "photons that say where light comes from: strata that much comes from have more rays than one, and hold what they see in the mean",
+            accepts: PortKind::PhotonMap,
             takes: Takes::AtMostOne,
             changes: false,
         },

@@ -13,7 +13,7 @@
 
 mod concentric;
 
-pub use concentric::square;
+pub use concentric::{ray, square};
 
 use super::solid_angle::{
     Interval, disc_moment, disc_solid_angle, disc_wall, line_moment, polygon_moment, polygon_solid_angle, rectangle_moment, rectangle_solid_angle,

@@ -15,6 +15,8 @@ use std::f64::consts::FRAC_PI_4;
 const POINTS: usize = 24;
 /// The golden ratio's fraction, whose multiples spread best.
 const GOLDEN: f64 = 0.618_033_988_749_894_9;
+/// 1/p and 1/p² of the root of p³ = p + 1: the golden ratio's like in the plane.
+const SPREAD: [f64; 2] = [0.754_877_666_246_692_7, 0.569_840_290_998_053_3];
 
 pub(super) fn table(resolution: u32) -> Table {
     let mut builder = Builder::new(resolution, resolution);
@@ -33,8 +35,16 @@ pub(super) fn table(resolution: u32) -> Table {
 /// a wall would go unseen, and edges that run along a ring would be half of a ring off. So columns are shifted by golden fractions from row to row, and rows from
 /// column to column: no two of a tile's rows or columns have the same place in their squares.
 fn sample(resolution: u32, column: u32, row: u32) -> DVec3 {
-    let at = |square: u32, across: u32| 2.0 * (f64::from(square) + ((f64::from(across) + 0.5) * GOLDEN).fract()) / f64::from(resolution) - 1.0;
-    let (x, y) = (at(column, row), at(row, column));
+    ray(resolution, [column, row], 0)
+}
+
+/// Where the rays of a square go, however many: the first is the sample's, others follow it by steps that spread over the square (the sequence R2).
+pub fn ray(resolution: u32, [column, row]: [u32; 2], number: u32) -> DVec3 {
+    let at = |square: u32, across: u32, step: f64| {
+        let within = ((f64::from(across) + 0.5) * GOLDEN + f64::from(number) * step).fract();
+        2.0 * (f64::from(square) + within) / f64::from(resolution) - 1.0
+    };
+    let (x, y) = (at(column, row, SPREAD[0]), at(row, column, SPREAD[1]));
     // Each sector is a quarter turn of another; opposite ones are each other's negatives.
     if x.abs() >= y.abs() { direction(x, y) } else { quarter_turn(direction(y, -x)) }
 }

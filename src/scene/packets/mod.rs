@@ -86,12 +86,28 @@ impl RayBundle {
         let corners = (0..table.height).step_by(EDGE as usize).flat_map(|y| (0..table.width).step_by(EDGE as usize).map(move |x| [x, y]));
         Self { packets: corners.filter_map(|corner| Directions::new(table, corner)).collect(), samples: table.samples.len() }
     }
+
+    /// Of any directions, of which those next to each other should be neighbours.
+    pub fn of(directions: &[Vec3]) -> Self {
+        let packets = directions.chunks(RAYS).zip(0..).map(|(rays, number)| Directions::of(rays, number * RAYS as u32));
+        Self { packets: packets.collect(), samples: directions.len() }
+    }
 }
 
 impl Directions {
+    const NONE: Self = Self { rays: [Vec3::ZERO; RAYS], samples: [u32::MAX; RAYS], middle: Vec3::ZERO };
+
+    /// Of samples from the `first` on.
+    fn of(rays: &[Vec3], first: u32) -> Self {
+        let mut packet = Self { middle: rays.iter().sum::<Vec3>().normalize_or_zero(), ..Self::NONE };
+        packet.rays[..rays.len()].copy_from_slice(rays);
+        packet.samples.iter_mut().zip(first..).take(rays.len()).for_each(|(sample, number)| *sample = number);
+        packet
+    }
+
     /// None where no sample has a ray.
     fn new(table: &Table, [x, y]: [u32; 2]) -> Option<Self> {
-        let mut packet = Self { rays: [Vec3::ZERO; RAYS], samples: [u32::MAX; RAYS], middle: Vec3::ZERO };
+        let mut packet = Self::NONE;
         for ray in 0..RAYS as u32 {
             let at = [x + ray % EDGE, y + ray / EDGE];
             if at[0] >= table.width || at[1] >= table.height {
@@ -189,13 +205,36 @@ impl Packets {
     /// holes of alpha-masked textures not at all. Samples without a ray see nothing.
     pub fn trace<E: HitShader>(&self, scene: &Scene, views: &[View], bundle: &RayBundle, shader: &E, seen: &mut [E::Seen]) {
         seen.par_chunks_exact_mut(bundle.samples).zip(views).enumerate().for_each_init(Vec::new, |stack, (index, (seen, view))| {
-            seen.fill(E::NOTHING);
-            let start = view.position + view.frame.normal * surface_offset(1.0 / self.scale, view.position);
-            let origin = self.inside(start).clamp(Vec3::splat(-FARTHEST), Vec3::splat(FARTHEST));
-            let walker = Walker { packets: self, scene, origin };
-            let from = Start { view: index, place: start, frame: &view.frame };
-            dispatch!(Level::new(), simd => walker.trace(simd, &from, bundle, shader, stack, seen));
+            self.trace_view(scene, (index, view), bundle, shader, stack, seen);
         });
+    }
+
+    /// The same with rays of its own for each view.
+    pub fn trace_own<E: HitShader>(&self, scene: &Scene, views: &[View], bundles: &[&RayBundle], shader: &E) -> Vec<Vec<E::Seen>> {
+        let each = views.par_iter().zip(bundles).enumerate();
+        let seen = each.map_init(Vec::new, |stack, (index, (view, bundle))| {
+            let mut seen = vec![E::NOTHING; bundle.samples];
+            self.trace_view(scene, (index, view), bundle, shader, stack, &mut seen);
+            seen
+        });
+        seen.collect()
+    }
+
+    fn trace_view<E: HitShader>(
+        &self,
+        scene: &Scene,
+        (index, view): (usize, &View),
+        bundle: &RayBundle,
+        shader: &E,
+        stack: &mut Vec<Visit>,
+        seen: &mut [E::Seen],
+    ) {
+        seen.fill(E::NOTHING);
+        let start = view.position + view.frame.normal * surface_offset(1.0 / self.scale, view.position);
+        let origin = self.inside(start).clamp(Vec3::splat(-FARTHEST), Vec3::splat(FARTHEST));
+        let walker = Walker { packets: self, scene, origin };
+        let from = Start { view: index, place: start, frame: &view.frame };
+        dispatch!(Level::new(), simd => walker.trace(simd, &from, bundle, shader, stack, seen));
     }
 }
 

@@ -1,0 +1,171 @@
+//! More rays for those strata of a tile that photons say most light comes from: what one ray a stratum would make blots of.
+//!
+//! No stratum has less than its own ray, and what its rays see is averaged, so that nothing is biased: photons only say where rays are worth while.
+
+use super::Work;
+use crate::contract::{Encoder, port};
+use crate::math::{
+    colour::luminance,
+    frame::Frame,
+    hemisphere::{ray, square},
+};
+use crate::passes::photons::{PHOTON_BYTES, lookup::Lookup, unpacked_ways};
+use crate::passes::record::Request;
+use crate::scene::packets::RayBundle;
+use crate::schedule::*;
+use glam::{IVec3, Vec2, Vec3, Vec4};
+use rayon::prelude::*;
+use std::collections::{HashMap, HashSet};
+
+/// What tells where light comes from.
+#[derive(Clone, Copy)]
+pub(super) struct Guide {
+    map: port::PhotonMap,
+    /// Photons that are looked at for each place, and how far away they may be [scene units].
+    photons: u32,
+    search_radius: f32,
+    /// A stratum with this share of a tile's light has two rays; with twice the share five.
+    share: f32,
+    resolution: u32,
+    /// What places of the same cell have found: [`Known`].
+    memory: Resource,
+}
+
+/// Of places next to each other where their light starts, and how much of it.
+type Known = HashMap<Cell, Vec<(Vec3, f32)>>;
+
+/// Where a place is, in cells of [`CELL`], and where it faces, in steps of [`FACING`].
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
+struct Cell([IVec3; 2]);
+
+/// Edge of a cell, as a share of how far away photons may be: light comes to all of it from about the same places.
+const CELL: f32 = 0.5;
+const FACING: f32 = 2.0;
+
+/// Fewer rays than these are not worth their cost: here and there a ray takes as long as some neighbours together.
+const FEWEST: f32 = 2.0;
+
+/// Light is soft, all over a cell, where no stratum of one place has this part of the share that would be worth a ray.
+const SOFT: f32 = 0.7;
+
+/// Most rays of a stratum besides its own, and those of a tile in rays that it has anyway.
+const MOST: f32 = 63.0;
+const MOST_OF_ALL: f32 = 1.0;
+
+/// How a photon's light is spread over the strata next to the one that it came from, along either side: a few photons stand for light from all around them.
+const SPREAD: [f32; 3] = [0.25, 0.5, 0.25];
+
+impl Guide {
+    pub fn of(e: &mut Encoder<'_>, work: &Work) -> Option<Self> {
+        let map = *e.photon_map("guide")?;
+        let search_radius = e.arguments.float("search_radius") as f32 * e.setting.needs.extent;
+        let (photons, share) = (e.arguments.integer("photons") as u32, e.arguments.float("share") as f32);
+        let memory = e.state("guide");
+        let forget = move |host: &mut dyn HostContext| {
+            *host.state(memory) = None;
+            Ok(())
+        };
+        e.before_loop(Command::Host(Host::new("forget", Vec::new(), Vec::new(), forget)));
+        Some(Self { map, photons, search_radius, share, resolution: work.table.width, memory })
+    }
+
+    pub fn reads(&self) -> Read {
+        Read::counted(self.map.data, PHOTON_BYTES, self.map.slots)
+    }
+
+    /// How many more rays the strata of tiles are worth, and where those go.
+    pub fn rays(&self, host: &mut dyn HostContext, places: &[Request]) -> Vec<MoreRays> {
+        let known = host.state(self.memory).take().and_then(|known| known.downcast::<Known>().ok());
+        let mut known = known.unwrap_or_default();
+        let mut new: Vec<(Cell, &Request)> = places.iter().map(|place| (self.cell(place), place)).filter(|(cell, _)| !known.contains_key(cell)).collect();
+        let mut seen = HashSet::new();
+        new.retain(|(cell, _)| seen.insert(*cell));
+        let lookup = Lookup::of(&self.map, host);
+        known.par_extend(new.par_iter().map(|(cell, place)| (*cell, self.origins(&lookup, place))));
+        let rays = places.par_iter().map(|place| MoreRays::new(self.resolution, &self.counts(place, &known[&self.cell(place)], self.share))).collect();
+        *host.state(self.memory) = Some(known);
+        rays
+    }
+
+    fn cell(&self, place: &Request) -> Cell {
+        let [position, normal] = [place.position, place.normal].map(Vec3::from);
+        Cell([position / (CELL * self.search_radius), normal * FACING].map(|at| at.round().as_ivec3()))
+    }
+
+    /// Where photons that arrive near a place have come from; nothing where no stratum stands out.
+    fn origins(&self, lookup: &Lookup<'_>, place: &Request) -> Vec<(Vec3, f32)> {
+        let (position, normal) = (Vec3::from(place.position), Vec3::from(place.normal));
+        let mut origins = Vec::with_capacity(2 * self.photons as usize);
+        let zone = lookup.zone(position, normal, self.photons, self.search_radius);
+        lookup.for_each(position, normal, zone, |photon, _| {
+            let origin = Vec3::from(photon.position) + unpacked_ways(photon.ways)[1] * photon.leg;
+            origins.push((origin, luminance(Vec3::from(photon.flux).as_dvec3()) as f32));
+        });
+        let is_soft = self.counts(place, &origins, SOFT * self.share).iter().all(|count| *count == 0);
+        if is_soft { Vec::new() } else { origins }
+    }
+
+    /// How many more rays each stratum of a tile is worth, if one with such a share of the light is worth one.
+    fn counts(&self, place: &Request, origins: &[(Vec3, f32)], share: f32) -> Vec<u32> {
+        if origins.is_empty() {
+            return Vec::new();
+        }
+        let strata = self.light(place, origins);
+        let all: f32 = strata.iter().sum();
+        if all <= 0.0 {
+            return Vec::new();
+        }
+        let wished = |light: &f32| Some((light / (all * share)).powi(2)).filter(|rays| *rays >= FEWEST).map_or(0.0, |rays| rays.min(MOST));
+        let together: f32 = strata.iter().map(wished).sum();
+        let scale = (MOST_OF_ALL * strata.len() as f32 / together).min(1.0);
+        strata.iter().map(|light| (scale * wished(light) + 0.5) as u32).collect()
+    }
+
+    /// How much light comes from each stratum, in any unit.
+    fn light(&self, place: &Request, origins: &[(Vec3, f32)]) -> Vec<f32> {
+        let frame = Frame::new(place.normal.into()).turned(place.turn);
+        let edge = self.resolution as i32;
+        let mut strata = vec![0.0; (edge * edge) as usize];
+        for (origin, flux) in origins {
+            let way = frame.to_local((origin - Vec3::from(place.position)).normalize_or_zero());
+            if way.z <= 0.0 {
+                continue;
+            }
+            let [column, row] = square(self.resolution, Vec2::new(way.x, way.y)).map(|at| at as i32);
+            for (y, down) in (row - 1..).zip(SPREAD).filter(|(y, _)| (0..edge).contains(y)) {
+                for (x, across) in (column - 1..).zip(SPREAD).filter(|(x, _)| (0..edge).contains(x)) {
+                    strata[(y * edge + x) as usize] += flux * down * across;
+                }
+            }
+        }
+        strata
+    }
+}
+
+/// Rays of a tile besides one a stratum.
+pub(super) struct MoreRays {
+    pub bundle: RayBundle,
+    /// Of each ray, in order.
+    strata: Vec<u32>,
+}
+
+impl MoreRays {
+    fn new(resolution: u32, counts: &[u32]) -> Self {
+        let each = (0..).zip(counts).flat_map(|(stratum, count)| (1..=*count).map(move |number| (stratum, number)));
+        let (strata, directions): (Vec<u32>, Vec<Vec3>) =
+            each.map(|(stratum, number)| (stratum, ray(resolution, [stratum % resolution, stratum / resolution], number).as_vec3())).unzip();
+        Self { bundle: RayBundle::of(&directions), strata }
+    }
+
+    /// Of all rays of a stratum the mean radiance, and the harmonic mean of how far they went.
+    pub fn join(&self, seen: &[Vec4], tile: &mut [Vec4]) {
+        let inverse = |sight: &Vec4| sight.truncate().extend(sight.w.recip());
+        let mut seen = seen.iter();
+        for strata in self.strata.chunk_by(|a, b| a == b) {
+            let sample = &mut tile[strata[0] as usize];
+            let sum = seen.by_ref().take(strata.len()).map(inverse).sum::<Vec4>() + inverse(sample);
+            let mean = sum / (strata.len() + 1) as f32;
+            *sample = mean.truncate().extend(mean.w.recip());
+        }
+    }
+}

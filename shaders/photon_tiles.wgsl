@@ -3,6 +3,7 @@
 #import lib/outline
 #import lib/photon_map
 #import lib/record
+#import lib/squares
 #import lib/tile
 
 // Tiles of the photons that arrive near their places.
@@ -52,20 +53,6 @@ fn is_surface(place: vec3f, aside: vec3f, normal: vec3f, radius: f32) -> bool {
     let plane = cross(scene_corners[3u * hit.triangle + 1u].xyz, scene_corners[3u * hit.triangle + 2u].xyz);
     let faces = abs(dot(plane, normal)) >= LEAST_COSINE * length(plane);
     return faces && is_in_sight(place, origin - normal * hit.distance, normal, radius);
-}
-
-// The sample that holds a direction: as math::hemisphere::square.
-fn sample_of(aside: vec2f) -> u32 {
-    let turned = abs(aside.x) < abs(aside.y);
-    let ways = select(aside, vec2f(aside.y, -aside.x), turned);
-    let a = min(length(aside), 1.0) * select(1.0, -1.0, ways.x < 0.0);
-    var b = 0.0;
-    if ways.x != 0.0 {
-        b = a * atan(ways.y / ways.x) / (0.25 * PI);
-    }
-    let at = select(vec2f(a, b), vec2f(-b, a), turned);
-    let square = min(vec2u(max((at + 1.0) * 0.5 * f32(TILE_WIDTH), vec2f(0.0))), vec2u(TILE_WIDTH - 1u));
-    return square.y * TILE_WIDTH + square.x;
 }
 
 fn work_of(tile: u32) -> u32 {
@@ -136,7 +123,7 @@ fn gather(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: 
                 let way = photon.position - request.position;
                 add_to_outline(vec2f(dot(way, plain[0]), dot(way, plain[1])));
                 let origin = unpacked_way(photon.ways >> 16u);
-                let sample = sample_of(vec2f(dot(origin, frame[0]), dot(origin, frame[1])));
+                let sample = square_of(vec2f(dot(origin, frame[0]), dot(origin, frame[1])));
                 let per_length = 1.0 / max(photon.leg, 1e-37);
                 radiance[tile * samples + sample] += vec4f(photon.flux, per_length);
                 atomicAdd(&work[own + SAMPLES + sample], 1u);

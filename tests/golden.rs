@@ -462,7 +462,7 @@ fn specialisation_changes_no_picture() -> Outcome {
 }
 
 /// Another value for each parameter that a plan may call idle, by how it ends.
-const OTHER_VALUES: [(&str, &str); 9] = [
+const OTHER_VALUES: [(&str, &str); 12] = [
     (".taps", "4"),
     (".coefficients", "Half"),
     (".rotation", "DigonDeletion"),
@@ -472,6 +472,9 @@ const OTHER_VALUES: [(&str, &str); 9] = [
     (".emitters", "Records"),
     (".place", "Device"),
     (".highlights", "Wide"),
+    (".photons", "9"),
+    (".search_radius", "0.2"),
+    (".share", "0.001"),
 ];
 
 /// What `explain` calls without effect has none: not on one bit of the picture.
@@ -729,7 +732,9 @@ fn shading_of_lamps_skies_and_lobes_by_host_and_device_agrees() -> Outcome {
         for (way, made) in [("Host", &host), ("Device", &device)] {
             let emitters = format!("direct.emitters={emitters}");
             let nodes: &[&str] = if pipeline == "radiance" { &["tiles", "detail_tiles", "glossy_tiles"] } else { &["tiles"] };
-            let ways: Vec<String> = nodes.iter().map(|node| format!("{node}.place={way}")).chain([emitters]).collect();
+            // One ray a stratum: places on the host share what photons tell of where more are worth while.
+            let unguided = nodes.iter().filter(|node| !node.starts_with("glossy")).map(|node| format!("{node}.share=1"));
+            let ways: Vec<String> = nodes.iter().map(|node| format!("{node}.place={way}")).chain(unguided).chain([emitters]).collect();
             let sets: Vec<&str> = ways.iter().flat_map(|way| ["--set", way]).collect();
             hemisplat(&[&["render", pipeline, "--scene", &scene, "--size", "64x48", "--quiet", "-o", made], &sets[..]].concat())?;
         }

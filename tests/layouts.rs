@@ -67,7 +67,8 @@ fn difference(module: &naga::Module, host: &HostLayout) -> Option<String> {
 #[test]
 fn host_and_shader_structs_agree_field_by_field() {
     for (name, layouts) in shared() {
-        let shader = Shader::load(name, &[("VISIBILITY", "lib/visibility/rays"), ("EMITTERS", "lib/emitters/traced")]).unwrap_or_else(|e| panic!("{e}"));
+        let imports = [("VISIBILITY", "lib/visibility/rays"), ("EMITTERS", "lib/emitters/traced"), ("SEEN", "lib/seen/strata")];
+        let shader = Shader::load(name, &imports).unwrap_or_else(|e| panic!("{e}"));
         assert!(!layouts.is_empty());
         layouts.iter().for_each(|layout| assert_eq!(difference(&shader.module, layout), None));
     }

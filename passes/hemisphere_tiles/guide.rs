@@ -2,8 +2,8 @@
 //!
 //! No stratum has less than its own ray, and what its rays see is averaged, so that nothing is biased: photons only say where rays are worth while.
 
-use super::Work;
-use crate::contract::{Encoder, port};
+use super::{Seen, Work, each_sample};
+use crate::contract::{Encoder, encoder::scene_constants, port};
 use crate::math::{
     colour::luminance,
     frame::Frame,
@@ -20,13 +20,19 @@ use std::collections::{HashMap, HashSet};
 /// What tells where light comes from.
 #[derive(Clone, Copy)]
 pub(super) struct Guide {
-    map: port::PhotonMap,
-    /// Photons that are looked at for each place, and how far away they may be [scene units].
+    pub map: port::PhotonMap,
+    /// Photons that are looked at for each place, and how far away they may be, as a share of the scene's extent.
     photons: u32,
     search_radius: f32,
     /// A stratum with this share of a tile's light has two rays; with twice the share five.
     share: f32,
     resolution: u32,
+}
+
+/// The guide of tiles that the host fills.
+#[derive(Clone, Copy)]
+pub(super) struct OnHost {
+    guide: Guide,
     /// What places of the same cell have found: [`Known`].
     memory: Resource,
 }
@@ -56,47 +62,89 @@ const MOST_OF_ALL: f32 = 1.0;
 const SPREAD: [f32; 3] = [0.25, 0.5, 0.25];
 
 impl Guide {
-    pub fn of(e: &mut Encoder<'_>, work: &Work) -> Option<Self> {
+    pub fn of(e: &Encoder<'_>, work: &Work) -> Option<Self> {
         let map = *e.photon_map("guide")?;
-        let search_radius = e.arguments.float("search_radius") as f32 * e.setting.needs.extent;
+        let search_radius = e.arguments.float("search_radius") as f32;
         let (photons, share) = (e.arguments.integer("photons") as u32, e.arguments.float("share") as f32);
+        Some(Self { map, photons, search_radius, share, resolution: work.table.width })
+    }
+
+    /// Adds a step before the loop that forgets what was found.
+    pub fn on_host(self, e: &mut Encoder<'_>) -> OnHost {
         let memory = e.state("guide");
         let forget = move |host: &mut dyn HostContext| {
             *host.state(memory) = None;
             Ok(())
         };
         e.before_loop(Command::Host(Host::new("forget", Vec::new(), Vec::new(), forget)));
-        Some(Self { map, photons, search_radius, share, resolution: work.table.width, memory })
+        OnHost { guide: self, memory }
     }
 
+    /// Encodes steps that list the rays that strata are worth, cast them, see what they meet as `see` does of such a list and of what they met, and join that
+    /// to tiles.
+    pub fn encode(&self, e: &mut Encoder<'_>, work: &Work, radiance: Resource, see: impl FnOnce(&mut Encoder<'_>, Seen) -> Resource) {
+        let places = u64::from(work.requests.capacity);
+        let strata = u64::from(work.samples_per_tile());
+        let [more, light] = [("more_rays", 4 * places * (strata + 1)), ("light", 4 * places * strata)].map(|(name, bytes)| e.buffer(name, bytes));
+        let triangles = e.buffer("also_met", 4 * places * strata);
+        let list = work
+            .layout(scene_constants(Program::new("hemisphere_tiles/guide"), e.setting.needs))
+            .constant("WANTED", self.photons)
+            .constant("SEARCH_RADIUS", self.search_radius)
+            .constant("SHARE", self.share)
+            .bind("requests", work.requests.places)
+            .bind("more_rays", more)
+            .bind("light", light)
+            .bind("photon_map", self.map.data);
+        e.compute(list, "list_rays", Groups::Counted { count: work.requests.count, divisor: 64, per: 1 });
+        let trace = work
+            .layout(scene_constants(Program::new("hemisphere_tiles/trace_more"), e.setting.needs))
+            .bind("requests", work.requests.places)
+            .bind("more_rays", more)
+            .bind("seen", triangles);
+        e.compute(trace, "trace_more", each_sample(work));
+        let seen = see(e, Seen::More { rays: more, triangles });
+        let join = work.layout(Program::new("hemisphere_tiles/join_more")).bind("more_rays", more).bind("also_seen", seen).bind("radiance", radiance);
+        e.compute(join, "join_more", each_sample(work));
+    }
+}
+
+impl OnHost {
     pub fn reads(&self) -> Read {
-        Read::counted(self.map.data, PHOTON_BYTES, self.map.slots)
+        Read::counted(self.guide.map.data, PHOTON_BYTES, self.guide.map.slots)
     }
 
     /// How many more rays the strata of tiles are worth, and where those go.
     pub fn rays(&self, host: &mut dyn HostContext, places: &[Request]) -> Vec<MoreRays> {
+        let extent = host.extent();
         let known = host.state(self.memory).take().and_then(|known| known.downcast::<Known>().ok());
         let mut known = known.unwrap_or_default();
-        let mut new: Vec<(Cell, &Request)> = places.iter().map(|place| (self.cell(place), place)).filter(|(cell, _)| !known.contains_key(cell)).collect();
+        let mut new: Vec<(Cell, &Request)> =
+            places.iter().map(|place| (self.guide.cell(place, extent), place)).filter(|(cell, _)| !known.contains_key(cell)).collect();
         let mut seen = HashSet::new();
         new.retain(|(cell, _)| seen.insert(*cell));
-        let lookup = Lookup::of(&self.map, host);
-        known.par_extend(new.par_iter().map(|(cell, place)| (*cell, self.origins(&lookup, place))));
-        let rays = places.par_iter().map(|place| MoreRays::new(self.resolution, &self.counts(place, &known[&self.cell(place)], self.share))).collect();
+        let lookup = Lookup::of(&self.guide.map, host);
+        known.par_extend(new.par_iter().map(|(cell, place)| (*cell, self.guide.origins(&lookup, place, extent))));
+        let rays = places
+            .par_iter()
+            .map(|place| MoreRays::new(self.guide.resolution, &self.guide.counts(place, &known[&self.guide.cell(place, extent)], self.guide.share)))
+            .collect();
         *host.state(self.memory) = Some(known);
         rays
     }
+}
 
-    fn cell(&self, place: &Request) -> Cell {
+impl Guide {
+    fn cell(&self, place: &Request, extent: f32) -> Cell {
         let [position, normal] = [place.position, place.normal].map(Vec3::from);
-        Cell([position / (CELL * self.search_radius), normal * FACING].map(|at| at.round().as_ivec3()))
+        Cell([position / (CELL * self.search_radius * extent), normal * FACING].map(|at| at.round().as_ivec3()))
     }
 
     /// Where photons that arrive near a place have come from; nothing where no stratum stands out.
-    fn origins(&self, lookup: &Lookup<'_>, place: &Request) -> Vec<(Vec3, f32)> {
+    fn origins(&self, lookup: &Lookup<'_>, place: &Request, extent: f32) -> Vec<(Vec3, f32)> {
         let (position, normal) = (Vec3::from(place.position), Vec3::from(place.normal));
         let mut origins = Vec::with_capacity(2 * self.photons as usize);
-        let zone = lookup.zone(position, normal, self.photons, self.search_radius);
+        let zone = lookup.zone(position, normal, self.photons, self.search_radius * extent);
         lookup.for_each(position, normal, zone, |photon, _| {
             let origin = Vec3::from(photon.position) + unpacked_ways(photon.ways)[1] * photon.leg;
             origins.push((origin, luminance(Vec3::from(photon.flux).as_dvec3()) as f32));
@@ -153,7 +201,7 @@ impl MoreRays {
     fn new(resolution: u32, counts: &[u32]) -> Self {
         let each = (0..).zip(counts).flat_map(|(stratum, count)| (1..=*count).map(move |number| (stratum, number)));
         let (strata, directions): (Vec<u32>, Vec<Vec3>) =
-            each.map(|(stratum, number)| (stratum, ray(resolution, [stratum % resolution, stratum / resolution], number).as_vec3())).unzip();
+            each.take(counts.len()).map(|(stratum, number)| (stratum, ray(resolution, [stratum % resolution, stratum / resolution], number).as_vec3())).unzip();
         Self { bundle: RayBundle::of(&directions), strata }
     }
 

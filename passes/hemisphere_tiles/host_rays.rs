@@ -1,6 +1,6 @@
 //! One ray a sample, in packets of neighbours, cast on the host.
 
-use super::guide::Guide;
+use super::guide::{Guide, OnHost};
 use super::host_shade::{Hit, Keeping, Shading};
 use super::{SAMPLES_OF_EMITTERS, Sees, Work, host_shade};
 use crate::contract::{Encoder, port};
@@ -28,13 +28,13 @@ pub(super) fn encode(e: &mut Encoder<'_>, work: &Work) {
 }
 
 /// The host shades them, too: the buffer of radiance and distance.
-pub(super) fn encode_shaded(e: &mut Encoder<'_>, work: &Work, maps: Option<port::ShadowMaps>, sees: Sees) -> Resource {
+pub(super) fn encode_shaded(e: &mut Encoder<'_>, work: &Work, maps: Option<port::ShadowMaps>, (sees, guide): (Sees, Option<Guide>)) -> Resource {
     let indirect = Asked::of(e, "indirect");
     let bundle = RayBundle::new(&work.table);
     let (requests, radiance) = (work.requests, work.radiance(e));
     let lighting = host_shade::encode(e, SAMPLES_OF_EMITTERS, sees);
-    let guide = Guide::of(e, work);
-    let lit_by = maps.iter().map(|maps| Read::whole(maps.depth)).chain(indirect.iter().flat_map(Asked::reads)).chain(guide.iter().map(Guide::reads));
+    let guide = guide.map(|guide| guide.on_host(e));
+    let lit_by = maps.iter().map(|maps| Read::whole(maps.depth)).chain(indirect.iter().flat_map(Asked::reads)).chain(guide.iter().map(OnHost::reads));
     let reads: Vec<Read> = lit_by.chain([Read::counted(requests.places, REQUEST_BYTES, requests.count)]).collect();
     e.host("cast_and_shade", &reads, &[radiance], move |host| {
         let places: Vec<Request> = bytemuck::pod_collect_to_vec(host.read(requests.places));

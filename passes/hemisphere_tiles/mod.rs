@@ -11,6 +11,7 @@ use crate::contract::{
 };
 use crate::math::hemisphere::{Shape, Table};
 use crate::schedule::*;
+use guide::Guide;
 use std::sync::Arc;
 
 mod cull;
@@ -194,7 +195,11 @@ impl Work {
 
     /// A buffer of radiance and distance, a tile after the other.
     fn radiance(&self, e: &mut Encoder<'_>) -> Resource {
-        e.buffer("radiance", self.requests.capacity as u64 * self.samples_per_tile() as u64 * 16)
+        e.buffer("radiance", self.radiance_bytes())
+    }
+
+    fn radiance_bytes(&self) -> u64 {
+        self.requests.capacity as u64 * self.samples_per_tile() as u64 * 16
     }
 
     fn corner(&self, tile: u32) -> [u32; 2] {
@@ -239,13 +244,14 @@ impl Pass for HemisphereTiles {
         let shaded = shading_place(e, cast, maps.as_ref())?;
         let indirect = e.irradiance_field("indirect").copied();
         let sees = sees(e);
+        let guide = guide(e, &work);
         // Places that stay where they are while a loop runs see the same in each round; what lights that by way of other surfaces may change.
         let steady = match indirect {
-            Some(port::IrradianceField::Records(index)) if e.is_steady("at") && !e.is_steady("indirect") => Some(index),
+            Some(port::IrradianceField::Records(index)) if e.is_steady("at") && !e.is_steady("indirect") && guide.is_none() => Some(index),
             _ => None,
         };
         let samples = match (shaded, steady) {
-            (Place::Host, None) => host_rays::encode_shaded(e, &work, maps, sees),
+            (Place::Host, None) => host_rays::encode_shaded(e, &work, maps, (sees, guide)),
             (Place::Host, Some(index)) => host_rays::encode_steady(e, &work, maps, index, sees),
             (Place::Device, _) => {
                 let see = |e: &mut Encoder<'_>| {
@@ -254,7 +260,7 @@ impl Pass for HemisphereTiles {
                         Place::Device if by == "Raster" => raster::encode(e, &work, way.bool("sift")),
                         Place::Device => ray_cast::encode(e, &work),
                     }
-                    shade(e, &work, maps.as_ref(), sees)
+                    shade(e, &work, Seen::Strata, (maps.as_ref(), sees))
                 };
                 let radiance = match steady {
                     None => see(e),
@@ -264,7 +270,14 @@ impl Pass for HemisphereTiles {
                         to
                     }
                 };
-                indirect.iter().for_each(|field| add_indirect(e, &work, field, radiance));
+                indirect.iter().for_each(|field| add_indirect(e, &work, Seen::Strata, (field, radiance)));
+                if let Some(guide) = &guide {
+                    guide.encode(e, &work, radiance, |e, seen| {
+                        let radiance = shade(e, &work, seen, (maps.as_ref(), sees));
+                        indirect.iter().for_each(|field| add_indirect(e, &work, seen, (field, radiance)));
+                        radiance
+                    });
+                }
                 radiance
             }
         };
@@ -332,31 +345,54 @@ fn layout(e: &mut Encoder<'_>, requests: port::Requests, shape: Shape, table: Ta
 /// Shadow rays from what a sample sees, to area lights and to the sky: a tile holds thousands of samples.
 const SAMPLES_OF_EMITTERS: [u32; 2] = [1, 1];
 
-fn shade(e: &mut Encoder<'_>, work: &Work, maps: Option<&port::ShadowMaps>, sees: Sees) -> Resource {
-    let radiance = work.radiance(e);
+/// Rays, and what each of them has met.
+#[derive(Clone, Copy)]
+enum Seen {
+    /// One a stratum.
+    Strata,
+    /// Those of a list, and the triangles that they met.
+    More { rays: Resource, triangles: Resource },
+}
+
+/// Joins rays to a program that works through them.
+fn bind_seen(program: Program, work: &Work, seen: Seen) -> Program {
+    let program = work.layout(program).bind("requests", work.requests.places);
+    match seen {
+        Seen::Strata => program.import("SEEN", "lib/seen/strata").bind("samples", work.samples).bind("seen", work.seen),
+        // They stand a tile after the other, whatever the atlas.
+        Seen::More { rays, triangles } => program.import("SEEN", "lib/seen/more").bind("more_rays", rays).bind("seen", triangles),
+    }
+}
+
+fn shade(e: &mut Encoder<'_>, work: &Work, seen: Seen, (maps, sees): (Option<&port::ShadowMaps>, Sees)) -> Resource {
+    let radiance = e.buffer(if matches!(seen, Seen::Strata) { "radiance" } else { "more_radiance" }, work.radiance_bytes());
     let walks = e.irradiance_field("indirect").is_some();
-    let program = work.layout(light_constants(Program::new("hemisphere_tiles/shade"), e.setting.needs, SAMPLES_OF_EMITTERS));
-    let program = bind_visibility(program, maps)
+    let program = light_constants(Program::new("hemisphere_tiles/shade"), e.setting.needs, SAMPLES_OF_EMITTERS);
+    let program = bind_seen(bind_visibility(program, maps), work, seen)
         .constant("SEES_EMISSION", sees.emission as u8)
         .constant("NARROW_HIGHLIGHTS", sees.narrow_highlights as u8)
         .constant("WALKS", walks as u8)
-        .bind("requests", work.requests.places)
-        .bind("samples", work.samples)
-        .bind("seen", work.seen)
         .bind("radiance", radiance);
     e.compute(program, "shade", each_sample(work));
     radiance
 }
 
 /// Adds what the surfaces that are seen reflect of indirect light.
-fn add_indirect(e: &mut Encoder<'_>, work: &Work, field: &port::IrradianceField, radiance: Resource) {
-    let program = work
-        .layout(scene_constants(irradiance_field::bind(Program::new("hemisphere_tiles/indirect"), field), e.setting.needs))
-        .bind("requests", work.requests.places)
-        .bind("samples", work.samples)
-        .bind("seen", work.seen)
-        .bind("radiance", radiance);
-    e.compute(program, "add_indirect", each_sample(work));
+fn add_indirect(e: &mut Encoder<'_>, work: &Work, seen: Seen, (field, radiance): (&port::IrradianceField, Resource)) {
+    let program = scene_constants(irradiance_field::bind(Program::new("hemisphere_tiles/indirect"), field), e.setting.needs);
+    e.compute(bind_seen(program, work, seen).bind("radiance", radiance), "add_indirect", each_sample(work));
+}
+
+/// What photons say, where they are asked; they know strata of the concentric shape, and rays.
+fn guide(e: &mut Encoder<'_>, work: &Work) -> Option<Guide> {
+    let guide = Guide::of(e, work);
+    let because = match &guide {
+        None => "no photons guide the rays",
+        Some(_) if work.is_raster || work.shape != Shape::Concentric => "photons guide rays of the shape Concentric alone",
+        Some(_) => return guide,
+    };
+    ["photons", "search_radius", "share"].into_iter().for_each(|parameter| e.idle(parameter, because));
+    None
 }
 
 fn each_sample(work: &Work) -> Groups {

@@ -113,8 +113,8 @@ impl Pass for PhotonMap {
 
     fn encode(&self, e: &mut Encoder<'_>) -> Result<(), Refusal> {
         let [most, capacity, legs] = ["photons", "kept", "legs"].map(|name| e.arguments.integer(name) as u32);
-        let data = e.buffer("data", PHOTON_BYTES * (SLOTS_BEFORE + u64::from(capacity)));
-        let [emitted, count, slots, cut_off] = ["emitted", "count", "slots", "cut_off"].map(|name| e.variable(name, false));
+        let data = e.history_buffer("data", PHOTON_BYTES * (SLOTS_BEFORE + u64::from(capacity)));
+        let [emitted, count, slots, cut_off] = ["emitted", "count", "slots", "cut_off"].map(|name| e.variable(name, true));
         let reflects = match (e.setting.needs.renders_lobes(), is_caustics(e.arguments)) {
             (false, _) => Reflects::Albedo,
             (true, false) => Reflects::All,

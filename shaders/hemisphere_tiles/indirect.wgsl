@@ -1,5 +1,5 @@
 #import lib/lobe_walk
-#import lib/seen
+#import SEEN
 #import IRRADIANCE_FIELD
 
 // Adds what the surfaces that a tile sees reflect of indirect light.

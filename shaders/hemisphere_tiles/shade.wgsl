@@ -1,6 +1,6 @@
 #import lib/light
 #import lib/lobe_walk
-#import lib/seen
+#import SEEN
 
 // Radiance and distance of what each sample sees, shaded once.
 
@@ -74,7 +74,7 @@ fn shade(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: v
             light += surface.emission;
         }
         value = vec4f(light, surface.distance);
-    } else if SEES_EMISSION && samples[ray.index].plain_weight > 0.0 {
+    } else if SEES_EMISSION && ray.is_cast {
         value = vec4f(environment_radiance(ray.direction), FAR_AWAY);
     }
     radiance[ray.place] = value;

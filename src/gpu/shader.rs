@@ -191,6 +191,7 @@ mod tests {
             ("EMITTERS", "lib/emitters/traced"),
             ("CONTRIBUTION", "lib/contribution/irradiance"),
             ("IRRADIANCE_FIELD", "lib/irradiance_field/records"),
+            ("SEEN", "lib/seen/strata"),
         ],
         &[
             ("VISIBILITY", "lib/visibility/shadow_maps"),
@@ -199,6 +200,7 @@ mod tests {
             ("CONTRIBUTION", "lib/contribution/radiance"),
             ("COEFFICIENTS", "lib/coefficients/single"),
             ("IRRADIANCE_FIELD", "lib/irradiance_field/photons"),
+            ("SEEN", "lib/seen/more"),
         ],
         &[
             ("VISIBILITY", "lib/visibility/shadow_maps"),
@@ -207,6 +209,7 @@ mod tests {
             ("CONTRIBUTION", "lib/contribution/radiance"),
             ("COEFFICIENTS", "lib/coefficients/half"),
             ("IRRADIANCE_FIELD", "lib/irradiance_field/photons"),
+            ("SEEN", "lib/seen/more"),
         ],
     ];
 

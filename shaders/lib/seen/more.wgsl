@@ -1,45 +1,45 @@
 #import lib/scene
 #import lib/frame
 #import lib/record
+#import lib/squares
 #import lib/tile
 
-// What the samples of tiles see.
+// What rays of tiles see besides one a stratum.
 
 @group(0) @binding(0) var<storage, read> requests: array<Request>;
-@group(0) @binding(1) var<storage, read> samples: array<TileSample>;
+// Of each tile how many they are, and of each its stratum and its number there.
+@group(0) @binding(1) var<storage, read> more_rays: array<u32>;
 // Triangle + 1.
 @group(0) @binding(2) var<storage, read> seen: array<u32>;
 
-// A sample and its ray.
+// A ray: as lib/seen/strata.
 struct SeenSample {
-    // Among all samples: tile · samples + sample.
     place: u32,
     index: u32,
-    // False for lanes beyond a tile's samples or the last tile.
     inside: bool,
-    // Triangle + 1, 0 for none.
+    is_cast: bool,
     triangle: u32,
-    // Of the frame that the tile stands in.
     turn: f32,
     origin: vec3f,
     direction: vec3f,
 }
 
-// The sample of a lane, where workgroups of 64 lanes work through the samples of one tile after the other.
+// The ray of a lane, where workgroups of 64 lanes work through as many of a tile as it has strata.
 fn seen_sample(group: vec3u, groups: vec3u, lane: u32) -> SeenSample {
     var ray: SeenSample;
     let size = TILE_WIDTH * TILE_HEIGHT;
     let item = tile_item(size, group, groups, lane);
-    ray.inside = item.inside;
-    if !item.inside {
+    ray.inside = item.inside && item.index < more_rays[item.tile * (size + 1u)];
+    if !ray.inside {
         return ray;
     }
     let request = requests[item.tile];
     ray.place = item.tile * size + item.index;
     ray.index = item.index;
-    ray.triangle = seen[atlas_place(item.tile, vec2u(item.index % TILE_WIDTH, item.index / TILE_WIDTH))];
+    ray.is_cast = true;
+    ray.triangle = seen[ray.place];
     ray.turn = request.turn;
     ray.origin = request.position + request.normal * surface_offset(request.position);
-    ray.direction = frame_around(request.normal, request.turn) * samples[item.index].direction;
+    ray.direction = frame_around(request.normal, request.turn) * listed_direction(more_rays[item.tile * (size + 1u) + 1u + item.index]);
     return ray;
 }

@@ -477,6 +477,35 @@ const OTHER_VALUES: [(&str, &str); 12] = [
     (".share", "0.001"),
 ];
 
+/// A room with a lamp at a wall: most light comes from one bright spot.
+const LAMP_AT_A_WALL: &str = r#"Scene(version: 1, geometry: [Box(min: (0, 0, 0), max: (8, 4, 6))],
+    materials: { "*": Diffuse(reflectance: (0.7, 0.65, 0.6)) }, normals: Face,
+    lights: [Point(position: (7.9, 1.2, 3), intensity: (20, 19, 17))],
+    cameras: { "main": (eye: (0.5, 1.7, 5.5), target: (6, 1.2, 0), fov: 65) })"#;
+
+/// With photons that guide rays, on host and device, a picture has half the error at most.
+fn photons_guide_rays_to_what_is_bright() -> Outcome {
+    let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
+    let [scene, made] = ["lamp.ron", "made.exr"].map(|name| folder.path().join(name).to_string_lossy().into_owned());
+    std::fs::write(&scene, LAMP_AT_A_WALL).map_err(|e| e.to_string())?;
+    let drawn = |sets: &[&str]| -> Result<Layers, Failed> {
+        let sets: Vec<&str> = sets.iter().flat_map(|set| ["--set", set]).collect();
+        hemisplat(&[&["render", "irradiance", "--scene", &scene, "--size", "64x48", "--quiet", "-o", &made], &sets[..]].concat())?;
+        picture(Path::new(&made))
+    };
+    let truth = drawn(&["tiles.resolution=256", "detail_tiles.resolution=256", "tiles.share=1", "detail_tiles.share=1"])?;
+    let blind = apart(&drawn(&["tiles.share=1", "detail_tiles.share=1"])?, &truth, "irradiance")?;
+    for place in ["Host", "Device"] {
+        let ways = ["tiles", "detail_tiles"].map(|node| format!("{node}.place={place}"));
+        let guided = apart(&drawn(&ways.each_ref().map(String::as_str))?, &truth, "irradiance")?;
+        println!("{place}: {:.2} % for {:.2} %", 100.0 * guided, 100.0 * blind);
+        if guided > 0.5 * blind {
+            return Err(format!("{place}: {:.2} % of error guided, {:.2} % not", 100.0 * guided, 100.0 * blind).into());
+        }
+    }
+    Ok(())
+}
+
 /// What `explain` calls without effect has none: not on one bit of the picture.
 fn parameters_without_effect_have_none() -> Outcome {
     let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
@@ -842,6 +871,7 @@ fn main() {
         drawn("pictures_repeat_to_the_bit", Box::new(pictures_repeat_to_the_bit)),
         drawn("specialisation_changes_no_picture", Box::new(specialisation_changes_no_picture)),
         drawn("parameters_without_effect_have_none", Box::new(parameters_without_effect_have_none)),
+        drawn("photons_guide_rays_to_what_is_bright", Box::new(photons_guide_rays_to_what_is_bright)),
         drawn("wrong_parameters_are_refused", Box::new(wrong_parameters_are_refused)),
         drawn("ways_of_glossy_light_agree", Box::new(ways_of_glossy_light_agree)),
         drawn("lobes_have_their_own_orders", Box::new(lobes_have_their_own_orders)),

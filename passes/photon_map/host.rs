@@ -5,6 +5,7 @@ use super::trace::{Path, Tracer};
 use crate::contract::Encoder;
 use crate::math::{morton::Cube, random::combine};
 use crate::passes::photons::{HEAD_BYTES, MapHead, PHOTON_BYTES, Photon, SLOTS_BEFORE, lookup, sorted};
+use crate::schedule::*;
 use rayon::prelude::*;
 
 /// Photons that are followed before it is asked whether there is room for more.
@@ -14,7 +15,7 @@ const BATCH: u32 = 1 << 15;
 pub(super) fn encode(e: &mut Encoder<'_>, work: Work) {
     let traced = e.variable("traced", true);
     let wanted = [work.most, work.capacity, work.legs, work.reflects as u32].into_iter().fold(1, combine) | 1;
-    e.host("trace", &[], &[work.data], move |host| {
+    let trace = move |host: &mut dyn HostContext| {
         if host.variable(traced) == wanted {
             return Ok(());
         }
@@ -39,7 +40,8 @@ pub(super) fn encode(e: &mut Encoder<'_>, work: Work) {
         work.tell(host, [found.emitted, photons.len() as u32, found.cut_off]);
         host.set(traced, wanted);
         Ok(())
-    });
+    };
+    e.command(Command::Host(Host::new("trace", Vec::new(), vec![work.data], trace).once()));
 }
 
 /// Photons of all paths, in the order of the paths.

@@ -130,7 +130,7 @@ fn on_host(name: &'static str, run: impl Fn(&mut dyn HostContext) + Send + Sync 
         run(host);
         Ok(())
     });
-    Command::Host(Host { name, reads: Vec::new(), writes: Vec::new(), run, twin: None })
+    Command::Host(Host { name, reads: Vec::new(), writes: Vec::new(), run, twin: None, runs_once: false })
 }
 
 fn members(port: &Port) -> Members {

@@ -321,6 +321,8 @@ pub struct Host {
     pub run: HostFunction,
     /// Dispatches that do the same to what the step writes and to variables, for loops that the device drives.
     pub twin: Option<Vec<Compute>>,
+    /// Whether it changes nothing in frames after the one in which it has run first.
+    pub runs_once: bool,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -462,7 +464,12 @@ impl Host {
         writes: Vec<Resource>,
         run: impl Fn(&mut dyn HostContext) -> Result<(), String> + Send + Sync + 'static,
     ) -> Self {
-        Self { name, reads, writes, run: Arc::new(run), twin: None }
+        Self { name, reads, writes, run: Arc::new(run), twin: None, runs_once: false }
+    }
+
+    /// A step that finds its work of an earlier frame done.
+    pub fn once(self) -> Self {
+        Self { runs_once: true, ..self }
     }
 }
 

@@ -332,9 +332,9 @@ fn traffic_of(pipeline: &str, resolution: u32, set: &str) -> Result<Traffic, Fai
     Ok(traffic(&plan, &["records"]).map_err(|error| error.to_string())?.ok_or("no tiles")?)
 }
 
-/// A sample is 16 bytes, six parts of it 96 or as halves 48, a request 32 and a record 144.
+/// A sample is 16 bytes, six parts of it 96 or as halves 48, a request 48 and a record 144.
 fn moved() -> Outcome {
-    let [request, record] = [32.0, 144.0];
+    let [request, record] = [48.0, 144.0];
     let pyramid = |of: f64| (0..4).map(|level| of * 64.0 / f64::from(1 << (2 * level))).collect::<Vec<_>>();
     let sum = |levels: &[f64]| levels.iter().sum::<f64>();
     let [single, half] = [96.0, 48.0].map(pyramid);

@@ -1,10 +1,6 @@
 //! Where records made of photons stand: where photons are.
 
-use super::photons::{
-    PHOTON_BYTES, Photon,
-    lookup::{FLATNESS, Lookup},
-    unpacked_ways,
-};
+use super::photons::{PHOTON_BYTES, Photon, lookup::Lookup, surface_beside, unpacked_ways};
 use super::record::{hand_on, requests};
 use crate::contract::{Choice, Description, Encoder, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Refusal, Takes};
 use crate::math::{
@@ -137,17 +133,11 @@ impl Surroundings<'_> {
             let (sine, cosine) = (TAU * ray as f32 / RAYS as f32).sin_cos();
             let direction = (frame.tangent * cosine + frame.bitangent * sine + frame.normal * RISE).normalize();
             let hit = self.bvh.closest_blocker(self.scene, origin, direction).filter(|hit| hit.distance < radius)?;
-            let goes_on = BEYOND.iter().any(|share| self.is_surface(place, direction * (hit.distance + share * (radius - hit.distance)), radius));
+            let along = direction - frame.normal * direction.dot(frame.normal);
+            let is_there = |distance: f32| surface_beside(self.scene, self.bvh, [place.position, place.normal], along * distance, radius).is_some();
+            let goes_on = BEYOND.iter().any(|share| is_there(hit.distance + share * (radius - hit.distance)));
             goes_on.then_some(direction * hit.distance)
         })
-    }
-
-    /// Whether the plane of a place has a surface there.
-    fn is_surface(&self, place: &Vertex, way: Vec3, radius: f32) -> bool {
-        let height = FLATNESS * radius;
-        let aside = way - place.normal * (way.dot(place.normal) - height);
-        let hit = self.bvh.closest_blocker(self.scene, place.position + aside, -place.normal);
-        hit.is_some_and(|hit| hit.distance <= 2.0 * height)
     }
 }
 

@@ -2,8 +2,8 @@
 
 use super::photons::{
     DIRECT, PHOTON_BYTES, Photon, SEARCH_RADIUS, expect_direct_light,
-    lookup::{FLATNESS, LEAST_COSINE, Lookup},
-    unpacked_ways,
+    lookup::{LEAST_COSINE, Lookup},
+    surface_beside, unpacked_ways,
 };
 use super::record::{REQUEST_BYTES, Request};
 use crate::contract::encoder::scene_constants;
@@ -241,11 +241,10 @@ impl Gatherer<'_> {
 
     /// Whether the surface that a place is on goes on beside it, in sight.
     fn is_surface(&self, position: Vec3, normal: Vec3, aside: Vec3, radius: f32) -> bool {
-        let height = FLATNESS * radius;
-        let from = position + aside + normal * height;
-        let Some(hit) = self.bvh.closest_blocker(self.scene, from, -normal).filter(|hit| hit.distance <= 2.0 * height) else { return false };
-        let face = self.scene.triangles[hit.triangle as usize].face_normal();
-        face.dot(normal).abs() >= LEAST_COSINE && self.sees([position, from - normal * hit.distance], normal, radius)
+        surface_beside(self.scene, self.bvh, [position, normal], aside, radius).is_some_and(|(hit, at)| {
+            let face = self.scene.triangles[hit.triangle as usize].face_normal();
+            face.dot(normal).abs() >= LEAST_COSINE && self.sees([position, at], normal, radius)
+        })
     }
 
     /// Whether nothing stands between two points of a surface, seen from a little above it, so that it may bend; true where nobody asks.

@@ -20,7 +20,7 @@ use std::collections::{HashMap, HashSet};
 /// What tells where light comes from.
 #[derive(Clone, Copy)]
 pub(super) struct Guide {
-    pub map: port::PhotonMap,
+    map: port::PhotonMap,
     /// Photons that are looked at for each place, and how far away they may be, as a share of the scene's extent.
     photons: u32,
     search_radius: f32,
@@ -33,6 +33,8 @@ pub(super) struct Guide {
 #[derive(Clone, Copy)]
 pub(super) struct OnHost {
     guide: Guide,
+    /// How far away photons may be [scene units].
+    search_radius: f32,
     /// What places of the same cell have found: [`Known`].
     memory: Resource,
 }
@@ -77,7 +79,7 @@ impl Guide {
             Ok(())
         };
         e.before_loop(Command::Host(Host::new("forget", Vec::new(), Vec::new(), forget)));
-        OnHost { guide: self, memory }
+        OnHost { guide: self, search_radius: self.search_radius * e.setting.needs.extent, memory }
     }
 
     /// Encodes steps that list the rays that strata are worth, cast them, see what they meet as `see` does of such a list and of what they met, and join that
@@ -116,43 +118,39 @@ impl OnHost {
 
     /// How many more rays the strata of tiles are worth, and where those go.
     pub fn rays(&self, host: &mut dyn HostContext, places: &[Request]) -> Vec<MoreRays> {
-        let extent = host.extent();
         let known = host.state(self.memory).take().and_then(|known| known.downcast::<Known>().ok());
         let mut known = known.unwrap_or_default();
-        let mut new: Vec<(Cell, &Request)> =
-            places.iter().map(|place| (self.guide.cell(place, extent), place)).filter(|(cell, _)| !known.contains_key(cell)).collect();
+        let cells: Vec<Cell> = places.iter().map(|place| self.cell(place)).collect();
         let mut seen = HashSet::new();
-        new.retain(|(cell, _)| seen.insert(*cell));
+        let new: Vec<(&Cell, &Request)> = cells.iter().zip(places).filter(|(cell, _)| !known.contains_key(cell) && seen.insert(**cell)).collect();
         let lookup = Lookup::of(&self.guide.map, host);
-        known.par_extend(new.par_iter().map(|(cell, place)| (*cell, self.guide.origins(&lookup, place, extent))));
-        let rays = places
-            .par_iter()
-            .map(|place| MoreRays::new(self.guide.resolution, &self.guide.counts(place, &known[&self.guide.cell(place, extent)], self.guide.share)))
-            .collect();
+        known.par_extend(new.par_iter().map(|(cell, place)| (**cell, self.origins(&lookup, place))));
+        let counts = |(cell, place): (&Cell, &Request)| self.guide.counts(place, &known[cell], self.guide.share);
+        let rays = cells.par_iter().zip(places).map(|place| MoreRays::new(self.guide.resolution, &counts(place))).collect();
         *host.state(self.memory) = Some(known);
         rays
     }
-}
 
-impl Guide {
-    fn cell(&self, place: &Request, extent: f32) -> Cell {
+    fn cell(&self, place: &Request) -> Cell {
         let [position, normal] = [place.position, place.normal].map(Vec3::from);
-        Cell([position / (CELL * self.search_radius * extent), normal * FACING].map(|at| at.round().as_ivec3()))
+        Cell([position / (CELL * self.search_radius), normal * FACING].map(|at| at.round().as_ivec3()))
     }
 
     /// Where photons that arrive near a place have come from; nothing where no stratum stands out.
-    fn origins(&self, lookup: &Lookup<'_>, place: &Request, extent: f32) -> Vec<(Vec3, f32)> {
+    fn origins(&self, lookup: &Lookup<'_>, place: &Request) -> Vec<(Vec3, f32)> {
         let (position, normal) = (Vec3::from(place.position), Vec3::from(place.normal));
-        let mut origins = Vec::with_capacity(2 * self.photons as usize);
-        let zone = lookup.zone(position, normal, self.photons, self.search_radius * extent);
+        let mut origins = Vec::with_capacity(2 * self.guide.photons as usize);
+        let zone = lookup.zone(position, normal, self.guide.photons, self.search_radius);
         lookup.for_each(position, normal, zone, |photon, _| {
             let origin = Vec3::from(photon.position) + unpacked_ways(photon.ways)[1] * photon.leg;
             origins.push((origin, luminance(Vec3::from(photon.flux).as_dvec3()) as f32));
         });
-        let is_soft = self.counts(place, &origins, SOFT * self.share).iter().all(|count| *count == 0);
+        let is_soft = self.guide.counts(place, &origins, SOFT * self.guide.share).iter().all(|count| *count == 0);
         if is_soft { Vec::new() } else { origins }
     }
+}
 
+impl Guide {
     /// How many more rays each stratum of a tile is worth, if one with such a share of the light is worth one.
     fn counts(&self, place: &Request, origins: &[(Vec3, f32)], share: f32) -> Vec<u32> {
         if origins.is_empty() {

@@ -1,3 +1,4 @@
+#import lib/colour
 #import lib/frame
 #import lib/photon_map
 #import lib/record
@@ -52,7 +53,7 @@ fn gather_light(request: Request, first: u32) {
             let way = photon.position + unpacked_way(photon.ways >> 16u) * photon.leg - request.position;
             let origin = (way / max(length(way), 1e-37)) * frame;
             if photon_distance(photon, request.position, request.normal, zone.radius) >= 0.0 && origin.z > 0.0 {
-                spread_light(first, square_of(origin.xy), dot(photon.flux, vec3f(0.2126, 0.7152, 0.0722)));
+                spread_light(first, square_of(origin.xy), luminance(photon.flux));
             }
         }
     }

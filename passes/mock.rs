@@ -2,11 +2,12 @@
 
 use crate::contract::port;
 use crate::math::weight::{Record, Rule, Weighting};
-use crate::scene::{Camera, Environment, FieldOfView, Scene, Triangle, bvh::Bvh};
+use crate::scene::{Camera, Environment, FieldOfView, Scene, Triangle, bvh::Bvh, emitters::Emission};
 use crate::schedule::*;
 use glam::{DVec3, Vec3, Vec4};
 use std::any::Any;
 use std::collections::HashMap;
+use std::sync::OnceLock;
 
 pub struct MockHost {
     pub variables: HashMap<Variable, u32>,
@@ -20,6 +21,8 @@ pub struct MockHost {
     pub size: [u32; 2],
     pub scene: Scene,
     pub bvh: Bvh,
+    /// Of the scene as it stands when it is asked for.
+    pub emission: OnceLock<Emission>,
 }
 
 impl MockHost {
@@ -56,6 +59,7 @@ impl MockHost {
             size,
             scene,
             bvh,
+            emission: OnceLock::new(),
         }
     }
 }
@@ -101,6 +105,10 @@ impl HostContext for MockHost {
 
     fn bvh(&self) -> &Bvh {
         &self.bvh
+    }
+
+    fn emission(&self) -> &Emission {
+        self.emission.get_or_init(|| Emission::of(&self.scene))
     }
 
     fn extent(&self) -> f32 {

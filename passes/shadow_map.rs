@@ -2,15 +2,16 @@
 
 use crate::contract::encoder::shadow_taps;
 use crate::contract::{Arguments, Description, Encoder, MOST_BYTES, Need, Output, Parameter, ParameterKind, Pass, Port, PortKind, Refusal, port};
-use crate::scene::{Bounds, Light, LightKind, Triangle, needs::Needs, shadow_layers, surface_offset};
+use crate::math::frame::Frame;
+use crate::scene::{Bounds, Light, LightKind, SHADOW_GRID, Triangle, needs::Needs, shadow_half, shadow_layers, surface_offset};
 use crate::schedule::*;
-use glam::Vec3;
+use glam::{UVec2, Vec2, Vec3};
 
 pub struct ShadowMap;
 
 static DESCRIPTION: Description = Description {
     name: "ShadowMap",
-    about: "Depth of the scene from every punctual light: six maps a point light, one a spot or directional light",
+    about: "Depth of the scene from every punctual light: six maps a point light, one a spot, sixteen side by side a directional light",
     source: "THESIS section 4.6 (1024² with 16-tap percentage-closer filtering)",
     parameters: &[
         Parameter { name: "resolution", about: "edge of a map", unit: "texels", kind: ParameterKind::Integer { default: 1024, min: 16, max: 8192 } },
@@ -25,8 +26,8 @@ static DESCRIPTION: Description = Description {
     outputs: &[Output { name: "maps", about: "the maps", kind: PortKind::ShadowMaps }],
 };
 
-/// Numbers of a light's instances: as the shader takes them apart.
-const FACES: u32 = 8;
+/// Instances of a light: as the shader takes them apart.
+const MAPS: u32 = 16;
 
 impl Pass for ShadowMap {
     fn description(&self) -> &'static Description {
@@ -42,7 +43,7 @@ impl Pass for ShadowMap {
         let taps = shadow_taps(e.arguments)?;
         let lights = &e.setting.scene.lights;
         // Lights with the sides of their cubes, in the order of the layers.
-        let views: Vec<[u32; 2]> = (0..).zip(lights).flat_map(|(light, about)| (0..shadow_layers(about)).map(move |face| [light, face])).collect();
+        let views: Vec<[u32; 2]> = (0..).zip(lights).flat_map(|(light, about)| (0..shadow_layers(about)).map(move |map| [light, map])).collect();
         let maps = Maps::new(e, resolution, views.len().max(1) as u32);
         if views.is_empty() {
             // Kept for a scene without shadows: a map that no light looks up.
@@ -50,10 +51,10 @@ impl Pass for ShadowMap {
         }
         let vertices = e.scene_data(SceneData::Positions);
         let chunks = Chunks::new(&e.setting.scene.triangles);
-        for (layer, [light, face]) in (0..).zip(views) {
-            let instance = light * FACES + face;
+        for (layer, [light, map]) in (0..).zip(views) {
+            let instance = light * MAPS + map;
             let draw = |vertices| Draw { rectangle: None, vertices, is_indexed: false, instances: [instance, instance + 1] };
-            let seen = chunks.seen(&lights[light as usize], face);
+            let seen = chunks.seen(&lights[light as usize], map);
             e.command(Command::Raster(Raster {
                 program: Program::new("shadow_map").constant("SHADOW_RESOLUTION", resolution),
                 vertex: "vertex",
@@ -112,29 +113,44 @@ const CHUNK: u32 = 64;
 /// What maps leave out triangles by.
 struct Chunks {
     triangles: u32,
-    extent: f32,
+    all: Bounds,
     /// Around each chunk.
     bounds: Vec<Bounds>,
 }
 
 impl Chunks {
     fn new(triangles: &[Triangle]) -> Self {
-        Self { triangles: triangles.len() as u32, extent: Bounds::of(triangles).diagonal(), bounds: triangles.chunks(CHUNK as usize).map(Bounds::of).collect() }
+        Self { triangles: triangles.len() as u32, all: Bounds::of(triangles), bounds: triangles.chunks(CHUNK as usize).map(Bounds::of).collect() }
     }
 
-    /// Ranges of triangles that a light's map may see: what reaches into the quarter turn of a cube's side, or all.
-    fn seen(&self, light: &Light, face: u32) -> Vec<[u32; 2]> {
-        let (LightKind::Point { position, .. } | LightKind::Spot { position, .. }, 6) = (light.kind, shadow_layers(light)) else {
-            return vec![[0, self.triangles]];
-        };
-        let axis = (face / 2) as usize;
+    /// Ranges of triangles that a light's map may see: what reaches into the quarter turn of a cube's side or stands before a place of a grid, or all.
+    fn seen(&self, light: &Light, map: u32) -> Vec<[u32; 2]> {
+        match (light.kind, shadow_layers(light)) {
+            (LightKind::Point { position, .. } | LightKind::Spot { position, .. }, 6) => self.ranges(|bounds| self.is_on_side(bounds, position, map)),
+            (LightKind::Directional { direction, .. }, _) => self.ranges(|bounds| self.is_in_grid(bounds, shadow_half(light, &self.all), direction, map)),
+            _ => vec![[0, self.triangles]],
+        }
+    }
+
+    fn is_on_side(&self, bounds: &Bounds, position: Vec3, side: u32) -> bool {
+        let axis = (side / 2) as usize;
+        let (low, high) = (bounds.min - position, bounds.max - position);
+        let depth = if side.is_multiple_of(2) { high[axis] } else { -low[axis] };
         // Rounding loses nothing at the edges.
-        let slack = surface_offset(self.extent, position);
-        let is_seen = |bounds: &Bounds| {
-            let (low, high) = (bounds.min - position, bounds.max - position);
-            let depth = if face.is_multiple_of(2) { high[axis] } else { -low[axis] };
-            Vec3::ZERO.clamp(low, high).abs().max_element() <= depth * 1.001 + slack
-        };
+        Vec3::ZERO.clamp(low, high).abs().max_element() <= depth * 1.001 + surface_offset(self.all.diagonal(), position)
+    }
+
+    fn is_in_grid(&self, bounds: &Bounds, half: Vec2, direction: Vec3, place: u32) -> bool {
+        let frame = Frame::new(direction);
+        let (middle, size) = (bounds.centre() - self.all.centre(), 0.5 * (bounds.max - bounds.min));
+        let along = |axis: Vec3| (axis.dot(middle), axis.abs().dot(size));
+        let [across, up] = [along(frame.bitangent), along(frame.tangent)];
+        let centre = (2.0 * UVec2::new(place % SHADOW_GRID, place / SHADOW_GRID).as_vec2() + 1.0 - SHADOW_GRID as f32) * half;
+        let is_near = |(at, reach): (f32, f32), centre: f32, half: f32| (at - centre).abs() <= (reach + half) * 1.001;
+        is_near(across, centre.x, half.x) && is_near(up, centre.y, half.y)
+    }
+
+    fn ranges(&self, is_seen: impl Fn(&Bounds) -> bool) -> Vec<[u32; 2]> {
         let mut ranges: Vec<[u32; 2]> = Vec::new();
         for (index, _) in (0..).zip(&self.bounds).filter(|(_, bounds)| is_seen(bounds)) {
             let [first, end] = [index * CHUNK, self.triangles.min((index + 1) * CHUNK)];
@@ -159,6 +175,11 @@ mod tests {
         2 * axis + u32::from(d[axis as usize] < 0.0)
     }
 
+    fn sun_direction(light: &Light) -> Vec3 {
+        let LightKind::Directional { direction, .. } = light.kind else { return Vec3::X };
+        direction
+    }
+
     proptest! {
         #[test]
         fn a_map_sees_all_that_is_on_its_side(
@@ -181,6 +202,17 @@ mod tests {
                 for point in [a, b, c, (a + b) / 2.0, (b + c) / 2.0, (a + b + c) / 3.0] {
                     let face = side(point - position);
                     prop_assert!(sides[face as usize].iter().any(|[first, end]| (*first..*end).contains(&index)), "{point} is not on side {face} of {position}");
+                }
+            }
+            let sun = Light { kind: LightKind::Directional { direction: Vec3::from(place).normalize_or(Vec3::X), irradiance: Vec3::ONE }, ..light.clone() };
+            let places: Vec<_> = (0..16).map(|map| chunks.seen(&sun, map)).collect();
+            let (half, frame) = (shadow_half(&sun, &chunks.all), Frame::new(sun_direction(&sun)));
+            for (index, triangle) in (0..).zip(&triangles) {
+                for point in triangle.positions {
+                    let beside = Vec2::new(frame.bitangent.dot(point - chunks.all.centre()), frame.tangent.dot(point - chunks.all.centre())) / half;
+                    let at = ((beside + 4.0) / 2.0).floor().clamp(Vec2::ZERO, Vec2::splat(3.0));
+                    let map = (4.0 * at.y + at.x) as usize;
+                    prop_assert!(places[map].iter().any(|[first, end]| (*first..*end).contains(&index)), "{point} is not on map {map}");
                 }
             }
             let drawn: u32 = sides.iter().flatten().map(|[first, end]| end - first).sum();

@@ -11,17 +11,17 @@ struct Fragment {
     @location(1) @interpolate(flat, either) instance: u32,
 }
 
-// The instance is light · 8 + side of its cube.
+// The instance is light · 16 + side of its cube or place in its grid.
 fn view_of(instance: u32) -> ShadowView {
-    return shadow_view(scene_light(instance / 8u), instance % 8u);
+    return shadow_view(scene_light(instance / 16u), instance % 16u);
 }
 
 @vertex
 fn vertex(@location(0) position: vec3f, @builtin(vertex_index) index: u32, @builtin(instance_index) instance: u32) -> Fragment {
     let view = view_of(instance);
     let d = position - view.origin;
-    let x = dot(d, view.right) / view.half;
-    let y = dot(d, view.up) / view.half;
+    let x = dot(d, view.right) / view.half.x;
+    let y = dot(d, view.up) / view.half.y;
     let z = dot(d, view.forward);
     let perspective = vec4f(x, y, view.near, z);
     let orthographic = vec4f(x, y, 1.0 - z / max(view.range, 1e-30), 1.0);
@@ -33,7 +33,7 @@ fn vertex(@location(0) position: vec3f, @builtin(vertex_index) index: u32, @buil
 fn fragment(in: Fragment) {
     let view = view_of(in.instance);
     let ndc = in.clip.xy / SHADOW_RESOLUTION * 2.0 - 1.0;
-    let lateral = (view.right * ndc.x - view.up * ndc.y) * view.half;
+    let lateral = view.right * (ndc.x * view.half.x) - view.up * (ndc.y * view.half.y);
     var origin = view.origin;
     var direction = view.forward + lateral;
     if view.range > 0.0 {

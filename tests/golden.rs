@@ -70,9 +70,10 @@ const GEOMETRY_LIMIT: f64 = 1e-3;
 const COUNT_LIMIT: (f64, f64) = (1.1, 2.0);
 
 /// Beside those of all pipelines: pipeline, what is set, scene, pixels, and whose golden picture it has to match.
-const LARGE: [(&str, &[&str], &str, &str, &str); 8] = [
+const LARGE: [(&str, &[&str], &str, &str, &str); 9] = [
     ("irradiance", &[], "hall", "224x224", "irradiance"),
     ("irradiance-device", &[], "hall", "224x224", "irradiance"),
+    ("irradiance-one-rate", &[], "hall", "224x224", "irradiance-one-rate"),
     ("irradiance", &[], "balls", "240x200", "irradiance"),
     ("irradiance-device", &[], "balls", "240x200", "irradiance"),
     ("radiance", &[], "balls", "240x200", "radiance"),
@@ -792,10 +793,15 @@ fn light_by_host_and_device_agrees() -> Outcome {
         \"lamp\": Emitter(radiance: (9, 9, 9)) }, normals: Smooth(degrees: 40), environment: Clear(sun: (azimuth: 60, elevation: 35), turbidity: 3),
         cameras: { \"main\": (eye: (0, 2, 6), target: (0, 0.8, 0), fov: 36) })";
     std::fs::write(&ball, brushed).map_err(|e| e.to_string())?;
+    let sunny = folder.path().join("sunny.ron").to_string_lossy().into_owned();
+    std::fs::write(&sunny, brushed.replace("Clear(sun: (azimuth: 60, elevation: 35), turbidity: 3)", "LatLong(file: \"sky.hdr\")"))
+        .map_err(|e| e.to_string())?;
+    sky_with_a_sun(&folder.path().join("sky.hdr"), [256, 128], [0.5, 0.7, 1.0])?;
     for (scene, sets) in [
         ("cornell-glossy", ["direct.emitters.area_samples=33", "direct.emitters.sky_samples=1"]),
         ("balls", ["direct.emitters.area_samples=64", "direct.emitters.sky_samples=70"]),
         (&ball, ["direct.emitters.area_samples=65", "direct.emitters.sky_samples=33"]),
+        (&sunny, ["direct.emitters.area_samples=8", "direct.emitters.sky_samples=32"]),
     ] {
         for (way, made) in [("Host", &host), ("Device", &device)] {
             let way = format!("direct.place={way}");
@@ -805,6 +811,60 @@ fn light_by_host_and_device_agrees() -> Outcome {
         // Whether a ray along an edge meets it is for either to say.
         if error > 5e-3 {
             return Err(format!("{scene}: the host's is {:.3} % from the device's", 100.0 * error).into());
+        }
+    }
+    Ok(())
+}
+
+/// The texel of a sky that is its sun, and how bright it is [W m⁻² sr⁻¹].
+const SUN: ([u32; 2], f32) = ([180, 40], 65_536.0);
+
+/// A sky of one colour with a sun of one texel.
+fn sky_with_a_sun(path: &Path, [width, height]: [u32; 2], sky: [f32; 3]) -> Outcome {
+    let texel = |x: u32, y: u32| if [x, y] == [SUN.0[0] * width / 256, SUN.0[1] * height / 128] { [SUN.1; 3] } else { sky };
+    let shared = |[red, green, blue]: [f32; 3]| {
+        let exponent = red.max(green).max(blue).log2().floor() + 1.0;
+        let byte = |value: f32| (value / 2f32.powf(exponent) * 256.0) as u8;
+        [byte(red), byte(green), byte(blue), (exponent + 128.0) as u8]
+    };
+    let mut file = format!("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n").into_bytes();
+    file.extend((0..height).flat_map(|y| (0..width).map(move |x| [x, y])).flat_map(|[x, y]| shared(texel(x, y))));
+    std::fs::write(path, file).map_err(|e| e.to_string().into())
+}
+
+/// The sun of a sky lights a scene as a directional light does of its irradiance, directly and by way of what it shines on.
+fn a_sun_in_a_sky_is_as_a_light_of_its_own() -> Outcome {
+    let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
+    let [by_sky, by_light, made, other] = ["sky.ron", "light.ron", "sky.exr", "light.exr"].map(|name| folder.path().join(name).to_string_lossy().into_owned());
+    let (width, height) = (1024u32, 512u32);
+    sky_with_a_sun(&folder.path().join("sky.hdr"), [width, height], [0.5; 3])?;
+    let [column, row] = [SUN.0[0] * width / 256, SUN.0[1] * height / 128].map(|at| f64::from(at) + 0.5);
+    let (azimuth, polar) = ((column / f64::from(width) - 0.5) * std::f64::consts::TAU, row / f64::from(height) * std::f64::consts::PI);
+    let toward = [polar.sin() * azimuth.sin(), polar.cos(), -polar.sin() * azimuth.cos()].map(|way| -way);
+    let irradiance = f64::from(SUN.1 - 0.5) * (std::f64::consts::TAU / f64::from(width)) * (std::f64::consts::PI / f64::from(height)) * polar.sin();
+    let room = "Scene(version: 1, geometry: [Quad(corners: ((-4, 0, -4), (-4, 0, 4), (4, 0, 4), (4, 0, -4))), Box(min: (-1, 0, -1), max: (0.5, 1.5, 0.5)),
+        Quad(corners: ((-4, 0, -3), (4, 0, -3), (4, 3, -3), (-4, 3, -3)))], materials: { \"*\": Diffuse(reflectance: (0.6, 0.6, 0.6)) }, normals: Face,
+        cameras: { \"main\": (eye: (1, 2, 6), target: (0, 0.8, 0), fov: 50) }, ";
+    let sun = format!(
+        "lights: [Directional(direction: ({}, {}, {}), irradiance: ({irradiance}, {irradiance}, {irradiance}))], environment: Constant((0.5, 0.5, 0.5)))",
+        toward[0], toward[1], toward[2]
+    );
+    std::fs::write(&by_sky, format!("{room} environment: LatLong(file: \"sky.hdr\"))")).map_err(|e| e.to_string())?;
+    std::fs::write(&by_light, format!("{room} {sun}")).map_err(|e| e.to_string())?;
+    for way in ["Host", "Device"] {
+        let place =
+            ["--set", &format!("direct.place={way}"), "--set", &format!("tiles.place={way}"), "--set", &format!("detail_tiles.place={way}")].map(str::to_owned);
+        for (scene, made) in [(&by_sky, &made), (&by_light, &other)] {
+            let place: Vec<&str> = place.iter().map(String::as_str).collect();
+            hemisplat(&[&["render", "irradiance", "--scene", scene, "--size", "96x64", "--quiet", "-o", made], &place[..]].concat())?;
+        }
+        // The sun of the sky is a texel wide: its shadows are soft.
+        for (layer, limit) in [("direct", 0.05), ("irradiance", 0.03)] {
+            let found = metrics(&picture(Path::new(&made))?, &picture(Path::new(&other))?, layer)?;
+            if found.rmse_over_mean > limit || found.bias_over_mean.abs() > 0.01 {
+                let [error, bias] = [found.rmse_over_mean, found.bias_over_mean].map(|share| 100.0 * share);
+                return Err(format!("by the {way}, {layer} is {error:.2} % from that of a directional light, {bias:.2} % in the mean").into());
+            }
         }
     }
     Ok(())
@@ -878,6 +938,7 @@ fn main() {
         drawn("shading_by_host_and_device_agrees", Box::new(shading_by_host_and_device_agrees)),
         drawn("shading_of_lamps_skies_and_lobes_by_host_and_device_agrees", Box::new(shading_of_lamps_skies_and_lobes_by_host_and_device_agrees)),
         drawn("light_by_host_and_device_agrees", Box::new(light_by_host_and_device_agrees)),
+        drawn("a_sun_in_a_sky_is_as_a_light_of_its_own", Box::new(a_sun_in_a_sky_is_as_a_light_of_its_own)),
         drawn("skies_by_harmonics_are_those_of_the_reference", Box::new(skies_by_harmonics_are_those_of_the_reference)),
         drawn("lobes_on_the_device_are_those_of_the_reference", Box::new(lobes_on_the_device_are_those_of_the_reference)),
     ];

@@ -1,49 +1,152 @@
-//! Light of emissive surfaces and the sky, added up on the host: where the device is a driver on the same cores, each lane of it walks the hierarchy
-//! and looks emitters up alone, while the shadow rays of a pixel, 64 from one point, can share most of both.
+//! Direct light by shadow rays, added up on the host: where the device is a driver on the same cores, each lane of it walks the hierarchy and looks emitters up
+//! alone, while rays that share a point, 64 from a pixel to emitters or from a light to 64 pixels, can share most of both.
 
 use crate::contract::{Encoder, port};
 use crate::math::random::combine;
 use crate::scene::{
-    emitters::{AreaLight, Emitters},
-    packets::ToDo,
-    surface::Ray,
+    Light, LightKind, Scene,
+    bvh::Bvh,
+    emitters::Emitters,
+    packets::{RAYS, ShadowRays, ToDo, Until},
+    surface::{Gloss, Ray, Surface},
+    surface_offset,
 };
 use crate::schedule::*;
 use fearless_simd::{Level, dispatch};
-use glam::Vec4;
+use glam::{Vec3, Vec4};
 use rayon::prelude::*;
+use std::f32::consts::FRAC_1_PI;
 
-/// Pixels that are computed as one.
-const PIXELS: usize = 1024;
+/// Edge of the squares of pixels that are lit together [pixels].
+const EDGE: u32 = 8;
+
+/// So many times as far from a surface as rays start do rays from lights end.
+const SHORT: f32 = 8.0;
+
+/// What the host lights surfaces by.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct By {
+    /// Whether punctual lights are among it.
+    pub punctual: bool,
+    /// Shadow rays a pixel to emissive surfaces and to the sky.
+    pub samples: [u32; 2],
+}
 
 /// Of all pixels [bytes].
 pub(super) fn bytes([width, height]: [u32; 2]) -> u64 {
     16 * u64::from(width) * u64::from(height)
 }
 
-/// A buffer of the light at each pixel, by so many shadow rays to emissive surfaces and to the sky.
-pub(super) fn encode(e: &mut Encoder<'_>, gbuffer: &port::GBuffer, [area, sky]: [u32; 2]) -> Resource {
-    let light = e.buffer("light_of_emitters", bytes(gbuffer.size));
+/// A buffer of the light at each pixel.
+pub(super) fn encode(e: &mut Encoder<'_>, gbuffer: &port::GBuffer, by: By) -> Resource {
+    let light = e.buffer("light_by_rays", bytes(gbuffer.size));
     let (triangles, size, by_albedo) = (gbuffer.triangles, gbuffer.size, e.setting.needs.by_albedo);
     e.host("light", &[Read::whole(triangles)], &[light], move |host| {
         let seen: Vec<u32> = bytemuck::pod_collect_to_vec(host.read(triangles));
         let (camera, scene) = (host.camera().0, host.scene());
-        let area_lights = AreaLight::all(scene);
-        let emitters = Emitters::new(scene, host.bvh(), host.extent(), &area_lights, [area, sky]);
-        let mut lights = vec![Vec4::ZERO; seen.len()];
-        lights.par_chunks_mut(PIXELS).enumerate().for_each_init(ToDo::default, |to_do, (chunk, lights)| {
-            for (at, out) in (chunk * PIXELS..).zip(lights) {
-                let Some(triangle) = seen[at].checked_sub(1) else { continue };
-                let pixel = [at as u32 % size[0], at as u32 / size[0]];
-                let ray = Ray { origin: camera.eye, direction: camera.pixel_ray(size, pixel) };
-                let barycentric = scene.triangles[triangle as usize].barycentric(ray);
-                let surface = if by_albedo { scene.diffuse_surface(triangle, barycentric, ray) } else { scene.surface(triangle, barycentric, ray) };
-                let seed = combine(pixel[0], pixel[1]);
-                *out = dispatch!(Level::new(), simd => emitters.light(simd, &surface, seed, to_do)).extend(1.0);
+        let lights = if by.punctual { &scene.lights[..] } else { &[] };
+        let emitters = Emitters::new(scene, host.bvh(), host.extent(), host.emission(), by.samples);
+        let lighting = Lighting { scene, bvh: host.bvh(), extent: host.extent(), lights, emitters };
+        let [width, height] = size;
+        let surface = |[x, y]: [u32; 2]| {
+            let triangle = seen[(y * width + x) as usize].checked_sub(1)?;
+            let ray = Ray { origin: camera.eye, direction: camera.pixel_ray(size, [x, y]) };
+            let barycentric = scene.triangles[triangle as usize].barycentric(ray);
+            Some(if by_albedo { scene.diffuse_surface(triangle, barycentric, ray) } else { scene.surface(triangle, barycentric, ray) })
+        };
+        let mut sums = vec![Vec4::ZERO; seen.len()];
+        let bands = sums.par_chunks_mut((EDGE * width) as usize).enumerate();
+        bands.for_each_init(Room::default, |room, (band, sums)| {
+            let top = band as u32 * EDGE;
+            for left in (0..width).step_by(EDGE as usize) {
+                let rows = top..(top + EDGE).min(height);
+                let pixels = rows.flat_map(|y| (left..(left + EDGE).min(width)).map(move |x| [x, y]));
+                room.seen.clear();
+                room.seen.extend(pixels.filter_map(|pixel| Some(Seen { pixel, surface: surface(pixel)?, light: Vec3::ZERO })));
+                lighting.light(&mut room.seen, &mut room.to_do);
+                room.seen.iter().for_each(|seen| sums[((seen.pixel[1] - top) * width + seen.pixel[0]) as usize] = seen.light.extend(1.0));
             }
         });
-        host.write(light, 0, bytemuck::cast_slice(&lights));
+        host.write(light, 0, bytemuck::cast_slice(&sums));
         Ok(())
     });
     light
+}
+
+/// What is seen at a pixel, and the light that it reflects.
+struct Seen {
+    pixel: [u32; 2],
+    surface: Surface,
+    light: Vec3,
+}
+
+/// Memory that is used again.
+#[derive(Default)]
+struct Room {
+    seen: Vec<Seen>,
+    to_do: ToDo,
+}
+
+struct Lighting<'a> {
+    scene: &'a Scene,
+    bvh: &'a Bvh,
+    extent: f32,
+    lights: &'a [Light],
+    emitters: Emitters<'a>,
+}
+
+impl Lighting<'_> {
+    /// Adds what reaches up to 64 surfaces.
+    fn light(&self, seen: &mut [Seen], to_do: &mut ToDo) {
+        for light in self.lights {
+            self.add_light(light, seen, to_do);
+        }
+        if self.emitters.shine() {
+            for Seen { pixel, surface, light } in seen {
+                *light += dispatch!(Level::new(), simd => self.emitters.light(simd, surface, combine(pixel[0], pixel[1]), to_do));
+            }
+        }
+    }
+
+    fn add_light(&self, light: &Light, seen: &mut [Seen], to_do: &mut ToDo) {
+        let mut reflected = [Vec3::ZERO; RAYS];
+        let mut rays = ShadowRays { directions: [Vec3::ZERO; RAYS], all: 0 };
+        for (ray, Seen { surface, .. }) in seen.iter().enumerate() {
+            let Some((toward, _, irradiance)) = light.kind.toward(surface.position) else { continue };
+            let cosine = surface.normal.dot(toward);
+            if cosine > 0.0 && surface.face.dot(toward) > 0.0 {
+                reflected[ray] = irradiance.as_vec3() * cosine * response(surface, toward);
+                rays.all |= u64::from(reflected[ray].max_element() > 0.0) << ray;
+            }
+        }
+        let hidden = if light.shadows { self.hidden(&light.kind, seen, &mut rays, to_do) } else { 0 };
+        for (ray, seen) in seen.iter_mut().enumerate().filter(|(ray, _)| rays.all & !hidden & 1 << ray != 0) {
+            seen.light += reflected[ray];
+        }
+    }
+
+    /// A bit for each of the surfaces in `rays` that something hides from a light; leaves the rays' directions there.
+    fn hidden(&self, kind: &LightKind, seen: &[Seen], rays: &mut ShadowRays, to_do: &mut ToDo) -> u64 {
+        let starts = seen.iter().map(|seen| seen.surface.start(self.extent));
+        match *kind {
+            LightKind::Point { position, .. } | LightKind::Spot { position, .. } => {
+                starts.zip(&mut rays.directions).for_each(|(start, direction)| {
+                    let way = start - position;
+                    // A way that is long is rounded by more than rays start off a surface.
+                    *direction = way * (1.0 - SHORT * surface_offset(self.extent, start) / way.length().max(f32::MIN_POSITIVE)).max(0.0);
+                });
+                self.bvh.packets(self.scene).hidden(self.scene, position, rays, Until::FromLight, to_do)
+            }
+            LightKind::Directional { direction, .. } => {
+                let there = starts.enumerate().filter(|(ray, _)| rays.all & 1 << ray != 0);
+                there.map(|(ray, start)| u64::from(self.bvh.occluded(self.scene, start, -direction, f32::INFINITY)) << ray).sum()
+            }
+        }
+    }
+}
+
+/// What is reflected toward the eye of light from a unit direction [1/sr].
+fn response(surface: &Surface, toward: Vec3) -> Vec3 {
+    let lobe = |Gloss { lobe, frame, outgoing }: Gloss| lobe.value(outgoing, frame.to_local(toward));
+    surface.reflectance * FRAC_1_PI + surface.glossy.map_or(Vec3::ZERO, lobe)
 }

@@ -7,13 +7,15 @@ use crate::contract::{
     encoder::{bind_visibility, light_constants},
     port,
 };
+use crate::scene::needs::Needs;
 use crate::schedule::*;
+use host::By;
 
 pub struct DirectLight;
 
 static DESCRIPTION: Description = Description {
     name: "DirectLight",
-    about: "Light that reaches the visible surfaces without touching another: punctual lights, area lights, sky; the host can add up that of area lights and the sky",
+    about: "Light that reaches the visible surfaces without touching another: punctual lights, area lights, sky; what takes shadow rays can be added up by the host",
     source: "RCS section 4, step 5",
     parameters: &[
         Parameter {
@@ -81,10 +83,12 @@ impl Pass for DirectLight {
         let [area, rays] = samples.map(|s| s as u32);
         let samples = [area, if sky.is_some() { 0 } else { rays }];
         tell_idle(e, sampled, sky.is_some());
-        let by_host = light_by_host(e, samples, gbuffer.size)?;
-        let program = light_constants(Program::new("direct_light"), e.setting.needs, samples);
+        let by_host = by_host(e, samples, gbuffer.size)?;
+        let all = e.setting.needs;
+        let without_lights = by_host.filter(|by| by.punctual).map(|_| Needs { punctual_lights: Some(0), light_kinds: 0, ..all.clone() });
+        let program = light_constants(Program::new("direct_light"), without_lights.as_ref().unwrap_or(all), samples);
         let program = match by_host {
-            Some(light) => program.import("EMITTERS", "lib/emitters/given").bind("given", host::encode(e, &gbuffer, light)),
+            Some(by) => program.import("EMITTERS", "lib/emitters/given").bind("given", host::encode(e, &gbuffer, by)),
             None => program.import("EMITTERS", "lib/emitters/traced"),
         };
         // A sky that is absent is bound to any image and never read.
@@ -112,16 +116,17 @@ fn tell_idle(e: &mut Encoder<'_>, sampled: bool, has_sky: bool) {
     idle.into_iter().filter(|(holds, ..)| *holds).for_each(|(_, parameter, because)| e.idle(parameter, because));
 }
 
-/// The shadow rays that the host is to cast, 64 of a pixel together, if it is; of `samples` to area lights and to the sky those that there is light for.
-fn light_by_host(e: &mut Encoder<'_>, [area, sky]: [u32; 2], size: [u32; 2]) -> Result<Option<[u32; 2]>, Refusal> {
+/// What the host is to light surfaces by, if it is to: of `samples` to area lights and to the sky those that there is light for, and punctual lights without maps.
+fn by_host(e: &mut Encoder<'_>, [area, sky]: [u32; 2], size: [u32; 2]) -> Result<Option<By>, Refusal> {
+    let punctual = e.setting.needs.punctual_lights != Some(0) && e.shadow_maps("shadow").is_none();
     let needs = e.setting.needs;
     let samples = [if needs.emissive_triangles > 0 { area } else { 0 }, if needs.environment { sky } else { 0 }];
-    if samples == [0; 2] {
-        e.idle(PLACE.name, "the device does it where no shadow rays go to emitters or the sky");
+    if samples == [0; 2] && !punctual {
+        e.idle(PLACE.name, "the device does it where no shadow rays go to lights, emitters or the sky");
         return Ok(None);
     }
     let is_too_large = host::bytes(size) > MOST_BYTES;
     let obstacle = format!("the light of so many pixels does not fit into {} MiB", MOST_BYTES >> 20);
     let place = e.place(Bodies::BOTH.unless(is_too_large, obstacle))?;
-    Ok((place == Place::Host).then_some(samples))
+    Ok((place == Place::Host).then_some(By { punctual, samples }))
 }

@@ -11,7 +11,7 @@ use crate::passes::{irradiance_field::Field, record::Request};
 use crate::scene::{
     LightKind, Rgb, Scene, Triangle,
     bvh::Bvh,
-    emitters::{AreaLight, Emitters},
+    emitters::{Emission, Emitters},
     packets::{HitShader, Hits, RAYS, ToDo},
     shadow_maps::{Lookups, Receivers, ShadowCameras, ShadowMaps},
     surface::{Gloss, Ray, Surface},
@@ -31,7 +31,6 @@ pub(super) struct Lighting {
     smooth: bool,
     /// Whether any surface has a lobe that is to be rendered.
     lobes: bool,
-    area_lights: Vec<AreaLight>,
     /// Shadow rays from what a sample sees to the emitters and to the sky.
     samples: [u32; 2],
     sees: Sees,
@@ -39,8 +38,8 @@ pub(super) struct Lighting {
 
 impl Lighting {
     /// `extent` is the scene's, which takes a look at all of it.
-    pub fn emitters<'a>(&'a self, scene: &'a Scene, bvh: &'a Bvh, extent: f32) -> Emitters<'a> {
-        Emitters::new(scene, bvh, extent, &self.area_lights, self.samples)
+    pub fn emitters<'a>(&self, scene: &'a Scene, bvh: &'a Bvh, extent: f32, emission: &'a Emission) -> Emitters<'a> {
+        Emitters::new(scene, bvh, extent, emission, self.samples)
     }
 }
 
@@ -54,8 +53,7 @@ pub(super) fn encode(e: &mut Encoder<'_>, samples: [u32; 2], sees: Sees) -> Reso
         let untextured = |(albedo, texture): (Rgb, Option<u32>)| (albedo, texture.filter(|_| textures));
         let albedos = scene.materials.iter().map(|material| untextured(material.albedo())).collect();
         let lights = scene.lights.iter().map(|light| light.kind).zip(ShadowCameras::all(scene)).collect();
-        let area_lights = AreaLight::all(scene);
-        *host.state(memory) = Some(Box::new(Arc::new(Lighting { lights, albedos, smooth, lobes, area_lights, samples, sees })));
+        *host.state(memory) = Some(Box::new(Arc::new(Lighting { lights, albedos, smooth, lobes, samples, sees })));
         Ok(())
     };
     e.before_loop(Command::Host(Host::new("light", Vec::new(), Vec::new(), run)));
@@ -97,7 +95,7 @@ impl<'a> Shading<'a> {
     pub fn of(host: &'a dyn HostContext, lighting: &'a Lighting, maps: Option<port::ShadowMaps>, places: &'a [Request]) -> Self {
         let (scene, bvh, extent) = (host.scene(), host.bvh(), host.extent());
         let maps = maps.map_or_else(ShadowMaps::default, |maps| shadow_maps(&maps, host));
-        Self { lighting, maps, scene, emitters: lighting.emitters(scene, bvh, extent), bvh, extent, places, indirect: None }
+        Self { lighting, maps, scene, emitters: lighting.emitters(scene, bvh, extent, host.emission()), bvh, extent, places, indirect: None }
     }
 }
 
@@ -589,7 +587,6 @@ mod tiles {
             albedos: scene.materials.iter().map(Material::albedo).collect(),
             smooth: true,
             lobes,
-            area_lights: if samples[0] > 0 { AreaLight::all(scene) } else { Vec::new() },
             samples,
             sees: Sees { emission: sees_emission, narrow_highlights: true },
         }
@@ -625,7 +622,7 @@ mod tiles {
         if lighting.sees.emission && (front || material.two_sided) {
             light += material.emission;
         }
-        let emitters = lighting.emitters(scene, &host.bvh, scene.extent());
+        let emitters = lighting.emitters(scene, &host.bvh, scene.extent(), host.emission());
         light += dispatch!(Level::new(), simd => emitters.light(simd, &surface, seed, &mut ToDo::default()));
         light.extend(surface.position.distance(ray.origin))
     }
@@ -645,7 +642,7 @@ mod tiles {
                 lighting: &lighting,
                 maps: ShadowMaps::default(),
                 scene: &host.scene,
-                emitters: lighting.emitters(&host.scene, &host.bvh, host.scene.extent()),
+                emitters: lighting.emitters(&host.scene, &host.bvh, host.scene.extent(), host.emission()),
                 bvh: &host.bvh,
                 extent: host.scene.extent(),
                 places: &places,

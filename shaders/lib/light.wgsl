@@ -12,10 +12,12 @@
 // Points sampled on the area lights, and rays to the sky; 0 where the scene has none.
 override AREA_SAMPLES: u32 = 1u;
 override SKY_SAMPLES: u32 = 1u;
+// Rays to the suns of a sky beside those above.
+override SUN_SAMPLES: u32 = 1u;
 // Punctual lights; `ANY_NUMBER` where the scene's parameters tell.
 override LIGHTS: u32 = ANY_NUMBER;
 const ANY_NUMBER = 0xffffffffu;
-// Of each of the first of them four bits: its kind, and 0, 1 or 2 for no, one or six shadow maps. A driver that builds shaders
+// Of each of the first of them four bits: its kind, and 0 to 3 for no shadow map, one, a cube or a grid of them. A driver that builds shaders
 // anew for the uniforms that their branches look at would build one for every dispatch.
 override LIGHT_KINDS: u32 = 0u;
 
@@ -76,7 +78,8 @@ fn known(light: SceneLight, index: u32) -> SceneLight {
     if LIGHTS != ANY_NUMBER {
         let bits = LIGHT_KINDS >> (4u * index);
         same.kind = bits & 3u;
-        same.shadow_layers = select(bits >> 2u & 1u, 6u, (bits & 8u) != 0u);
+        let maps = array<u32, 4>(0u, 1u, 6u, SHADOW_GRID * SHADOW_GRID);
+        same.shadow_layers = maps[bits >> 2u & 3u];
     }
     return same;
 }
@@ -103,19 +106,81 @@ fn punctual_reflected(surface: Surface, seed: u32) -> vec3f {
     return sum;
 }
 
-// The emitter whose share of the running sum holds `at`.
-fn pick_emitter(at: f32) -> u32 {
-    var low = 0u;
-    var high = scene_parameters.emitters - 1u;
-    while low < high {
-        let middle = (low + high) / 2u;
-        if scene_emitter(middle).cumulative > at {
-            high = middle;
-        } else {
-            low = middle + 1u;
-        }
+// A lamp that was chosen.
+struct Lamp {
+    triangle: u32,
+    // What a point spread evenly over its area stands for: its power over the probability of the choice, or 0 where no lamp can matter.
+    weight: f32,
+}
+
+const IS_LAMP = 0x80000000u;
+const BOTH_SIDES = 0x40000000u;
+// Of an importance: eight of them have a sum.
+const MOST_IMPORTANCE = 1e37;
+
+// The cosine of an angle, less another one, but not below 0.
+fn lessened(cosine: f32, by_cosine: f32, by_sine: f32) -> f32 {
+    return select(cosine * by_cosine + sqrt(max(1.0 - cosine * cosine, 0.0)) * by_sine, 1.0, cosine >= by_cosine);
+}
+
+// At least in proportion to what a surface may receive of some lamps, were nothing between: as scene::emitters::tree.
+fn importance(lamps: SceneLamps, origin: vec3f, normal: vec3f) -> f32 {
+    let way = lamps.centre - origin;
+    let radius = lamps.radius;
+    let squared = dot(way, way);
+    if squared <= radius {
+        return min(lamps.power / max(radius, 1e-30), MOST_IMPORTANCE);
     }
-    return scene_emitter(low).triangle;
+    let direction = way / sqrt(squared);
+    let seen = radius / squared;
+    let by = vec2f(sqrt(max(1.0 - seen, 0.0)), sqrt(seen));
+    let arriving = lessened(dot(normal, direction), by.x, by.y);
+    var cosine = -dot(lamps.axis, direction);
+    if (lamps.next & BOTH_SIDES) != 0u {
+        cosine = abs(cosine);
+    }
+    let leaving = lessened(lessened(cosine, lamps.spread, sqrt(max(1.0 - lamps.spread * lamps.spread, 0.0))), by.x, by.y);
+    return min(lamps.power / squared, MOST_IMPORTANCE) * max(arriving, 0.0) * max(leaving, 0.0);
+}
+
+// The lamp at `at` of 0..1 as a surface has them: down the tree, each time to the group that holds it.
+fn choose_lamp(at: f32, origin: vec3f, normal: vec3f) -> Lamp {
+    var lamps = scene_lamps(0u);
+    var begin = 0.0;
+    var width = 1.0;
+    var probability = 1.0;
+    while (lamps.next & IS_LAMP) == 0u {
+        let first = lamps.next & ~BOTH_SIDES;
+        let count = lamps.count;
+        var importances: array<f32, 8>;
+        var all = 0.0;
+        for (var group = 0u; group < count; group++) {
+            importances[group] = importance(scene_lamps(first + group), origin, normal);
+            all += importances[group];
+        }
+        if all <= 0.0 {
+            return Lamp(0u, 0.0);
+        }
+        var below = 0.0;
+        var found = count;
+        for (var group = 0u; group < count; group++) {
+            let share = importances[group] / all;
+            let end = begin + width * (below + share);
+            if share > 0.0 && at < end {
+                begin += width * below;
+                width = end - begin;
+                probability *= share;
+                found = group;
+                break;
+            }
+            below += share;
+        }
+        if found == count {
+            return Lamp(0u, 0.0);
+        }
+        lamps = scene_lamps(first + found);
+    }
+    return Lamp(lamps.next & ~(IS_LAMP | BOTH_SIDES), lamps.power / probability);
 }
 
 // Whether a lamp, from its corner on as it is seen, is so near that its points differ much in what they stand for: no farther than its longest edge is long.
@@ -125,8 +190,8 @@ fn is_lamp_near(corner: vec3f, e1: vec3f, e2: vec3f) -> bool {
     return dot(middle, middle) < longest;
 }
 
-// Reflected light of emissive triangles: points in proportion to area × luminance, in `AREA_SAMPLES` strata of the
-// running sum; the point within the triangle by a rank-1 lattice, shifted by `seed`.
+// Reflected light of emissive triangles: points of lamps that are chosen by how they matter, in `AREA_SAMPLES` strata; the point within the triangle by a
+// rank-1 lattice, shifted by `seed`.
 fn area_reflected(surface: Surface, seed: u32) -> vec3f {
     if AREA_SAMPLES == 0u || (LIGHTS == ANY_NUMBER && scene_parameters.emitters == 0u) {
         return vec3f(0.0);
@@ -136,7 +201,11 @@ fn area_reflected(surface: Surface, seed: u32) -> vec3f {
     var sum = vec3f(0.0);
     for (var i = 0u; i < AREA_SAMPLES; i++) {
         let index = f32(i);
-        let triangle = pick_emitter((index + shift.x) / f32(max(AREA_SAMPLES, 1u)) * scene_parameters.emitter_weight);
+        let lamp = choose_lamp((index + shift.x) / f32(max(AREA_SAMPLES, 1u)), origin, surface.normal);
+        if lamp.weight <= 0.0 {
+            continue;
+        }
+        let triangle = lamp.triangle;
         let u = fract(vec2f(0.7548776662, 0.5698402910) * index + shift.yz);
         let root = sqrt(u.x);
         let b = vec2f(root * (1.0 - u.y), root * u.y);
@@ -167,17 +236,84 @@ fn area_reflected(surface: Surface, seed: u32) -> vec3f {
             let by_area = leaving / squared;
             let by_angle = seen.solid_angle / max(0.5 * length(plane), 1e-37);
             let share = select(by_area, by_angle, seen.solid_angle > 0.0);
-            sum += response(surface, to_light) * material.emission * (arriving * share / max(luminance(material.emission), 1e-37));
+            sum += response(surface, to_light) * material.emission * (arriving * share * lamp.weight / max(luminance(material.emission), 1e-37));
         }
     }
-    return sum * (scene_parameters.emitter_weight / f32(max(AREA_SAMPLES, 1u)));
+    return sum / f32(max(AREA_SAMPLES, 1u));
 }
 
 fn is_sky_black() -> bool {
     return scene_parameters.environment_size.x == 0u && all(scene_parameters.environment == vec3f(0.0));
 }
 
-// Light of the sky that the diffuse part reflects: cosine-distributed rays in strata of the azimuth.
+// The sky in a direction: as scene::sky.
+struct InSky {
+    // Radiance of the broad sky and of suns.
+    broad: vec3f,
+    suns: vec3f,
+    // With which rays are sent to suns there [1/sr].
+    density: f32,
+}
+
+fn no_suns() -> bool {
+    return SUN_SAMPLES == 0u || (LIGHTS == ANY_NUMBER && scene_parameters.sun_weight == 0.0);
+}
+
+// Solid angle of a texel over that of one at the horizon.
+fn row_sine(row: i32) -> f32 {
+    return sin((f32(row) + 0.5) / f32(scene_parameters.environment_size.y) * PI);
+}
+
+fn in_sky(direction: vec3f) -> InSky {
+    if no_suns() {
+        return InSky(environment_radiance(direction), vec3f(0.0), 0.0);
+    }
+    let at = in_environment(direction);
+    var seen: InSky;
+    for (var row = 0; row < 2; row++) {
+        for (var column = 0; column < 2; column++) {
+            let texel = environment_texel(at.columns[column], at.rows[row]).rgb;
+            let share = select(1.0 - at.share.x, at.share.x, column == 1) * select(1.0 - at.share.y, at.share.y, row == 1);
+            let brightness = luminance(texel);
+            let above = max(brightness - scene_parameters.sky_limit, 0.0);
+            // Of the whole the share below the limit: the difference would cancel out.
+            let below = select(1.0, scene_parameters.sky_limit / max(brightness, 1e-37), above > 0.0);
+            seen.suns += texel * ((1.0 - below) * share);
+            seen.broad += texel * (below * share);
+            seen.density += share * above * row_sine(at.rows[row]);
+        }
+    }
+    let size = vec2f(scene_parameters.environment_size);
+    seen.density *= size.x * size.y / (scene_parameters.sun_weight * (2.0 * PI * PI) * max(length(direction.xz), 1e-6));
+    return seen;
+}
+
+// Maps 0..1 to −1..1 with density 1 − |x|.
+fn in_tent(number: f32) -> f32 {
+    return select(1.0 - sqrt(max(2.0 - 2.0 * number, 0.0)), sqrt(2.0 * number) - 1.0, number < 0.5);
+}
+
+// A direction of suns: by a number of 0..1 that chooses the texel, and two for the place within the tent that spreads it.
+fn sample_suns(chosen: f32, place: vec2f) -> vec3f {
+    let size = scene_parameters.environment_size;
+    let at = chosen * scene_parameters.sun_weight;
+    var low = 0u;
+    var high = size.x * size.y - 1u;
+    while low < high {
+        let middle = (low + high) / 2u;
+        if environment_texel(i32(middle % size.x), i32(middle / size.x)).w > at {
+            high = middle;
+        } else {
+            low = middle + 1u;
+        }
+    }
+    let azimuth = ((f32(low % size.x) + 0.5 + in_tent(place.x)) / f32(size.x) - 0.5) * 2.0 * PI;
+    let polar = (f32(low / size.x) + 0.5 + in_tent(place.y)) / f32(size.y) * PI;
+    let sine = abs(sin(polar));
+    return vec3f(sine * sin(azimuth), cos(polar), -sine * cos(azimuth));
+}
+
+// Light of the broad sky that the diffuse part reflects: cosine-distributed rays in strata of the azimuth.
 fn sky_diffused(surface: Surface, seed: u32) -> vec3f {
     let origin = surface.position + surface.face_normal * surface_offset(surface.position);
     let frame = frame_around(surface.normal, 0.0);
@@ -186,13 +322,13 @@ fn sky_diffused(surface: Surface, seed: u32) -> vec3f {
     for (var i = 0u; i < SKY_SAMPLES; i++) {
         let direction = frame * around(sqrt(1.0 - fract(0.6180339887 * f32(i) + shift.y)), 2.0 * PI * (f32(i) + shift.x) / f32(max(SKY_SAMPLES, 1u)));
         if dot(direction, surface.face_normal) > 0.0 && !trace_occluded(origin, direction, FAR_AWAY) {
-            sum += environment_radiance(direction);
+            sum += in_sky(direction).broad;
         }
     }
     return sum * surface.reflectance / f32(max(SKY_SAMPLES, 1u));
 }
 
-// Light of the sky that the lobe reflects: as many rays, distributed as the lobe is.
+// Light of the sky that the lobe reflects: as many rays, distributed as the lobe is; of suns the share that rays to them leave.
 fn sky_glossed(surface: Surface, seed: u32) -> vec3f {
     let origin = surface.position + surface.face_normal * surface_offset(surface.position);
     let lobe = lobe_of(surface);
@@ -204,10 +340,38 @@ fn sky_glossed(surface: Surface, seed: u32) -> vec3f {
         let density = lobe_density(lobe, surface.outgoing, incoming);
         let direction = surface.tangent * incoming.x + surface.bitangent * incoming.y + surface.normal * incoming.z;
         if incoming.z > 0.0 && density > 0.0 && dot(direction, surface.face_normal) > 0.0 && !trace_occluded(origin, direction, FAR_AWAY) {
-            sum += environment_radiance(direction) * lobe_value(lobe, surface.outgoing, incoming) * (incoming.z / density);
+            let seen = in_sky(direction);
+            let share = f32(SKY_SAMPLES) * density / (f32(SKY_SAMPLES) * density + f32(SUN_SAMPLES) * seen.density);
+            sum += (seen.broad + seen.suns * share) * lobe_value(lobe, surface.outgoing, incoming) * (incoming.z / density);
         }
     }
     return sum / f32(max(SKY_SAMPLES, 1u));
+}
+
+// Of suns: what the diffuse part reflects, and of the lobe the share that is not left to its own rays.
+fn suns_reflected(surface: Surface, seed: u32) -> vec3f {
+    let origin = surface.position + surface.face_normal * surface_offset(surface.position);
+    let shift = vec3f(unit(hash(seed + 15u)), unit(hash(seed + 16u)), unit(hash(seed + 17u)));
+    var sum = vec3f(0.0);
+    for (var i = 0u; i < SUN_SAMPLES; i++) {
+        let direction = sample_suns((f32(i) + shift.x) / f32(max(SUN_SAMPLES, 1u)), fract(vec2f(0.7548776662, 0.5698402910) * f32(i) + shift.yz));
+        let cosine = dot(surface.normal, direction);
+        if cosine <= 0.0 || dot(direction, surface.face_normal) <= 0.0 || trace_occluded(origin, direction, FAR_AWAY) {
+            continue;
+        }
+        let seen = in_sky(direction);
+        let density = f32(SUN_SAMPLES) * seen.density;
+        if density > 0.0 {
+            var reflected = surface.reflectance / (PI * density);
+            if GLOSSY && surface.lobe != 0u {
+                let incoming = in_lobe_frame(surface, direction);
+                let lobe = lobe_of(surface);
+                reflected += lobe_value(lobe, surface.outgoing, incoming) / (density + f32(SKY_SAMPLES) * lobe_density(lobe, surface.outgoing, incoming));
+            }
+            sum += seen.suns * reflected * cosine;
+        }
+    }
+    return sum;
 }
 
 fn sky_reflected(surface: Surface, seed: u32) -> vec3f {
@@ -217,6 +381,9 @@ fn sky_reflected(surface: Surface, seed: u32) -> vec3f {
     var sum = sky_diffused(surface, seed);
     if GLOSSY && surface.lobe != 0u {
         sum += sky_glossed(surface, seed);
+    }
+    if !no_suns() {
+        sum += suns_reflected(surface, seed);
     }
     return sum;
 }

@@ -5,10 +5,10 @@
 struct SceneParameters {
     environment: vec3f,
     extent: f32,
-    triangles: u32,
+    sky_limit: f32,
     lights: u32,
     emitters: u32,
-    emitter_weight: f32,
+    sun_weight: f32,
     environment_size: vec2u,
     // Where the tables of the lights, the emitters and the materials start among the scene's.
     first_light: u32,
@@ -42,13 +42,18 @@ struct SceneLight {
     cos_inner: f32,
     cos_outer: f32,
     shadow_layers: u32,
-    shadow_half: f32,
-    padding: u32,
+    shadow_half: vec2f,
 }
 
-struct SceneEmitter {
-    triangle: u32,
-    cumulative: f32,
+struct SceneLamps {
+    centre: vec3f,
+    radius: f32,
+    axis: vec3f,
+    spread: f32,
+    power: f32,
+    next: u32,
+    count: u32,
+    padding: u32,
 }
 
 @group(1) @binding(0) var<uniform> scene_parameters: SceneParameters;
@@ -65,6 +70,8 @@ struct SceneEmitter {
 @group(1) @binding(6) var<uniform> scene_first_lights: array<SceneLight, FIRST_LIGHTS>;
 
 const FIRST_LIGHTS = 4u;
+// Maps along an edge of the grid of a directional light.
+const SHADOW_GRID = 4u;
 const TWO_SIDED = 1u;
 const HOLES = 2u;
 const TEXTURED = 4u;
@@ -132,15 +139,16 @@ fn scene_light(index: u32) -> SceneLight {
     let c = scene_tables[at + 2u];
     let d = scene_tables[at + 3u];
     return SceneLight(
-        bitcast<vec3f>(a.xyz), a.w, bitcast<vec3f>(b.xyz), b.w, bitcast<vec3f>(c.xyz), bitcast<f32>(c.w), bitcast<f32>(d.x), d.y, bitcast<f32>(d.z), 0u,
+        bitcast<vec3f>(a.xyz), a.w, bitcast<vec3f>(b.xyz), b.w, bitcast<vec3f>(c.xyz), bitcast<f32>(c.w), bitcast<f32>(d.x), d.y, bitcast<vec2f>(d.zw),
     );
 }
 
-// Two stand in an element.
-fn scene_emitter(index: u32) -> SceneEmitter {
-    let pair = scene_tables[scene_parameters.first_emitter + index / 2u];
-    let emitter = select(pair.xy, pair.zw, (index & 1u) == 1u);
-    return SceneEmitter(emitter.x, bitcast<f32>(emitter.y));
+fn scene_lamps(group: u32) -> SceneLamps {
+    let at = scene_parameters.first_emitter + 3u * group;
+    let a = scene_tables[at];
+    let b = scene_tables[at + 1u];
+    let c = scene_tables[at + 2u];
+    return SceneLamps(bitcast<vec3f>(a.xyz), bitcast<f32>(a.w), bitcast<vec3f>(b.xyz), bitcast<f32>(b.w), bitcast<f32>(c.x), c.y, c.z, 0u);
 }
 
 // How far rays start off a surface: as scene::surface_offset.
@@ -356,24 +364,35 @@ fn tangents(triangle: u32, normal: vec3f) -> mat2x3f {
     return mat2x3f(x, cross(normal, x));
 }
 
-// Radiance of the sky from a unit direction: as Environment::radiance.
-fn environment_radiance(direction: vec3f) -> vec3f {
+// The texels of the sky around a unit direction, two columns by two rows, and how far it is from the first of each to the second: as scene::lookup.
+struct InImage {
+    columns: vec2i,
+    rows: vec2i,
+    share: vec2f,
+}
+
+fn in_environment(direction: vec3f) -> InImage {
     let size = vec2i(scene_parameters.environment_size);
-    if size.x == 0 {
-        return scene_parameters.environment;
-    }
     let u = 0.5 + atan2(direction.x, -direction.z) / (2.0 * PI);
     let v = acos(clamp(direction.y, -1.0, 1.0)) / PI;
     let at = vec2f(u, v) * vec2f(size) - 0.5;
     let base = vec2i(floor(at));
-    let f = at - floor(at);
-    let top = mix(environment_texel(base, size), environment_texel(base + vec2i(1, 0), size), f.x);
-    let bottom = mix(environment_texel(base + vec2i(0, 1), size), environment_texel(base + vec2i(1, 1), size), f.x);
-    return mix(top, bottom, f.y);
+    let columns = ((vec2i(base.x, base.x + 1) % size.x) + size.x) % size.x;
+    return InImage(columns, clamp(vec2i(base.y, base.y + 1), vec2i(0), vec2i(size.y - 1)), at - floor(at));
 }
 
-fn environment_texel(at: vec2i, size: vec2i) -> vec3f {
-    let x = ((at.x % size.x) + size.x) % size.x;
-    let y = clamp(at.y, 0, size.y - 1);
-    return textureLoad(scene_environment, vec2i(x, y), 0).xyz;
+// Radiance of the sky from a unit direction: as Environment::radiance.
+fn environment_radiance(direction: vec3f) -> vec3f {
+    if scene_parameters.environment_size.x == 0u {
+        return scene_parameters.environment;
+    }
+    let at = in_environment(direction);
+    let top = mix(environment_texel(at.columns.x, at.rows.x), environment_texel(at.columns.y, at.rows.x), at.share.x);
+    let bottom = mix(environment_texel(at.columns.x, at.rows.y), environment_texel(at.columns.y, at.rows.y), at.share.x);
+    return mix(top, bottom, at.share.y).rgb;
+}
+
+// Radiance, and the running sum of what suns have up to and including it.
+fn environment_texel(column: i32, row: i32) -> vec4f {
+    return textureLoad(scene_environment, vec2i(column, row), 0);
 }

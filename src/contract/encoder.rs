@@ -2,7 +2,7 @@
 
 use super::tables::TableStore;
 use super::{Arguments, Port};
-use crate::scene::{Scene, needs::Needs};
+use crate::scene::{Scene, emitters::rays_to_suns, needs::Needs};
 use crate::schedule::*;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -323,6 +323,7 @@ pub fn light_constants(program: Program, needs: &Needs, samples: [u32; 2]) -> Pr
         .constant("LIGHTS", needs.punctual_lights.unwrap_or(ANY_NUMBER))
         .constant("LIGHT_KINDS", needs.light_kinds)
         .constant("SKY_SAMPLES", if needs.environment { samples[1] } else { 0 })
+        .constant("SUN_SAMPLES", if needs.environment && needs.suns { rays_to_suns(samples[1]) } else { 0 })
 }
 
 /// Percentage-closer taps of a lookup, as a node's parameter `taps` says: a square number.

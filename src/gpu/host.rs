@@ -5,7 +5,7 @@ use super::copies::Copies;
 use super::device::GpuError;
 use super::encode::Pending;
 use super::session::Session;
-use crate::scene::{Camera, Scene, bvh::Bvh};
+use crate::scene::{Camera, Scene, bvh::Bvh, emitters::Emission};
 use crate::schedule::*;
 use glam::Vec4;
 use std::any::Any;
@@ -146,6 +146,10 @@ impl HostContext for HostView<'_, '_> {
 
     fn bvh(&self) -> &Bvh {
         self.session.bvh
+    }
+
+    fn emission(&self) -> &Emission {
+        &self.session.emission
     }
 
     fn extent(&self) -> f32 {

@@ -25,7 +25,7 @@ impl Session<'_> {
         for (index, description) in self.schedule.resources.iter().enumerate() {
             let physical = match (&description.lifetime, &description.kind) {
                 (_, ResourceKind::Draws | ResourceKind::State) => Physical::Host,
-                (Lifetime::Scene(data), kind) => self.upload(&description.name, kind, &scene_data::bytes(self.scene, self.bvh, *data))?,
+                (Lifetime::Scene(data), kind) => self.upload(&description.name, kind, &scene_data::bytes(self.scene, self.bvh, &self.emission, *data))?,
                 (Lifetime::Constant(contents), kind) => self.upload(&description.name, kind, contents)?,
                 (Lifetime::History | Lifetime::Frame | Lifetime::Variables, kind) => self.create(&description.name, kind)?,
                 (Lifetime::Transient, _) => match placement.slots[index] {

@@ -2,7 +2,16 @@
 
 use super::hierarchy;
 use crate::host_struct;
-use crate::scene::{Camera, Emitter, Environment, Glossy, LightKind, Material, Scene, Triangle, bvh::Bvh, shadow_half, shadow_layers};
+use crate::scene::{
+    Camera, Environment, Glossy, LightKind, Material, Scene, Triangle,
+    bvh::Bvh,
+    emitters::{
+        Emission,
+        tree::{Group, Next, most_groups},
+    },
+    shadow_half, shadow_layers,
+    sky::Suns,
+};
 use crate::schedule::{Format, HostLayout, ResourceKind, SceneData};
 use bytemuck::{bytes_of, cast_slice};
 use glam::{Vec2, Vec3};
@@ -12,10 +21,12 @@ host_struct! {
     pub struct SceneParameters {
         environment: [f32; 3],
         extent: f32,
-        triangles: u32,
+        /// Luminance of the broad sky at most [W m⁻² sr⁻¹].
+        sky_limit: f32,
         lights: u32,
         emitters: u32,
-        emitter_weight: f32,
+        /// Of suns, luminance × solid angle in texels at the horizon; 0 where there are none.
+        sun_weight: f32,
         /// 0 × 0 where the environment is constant.
         environment_size: [u32; 2],
         /// Where the lights, the emitters and the materials start among the tables.
@@ -60,19 +71,25 @@ host_struct! {
         intensity: [f32; 3],
         cos_inner: f32,
         cos_outer: f32,
-        /// Maps it takes: six for a cube.
+        /// Maps it takes: six for a cube, a grid of a directional light.
         shadow_layers: u32,
         /// Half a map's width: at distance 1 where it is perspective, in scene units where it is not.
-        shadow_half: f32,
-        padding: u32,
+        shadow_half: [f32; 2],
     }
 }
 
 host_struct! {
-    /// An emissive triangle with the running sum of area × luminance up to and including it.
-    pub struct SceneEmitter {
-        triangle: u32,
-        cumulative: f32,
+    /// Some emissive triangles: a group of [`LightTree`](crate::scene::emitters::tree::LightTree).
+    pub struct SceneLamps {
+        centre: [f32; 3],
+        radius: f32,
+        axis: [f32; 3],
+        spread: f32,
+        power: f32,
+        /// `LAMP` and its triangle, or the first of the groups that it holds; `BOTH_SIDES` where a lamp has two.
+        next: u32,
+        count: u32,
+        padding: u32,
     }
 }
 
@@ -95,7 +112,7 @@ host_struct! {
     }
 }
 
-pub const LAYOUTS: &[HostLayout] = &[SceneParameters::LAYOUT, SceneMaterial::LAYOUT, SceneLight::LAYOUT, SceneEmitter::LAYOUT, FrameCamera::LAYOUT];
+pub const LAYOUTS: &[HostLayout] = &[SceneParameters::LAYOUT, SceneMaterial::LAYOUT, SceneLight::LAYOUT, SceneLamps::LAYOUT, FrameCamera::LAYOUT];
 
 /// Lights in the uniform of the first of them.
 const FIRST_LIGHTS: usize = 4;
@@ -103,6 +120,10 @@ const FIRST_LIGHTS: usize = 4;
 pub const TWO_SIDED: u32 = 1;
 pub const HOLES: u32 = 2;
 pub const TEXTURED: u32 = 4;
+
+/// Of [`SceneLamps`].
+pub const LAMP: u32 = 1 << 31;
+pub const BOTH_SIDES: u32 = 1 << 30;
 
 /// Bytes of an element of the tables.
 const ELEMENT: usize = 16;
@@ -140,17 +161,17 @@ pub fn kind(scene: &Scene, data: SceneData) -> ResourceKind {
 }
 
 /// The bytes of a part of the scene, as many as its [`kind`] has, of an image row by row; `bvh` has sorted the scene's triangles.
-pub fn bytes(scene: &Scene, bvh: &Bvh, data: SceneData) -> Vec<u8> {
+pub fn bytes(scene: &Scene, bvh: &Bvh, emission: &Emission, data: SceneData) -> Vec<u8> {
     let mut bytes = match data {
-        SceneData::Parameters => bytes_of(&parameters(scene)).to_vec(),
+        SceneData::Parameters => bytes_of(&parameters(scene, &emission.suns)).to_vec(),
         SceneData::Positions => positions(scene),
         SceneData::Corners => scene.triangles.iter().flat_map(|t| bytes_of(&corners(t)).to_vec()).collect(),
         SceneData::Attributes => scene.triangles.iter().flat_map(|t| bytes_of(&attributes(t)).to_vec()).collect(),
-        SceneData::Tables => tables(scene, bvh, &materials(scene)),
-        SceneData::AlbedoTables => tables(scene, bvh, &albedos(scene)),
+        SceneData::Tables => tables(scene, bvh, emission, &materials(scene)),
+        SceneData::AlbedoTables => tables(scene, bvh, emission, &albedos(scene)),
         SceneData::FirstLights => first_lights(scene),
         SceneData::Texels => texels(scene),
-        SceneData::Environment => environment(scene),
+        SceneData::Environment => environment(scene, &emission.suns),
     };
     bytes.resize(kind(scene, data).bytes() as usize, 0);
     bytes
@@ -169,16 +190,16 @@ impl Places {
         let elements = |count: usize, bytes: usize| (count * bytes).div_ceil(ELEMENT) as u64;
         let lights = hierarchy::most_elements(scene.triangles.len() as u64);
         let first_emitter = lights + elements(scene.lights.len(), size_of::<SceneLight>());
-        let materials = first_emitter + elements(emitters, size_of::<SceneEmitter>());
+        let materials = first_emitter + elements(most_groups(emitters), size_of::<SceneLamps>());
         Self { lights, emitters: first_emitter, materials, end: materials + elements(scene.materials.len(), size_of::<SceneMaterial>()) }
     }
 }
 
-fn tables(scene: &Scene, bvh: &Bvh, materials: &[SceneMaterial]) -> Vec<u8> {
-    let (lights, emitters) = (lights(scene), emitters(scene));
-    let places = Places::of(scene, emitters.len());
+fn tables(scene: &Scene, bvh: &Bvh, emission: &Emission, materials: &[SceneMaterial]) -> Vec<u8> {
+    let (lights, lamps) = (lights(scene), lamps(emission));
+    let places = Places::of(scene, scene.emitters().len());
     let mut bytes = cast_slice(&hierarchy::packed(&bvh.nodes(), &bvh.ranges(), &scene.triangles)).to_vec();
-    let tables: [(u64, &[u8]); 3] = [(places.lights, cast_slice(&lights)), (places.emitters, cast_slice(&emitters)), (places.materials, cast_slice(materials))];
+    let tables: [(u64, &[u8]); 3] = [(places.lights, cast_slice(&lights)), (places.emitters, cast_slice(&lamps)), (places.materials, cast_slice(materials))];
     for (place, table) in tables {
         bytes.resize(place as usize * ELEMENT, 0);
         bytes.extend_from_slice(table);
@@ -194,17 +215,22 @@ fn texels(scene: &Scene) -> Vec<u8> {
     scene.textures.iter().flat_map(|t| cast_slice::<_, u8>(&t.texels).iter().copied()).collect()
 }
 
-fn environment(scene: &Scene) -> Vec<u8> {
-    match &scene.environment {
-        Environment::Constant(_) => Vec::new(),
-        Environment::LatLong { texels, .. } => texels.iter().flat_map(|t| bytes_of(&t.extend(0.0).to_array()).to_vec()).collect(),
-    }
+/// Texels, with the running sum of what suns have up to and including each in the spare place.
+fn environment(scene: &Scene, suns: &Suns) -> Vec<u8> {
+    let Environment::LatLong { texels, .. } = &scene.environment else { return Vec::new() };
+    let (mut bright, mut sum) = (suns.texels().iter().peekable(), 0.0);
+    let with_sum = |(number, texel): (u32, &Vec3)| {
+        sum = bright.next_if(|(at, _)| *at == number).map_or(sum, |(_, until)| *until);
+        texel.extend(sum).to_array()
+    };
+    let texels: Vec<[f32; 4]> = (0..).zip(texels).map(with_sum).collect();
+    cast_slice(&texels).to_vec()
 }
 
 /// What a picture of the scene depends on, one part after the other: geometry, materials, textures, lights. Where tables stand and the
 /// hierarchy follow from these.
 pub fn contents(scene: &Scene) -> impl Iterator<Item = Vec<u8>> {
-    let parameters = SceneParameters { first_light: 0, first_emitter: 0, first_material: 0, ..parameters(scene) };
+    let parameters = SceneParameters { first_light: 0, first_emitter: 0, first_material: 0, ..parameters(scene, &Suns::default()) };
     let part = move |number: usize| {
         let mut bytes = match number {
             0 => bytes_of(&parameters).to_vec(),
@@ -215,18 +241,17 @@ pub fn contents(scene: &Scene) -> impl Iterator<Item = Vec<u8>> {
             5 => texels(scene),
             6 => cast_slice(&lights(scene)).to_vec(),
             7 => first_lights(scene),
-            8 => cast_slice(&emitters(scene)).to_vec(),
-            _ => environment(scene),
+            _ => environment(scene, &Suns::default()),
         };
         bytes.resize(bytes.len().next_multiple_of(ELEMENT).max(LEAST_BYTES), 0);
         bytes
     };
-    (0..10).map(part)
+    (0..9).map(part)
 }
 
-fn parameters(scene: &Scene) -> SceneParameters {
-    let emitters = emitters(scene);
-    let places = Places::of(scene, emitters.len());
+fn parameters(scene: &Scene, suns: &Suns) -> SceneParameters {
+    let emitters = scene.emitters().len();
+    let places = Places::of(scene, emitters);
     let (environment, environment_size) = match &scene.environment {
         Environment::Constant(radiance) => (*radiance, [0, 0]),
         Environment::LatLong { width, height, .. } => (Vec3::ZERO, [*width, *height]),
@@ -234,10 +259,10 @@ fn parameters(scene: &Scene) -> SceneParameters {
     SceneParameters {
         environment: environment.into(),
         extent: scene.extent(),
-        triangles: scene.triangles.len() as u32,
+        sky_limit: suns.limit,
         lights: scene.lights.len() as u32,
-        emitters: emitters.len() as u32,
-        emitter_weight: emitters.last().map_or(0.0, |e| e.cumulative),
+        emitters: emitters as u32,
+        sun_weight: suns.weight(),
         environment_size,
         first_light: places.lights as u32,
         first_emitter: places.emitters as u32,
@@ -310,7 +335,7 @@ fn albedos(scene: &Scene) -> Vec<SceneMaterial> {
 }
 
 fn lights(scene: &Scene) -> Vec<SceneLight> {
-    let (mut layer, extent) = (0, scene.extent());
+    let (mut layer, bounds) = (0, scene.bounds());
     scene
         .lights
         .iter()
@@ -331,8 +356,7 @@ fn lights(scene: &Scene) -> Vec<SceneLight> {
                 cos_inner: angles[0],
                 cos_outer: angles[1],
                 shadow_layers: layers,
-                shadow_half: shadow_half(light, extent),
-                padding: 0,
+                shadow_half: shadow_half(light, &bounds).into(),
             }
         })
         .collect()
@@ -345,8 +369,24 @@ fn first_lights(scene: &Scene) -> Vec<u8> {
     bytes
 }
 
-fn emitters(scene: &Scene) -> Vec<SceneEmitter> {
-    scene.emitters().into_iter().map(|Emitter { triangle, cumulative }| SceneEmitter { triangle, cumulative }).collect()
+fn lamps(emission: &Emission) -> Vec<SceneLamps> {
+    let lamps = |group: Group| {
+        let (next, count) = match group.next {
+            Next::Lamp(lamp) => (LAMP | emission.triangle(lamp), 0),
+            Next::Groups { first, count } => (first, count),
+        };
+        SceneLamps {
+            centre: group.centre.into(),
+            radius: group.radius,
+            axis: group.axis.into(),
+            spread: group.spread,
+            power: group.power,
+            next: next | if group.two_sided { BOTH_SIDES } else { 0 },
+            count,
+            padding: 0,
+        }
+    };
+    emission.tree.groups().into_iter().map(lamps).collect()
 }
 
 /// The uniform of a frame.

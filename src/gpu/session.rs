@@ -12,7 +12,7 @@ use super::programs::{Ready, layer_views};
 use super::shaders::Shaders;
 use super::speculation::{self, Speculation};
 use super::timing::Timing;
-use crate::scene::{Camera, Scene, bvh::Bvh};
+use crate::scene::{Camera, Scene, bvh::Bvh, emitters::Emission};
 use crate::schedule::*;
 use std::any::Any;
 use std::collections::{HashMap, HashSet};
@@ -23,6 +23,7 @@ pub struct Session<'a> {
     pub(super) scene: &'a Scene,
     pub(super) extent: f32,
     pub(super) bvh: &'a Bvh,
+    pub(super) emission: Emission,
     pub(super) schedule: &'a Schedule,
     pub(super) physical: Vec<Physical>,
     /// Commands of each node, in the order of [`Schedule::nodes`].
@@ -83,6 +84,7 @@ impl<'a> Session<'a> {
             scene,
             extent: scene.extent(),
             bvh,
+            emission: Emission::of(scene),
             schedule,
             physical: Vec::new(),
             programs: Vec::new(),

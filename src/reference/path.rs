@@ -57,6 +57,12 @@ pub struct Round {
 }
 
 /// What light is collected for, as the factor that a direction has beside π times its cosine, and how directions are drawn for it.
+/// What a ray has met.
+struct Met {
+    surface: Surface,
+    triangle: u32,
+}
+
 #[derive(Clone, Copy, PartialEq)]
 enum For {
     /// The irradiance: 1.
@@ -104,11 +110,11 @@ impl<'a> Tracer<'a> {
         let mut sum = Round::default();
         for cell in cells(rays) {
             let direction = cosine_direction(at.normal, random.pair_in(cell));
-            let met = self.surface(at.start(self.extent), direction);
+            let met = self.met(at.start(self.extent), direction);
             sum.direct += self.light_met(at, For::Irradiance, direction, met.as_ref());
             sum.direct += self.light_sampled(at, For::Irradiance, random.pair_in(cell));
             if let Some(met) = met.filter(|_| !bounces.end_at(0)) {
-                sum.indirect += self.reflected(met, bounces, random);
+                sum.indirect += self.reflected(met.surface, bounces, random);
             }
         }
         if at.glossy.is_some() {
@@ -116,10 +122,10 @@ impl<'a> Tracer<'a> {
                 let direction = at.sample(For::Lobe, random.pair_in(cell));
                 sum.glossy_direct += self.light_sampled(at, For::Lobe, random.pair_in(cell)) / PI;
                 let Some(share) = at.share(For::Lobe, direction) else { continue };
-                let met = self.surface(at.start(self.extent), direction);
+                let met = self.met(at.start(self.extent), direction);
                 sum.glossy_direct += self.light_met(at, For::Lobe, direction, met.as_ref()) / PI;
                 if let Some(met) = met.filter(|_| !bounces.end_at(0)) {
-                    sum.glossy_indirect += share * self.reflected(met, bounces, random) / PI;
+                    sum.glossy_indirect += share * self.reflected(met.surface, bounces, random) / PI;
                 }
             }
         }
@@ -134,8 +140,12 @@ impl<'a> Tracer<'a> {
 
     /// The surface that a ray sees first.
     pub(super) fn surface(&self, origin: Vec3, direction: Vec3) -> Option<Surface> {
+        self.met(origin, direction).map(|met| met.surface)
+    }
+
+    fn met(&self, origin: Vec3, direction: Vec3) -> Option<Met> {
         let hit = self.bvh.closest_hit(self.scene, origin, direction, f32::INFINITY)?;
-        Some(self.scene.surface(hit.triangle, hit.barycentric, Ray { origin, direction }))
+        Some(Met { surface: self.scene.surface(hit.triangle, hit.barycentric, Ray { origin, direction }), triangle: hit.triangle })
     }
 
     /// π times the radiance that leaves `first` toward where the ray came from: an estimate of the irradiance there when
@@ -168,7 +178,7 @@ impl<'a> Tracer<'a> {
                 For::Irradiance => cosine_direction(at.normal, random.pair()),
                 _ => at.sample(if random.number() < at.lobe_share() { For::Lobe } else { For::Irradiance }, random.pair()),
             };
-            let met = self.surface(at.start(self.extent), direction);
+            let met = self.met(at.start(self.extent), direction);
             add(bounce, throughput * self.light_met(&at, wanted, direction, met.as_ref()));
             if wanted == For::Reflection {
                 let Some(share) = at.share(wanted, direction) else { break };
@@ -182,7 +192,7 @@ impl<'a> Tracer<'a> {
                 }
                 throughput /= survival;
             }
-            at = next;
+            at = next.surface;
         }
     }
 
@@ -203,7 +213,7 @@ impl<'a> Tracer<'a> {
     /// One point of the sources: its share of the light under the balance heuristic.
     fn light_sampled(&self, at: &Surface, wanted: For, pair: [f64; 2]) -> DVec3 {
         let start = at.start(self.extent);
-        let Some(sample) = self.sources.sample(self.scene, start, pair) else { return DVec3::ZERO };
+        let Some(sample) = self.sources.sample(self.scene, [start, at.normal], pair) else { return DVec3::ZERO };
         match at.cosine(sample.direction) {
             Some(cosine) if !self.shadowed(start, sample.direction, sample.distance) => {
                 at.factor(wanted, sample.direction) * balanced(sample.radiance, cosine, at.density(wanted, sample.direction, cosine), sample.density)
@@ -213,13 +223,13 @@ impl<'a> Tracer<'a> {
     }
 
     /// What a ray met that was drawn by the surface's own density: its share of the direct light under the balance heuristic.
-    fn light_met(&self, at: &Surface, wanted: For, direction: Vec3, met: Option<&Surface>) -> DVec3 {
+    fn light_met(&self, at: &Surface, wanted: For, direction: Vec3, met: Option<&Met>) -> DVec3 {
         let start = at.start(self.extent);
         let (radiance, distance, density) = match met {
             None if self.sources.visible() => (self.scene.environment.radiance(direction), f32::INFINITY, self.sources.sky_density(direction)),
-            Some(met) if luminance(met.emission.as_dvec3()) > 0.0 => {
+            Some(Met { surface: met, triangle }) if luminance(met.emission.as_dvec3()) > 0.0 => {
                 let distance = met.position.distance(start);
-                (met.emission, distance, self.sources.emitter_density(met.emission, distance, -met.face.dot(direction)))
+                (met.emission, distance, self.sources.emitter_density(self.scene, [start, at.normal], *triangle, distance, -met.face.dot(direction)))
             }
             _ => return DVec3::ZERO,
         };

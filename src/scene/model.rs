@@ -3,7 +3,6 @@
 //! Positions are stored in single precision relative to [`Scene::origin`], which loading moves to the middle of
 //! the geometry, so that a scene far away from its file's origin keeps its digits.
 
-use crate::math::colour::luminance;
 use crate::math::frame::Frame;
 use crate::math::lobe::{Lobe, Shape};
 use glam::{DVec3, Vec2, Vec3};
@@ -271,13 +270,6 @@ impl Material {
     }
 }
 
-/// An emissive triangle, and the running sum of area × luminance up to and including it.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Emitter {
-    pub triangle: u32,
-    pub cumulative: f32,
-}
-
 impl Triangle {
     /// Cross product of two edges: twice the area, along the front normal.
     pub fn cross(&self) -> Vec3 {
@@ -348,17 +340,8 @@ impl Environment {
         match self {
             Self::Constant(radiance) => *radiance,
             Self::LatLong { width, height, texels } => {
-                let u = 0.5 + direction.x.atan2(-direction.z) / std::f32::consts::TAU;
-                let v = direction.y.clamp(-1.0, 1.0).acos() / std::f32::consts::PI;
-                let at = Vec2::new(u * *width as f32, v * *height as f32) - 0.5;
-                let base = at.floor();
-                let f = at - base;
-                let texel = |dx: i32, dy: i32| {
-                    let x = (base.x as i32 + dx).rem_euclid(*width as i32) as usize;
-                    let y = (base.y as i32 + dy).clamp(0, *height as i32 - 1) as usize;
-                    texels[y * *width as usize + x]
-                };
-                texel(0, 0).lerp(texel(1, 0), f.x).lerp(texel(0, 1).lerp(texel(1, 1), f.x), f.y)
+                let ([[a, b], [c, d]], across, down) = lookup([*width, *height], direction);
+                texels[a].lerp(texels[b], across).lerp(texels[c].lerp(texels[d], across), down)
             }
         }
     }
@@ -369,6 +352,18 @@ impl Environment {
             Self::LatLong { .. } => false,
         }
     }
+}
+
+/// The four texels of a latitude-longitude image around a unit direction, two of a row and two of the next, and how far it is from the first to the second and from
+/// row to row.
+pub fn lookup([width, height]: [u32; 2], direction: Vec3) -> ([[usize; 2]; 2], f32, f32) {
+    let u = 0.5 + direction.x.atan2(-direction.z) / std::f32::consts::TAU;
+    let v = direction.y.clamp(-1.0, 1.0).acos() / std::f32::consts::PI;
+    let at = Vec2::new(u * width as f32, v * height as f32) - 0.5;
+    let base = at.floor();
+    let columns = [0, 1].map(|aside| (base.x as i32 + aside).rem_euclid(width as i32) as usize);
+    let rows = [0, 1].map(|below| (base.y as i32 + below).clamp(0, height as i32 - 1) as usize);
+    (rows.map(|row| columns.map(|column| row * width as usize + column)), at.x - base.x, at.y - base.y)
 }
 
 /// Of all 8-bit channels: a power takes longer than all else of a lookup.
@@ -391,7 +386,12 @@ impl Bounds {
     pub const EMPTY: Self = Self { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
 
     pub fn of(triangles: &[Triangle]) -> Self {
-        triangles.iter().flat_map(|t| t.positions).fold(Self::EMPTY, |b, p| Self { min: b.min.min(p), max: b.max.max(p) })
+        triangles.iter().flat_map(|t| t.positions).fold(Self::EMPTY, Self::with)
+    }
+
+    /// With another point.
+    pub fn with(self, point: Vec3) -> Self {
+        Self { min: self.min.min(point), max: self.max.max(point) }
     }
 
     pub fn diagonal(&self) -> f32 {
@@ -413,18 +413,10 @@ impl Scene {
         self.bounds().diagonal()
     }
 
-    /// Area lights in the triangles' order, weighted by area × luminance.
-    pub fn emitters(&self) -> Vec<Emitter> {
-        let mut cumulative = 0.0f64;
-        let mut emitters = Vec::new();
-        for (triangle, at) in self.triangles.iter().zip(0..) {
-            let material = &self.materials[triangle.material as usize];
-            if material.emits() {
-                cumulative += 0.5 * f64::from(triangle.cross().length()) * luminance(material.emission.as_dvec3()).max(f64::MIN_POSITIVE);
-                emitters.push(Emitter { triangle: at, cumulative: cumulative as f32 });
-            }
-        }
-        emitters
+    /// Emissive triangles, in their order.
+    pub fn emitters(&self) -> Vec<u32> {
+        let emits = |triangle: &Triangle| self.materials[triangle.material as usize].emits();
+        (0..).zip(&self.triangles).filter(|(_, triangle)| emits(triangle)).map(|(number, _)| number).collect()
     }
 
     pub fn camera(&self, name: Option<&str>) -> Option<&Camera> {
@@ -445,23 +437,37 @@ pub fn surface_offset(extent: f32, point: Vec3) -> f32 {
 pub const OFFSET_OF_EXTENT: f32 = 2e-6;
 pub const OFFSET_OF_SIZE: f32 = 4e-7;
 
-/// Layers of the shadow maps that a light takes: six for a point light, one for the others; none without shadows.
+/// Layers of the shadow maps that a light takes: six for a point light or a wide spot, one for another spot, a grid of them for a directional light; none without
+/// shadows.
 pub fn shadow_layers(light: &Light) -> u32 {
     match light.kind {
         _ if !light.shadows => 0,
         LightKind::Point { .. } => 6,
         LightKind::Spot { outer, .. } if outer > WIDE_SPOT => 6,
-        LightKind::Spot { .. } | LightKind::Directional { .. } => 1,
+        LightKind::Spot { .. } => 1,
+        LightKind::Directional { .. } => SHADOW_GRID * SHADOW_GRID,
     }
 }
 
-/// Half the width of a light's shadow map: at distance 1 where it is perspective, in scene units where it is not.
-pub fn shadow_half(light: &Light, extent: f32) -> f32 {
+/// Maps along an edge of the grid of a directional light, which has all of the scene on it.
+pub const SHADOW_GRID: u32 = 4;
+
+/// Half the width and height of each of a light's shadow maps: at distance 1 where it is perspective, in scene units where it is not.
+pub fn shadow_half(light: &Light, bounds: &Bounds) -> Vec2 {
     match light.kind {
-        LightKind::Directional { .. } => extent * 0.505,
-        LightKind::Spot { outer, .. } if shadow_layers(light) == 1 => outer.tan() * 1.01,
-        _ => 1.0,
+        LightKind::Directional { direction, .. } => {
+            let (frame, size) = (Frame::new(direction), 0.505 * (bounds.max - bounds.min).max(Vec3::ZERO));
+            let across = Vec2::new(frame.bitangent.abs().dot(size), frame.tangent.abs().dot(size));
+            across.max(Vec2::splat(1e-3 * bounds.diagonal())) / SHADOW_GRID as f32
+        }
+        LightKind::Spot { outer, .. } if shadow_layers(light) == 1 => Vec2::splat(outer.tan() * 1.01),
+        _ => Vec2::ONE,
     }
+}
+
+/// Depth that a directional light's maps span, around the middle of a scene of so large an extent [scene units].
+pub fn shadow_range(extent: f32) -> f32 {
+    1.01 * extent
 }
 
 /// Half-angle from which on a spot light's shadow takes a cube: 60°.

@@ -1,6 +1,6 @@
 //! What a scene requires of a pipeline.
 
-use super::{Material, Scene, Triangle, shadow_layers};
+use super::{Light, Material, Scene, Triangle, shadow_layers, sky::Suns};
 
 /// The facts that decide which passes and which parts of shaders stay.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -8,13 +8,15 @@ pub struct Needs {
     pub triangles: u32,
     /// None where shaders are to look it up.
     pub punctual_lights: Option<u32>,
-    /// Of each of the first eight, from the lowest on, four bits: [`super::LightKind::number`], and 0, 1 or 2 for no, one or six shadow maps.
+    /// Of each of the first eight, from the lowest on, four bits: [`super::LightKind::number`], and 0 to 3 for no shadow map, one, a cube or a grid of them.
     pub light_kinds: u32,
     /// Punctual lights that cast shadows.
     pub shadowed_lights: u32,
     pub emissive_triangles: u32,
     /// Whether rays that leave the scene see anything.
     pub environment: bool,
+    /// Whether some of it is so bright that rays are sent there.
+    pub suns: bool,
     pub textures: bool,
     pub alpha_masks: bool,
     pub one_sided: bool,
@@ -43,10 +45,11 @@ impl Needs {
         Self {
             triangles: scene.triangles.len() as u32,
             punctual_lights: Some(scene.lights.len() as u32),
-            light_kinds: (0..8).zip(&scene.lights).map(|(index, light)| (light.kind.number() | shadow_layers(light).min(2) << 2) << (4 * index)).sum(),
+            light_kinds: (0..8).zip(&scene.lights).map(|(index, light)| (light.kind.number() | shadows(light) << 2) << (4 * index)).sum(),
             shadowed_lights: scene.lights.iter().filter(|l| l.shadows).count() as u32,
             emissive_triangles: scene.triangles.iter().filter(|t| scene.materials[t.material as usize].emits()).count() as u32,
             environment: !scene.environment.is_black(),
+            suns: Suns::new(&scene.environment).shine(),
             textures: materials().any(|m| m.texture.is_some()),
             alpha_masks: materials().any(|m| m.texture.is_some() && m.alpha_cutoff.is_some()),
             one_sided: materials().any(|m| !m.two_sided),
@@ -79,6 +82,7 @@ impl Needs {
             shadowed_lights: self.shadowed_lights.max(1),
             emissive_triangles: self.emissive_triangles.max(1),
             environment: true,
+            suns: true,
             textures: true,
             alpha_masks: true,
             one_sided: true,
@@ -88,6 +92,15 @@ impl Needs {
             anisotropic: true,
             ..self.clone()
         }
+    }
+}
+
+fn shadows(light: &Light) -> u32 {
+    match shadow_layers(light) {
+        0 => 0,
+        1 => 1,
+        6 => 2,
+        _ => 3,
     }
 }
 

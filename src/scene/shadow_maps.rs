@@ -1,13 +1,13 @@
 //! Shadow maps as the host looks them up: `shaders/lib/visibility/shadow_maps.wgsl` has the twin.
 
-use super::{Light, LightKind, OFFSET_OF_EXTENT, OFFSET_OF_SIZE, Scene, shadow_half, shadow_layers};
+use super::{Bounds, Light, LightKind, OFFSET_OF_EXTENT, OFFSET_OF_SIZE, SHADOW_GRID, Scene, shadow_half, shadow_layers, shadow_range};
 use crate::math::{
     frame::Frame,
     random::{hashes, units},
     vectors::{LANES, Vectors},
 };
 use fearless_simd::{Select, Simd, f32x8, prelude::*, u32x8};
-use glam::Vec3;
+use glam::{UVec2, Vec2, Vec3};
 
 /// The maps of all lights, layer by layer.
 #[derive(Default)]
@@ -22,12 +22,25 @@ pub struct ShadowMaps<'a> {
     pub taps: i32,
 }
 
-/// The cameras of a light's maps: six for a cube, one, or none where it casts no shadow.
+/// The cameras of a light's maps: six for a cube, one, a grid of them, or none where it casts no shadow.
 pub struct ShadowCameras {
     cameras: Vec<ShadowCamera>,
     first_layer: u32,
-    position: Vec3,
+    which: Which,
     extent: f32,
+}
+
+/// How it is told which of the cameras sees a point.
+#[derive(Clone, Copy)]
+enum Which {
+    TheOne,
+    /// By the side of a cube around a place.
+    Side(Vec3),
+    /// By where it is along two axes from a middle, each as long as half a map.
+    InGrid {
+        middle: Vec3,
+        axes: [Vec3; 2],
+    },
 }
 
 struct ShadowCamera {
@@ -35,8 +48,8 @@ struct ShadowCamera {
     right: Vec3,
     up: Vec3,
     forward: Vec3,
-    /// Half the map's width, at distance 1 where it is perspective.
-    half: f32,
+    /// Half the map's width and height, at distance 1 where it is perspective.
+    half: Vec2,
     projection: Projection,
 }
 
@@ -59,36 +72,54 @@ pub struct Receivers<S: Simd> {
 impl ShadowCameras {
     /// Of each light of a scene.
     pub fn all(scene: &Scene) -> Vec<Self> {
-        let (extent, centre) = (scene.extent(), scene.bounds().centre());
+        let bounds = scene.bounds();
         let mut layer = 0;
         let cameras = scene.lights.iter().map(|light| {
             let layers = shadow_layers(light);
             layer += layers;
-            let cameras = (0..layers).map(|face| ShadowCamera::new(light, (layers == 6).then_some(face), extent, centre)).collect();
-            let position = match light.kind {
-                LightKind::Point { position, .. } | LightKind::Spot { position, .. } => position,
-                LightKind::Directional { .. } => Vec3::ZERO,
-            };
-            Self { cameras, first_layer: layer - layers, position, extent }
+            Self::of(light, &bounds, layer - layers)
         });
         cameras.collect()
     }
 
-    /// Which of the cameras sees each point: by the face of the cube map, +x, −x, +y, −y, +z, −z.
-    #[inline(always)]
-    fn faces<S: Simd>(&self, simd: S, points: Vectors<S>) -> [f32; LANES] {
-        if self.cameras.len() < 6 {
-            return [0.0; LANES];
-        }
-        let number = |value: f32| f32x8::splat(simd, value);
-        let d = points.minus(Vectors::splat(simd, self.position));
-        let a = d.magnitude();
-        let is_x = a.x.simd_ge(a.y) & a.x.simd_ge(a.z);
-        let is_y = a.y.simd_ge(a.z);
-        let along = is_x.select(d.x, is_y.select(d.y, d.z));
-        let axis = is_x.select(number(0.0), is_y.select(number(2.0), number(4.0)));
-        (axis + along.simd_le(number(0.0)).select(number(1.0), number(0.0))).to_array()
+    fn of(light: &Light, bounds: &Bounds, first_layer: u32) -> Self {
+        let cameras: Vec<_> = (0..shadow_layers(light)).map(|map| ShadowCamera::new(light, map, bounds)).collect();
+        let which = match (light.kind, cameras.first()) {
+            (LightKind::Directional { .. }, Some(first)) => {
+                Which::InGrid { middle: bounds.centre(), axes: [first.right / first.half.x, first.up / first.half.y] }
+            }
+            (LightKind::Point { position, .. } | LightKind::Spot { position, .. }, Some(_)) if cameras.len() == 6 => Which::Side(position),
+            _ => Which::TheOne,
+        };
+        Self { cameras, first_layer, which, extent: bounds.diagonal() }
     }
+
+    /// Which of the cameras sees each point.
+    #[inline(always)]
+    fn maps<S: Simd>(&self, simd: S, points: Vectors<S>) -> [f32; LANES] {
+        match self.which {
+            Which::TheOne => [0.0; LANES],
+            Which::Side(position) => sides(simd, points.minus(Vectors::splat(simd, position))),
+            Which::InGrid { middle, axes } => {
+                let d = points.minus(Vectors::splat(simd, middle));
+                let (zero, last) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, (SHADOW_GRID - 1) as f32));
+                let [column, row] = axes.map(|axis| ((d.product(axis) + SHADOW_GRID as f32) * 0.5).floor().max(zero).min(last));
+                (row * SHADOW_GRID as f32 + column).to_array()
+            }
+        }
+    }
+}
+
+/// By the side of the cube, +x, −x, +y, −y, +z, −z.
+#[inline(always)]
+fn sides<S: Simd>(simd: S, d: Vectors<S>) -> [f32; LANES] {
+    let number = |value: f32| f32x8::splat(simd, value);
+    let a = d.magnitude();
+    let is_x = a.x.simd_ge(a.y) & a.x.simd_ge(a.z);
+    let is_y = a.y.simd_ge(a.z);
+    let along = is_x.select(d.x, is_y.select(d.y, d.z));
+    let axis = is_x.select(number(0.0), is_y.select(number(2.0), number(4.0)));
+    (axis + along.simd_le(number(0.0)).select(number(1.0), number(0.0))).to_array()
 }
 
 fn cube_axis(face: u32) -> Vec3 {
@@ -96,15 +127,21 @@ fn cube_axis(face: u32) -> Vec3 {
 }
 
 impl ShadowCamera {
-    fn new(light: &Light, face: Option<u32>, extent: f32, centre: Vec3) -> Self {
-        let half = shadow_half(light, extent);
-        let near = 1e-5 * extent;
+    /// Of one of a light's maps.
+    fn new(light: &Light, map: u32, bounds: &Bounds) -> Self {
+        let (half, extent) = (shadow_half(light, bounds), bounds.diagonal());
+        let (near, range) = (1e-5 * extent, shadow_range(extent));
         let (origin, forward, projection) = match light.kind {
-            LightKind::Directional { direction, .. } => (centre - direction * half, direction, Projection::Orthographic { range: 2.0 * half }),
+            LightKind::Directional { direction, .. } => (bounds.centre() - direction * (0.5 * range), direction, Projection::Orthographic { range }),
             LightKind::Point { position, .. } => (position, Vec3::ZERO, Projection::Perspective { near }),
             LightKind::Spot { position, direction, .. } => (position, direction, Projection::Perspective { near }),
         };
-        let frame = Frame::new(face.map_or(forward, cube_axis));
+        let frame = Frame::new(if shadow_layers(light) == 6 { cube_axis(map) } else { forward });
+        let beside = match projection {
+            Projection::Perspective { .. } => Vec2::ZERO,
+            Projection::Orthographic { .. } => (2.0 * UVec2::new(map % SHADOW_GRID, map / SHADOW_GRID).as_vec2() + 1.0 - SHADOW_GRID as f32) * half,
+        };
+        let origin = origin + frame.bitangent * beside.x + frame.tangent * beside.y;
         Self { origin, right: frame.bitangent, up: frame.tangent, forward: frame.normal, half, projection }
     }
 }
@@ -132,20 +169,20 @@ impl ShadowMaps<'_> {
     /// planes: it is added to their visibility at once, or when the lookups are finished.
     #[inline(always)]
     pub fn look_up<S: Simd>(&self, simd: S, cameras: &ShadowCameras, points: &Receivers<S>, lanes: u32, lookups: &mut Lookups, visibility: &mut [f32]) {
-        let faces = cameras.faces(simd, points.position);
+        let maps = cameras.maps(simd, points.position);
         let mut left = lanes;
         while left != 0 {
-            // Neighbours mostly fall on one face.
-            let face = faces[left.trailing_zeros() as usize % LANES];
-            let mut on_face = 0;
-            for (lane, other) in faces.iter().enumerate() {
-                on_face |= u32::from(*other == face) << lane;
+            // Neighbours mostly fall on one map.
+            let map = maps[left.trailing_zeros() as usize % LANES];
+            let mut on_map = 0;
+            for (lane, other) in maps.iter().enumerate() {
+                on_map |= u32::from(*other == map) << lane;
             }
-            let here = left & on_face;
-            left &= !on_face;
-            match cameras.cameras.get(face as usize) {
+            let here = left & on_map;
+            left &= !on_map;
+            match cameras.cameras.get(map as usize) {
                 Some(camera) => {
-                    let first = (cameras.first_layer + face as u32) * self.resolution * self.pitch;
+                    let first = (cameras.first_layer + map as u32) * self.resolution * self.pitch;
                     self.look_up_in(simd, camera, first, cameras.extent, points, here, lookups, visibility);
                 }
                 None => bits(here).for_each(|lane| visibility[points.first + lane] += 1.0),
@@ -174,12 +211,14 @@ impl ShadowMaps<'_> {
         let scale = if is_perspective { depth } else { one };
         let before = scale.simd_gt(zero).to_bitmask() as u32;
         bits(lanes & !before).for_each(|lane| visibility[points.first + lane] += 1.0);
-        let to_texels = f32x8::splat(simd, 0.5 * edge) / (scale * camera.half);
-        let [x, y] = [d.product(camera.right) * to_texels + 0.5 * edge, d.product(-camera.up) * to_texels + 0.5 * edge];
+        let to_texels = f32x8::splat(simd, 0.5 * edge) / scale;
+        let [x, y] = [camera.right / camera.half.x, -camera.up / camera.half.y].map(|axis| d.product(axis) * to_texels + 0.5 * edge);
         // A texel's width where the receiver is: what is nearer than that to the receiver does not shadow it.
         let size = points.position.magnitude();
-        let slack = scale * (2.0 * camera.half / edge) + (size.x.max(size.y).max(size.z) * (2.0 * OFFSET_OF_SIZE) + 2.0 * OFFSET_OF_EXTENT * extent);
-        let slopes = [points.normal.product(camera.forward), points.normal.product(camera.right * camera.half), points.normal.product(camera.up * camera.half)];
+        let slack =
+            scale * (2.0 * camera.half.max_element() / edge) + (size.x.max(size.y).max(size.z) * (2.0 * OFFSET_OF_SIZE) + 2.0 * OFFSET_OF_EXTENT * extent);
+        let slopes =
+            [points.normal.product(camera.forward), points.normal.product(camera.right * camera.half.x), points.normal.product(camera.up * camera.half.y)];
         let receiver = Receiver { depth, facing: d.dot(points.normal), slopes, slack, projection: camera.projection };
         let (last, step) = (self.taps - 1, 2.0 / edge);
         let shift = if self.taps == 1 {
@@ -290,10 +329,16 @@ mod tests {
     fn visible(kind: LightKind, taps: i32, distance: f32, widths: f32) -> [f32; LANES] {
         let light = Light { name: "light".into(), kind, shadows: true };
         let layers = shadow_layers(&light);
-        let cameras: Vec<_> = (0..layers).map(|face| ShadowCamera::new(&light, (layers == 6).then_some(face), EXTENT, Vec3::ZERO)).collect();
-        let camera = &cameras[if layers == 6 { 3 } else { 0 }];
+        let bounds = Bounds { min: Vec3::splat(-EXTENT), max: Vec3::splat(EXTENT) };
+        let cameras = ShadowCameras::of(&light, &bounds, 0);
+        // The side below, or the place beside the middle of the grid.
+        let camera = &cameras.cameras[match layers {
+            6 => 3,
+            1 => 0,
+            _ => 5,
+        }];
         let (is_perspective, from) = (matches!(camera.projection, Projection::Perspective { .. }), camera.origin);
-        let texel = 2.0 * camera.half / EDGE as f32 * if is_perspective { distance } else { 1.0 };
+        let texel = 2.0 * camera.half.max_element() / EDGE as f32 * if is_perspective { distance } else { 1.0 };
         let seen = distance - widths * texel;
         let value = match camera.projection {
             Projection::Perspective { near } => near / seen,
@@ -301,7 +346,6 @@ mod tests {
         };
         let depth = vec![value; (layers * EDGE * EDGE) as usize];
         let maps = ShadowMaps { depth: &depth, resolution: EDGE, pitch: EDGE, taps };
-        let cameras = ShadowCameras { cameras, first_layer: 0, position: from, extent: EXTENT };
         let mut visibility = [0.0; LANES];
         dispatch!(Level::new(), simd => {
             let place = |lane: usize| from + Vec3::new(0.1 * lane as f32 - 0.3, -distance, 0.2 - 0.05 * lane as f32);

@@ -56,9 +56,9 @@ impl Sources {
         let (extent, radius) = (scene.extent(), 0.5 * bounds.diagonal());
         let disc = PI * f64::from(radius).powi(2);
         let lights = (0..).zip(&scene.lights).map(|(at, light)| (Source::Light(at), flux_of_light(&light.kind, disc)));
-        let emitters = scene.emitters().into_iter().map(|emitter| {
-            let triangle = &scene.triangles[emitter.triangle as usize];
-            (Source::Emitter(emitter.triangle), luminance(flux_of_emitter(triangle, material(scene, triangle))))
+        let emitters = scene.emitters().into_iter().map(|number| {
+            let triangle = &scene.triangles[number as usize];
+            (Source::Emitter(number), luminance(flux_of_emitter(triangle, material(scene, triangle))))
         });
         let sky = match &scene.environment {
             Environment::Constant(radiance) => Some((Source::Dome(*radiance), 2.0 * TAU * disc * luminance(radiance.as_dvec3()))),

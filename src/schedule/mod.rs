@@ -353,6 +353,8 @@ pub trait HostContext {
     /// Triangles and the rest, for steps that look at the scene.
     fn scene(&self) -> &crate::scene::Scene;
     fn bvh(&self) -> &crate::scene::bvh::Bvh;
+    /// What emits light and is no point.
+    fn emission(&self) -> &crate::scene::emitters::Emission;
     /// Of the scene [scene units].
     fn extent(&self) -> f32;
     /// Whether the round is the last one of its loop: the time given to the frame is over, or the loop's bound is reached. What

@@ -1,4 +1,4 @@
-// Light of emissive surfaces and the sky at each pixel, as the host has found it.
+// Light at each pixel as the host has found it by shadow rays.
 
 @group(0) @binding(3) var<storage, read> given: array<vec4f>;
 

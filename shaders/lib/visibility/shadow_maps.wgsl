@@ -33,7 +33,7 @@ fn is_lit(receiver: Receiver, texel: vec2i) -> bool {
     let view = receiver.view;
     let inside = clamp(texel, vec2i(0), vec2i(i32(SHADOW_RESOLUTION) - 1));
     let ndc = (vec2f(inside) + 0.5) * (2.0 / SHADOW_RESOLUTION) - 1.0;
-    let lateral = (view.right * ndc.x - view.up * ndc.y) * view.half;
+    let lateral = view.right * (ndc.x * view.half.x) - view.up * (ndc.y * view.half.y);
     // Depth of the receiver's plane behind the texel.
     var slope = dot(view.forward, receiver.normal);
     var facing = receiver.facing;
@@ -50,7 +50,7 @@ fn light_visibility(light: SceneLight, position: vec3f, normal: vec3f, to_light:
     if light.shadow_layers == 0u {
         return 1.0;
     }
-    let face = select(0u, cube_face(position - light.position), has_cube(light));
+    let face = map_of(light, position);
     let view = shadow_view(light, face);
     let d = position - view.origin;
     let z = dot(d, view.forward);
@@ -60,7 +60,7 @@ fn light_visibility(light: SceneLight, position: vec3f, normal: vec3f, to_light:
     }
     let at = (vec2f(dot(d, view.right), -dot(d, view.up)) / (scale * view.half) * 0.5 + 0.5) * SHADOW_RESOLUTION;
     // A texel's width where the receiver is: what is nearer than that to the receiver does not shadow it.
-    let slack = 2.0 * view.half * scale / SHADOW_RESOLUTION + 2.0 * surface_offset(position);
+    let slack = 2.0 * max(view.half.x, view.half.y) * scale / SHADOW_RESOLUTION + 2.0 * surface_offset(position);
     let receiver = Receiver(view, light.shadow_layer + face, normal, z, dot(d, normal), slack);
     if SHADOW_TAPS == 1 {
         let shift = vec2f(unit(hash(seed)), unit(hash(seed + 1u))) - 0.5;

@@ -322,7 +322,9 @@ struct Visit {
 struct SeenBlock<S: Simd> {
     /// The normals of the planes through the origin and an edge: their products with a direction have one sign if it meets the triangle.
     edges: [Vectors<S>; 3],
-    /// Products of a corner with the normal of length twice the area.
+    /// Twice as long as the area.
+    normal: Vectors<S>,
+    /// Products of a corner with it.
     heights: f32x8<S>,
 }
 
@@ -332,7 +334,7 @@ struct Meeting<S: Simd> {
     distance: f32x8<S>,
     v: f32x8<S>,
     w: f32x8<S>,
-    determinant: f32x8<S>,
+    sum: f32x8<S>,
 }
 
 // All that runs within `dispatch!` is inlined into it, closures too: what is not would not have its vector instructions.
@@ -426,7 +428,7 @@ impl Walker<'_> {
         let normal = b.minus(a).cross(c.minus(a));
         let heights = a.x * normal.x + a.y * normal.y + a.z * normal.z;
         // An edge that two triangles share has opposite normals in them, to the bit: no ray passes between.
-        SeenBlock { edges: [b.cross(c), c.cross(a), a.cross(b)], heights }
+        SeenBlock { edges: [b.cross(c), c.cross(a), a.cross(b)], normal, heights }
     }
 
     #[inline(always)]
@@ -460,13 +462,17 @@ impl<S: Simd> SeenBlock<S> {
     #[inline(always)]
     fn meet(&self, simd: S, direction: Vec3, limit: f32) -> Meeting<S> {
         let [u, v, w] = [self.edges[0].product(direction), self.edges[1].product(direction), self.edges[2].product(direction)];
-        let determinant = u + v + w;
-        let sign = determinant.to_bits() & u32x8::splat(simd, 0x8000_0000);
+        let sum = u + v + w;
+        let sign = sum.to_bits() & u32x8::splat(simd, 0x8000_0000);
         let zero = f32x8::splat(simd, 0.0);
         let inside = changed(u, sign).min(changed(v, sign)).min(changed(w, sign)).simd_ge(zero);
-        let distance = self.heights / determinant;
+        if inside.to_bitmask() == 0 {
+            return Meeting { lanes: 0, distance: zero, v, w, sum };
+        }
+        // The sum of three would do, but most of it cancels out where a triangle is small and far away.
+        let distance = self.heights / self.normal.product(direction);
         let hits = inside & distance.simd_gt(zero) & distance.simd_le(f32x8::splat(simd, limit));
-        Meeting { lanes: hits.to_bitmask() as u32, distance, v, w, determinant }
+        Meeting { lanes: hits.to_bitmask() as u32, distance, v, w, sum }
     }
 }
 
@@ -475,8 +481,8 @@ impl<S: Simd> Meeting<S> {
         Candidate {
             triangle: block.first as usize + lane,
             distance: self.distance[lane],
-            barycentric: Vec2::new(self.v[lane], self.w[lane]) / self.determinant[lane],
-            front: self.determinant[lane] < 0.0,
+            barycentric: Vec2::new(self.v[lane], self.w[lane]) / self.sum[lane],
+            front: self.sum[lane] < 0.0,
         }
     }
 }

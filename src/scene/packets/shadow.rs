@@ -14,6 +14,8 @@ pub struct ShadowRays {
 pub enum Until {
     /// Up to just before the point that a direction ends at.
     TheirEnd,
+    /// From just beyond where they start up to that point: the light that they start at may lie on a surface.
+    FromLight,
     Forever,
 }
 
@@ -24,10 +26,12 @@ pub const ALMOST: f32 = 0.9999;
 #[derive(Default)]
 pub struct ToDo(Vec<Visit>);
 
-/// What holds all rays that have an end: multiples from 0 to `limit` of the vectors between two corners.
+/// What holds all rays that have an end: multiples up to `limit` of the vectors between two corners.
 struct Beam {
     middle: Vec3,
     half: Vec3,
+    /// What is nearer blocks nothing.
+    from: f32,
     limit: f32,
     /// 1 over the least and the largest component along each axis.
     inverse: [Vec3; 2],
@@ -37,12 +41,12 @@ struct Beam {
 const WIDER: f32 = 1e-5;
 
 impl Beam {
-    fn new(rays: &ShadowRays, scale: f32) -> Self {
+    fn new(rays: &ShadowRays, [from, limit]: [f32; 2], scale: f32) -> Self {
         let each = (0..RAYS).filter(|ray| rays.all & 1 << ray != 0).map(|ray| rays.directions[ray]);
         let [low, high] = each.fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], way| [low.min(way), high.max(way)]);
         let (middle, half) = (0.5 * scale * (low + high), 0.5 * scale * (high - low));
         let half = half + WIDER * (middle.abs() + half);
-        Self { middle, half, limit: ALMOST, inverse: [middle - half, middle + half].map(|corner| corner.map(inverse)) }
+        Self { middle, half, from, limit, inverse: [middle - half, middle + half].map(|corner| corner.map(inverse)) }
     }
 }
 
@@ -58,7 +62,8 @@ impl Packets {
         to_do.0.clear();
         to_do.0.push(Visit { near: 0.0, rays: rays.all, content: 0 });
         dispatch!(Level::new(), simd => match until {
-            Until::TheirEnd => walker.block_beam(simd, rays, &mut to_do.0),
+            Until::TheirEnd => walker.block_beam(simd, rays, [0.0, ALMOST], &mut to_do.0),
+            Until::FromLight => walker.block_beam(simd, rays, [1.0 - ALMOST, 1.0], &mut to_do.0),
             Until::Forever => walker.block(simd, rays, &mut to_do.0),
         })
     }
@@ -82,12 +87,12 @@ impl Walker<'_> {
         rays.all & !walk.all
     }
 
-    /// Rays to an emitter are near each other: all enter a child if their beam does.
+    /// Rays from or to a light are near each other: all enter a child if their beam does.
     #[inline(always)]
-    fn block_beam<S: Simd>(&self, simd: S, rays: &ShadowRays, to_do: &mut Vec<Visit>) -> u64 {
+    fn block_beam<S: Simd>(&self, simd: S, rays: &ShadowRays, span: [f32; 2], to_do: &mut Vec<Visit>) -> u64 {
         let scale = self.packets.scale;
-        let beam = Beam::new(rays, scale);
-        let mut walk = Rays { direction: rays.directions.map(|direction| direction * scale), all: rays.all, limit: [ALMOST; RAYS], ..Rays::none() };
+        let beam = Beam::new(rays, span, scale);
+        let mut walk = Rays { direction: rays.directions.map(|direction| direction * scale), all: rays.all, limit: [beam.limit; RAYS], ..Rays::none() };
         while let Some(visit) = to_do.pop() {
             if visit.content & LEAF != 0 {
                 self.block_in_leaf(simd, &visit, Some(&beam), &mut walk);
@@ -141,7 +146,10 @@ impl Walker<'_> {
             while left != 0 {
                 let ray = left.trailing_zeros() as usize % RAYS;
                 left &= left - 1;
-                let meeting = seen.meet(simd, rays.direction[ray], rays.limit[ray]);
+                let mut meeting = seen.meet(simd, rays.direction[ray], rays.limit[ray]);
+                if let Some(beam) = beam.filter(|_| meeting.lanes != 0) {
+                    meeting.lanes &= meeting.distance.simd_gt(f32x8::splat(simd, beam.from)).to_bitmask() as u32;
+                }
                 if meeting.lanes != 0 && (!block.has_holes || self.is_solid(block, &meeting)) {
                     rays.all &= !(1 << ray);
                 }
@@ -176,7 +184,7 @@ impl<S: Simd> SeenBlock<S> {
         let aside = least.simd_gt(zero) & most.simd_lt(zero);
         // Along the plane's normal, toward the plane.
         let sign = self.heights.to_bits() & u32x8::splat(simd, 0x8000_0000);
-        let toward = changed(middles[0] + middles[1] + middles[2], sign) + (spreads[0] + spreads[1] + spreads[2]);
+        let toward = changed(self.normal.product(beam.middle), sign) + self.normal.magnitude().product(beam.half);
         let before = (toward * beam.limit).simd_le(self.heights.abs() * (1.0 - WIDER));
         (aside | before).to_bitmask() as u32 == (1 << BLOCK) - 1
     }
@@ -185,8 +193,9 @@ impl<S: Simd> SeenBlock<S> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::random::{hash, unit};
     use crate::scene::{
-        Texture,
+        Texture, Triangle,
         bvh::{Bvh, tests::clutter},
     };
 
@@ -205,7 +214,7 @@ mod tests {
             let (mut rays, mut blocked, mut others) = (0, 0, 0);
             for (at, normal) in &places {
                 let origin = *at + *normal * surface_offset(scene.extent(), *at);
-                for until in [Until::TheirEnd, Until::Forever] {
+                for until in [Until::TheirEnd, Until::FromLight, Until::Forever] {
                     let point = |ray: usize| places[ray % places.len()].0;
                     let direction = |ray: usize| 0.5 * (point(7 * ray + 3) + point(5 * ray + 1)) - origin;
                     let directions = std::array::from_fn(|ray| if until == Until::Forever { direction(ray).normalize_or(*normal) } else { direction(ray) });
@@ -217,7 +226,8 @@ mod tests {
                         let found = hidden & 1 << ray != 0;
                         rays += 1;
                         blocked += found as u32;
-                        others += (bvh.occluded(&scene, origin, directions[ray], limit) != found) as u32;
+                        let from = if until == Until::FromLight { origin + (1.0 - ALMOST) * directions[ray] } else { origin };
+                        others += (bvh.occluded(&scene, from, directions[ray], limit) != found) as u32;
                     }
                 }
             }
@@ -227,5 +237,30 @@ mod tests {
                 "{others} of {rays} differ at scale {scale}, {blocked} blocked"
             );
         }
+    }
+
+    /// Rays that end just before small triangles far away are free, whatever way those face.
+    #[test]
+    fn small_lamps_far_away_do_not_hide_themselves() {
+        let number = |at: u32| 2.0 * unit(hash(at)) - 1.0;
+        let point = |at: u32| Vec3::new(number(3 * at), number(3 * at + 1), number(3 * at + 2));
+        let triangle = |at: u32| {
+            let corner = 10.0 * point(at).normalize();
+            Triangle { positions: [corner, corner + 0.01 * point(1000 + at), corner + 0.01 * point(2000 + at)], ..clutter(1.0).triangles[0] }
+        };
+        let mut scene = clutter(1.0);
+        scene.triangles = (0..400).map(triangle).collect();
+        let bvh = Bvh::build(&mut scene);
+        let (mut to_do, mut hidden) = (ToDo::default(), 0);
+        for some in scene.triangles.chunks(RAYS) {
+            let mut rays = ShadowRays { directions: [Vec3::ZERO; RAYS], all: 0 };
+            for (ray, triangle) in some.iter().enumerate() {
+                rays.directions[ray] = triangle.positions.iter().sum::<Vec3>() / 3.0;
+                rays.all |= 1 << ray;
+            }
+            hidden += bvh.packets(&scene).hidden(&scene, Vec3::ZERO, &rays, Until::TheirEnd, &mut to_do).count_ones();
+        }
+        // Some stand before others.
+        assert!(hidden < 3, "{hidden} of 400 are hidden");
     }
 }

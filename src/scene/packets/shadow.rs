@@ -37,6 +37,9 @@ struct Beam {
     inverse: [Vec3; 2],
 }
 
+/// Half the width that a narrow beam has at most, over its length.
+const NARROW: f32 = 0.5;
+
 /// Beams are wider by this share of their components than rounding may take.
 const WIDER: f32 = 1e-5;
 
@@ -47,6 +50,13 @@ impl Beam {
         let (middle, half) = (0.5 * scale * (low + high), 0.5 * scale * (high - low));
         let half = half + WIDER * (middle.abs() + half);
         Self { middle, half, from, limit, inverse: [middle - half, middle + half].map(|corner| corner.map(inverse)) }
+    }
+}
+
+impl Beam {
+    /// Whether its rays have much in common: a wide one goes almost everywhere.
+    fn is_narrow(&self) -> bool {
+        self.half.length_squared() <= (NARROW * NARROW) * self.middle.length_squared()
     }
 }
 
@@ -61,55 +71,61 @@ impl Packets {
         let walker = Walker { packets: self, scene, origin };
         to_do.0.clear();
         to_do.0.push(Visit { near: 0.0, rays: rays.all, content: 0 });
-        dispatch!(Level::new(), simd => match until {
-            Until::TheirEnd => walker.block_beam(simd, rays, [0.0, ALMOST], &mut to_do.0),
-            Until::FromLight => walker.block_beam(simd, rays, [1.0 - ALMOST, 1.0], &mut to_do.0),
-            Until::Forever => walker.block(simd, rays, &mut to_do.0),
+        let span = match until {
+            Until::TheirEnd => [0.0, ALMOST],
+            Until::FromLight => [1.0 - ALMOST, 1.0],
+            Until::Forever => [0.0, FAR_AWAY],
+        };
+        // Those without an end are as long as they are told to be, in extents.
+        let scale = if until == Until::Forever { 1.0 } else { self.scale };
+        let beam = Beam::new(rays, span, scale);
+        let walk = Rays { direction: rays.directions.map(|direction| direction * scale), all: rays.all, limit: [span[1]; RAYS], ..Rays::none() };
+        dispatch!(Level::new(), simd => match until != Until::Forever && beam.is_narrow() {
+            true => walker.block_beam(simd, walk, &beam, &mut to_do.0),
+            false => walker.block(simd, walk, span[0], &mut to_do.0),
         })
     }
 }
 
 impl Walker<'_> {
-    /// Rays to anywhere: each looks which children it enters.
+    /// Rays to anywhere: each looks which children it enters. A bit for each that is blocked beyond `from`.
     #[inline(always)]
-    fn block<S: Simd>(&self, simd: S, rays: &ShadowRays, to_do: &mut Vec<Visit>) -> u64 {
+    fn block<S: Simd>(&self, simd: S, mut walk: Rays, from: f32, to_do: &mut Vec<Visit>) -> u64 {
         // No child is nearer than another: whichever blocks a ray first will do.
-        let mut walk = Rays { direction: rays.directions, inverse: rays.directions.map(|direction| direction.map(inverse)), ..Rays::none() };
-        walk.all = rays.all;
+        let all = walk.all;
+        walk.inverse = walk.direction.map(|direction| direction.map(inverse));
         while let Some(mut visit) = to_do.pop() {
             visit.rays &= walk.all;
             if visit.content & LEAF == 0 {
                 self.enter(simd, &visit, &walk, to_do);
             } else {
-                self.block_in_leaf(simd, &visit, None, &mut walk);
+                self.block_in_leaf(simd, &visit, None, from, &mut walk);
             }
         }
-        rays.all & !walk.all
+        all & !walk.all
     }
 
-    /// Rays from or to a light are near each other: all enter a child if their beam does.
+    /// Rays that are near each other: all enter a child if their beam does.
     #[inline(always)]
-    fn block_beam<S: Simd>(&self, simd: S, rays: &ShadowRays, span: [f32; 2], to_do: &mut Vec<Visit>) -> u64 {
-        let scale = self.packets.scale;
-        let beam = Beam::new(rays, span, scale);
-        let mut walk = Rays { direction: rays.directions.map(|direction| direction * scale), all: rays.all, limit: [beam.limit; RAYS], ..Rays::none() };
+    fn block_beam<S: Simd>(&self, simd: S, mut walk: Rays, beam: &Beam, to_do: &mut Vec<Visit>) -> u64 {
+        let all = walk.all;
         while let Some(visit) = to_do.pop() {
             if visit.content & LEAF != 0 {
-                self.block_in_leaf(simd, &visit, Some(&beam), &mut walk);
+                self.block_in_leaf(simd, &visit, Some(beam), beam.from, &mut walk);
                 if walk.all == 0 {
                     break;
                 }
                 continue;
             }
             let node = &self.packets.nodes[visit.content as usize];
-            let mut slots = self.entered(simd, node, &beam);
+            let mut slots = self.entered(simd, node, beam);
             while slots != 0 {
                 let slot = slots.trailing_zeros() as usize % CHILDREN;
                 slots &= slots - 1;
                 to_do.push(Visit { content: node.contents[slot], ..visit });
             }
         }
-        rays.all & !walk.all
+        all & !walk.all
     }
 
     /// A bit for each child that a beam enters: there is a multiple at which it is beyond the near and not beyond the far side along each axis.
@@ -136,7 +152,7 @@ impl Walker<'_> {
     }
 
     #[inline(always)]
-    fn block_in_leaf<S: Simd>(&self, simd: S, visit: &Visit, beam: Option<&Beam>, rays: &mut Rays) {
+    fn block_in_leaf<S: Simd>(&self, simd: S, visit: &Visit, beam: Option<&Beam>, from: f32, rays: &mut Rays) {
         let mut place = (visit.content & !LEAF) as usize;
         loop {
             let block = &self.packets.blocks[place];
@@ -147,8 +163,8 @@ impl Walker<'_> {
                 let ray = left.trailing_zeros() as usize % RAYS;
                 left &= left - 1;
                 let mut meeting = seen.meet(simd, rays.direction[ray], rays.limit[ray]);
-                if let Some(beam) = beam.filter(|_| meeting.lanes != 0) {
-                    meeting.lanes &= meeting.distance.simd_gt(f32x8::splat(simd, beam.from)).to_bitmask() as u32;
+                if from > 0.0 && meeting.lanes != 0 {
+                    meeting.lanes &= meeting.distance.simd_gt(f32x8::splat(simd, from)).to_bitmask() as u32;
                 }
                 if meeting.lanes != 0 && (!block.has_holes || self.is_solid(block, &meeting)) {
                     rays.all &= !(1 << ray);

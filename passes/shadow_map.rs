@@ -3,7 +3,7 @@
 use crate::contract::encoder::shadow_taps;
 use crate::contract::{Arguments, Description, Encoder, MOST_BYTES, Need, Output, Parameter, ParameterKind, Pass, Port, PortKind, Refusal, port};
 use crate::math::frame::Frame;
-use crate::scene::{Bounds, Light, LightKind, SHADOW_GRID, Triangle, needs::Needs, shadow_half, shadow_layers, surface_offset};
+use crate::scene::{Bounds, Light, LightKind, Triangle, needs::Needs, shadow_grid, shadow_half, shadow_layers, surface_offset};
 use crate::schedule::*;
 use glam::{UVec2, Vec2, Vec3};
 
@@ -11,7 +11,7 @@ pub struct ShadowMap;
 
 static DESCRIPTION: Description = Description {
     name: "ShadowMap",
-    about: "Depth of the scene from every punctual light: six maps a point light, one a spot, sixteen side by side a directional light",
+    about: "Depth of the scene from every punctual light: six maps a point light, one a spot, up to sixteen side by side a directional light",
     source: "THESIS section 4.6 (1024² with 16-tap percentage-closer filtering)",
     parameters: &[
         Parameter { name: "resolution", about: "edge of a map", unit: "texels", kind: ParameterKind::Integer { default: 1024, min: 16, max: 8192 } },
@@ -42,8 +42,9 @@ impl Pass for ShadowMap {
         let resolution = e.arguments.integer("resolution") as u32;
         let taps = shadow_taps(e.arguments)?;
         let lights = &e.setting.scene.lights;
+        let grid = shadow_grid(lights);
         // Lights with the sides of their cubes, in the order of the layers.
-        let views: Vec<[u32; 2]> = (0..).zip(lights).flat_map(|(light, about)| (0..shadow_layers(about)).map(move |map| [light, map])).collect();
+        let views: Vec<[u32; 2]> = (0..).zip(lights).flat_map(|(light, about)| (0..shadow_layers(about, grid)).map(move |map| [light, map])).collect();
         let maps = Maps::new(e, resolution, views.len().max(1) as u32);
         if views.is_empty() {
             // Kept for a scene without shadows: a map that no light looks up.
@@ -54,7 +55,7 @@ impl Pass for ShadowMap {
         for (layer, [light, map]) in (0..).zip(views) {
             let instance = light * MAPS + map;
             let draw = |vertices| Draw { rectangle: None, vertices, is_indexed: false, instances: [instance, instance + 1] };
-            let seen = chunks.seen(&lights[light as usize], map);
+            let seen = chunks.seen(&lights[light as usize], map, grid);
             e.command(Command::Raster(Raster {
                 program: Program::new("shadow_map").constant("SHADOW_RESOLUTION", resolution),
                 vertex: "vertex",
@@ -124,10 +125,12 @@ impl Chunks {
     }
 
     /// Ranges of triangles that a light's map may see: what reaches into the quarter turn of a cube's side or stands before a place of a grid, or all.
-    fn seen(&self, light: &Light, map: u32) -> Vec<[u32; 2]> {
-        match (light.kind, shadow_layers(light)) {
+    fn seen(&self, light: &Light, map: u32, grid: u32) -> Vec<[u32; 2]> {
+        match (light.kind, shadow_layers(light, grid)) {
             (LightKind::Point { position, .. } | LightKind::Spot { position, .. }, 6) => self.ranges(|bounds| self.is_on_side(bounds, position, map)),
-            (LightKind::Directional { direction, .. }, _) => self.ranges(|bounds| self.is_in_grid(bounds, shadow_half(light, &self.all), direction, map)),
+            (LightKind::Directional { direction, .. }, _) => {
+                self.ranges(|bounds| self.is_in_grid(bounds, shadow_half(light, &self.all, grid), direction, [map % grid, map / grid], grid))
+            }
             _ => vec![[0, self.triangles]],
         }
     }
@@ -140,12 +143,12 @@ impl Chunks {
         Vec3::ZERO.clamp(low, high).abs().max_element() <= depth * 1.001 + surface_offset(self.all.diagonal(), position)
     }
 
-    fn is_in_grid(&self, bounds: &Bounds, half: Vec2, direction: Vec3, place: u32) -> bool {
+    fn is_in_grid(&self, bounds: &Bounds, half: Vec2, direction: Vec3, place: [u32; 2], grid: u32) -> bool {
         let frame = Frame::new(direction);
         let (middle, size) = (bounds.centre() - self.all.centre(), 0.5 * (bounds.max - bounds.min));
         let along = |axis: Vec3| (axis.dot(middle), axis.abs().dot(size));
         let [across, up] = [along(frame.bitangent), along(frame.tangent)];
-        let centre = (2.0 * UVec2::new(place % SHADOW_GRID, place / SHADOW_GRID).as_vec2() + 1.0 - SHADOW_GRID as f32) * half;
+        let centre = (2.0 * UVec2::from(place).as_vec2() + 1.0 - grid as f32) * half;
         let is_near = |(at, reach): (f32, f32), centre: f32, half: f32| (at - centre).abs() <= (reach + half) * 1.001;
         is_near(across, centre.x, half.x) && is_near(up, centre.y, half.y)
     }
@@ -196,7 +199,7 @@ mod tests {
             let position = Vec3::from(place) + offset;
             let light = Light { name: "light".into(), kind: LightKind::Point { position, intensity: Vec3::ONE }, shadows: true };
             let chunks = Chunks::new(&triangles);
-            let sides: Vec<_> = (0..6).map(|face| chunks.seen(&light, face)).collect();
+            let sides: Vec<_> = (0..6).map(|face| chunks.seen(&light, face, 4)).collect();
             for (index, triangle) in (0..).zip(&triangles) {
                 let [a, b, c] = triangle.positions;
                 for point in [a, b, c, (a + b) / 2.0, (b + c) / 2.0, (a + b + c) / 3.0] {
@@ -205,8 +208,8 @@ mod tests {
                 }
             }
             let sun = Light { kind: LightKind::Directional { direction: Vec3::from(place).normalize_or(Vec3::X), irradiance: Vec3::ONE }, ..light.clone() };
-            let places: Vec<_> = (0..16).map(|map| chunks.seen(&sun, map)).collect();
-            let (half, frame) = (shadow_half(&sun, &chunks.all), Frame::new(sun_direction(&sun)));
+            let places: Vec<_> = (0..16).map(|map| chunks.seen(&sun, map, 4)).collect();
+            let (half, frame) = (shadow_half(&sun, &chunks.all, 4), Frame::new(sun_direction(&sun)));
             for (index, triangle) in (0..).zip(&triangles) {
                 for point in triangle.positions {
                     let beside = Vec2::new(frame.bitangent.dot(point - chunks.all.centre()), frame.tangent.dot(point - chunks.all.centre())) / half;
@@ -245,7 +248,7 @@ mod ranges {
         let position = Vec3::new(0.5, -0.25, 2.0);
         let chunks = chunks(&around.map(|way| position + 3.0 * way));
         for face in 0..6 {
-            assert_eq!(chunks.seen(&point(position), face), [[face * CHUNK, (face + 1) * CHUNK]]);
+            assert_eq!(chunks.seen(&point(position), face, 4), [[face * CHUNK, (face + 1) * CHUNK]]);
         }
     }
 
@@ -253,30 +256,30 @@ mod ranges {
     fn chunks_side_by_side_are_drawn_as_one() {
         let [right, left] = [Vec3::X, Vec3::NEG_X];
         let chunks = chunks(&[right, right, left, right, left, left]);
-        assert_eq!(chunks.seen(&point(Vec3::ZERO), 0), [[0, 2 * CHUNK], [3 * CHUNK, 4 * CHUNK]]);
-        assert_eq!(chunks.seen(&point(Vec3::ZERO), 1), [[2 * CHUNK, 3 * CHUNK], [4 * CHUNK, 6 * CHUNK]]);
+        assert_eq!(chunks.seen(&point(Vec3::ZERO), 0, 4), [[0, 2 * CHUNK], [3 * CHUNK, 4 * CHUNK]]);
+        assert_eq!(chunks.seen(&point(Vec3::ZERO), 1, 4), [[2 * CHUNK, 3 * CHUNK], [4 * CHUNK, 6 * CHUNK]]);
         // What the light is in is on all sides.
         let chunks = self::chunks(&[Vec3::ZERO]);
-        assert!((0..6).all(|face| chunks.seen(&point(Vec3::splat(0.001)), face) == [[0, CHUNK]]));
+        assert!((0..6).all(|face| chunks.seen(&point(Vec3::splat(0.001)), face, 4) == [[0, CHUNK]]));
     }
 
     #[test]
     fn the_last_chunk_ends_with_the_triangles() {
         let mut chunks = chunks(&[Vec3::X, Vec3::X]);
         chunks.triangles -= 3;
-        assert_eq!(chunks.seen(&point(Vec3::ZERO), 0), [[0, 2 * CHUNK - 3]]);
+        assert_eq!(chunks.seen(&point(Vec3::ZERO), 0, 4), [[0, 2 * CHUNK - 3]]);
     }
 
     #[test]
     fn maps_of_one_side_see_all() {
         let chunks = chunks(&[Vec3::X, Vec3::NEG_X]);
         let directional = Light { kind: LightKind::Directional { direction: Vec3::X, irradiance: Vec3::ONE }, ..point(Vec3::ZERO) };
-        assert_eq!(chunks.seen(&directional, 0), [[0, 2 * CHUNK]]);
+        assert_eq!(chunks.seen(&directional, 0, 1), [[0, 2 * CHUNK]]);
         let spot = |outer: f32| Light {
             kind: LightKind::Spot { position: Vec3::ZERO, direction: Vec3::X, intensity: Vec3::ONE, inner: 0.1, outer },
             ..point(Vec3::ZERO)
         };
-        assert_eq!(chunks.seen(&spot(0.3), 0), [[0, 2 * CHUNK]]);
-        assert_eq!(chunks.seen(&spot(1.5), 0), [[0, CHUNK]]);
+        assert_eq!(chunks.seen(&spot(0.3), 0, 4), [[0, 2 * CHUNK]]);
+        assert_eq!(chunks.seen(&spot(1.5), 0, 4), [[0, CHUNK]]);
     }
 }

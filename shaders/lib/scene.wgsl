@@ -70,8 +70,6 @@ struct SceneLamps {
 @group(1) @binding(6) var<uniform> scene_first_lights: array<SceneLight, FIRST_LIGHTS>;
 
 const FIRST_LIGHTS = 4u;
-// Maps along an edge of the grid of a directional light.
-const SHADOW_GRID = 4u;
 const TWO_SIDED = 1u;
 const HOLES = 2u;
 const TEXTURED = 4u;

@@ -9,7 +9,7 @@ use crate::scene::{
         Emission,
         tree::{Group, Next, most_groups},
     },
-    shadow_half, shadow_layers,
+    shadow_grid, shadow_half, shadow_layers,
     sky::Suns,
 };
 use crate::schedule::{Format, HostLayout, ResourceKind, SceneData};
@@ -335,12 +335,12 @@ fn albedos(scene: &Scene) -> Vec<SceneMaterial> {
 }
 
 fn lights(scene: &Scene) -> Vec<SceneLight> {
-    let (mut layer, bounds) = (0, scene.bounds());
+    let (mut layer, bounds, grid) = (0, scene.bounds(), shadow_grid(&scene.lights));
     scene
         .lights
         .iter()
         .map(|light| {
-            let layers = shadow_layers(light);
+            let layers = shadow_layers(light, grid);
             let (position, direction, intensity, angles) = match light.kind {
                 LightKind::Point { position, intensity } => (position, Vec3::ZERO, intensity, [0.0, 0.0]),
                 LightKind::Spot { position, direction, intensity, inner, outer } => (position, direction, intensity, [inner.cos(), outer.cos()]),
@@ -356,7 +356,7 @@ fn lights(scene: &Scene) -> Vec<SceneLight> {
                 cos_inner: angles[0],
                 cos_outer: angles[1],
                 shadow_layers: layers,
-                shadow_half: shadow_half(light, &bounds).into(),
+                shadow_half: shadow_half(light, &bounds, grid).into(),
             }
         })
         .collect()

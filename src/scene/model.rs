@@ -437,30 +437,38 @@ pub fn surface_offset(extent: f32, point: Vec3) -> f32 {
 pub const OFFSET_OF_EXTENT: f32 = 2e-6;
 pub const OFFSET_OF_SIZE: f32 = 4e-7;
 
-/// Layers of the shadow maps that a light takes: six for a point light or a wide spot, one for another spot, a grid of them for a directional light; none without
-/// shadows.
-pub fn shadow_layers(light: &Light) -> u32 {
+/// Layers of the shadow maps that a light takes: six for a point light or a wide spot, one for another spot, a [`shadow_grid`] of them for a directional light; none
+/// without shadows.
+pub fn shadow_layers(light: &Light, grid: u32) -> u32 {
     match light.kind {
         _ if !light.shadows => 0,
         LightKind::Point { .. } => 6,
         LightKind::Spot { outer, .. } if outer > WIDE_SPOT => 6,
         LightKind::Spot { .. } => 1,
-        LightKind::Directional { .. } => SHADOW_GRID * SHADOW_GRID,
+        LightKind::Directional { .. } => grid * grid,
     }
 }
 
-/// Maps along an edge of the grid of a directional light, which has all of the scene on it.
-pub const SHADOW_GRID: u32 = 4;
+/// Maps along an edge of the grid of each directional light, which has all of the scene on it: as many as leave room for those of all lights.
+pub fn shadow_grid(lights: &[Light]) -> u32 {
+    let layers = |grid: u32| lights.iter().map(|light| shadow_layers(light, grid)).sum::<u32>();
+    (2..=FINEST_GRID).rev().find(|grid| layers(*grid) <= MOST_LAYERS).unwrap_or(1)
+}
+
+const FINEST_GRID: u32 = 4;
+
+/// Of 1024² texels: what a buffer holds on every device.
+const MOST_LAYERS: u32 = 32;
 
 /// Half the width and height of each of a light's shadow maps: at distance 1 where it is perspective, in scene units where it is not.
-pub fn shadow_half(light: &Light, bounds: &Bounds) -> Vec2 {
+pub fn shadow_half(light: &Light, bounds: &Bounds, grid: u32) -> Vec2 {
     match light.kind {
         LightKind::Directional { direction, .. } => {
             let (frame, size) = (Frame::new(direction), 0.505 * (bounds.max - bounds.min).max(Vec3::ZERO));
             let across = Vec2::new(frame.bitangent.abs().dot(size), frame.tangent.abs().dot(size));
-            across.max(Vec2::splat(1e-3 * bounds.diagonal())) / SHADOW_GRID as f32
+            across.max(Vec2::splat(1e-3 * bounds.diagonal())) / grid as f32
         }
-        LightKind::Spot { outer, .. } if shadow_layers(light) == 1 => Vec2::splat(outer.tan() * 1.01),
+        LightKind::Spot { outer, .. } if shadow_layers(light, grid) == 1 => Vec2::splat(outer.tan() * 1.01),
         _ => Vec2::ONE,
     }
 }

@@ -1,6 +1,6 @@
 //! What a scene requires of a pipeline.
 
-use super::{Light, Material, Scene, Triangle, shadow_layers, sky::Suns};
+use super::{Light, Material, Scene, Triangle, shadow_grid, shadow_layers, sky::Suns};
 
 /// The facts that decide which passes and which parts of shaders stay.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -45,7 +45,10 @@ impl Needs {
         Self {
             triangles: scene.triangles.len() as u32,
             punctual_lights: Some(scene.lights.len() as u32),
-            light_kinds: (0..8).zip(&scene.lights).map(|(index, light)| (light.kind.number() | shadows(light) << 2) << (4 * index)).sum(),
+            light_kinds: (0..8)
+                .zip(&scene.lights)
+                .map(|(index, light)| (light.kind.number() | shadows(light, shadow_grid(&scene.lights)) << 2) << (4 * index))
+                .sum(),
             shadowed_lights: scene.lights.iter().filter(|l| l.shadows).count() as u32,
             emissive_triangles: scene.triangles.iter().filter(|t| scene.materials[t.material as usize].emits()).count() as u32,
             environment: !scene.environment.is_black(),
@@ -95,8 +98,8 @@ impl Needs {
     }
 }
 
-fn shadows(light: &Light) -> u32 {
-    match shadow_layers(light) {
+fn shadows(light: &Light, grid: u32) -> u32 {
+    match shadow_layers(light, grid) {
         0 => 0,
         1 => 1,
         6 => 2,

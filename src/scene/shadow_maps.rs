@@ -1,6 +1,6 @@
 //! Shadow maps as the host looks them up: `shaders/lib/visibility/shadow_maps.wgsl` has the twin.
 
-use super::{Bounds, Light, LightKind, OFFSET_OF_EXTENT, OFFSET_OF_SIZE, SHADOW_GRID, Scene, shadow_half, shadow_layers, shadow_range};
+use super::{Bounds, Light, LightKind, OFFSET_OF_EXTENT, OFFSET_OF_SIZE, Scene, shadow_grid, shadow_half, shadow_layers, shadow_range};
 use crate::math::{
     frame::Frame,
     random::{hashes, units},
@@ -40,6 +40,7 @@ enum Which {
     InGrid {
         middle: Vec3,
         axes: [Vec3; 2],
+        grid: u32,
     },
 }
 
@@ -72,21 +73,21 @@ pub struct Receivers<S: Simd> {
 impl ShadowCameras {
     /// Of each light of a scene.
     pub fn all(scene: &Scene) -> Vec<Self> {
-        let bounds = scene.bounds();
+        let (bounds, grid) = (scene.bounds(), shadow_grid(&scene.lights));
         let mut layer = 0;
         let cameras = scene.lights.iter().map(|light| {
-            let layers = shadow_layers(light);
+            let layers = shadow_layers(light, grid);
             layer += layers;
-            Self::of(light, &bounds, layer - layers)
+            Self::of(light, &bounds, grid, layer - layers)
         });
         cameras.collect()
     }
 
-    fn of(light: &Light, bounds: &Bounds, first_layer: u32) -> Self {
-        let cameras: Vec<_> = (0..shadow_layers(light)).map(|map| ShadowCamera::new(light, map, bounds)).collect();
+    fn of(light: &Light, bounds: &Bounds, grid: u32, first_layer: u32) -> Self {
+        let cameras: Vec<_> = (0..shadow_layers(light, grid)).map(|map| ShadowCamera::new(light, map, bounds, grid)).collect();
         let which = match (light.kind, cameras.first()) {
             (LightKind::Directional { .. }, Some(first)) => {
-                Which::InGrid { middle: bounds.centre(), axes: [first.right / first.half.x, first.up / first.half.y] }
+                Which::InGrid { middle: bounds.centre(), axes: [first.right / first.half.x, first.up / first.half.y], grid }
             }
             (LightKind::Point { position, .. } | LightKind::Spot { position, .. }, Some(_)) if cameras.len() == 6 => Which::Side(position),
             _ => Which::TheOne,
@@ -100,11 +101,11 @@ impl ShadowCameras {
         match self.which {
             Which::TheOne => [0.0; LANES],
             Which::Side(position) => sides(simd, points.minus(Vectors::splat(simd, position))),
-            Which::InGrid { middle, axes } => {
+            Which::InGrid { middle, axes, grid } => {
                 let d = points.minus(Vectors::splat(simd, middle));
-                let (zero, last) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, (SHADOW_GRID - 1) as f32));
-                let [column, row] = axes.map(|axis| ((d.product(axis) + SHADOW_GRID as f32) * 0.5).floor().max(zero).min(last));
-                (row * SHADOW_GRID as f32 + column).to_array()
+                let (zero, last) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, (grid - 1) as f32));
+                let [column, row] = axes.map(|axis| ((d.product(axis) + grid as f32) * 0.5).floor().max(zero).min(last));
+                (row * grid as f32 + column).to_array()
             }
         }
     }
@@ -128,18 +129,18 @@ fn cube_axis(face: u32) -> Vec3 {
 
 impl ShadowCamera {
     /// Of one of a light's maps.
-    fn new(light: &Light, map: u32, bounds: &Bounds) -> Self {
-        let (half, extent) = (shadow_half(light, bounds), bounds.diagonal());
+    fn new(light: &Light, map: u32, bounds: &Bounds, grid: u32) -> Self {
+        let (half, extent) = (shadow_half(light, bounds, grid), bounds.diagonal());
         let (near, range) = (1e-5 * extent, shadow_range(extent));
         let (origin, forward, projection) = match light.kind {
             LightKind::Directional { direction, .. } => (bounds.centre() - direction * (0.5 * range), direction, Projection::Orthographic { range }),
             LightKind::Point { position, .. } => (position, Vec3::ZERO, Projection::Perspective { near }),
             LightKind::Spot { position, direction, .. } => (position, direction, Projection::Perspective { near }),
         };
-        let frame = Frame::new(if shadow_layers(light) == 6 { cube_axis(map) } else { forward });
+        let frame = Frame::new(if shadow_layers(light, grid) == 6 { cube_axis(map) } else { forward });
         let beside = match projection {
             Projection::Perspective { .. } => Vec2::ZERO,
-            Projection::Orthographic { .. } => (2.0 * UVec2::new(map % SHADOW_GRID, map / SHADOW_GRID).as_vec2() + 1.0 - SHADOW_GRID as f32) * half,
+            Projection::Orthographic { .. } => (2.0 * UVec2::new(map % grid, map / grid).as_vec2() + 1.0 - grid as f32) * half,
         };
         let origin = origin + frame.bitangent * beside.x + frame.tangent * beside.y;
         Self { origin, right: frame.bitangent, up: frame.tangent, forward: frame.normal, half, projection }
@@ -328,9 +329,9 @@ mod tests {
     /// many widths of a texel.
     fn visible(kind: LightKind, taps: i32, distance: f32, widths: f32) -> [f32; LANES] {
         let light = Light { name: "light".into(), kind, shadows: true };
-        let layers = shadow_layers(&light);
+        let layers = shadow_layers(&light, 4);
         let bounds = Bounds { min: Vec3::splat(-EXTENT), max: Vec3::splat(EXTENT) };
-        let cameras = ShadowCameras::of(&light, &bounds, 0);
+        let cameras = ShadowCameras::of(&light, &bounds, 4, 0);
         // The side below, or the place beside the middle of the grid.
         let camera = &cameras.cameras[match layers {
             6 => 3,
@@ -373,6 +374,18 @@ mod tests {
                     assert!(found.iter().all(|found| (found - expected).abs() < 1e-5), "{kind:?} by {taps} taps, {widths} texels away: {found:?}");
                 }
             }
+        }
+    }
+
+    /// Maps of all lights have room, those of directional lights as fine as it allows.
+    #[test]
+    fn grids_leave_room_for_all_lights() {
+        let light = |kind| Light { name: String::new(), kind, shadows: true };
+        let sun = || light(LightKind::Directional { direction: Vec3::NEG_Y, irradiance: Vec3::ONE });
+        let point = || light(LightKind::Point { position: Vec3::ZERO, intensity: Vec3::ONE });
+        for (suns, points, grid) in [(0, 2, 4), (1, 0, 4), (2, 0, 4), (1, 2, 4), (1, 3, 3), (3, 0, 3), (4, 0, 2), (8, 0, 2), (9, 0, 1), (1, 9, 1)] {
+            let lights: Vec<Light> = (0..suns).map(|_| sun()).chain((0..points).map(|_| point())).collect();
+            assert_eq!(shadow_grid(&lights), grid, "{suns} suns and {points} points");
         }
     }
 }

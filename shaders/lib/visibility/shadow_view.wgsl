@@ -33,13 +33,19 @@ fn cube_face(d: vec3f) -> u32 {
     return select(5u, 4u, d.z > 0.0);
 }
 
+// Maps along an edge of a directional light's grid.
+fn shadow_grid(light: SceneLight) -> u32 {
+    return u32(sqrt(f32(light.shadow_layers)) + 0.5);
+}
+
 // Place in a directional light's grid that a position falls on, row by row.
 fn grid_place(light: SceneLight, position: vec3f) -> u32 {
     let frame = frame_around(light.direction, 0.0);
     let d = position - scene_parameters.centre;
     let across = vec2f(dot(d, frame[1]), dot(d, frame[0])) / light.shadow_half;
-    let place = vec2u(clamp(floor(0.5 * (across + f32(SHADOW_GRID))), vec2f(0.0), vec2f(f32(SHADOW_GRID) - 1.0)));
-    return place.y * SHADOW_GRID + place.x;
+    let grid = shadow_grid(light);
+    let place = vec2u(clamp(floor(0.5 * (across + f32(grid))), vec2f(0.0), vec2f(f32(grid) - 1.0)));
+    return place.y * grid + place.x;
 }
 
 // Which of a light's maps shows a position.
@@ -70,7 +76,8 @@ fn shadow_view(light: SceneLight, face: u32) -> ShadowView {
     view.up = frame[0];
     if light.kind == 2u {
         view.range = 1.01 * scene_parameters.extent;
-        let place = (2.0 * vec2f(vec2u(face % SHADOW_GRID, face / SHADOW_GRID)) + 1.0 - f32(SHADOW_GRID)) * view.half;
+        let grid = shadow_grid(light);
+        let place = (2.0 * vec2f(vec2u(face % grid, face / grid)) + 1.0 - f32(grid)) * view.half;
         view.origin = scene_parameters.centre - light.direction * (0.5 * view.range) + view.right * place.x + view.up * place.y;
     }
     return view;

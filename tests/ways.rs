@@ -512,7 +512,11 @@ fn seen(stage: &Stage, shape: &str, by: &str) -> Result<Vec<[f32; 4]>, Failed> {
 
 fn rays_agree(stage: &Stage) -> Outcome {
     let holed = Stage::with_holes()?;
-    for (stage, shape) in [(stage, "Hemispherical"), (stage, "Hemicube"), (stage, "Concentric"), (&holed, "Hemispherical"), (&holed, "Cosine")] {
+    // One of how many samples may have other light. Of the stage with holes every third triangle is a lamp, in the surfaces that it lights: rounding moves the points of
+    // lamps as near as that, and which of them is chosen, but not what all of them give.
+    for (stage, shape, one_of) in
+        [(stage, "Hemispherical", 200), (stage, "Hemicube", 200), (stage, "Concentric", 200), (&holed, "Hemispherical", 5), (&holed, "Cosine", 5)]
+    {
         let [device, host] = [seen(stage, shape, "Device")?, seen(stage, shape, "Host")?];
         let same = || device.iter().zip(&host).filter(|(a, b)| (a[3] - b[3]).abs() <= 1e-4 * a[3].max(b[3]));
         let apart = device.len() - same().count();
@@ -521,7 +525,9 @@ fn rays_agree(stage: &Stage) -> Outcome {
         let brightest = device.iter().flat_map(|a| a[..3].to_vec()).fold(0.0, f32::max);
         let lit_apart = same().filter(|(a, b)| (0..3).any(|c| (a[c] - b[c]).abs() > 2e-3 * a[c].max(b[c]) + 1e-5 * brightest)).count();
         println!("{shape}: {lit_apart} of {} have other light, of {brightest} at most", same().count());
-        check(brightest > 0.0 && lit_apart * 200 < same().count(), || format!("{shape}: {lit_apart} of {} samples have other light", same().count()))?;
+        check(brightest > 0.0 && lit_apart * one_of < same().count(), || format!("{shape}: {lit_apart} of {} samples have other light", same().count()))?;
+        let [by_device, by_host] = same().fold([0.0f64; 2], |[device, host], (a, b)| [device + f64::from(a[0]), host + f64::from(b[0])]);
+        check((by_device / by_host - 1.0).abs() < 0.03, || format!("{shape}: the host has {by_host} of light, the device {by_device}"))?;
         // Rays that pass by an edge, or where two surfaces touch.
         check(device.len() > 5000 && apart * 500 < device.len(), || format!("{shape}: {apart} of {} samples see something else", device.len()))?;
     }

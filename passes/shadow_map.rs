@@ -3,9 +3,9 @@
 use crate::contract::encoder::shadow_taps;
 use crate::contract::{Arguments, Description, Encoder, MOST_BYTES, Need, Output, Parameter, ParameterKind, Pass, Port, PortKind, Refusal, port};
 use crate::math::frame::Frame;
-use crate::scene::{Bounds, Light, LightKind, Triangle, needs::Needs, shadow_grid, shadow_half, shadow_layers, surface_offset};
+use crate::scene::{Bounds, Light, LightKind, Triangle, needs::Needs, place_in_grid, shadow_grid, shadow_half, shadow_layers, surface_offset};
 use crate::schedule::*;
-use glam::{UVec2, Vec2, Vec3};
+use glam::{Vec2, Vec3};
 
 pub struct ShadowMap;
 
@@ -129,7 +129,8 @@ impl Chunks {
         match (light.kind, shadow_layers(light, grid)) {
             (LightKind::Point { position, .. } | LightKind::Spot { position, .. }, 6) => self.ranges(|bounds| self.is_on_side(bounds, position, map)),
             (LightKind::Directional { direction, .. }, _) => {
-                self.ranges(|bounds| self.is_in_grid(bounds, shadow_half(light, &self.all, grid), direction, [map % grid, map / grid], grid))
+                let half = shadow_half(light, &self.all, grid);
+                self.ranges(|bounds| self.is_in_grid(bounds, direction, place_in_grid(map, half, grid), half))
             }
             _ => vec![[0, self.triangles]],
         }
@@ -143,12 +144,11 @@ impl Chunks {
         Vec3::ZERO.clamp(low, high).abs().max_element() <= depth * 1.001 + surface_offset(self.all.diagonal(), position)
     }
 
-    fn is_in_grid(&self, bounds: &Bounds, half: Vec2, direction: Vec3, place: [u32; 2], grid: u32) -> bool {
+    fn is_in_grid(&self, bounds: &Bounds, direction: Vec3, centre: Vec2, half: Vec2) -> bool {
         let frame = Frame::new(direction);
         let (middle, size) = (bounds.centre() - self.all.centre(), 0.5 * (bounds.max - bounds.min));
         let along = |axis: Vec3| (axis.dot(middle), axis.abs().dot(size));
         let [across, up] = [along(frame.bitangent), along(frame.tangent)];
-        let centre = (2.0 * UVec2::from(place).as_vec2() + 1.0 - grid as f32) * half;
         let is_near = |(at, reach): (f32, f32), centre: f32, half: f32| (at - centre).abs() <= (reach + half) * 1.001;
         is_near(across, centre.x, half.x) && is_near(up, centre.y, half.y)
     }

@@ -8,14 +8,13 @@ use crate::scene::{
     bvh::Bvh,
     emitters::Emitters,
     packets::{RAYS, ShadowRays, ToDo, Until},
-    surface::{Gloss, Ray, Surface},
+    surface::{Ray, Surface},
     surface_offset,
 };
 use crate::schedule::*;
 use fearless_simd::{Level, dispatch};
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
-use std::f32::consts::FRAC_1_PI;
 
 /// Edge of the squares of pixels that are lit together [pixels].
 const EDGE: u32 = 8;
@@ -51,8 +50,7 @@ pub(super) fn encode(e: &mut Encoder<'_>, gbuffer: &port::GBuffer, by: By) -> Re
         let surface = |[x, y]: [u32; 2]| {
             let triangle = seen[(y * width + x) as usize].checked_sub(1)?;
             let ray = Ray { origin: camera.eye, direction: camera.pixel_ray(size, [x, y]) };
-            let barycentric = scene.triangles[triangle as usize].barycentric(ray);
-            Some(if by_albedo { scene.diffuse_surface(triangle, barycentric, ray) } else { scene.surface(triangle, barycentric, ray) })
+            Some(scene.seen(triangle, ray, !by_albedo))
         };
         let mut sums = vec![Vec4::ZERO; seen.len()];
         let bands = sums.par_chunks_mut((EDGE * width) as usize).enumerate();
@@ -112,12 +110,9 @@ impl Lighting<'_> {
         let mut reflected = [Vec3::ZERO; RAYS];
         let mut rays = ShadowRays { directions: [Vec3::ZERO; RAYS], all: 0 };
         for (ray, Seen { surface, .. }) in seen.iter().enumerate() {
-            let Some((toward, _, irradiance)) = light.kind.toward(surface.position) else { continue };
-            let cosine = surface.normal.dot(toward);
-            if cosine > 0.0 && surface.face.dot(toward) > 0.0 {
-                reflected[ray] = irradiance.as_vec3() * cosine * response(surface, toward);
-                rays.all |= u64::from(reflected[ray].max_element() > 0.0) << ray;
-            }
+            let Some((_, _, light)) = surface.reflected(&light.kind, surface.position) else { continue };
+            reflected[ray] = light;
+            rays.all |= 1 << ray;
         }
         let hidden = if light.shadows { self.hidden(&light.kind, seen, &mut rays, to_do) } else { 0 };
         for (ray, seen) in seen.iter_mut().enumerate().filter(|(ray, _)| rays.all & !hidden & 1 << ray != 0) {
@@ -143,10 +138,4 @@ impl Lighting<'_> {
             }
         }
     }
-}
-
-/// What is reflected toward the eye of light from a unit direction [1/sr].
-fn response(surface: &Surface, toward: Vec3) -> Vec3 {
-    let lobe = |Gloss { lobe, frame, outgoing }: Gloss| lobe.value(outgoing, frame.to_local(toward));
-    surface.reflectance * FRAC_1_PI + surface.glossy.map_or(Vec3::ZERO, lobe)
 }

@@ -249,8 +249,7 @@ impl Shading<'_> {
         for (index, other) in others.iter_mut().enumerate() {
             let Some(number) = hits.triangles[index].checked_sub(1).filter(|_| hits.samples[index] != u32::MAX) else { continue };
             let ray = Ray { origin: hits.origin, direction: hits.directions[index] };
-            let barycentric = self.scene.triangles[number as usize].barycentric(ray);
-            let surface = if self.lighting.lobes { self.scene.surface(number, barycentric, ray) } else { self.scene.diffuse_surface(number, barycentric, ray) };
+            let surface = self.scene.seen(number, ray, self.lighting.lobes);
             let seed = combine(self.places[hits.view].turn.to_bits(), hits.samples[index]);
             let emitted = if self.lighting.sees.emission { self.emitted(number, ray.direction) } else { Vec3::ZERO };
             let lit = self.lit(&surface);
@@ -445,8 +444,8 @@ fn reflectances<S: Simd>(simd: S, others: &[Other]) -> Vectors<S> {
 fn reflect_by_lobes<S: Simd>(others: &mut [Other], ways: Vectors<S>, received: f32x8<S>, intensity: Rgb) {
     let (x, y, z, received) = (ways.x.to_array(), ways.y.to_array(), ways.z.to_array(), received.to_array());
     for (lane, other) in others.iter_mut().enumerate().filter(|(lane, _)| received[*lane] > 0.0) {
-        if let Some(Gloss { lobe, frame, outgoing }) = other.gloss {
-            other.light += intensity * received[lane] * lobe.value(outgoing, frame.to_local(Vec3::new(x[lane], y[lane], z[lane])));
+        if let Some(gloss) = other.gloss {
+            other.light += intensity * received[lane] * gloss.value(Vec3::new(x[lane], y[lane], z[lane]));
         }
     }
 }

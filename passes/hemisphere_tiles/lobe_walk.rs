@@ -73,14 +73,9 @@ impl Shading<'_> {
         let origin = at.start(self.extent);
         let mut light = self.emitters.light(simd, &lit, seed, to_do);
         for source in &self.scene.lights {
-            let Some((way, distance, irradiance)) = source.kind.toward(origin) else { continue };
-            let cosine = at.normal.dot(way);
-            if cosine <= 0.0 || at.face.dot(way) <= 0.0 || irradiance == glam::DVec3::ZERO {
-                continue;
-            }
+            let Some((way, distance, reflected)) = lit.reflected(&source.kind, origin) else { continue };
             if !(source.shadows && self.bvh.occluded(self.scene, origin, way, ALMOST * distance)) {
-                let lobe = lit.glossy.map_or(Vec3::ZERO, |gloss| gloss.lobe.value(gloss.outgoing, gloss.frame.to_local(way)));
-                light += irradiance.as_vec3() * cosine * (at.reflectance * FRAC_1_PI + lobe);
+                light += reflected;
             }
         }
         light

@@ -288,11 +288,6 @@ fn in_sky(direction: vec3f) -> InSky {
     return seen;
 }
 
-// Maps 0..1 to −1..1 with density 1 − |x|.
-fn in_tent(number: f32) -> f32 {
-    return select(1.0 - sqrt(max(2.0 - 2.0 * number, 0.0)), sqrt(2.0 * number) - 1.0, number < 0.5);
-}
-
 // A direction of suns: by a number of 0..1 that chooses the texel, and two for the place within the tent that spreads it.
 fn sample_suns(chosen: f32, place: vec2f) -> vec3f {
     let size = scene_parameters.environment_size;
@@ -307,10 +302,7 @@ fn sample_suns(chosen: f32, place: vec2f) -> vec3f {
             low = middle + 1u;
         }
     }
-    let azimuth = ((f32(low % size.x) + 0.5 + in_tent(place.x)) / f32(size.x) - 0.5) * 2.0 * PI;
-    let polar = (f32(low / size.x) + 0.5 + in_tent(place.y)) / f32(size.y) * PI;
-    let sine = abs(sin(polar));
-    return vec3f(sine * sin(azimuth), cos(polar), -sine * cos(azimuth));
+    return within_texel(low, place);
 }
 
 // Light of the broad sky that the diffuse part reflects: cosine-distributed rays in strata of the azimuth.

@@ -379,6 +379,21 @@ fn in_environment(direction: vec3f) -> InImage {
     return InImage(columns, clamp(vec2i(base.y, base.y + 1), vec2i(0), vec2i(size.y - 1)), at - floor(at));
 }
 
+// Maps 0..1 to −1..1 with density 1 − |x|.
+fn tent(number: f32) -> f32 {
+    return select(1.0 - sqrt(max(2.0 - 2.0 * number, 0.0)), sqrt(2.0 * number) - 1.0, number < 0.5);
+}
+
+// A direction within the tent that the lookup spreads a texel of the sky over, by two numbers of 0..1.
+fn within_texel(texel: u32, place: vec2f) -> vec3f {
+    let size = scene_parameters.environment_size;
+    let azimuth = ((f32(texel % size.x) + 0.5 + tent(place.x)) / f32(size.x) - 0.5) * 2.0 * PI;
+    // What spills over a pole comes back by reflection, as the lookup repeats the outermost row.
+    let polar = (f32(texel / size.x) + 0.5 + tent(place.y)) / f32(size.y) * PI;
+    let sine = abs(sin(polar));
+    return vec3f(sine * sin(azimuth), cos(polar), -sine * cos(azimuth));
+}
+
 // Radiance of the sky from a unit direction: as Environment::radiance.
 fn environment_radiance(direction: vec3f) -> vec3f {
     if scene_parameters.environment_size.x == 0u {

@@ -182,11 +182,6 @@ fn leaving_emitter(triangle: u32, place: vec2f, way: vec2f) -> Emitted {
     return Emitted(position + normal * surface_offset(position), direction, flux, is_there);
 }
 
-// Maps 0..1 to −1..1 with density 1 − |x|.
-fn tent(number: f32) -> f32 {
-    return select(1.0 - sqrt(2.0 - 2.0 * number), sqrt(2.0 * number) - 1.0, number < 0.5);
-}
-
 // From a sky of texels, chosen by luminance and solid angle.
 fn leaving_sky(chosen: u32, beside: f32, at: vec2f) -> Emitted {
     let size = scene_parameters.environment_size;
@@ -202,30 +197,23 @@ fn leaving_sky(chosen: u32, beside: f32, at: vec2f) -> Emitted {
     }
     let begin = texel_begin(low);
     let rest = saturate((f32(chosen - begin) + 0.5) / max(f32(texel_end(low) - begin), 1.0));
-    let azimuth = ((f32(low % size.x) + 0.5 + tent(rest)) / f32(size.x) - 0.5) * 2.0 * PI;
-    // What spills over a pole comes back by reflection, as the lookup repeats the outermost row.
-    let polar = (f32(low / size.x) + 0.5 + tent(beside)) / f32(size.y) * PI;
-    let sine = abs(sin(polar));
-    let origin = normalize(vec3f(sine * sin(azimuth), cos(polar), -sine * cos(azimuth)));
+    let origin = normalize(within_texel(low, vec2f(rest, beside)));
     var photon = coming_from_afar(-origin, at);
     photon.flux = environment_radiance(origin) * (disc_area() / max(sky_density(origin), 1e-37));
     return photon;
 }
 
-fn texel_weight(column: i32, row: i32, size: vec2i) -> f32 {
-    let x = ((column % size.x) + size.x) % size.x;
-    let texel = u32(clamp(row, 0, size.y - 1) * size.x + x);
+fn texel_weight(column: i32, row: i32) -> f32 {
+    let texel = u32(row) * scene_parameters.environment_size.x + u32(column);
     return f32(texel_end(texel) - texel_begin(texel)) / WHOLE;
 }
 
 // Over solid angle [1/sr]: as Sky::density.
 fn sky_density(direction: vec3f) -> f32 {
-    let size = vec2i(scene_parameters.environment_size);
+    let size = vec2f(scene_parameters.environment_size);
+    let at = in_environment(direction);
+    let upper = mix(texel_weight(at.columns.x, at.rows.x), texel_weight(at.columns.y, at.rows.x), at.share.x);
+    let lower = mix(texel_weight(at.columns.x, at.rows.y), texel_weight(at.columns.y, at.rows.y), at.share.x);
     let polar = acos(clamp(direction.y, -1.0, 1.0));
-    let at = vec2f(0.5 + atan2(direction.x, -direction.z) / (2.0 * PI), polar / PI) * vec2f(size) - 0.5;
-    let base = vec2i(floor(at));
-    let f = at - floor(at);
-    let upper = mix(texel_weight(base.x, base.y, size), texel_weight(base.x + 1, base.y, size), f.x);
-    let lower = mix(texel_weight(base.x, base.y + 1, size), texel_weight(base.x + 1, base.y + 1, size), f.x);
-    return mix(upper, lower, f.y) * f32(size.x) * f32(size.y) / (2.0 * PI * PI * max(sin(polar), 1e-37));
+    return mix(upper, lower, at.share.y) * size.x * size.y / (2.0 * PI * PI * max(sin(polar), 1e-37));
 }

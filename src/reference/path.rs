@@ -258,7 +258,7 @@ impl Surface {
 
     /// π times what is reflected of light from a direction, per cosine; 1 for irradiance.
     fn factor(&self, wanted: For, direction: Vec3) -> DVec3 {
-        let lobe = || self.glossy.map_or(Vec3::ZERO, |gloss| gloss.lobe.value(gloss.outgoing, gloss.frame.to_local(direction))).as_dvec3() * PI;
+        let lobe = || self.glossy.map_or(Vec3::ZERO, |gloss| gloss.value(direction)).as_dvec3() * PI;
         match wanted {
             For::Irradiance => DVec3::ONE,
             For::Lobe => lobe(),
@@ -289,7 +289,7 @@ impl Surface {
     /// Density of the directions that are drawn [1/sr].
     fn density(&self, wanted: For, direction: Vec3, cosine: f32) -> f64 {
         let diffuse = cosine as f64 / PI;
-        let lobe = || self.glossy.map_or(0.0, |gloss| gloss.lobe.density(gloss.outgoing, gloss.frame.to_local(direction)) as f64);
+        let lobe = || self.glossy.map_or(0.0, |gloss| gloss.density(direction) as f64);
         match wanted {
             For::Irradiance => diffuse,
             For::Lobe => lobe(),

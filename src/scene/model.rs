@@ -5,7 +5,7 @@
 
 use crate::math::frame::Frame;
 use crate::math::lobe::{Lobe, Shape};
-use glam::{DVec3, Vec2, Vec3};
+use glam::{DVec3, UVec2, Vec2, Vec3};
 use std::sync::LazyLock;
 
 /// The longest side of a picture [pixels].
@@ -471,6 +471,11 @@ pub fn shadow_half(light: &Light, bounds: &Bounds, grid: u32) -> Vec2 {
         LightKind::Spot { outer, .. } if shadow_layers(light, grid) == 1 => Vec2::splat(outer.tan() * 1.01),
         _ => Vec2::ONE,
     }
+}
+
+/// The middle of one of the maps of a directional light's grid, from the scene's, along the width and the height of all [scene units].
+pub fn place_in_grid(map: u32, half: Vec2, grid: u32) -> Vec2 {
+    (2.0 * UVec2::new(map % grid, map / grid).as_vec2() + 1.0 - grid as f32) * half
 }
 
 /// Depth that a directional light's maps span, around the middle of a scene of so large an extent [scene units].

@@ -1,13 +1,13 @@
 //! Shadow maps as the host looks them up: `shaders/lib/visibility/shadow_maps.wgsl` has the twin.
 
-use super::{Bounds, Light, LightKind, OFFSET_OF_EXTENT, OFFSET_OF_SIZE, Scene, shadow_grid, shadow_half, shadow_layers, shadow_range};
+use super::{Bounds, Light, LightKind, OFFSET_OF_EXTENT, OFFSET_OF_SIZE, Scene, place_in_grid, shadow_grid, shadow_half, shadow_layers, shadow_range};
 use crate::math::{
     frame::Frame,
     random::{hashes, units},
     vectors::{LANES, Vectors},
 };
 use fearless_simd::{Select, Simd, f32x8, prelude::*, u32x8};
-use glam::{UVec2, Vec2, Vec3};
+use glam::{Vec2, Vec3};
 
 /// The maps of all lights, layer by layer.
 #[derive(Default)]
@@ -140,7 +140,7 @@ impl ShadowCamera {
         let frame = Frame::new(if shadow_layers(light, grid) == 6 { cube_axis(map) } else { forward });
         let beside = match projection {
             Projection::Perspective { .. } => Vec2::ZERO,
-            Projection::Orthographic { .. } => (2.0 * UVec2::new(map % grid, map / grid).as_vec2() + 1.0 - grid as f32) * half,
+            Projection::Orthographic { .. } => place_in_grid(map, half, grid),
         };
         let origin = origin + frame.bitangent * beside.x + frame.tangent * beside.y;
         Self { origin, right: frame.bitangent, up: frame.tangent, forward: frame.normal, half, projection }

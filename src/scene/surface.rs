@@ -1,8 +1,9 @@
 //! What a ray sees of a surface.
 
-use super::{Rgb, Scene, Triangle, surface_offset};
+use super::{LightKind, Rgb, Scene, Triangle, surface_offset};
 use crate::math::{frame::Frame, lobe::Lobe};
 use glam::{Vec2, Vec3};
+use std::f32::consts::FRAC_1_PI;
 
 /// Where a ray starts, and where it goes; of any length.
 #[derive(Clone, Copy)]
@@ -61,6 +62,37 @@ impl Surface {
     pub fn start(&self, extent: f32) -> Vec3 {
         self.position + self.face * surface_offset(extent, self.position)
     }
+
+    /// What is reflected toward where the ray came from of light from a unit direction [1/sr].
+    #[inline(always)]
+    pub fn response(&self, toward: Vec3) -> Vec3 {
+        self.reflectance * FRAC_1_PI + self.glossy.map_or(Vec3::ZERO, |gloss| gloss.value(toward))
+    }
+
+    /// The way to a light from a point of the surface, how far it is, and what is reflected of it if nothing stands between [W m⁻² sr⁻¹]; none where nothing is.
+    pub fn reflected(&self, light: &LightKind, from: Vec3) -> Option<(Vec3, f32, Vec3)> {
+        let (toward, distance, irradiance) = light.toward(from)?;
+        let cosine = self.normal.dot(toward);
+        if cosine <= 0.0 || self.face.dot(toward) <= 0.0 {
+            return None;
+        }
+        let reflected = irradiance.as_vec3() * cosine * self.response(toward);
+        (reflected.max_element() > 0.0).then_some((toward, distance, reflected))
+    }
+}
+
+impl Gloss {
+    /// What the lobe reflects of light from a unit direction [1/sr].
+    #[inline(always)]
+    pub fn value(&self, toward: Vec3) -> Vec3 {
+        self.lobe.value(self.outgoing, self.frame.to_local(toward))
+    }
+
+    /// How densely the lobe draws a unit direction [1/sr].
+    #[inline(always)]
+    pub fn density(&self, toward: Vec3) -> f32 {
+        self.lobe.density(self.outgoing, self.frame.to_local(toward))
+    }
 }
 
 impl Scene {
@@ -81,6 +113,12 @@ impl Scene {
             Gloss { lobe, frame, outgoing: frame.to_local(-ray.direction.normalize()) }
         });
         Surface { reflectance: reflection.diffuse, glossy, ..plain }
+    }
+
+    /// What a ray that meets a triangle sees, with its lobe or with what stands for that.
+    pub fn seen(&self, triangle: u32, ray: Ray, lobes: bool) -> Surface {
+        let barycentric = self.triangles[triangle as usize].barycentric(ray);
+        if lobes { self.surface(triangle, barycentric, ray) } else { self.diffuse_surface(triangle, barycentric, ray) }
     }
 
     /// The same where nothing renders lobes: [`Material::albedo`](super::Material::albedo) stands for them.

@@ -9,7 +9,7 @@ use crate::math::{
 use crate::scene::{
     Rgb, Scene,
     packets::{RAYS, ShadowRays, ToDo, Until},
-    surface::{Gloss, Surface},
+    surface::Surface,
 };
 use fearless_simd::{Simd, f32x8, prelude::*};
 use glam::Vec3;
@@ -120,8 +120,8 @@ impl Emitters<'_> {
                 let Choice { lamp, weight } = shining.chosen[ray];
                 let light = self.emission.area_lights[lamp as usize].hue * (weight * shining.form_factors[ray]);
                 arriving += light;
-                if let Some(Gloss { lobe, frame, outgoing }) = surface.glossy {
-                    glossy += light * lobe.value(outgoing, frame.to_local(shining.rays.directions[ray].normalize()));
+                if let Some(gloss) = surface.glossy {
+                    glossy += light * gloss.value(shining.rays.directions[ray].normalize());
                 }
             }
         }

@@ -59,10 +59,7 @@ impl Emitters<'_> {
                 return Vec3::ZERO;
             }
             let arriving = seen.suns * surface.normal.dot(direction);
-            let glossy = surface.glossy.map_or(Vec3::ZERO, |Gloss { lobe, frame, outgoing }| {
-                let incoming = frame.to_local(direction);
-                lobe.value(outgoing, incoming) / (density + self.sky as f32 * lobe.density(outgoing, incoming))
-            });
+            let glossy = surface.glossy.map_or(Vec3::ZERO, |gloss| gloss.value(direction) / (density + self.sky as f32 * gloss.density(direction)));
             arriving * (surface.reflectance * FRAC_1_PI / density + glossy)
         };
         self.of_free(surface, self.suns, to_do, to_sun, reflected)

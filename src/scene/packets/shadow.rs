@@ -78,11 +78,11 @@ impl Packets {
         };
         // Those without an end are as long as they are told to be, in extents.
         let scale = if until == Until::Forever { 1.0 } else { self.scale };
-        let beam = Beam::new(rays, span, scale);
+        let beam = (until != Until::Forever).then(|| Beam::new(rays, span, scale)).filter(Beam::is_narrow);
         let walk = Rays { direction: rays.directions.map(|direction| direction * scale), all: rays.all, limit: [span[1]; RAYS], ..Rays::none() };
-        dispatch!(Level::new(), simd => match until != Until::Forever && beam.is_narrow() {
-            true => walker.block_beam(simd, walk, &beam, &mut to_do.0),
-            false => walker.block(simd, walk, span[0], &mut to_do.0),
+        dispatch!(Level::new(), simd => match &beam {
+            Some(beam) => walker.block_beam(simd, walk, beam, &mut to_do.0),
+            None => walker.block(simd, walk, span[0], &mut to_do.0),
         })
     }
 }

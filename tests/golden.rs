@@ -69,12 +69,15 @@ const GEOMETRY_LIMIT: f64 = 1e-3;
 /// What a count may be of the kept one: a tenth more, and two that a small one may be off.
 const COUNT_LIMIT: (f64, f64) = (1.1, 2.0);
 
+/// As many rays for all tiles, as the device has them.
+const EVEN: &[&str] = &["--set", "tiles.quality=1e6", "--set", "detail_tiles.quality=1e6"];
+
 /// Beside those of all pipelines: pipeline, what is set, scene, pixels, and whose golden picture it has to match.
 const LARGE: [(&str, &[&str], &str, &str, &str); 9] = [
-    ("irradiance", &[], "hall", "224x224", "irradiance"),
+    ("irradiance", EVEN, "hall", "224x224", "irradiance"),
     ("irradiance-device", &[], "hall", "224x224", "irradiance"),
     ("irradiance-one-rate", &[], "hall", "224x224", "irradiance-one-rate"),
-    ("irradiance", &[], "balls", "240x200", "irradiance"),
+    ("irradiance", EVEN, "balls", "240x200", "irradiance"),
     ("irradiance-device", &[], "balls", "240x200", "irradiance"),
     ("radiance", &[], "balls", "240x200", "radiance"),
     ("radiance-bounces", &[], "ring", "192x128", "radiance-bounces"),
@@ -735,7 +738,7 @@ fn shading_by_host_and_device_agrees() -> Outcome {
     }
     for taps in ["tiles.taps=1", "tiles.taps=9"] {
         for (way, made) in [("Host", &host), ("Device", &device)] {
-            let ways = ["--set", taps, "--set", &format!("tiles.place={way}")];
+            let ways = ["--set", taps, "--set", "tiles.quality=1e6", "--set", &format!("tiles.place={way}")];
             hemisplat(&[&["render", "irradiance", "--scene", &scene, "--size", "96x64", "--quiet", "-o", made][..], &ways].concat())?;
         }
         let error = apart(&picture(Path::new(&host))?, &picture(Path::new(&device))?, "irradiance")?;
@@ -762,8 +765,8 @@ fn shading_of_lamps_skies_and_lobes_by_host_and_device_agrees() -> Outcome {
         for (way, made) in [("Host", &host), ("Device", &device)] {
             let emitters = format!("direct.emitters={emitters}");
             let nodes: &[&str] = if pipeline == "radiance" { &["tiles", "detail_tiles", "glossy_tiles"] } else { &["tiles"] };
-            // One ray a stratum: places on the host share what photons tell of where more are worth while.
-            let unguided = nodes.iter().filter(|node| !node.starts_with("glossy")).map(|node| format!("{node}.share=1"));
+            // One ray a stratum: places on the host share what they know of where more are worth while.
+            let unguided = nodes.iter().filter(|node| !node.starts_with("glossy")).flat_map(|node| [format!("{node}.share=1"), format!("{node}.quality=1e6")]);
             let ways: Vec<String> = nodes.iter().map(|node| format!("{node}.place={way}")).chain(unguided).chain([emitters]).collect();
             let sets: Vec<&str> = ways.iter().flat_map(|way| ["--set", way]).collect();
             hemisplat(&[&["render", pipeline, "--scene", &scene, "--size", "64x48", "--quiet", "-o", made], &sets[..]].concat())?;

@@ -13,9 +13,7 @@ use crate::passes::photons::{PHOTON_BYTES, lookup::Lookup, unpacked_ways};
 use crate::passes::record::Request;
 use crate::scene::packets::RayBundle;
 use crate::schedule::*;
-use glam::{IVec3, Vec2, Vec3, Vec4};
-use rayon::prelude::*;
-use std::collections::{HashMap, HashSet};
+use glam::{Vec2, Vec3, Vec4};
 
 /// What tells where light comes from.
 #[derive(Clone, Copy)]
@@ -23,32 +21,13 @@ pub(super) struct Guide {
     map: port::PhotonMap,
     /// Photons that are looked at for each place, and how far away they may be, as a share of the scene's extent.
     photons: u32,
-    search_radius: f32,
+    pub search_radius: f32,
     /// A stratum with this share of a tile's light has two rays; with twice the share five.
-    share: f32,
+    pub share: f32,
     resolution: u32,
+    /// Of the scene [scene units].
+    extent: f32,
 }
-
-/// The guide of tiles that the host fills.
-#[derive(Clone, Copy)]
-pub(super) struct OnHost {
-    guide: Guide,
-    /// How far away photons may be [scene units].
-    search_radius: f32,
-    /// What places of the same cell have found: [`Known`].
-    memory: Resource,
-}
-
-/// Of places next to each other where their light starts, and how much of it.
-type Known = HashMap<Cell, Vec<(Vec3, f32)>>;
-
-/// Where a place is, in cells of [`CELL`], and where it faces, in steps of [`FACING`].
-#[derive(Clone, Copy, PartialEq, Eq, Hash)]
-struct Cell([IVec3; 2]);
-
-/// Edge of a cell, as a share of how far away photons may be: light comes to all of it from about the same places.
-const CELL: f32 = 0.5;
-const FACING: f32 = 2.0;
 
 /// Fewer rays than these are not worth their cost: here and there a ray takes as long as some neighbours together.
 const FEWEST: f32 = 2.0;
@@ -68,18 +47,7 @@ impl Guide {
         let map = *e.photon_map("guide")?;
         let search_radius = e.arguments.float("search_radius") as f32;
         let (photons, share) = (e.arguments.integer("photons") as u32, e.arguments.float("share") as f32);
-        Some(Self { map, photons, search_radius, share, resolution: work.table.width })
-    }
-
-    /// Adds a step before the loop that forgets what was found.
-    pub fn on_host(self, e: &mut Encoder<'_>) -> OnHost {
-        let memory = e.state("guide");
-        let forget = move |host: &mut dyn HostContext| {
-            *host.state(memory) = None;
-            Ok(())
-        };
-        e.before_loop(Command::Host(Host::new("forget", Vec::new(), Vec::new(), forget)));
-        OnHost { guide: self, search_radius: self.search_radius * e.setting.needs.extent, memory }
+        Some(Self { map, photons, search_radius, share, resolution: work.table.width, extent: e.setting.needs.extent })
     }
 
     /// Encodes steps that list the rays that strata are worth, cast them, see what they meet as `see` does of such a list and of what they met, and join that
@@ -109,50 +77,32 @@ impl Guide {
         let join = work.layout(Program::new("hemisphere_tiles/join_more")).bind("more_rays", more).bind("also_seen", seen).bind("radiance", radiance);
         e.compute(join, "join_more", each_sample(work));
     }
-}
 
-impl OnHost {
+    /// What a host step reads of it.
     pub fn reads(&self) -> Read {
-        Read::counted(self.guide.map.data, PHOTON_BYTES, self.guide.map.slots)
+        Read::counted(self.map.data, PHOTON_BYTES, self.map.slots)
     }
 
-    /// How many more rays the strata of tiles are worth, and where those go.
-    pub fn rays(&self, host: &mut dyn HostContext, places: &[Request]) -> Vec<MoreRays> {
-        let known = host.state(self.memory).take().and_then(|known| known.downcast::<Known>().ok());
-        let mut known = known.unwrap_or_default();
-        let cells: Vec<Cell> = places.iter().map(|place| self.cell(place)).collect();
-        let mut seen = HashSet::new();
-        let new: Vec<(&Cell, &Request)> = cells.iter().zip(places).filter(|(cell, _)| !known.contains_key(cell) && seen.insert(**cell)).collect();
-        let lookup = Lookup::of(&self.guide.map, host);
-        known.par_extend(new.par_iter().map(|(cell, place)| (**cell, self.origins(&lookup, place))));
-        let counts = |(cell, place): (&Cell, &Request)| self.guide.counts(place, &known[cell], self.guide.share);
-        let rays = cells.par_iter().zip(places).map(|place| MoreRays::new(self.guide.resolution, &counts(place))).collect();
-        *host.state(self.memory) = Some(known);
-        rays
-    }
-
-    fn cell(&self, place: &Request) -> Cell {
-        let [position, normal] = [place.position, place.normal].map(Vec3::from);
-        Cell([position / (CELL * self.search_radius), normal * FACING].map(|at| at.round().as_ivec3()))
+    /// The photons, in a host step that reads them.
+    pub fn lookup<'a>(&self, host: &'a dyn HostContext) -> Lookup<'a> {
+        Lookup::of(&self.map, host)
     }
 
     /// Where photons that arrive near a place have come from; nothing where no stratum stands out.
-    fn origins(&self, lookup: &Lookup<'_>, place: &Request) -> Vec<(Vec3, f32)> {
+    pub fn origins(&self, lookup: &Lookup<'_>, place: &Request) -> Vec<(Vec3, f32)> {
         let (position, normal) = (Vec3::from(place.position), Vec3::from(place.normal));
-        let mut origins = Vec::with_capacity(2 * self.guide.photons as usize);
-        let zone = lookup.zone(position, normal, self.guide.photons, self.search_radius);
+        let mut origins = Vec::with_capacity(2 * self.photons as usize);
+        let zone = lookup.zone(position, normal, self.photons, self.search_radius * self.extent);
         lookup.for_each(position, normal, zone, |photon, _| {
             let origin = Vec3::from(photon.position) + unpacked_ways(photon.ways)[1] * photon.leg;
             origins.push((origin, luminance(Vec3::from(photon.flux).as_dvec3()) as f32));
         });
-        let is_soft = self.guide.counts(place, &origins, SOFT * self.guide.share).iter().all(|count| *count == 0);
+        let is_soft = self.counts(place, &origins, SOFT * self.share).iter().all(|count| *count == 0);
         if is_soft { Vec::new() } else { origins }
     }
-}
 
-impl Guide {
     /// How many more rays each stratum of a tile is worth, if one with such a share of the light is worth one.
-    fn counts(&self, place: &Request, origins: &[(Vec3, f32)], share: f32) -> Vec<u32> {
+    pub fn counts(&self, place: &Request, origins: &[(Vec3, f32)], share: f32) -> Vec<u32> {
         if origins.is_empty() {
             return Vec::new();
         }
@@ -193,14 +143,18 @@ pub(super) struct MoreRays {
     pub bundle: RayBundle,
     /// Of each ray, in order.
     strata: Vec<u32>,
+    /// Rays of each stratum besides these.
+    own: u32,
 }
 
 impl MoreRays {
-    fn new(resolution: u32, counts: &[u32]) -> Self {
-        let each = (0..).zip(counts).flat_map(|(stratum, count)| (1..=*count).map(move |number| (stratum, number)));
+    /// As many rays as `counts` tells, besides one a stratum; fewer where it has `own` ones.
+    pub fn new(counts: &[u32], own: u32) -> Self {
+        let resolution = counts.len().isqrt() as u32;
+        let each = (0..).zip(counts).flat_map(|(stratum, count)| (own..=*count).map(move |number| (stratum, number)));
         let (strata, directions): (Vec<u32>, Vec<Vec3>) =
             each.take(counts.len()).map(|(stratum, number)| (stratum, ray(resolution, [stratum % resolution, stratum / resolution], number).as_vec3())).unzip();
-        Self { bundle: RayBundle::of(&directions), strata }
+        Self { bundle: RayBundle::of(&directions), strata, own }
     }
 
     /// Of all rays of a stratum the mean radiance, and the harmonic mean of how far they went.
@@ -209,9 +163,36 @@ impl MoreRays {
         let mut seen = seen.iter();
         for strata in self.strata.chunk_by(|a, b| a == b) {
             let sample = &mut tile[strata[0] as usize];
-            let sum = seen.by_ref().take(strata.len()).map(inverse).sum::<Vec4>() + inverse(sample);
-            let mean = sum / (strata.len() + 1) as f32;
+            let own = self.own as f32;
+            let sum = seen.by_ref().take(strata.len()).map(inverse).sum::<Vec4>() + own * inverse(sample);
+            let mean = sum / (strata.len() as f32 + own);
             *sample = mean.truncate().extend(mean.w.recip());
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn strata_have_the_mean_of_all_their_rays() {
+        // Of 3×3 strata one is worth two more rays, one seven; the list holds nine at most.
+        let mut counts = [0; 9];
+        (counts[2], counts[7]) = (2, 7);
+        for (own, strata) in [(1, vec![2, 2, 7, 7, 7, 7, 7, 7, 7]), (4, vec![7; 4])] {
+            let more = MoreRays::new(&counts, own);
+            assert_eq!(more.strata, strata);
+            assert_eq!(more.bundle.samples, strata.len());
+            let mut tile = [Vec4::new(1.0, 2.0, 3.0, 1.0); 9];
+            more.join(&vec![Vec4::new(9.0, 2.0, 3.0, 2.0); strata.len()], &mut tile);
+            for (stratum, seen) in tile.iter().enumerate() {
+                let rays = strata.iter().filter(|other| **other as usize == stratum).count() as f32;
+                let share = rays / (rays + own as f32);
+                let expected = Vec4::new(1.0 + 8.0 * share, 2.0, 3.0, 1.0 / (1.0 - 0.5 * share));
+                assert!((*seen - expected).abs().max_element() < 1e-5, "{stratum} with {own}: {seen}, not {expected}");
+            }
+        }
+        assert_eq!(MoreRays::new(&[], 4).bundle.samples, 0);
     }
 }

@@ -1,7 +1,7 @@
 //! One ray a sample, in packets of neighbours, cast on the host.
 
-use super::guide::{Guide, OnHost};
 use super::host_shade::{Hit, Keeping, Shading};
+use super::steering::{Steering, Tile, TileRays};
 use super::{SAMPLES_OF_EMITTERS, Sees, Work, host_shade};
 use crate::contract::{Encoder, port};
 use crate::math::{frame::Frame, record_index::Shares};
@@ -28,36 +28,47 @@ pub(super) fn encode(e: &mut Encoder<'_>, work: &Work) {
 }
 
 /// The host shades them, too: the buffer of radiance and distance.
-pub(super) fn encode_shaded(e: &mut Encoder<'_>, work: &Work, maps: Option<port::ShadowMaps>, (sees, guide): (Sees, Option<Guide>)) -> Resource {
+pub(super) fn encode_shaded(e: &mut Encoder<'_>, work: &Work, maps: Option<port::ShadowMaps>, (sees, steering): (Sees, Steering)) -> Resource {
     let indirect = Asked::of(e, "indirect");
     let bundle = RayBundle::new(&work.table);
     let (requests, radiance) = (work.requests, work.radiance(e));
     let lighting = host_shade::encode(e, SAMPLES_OF_EMITTERS, sees);
-    let guide = guide.map(|guide| guide.on_host(e));
-    let lit_by = maps.iter().map(|maps| Read::whole(maps.depth)).chain(indirect.iter().flat_map(Asked::reads)).chain(guide.iter().map(OnHost::reads));
+    let lit_by = maps.iter().map(|maps| Read::whole(maps.depth)).chain(indirect.iter().flat_map(Asked::reads)).chain(steering.reads());
     let reads: Vec<Read> = lit_by.chain([Read::counted(requests.places, REQUEST_BYTES, requests.count)]).collect();
     e.host("cast_and_shade", &reads, &[radiance], move |host| {
         let places: Vec<Request> = bytemuck::pod_collect_to_vec(host.read(requests.places));
-        let more = guide.map(|guide| guide.rays(host, &places));
+        let mut known = steering.known(host, &places);
         let mut samples = host.take(radiance);
         let (lighting, index) = (host_shade::lighting(host, lighting)?, indirect.and_then(|field| field.index(host)));
         let indirect = indirect.and_then(|field| field.on_host(host, index.as_deref()));
-        let shader = Shading { indirect: indirect.as_ref(), ..Shading::of(host, &lighting, maps, &places) };
         let seen = &mut samples[..places.len() * bundle.samples];
-        let views = views(&places);
-        let packets = host.bvh().packets(host.scene());
-        packets.trace(host.scene(), &views, &bundle, &shader, seen);
-        if let Some(more) = &more {
-            let bundles: Vec<&RayBundle> = more.iter().map(|more| &more.bundle).collect();
-            let also_seen = packets.trace_own(host.scene(), &views, &bundles, &shader);
-            let tiles = seen.par_chunks_exact_mut(bundle.samples).zip(more);
-            tiles.zip(&also_seen).for_each(|((tile, more), seen)| more.join(seen, tile));
+        for wave in steering.waves(&known, &places) {
+            let chosen: Vec<Request> = wave.iter().map(|number| places[*number]).collect();
+            let shader = Shading { indirect: indirect.as_ref(), ..Shading::of(host, &lighting, maps, &chosen) };
+            let rays = steering.rays(&known, &chosen);
+            let tiles = see(host, &shader, &bundle, (&steering, &rays));
+            for (number, tile) in wave.iter().zip(&tiles) {
+                seen[number * bundle.samples..][..bundle.samples].copy_from_slice(&tile.seen);
+            }
+            steering.learn(&mut known, &chosen, &rays, &tiles);
         }
         let bytes = size_of_val(seen) as u64;
         host.put(radiance, samples, bytes);
+        steering.keep(host, known);
         Ok(())
     });
     radiance
+}
+
+/// The tiles of a shader's places.
+fn see(host: &dyn HostContext, shader: &Shading<'_>, bundle: &RayBundle, (steering, rays): (&Steering, &[TileRays])) -> Vec<Tile> {
+    let (views, packets) = (views(shader.places), host.bvh().packets(host.scene()));
+    let bundles: Vec<&RayBundle> = rays.iter().map(|rays| steering.bundle(rays, bundle)).collect();
+    let mut tiles = packets.trace_own(host.scene(), &views, &bundles, shader, |number, seen| steering.tile(&rays[number], seen));
+    let bundles: Vec<&RayBundle> = rays.iter().map(|rays| &rays.more.bundle).collect();
+    let also_seen = packets.trace_own(host.scene(), &views, &bundles, shader, |_, seen| seen);
+    tiles.par_iter_mut().zip(rays).zip(&also_seen).for_each(|((tile, rays), seen)| rays.more.join(seen, &mut tile.seen));
+    tiles
 }
 
 /// What the places of a loop see in each of its rounds.

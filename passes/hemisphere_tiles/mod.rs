@@ -11,10 +11,14 @@ use crate::contract::{
 };
 use crate::math::hemisphere::{Shape, Table};
 use crate::schedule::*;
+use growth::Growth;
 use guide::Guide;
 use std::sync::Arc;
+use steering::Steering;
 
+mod cells;
 mod cull;
+mod growth;
 mod guide;
 mod host_rays;
 mod host_shade;
@@ -22,6 +26,7 @@ mod lobe_walk;
 pub mod raster;
 mod ray_cast;
 pub mod sift;
+mod steering;
 
 pub struct HemisphereTiles;
 
@@ -120,6 +125,12 @@ static DESCRIPTION: Description = Description {
             unit: "",
             kind: ParameterKind::Float { default: 0.02, min: 1e-4, max: 1.0 },
         },
+        Parameter {
+            name: "quality",
+            about: "standard error of a tile's sum, as a share of it, above which tiles beside it have four times the rays; 1e6 leaves all as they are; host",
+            unit: "",
+            kind: ParameterKind::Float { default: 1e6, min: 1e-4, max: 1e6 },
+        },
         PLACE,
     ],
     inputs: &[
@@ -155,6 +166,9 @@ static DESCRIPTION: Description = Description {
     ],
     outputs: &[Output { name: "tiles", about: "the atlas", kind: PortKind::Tiles }],
 };
+
+/// From here on tiles may be as unsure as they are.
+const ANY_QUALITY: f64 = 1e6;
 
 /// Widest atlas [texels].
 const ATLAS: u32 = 8192;
@@ -250,8 +264,12 @@ impl Pass for HemisphereTiles {
             Some(port::IrradianceField::Records(index)) if e.is_steady("at") && !e.is_steady("indirect") && guide.is_none() => Some(index),
             _ => None,
         };
+        let growth = growth(e, &work, shaded, steady.is_some());
         let samples = match (shaded, steady) {
-            (Place::Host, None) => host_rays::encode_shaded(e, &work, maps, (sees, guide)),
+            (Place::Host, None) => {
+                let steering = Steering::new(e, guide, growth);
+                host_rays::encode_shaded(e, &work, maps, (sees, steering))
+            }
             (Place::Host, Some(index)) => host_rays::encode_steady(e, &work, maps, index, sees),
             (Place::Device, _) => {
                 let see = |e: &mut Encoder<'_>| {
@@ -392,6 +410,25 @@ fn guide(e: &mut Encoder<'_>, work: &Work) -> Option<Guide> {
         Some(_) => return guide,
     };
     ["photons", "search_radius", "share"].into_iter().for_each(|parameter| e.idle(parameter, because));
+    None
+}
+
+/// How tiles grow, where they are asked to and can.
+fn growth(e: &mut Encoder<'_>, work: &Work, shaded: Place, is_steady: bool) -> Option<Growth> {
+    let quality = e.arguments.float("quality");
+    if quality >= ANY_QUALITY {
+        return None;
+    }
+    let because = match shaded {
+        _ if work.is_raster || work.shape != Shape::Concentric => "only rays of the shape Concentric become more",
+        Place::Device => "the device casts as many rays for all tiles",
+        Place::Host if is_steady => "the tiles of a loop over the same places are seen once",
+        Place::Host => match Growth::new(quality as f32, work.table.width) {
+            Some(growth) => return Some(growth),
+            None => "tiles of twice the resolution would be larger than tiles may",
+        },
+    };
+    e.idle("quality", because);
     None
 }
 

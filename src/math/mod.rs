@@ -24,6 +24,7 @@ pub mod spherical_triangle;
 pub mod sum;
 pub mod sum_vectors;
 pub mod thinning;
+pub mod uncertainty;
 pub mod vectors;
 pub mod walk;
 pub mod weight;

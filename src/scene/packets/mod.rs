@@ -209,13 +209,20 @@ impl Packets {
         });
     }
 
-    /// The same with rays of its own for each view.
-    pub fn trace_own<E: HitShader>(&self, scene: &Scene, views: &[View], bundles: &[&RayBundle], shader: &E) -> Vec<Vec<E::Seen>> {
+    /// The same with rays of its own for each view, whose number `made` takes with what it sees.
+    pub fn trace_own<E: HitShader, T: Send>(
+        &self,
+        scene: &Scene,
+        views: &[View],
+        bundles: &[&RayBundle],
+        shader: &E,
+        made: impl Fn(usize, Vec<E::Seen>) -> T + Sync,
+    ) -> Vec<T> {
         let each = views.par_iter().zip(bundles).enumerate();
         let seen = each.map_init(Vec::new, |stack, (index, (view, bundle))| {
             let mut seen = vec![E::NOTHING; bundle.samples];
             self.trace_view(scene, (index, view), bundle, shader, stack, &mut seen);
-            seen
+            made(index, seen)
         });
         seen.collect()
     }

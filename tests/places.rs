@@ -87,7 +87,10 @@ impl Stage {
         // It also ends loops early, in which more photons are looked at.
         let photons = all(&unset.nodes).into_iter().filter(|node| node.description().name == "PhotonTiles");
         let few = photons.map(|node| format!("{}.photons=16", node.name));
-        let sets: Vec<String> = nodes_there.iter().map(|node| format!("{node}.place={place}")).chain(coarse).chain(few).collect();
+        // As many rays for all: the host alone makes tiles finer.
+        let tiles = all(&unset.nodes).into_iter().filter(|node| node.description().name == "HemisphereTiles");
+        let even = tiles.map(|node| format!("{}.quality=1e6", node.name));
+        let sets: Vec<String> = nodes_there.iter().map(|node| format!("{node}.place={place}")).chain(coarse).chain(few).chain(even).collect();
         let needs = Needs::of(&self.scene);
         let setting = Setting { scene: &self.scene, needs: &needs, device: self.device, size: SIZE, tables: Some(&self.tables) };
         plan(&self.pipeline(&sets)?, setting, &[], &|data| kind(&self.scene, data))

@@ -2,7 +2,7 @@
 
 use crate::passes::record::Request;
 use glam::{IVec3, Vec3};
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 /// Where a place is, in edges of a cell, and where it faces, in steps of [`FACING`].
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
@@ -29,6 +29,11 @@ impl<T> Cells<T> {
 
     pub fn at(&self, place: &Request) -> Option<&T> {
         self.known.get(&self.of(place))
+    }
+
+    /// Whether nothing is known of a place's cell and no place was seen there; from now on one was.
+    pub fn is_first(&self, place: &Request, seen: &mut HashSet<Cell>) -> bool {
+        self.at(place).is_none() && seen.insert(self.of(place))
     }
 
     pub fn entry(&mut self, place: &Request) -> std::collections::hash_map::Entry<'_, Cell, T> {

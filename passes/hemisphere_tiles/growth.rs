@@ -14,8 +14,8 @@ use crate::scene::packets::RayBundle;
 use glam::Vec4;
 use std::collections::HashSet;
 
-/// How many times as fine a tile may be along an edge.
-const TIMES: [u32; 2] = [1, 2];
+/// How many times as fine along an edge tiles are that are finer than others.
+const FINER: u32 = 2;
 
 /// How sure tiles are to be.
 pub(super) struct Growth {
@@ -23,8 +23,8 @@ pub(super) struct Growth {
     quality: f32,
     /// Samples along an edge.
     resolution: u32,
-    /// The rays of tiles, by how fine they are.
-    bundles: Vec<RayBundle>,
+    /// The rays of finer tiles.
+    pub finer: RayBundle,
 }
 
 /// What tiles have told.
@@ -42,28 +42,22 @@ const CELLS: [f32; 3] = [0.025, 0.1, 0.4];
 #[derive(Default)]
 struct Errors {
     tiles: f32,
-    /// Sums of what they would have been wrong by in the square, so many times as fine.
-    squares: [f32; TIMES.len()],
+    /// Sum of what they would be wrong by in the square, were they no finer.
+    squares: f32,
 }
 
 impl Growth {
     /// Of tiles of so many samples along an edge; None where finer ones would have more than tiles may.
     pub fn new(quality: f32, resolution: u32) -> Option<Self> {
-        let bundle = |times: &u32| Some(RayBundle::new(&Table::new(Shape::Concentric, times * resolution, Method::None).ok()?));
-        Some(Self { quality, resolution, bundles: TIMES.iter().map(bundle).collect::<Option<_>>()? })
-    }
-
-    /// The rays of a tile so many times as fine.
-    pub fn bundle(&self, times: u32) -> &RayBundle {
-        &self.bundles[times.ilog2() as usize]
+        let finer = Table::new(Shape::Concentric, FINER * resolution, Method::None).ok()?;
+        Some(Self { quality, resolution, finer: RayBundle::new(&finer) })
     }
 
     /// How many times as fine the tile of a place is to be.
     pub fn times(&self, told: &Told, place: &Request) -> u32 {
-        let Some(errors) = told.cells.iter().find_map(|cells| cells.at(place)) else { return TIMES[0] };
-        let is_enough = |square: &&f32| **square <= errors.tiles * self.quality * self.quality;
-        let enough = errors.squares.iter().zip(TIMES).find(|(square, _)| is_enough(square));
-        enough.map_or(TIMES[TIMES.len() - 1], |(_, times)| times)
+        let errors = told.cells.iter().find_map(|cells| cells.at(place));
+        let is_enough = |errors: &Errors| errors.squares <= errors.tiles * self.quality * self.quality;
+        if errors.is_none_or(is_enough) { 1 } else { FINER }
     }
 
     /// What a tile so many times as fine saw, in the strata of one as fine as others: the mean radiance of each, and the harmonic mean distance.
@@ -106,8 +100,7 @@ impl Told {
         let mut waves = Vec::new();
         for cells in self.cells[1..].iter().rev() {
             let mut seen: HashSet<_> = waves.iter().flatten().map(|number: &usize| cells.of(&places[*number])).collect();
-            let is_first = |number: &usize| cells.at(&places[*number]).is_none() && seen.insert(cells.of(&places[*number]));
-            let (first, others) = rest.into_iter().partition(is_first);
+            let (first, others) = rest.into_iter().partition(|number| cells.is_first(&places[*number], &mut seen));
             waves.push(first);
             rest = others;
         }
@@ -118,12 +111,12 @@ impl Told {
     /// How sure the tile of a place was, so many times as fine.
     pub fn learn(&mut self, place: &Request, times: u32, uncertainty: Uncertainty) {
         // What sees no light may be wrong by all of what there is.
-        let square = |other: u32| uncertainty.refined(other as f32 / times as f32).min(1.0).powi(2);
-        self.finer += u32::from(times > TIMES[0]);
+        let square = uncertainty.refined(1.0 / times as f32).min(1.0).powi(2);
+        self.finer += u32::from(times > 1);
         for cells in &mut self.cells {
             let errors = cells.entry(place).or_default();
             errors.tiles += 1.0;
-            errors.squares.iter_mut().zip(TIMES).for_each(|(sum, times)| *sum += square(times));
+            errors.squares += square;
         }
     }
 }

@@ -14,8 +14,8 @@ use std::collections::HashSet;
 
 /// What is asked for the rays of a node's tiles.
 pub(super) struct Steering {
-    pub guide: Option<Guide>,
-    pub growth: Option<Growth>,
+    guide: Option<Guide>,
+    growth: Option<Growth>,
     /// [`Known`].
     memory: Resource,
     /// How many tiles were finer.
@@ -29,7 +29,7 @@ const CELL: f32 = 0.5;
 pub(super) struct Known {
     /// Where light starts, and how much of it; nothing where no stratum stands out.
     origins: Cells<Vec<(Vec3, f32)>>,
-    pub told: Told,
+    told: Told,
 }
 
 /// The rays of a tile.
@@ -104,7 +104,7 @@ impl Steering {
 
     /// The rays of a tile besides more of some strata; those of one that is as fine as others are `plain`.
     pub fn bundle<'a>(&'a self, rays: &TileRays, plain: &'a RayBundle) -> &'a RayBundle {
-        self.growth.as_ref().map_or(plain, |growth| growth.bundle(rays.times))
+        self.growth.as_ref().filter(|_| rays.times > 1).map_or(plain, |growth| &growth.finer)
     }
 
     /// What those have seen.
@@ -128,8 +128,7 @@ impl Known {
     /// Asks photons about cells of which nothing is known, at the first of the places in each.
     fn ask(&mut self, guide: &Guide, host: &dyn HostContext, places: &[Request]) {
         let mut seen = HashSet::new();
-        let is_new = |place: &&Request| self.origins.at(place).is_none() && seen.insert(self.origins.of(place));
-        let new: Vec<&Request> = places.iter().filter(is_new).collect();
+        let new: Vec<&Request> = places.iter().filter(|place| self.origins.is_first(place, &mut seen)).collect();
         let lookup = guide.lookup(host);
         let found: Vec<Vec<(Vec3, f32)>> = new.par_iter().map(|place| guide.origins(&lookup, place)).collect();
         for (place, origins) in new.into_iter().zip(found) {

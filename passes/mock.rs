@@ -151,6 +151,7 @@ pub fn record() -> Record {
         stretch: Vec3::ZERO,
         relative_gradient: 0.0,
         fineness: 1.0,
+        confinement: 0.0,
     }
 }
 

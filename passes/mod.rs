@@ -36,6 +36,7 @@ pub mod record_cache;
 pub mod record_index;
 pub mod shadow_map;
 pub mod splat;
+pub mod surroundings;
 
 /// All passes, in the order that `hemisplat passes` lists them.
 pub static REGISTRY: &Registry = &[

@@ -1,6 +1,7 @@
 //! Where light is looked for beyond what the camera sees: places for the records of a second cache.
 
 use super::record::{hand_on, requests, texels};
+use super::surroundings::Surroundings;
 use crate::contract::{
     Bodies, Description, Encoder, Input, MOST_BYTES, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Refusal, Takes,
     encoder::scene_constants, port,
@@ -75,7 +76,7 @@ fn walk_on_host(e: &mut Encoder<'_>, gbuffer: &port::GBuffer, requests: port::Re
             if width > 0.0 { walked(scene, bvh, extent, start, number, legs) } else { Vec::new() }
         };
         let vertices: Vec<Vertex> = (0..paths).into_par_iter().flat_map_iter(walk).collect();
-        hand_on(host, &requests, &thinned(vertices, requests.capacity as usize));
+        place(host, &requests, vertices);
         Ok(())
     });
 }
@@ -109,9 +110,15 @@ fn walk_on_device(e: &mut Encoder<'_>, gbuffer: &port::GBuffer, requests: port::
         let walked: &[WalkedVertex] = bytemuck::cast_slice(host.read(vertices));
         let met = walked.par_iter().filter(|vertex| vertex.is_there > 0.0);
         let met = met.map(|vertex| Vertex { position: vertex.position.into(), normal: vertex.normal.into() }).collect();
-        hand_on(host, &requests, &thinned(met, requests.capacity as usize));
+        place(host, &requests, met);
         Ok(())
     });
+}
+
+/// Thins them, and hands on what is left.
+fn place(host: &mut dyn HostContext, requests: &port::Requests, vertices: Vec<Vertex>) {
+    let places = Surroundings::of(host).kept_apart(thinned(vertices, requests.capacity as usize));
+    hand_on(host, requests, &places);
 }
 
 /// The surfaces that a path meets behind its first, each by a ray whose density is that of the light which arrives from there, as far as the cosine tells.

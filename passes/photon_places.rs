@@ -1,18 +1,15 @@
 //! Where records made of photons stand: where photons are.
 
-use super::photons::{PHOTON_BYTES, Photon, lookup::Lookup, surface_beside, unpacked_ways};
+use super::photons::{PHOTON_BYTES, Photon, lookup::Lookup, unpacked_ways};
 use super::record::{hand_on, requests};
+use super::surroundings::Surroundings;
 use crate::contract::{Choice, Description, Encoder, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Refusal, Takes};
 use crate::math::{
-    frame::Frame,
     radius::Reach,
     thinning::{Vertex, thinned},
     walk::{spread, walked},
 };
-use crate::scene::{Scene, bvh::Bvh, surface_offset};
 use crate::schedule::*;
-use glam::Vec3;
-use std::f32::consts::TAU;
 
 pub struct PhotonPlaces;
 
@@ -82,7 +79,7 @@ impl Pass for PhotonPlaces {
         let requests = requests(e, capacity);
         let reads = [Read::counted(map.data, PHOTON_BYTES, map.slots)];
         e.host("place", &reads, &[requests.places], move |host| {
-            let around = Surroundings { scene: host.scene(), bvh: host.bvh(), extent: host.extent() };
+            let around = Surroundings::of(host);
             let places = by.places(&Lookup::of(&map, host), capacity as usize, around);
             hand_on(host, &requests, &places);
             Ok(())
@@ -109,37 +106,6 @@ const BEFORE: f32 = 0.65;
 
 /// How far it reaches at least, as a share of the radius that so many photons are within: a tenth of how far they are apart.
 const LEAST: f32 = 1.0 / 32.0;
-
-/// Rays that look for what stands around a place, and how steeply they rise.
-const RAYS: u32 = 12;
-const RISE: f32 = 0.05;
-
-/// Where it is looked for what a record could light behind an obstacle, as shares of the way on.
-const BEYOND: [f32; 3] = [0.1, 0.5, 1.0];
-
-#[derive(Clone, Copy)]
-struct Surroundings<'a> {
-    scene: &'a Scene,
-    bvh: &'a Bvh,
-    extent: f32,
-}
-
-impl Surroundings<'_> {
-    /// What stands on the surface of a place, as ways from there no longer than `radius`.
-    fn obstacles(&self, place: &Vertex, radius: f32) -> impl Iterator<Item = Vec3> {
-        let frame = Frame::new(place.normal);
-        let origin = place.position + place.normal * surface_offset(self.extent, place.position);
-        (0..RAYS).filter_map(move |ray| {
-            let (sine, cosine) = (TAU * ray as f32 / RAYS as f32).sin_cos();
-            let direction = (frame.tangent * cosine + frame.bitangent * sine + frame.normal * RISE).normalize();
-            let hit = self.bvh.closest_blocker(self.scene, origin, direction).filter(|hit| hit.distance < radius)?;
-            let along = direction - frame.normal * direction.dot(frame.normal);
-            let is_there = |distance: f32| surface_beside(self.scene, self.bvh, [place.position, place.normal], along * distance, radius).is_some();
-            let goes_on = BEYOND.iter().any(|share| is_there(hit.distance + share * (radius - hit.distance)));
-            goes_on.then_some(direction * hit.distance)
-        })
-    }
-}
 
 impl By {
     fn of(e: &Encoder<'_>) -> Self {

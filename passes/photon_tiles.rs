@@ -3,9 +3,10 @@
 use super::photons::{
     DIRECT, PHOTON_BYTES, Photon, SEARCH_RADIUS, expect_direct_light,
     lookup::{LEAST_COSINE, Lookup},
-    surface_beside, unpacked_ways,
+    unpacked_ways,
 };
 use super::record::{REQUEST_BYTES, Request};
+use super::surroundings::surface_beside;
 use crate::contract::encoder::scene_constants;
 use crate::contract::{
     Bodies, Choice, Description, Encoder, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Refusal, Takes, port,

@@ -32,7 +32,7 @@ host_struct! {
         footprint: f32,
         /// Gradients of red, green and blue per radian; the fourth numbers are the stretch, see `math::weight::Record`.
         rotation: [[f32; 4]; 3],
-        /// Gradients per scene unit; the fourth numbers are the relative gradient, the share of the least spacing, and 0.
+        /// Gradients per scene unit; the fourth numbers are the relative gradient, the share of the least spacing, and the confinement.
         translation: [[f32; 4]; 3],
     }
 }
@@ -47,23 +47,24 @@ host_struct! {
         turn: f32,
         /// How much farther its record reaches along the frame's first axis, `√(1 − (R₀/R₁)²)`; 0 where the light alone says so.
         stretch: f32,
+        /// The share that it reaches of the way to what stands on its surface; 0 where that is not known.
+        confinement: f32,
         padding_a: u32,
         padding_b: u32,
-        padding_c: u32,
     }
 }
 
 impl Request {
     /// One whose record reaches as far all around.
     pub fn new(position: Vec3, footprint: f32, normal: Vec3, turn: f32) -> Self {
-        let [padding_a, padding_b, padding_c] = [0; 3];
-        Self { position: position.into(), footprint, normal: normal.into(), turn, stretch: 0.0, padding_a, padding_b, padding_c }
+        let [padding_a, padding_b] = [0; 2];
+        Self { position: position.into(), footprint, normal: normal.into(), turn, stretch: 0.0, confinement: 0.0, padding_a, padding_b }
     }
 
     /// One whose record reaches as far as `reach` says.
     fn reaching(place: &Vertex, reach: &Reach, turn: f32) -> Self {
         let stretch = reach.stretch.length();
-        let round = Self::new(place.position, reach.radius, place.normal, turn);
+        let round = Self { confinement: reach.confinement, ..Self::new(place.position, reach.radius, place.normal, turn) };
         let along = Frame::new(place.normal).to_local(reach.stretch);
         if stretch == 0.0 { round } else { Self { turn: along.y.atan2(along.x), stretch, ..round } }
     }
@@ -219,6 +220,7 @@ impl From<&Record> for weight::Record {
             translation: gradients(record.translation),
             relative_gradient: record.translation[0][3],
             fineness: record.translation[1][3],
+            confinement: record.translation[2][3],
             stretch: Vec3::from(record.rotation.map(|[_, _, _, w]| w)),
         }
     }
@@ -235,7 +237,7 @@ impl From<&weight::Record> for Record {
             irradiance: record.irradiance.into(),
             footprint: record.footprint,
             rotation: gradients(record.rotation, record.stretch),
-            translation: gradients(record.translation, Vec3::new(record.relative_gradient, record.fineness, 0.0)),
+            translation: gradients(record.translation, Vec3::new(record.relative_gradient, record.fineness, record.confinement)),
         }
     }
 }
@@ -257,7 +259,7 @@ pub fn summed_record(request: &Request, summed: &Summed, gradients: bool, radius
     };
     let ellipse = if request.stretch > 0.0 { Ellipse { stretch: DVec2::X * f64::from(request.stretch), ..ellipse } } else { ellipse };
     let record = summed.record(Vec3::from(request.position), &frame, ellipse, request.footprint);
-    let record = weight::Record { minimum_distance: summed.min_distance.min(FAR_AWAY) as f32, ..record };
+    let record = weight::Record { minimum_distance: summed.min_distance.min(FAR_AWAY) as f32, confinement: request.confinement, ..record };
     let none = [Vec3::ZERO; 3];
     Record::from(&if gradients { record } else { weight::Record { rotation: none, translation: none, relative_gradient: 0.0, ..record } })
 }
@@ -374,6 +376,7 @@ mod tests {
             stretch: Vec3::new(13.0, 14.0, 15.0),
             relative_gradient: 16.0,
             fineness: 17.0,
+            confinement: 0.25,
         };
         assert_eq!(weight::Record::from(&Record::from(&record)), record);
     }

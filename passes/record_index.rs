@@ -39,7 +39,7 @@ static DESCRIPTION: Description = Description {
         },
         Parameter {
             name: "coarser",
-            about: "where no record counts, take those that would if they reached three times as far, also through a wall; otherwise there is no light",
+            about: "where no record counts, take those that would if they reached three times as far, those past an obstacle last; otherwise there is no light",
             unit: "",
             kind: ParameterKind::Bool { default: true },
         },

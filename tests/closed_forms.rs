@@ -65,6 +65,10 @@ fn cases() -> Vec<(String, Case)> {
     for pipeline in ["irradiance-bounces", "photon", "photon-gather"] {
         cases.push((format!("no_light_comes_through_a_wall {pipeline}"), Box::new(move |gpu| no_light_comes_through_a_wall(gpu, pipeline))));
     }
+    for (pipeline, place) in [("irradiance-bounces", "Host"), ("irradiance-bounces", "Device"), ("photon", "Host"), ("photon-gather", "Host")] {
+        let both = move |gpu: &Gpu| no_light_comes_past_a_wall_that_both_sides_are_seen_of(gpu, pipeline, place);
+        cases.push((format!("no_light_comes_past_a_wall_that_both_sides_are_seen_of {pipeline} {place}"), Box::new(both)));
+    }
     for pipeline in ["radiance", "radiance-bounces"] {
         cases.push((format!("a_mirror_lights_a_floor {pipeline}"), Box::new(move |gpu| a_mirror_lights_a_floor(gpu, pipeline))));
     }
@@ -697,6 +701,32 @@ fn no_light_comes_through_a_wall(gpu: &Gpu, pipeline: &str) -> Outcome {
     let [lit, dark] = [light("3")?, light("5")?];
     check(lit > 0.0, || "the lit room is dark".into())?;
     at_most("light behind a wall", dark / lit, 1e-3)
+}
+
+/// Two rooms without a ceiling, seen from above: no light comes back over the wall between them.
+const COURTS: &str = r#"Scene(version: 1, geometry: [
+    Quad(corners: ((0, 0, 0), (0, 0, 4), (8, 0, 4), (8, 0, 0))), Box(min: (3.99, 0, 0), max: (4.01, 3, 4)),
+    Quad(corners: ((0, 0, 0), (8, 0, 0), (8, 3, 0), (0, 3, 0))), Quad(corners: ((8, 0, 4), (0, 0, 4), (0, 3, 4), (8, 3, 4))),
+    Quad(corners: ((0, 0, 4), (0, 0, 0), (0, 3, 0), (0, 3, 4))), Quad(corners: ((8, 0, 0), (8, 0, 4), (8, 3, 4), (8, 3, 0))),
+], materials: { "*": Diffuse(reflectance: (0.7, 0.7, 0.7)) }, normals: Face, lights: [Point(position: (1.5, 2.5, 1), intensity: (30, 30, 30))],
+    cameras: { "main": (eye: (4, 9, 2), direction: (0, -1, 0), up: (0, 0, 1), fov: 55) })"#;
+
+/// Nor is there any where paths from the camera come into both rooms, but for three pixels beside the wall: so far do the picture's own records reach.
+fn no_light_comes_past_a_wall_that_both_sides_are_seen_of(gpu: &Gpu, pipeline: &str, place: &str) -> Outcome {
+    // Where fewer records stand, each reaches farther.
+    let places = ["tiles", "detail_tiles", "deep_tiles"].map(|tiles| format!("{tiles}.place={place}"));
+    let fewer: Vec<String> = places.into_iter().chain(["deep_places.records=2048".into()]).collect();
+    let sets = if pipeline == "irradiance-bounces" { &fewer[..] } else { &[] };
+    let halves = rendered(gpu, &Room::new(COURTS)?, [64, 64], (pipeline, sets), |run, _| {
+        let picture = run.picture().map_err(|e| e.to_string())?;
+        let [red, ..] = picture.rgb("irradiance").map_err(|e| e.to_string())?;
+        let within =
+            |columns: std::ops::Range<usize>| (0..).zip(red).filter(|(at, _)| columns.contains(&(at % 64))).map(|(_, light)| f64::from(*light)).sum::<f64>();
+        Ok([within(0..29), within(35..64)])
+    })?;
+    let [dark, lit] = [halves[0].min(halves[1]), halves[0].max(halves[1])];
+    check(lit > 0.0, || "the lit room is dark".into())?;
+    at_most("light past a wall", dark / lit, 1e-3)
 }
 
 // A floor before a mirror

@@ -3,10 +3,6 @@
 use crate::contract::{Encoder, Input, Parameter, ParameterKind, PortKind, Refusal, Takes};
 use crate::host_struct;
 use crate::math::morton::Cube;
-use crate::scene::{
-    Scene,
-    bvh::{Bvh, Hit},
-};
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -73,15 +69,6 @@ pub fn expect_direct_light(e: &Encoder<'_>) -> Result<(), Refusal> {
         Refusal::new("plan::light_of_sources", "the direct pass leaves emitters and the sky to others, and photons bring only what they have reflected", help)
     };
     if is_lost { Err(refusal()) } else { Ok(()) }
-}
-
-/// Where there is a surface beside a place, in its plane or as near to that as photons that count: what is met from above. `place` is a position and its normal,
-/// `aside` a way along the plane.
-pub fn surface_beside(scene: &Scene, bvh: &Bvh, [position, normal]: [Vec3; 2], aside: Vec3, radius: f32) -> Option<(Hit, Vec3)> {
-    let height = lookup::FLATNESS * radius;
-    let from = position + aside + normal * height;
-    let hit = bvh.closest_blocker(scene, from, -normal).filter(|hit| hit.distance <= 2.0 * height)?;
-    Some((hit, from - normal * hit.distance))
 }
 
 /// Photons by the cells that they are in, each with its share of the light.

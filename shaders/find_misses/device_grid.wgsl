@@ -213,5 +213,5 @@ fn ask(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec
     picked[slot] = candidate;
     let pixel = pixel_of(candidate);
     let place = textureLoad(position, pixel, 0);
-    requests[slot] = Request(place.xyz, place.w, textureLoad(normal, pixel, 0).xyz, 6.2831853 * unit(hash(candidate)), 0.0, 0u, 0u, 0u);
+    requests[slot] = Request(place.xyz, place.w, textureLoad(normal, pixel, 0).xyz, 6.2831853 * unit(hash(candidate)), 0.0, 0.0, 0u, 0u);
 }

@@ -20,7 +20,7 @@ struct Record {
     // reach, sqrt(1 - (R0 / R1)²) long.
     rotation: array<vec4f, 3>,
     // The first one's fourth component is the luminance's relative gradient along the surface, |∇E| / E, the second one's the
-    // share of the least spacing that holds for this record, in (0, 1].
+    // share of the least spacing that holds for this record, in (0, 1], the third one's the share that it reaches of the way to what stands on its surface.
     translation: array<vec4f, 3>,
 }
 
@@ -32,9 +32,10 @@ struct Request {
     turn: f32,
     // How much farther its record reaches along the frame's first axis, sqrt(1 - (R0 / R1)²); 0 where the light alone says so.
     stretch: f32,
+    // The share that it reaches of the way to what stands on its surface; 0 where that is not known.
+    confinement: f32,
     padding_a: u32,
     padding_b: u32,
-    padding_c: u32,
 }
 
 struct Weighting {

@@ -110,6 +110,7 @@ fn record_of(request: Request, sums: Sums) -> Record {
             set_stretch(&record, frame * vec3f(ellipse.stretch, 0.0));
         }
     }
+    record.translation[2].w = request.confinement;
     if request.stretch > 0.0 {
         set_stretch(&record, frame[0] * request.stretch);
     }

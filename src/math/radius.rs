@@ -44,6 +44,8 @@ pub struct Reach {
     pub radius: f32,
     /// Along the axis of the larger radius R₁, `√(1 − (R₀/R₁)²)` long.
     pub stretch: Vec3,
+    /// The share that it is of the way to the nearest obstacle, up to 1; 0 where none is known.
+    pub confinement: f32,
 }
 
 /// The larger radius is at most so many times the smaller one, as `weight::Record` bounds it.
@@ -51,12 +53,18 @@ const LONGEST: f32 = 10.0;
 
 impl Reach {
     pub fn round(radius: f32) -> Self {
-        Self { radius: radius.max(f32::MIN_POSITIVE), stretch: Vec3::ZERO }
+        Self { radius: radius.max(f32::MIN_POSITIVE), stretch: Vec3::ZERO, confinement: 0.0 }
     }
 
     /// As far as `radius`, but short of all `obstacles` on a surface with this normal, which are given as ways from the place: narrow where the
     /// nearest of them is, long beside it. The smaller radius is `least` at least, however near they are.
     pub fn before(obstacles: &[Vec3], normal: Vec3, radius: f32, least: f32) -> Self {
+        let reach = Self::up_to(obstacles, normal, radius, least);
+        let confinement = obstacles.iter().map(|way| reach.apart(*way).max(1.0).recip()).fold(0.0, f32::max);
+        Self { confinement, ..reach }
+    }
+
+    fn up_to(obstacles: &[Vec3], normal: Vec3, radius: f32, least: f32) -> Self {
         let nearest = obstacles.iter().copied().min_by(|a, b| a.length_squared().total_cmp(&b.length_squared()));
         let Some(nearest) = nearest.filter(|nearest| nearest.length() < radius) else { return Self::round(radius) };
         let shorter = nearest.length().max(least).clamp(f32::MIN_POSITIVE, radius);
@@ -68,7 +76,7 @@ impl Reach {
             y / (1.0 - (x / shorter).powi(2)).max(0.0).sqrt()
         };
         let longer = obstacles.iter().map(longest).filter(|most| *most > shorter).fold(radius, f32::min).clamp(shorter, LONGEST * shorter);
-        Self { radius: shorter, stretch: axis * (1.0 - (shorter / longer).powi(2)).max(0.0).sqrt() }
+        Self { stretch: axis * (1.0 - (shorter / longer).powi(2)).max(0.0).sqrt(), ..Self::round(shorter) }
     }
 
     /// The larger radius [scene units].

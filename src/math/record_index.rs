@@ -21,8 +21,11 @@ pub const LEVELS: i32 = 24;
 /// A level that holds less than this share of the records is not worth a look at each point: the next larger cells take them.
 pub const FEW: u32 = 16;
 
-/// How much farther records reach where none counts.
+/// How many times as far records reach where none counts, short of obstacles on their surface; past those they count [`LITTLE`].
 pub const COARSER: f32 = 3.0;
+
+/// What a record counts that may be hidden by an obstacle: only where no other does.
+const LITTLE: f32 = 1e-8;
 
 /// Words of a record.
 pub const RECORD_WORDS: usize = 36;
@@ -304,6 +307,9 @@ struct Block {
     stretch: [[f32; LANES]; 3],
     /// One over the validity radius.
     inverse: [f32; LANES],
+    /// Squares of one over how many times as far each reaches, [`COARSER`] or up to an obstacle, and past all obstacles.
+    in_sight: [f32; LANES],
+    past_all: [f32; LANES],
     irradiance: [[f32; LANES]; 3],
     number: [u32; LANES],
     /// Of the cells that a record is listed in; of lanes without a record none.
@@ -313,7 +319,8 @@ struct Block {
 impl Block {
     const EMPTY: Self = {
         let (zeros, zero) = ([[0.0; LANES]; 3], [0; LANES]);
-        Self { position: zeros, normal: zeros, stretch: zeros, inverse: [0.0; LANES], irradiance: zeros, number: zero, level: [u32::MAX; LANES] }
+        let (inverse, in_sight, past_all) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
+        Self { position: zeros, normal: zeros, stretch: zeros, inverse, in_sight, past_all, irradiance: zeros, number: zero, level: [u32::MAX; LANES] }
     };
 
     fn set(&mut self, lane: usize, entry: u32, reaching: &Reaching<'_>) {
@@ -321,15 +328,17 @@ impl Block {
         let vectors = [
             (&mut self.position, record.position),
             (&mut self.normal, record.normal),
-            (&mut self.stretch, record.stretch),
+            (&mut self.stretch, coarser_stretch(record)),
             (&mut self.irradiance, record.irradiance),
         ];
         vectors.into_iter().for_each(|(all, vector)| (0..3).for_each(|axis| all[axis][lane] = vector[axis]));
         self.inverse[lane] = reaching.validity_radius().recip().min(MOST_PER_LENGTH);
+        self.in_sight[lane] = record.confinement.max(1.0 / COARSER).powi(2);
+        self.past_all[lane] = (1.0 - record.stretch.length_squared()) / (COARSER * COARSER);
         (self.number[lane], self.level[lane]) = (entry & ((1 << LEVEL_BIT) - 1), entry >> LEVEL_BIT);
     }
 
-    /// As [`Reaching::local_weight`] of compact weights, of eight records that reach [`COARSER`] times as far; None where none counts.
+    /// As [`Reaching::local_weight`] of compact weights, of eight records that reach farther, see [`COARSER`]; None where none counts.
     #[inline(always)]
     fn weights<S: Simd>(&self, simd: S, level: u32, [position, normal]: [Vectors<S>; 2], accuracy: f32) -> Option<f32x8<S>> {
         let zero = f32x8::splat(simd, 0.0);
@@ -338,15 +347,30 @@ impl Block {
         let (along, square) = (offset.dot(Vectors::load(simd, &self.stretch)), offset.dot(offset));
         let inverse = f32x8::load_array_ref(simd, &self.inverse);
         let per_area = inverse * inverse;
-        let apart = (square - along * along).max(zero) * (per_area * (1.0 / (COARSER * COARSER)));
+        let apart = (square - along * along).max(zero) * (per_area * f32x8::load_array_ref(simd, &self.in_sight));
         let difference = normal.minus(facing);
         let turned = difference.dot(difference) * (0.5 / (accuracy * COARSER).powi(2));
         let behind = offset.dot(facing.plus(normal)) * 0.5;
         let is_level = (behind * behind).simd_le(square * (FRONT_TOLERANCE * COARSER).powi(2));
-        let counts = u32x8::load_array_ref(simd, &self.level).simd_eq(level) & apart.simd_le(1.0) & turned.simd_le(1.0) & is_level;
+        let past_all = square * (per_area * f32x8::load_array_ref(simd, &self.past_all));
+        let may = u32x8::load_array_ref(simd, &self.level).simd_eq(level) & turned.simd_le(1.0) & is_level;
+        let [in_sight, counts] = [may & apart.simd_le(1.0), may & (apart.simd_le(1.0) | past_all.simd_le(1.0))];
         // Most are out of reach: their roots are not worth taking.
-        (counts.to_bitmask() != 0).then(|| counts.select((1.0 - apart.sqrt() - turned.sqrt()).max(zero) * per_area, zero))
+        (counts.to_bitmask() != 0).then(|| {
+            let weight = |apart: f32x8<S>| (1.0 - apart.sqrt() - turned.sqrt()).max(zero) * per_area;
+            in_sight.select(weight(apart), zero) + counts.select(weight(past_all) * LITTLE, zero)
+        })
     }
+}
+
+/// That of the ellipse along which a record reaches [`COARSER`] times as far: where an obstacle keeps the shorter axis as it is, the longer one grows.
+fn coarser_stretch(record: &Record) -> Vec3 {
+    let square = record.stretch.length_squared();
+    if square == 0.0 || record.confinement < 1.0 {
+        return record.stretch;
+    }
+    let coarser = 1.0 - ((1.0 - square) / (COARSER * COARSER)).max(0.01);
+    record.stretch * (coarser / square).sqrt()
 }
 
 impl RecordIndex {
@@ -527,8 +551,11 @@ impl Shares {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::random::{hash, unit};
-    use crate::math::weight::Weighting;
+    use crate::math::{
+        radius::Reach,
+        random::{hash, unit},
+        weight::Weighting,
+    };
     use proptest::prelude::*;
 
     fn number(at: u32) -> f32 {
@@ -552,6 +579,7 @@ mod tests {
             stretch: if at.is_multiple_of(3) { point(at + 4000) * 0.5 } else { Vec3::ZERO },
             relative_gradient: 1.0 / scale,
             fineness: 1.0,
+            confinement: 0.0,
         }
     }
 
@@ -666,6 +694,42 @@ mod tests {
         let others =
             [(0..299).map(|at| flat(at, 1.0)).collect(), (1..301).map(|at| flat(at, 1.0)).collect(), (0..300).map(|at| record(at, 1.0)).collect::<Vec<_>>()];
         assert!(others.iter().all(|records| !shares.are_of(&RecordLight::new(records, &rule()))));
+    }
+
+    /// Of two records on a floor with a wall between them, a point next to the wall that neither reaches has the light of its own side, however near the other's
+    /// is; and that of the other where there is no record on its own.
+    #[test]
+    fn no_light_comes_past_an_obstacle_where_other_light_does() {
+        let beside = |x: f32, y: f32, light: f32| {
+            let wall: Vec<Vec3> = (-8..=8).map(|at| Vec3::new(-x, 0.1 * at as f32, 0.0)).collect();
+            let Reach { radius, stretch, confinement } = Reach::before(&wall, Vec3::Z, 0.3, 0.02);
+            let flat = [Vec3::ZERO; 3];
+            let (position, irradiance) = (Vec3::new(x, y, 0.0), Vec3::splat(light));
+            Record {
+                position,
+                radius: 10.0,
+                normal: Vec3::Z,
+                irradiance,
+                footprint: radius,
+                stretch,
+                confinement,
+                rotation: flat,
+                translation: flat,
+                ..record(0, 1.0)
+            }
+        };
+        let at = Vec3::new(0.02, 0.0, 0.0);
+        let told = |records: &[Record], position: Vec3| {
+            let (words, layout) = words(records, records.len());
+            let rule = Rule { spacing: [1.0; 2], nearest: 1e6, ..rule() };
+            RecordIndex::new(&words, layout, records.to_vec(), rule).estimate_at(position, Vec3::Z).0.x
+        };
+        let (own, other) = (beside(0.2, 0.35, 1.0), beside(-0.05, 0.25, 1000.0));
+        let near = told(&[own, other], at);
+        assert!((1.0..1.1).contains(&near), "{near}");
+        assert!((told(&[other], at) - 1000.0).abs() < 1e-3);
+        let open = Record { confinement: 0.0, stretch: Vec3::ZERO, footprint: 0.3, ..other };
+        assert!(told(&[own, open], at) > 500.0);
     }
 
     #[test]

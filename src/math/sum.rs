@@ -169,6 +169,7 @@ impl Summed {
             translation: self.translation.map(to_world),
             relative_gradient: self.relative_gradient().min(FAR_AWAY) as f32,
             fineness: 1.0,
+            confinement: 0.0,
             stretch: to_world(ellipse.stretch.extend(0.0)),
         }
     }

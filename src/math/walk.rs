@@ -96,7 +96,7 @@ mod tests {
                 Vertex { position: Vec3::new(x, y, if at % 5 == 0 { 1.0 } else { 0.0 }), normal }
             })
             .collect();
-        let reach = |point: &Vertex| Reach { radius: 0.2 + 0.1 * point.position.x, stretch: Vec3::new(0.0, 0.8, 0.0) };
+        let reach = |point: &Vertex| Reach { stretch: Vec3::new(0.0, 0.8, 0.0), ..Reach::round(0.2 + 0.1 * point.position.x) };
         let places = walked(&points, 0.5, usize::MAX, reach);
         let apart = |(place, reach): &(Vertex, Reach), point: &Vertex| reach.apart(point.position - place.position);
         let is_level = |place: &Vertex, point: &Vertex| place.normal == point.normal && place.position.z == point.position.z;

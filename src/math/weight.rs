@@ -52,6 +52,8 @@ pub struct Record {
     pub relative_gradient: f32,
     /// The share of the least spacing that holds for this record, in (0, 1]: [`Rule::fineness`].
     pub fineness: f32,
+    /// The share that it reaches of the way to what stands on its surface, up to 1; 0 where that is not known.
+    pub confinement: f32,
 }
 
 impl Record {
@@ -330,6 +332,7 @@ mod tests {
             stretch: Vec3::ZERO,
             relative_gradient: 1.0,
             fineness: 1.0,
+            confinement: 0.0,
         }
     }
 

@@ -30,41 +30,75 @@ fn indexed_record(number: u32) -> Record {
     return Record(a.xyz, a.w, b.xyz, b.w, c.xyz, c.w, rotation, translation);
 }
 
-// How much farther records reach where none counts, and what a record in front of a point, or behind it, is told by: as math::record_index.
+// How much farther records reach where none counts, what one counts that may be hidden by an obstacle, and what a record in front of a point, or behind it, is told
+// by: as math::record_index.
 const COARSER = 3.0;
+const LITTLE = 1e-8;
 const FRONT = 0.05;
 
-// As Reaching::local_weight of compact weights, of a record that reaches so many times as far.
-fn local_weight(record: Record, times: f32, position: vec3f, normal: vec3f) -> f32 {
+// Where a point is, seen from a record: the square of the way, and its product with the stretch. `times` says how much more records count that are turned or not
+// level.
+struct Beside {
+    square: f32,
+    along: f32,
+    // What the normals take of the weight; more than 1 where the record cannot count.
+    turned: f32,
+    // One over the reach.
+    per_length: f32,
+}
+
+fn beside(record: Record, times: f32, position: vec3f, normal: vec3f) -> Beside {
     let d = position - record.position;
-    let along = dot(d, stretch_of(record));
-    let reached = max(validity_radius(record, index_weighting), 1e-30);
-    let apart = sqrt(max(dot(d, d) - along * along, 0.0)) / (reached * times);
-    let turned = length(normal - record.normal) * 0.70710678;
     let is_level = abs(dot(d, normal + record.normal)) * 0.5 <= FRONT * times * length(d);
-    if apart > 1.0 || !is_level {
-        return 0.0;
-    }
-    let per_length = min(1.0 / reached, 1e15);
-    return max(1.0 - apart - turned / (index_weighting.accuracy * times), 0.0) * per_length * per_length;
+    let turned = length(normal - record.normal) * 0.70710678 / (index_weighting.accuracy * times);
+    return Beside(dot(d, d), dot(d, stretch_of(record)), select(2.0, turned, is_level), min(1.0 / max(validity_radius(record, index_weighting), 1e-30), 1e15));
+}
+
+// By how far apart they are, in reaches.
+fn weight_apart(at: Beside, apart: f32) -> f32 {
+    return select(0.0, max(1.0 - apart - at.turned, 0.0) * at.per_length * at.per_length, apart <= 1.0);
+}
+
+// As Reaching::local_weight of compact weights.
+fn local_weight(record: Record, position: vec3f, normal: vec3f) -> f32 {
+    let at = beside(record, 1.0, position, normal);
+    return weight_apart(at, sqrt(max(at.square - at.along * at.along, 0.0)) * at.per_length);
+}
+
+// Of a record that reaches farther, up to an obstacle.
+fn coarser_weight(record: Record, position: vec3f, normal: vec3f) -> f32 {
+    let at = beside(record, COARSER, position, normal);
+    let confinement = record.translation[2].w;
+    let stretch = stretch_of(record);
+    let longer = 1.0 - dot(stretch, stretch);
+    // Where an obstacle keeps the shorter axis as it is, the longer one grows.
+    let grown = select(1.0, (1.0 - max(longer / (COARSER * COARSER), 0.01)) / (1.0 - longer), longer < 1.0 && confinement >= 1.0);
+    let in_sight = sqrt(max(at.square - at.along * at.along * grown, 0.0)) * at.per_length * max(1.0 / COARSER, confinement);
+    let past_all = sqrt(at.square * longer) * at.per_length / COARSER;
+    return weight_apart(at, in_sight) + LITTLE * weight_apart(at, past_all);
 }
 
 // Weighted irradiance and weight of a record that an entry of a list names, if it is of cells of the level and reaches a point.
-fn listed_sums(entry: u32, level: u32, position: vec3f, normal: vec3f, times: f32) -> vec4f {
+fn listed_sums(entry: u32, level: u32, position: vec3f, normal: vec3f, is_coarser: bool) -> vec4f {
     if entry >> LEVEL_BIT != level {
         return vec4f(0.0);
     }
     let record = indexed_record(entry & ((1u << LEVEL_BIT) - 1u));
-    let weight = local_weight(record, times, position, normal);
+    var weight = 0.0;
+    if is_coarser {
+        weight = coarser_weight(record, position, normal);
+    } else {
+        weight = local_weight(record, position, normal);
+    }
     if weight <= 0.0 {
         return vec4f(0.0);
     }
     return vec4f(record_estimate(record, index_weighting, position, normal), 1.0) * weight;
 }
 
-// Sums over the records that lists name at a point and that reach it if they reach so many times as far: weighted irradiance, weight. Of each list the entry
+// Sums over the records that lists name at a point and that reach it, by themselves or coarser: weighted irradiance, weight. Of each list the entry
 // with the number `from` counts, and then each that is `stride` after.
-fn indexed_sums(header_at: u32, entries: u32, position: vec3f, normal: vec3f, times: f32, from_entry: u32, stride: u32) -> vec4f {
+fn indexed_sums(header_at: u32, entries: u32, position: vec3f, normal: vec3f, is_coarser: bool, from_entry: u32, stride: u32) -> vec4f {
     let header = record_index[header_at / 4u];
     let smallest = cell_of(position, bitcast<i32>(header.x));
     var sum = vec4f(0.0);
@@ -76,7 +110,7 @@ fn indexed_sums(header_at: u32, entries: u32, position: vec3f, normal: vec3f, ti
         let first = select(index_word(ends - 1u), 0u, ends == header_at + INDEX_HEADER);
         let end = index_word(ends);
         for (var i = first + from_entry; i < end; i += stride) {
-            sum += listed_sums(index_word(entries + i), level, position, normal, times);
+            sum += listed_sums(index_word(entries + i), level, position, normal, is_coarser);
         }
     }
     return sum;
@@ -84,12 +118,12 @@ fn indexed_sums(header_at: u32, entries: u32, position: vec3f, normal: vec3f, ti
 
 // Over the records that count.
 fn near_sums(position: vec3f, normal: vec3f) -> vec4f {
-    return indexed_sums(NEAR_HEADER, NEAR_ENTRIES, position, normal, 1.0, 0u, 1u);
+    return indexed_sums(NEAR_HEADER, NEAR_ENTRIES, position, normal, false, 0u, 1u);
 }
 
 // Over those that would if they reached farther.
 fn far_sums(position: vec3f, normal: vec3f, from_entry: u32, stride: u32) -> vec4f {
-    return indexed_sums(0u, INDEX_ENTRIES, position, normal, COARSER, from_entry, stride);
+    return indexed_sums(0u, INDEX_ENTRIES, position, normal, true, from_entry, stride);
 }
 
 fn mean_of(sum: vec4f) -> vec3f {

@@ -115,7 +115,9 @@ mod tests {
         let reach = Reach::before(&wall, Vec3::Z, 0.5, 1e-3);
         assert!((reach.radius - 0.1).abs() < 1e-6 && (reach.longest() - 0.5).abs() < 1e-5, "{reach:?}");
         assert!((reach.apart(Vec3::Y * 0.5) - 1.0).abs() < 1e-5 && (reach.apart(Vec3::X * 0.1) - 1.0).abs() < 1e-5);
-        assert_eq!(Reach::before(&wall, Vec3::Z, 0.09, 1e-3), Reach::round(0.09));
+        // Of a wall that is out of reach it knows how near that is.
+        let short = Reach::before(&wall, Vec3::Z, 0.09, 1e-3);
+        assert!((short.confinement - 0.9).abs() < 1e-5 && Reach { confinement: 0.0, ..short } == Reach::round(0.09) && reach.confinement > 0.999);
         assert_eq!(Reach::before(&[], Vec3::Z, 0.09, 1e-3), Reach::round(0.09));
         // A corner leaves no room along either wall.
         let corner = [wall[20], Vec3::new(0.0, 0.15, 0.0)];

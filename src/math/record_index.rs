@@ -356,10 +356,12 @@ impl Block {
         let may = u32x8::load_array_ref(simd, &self.level).simd_eq(level) & turned.simd_le(1.0) & is_level;
         let [in_sight, counts] = [may & apart.simd_le(1.0), may & (apart.simd_le(1.0) | past_all.simd_le(1.0))];
         // Most are out of reach: their roots are not worth taking.
-        (counts.to_bitmask() != 0).then(|| {
-            let weight = |apart: f32x8<S>| (1.0 - apart.sqrt() - turned.sqrt()).max(zero) * per_area;
-            in_sight.select(weight(apart), zero) + counts.select(weight(past_all) * LITTLE, zero)
-        })
+        if counts.to_bitmask() == 0 {
+            return None;
+        }
+        let nearer = in_sight.select(apart, past_all);
+        let least = in_sight.select(per_area, per_area * LITTLE);
+        Some(counts.select((1.0 - nearer.sqrt() - turned.sqrt()).max(zero) * least, zero))
     }
 }
 

@@ -75,7 +75,10 @@ fn coarser_weight(record: Record, position: vec3f, normal: vec3f) -> f32 {
     let grown = select(1.0, (1.0 - max(longer / (COARSER * COARSER), 0.01)) / (1.0 - longer), longer < 1.0 && confinement >= 1.0);
     let in_sight = sqrt(max(at.square - at.along * at.along * grown, 0.0)) * at.per_length * max(1.0 / COARSER, confinement);
     let past_all = sqrt(at.square * longer) * at.per_length / COARSER;
-    return weight_apart(at, in_sight) + LITTLE * weight_apart(at, past_all);
+    if in_sight <= 1.0 {
+        return weight_apart(at, in_sight);
+    }
+    return LITTLE * weight_apart(at, past_all);
 }
 
 // Weighted irradiance and weight of a record that an entry of a list names, if it is of cells of the level and reaches a point.

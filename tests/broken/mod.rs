@@ -7,6 +7,7 @@
 use libtest_mimic::Failed;
 use serde::Deserialize;
 use std::{
+    collections::HashSet,
     fs, io,
     path::{Path, PathBuf},
     process::Command,
@@ -108,7 +109,9 @@ fn renew(root: &Path, copy: &Path) -> Result<(), Failed> {
     if !listed.status.success() {
         return Err("the project is copied by what git lists: it has to be a checkout".into());
     }
-    for file in String::from_utf8(listed.stdout)?.split_terminator('\0') {
+    let listed = String::from_utf8(listed.stdout)?;
+    let mut files = HashSet::new();
+    for file in listed.split_terminator('\0') {
         let (from, to) = (root.join(file), copy.join(file));
         let text = match fs::read(&from) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => continue,
@@ -117,6 +120,20 @@ fn renew(root: &Path, copy: &Path) -> Result<(), Failed> {
         if fs::read(&to).ok().as_ref() != Some(&text) {
             fs::create_dir_all(to.parent().unwrap_or(copy))?;
             fs::write(&to, text)?;
+        }
+        files.insert(to);
+    }
+    remove_others(copy, &files, &copy.join("target"))
+}
+
+/// Removes what is in a folder and is none of these files, but for one folder: a module that was moved would be there twice.
+fn remove_others(folder: &Path, files: &HashSet<PathBuf>, but_for: &Path) -> Result<(), Failed> {
+    for entry in fs::read_dir(folder)? {
+        let path = entry?.path();
+        if path.is_dir() && path != but_for {
+            remove_others(&path, files, but_for)?;
+        } else if path.is_file() && !files.contains(&path) {
+            fs::remove_file(path)?;
         }
     }
     Ok(())

@@ -128,8 +128,7 @@ impl By {
                     let (mut count, mut inverse) = (0.0, 0.0);
                     lookup.for_each(place.position, place.normal, zone, |photon, _| (count, inverse) = (count + 1.0, inverse + 1.0 / photon.leg));
                     let wished = (radius * count / inverse).min(FARTHEST * around.extent).max(zone.radius);
-                    let obstacles = around.obstacles(place, wished / BEFORE).map(|way| way * BEFORE);
-                    Reach::before(&obstacles.collect::<Vec<_>>(), place.normal, wished, LEAST * zone.radius)
+                    around.reach(place, [wished, wished / BEFORE], BEFORE, LEAST * zone.radius)
                 };
                 let all: Vec<Vertex> = spread(photons.len()).map(|at| vertex(&photons[at])).collect();
                 walked(&all, accuracy, most, reaches)

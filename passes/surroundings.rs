@@ -44,15 +44,19 @@ impl<'a> Surroundings<'a> {
 
     /// Places that reach no farther than what stands on their surface; each knows how near that is.
     pub fn kept_apart(&self, places: Vec<(Vertex, Reach)>) -> Vec<(Vertex, Reach)> {
-        let before = |(place, reach): (Vertex, Reach)| {
-            let obstacles: Vec<Vec3> = self.obstacles(&place, reach.radius * COARSER).map(|way| way * BESIDE).collect();
-            (place, Reach::before(&obstacles, place.normal, reach.radius, LEAST * reach.radius))
-        };
+        let before = |(place, Reach { radius, .. })| (place, self.reach(&place, [radius, COARSER * radius], BESIDE, LEAST * radius));
         places.into_par_iter().map(before).collect()
     }
 
+    /// How far a place reaches that would as far as `radius`: no farther than this share of the way to what stands within the radius `seen`, and no less far than
+    /// `least`.
+    pub fn reach(&self, place: &Vertex, [radius, seen]: [f32; 2], share: f32, least: f32) -> Reach {
+        let obstacles: Vec<Vec3> = self.obstacles(place, seen).map(|way| way * share).collect();
+        Reach::before(&obstacles, place.normal, radius, least)
+    }
+
     /// What stands on the surface of a place, which goes on behind it, as ways from there no longer than `radius`.
-    pub fn obstacles(&self, place: &Vertex, radius: f32) -> impl Iterator<Item = Vec3> {
+    fn obstacles(&self, place: &Vertex, radius: f32) -> impl Iterator<Item = Vec3> {
         let frame = Frame::new(place.normal);
         let origin = place.position + place.normal * surface_offset(self.extent, place.position);
         (0..RAYS).filter_map(move |ray| {

@@ -59,14 +59,12 @@ impl Reach {
     /// As far as `radius`, but short of all `obstacles` on a surface with this normal, which are given as ways from the place: narrow where the
     /// nearest of them is, long beside it. The smaller radius is `least` at least, however near they are.
     pub fn before(obstacles: &[Vec3], normal: Vec3, radius: f32, least: f32) -> Self {
-        let reach = Self::up_to(obstacles, normal, radius, least);
-        let confinement = obstacles.iter().map(|way| reach.apart(*way).max(1.0).recip()).fold(0.0, f32::max);
-        Self { confinement, ..reach }
-    }
-
-    fn up_to(obstacles: &[Vec3], normal: Vec3, radius: f32, least: f32) -> Self {
         let nearest = obstacles.iter().copied().min_by(|a, b| a.length_squared().total_cmp(&b.length_squared()));
-        let Some(nearest) = nearest.filter(|nearest| nearest.length() < radius) else { return Self::round(radius) };
+        let Some(nearest) = nearest else { return Self::round(radius) };
+        let confinement = (radius / nearest.length()).min(1.0);
+        if nearest.length() >= radius {
+            return Self { confinement, ..Self::round(radius) };
+        }
         let shorter = nearest.length().max(least).clamp(f32::MIN_POSITIVE, radius);
         let across = (nearest - normal * nearest.dot(normal)).normalize_or(Frame::new(normal).tangent);
         let axis = normal.cross(across);
@@ -76,7 +74,7 @@ impl Reach {
             y / (1.0 - (x / shorter).powi(2)).max(0.0).sqrt()
         };
         let longer = obstacles.iter().map(longest).filter(|most| *most > shorter).fold(radius, f32::min).clamp(shorter, LONGEST * shorter);
-        Self { stretch: axis * (1.0 - (shorter / longer).powi(2)).max(0.0).sqrt(), ..Self::round(shorter) }
+        Self { radius: shorter, stretch: axis * (1.0 - (shorter / longer).powi(2)).max(0.0).sqrt(), confinement }
     }
 
     /// The larger radius [scene units].
@@ -117,7 +115,9 @@ mod tests {
         assert!((reach.apart(Vec3::Y * 0.5) - 1.0).abs() < 1e-5 && (reach.apart(Vec3::X * 0.1) - 1.0).abs() < 1e-5);
         // Of a wall that is out of reach it knows how near that is.
         let short = Reach::before(&wall, Vec3::Z, 0.09, 1e-3);
-        assert!((short.confinement - 0.9).abs() < 1e-5 && Reach { confinement: 0.0, ..short } == Reach::round(0.09) && reach.confinement > 0.999);
+        assert!((short.confinement - 0.9).abs() < 1e-5 && Reach { confinement: 0.0, ..short } == Reach::round(0.09));
+        // Where it gets to one that is all of the way, to the bit.
+        assert_eq!(reach.confinement, 1.0);
         assert_eq!(Reach::before(&[], Vec3::Z, 0.09, 1e-3), Reach::round(0.09));
         // A corner leaves no room along either wall.
         let corner = [wall[20], Vec3::new(0.0, 0.15, 0.0)];

@@ -396,7 +396,7 @@ impl RecordIndex {
     }
 
     /// The weighted mean of what the records that count at a point foretell, and the sum of their weights [W/m²]. Where none counts, that of the records listed
-    /// there as if they reached [`COARSER`] times as far: see [`Rule::coarsely`]; 0 where none does even so.
+    /// there as if they reached farther: see [`COARSER`]; 0 where none does even so.
     #[inline(always)]
     pub fn estimate<S: Simd>(&self, simd: S, position: Vec3, normal: Vec3) -> (Vec3, f32) {
         let (mut light, mut all) = (Vec3::ZERO, 0.0);

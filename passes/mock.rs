@@ -146,6 +146,7 @@ pub fn record() -> Record {
         minimum_distance: 1.0,
         irradiance: Vec3::ONE,
         footprint: 1.0,
+        error: Vec3::ZERO,
         rotation: [Vec3::ZERO; 3],
         translation: [Vec3::ZERO; 3],
         stretch: Vec3::ZERO,

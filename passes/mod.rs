@@ -11,6 +11,7 @@ pub mod composite;
 pub mod contribution;
 pub mod direct_light;
 pub mod environment_light;
+pub mod filter_records;
 pub mod find_misses;
 pub mod gbuffer;
 pub mod hemisphere_tiles;
@@ -61,6 +62,7 @@ pub static REGISTRY: &Registry = &[
     &add_irradiance::AddIrradiance,
     &radiance_projection::RadianceProjection,
     &add_records::AddRecords,
+    &filter_records::FilterRecords,
     &normalize::Normalize,
     &indirect_light::IndirectLight,
     &add_images::AddImages,

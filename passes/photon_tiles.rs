@@ -136,6 +136,7 @@ impl Pass for PhotonTiles {
         let tiles_per_row = (8192 / table.width).min(requests.capacity).max(1);
         let tiles = port::Tiles {
             samples,
+            sureness: None,
             place,
             is_steady: false,
             sees_emission: false,

@@ -20,7 +20,7 @@ use glam::{DVec2, Vec3};
 use std::f32::consts::TAU;
 
 host_struct! {
-    /// One irradiance record; lengths in scene units, irradiance in W/m².
+    /// One irradiance record; lengths in scene units, irradiance and its standard error in W/m².
     pub struct Record {
         position: [f32; 3],
         /// What the validity radius is in proportion to.
@@ -34,6 +34,8 @@ host_struct! {
         rotation: [[f32; 4]; 3],
         /// Gradients per scene unit; the fourth numbers are the relative gradient, the share of the least spacing, and the confinement.
         translation: [[f32; 4]; 3],
+        error: [f32; 3],
+        padding: u32,
     }
 }
 
@@ -216,6 +218,7 @@ impl From<&Record> for weight::Record {
             minimum_distance: record.minimum_distance,
             irradiance: record.irradiance.into(),
             footprint: record.footprint,
+            error: record.error.into(),
             rotation: gradients(record.rotation),
             translation: gradients(record.translation),
             relative_gradient: record.translation[0][3],
@@ -238,6 +241,8 @@ impl From<&weight::Record> for Record {
             footprint: record.footprint,
             rotation: gradients(record.rotation, record.stretch),
             translation: gradients(record.translation, Vec3::new(record.relative_gradient, record.fineness, record.confinement)),
+            error: record.error.into(),
+            padding: 0,
         }
     }
 }
@@ -371,6 +376,7 @@ mod tests {
             minimum_distance: 8.0,
             irradiance: Vec3::new(9.0, 10.0, 11.0),
             footprint: 12.0,
+            error: Vec3::new(18.0, 19.0, 20.0),
             rotation: vectors(100.0),
             translation: vectors(200.0),
             stretch: Vec3::new(13.0, 14.0, 15.0),
@@ -386,6 +392,7 @@ mod tests {
         let request = Request::new(Vec3::new(1.0, 2.0, 3.0), 0.25, Vec3::Z, 0.3);
         let summed = Summed {
             irradiance: DVec3::new(1.0, 2.0, 3.0),
+            error: DVec3::new(0.1, 0.2, 0.3),
             rotation: [DVec3::X; 3],
             translation: [DVec3::Y; 3],
             hessian: DVec3::new(0.5, 0.0, 0.25),
@@ -396,11 +403,11 @@ mod tests {
         let with = summed_record(&request, &summed, true, Radius::HarmonicMean);
         let without = summed_record(&request, &summed, false, Radius::HarmonicMean);
         assert_eq!((with.position, with.irradiance, with.footprint, with.radius), (request.position, [1.0, 2.0, 3.0], 0.25, 2.0));
-        assert_eq!(with.minimum_distance, FAR_AWAY as f32);
+        assert_eq!((with.minimum_distance, with.error), (FAR_AWAY as f32, [0.1, 0.2, 0.3]));
         let [told, left_out] = [&with, &without].map(weight::Record::from);
         assert!(told.rotation[0] != Vec3::ZERO && told.translation[0] != Vec3::ZERO && told.relative_gradient > 0.0);
         assert_eq!((left_out.rotation, left_out.translation, left_out.relative_gradient), ([Vec3::ZERO; 3], [Vec3::ZERO; 3], 0.0));
-        assert_eq!((left_out.irradiance, left_out.radius), (told.irradiance, told.radius));
+        assert_eq!((left_out.irradiance, left_out.error, left_out.radius), (told.irradiance, told.error, told.radius));
         assert_ne!(summed_record(&request, &summed, true, Radius::Curvature).radius, with.radius);
     }
 }

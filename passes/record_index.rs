@@ -152,6 +152,37 @@ fn build_on_device(e: &mut Encoder<'_>, new: port::Records, index: port::RecordI
     });
 }
 
+/// Lists of records by the cells that their reaches touch, as a program reads them that imports `lib/record_lists`.
+pub(super) struct RecordLists {
+    words: Resource,
+    layout: Layout,
+}
+
+impl RecordLists {
+    /// Commands of the device that list the first records of a buffer, `count` of them and at most `capacity`.
+    pub fn encode(e: &mut Encoder<'_>, records: Resource, weighting: Resource, count: Variable, capacity: u32) -> Self {
+        let layout = Layout::of(capacity as usize);
+        let words = e.buffer("lists", 4 * layout.records as u64);
+        let [lists, listed] = ["lists", "listed"].map(|name| e.variable(name, false));
+        e.clear(words);
+        e.host("begin_lists", &[], &[words], move |host| {
+            let count = host.variable(count);
+            host.set(lists, 1);
+            host.set(listed, count);
+            host.write(words, 0, bytemuck::cast_slice(&Levels::NONE.header(layout.hashes, count)));
+            Ok(())
+        });
+        let program = Program::new("record_index").constant("INDEX_ENTRIES", layout.entries as u32);
+        let program = program.bind("weighting", weighting).bind("records", records).bind("words", words);
+        make_lists(e, program, (words, HEADER, layout.hashes), [lists, listed]);
+        Self { words, layout }
+    }
+
+    pub fn bind(&self, program: Program) -> Program {
+        program.constant("LIST_ENTRIES", self.layout.entries as u32).bind("record_lists", self.words)
+    }
+}
+
 /// In rounds in which `lists` is 1 and `listed` the number of records. The lists' ends are told by where they start, and how many there are.
 fn make_lists(e: &mut Encoder<'_>, program: Program, (words, first, hashes): (Resource, usize, usize), [lists, listed]: [Variable; 2]) {
     let held = e.buffer("held", 4 * EXPONENTS);

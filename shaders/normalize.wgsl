@@ -8,6 +8,9 @@
 // Pixels that see a surface and no record counts, pixels whose value is not finite, pixels of negative radiance: harmonics ring.
 @group(0) @binding(5) var<storage, read_write> faults: array<atomic<u32>, 4>;
 
+// Standard errors of the irradiance.
+@group(0) @binding(6) var uncertainty: texture_storage_2d<rgba32float, write>;
+
 fn is_finite(value: vec4f) -> bool {
     // An exponent of all ones is infinity or NaN; comparisons may be optimised away, bits are not.
     let exponents = bitcast<vec4u>(value) & vec4u(0x7f800000u);
@@ -42,4 +45,15 @@ fn divide(@builtin(global_invocation_id) id: vec3u) {
     }
     textureStore(irradiance, id.xy, vec4f(value, 1.0));
     textureStore(radiance, id.xy, vec4f(value * textureLoad(reflectance, id.xy, 0).rgb / 3.14159265358979, 1.0));
+}
+
+// The same of sums of standard errors; nothing where nothing is known.
+@compute @workgroup_size(8, 8)
+fn divide_errors(@builtin(global_invocation_id) id: vec3u) {
+    if any(id.xy >= textureDimensions(position)) {
+        return;
+    }
+    let sum = textureLoad(sums, id.xy, 0);
+    let is_known = textureLoad(position, id.xy, 0).w > 0.0 && is_finite(sum) && sum.w > 0.0;
+    textureStore(uncertainty, id.xy, vec4f(select(vec3f(0.0), sum.rgb / max(sum.w, 1e-37), is_known), 1.0));
 }

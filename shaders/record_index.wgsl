@@ -174,10 +174,11 @@ fn keep_records(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) gr
         keep(number, 3u + i, record.rotation[i]);
         keep(number, 6u + i, record.translation[i]);
     }
+    keep(number, 9u, vec4f(record.error, 0.0));
 }
 
 fn keep(number: u32, part: u32, value: vec4f) {
-    let at = INDEX_RECORDS + 36u * number + 4u * part;
+    let at = INDEX_RECORDS + 40u * number + 4u * part;
     for (var i = 0u; i < 4u; i++) {
         atomicStore(&words[at + i], bitcast<u32>(value[i]));
     }

@@ -37,7 +37,7 @@ type Outcome = Result<(), Failed>;
 type Case = fn(&Stage) -> Outcome;
 
 fn main() {
-    let cases: [(&str, bool, Case); 17] = [
+    let cases: [(&str, bool, Case); 18] = [
         ("host_steps_touch_nothing_undeclared", false, undeclared_is_refused),
         ("sums_agree_with_double_precision", false, sums_agree),
         ("curvatures_agree_with_double_precision", false, curvatures_agree),
@@ -45,6 +45,7 @@ fn main() {
         ("rays_on_the_host_see_what_those_on_the_device_see", false, rays_agree),
         ("tiles_that_cannot_be_halved_are_refused", false, odd_tiles_are_refused),
         ("splats_agree_pixel_by_pixel", false, splats_agree),
+        ("records_are_filtered_alike_on_host_and_device", false, filters_agree),
         ("fills_cover_every_pixel_and_repeat", false, fills_cover),
         ("fills_on_host_and_device_agree", false, fills_agree),
         ("neighbours_clamp_on_host_and_device_alike", false, clamping_agrees),
@@ -369,6 +370,7 @@ fn summed(stage: &Stage, table: &Arc<Table>, shape: (Shape, u32), by: &str, radi
     };
     let tiles = port::Tiles {
         samples: graph.buffer("samples", bytemuck::cast_slice(&samples)),
+        sureness: None,
         place: Place::Device,
         is_steady: false,
         sees_emission: true,
@@ -418,8 +420,10 @@ fn error(found: &Record, expected: &Record, scales: [f32; 2]) -> f32 {
     let share = (found.translation[0][3] - expected.translation[0][3]).abs() * luminance / scales[1];
     let irradiance = found.irradiance.iter().zip(expected.irradiance).map(|(a, b)| relative(*a, b)).fold(0.0, f32::max);
     let distances = relative(found.radius, expected.radius).max(relative(found.minimum_distance, expected.minimum_distance));
+    let uncertainty = found.error.iter().zip(expected.error).map(|(a, b)| relative(*a, b)).fold(0.0, f32::max);
     let all = [
         irradiance,
+        uncertainty,
         share,
         distances,
         gradients(&found.rotation, &expected.rotation, scales[0]),
@@ -578,6 +582,8 @@ fn records(scene: &Scene, size: [u32; 2], count: usize) -> Vec<Record> {
                 footprint: (position - camera.eye).dot(camera.direction).abs().max(1e-3) * pixel,
                 rotation: gradients(1.0, 0.3, &mut numbers),
                 translation: gradients(0.3, 1.0, &mut numbers),
+                error: [numbers.next(), numbers.next(), numbers.next()],
+                padding: 0,
             }
         })
         .collect()
@@ -595,7 +601,7 @@ struct Splatted {
 }
 
 /// The records splatted one way, in so many frames that must give the same bits.
-fn splatted(stage: &Stage, records: &[Record], rule: Rule, size: [u32; 2], by: &str, repeats: usize) -> Result<Splatted, Failed> {
+fn splatted(stage: &Stage, records: &[Record], rule: Rule, size: [u32; 2], (by, of): (&str, &str), repeats: usize) -> Result<Splatted, Failed> {
     let mut graph = Graph::new(stage, size);
     graph.node("gbuffer", "GBuffer", &[], &[])?;
     let uniform = Weighting::from(&rule);
@@ -608,7 +614,7 @@ fn splatted(stage: &Stage, records: &[Record], rule: Rule, size: [u32; 2], by: &
         rule,
     };
     graph.ports.insert("cache".into(), Port::RecordCache(cache));
-    graph.node("splats", "Splat", &[way(by), ("count", "true")], &[("records", "cache"), ("gbuffer", "gbuffer")])?;
+    graph.node("splats", "Splat", &[way(by), ("of", of), ("count", "true")], &[("records", "cache"), ("gbuffer", "gbuffer")])?;
     let Some(Port::Splats(port::Splats { sums, counts: Some(counts), .. })) = graph.ports.get("splats").cloned() else { return Err("no sums".into()) };
     let mut session = graph.session(&[sums, counts])?;
     session.set_variable(cache.count, records.len() as u32);
@@ -649,13 +655,54 @@ fn splats_agree(stage: &Stage) -> Outcome {
     let size = [100, 75];
     let records = records(&stage.scene, size, 3000);
     for weighting in WEIGHTINGS {
-        let host = splatted(stage, &records, rule(weighting, 40.0), size, "Host", 2)?;
-        for by in stage.splats() {
-            let found = splatted(stage, &records, rule(weighting, 40.0), size, by, 2)?;
-            compare_splats(&found, &host, 1e-5).map_err(|e| format!("{weighting:?} by {by}: {}", e.message().unwrap_or_default()))?;
+        for of in ["Estimate", "StandardError"] {
+            let host = splatted(stage, &records, rule(weighting, 40.0), size, ("Host", of), 2)?;
+            for by in stage.splats() {
+                let found = splatted(stage, &records, rule(weighting, 40.0), size, (by, of), 2)?;
+                compare_splats(&found, &host, 1e-5).map_err(|e| format!("{of}, {weighting:?} by {by}: {}", e.message().unwrap_or_default()))?;
+            }
         }
     }
     Ok(())
+}
+
+/// Records that reach some others, with errors that explain some of what they differ by.
+fn filters_agree(stage: &Stage) -> Outcome {
+    let size = [100, 75];
+    let records = records(&stage.scene, size, 3000);
+    let found = ["Host", "Device"].map(|place| filtered(stage, &records, size, place));
+    let [host, device] = found.into_iter().collect::<Result<Vec<_>, _>>()?.try_into().expect("two");
+    let mut changed = 0;
+    for (number, ((host, device), before)) in host.iter().zip(&device).zip(&records).enumerate() {
+        let numbers = |record: &Record| -> Vec<f32> {
+            let gradients = record.rotation.iter().chain(&record.translation).flatten();
+            record.irradiance.iter().chain(&record.error).chain(gradients).chain([&record.radius]).copied().collect()
+        };
+        let apart = numbers(host).iter().zip(numbers(device)).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        check(apart < 1e-3, || format!("record {number} is {host:?} on the host and {device:?} on the device"))?;
+        changed += usize::from((Vec3::from(host.irradiance) - Vec3::from(before.irradiance)).length() > 0.01);
+    }
+    check(changed > 500, || format!("{changed} records are changed"))
+}
+
+fn filtered(stage: &Stage, records: &[Record], size: [u32; 2], place: &str) -> Result<Vec<Record>, Failed> {
+    let mut graph = Graph::new(stage, size);
+    let rule = rule(weight::Weighting::Compact, 40.0);
+    let cache = port::RecordCache {
+        records: graph.buffer("records", bytemuck::cast_slice(records)),
+        coefficients: None,
+        count: graph.variable("count"),
+        capacity: records.len() as u32,
+        weighting: graph.buffer("weighting", bytemuck::bytes_of(&Weighting::from(&rule))),
+        rule,
+    };
+    graph.ports.insert("cache".into(), Port::RecordCache(cache));
+    graph.node("filtered", "FilterRecords", &[way(place)], &[("records", "cache")])?;
+    let Some(Port::RecordCache(port::RecordCache { records: filtered, .. })) = graph.ports.get("filtered").cloned() else { return Err("no cache".into()) };
+    let mut session = graph.session(&[filtered])?;
+    session.set_variable(cache.count, records.len() as u32);
+    session.frame(&|| Pace::GoOn).map_err(|e| e.to_string())?;
+    Ok(read::<Record>(&session, filtered)?[..records.len()].to_vec())
 }
 
 /// As many records as the largest cache holds: 900,000, 130 MB; the tiles' masks take 32 MiB at most.
@@ -663,7 +710,7 @@ fn many_records(stage: &Stage) -> Outcome {
     let size = [512, 384];
     let records = records(&stage.scene, size, 900_000);
     let found = stage.splats().into_iter().map(|by| {
-        let found = splatted(stage, &records, rule(weight::Weighting::Compact, 3.0), size, by, 1)?;
+        let found = splatted(stage, &records, rule(weight::Weighting::Compact, 3.0), size, (by, "Estimate"), 1)?;
         println!("{by}: {:.2} s", found.seconds);
         Ok(found)
     });

@@ -35,13 +35,15 @@ pub(super) fn encode_shaded(e: &mut Encoder<'_>, work: &Work, maps: Option<port:
     let lighting = host_shade::encode(e, SAMPLES_OF_EMITTERS, sees);
     let lit_by = maps.iter().map(|maps| Read::whole(maps.depth)).chain(indirect.iter().flat_map(Asked::reads)).chain(steering.reads());
     let reads: Vec<Read> = lit_by.chain([Read::counted(requests.places, REQUEST_BYTES, requests.count)]).collect();
-    e.host("cast_and_shade", &reads, &[radiance], move |host| {
+    let written: Vec<Resource> = [radiance].into_iter().chain(steering.sureness).collect();
+    e.host("cast_and_shade", &reads, &written, move |host| {
         let places: Vec<Request> = bytemuck::pod_collect_to_vec(host.read(requests.places));
         let mut known = steering.known(host, &places);
         let mut samples = host.take(radiance);
         let (lighting, index) = (host_shade::lighting(host, lighting)?, indirect.and_then(|field| field.index(host)));
         let indirect = indirect.and_then(|field| field.on_host(host, index.as_deref()));
         let seen = &mut samples[..places.len() * bundle.samples];
+        let mut sureness = vec![1.0f32; places.len()];
         for wave in steering.waves(&known, &places) {
             let chosen: Vec<Request> = wave.iter().map(|number| places[*number]).collect();
             let shader = Shading { indirect: indirect.as_ref(), ..Shading::of(host, &lighting, maps, &chosen) };
@@ -49,12 +51,13 @@ pub(super) fn encode_shaded(e: &mut Encoder<'_>, work: &Work, maps: Option<port:
             let tiles = see(host, &shader, &bundle, (&steering, &rays));
             for (number, tile) in wave.iter().zip(&tiles) {
                 seen[number * bundle.samples..][..bundle.samples].copy_from_slice(&tile.seen);
+                sureness[*number] = tile.sureness;
             }
             steering.learn(&mut known, &chosen, &rays, &tiles);
         }
         let bytes = size_of_val(seen) as u64;
         host.put(radiance, samples, bytes);
-        steering.keep(host, known);
+        steering.keep(host, known, &sureness);
         Ok(())
     });
     radiance
@@ -67,7 +70,7 @@ fn see(host: &dyn HostContext, shader: &Shading<'_>, bundle: &RayBundle, (steeri
     let mut tiles = packets.trace_own(host.scene(), &views, &bundles, shader, |number, seen| steering.tile(&rays[number], seen));
     let bundles: Vec<&RayBundle> = rays.iter().map(|rays| &rays.more.bundle).collect();
     let also_seen = packets.trace_own(host.scene(), &views, &bundles, shader, |_, seen| seen);
-    tiles.par_iter_mut().zip(rays).zip(&also_seen).for_each(|((tile, rays), seen)| rays.more.join(seen, &mut tile.seen));
+    tiles.par_iter_mut().zip(rays).zip(&also_seen).for_each(|((tile, rays), seen)| rays.join(seen, tile));
     tiles
 }
 

@@ -265,12 +265,13 @@ impl Pass for HemisphereTiles {
             _ => None,
         };
         let growth = growth(e, &work, shaded, steady.is_some());
-        let samples = match (shaded, steady) {
+        let (samples, sureness) = match (shaded, steady) {
             (Place::Host, None) => {
-                let steering = Steering::new(e, guide, growth);
-                host_rays::encode_shaded(e, &work, maps, (sees, steering))
+                let steering = Steering::new(e, &work, guide, growth);
+                let sureness = steering.sureness;
+                (host_rays::encode_shaded(e, &work, maps, (sees, steering)), sureness)
             }
-            (Place::Host, Some(index)) => host_rays::encode_steady(e, &work, maps, index, sees),
+            (Place::Host, Some(index)) => (host_rays::encode_steady(e, &work, maps, index, sees), None),
             (Place::Device, _) => {
                 let see = |e: &mut Encoder<'_>| {
                     match cast {
@@ -296,12 +297,12 @@ impl Pass for HemisphereTiles {
                         radiance
                     });
                 }
-                radiance
+                (radiance, None)
             }
         };
         let sees_emission = sees.emission && (e.setting.needs.emissive_triangles > 0 || e.setting.needs.environment);
         let (is_steady, table, tiles_per_row) = (e.is_steady("at"), work.table, work.tiles_per_row);
-        let tiles = port::Tiles { samples, place: shaded, is_steady, sees_emission, requests, shape, resolution, table, tiles_per_row };
+        let tiles = port::Tiles { samples, sureness, place: shaded, is_steady, sees_emission, requests, shape, resolution, table, tiles_per_row };
         e.output("tiles", Port::Tiles(tiles));
         Ok(())
     }

@@ -2,9 +2,10 @@
 
 use super::cells::Cells;
 use super::growth::{Growth, Told};
+use super::Work;
 use super::guide::{Guide, MoreRays};
 use crate::contract::Encoder;
-use crate::math::uncertainty::Uncertainty;
+use crate::math::{colour::REC_709, uncertainty::Uncertainty};
 use crate::passes::record::Request;
 use crate::scene::packets::RayBundle;
 use crate::schedule::*;
@@ -20,6 +21,8 @@ pub(super) struct Steering {
     memory: Resource,
     /// How many tiles were finer.
     finer: Variable,
+    /// Of each tile, see [`port::Tiles`]; where photons guide rays.
+    pub sureness: Option<Resource>,
 }
 
 /// Edge of a cell to which light comes from about the same places, as a share of how far away photons may be.
@@ -47,11 +50,13 @@ pub(super) struct Tile {
     /// Radiance and distance of each stratum.
     pub seen: Vec<Vec4>,
     uncertainty: Uncertainty,
+    /// See [`port::Tiles`].
+    pub sureness: f32,
 }
 
 impl Steering {
     /// With a step before the loop that forgets what was found.
-    pub fn new(e: &mut Encoder<'_>, guide: Option<Guide>, growth: Option<Growth>) -> Self {
+    pub fn new(e: &mut Encoder<'_>, work: &Work, guide: Option<Guide>, growth: Option<Growth>) -> Self {
         let memory = e.state("steering");
         let forget = move |host: &mut dyn HostContext| {
             *host.state(memory) = None;
@@ -62,7 +67,8 @@ impl Steering {
         if growth.is_some() {
             e.report_variable("finer_tiles", finer);
         }
-        Self { guide, growth, memory, finer }
+        let sureness = (guide.is_some() || growth.is_some()).then(|| e.buffer("sureness", 4 * u64::from(work.requests.capacity)));
+        Self { guide, growth, memory, finer, sureness }
     }
 
     pub fn reads(&self) -> Option<Read> {
@@ -81,7 +87,11 @@ impl Steering {
         known
     }
 
-    pub fn keep(&self, host: &mut dyn HostContext, known: Known) {
+    /// Keeps what was found for what comes, and how sure tiles are for who sums them.
+    pub fn keep(&self, host: &mut dyn HostContext, known: Known, sureness: &[f32]) {
+        if let Some(buffer) = self.sureness {
+            host.write(buffer, 0, bytemuck::cast_slice(sureness));
+        }
         host.set(self.finer, known.told.finer);
         *host.state(self.memory) = Some(Box::new(known));
     }
@@ -109,9 +119,9 @@ impl Steering {
 
     /// What those have seen.
     pub fn tile(&self, rays: &TileRays, seen: Vec<Vec4>) -> Tile {
-        let Some(growth) = &self.growth else { return Tile { seen, uncertainty: Uncertainty::UNKNOWN } };
+        let Some(growth) = &self.growth else { return Tile { seen, uncertainty: Uncertainty::UNKNOWN, sureness: 1.0 } };
         let uncertainty = growth.uncertainty(rays.times, &seen, &rays.worth);
-        Tile { seen: growth.joined(rays.times, seen), uncertainty }
+        Tile { seen: growth.joined(rays.times, seen), uncertainty, sureness: 1.0 }
     }
 
     /// Lets tiles tell others.
@@ -121,6 +131,15 @@ impl Steering {
                 known.told.learn(place, rays.times, tile.uncertainty);
             }
         }
+    }
+}
+
+impl TileRays {
+    /// Adds what the rays have seen that a tile has more of some strata.
+    pub fn join(&self, seen: &[Vec4], tile: &mut Tile) {
+        self.more.join(seen, &mut tile.seen);
+        let light: Vec<f32> = tile.seen.iter().map(|seen| seen.truncate().dot(REC_709.as_vec3())).collect();
+        tile.sureness = tile.uncertainty.over_plain(light.len().isqrt(), &light);
     }
 }
 

@@ -1,4 +1,4 @@
-//! Averages of 2×2 texels down to one a tile, in six images; the average times the number of samples is the sum.
+//! Averages of 2×2 texels down to one a tile, in seven images; the average times the number of samples is the sum.
 
 use super::Work;
 use super::reduce::Storage;

@@ -33,7 +33,7 @@ static DESCRIPTION: Description = Description {
                     },
                     Choice {
                         name: "MipmapChain",
-                        about: "averages of 2×2 texels down to one a tile, in six images (RCS); tiles of a power of two, or of little more",
+                        about: "averages of 2×2 texels down to one a tile, in seven images (RCS); tiles of a power of two, or of little more",
                         parameters: &[reduce::STORAGE],
                     },
                     Choice {
@@ -88,6 +88,7 @@ impl Work<'_> {
             .constant("TILES_PER_ROW", tiles.tiles_per_row)
             .constant("TILE_CAPACITY", tiles.requests.capacity)
             .constant("GRADIENTS", self.gradients as u8)
+            .constant("BLOCK_SHARE", self.weighted.table.block_share() as f32)
             .constant("RADIUS", self.radius as u32)
     }
 }

@@ -3,7 +3,7 @@
 use super::Work;
 use super::reduce::{PARTS, Storage};
 use crate::contract::{Arguments, Encoder};
-use crate::math::sum::Summed;
+use crate::math::sum::{Summed, standard_error};
 use crate::passes::record::{RECORD_BYTES, REQUEST_BYTES, Request, summed_record};
 use crate::schedule::*;
 use glam::{DVec3, DVec4};
@@ -28,6 +28,8 @@ pub(super) fn encode(e: &mut Encoder<'_>, work: &Work<'_>, arguments: &Arguments
     let program = work.at_level("irradiance_sum/ping_pong", levels).bind_part("last", from, work.level_bytes(levels, storage.format)).bind("rest", rest);
     e.compute(program, "pack", work.groups(levels));
     let (records, gradients, radius) = (work.records, work.gradients, work.radius);
+    let table = &work.weighted.table;
+    let (samples, block_share) = (table.samples.len() as f64, table.block_share());
     let exposures = storage.exposures;
     let mut reads = vec![Read::counted(rest, tile_bytes, requests.count), Read::counted(requests.places, REQUEST_BYTES, requests.count)];
     reads.extend(exposures.map(|exposures| Read::counted(exposures, 4, requests.count)));
@@ -36,7 +38,7 @@ pub(super) fn encode(e: &mut Encoder<'_>, work: &Work<'_>, arguments: &Arguments
         let places: Vec<Request> = bytemuck::pod_collect_to_vec(host.read(requests.places));
         let tiles = host.read(rest).chunks_exact(tile_bytes as usize);
         let exposures = exposures.map_or(vec![1.0; places.len()], |exposures| bytemuck::pod_collect_to_vec::<u8, f32>(host.read(exposures)));
-        let summed = tiles.zip(exposures).map(|(tile, exposure)| add(tile, extent, f64::from(exposure)));
+        let summed = tiles.zip(exposures).map(|(tile, exposure)| add(tile, extent, f64::from(exposure), block_share / samples));
         let new: Vec<_> = places.iter().zip(summed).map(|(place, summed)| summed_record(place, &summed, gradients, radius)).collect();
         debug_assert_eq!(size_of_val(new.as_slice()) as u64, places.len() as u64 * RECORD_BYTES);
         host.write(records, 0, bytemuck::cast_slice(&new));
@@ -44,8 +46,8 @@ pub(super) fn encode(e: &mut Encoder<'_>, work: &Work<'_>, arguments: &Arguments
     });
 }
 
-/// The sum of a tile from the averages of its parts, as `shaders/irradiance_sum/reduce.wgsl` scales them.
-fn add(tile: &[u8], extent: f64, exposure: f64) -> Summed {
+/// The sum of a tile from the averages of its parts, as `shaders/irradiance_sum/reduce.wgsl` scales them; `block_share` is the table's, a sample.
+fn add(tile: &[u8], extent: f64, exposure: f64, block_share: f64) -> Summed {
     let values: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(tile);
     let texels = values.len() / PARTS as usize;
     let parts: Vec<DVec4> =
@@ -55,6 +57,7 @@ fn add(tile: &[u8], extent: f64, exposure: f64) -> Summed {
     let light: Vec<DVec4> = parts.iter().map(|part| *part / exposure).collect();
     Summed {
         irradiance: light[0].truncate(),
+        error: standard_error(light[6].truncate() / exposure, block_share),
         rotation: [DVec3::new(light[1].x, light[1].y, 0.0), DVec3::new(light[1].z, light[1].w, 0.0), DVec3::new(light[2].x, light[2].y, 0.0)],
         translation: [3, 4, 5].map(|part| light[part].truncate() / extent),
         hessian: DVec3::new(light[3].w, light[4].w, light[5].w) / (extent * extent),
@@ -80,9 +83,11 @@ mod tests {
     #[test]
     fn parts_are_undone_as_they_were_scaled() {
         let part = |x: f32| Vec4::new(x, x + 1.0, x + 2.0, x + 3.0);
-        let summed = add(&tile([part(1.0), part(11.0), part(21.0), part(31.0), part(41.0), part(51.0)]), 4.0, 2.0);
+        let summed = add(&tile([part(1.0), part(11.0), part(21.0), part(31.0), part(41.0), part(51.0), part(61.0)]), 4.0, 2.0, 0.5);
         // Light is over the exposure, gradients over the extent, second derivatives over its square.
         assert_eq!(summed.irradiance, DVec3::new(0.5, 1.0, 1.5));
+        // The root of a quarter of the squares in half a share, over the exposure.
+        assert!((summed.error * summed.error * 32.0 - DVec3::new(61.0, 62.0, 63.0)).length() < 1e-12);
         assert_eq!(summed.rotation, [DVec3::new(5.5, 6.0, 0.0), DVec3::new(6.5, 7.0, 0.0), DVec3::new(10.5, 11.0, 0.0)]);
         assert_eq!(summed.translation, [31.0, 41.0, 51.0].map(|x| DVec3::new(x, x + 1.0, x + 2.0) / 8.0));
         assert_eq!(summed.hessian, DVec3::new(34.0, 44.0, 54.0) / 32.0);

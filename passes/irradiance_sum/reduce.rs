@@ -1,12 +1,13 @@
-//! What the mipmap chain and the ping-pong share: images of six parts a sample, and averages of 2×2 texels.
+//! What the mipmap chain and the ping-pong share: images of seven parts a sample, and averages of 2×2 texels.
 
 use super::Work;
 use crate::contract::{Arguments, Choice, Encoder, Parameter, ParameterKind};
+use crate::math::hemisphere::Table;
 use crate::passes::record::{edge_bytes, sample_bytes};
 use crate::schedule::*;
 
 /// Vectors that a tile adds up to: layers of the images.
-pub(super) const PARTS: u32 = 6;
+pub(super) const PARTS: u32 = 7;
 
 pub(super) const STORAGE: Parameter = Parameter {
     name: "storage",
@@ -14,7 +15,7 @@ pub(super) const STORAGE: Parameter = Parameter {
     unit: "",
     kind: ParameterKind::Choice {
         choices: &[
-            Choice { name: "F32", about: "single precision, six times the tiles' memory and a third more", parameters: &[] },
+            Choice { name: "F32", about: "single precision, seven times the tiles' memory and a third more", parameters: &[] },
             Choice {
                 name: "F16",
                 about: "half precision, half of it; each tile exposed by its brightest sample, gradients of what is very near cut",
@@ -88,12 +89,13 @@ impl Work<'_> {
         e.compute(program, "expose", Groups::Counted { count: tiles.requests.count, divisor: 1, per: 1 });
     }
 
-    /// Every sample's six parts.
+    /// Every sample's parts.
     pub(super) fn contribute(&self, e: &mut Encoder<'_>, storage: &Storage, into: Resource) {
         let table = &self.weighted.table;
         let starts: Vec<u32> = (0..=table.samples.len()).map(|i| table.edges.partition_point(|e| e.a < i as u32) as u32).collect();
         let [weights, edges] = [("weights", sample_bytes(table)), ("edges", edge_bytes(&table.edges))].map(|(name, bytes)| e.constant_buffer(name, &bytes));
         let starts = e.constant_buffer("edge_starts", bytemuck::cast_slice(&starts));
+        let block_weights = e.constant_buffer("block_weights", bytemuck::cast_slice(&block_weights(table)));
         let tiles = &self.weighted.tiles;
         storage.exposures.into_iter().for_each(|exposures| self.expose(e, exposures, weights));
         let mut program = self
@@ -102,6 +104,7 @@ impl Work<'_> {
             .bind("weights", weights)
             .bind("edges", edges)
             .bind("edge_starts", starts)
+            .bind("block_weights", block_weights)
             .bind("radiance", tiles.samples)
             .bind_part(storage.coarse, into, self.level_bytes(0, storage.format));
         if let Some(exposures) = storage.exposures {
@@ -130,11 +133,18 @@ impl Work<'_> {
     }
 }
 
+/// Of the block of four whose last sample each is, the weight; 0 where there is none.
+fn block_weights(table: &Table) -> Vec<f32> {
+    let mut weights = vec![0.0; table.samples.len()];
+    table.blocks.iter().for_each(|last| weights[*last as usize] = table.samples[*last as usize].cosine_weight as f32);
+    weights
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::contract::{Place, port};
-    use crate::math::hemisphere::{Method, Shape, Table};
+    use crate::math::hemisphere::{Method, Shape};
     use crate::passes::record::Radius;
     use std::sync::Arc;
 
@@ -144,6 +154,7 @@ mod tests {
         let requests = port::Requests { places: Resource(0), count: Variable(0), capacity: 5, made: Variable(1), at_most: 100 };
         let tiles = port::Tiles {
             samples: Resource(1),
+            sureness: None,
             place: Place::Device,
             is_steady: false,
             sees_emission: true,
@@ -175,8 +186,8 @@ mod tests {
         let weighted = tiles(Shape::Cosine, 48);
         let work = work(&weighted);
         assert_eq!([0, 1, 4].map(|level| work.level_size(level)), [[48, 48], [24, 24], [3, 3]]);
-        assert_eq!(work.level_bytes(1, Format::Rgba32Float), 5 * 24 * 24 * 6 * 16);
-        assert_eq!(work.level_bytes(1, Format::Rgba16Float), 5 * 24 * 24 * 6 * 8);
+        assert_eq!(work.level_bytes(1, Format::Rgba32Float), 5 * 24 * 24 * 7 * 16);
+        assert_eq!(work.level_bytes(1, Format::Rgba16Float), 5 * 24 * 24 * 7 * 8);
         let groups = |level| work.groups(level);
         assert_eq!([0, 4].map(groups), [36, 1].map(|per| Groups::Counted { count: Variable(0), divisor: 1, per }));
     }

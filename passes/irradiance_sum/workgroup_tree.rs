@@ -20,6 +20,8 @@ host_struct! {
         above: [f32; 4],
         /// xy and yy of the second derivatives, left and above.
         bends: [f32; 4],
+        /// Of the block of four whose last sample this is, the weight as the first number; 0 where there is none.
+        block: [f32; 4],
     }
 }
 
@@ -58,6 +60,9 @@ fn cells(table: &Table) -> (Vec<Cell>, Vec<Edge>) {
         .collect();
     // Lanes take rows in pairs: below an odd number of them stands one that adds nothing.
     cells.resize((table.width * table.height.next_multiple_of(2)) as usize, bytemuck::Zeroable::zeroed());
+    for last in table.blocks.iter().map(|last| *last as usize) {
+        cells[last].block[0] = table.samples[last].cosine_weight as f32;
+    }
     let mut seams = Vec::new();
     for edge in &table.edges {
         let cell = &mut cells[edge.b as usize];

@@ -343,7 +343,7 @@ mod steps {
         let encoded = {
             let setting = Setting { scene: host.scene(), needs: &needs, device: Device::SOFTWARE, size: SIZE, tables: None };
             let mut e = Encoder::new("normalize", &arguments, setting, &inputs, &mut schedule);
-            let splats = port::Splats { sums: of_sums, counts: None, lobes: None, cache: mock::cache(100) };
+            let splats = port::Splats { sums: of_sums, counts: None, lobes: None, of_errors: false, cache: mock::cache(100) };
             super::encode(&mut e, &splats, &port::GBuffer { size: SIZE, position, normal, reflectance, triangles });
             e.finish()
         };

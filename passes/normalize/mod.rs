@@ -14,6 +14,7 @@ static DESCRIPTION: Description = Description {
     parameters: &[],
     inputs: &[
         Input { name: "splats", about: "the sums", accepts: PortKind::Splats, takes: Takes::One, changes: true },
+        Input { name: "errors", about: "sums of standard errors", accepts: PortKind::Splats, takes: Takes::AtMostOne, changes: false },
         Input { name: "gbuffer", about: "the visible surfaces", accepts: PortKind::GBuffer, takes: Takes::One, changes: false },
     ],
     outputs: &[
@@ -23,6 +24,7 @@ static DESCRIPTION: Description = Description {
             kind: PortKind::Image,
         },
         Output { name: "irradiance", about: "indirect irradiance [W/m²]", kind: PortKind::Image },
+        Output { name: "uncertainty", about: "standard error of the irradiance, of sums of errors [W/m²]", kind: PortKind::Image },
         Output { name: "weight", about: "sums; the fourth channel is Σ w", kind: PortKind::Image },
         Output { name: "count", about: "records that count at each pixel", kind: PortKind::Image },
     ],
@@ -35,6 +37,16 @@ impl Pass for Normalize {
 
     fn encode(&self, e: &mut Encoder<'_>) -> Result<(), Refusal> {
         let (Some(splats), Some(gbuffer)) = (e.splats("splats").cloned(), e.g_buffer("gbuffer").copied()) else { return Ok(()) };
+        let errors = e.splats("errors").cloned();
+        for (input, found, wanted) in [("splats", splats.of_errors, false), ("errors", errors.as_ref().is_none_or(|errors| errors.of_errors), true)] {
+            if found != wanted {
+                return Err(Refusal::new(
+                    "plan::errors",
+                    format!("the input `{input}` takes sums of {}", if wanted { "standard errors" } else { "estimates" }),
+                    "see the parameter `of` of the Splat that it is joined to",
+                ));
+            }
+        }
         let irradiance = e.image("irradiance", gbuffer.size, Format::Rgba32Float);
         let radiance = e.image("radiance", gbuffer.size, Format::Rgba32Float);
         let faults = e.buffer("faults", 16);
@@ -52,6 +64,12 @@ impl Pass for Normalize {
         e.compute_pixels(program, "divide", gbuffer.size);
         e.report("uncovered_pixels", faults, 0);
         e.report("non_finite_pixels", faults, 1);
+        if let Some(errors) = errors {
+            let uncertainty = e.image("uncertainty", gbuffer.size, Format::Rgba32Float);
+            let program = Program::new("normalize").bind("sums", errors.sums).bind("position", gbuffer.position).bind("uncertainty", uncertainty);
+            e.compute_pixels(program, "divide_errors", gbuffer.size);
+            e.output("uncertainty", Port::Image(port::Image { texture: uncertainty, channels: port::Channels::Colour }));
+        }
         let image = |texture, channels| Port::Image(port::Image { texture, channels });
         e.output("radiance", image(radiance, port::Channels::Colour));
         if of_radiance {

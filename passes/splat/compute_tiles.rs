@@ -61,7 +61,7 @@ mod tests {
         let mut e = Encoder::new("splat", &arguments, setting, &inputs, schedule).in_loop(10, false);
         let [position, normal, reflectance, triangles, sums] = [2, 3, 4, 5, 6].map(Resource);
         let gbuffer = port::GBuffer { size, position, normal, reflectance, triangles };
-        encode(&mut e, &Work { gbuffer, cache: mock::cache(capacity), sums, counts: None, first: Variable(1), radiance: None });
+        encode(&mut e, &Work { gbuffer, cache: mock::cache(capacity), sums, counts: None, first: Variable(1), of_errors: false, radiance: None });
         e.finish()
     }
 

@@ -7,7 +7,7 @@ use crate::math::weight::{Reaching, Record};
 use crate::passes::contribution::{bands, irradiance::Seen};
 use crate::passes::record::{RECORD_BYTES, Record as HostRecord, pinhole};
 use crate::schedule::*;
-use glam::Vec4;
+use glam::{Vec3, Vec4};
 
 pub(super) fn encode(e: &mut Encoder<'_>, work: &Work) {
     let images: Vec<Resource> = [Some(work.sums), work.counts].into_iter().flatten().collect();
@@ -24,13 +24,13 @@ pub(super) fn encode(e: &mut Encoder<'_>, work: &Work) {
     let (gbuffer, cache, first, width, in_fill) = (work.gbuffer, work.cache, work.first, work.gbuffer.size[0], e.batch.is_some());
     let mut reads = vec![Read::whole(gbuffer.position), Read::whole(gbuffer.normal), Read::counted(cache.records, RECORD_BYTES, cache.count)];
     reads.extend(images.iter().copied().map(Read::whole));
-    let written = images.clone();
+    let (written, of_errors) = (images.clone(), work.of_errors);
     let splat = move |host: &mut dyn HostContext| {
         let mut images: Vec<Vec<Vec4>> = written.iter().map(|image| host.take(*image)).collect();
         let camera = pinhole(host);
         let records: &[HostRecord] = bytemuck::cast_slice(host.read(cache.records));
         let from = if in_fill { host.variable(first) as usize } else { 0 };
-        let new: Vec<Record> = records.get(from..).unwrap_or_default().iter().map(Record::from).collect();
+        let new: Vec<Record> = records.get(from..).unwrap_or_default().iter().map(|record| if of_errors { error_of(record) } else { record.into() }).collect();
         let placed: Vec<(PixelRectangle, Reaching<'_>)> = new
             .iter()
             .filter_map(|record| Some((camera.bounds(record.position, cache.rule.longest_validity_radius(record) * 1.0001)?, cache.rule.reaching(record))))
@@ -47,13 +47,19 @@ pub(super) fn encode(e: &mut Encoder<'_>, work: &Work) {
     e.command(Command::Host(Host::new("splat", reads, images, splat)));
 }
 
+/// A record that estimates another's standard error, and counts where that does.
+fn error_of(record: &HostRecord) -> Record {
+    let record = Record::from(record);
+    Record { irradiance: record.error, rotation: [Vec3::ZERO; 3], translation: [Vec3::ZERO; 3], ..record }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::contract::{Arguments, encoder::Setting, port};
     use crate::passes::mock::{self, MockHost};
     use crate::scene::needs::Needs;
-    use glam::{Vec3, Vec4Swizzles};
+    use glam::Vec4Swizzles;
     use std::collections::BTreeMap;
 
     #[test]
@@ -66,7 +72,7 @@ mod tests {
             let setting = Setting { scene: host.scene(), needs: &needs, device: Device::SOFTWARE, size, tables: None };
             let mut e = Encoder::new("splat", &arguments, setting, &inputs, &mut schedule).in_loop(10, false);
             let gbuffer = port::GBuffer { size, position, normal, reflectance, triangles };
-            encode(&mut e, &Work { gbuffer, cache: mock::cache(100), sums, counts: Some(counts), first: Variable(1), radiance: None });
+            encode(&mut e, &Work { gbuffer, cache: mock::cache(100), sums, counts: Some(counts), first: Variable(1), of_errors: false, radiance: None });
             e.finish()
         };
         let record = |x: f32, light: f32| Record {

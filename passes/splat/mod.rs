@@ -56,6 +56,17 @@ static DESCRIPTION: Description = Description {
                 ],
             },
         },
+        Parameter {
+            name: "of",
+            about: "what is summed of records of irradiance",
+            unit: "",
+            kind: ParameterKind::Choice {
+                choices: &[
+                    Choice { name: "Estimate", about: "what they estimate at the pixel", parameters: &[] },
+                    Choice { name: "StandardError", about: "how wrong they may be by chance, as if all were wrong in the same way", parameters: &[] },
+                ],
+            },
+        },
         Parameter { name: "count", about: "also counts the records of each pixel", unit: "", kind: ParameterKind::Bool { default: false } },
         PLACE,
     ],
@@ -81,6 +92,8 @@ struct Work {
     counts: Option<Resource>,
     /// Records already splatted this frame.
     first: Variable,
+    /// Standard errors in place of estimates.
+    of_errors: bool,
     radiance: Option<Radiance>,
 }
 
@@ -96,7 +109,9 @@ struct Radiance {
 impl Work {
     /// What a record adds to a pixel.
     fn contribution(&self, program: Program) -> Program {
-        let Some(Radiance { visible, coefficients, .. }) = &self.radiance else { return program.import("CONTRIBUTION", "lib/contribution/irradiance") };
+        let Some(Radiance { visible, coefficients, .. }) = &self.radiance else {
+            return program.import("CONTRIBUTION", if self.of_errors { "lib/contribution/standard_error" } else { "lib/contribution/irradiance" });
+        };
         program
             .import("CONTRIBUTION", "lib/contribution/radiance")
             .import(
@@ -148,14 +163,18 @@ impl Pass for Splat {
         if radiance.is_none() {
             e.idle("rotation", "records hold irradiance alone");
         }
-        let work = Work { gbuffer, cache, sums, counts, first, radiance };
+        let of_errors = e.arguments.choice("of").0 == "StandardError";
+        if of_errors && radiance.is_some() {
+            return Err(Refusal::of_parameter("of", "plan::errors_of_radiance", "records of radiance have no standard errors", "leave `lobes` away, or set `of` to Estimate"));
+        }
+        let work = Work { gbuffer, cache, sums, counts, first, of_errors, radiance };
         match (place(e, &work)?, &work.radiance) {
             (Place::Host, Some(radiance)) => host_radiance::encode(e, &work, radiance)?,
             (Place::Host, None) => host::encode(e, &work),
             (Place::Device, _) => encode_on_device(e, &work),
         }
         let lobes = work.radiance.map(|radiance| radiance.visible);
-        e.output("sums", Port::Splats(port::Splats { sums, counts, lobes, cache }));
+        e.output("sums", Port::Splats(port::Splats { sums, counts, lobes, of_errors, cache }));
         Ok(())
     }
 }

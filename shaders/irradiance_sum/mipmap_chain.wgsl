@@ -27,9 +27,10 @@ fn finished(tile: u32, exposure: f32) -> Sums {
     sums.parts[0] *= vec4f(vec3f(light), share / extent);
     sums.parts[1] *= light;
     sums.parts[2] *= vec4f(vec2f(light), share, 1.0 / extent);
-    for (var part = 3u; part < PARTS; part++) {
+    for (var part = 3u; part < 6u; part++) {
         sums.parts[part] *= light / extent * vec4f(1.0, 1.0, 1.0, 1.0 / extent);
     }
+    sums.parts[6] *= light / exposure / f32(TILE_WIDTH * TILE_HEIGHT);
     return sums;
 }
 

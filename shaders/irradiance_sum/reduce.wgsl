@@ -1,8 +1,9 @@
 #import lib/sums
 
-// What the mipmap chain and the ping-pong share: each sample's six parts as an image, and averages of 2×2 texels.
+// What the mipmap chain and the ping-pong share: each sample's seven parts as an image, and averages of 2×2 texels.
 // A part is stored times the number of samples, so that the average over a tile is its sum, and free of the unit of
-// length: what has 1/distance in it is stored times the scene's extent. The third part's last component is a maximum.
+// length: what has 1/distance in it is stored times the scene's extent. The third part's last component is a maximum. Squares are
+// stored times the square of that number, as half floats hold none that are so small.
 
 @group(0) @binding(0) var<storage, read> requests: array<Request>;
 @group(0) @binding(1) var<storage, read> weights: array<TileSample>;
@@ -14,6 +15,9 @@
 @group(0) @binding(5) var fine: texture_2d_array<f32>;
 @group(0) @binding(6) var coarse_f32: texture_storage_2d_array<rgba32float, write>;
 @group(0) @binding(7) var coarse_f16: texture_storage_2d_array<rgba16float, write>;
+
+// Of the block of four whose last sample each is, the weight; 0 where there is none.
+@group(0) @binding(9) var<storage, read> block_weights: array<f32>;
 
 // What each tile's radiance is multiplied by before it is stored as half floats: a power of two, so that no digit changes.
 @group(0) @binding(8) var<storage, read_write> exposures: array<f32>;
@@ -81,6 +85,9 @@ fn scaled(part: u32, value: vec4f) -> vec4f {
         case 2u: {
             return value * vec4f(count, count, count, extent);
         }
+        case 6u: {
+            return value * count * count;
+        }
         default: {
             return value * count * extent * vec4f(1.0, 1.0, 1.0, extent);
         }
@@ -99,6 +106,13 @@ fn contribution(tile: u32, sample: u32, exposure: f32) -> Sums {
         let nearest = least_distance(request);
         let inverse = 1.0 / max(seen.w, nearest);
         add_sample(&sums, weight.cosine_weight, vec2f(weight.rotation_x, weight.rotation_y), seen.rgb, inverse);
+        let block_weight = block_weights[sample];
+        if block_weight > 0.0 {
+            let last = tile * size + sample;
+            let above = last - TILE_WIDTH;
+            let corner = radiance[above - 1u].rgb * exposure;
+            add_block(&sums, block_weight, corner, radiance[above].rgb * exposure, radiance[last - 1u].rgb * exposure, seen.rgb);
+        }
         if GRADIENTS {
             for (var i = edge_starts[sample]; i < edge_starts[sample + 1u]; i++) {
                 let edge = edges[i];

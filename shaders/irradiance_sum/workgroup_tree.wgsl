@@ -13,6 +13,8 @@ struct Cell {
     above: vec4f,
     // xy and yy of the second derivatives, left and above.
     bends: vec4f,
+    // Of the block of four whose last sample this is, the weight as the first number; 0 where there is none.
+    block: vec4f,
 }
 
 @group(0) @binding(0) var<storage, read> requests: array<Request>;
@@ -29,7 +31,7 @@ const LANES = 64u;
 const SHARES = 8u;
 
 // Each part's lanes, one part after the other.
-var<workgroup> lanes: array<vec4f, 384>;
+var<workgroup> lanes: array<vec4f, 448>;
 
 // Where a tile's samples are, and what bounds their distances.
 struct Place {
@@ -65,10 +67,11 @@ fn visit_wall(sums: ptr<function, Sums>, wall: vec4f, bend: vec2f, a: vec4f, b: 
     }
 }
 
-// Adds a sample and its walls to the one before it and the one above, which are as `in_depth`; returns it so.
-fn visit(sums: ptr<function, Sums>, place: Place, cell: Cell, sample: u32, before: vec4f, above: vec4f) -> vec4f {
+// Adds a sample with its block and its walls to the one before it and the one above, which are as `in_depth`; returns it so.
+fn visit(sums: ptr<function, Sums>, place: Place, cell: Cell, sample: u32, before: vec4f, above: vec4f, corner: vec3f) -> vec4f {
     let seen = seen_at(place, sample, cell.weights.w);
     add_sample(sums, cell.weights.x, cell.weights.yz, seen.rgb, seen.w);
+    add_block(sums, cell.block.x, corner, above.rgb, before.rgb, seen.rgb);
     let placed = in_depth(seen, cell.weights.w);
     visit_wall(sums, cell.left, cell.bends.xy, before, placed);
     visit_wall(sums, cell.above, cell.bends.zw, above, placed);
@@ -85,20 +88,18 @@ struct CellPair {
     lower: Cell,
 }
 
-// Two samples, one above the other, of the rows that a lane walks along.
+// Two samples, one above the other, of the rows that a lane walks along, and the one above them.
 struct Pair {
+    above: vec4f,
     upper: vec4f,
     lower: vec4f,
 }
 
 fn visit_pair(sums: ptr<function, Sums>, place: Place, cells: CellPair, before: Pair) -> Pair {
-    var above: vec4f;
-    if GRADIENTS {
-        above = in_depth(seen_at(place, cells.above, cells.above_cosine), cells.above_cosine);
-    }
-    let upper = visit(sums, place, cells.upper, cells.sample, before.upper, above);
-    let lower = visit(sums, place, cells.lower, cells.sample + TILE_WIDTH, before.lower, upper);
-    return Pair(upper, lower);
+    let above = in_depth(seen_at(place, cells.above, cells.above_cosine), cells.above_cosine);
+    let upper = visit(sums, place, cells.upper, cells.sample, before.upper, above, before.above.rgb);
+    let lower = visit(sums, place, cells.lower, cells.sample + TILE_WIDTH, before.lower, upper, before.upper.rgb);
+    return Pair(above, upper, lower);
 }
 
 fn visit_seam(sums: ptr<function, Sums>, place: Place, seam: TileEdge, depth_a: f32, depth_b: f32) {

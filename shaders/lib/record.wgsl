@@ -22,6 +22,9 @@ struct Record {
     // The first one's fourth component is the luminance's relative gradient along the surface, |∇E| / E, the second one's the
     // share of the least spacing that holds for this record, in (0, 1], the third one's the share that it reaches of the way to what stands on its surface.
     translation: array<vec4f, 3>,
+    // Standard error of the irradiance, as far as its samples tell it.
+    error: vec3f,
+    padding: u32,
 }
 
 struct Request {

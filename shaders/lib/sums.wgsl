@@ -4,16 +4,19 @@
 #import lib/record
 #import lib/tile
 
-// What a tile adds up to, as six vectors in the record's frame: irradiance with Σ w/d; rotation gradients of red and
+// What a tile adds up to, as seven vectors in the record's frame: irradiance with Σ w/d; rotation gradients of red and
 // green; of blue with Σ w and 1/nearest; translation gradients of red, green and blue with xx, xy and yy of the
-// luminance's second derivatives, 0 where the validity radius does not follow the curvature. math::sum is the twin.
+// luminance's second derivatives, 0 where the validity radius does not follow the curvature; squares of the mixed differences of
+// blocks of four samples, times their weights. math::sum is the twin.
 
-const PARTS = 6u;
+const PARTS = 7u;
 
 // What the validity radius is in proportion to: 0 the harmonic mean distance, 1 the curvature.
 override RADIUS: u32 = 0u;
 // Whether gradients are wanted.
 override GRADIENTS: bool = true;
+// How many times as much all samples stand for as the blocks' last ones do, in squares of weights.
+override BLOCK_SHARE: f32 = 1.0;
 
 // A tile in an image that holds averages of its texels.
 override LEVEL_WIDTH: u32 = 1u;
@@ -24,7 +27,7 @@ fn level_corner(tile: u32) -> vec2u {
 }
 
 struct Sums {
-    parts: array<vec4f, 6>,
+    parts: array<vec4f, 7>,
 }
 
 // What distances count as at least, so that contact does not make their inverses infinite.
@@ -40,7 +43,13 @@ fn add_sample(sums: ptr<function, Sums>, cosine_weight: f32, turn: vec2f, seen: 
     (*sums).parts[2] = vec4f(blue.xy + turn * seen.b, blue.z + cosine_weight, max(blue.w, inverse));
 }
 
-// Adds the wall between two samples to the last three parts; `a` and `b` are radiance and inverse depth.
+// Adds a block of four samples that has a weight: the radiance of the corner, of those beside it, and of the last one.
+fn add_block(sums: ptr<function, Sums>, weight: f32, corner: vec3f, above: vec3f, before: vec3f, last: vec3f) {
+    let mixed = ((corner - above) - (before - last)) * weight;
+    (*sums).parts[6] += vec4f(mixed * mixed, 0.0);
+}
+
+// Adds the wall between two samples to three parts; `a` and `b` are radiance and inverse depth.
 fn add_wall(sums: ptr<function, Sums>, gradient: vec3f, hessian: vec3f, a: vec4f, b: vec4f) {
     let inverse = max(a.w, b.w);
     let step = (b.rgb - a.rgb) * inverse;
@@ -111,6 +120,7 @@ fn record_of(request: Request, sums: Sums) -> Record {
         }
     }
     record.translation[2].w = request.confinement;
+    record.error = sqrt(sums.parts[6].rgb * (0.25 * BLOCK_SHARE));
     if request.stretch > 0.0 {
         set_stretch(&record, frame[0] * request.stretch);
     }

@@ -22,7 +22,7 @@ struct Fragment {
     @location(6) @interpolate(flat, either) translation_red: vec4f,
     @location(7) @interpolate(flat, either) translation_green: vec4f,
     @location(8) @interpolate(flat, either) translation_blue: vec4f,
-    @location(9) @interpolate(flat, either) index: u32,
+    @location(9) @interpolate(flat, either) error_index: vec4u,
 }
 
 @vertex
@@ -42,7 +42,7 @@ fn vertex(@builtin(vertex_index) corner: u32, @builtin(instance_index) instance:
         record.translation[0],
         record.translation[1],
         record.translation[2],
-        index,
+        vec4u(bitcast<vec3u>(record.error), index),
     );
 }
 
@@ -56,6 +56,8 @@ fn record_of(in: Fragment) -> Record {
         in.irradiance_footprint.w,
         array(in.rotation_red, in.rotation_green, in.rotation_blue),
         array(in.translation_red, in.translation_green, in.translation_blue),
+        bitcast<vec3f>(in.error_index.xyz),
+        0u,
     );
 }
 
@@ -66,7 +68,7 @@ struct Sums {
 
 fn value_at(in: Fragment) -> vec4f {
     let pixel = vec2u(in.clip.xy);
-    return contribution(record_of(in), in.index, weighting, textureLoad(position, pixel, 0), textureLoad(normal, pixel, 0).xyz, pixel);
+    return contribution(record_of(in), in.error_index.w, weighting, textureLoad(position, pixel, 0), textureLoad(normal, pixel, 0).xyz, pixel);
 }
 
 @fragment

@@ -104,8 +104,8 @@ impl Port {
             Self::Image(p) => vec![p.texture],
             Self::Splats(p) => [p.sums, p.cache.records].into_iter().chain(p.counts).chain(p.lobes.iter().flat_map(VisibleLobes::resources)).collect(),
             Self::Requests(p) => vec![p.places],
-            Self::Tiles(p) => vec![p.samples, p.requests.places],
-            Self::WeightedTiles(p) => vec![p.tiles.samples, p.tiles.requests.places],
+            Self::Tiles(p) => p.resources(),
+            Self::WeightedTiles(p) => p.tiles.resources(),
             Self::Records(p) => [p.records].into_iter().chain(p.coefficients.map(|c| c.values)).collect(),
             Self::RecordCache(p) => [p.records].into_iter().chain(p.coefficients.map(|c| c.values)).collect(),
             Self::IrradianceField(p) => p.resources(),
@@ -223,6 +223,8 @@ pub struct Splats {
     pub sums: Resource,
     /// Number of records that count, as f32 in the first channel; absent unless asked for.
     pub counts: Option<Resource>,
+    /// Whether the sums are of standard errors in place of irradiance.
+    pub of_errors: bool,
     /// The lobes that turn records into radiance toward the camera, which the sums are of then in place of irradiance.
     pub lobes: Option<VisibleLobes>,
     pub cache: RecordCache,
@@ -246,6 +248,8 @@ pub struct Requests {
 pub struct Tiles {
     /// Buffer of vec4, `tile · samples + sample`: radiance seen, distance (a huge number for sky).
     pub samples: Resource,
+    /// Buffer of a float a tile: the standard error of its sum, over what it would be were there one ray a stratum. None where there is, or where that is not known.
+    pub sureness: Option<Resource>,
     /// Where they were shaded.
     pub place: Place,
     /// Whether each round of their loop has them at the same places: they see the same, but for its light.
@@ -485,8 +489,13 @@ impl Requests {
 }
 
 impl Tiles {
+    fn resources(&self) -> Vec<Resource> {
+        [self.samples, self.requests.places].into_iter().chain(self.sureness).collect()
+    }
+
     fn over(&mut self, memory: &mut dyn Memory) {
         replace(&mut self.samples, memory);
+        self.sureness.iter_mut().for_each(|r| replace(r, memory));
         self.requests.over(memory);
     }
 }

@@ -81,6 +81,8 @@ pub struct Table {
     pub samples: Vec<Sample>,
     /// Walls between neighbouring samples, each pair once, sorted by `(a, b)`.
     pub edges: Vec<Edge>,
+    /// Of each four samples that are neighbours all around, the last one's index: the others are before it, above it, and before that.
+    pub blocks: Vec<u32>,
     /// The rasters that fill the tile; empty for shapes that need rays.
     pub views: Vec<View>,
 }
@@ -170,6 +172,26 @@ impl Table {
             Shape::Cosine => Ok(cosine(resolution)),
             Shape::Concentric => Ok(concentric::table(resolution)),
         }
+    }
+
+    /// The blocks of samples that have walls between them.
+    fn walled_blocks(&self) -> Vec<u32> {
+        let (width, count) = (self.width as usize, self.samples.len());
+        let [mut before, mut above] = [vec![false; count], vec![false; count]];
+        for edge in &self.edges {
+            let (a, b) = (edge.a as usize, edge.b as usize);
+            before[b] |= b == a + 1 && b % width > 0;
+            above[b] |= b == a + width;
+        }
+        let is_block = |last: &usize| before[*last] && above[*last] && before[last - width] && above[last - 1];
+        (0..count).filter(is_block).map(|last| last as u32).collect()
+    }
+
+    /// How many times as much all samples stand for as the blocks' last ones do, in squares of weights.
+    pub fn block_share(&self) -> f64 {
+        let square = |sample: &Sample| sample.cosine_weight * sample.cosine_weight;
+        let of_blocks: f64 = self.blocks.iter().map(|last| square(&self.samples[*last as usize])).sum();
+        if of_blocks > 0.0 { self.samples.iter().map(square).sum::<f64>() / of_blocks } else { 0.0 }
     }
 }
 
@@ -271,7 +293,7 @@ struct Builder {
 impl Builder {
     fn new(width: u32, height: u32) -> Self {
         let samples = vec![Sample::default(); width as usize * height as usize];
-        Self { table: Table { width, height, samples, edges: Vec::new(), views: Vec::new() } }
+        Self { table: Table { width, height, samples, edges: Vec::new(), blocks: Vec::new(), views: Vec::new() } }
     }
 
     /// Index of the pixel of a view.
@@ -321,7 +343,7 @@ impl Builder {
         self.table.views.push(view);
     }
 
-    /// Walls sorted, those of the same pair of samples added up.
+    /// Walls sorted, those of the same pair of samples added up, and the blocks between them.
     fn finish(mut self) -> Table {
         let edges = &mut self.table.edges;
         edges.sort_by_key(|edge| (edge.a, edge.b));
@@ -334,6 +356,7 @@ impl Builder {
             }
             same
         });
+        self.table.blocks = self.table.walled_blocks();
         self.table
     }
 }

@@ -17,6 +17,7 @@ pub mod projection;
 pub mod radiance;
 pub mod radius;
 pub mod random;
+pub mod record_filter;
 pub mod record_index;
 pub mod record_tree;
 pub mod solid_angle;

@@ -28,7 +28,7 @@ pub const COARSER: f32 = 3.0;
 const LITTLE: f32 = 1e-8;
 
 /// Words of a record.
-pub const RECORD_WORDS: usize = 36;
+pub const RECORD_WORDS: usize = 40;
 
 /// Which cells records are listed in.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -576,6 +576,7 @@ mod tests {
             minimum_distance: 1e30,
             irradiance: Vec3::new(1.0, 2.0, 3.0) * (2.0 + number(at + 5)),
             footprint: 0.05 * scale,
+            error: Vec3::ZERO,
             rotation: [point(at + 2000); 3],
             translation: [point(at + 3000) / scale; 3],
             stretch: if at.is_multiple_of(3) { point(at + 4000) * 0.5 } else { Vec3::ZERO },

@@ -14,6 +14,8 @@ use glam::{DVec3, Vec3};
 pub struct Summed {
     /// Red, green, blue [W/m²].
     pub irradiance: DVec3,
+    /// Standard error of it, by what neighbouring samples differ by [W/m²].
+    pub error: DVec3,
     /// Rotation gradient of each channel [W/m² per radian].
     pub rotation: [DVec3; 3],
     /// Translation gradient of each channel, along the normal too [W/m² per scene unit].
@@ -54,7 +56,12 @@ pub fn sum(table: &Table, radiance: &[[f32; 4]], nearest: f64) -> Result<Summed,
         let beside = |sample: u32| Beside::new(radiance[sample as usize], table.samples[sample as usize].depth_cosine, nearest);
         total.add_wall(edge, &beside(edge.a), &beside(edge.b));
     }
-    Ok(total.finish())
+    for last in table.blocks.iter().map(|last| *last as usize) {
+        let above = last - table.width as usize;
+        let [a, b, c, d] = [above - 1, above, last - 1, last].map(|sample| colour(radiance[sample]));
+        total.add_block(table.samples[last].cosine_weight, (a - b) - (c - d));
+    }
+    Ok(total.finish(table.block_share()))
 }
 
 /// Radius of a record that sees nothing but sky [scene units].
@@ -90,6 +97,8 @@ impl Beside {
 #[derive(Default)]
 pub(super) struct Total {
     pub irradiance: DVec3,
+    /// Squares of the blocks' mixed differences, times their weights.
+    pub squares: DVec3,
     pub rotation: [DVec3; 3],
     pub translation: [DVec3; 3],
     pub hessian: DVec3,
@@ -118,9 +127,15 @@ impl Total {
         self.hessian += DVec3::from(edge.hessian) * (luminance(step) * inverse);
     }
 
+    /// Adds the mixed difference of a block of samples, which have a weight.
+    fn add_block(&mut self, weight: f64, mixed: DVec3) {
+        self.squares += (mixed * weight).powf(2.0);
+    }
+
     /// Adds what other samples of the tile add up to.
     pub(super) fn join(&mut self, other: &Self) {
         self.irradiance += other.irradiance;
+        self.squares += other.squares;
         self.hessian += other.hessian;
         let vectors = self.rotation.iter_mut().chain(&mut self.translation).zip(other.rotation.iter().chain(&other.translation));
         vectors.for_each(|(sum, part)| *sum += *part);
@@ -129,9 +144,11 @@ impl Total {
         self.largest_inverse = self.largest_inverse.max(other.largest_inverse);
     }
 
-    pub(super) fn finish(self) -> Summed {
+    /// `block_share`: [`Table::block_share`].
+    pub(super) fn finish(self, block_share: f64) -> Summed {
         Summed {
             irradiance: self.irradiance,
+            error: standard_error(self.squares, block_share),
             rotation: self.rotation,
             translation: self.translation,
             hessian: self.hessian,
@@ -140,6 +157,13 @@ impl Total {
             min_distance: 1.0 / self.largest_inverse,
         }
     }
+}
+
+/// Of a sum, from the squares of its blocks' mixed differences times their weights. What samples differ by has two parts, how light changes from one to the
+/// other and what chance does within each. `B = g₀₀ − g₁₀ − g₀₁ + g₁₁` leaves out a steady change and holds four times the variance of one sample; what no
+/// sample has met is not in it. [`super::uncertainty`] tells more of it.
+pub fn standard_error(squares: DVec3, block_share: f64) -> DVec3 {
+    (squares * (0.25 * block_share)).powf(0.5)
 }
 
 impl Summed {
@@ -165,6 +189,7 @@ impl Summed {
             minimum_distance: self.min_distance as f32,
             irradiance: self.irradiance.as_vec3(),
             footprint,
+            error: self.error.as_vec3(),
             rotation: self.rotation.map(to_world),
             translation: self.translation.map(to_world),
             relative_gradient: self.relative_gradient().min(FAR_AWAY) as f32,
@@ -193,7 +218,7 @@ mod tests {
     #[test]
     fn gradients_are_told_in_proportion_to_the_luminance() {
         let all = |value: f64| DVec3::splat(value);
-        let summed = Total { irradiance: all(4.0), translation: [DVec3::new(6.0, 8.0, 5.0); 3], ..Total::default() }.finish();
+        let summed = Total { irradiance: all(4.0), translation: [DVec3::new(6.0, 8.0, 5.0); 3], ..Total::default() }.finish(1.0);
         assert!((summed.luminance() - 4.0).abs() < 1e-12 && (summed.relative_gradient() - 2.5).abs() < 1e-12);
     }
 

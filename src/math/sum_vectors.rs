@@ -18,6 +18,8 @@ pub struct Cells {
     width: usize,
     height: usize,
     groups: Vec<Group>,
+    /// [`Table::block_share`].
+    block_share: f64,
     /// Walls between samples that are no neighbours in the picture, with their depths over their distances.
     seams: Vec<(Edge, [f64; 2])>,
 }
@@ -32,6 +34,8 @@ struct Group {
     rotation: [[f32; LANES]; 2],
     /// 1 over the cosine to the raster's axis; 0 for an unused sample.
     steepness: [f32; LANES],
+    /// Of the blocks of four whose last sample each is, the weight; 0 where there is none.
+    block_weight: [f32; LANES],
     /// Walls to the samples on the left and above.
     walls: [Walls; 2],
 }
@@ -67,13 +71,18 @@ impl Cells {
         let (width, height) = (table.width as usize, table.height as usize);
         let rows = (0..height).flat_map(|row| (0..width).step_by(LANES).map(move |column| (row, column)));
         let groups = rows.map(|(row, column)| Group::new(table, row, column)).collect();
-        let mut cells = Self { width, height, groups, seams: Vec::new() };
+        let mut cells = Self { width, height, groups, block_share: table.block_share(), seams: Vec::new() };
+        let of_sample = |at: usize| (at / width * width.div_ceil(LANES) + at % width / LANES, at % width % LANES);
+        for last in table.blocks.iter().map(|last| *last as usize) {
+            let (group, lane) = of_sample(last);
+            cells.groups[group].block_weight[lane] = table.samples[last].cosine_weight as f32;
+        }
         for edge in &table.edges {
             let at = edge.b as usize;
             let is_left = edge.b == edge.a + 1 && !at.is_multiple_of(width);
             if is_left || edge.b == edge.a + table.width {
-                let group = &mut cells.groups[at / width * width.div_ceil(LANES) + at % width / LANES];
-                group.walls[usize::from(!is_left)].put(at % width % LANES, edge);
+                let (group, lane) = of_sample(at);
+                cells.groups[group].walls[usize::from(!is_left)].put(lane, edge);
             } else {
                 cells.seams.push((*edge, [edge.a, edge.b].map(|sample| table.samples[sample as usize].depth_cosine)));
             }
@@ -103,7 +112,7 @@ impl Cells {
             let beside = |sample: u32, cosine| Beside::new(tile[sample as usize].to_array(), cosine, f64::from(nearest));
             total.add_wall(seam, &beside(seam.a, cosines[0]), &beside(seam.b, cosines[1]));
         }
-        total.finish()
+        total.finish(self.block_share)
     }
 
     #[inline(always)]
@@ -116,9 +125,11 @@ impl Cells {
                 let at = self.place(group.row, group.column);
                 let samples = &tile[group.row * self.width + group.column..][..LANES.min(self.width - group.column)];
                 let seen = sums.add_samples(simd, group, samples, nearest, wanted);
+                room.store(at, &seen);
+                let [above, before, corner] = [at - self.pitch(), at - 1, at - self.pitch() - 1];
+                sums.add_blocks(group, [room.radiance(simd, corner), room.radiance(simd, above), room.radiance(simd, before)], &seen.radiance);
                 if wanted.gradients {
-                    room.store(at, &seen);
-                    for (walls, neighbour) in group.walls.iter().zip([at - 1, at - self.pitch()]) {
+                    for (walls, neighbour) in group.walls.iter().zip([before, above]) {
                         sums.add_walls(walls, &room.load(simd, neighbour), &seen, wanted.hessian);
                     }
                 }
@@ -137,6 +148,7 @@ impl Group {
             cosine_weight: [0.0; LANES],
             plain_weight: [0.0; LANES],
             rotation: Default::default(),
+            block_weight: [0.0; LANES],
             steepness: [0.0; LANES],
             walls: Default::default(),
         };
@@ -188,14 +200,21 @@ impl Room {
 
     #[inline(always)]
     fn load<S: Simd>(&self, simd: S, at: usize) -> Seen<S> {
+        Seen { radiance: self.radiance(simd, at), inverse: f32x8::from_slice(simd, &self.inverse[at..at + LANES]) }
+    }
+
+    #[inline(always)]
+    fn radiance<S: Simd>(&self, simd: S, at: usize) -> Vectors<S> {
         let load = |plane: &[f32]| f32x8::from_slice(simd, &plane[at..at + LANES]);
-        Seen { radiance: Vectors { x: load(&self.red), y: load(&self.green), z: load(&self.blue) }, inverse: load(&self.inverse) }
+        Vectors { x: load(&self.red), y: load(&self.green), z: load(&self.blue) }
     }
 }
 
 /// Eight sums side by side of all that a tile adds up to.
 struct Sums<S: Simd> {
     irradiance: Vectors<S>,
+    /// Of the blocks' mixed differences times their weights.
+    squares: Vectors<S>,
     /// x and y of each channel.
     rotation: [[f32x8<S>; 2]; 3],
     /// Of each channel.
@@ -213,7 +232,7 @@ impl<S: Simd> Sums<S> {
     fn zero(simd: S) -> Self {
         let zero = f32x8::splat(simd, 0.0);
         let none = Vectors { x: zero, y: zero, z: zero };
-        Self { irradiance: none, rotation: [[zero; 2]; 3], translation: [none; 3], hessian: none, cosine: [zero; 2], plain: [zero; 2], largest_inverse: zero }
+        Self { irradiance: none, squares: none, rotation: [[zero; 2]; 3], translation: [none; 3], hessian: none, cosine: [zero; 2], plain: [zero; 2], largest_inverse: zero }
     }
 
     #[inline(always)]
@@ -237,6 +256,17 @@ impl<S: Simd> Sums<S> {
         Seen { radiance, inverse: inverse * steepness }
     }
 
+    /// Blocks of four samples: the corner's, those above, those before, and their last ones.
+    #[inline(always)]
+    fn add_blocks(&mut self, group: &Group, [corner, above, before]: [Vectors<S>; 3], last: &Vectors<S>) {
+        let mixed = corner.minus(above).minus(before.minus(*last)).scaled(f32x8::load_array_ref(corner.x.simd, &group.block_weight));
+        self.squares = Vectors {
+            x: mixed.x.mul_add(mixed.x, self.squares.x),
+            y: mixed.y.mul_add(mixed.y, self.squares.y),
+            z: mixed.z.mul_add(mixed.z, self.squares.z),
+        };
+    }
+
     #[inline(always)]
     fn add_walls(&mut self, walls: &Walls, a: &Seen<S>, b: &Seen<S>, bends: bool) {
         let inverse = a.inverse.max(b.inverse);
@@ -257,6 +287,7 @@ impl<S: Simd> Sums<S> {
         let vector = |v: Vectors<S>| DVec3::new(all(v.x), all(v.y), all(v.z));
         Total {
             irradiance: vector(self.irradiance),
+            squares: vector(self.squares),
             rotation: self.rotation.map(|[x, y]| DVec3::new(all(x), all(y), 0.0)),
             translation: self.translation.map(vector),
             hessian: vector(self.hessian),
@@ -279,7 +310,7 @@ mod tests {
     /// All that is summed, as numbers.
     fn numbers(s: &Summed) -> Vec<DVec3> {
         let means = DVec3::new(s.harmonic_mean_cosine, s.harmonic_mean_plain, s.min_distance).map(|distance| distance.min(1e20));
-        [vec![s.irradiance, means, s.hessian], s.rotation.to_vec(), s.translation.to_vec()].concat()
+        [vec![s.irradiance, s.error, means, s.hessian], s.rotation.to_vec(), s.translation.to_vec()].concat()
     }
 
     /// As many as a tile may have, all alike: each addition to a large sum rounds the same way.
@@ -326,7 +357,7 @@ mod tests {
                     assert!((found - *expected).length() < 1e-4 * scale, "{shape:?} {resolution} {i}: {found}, not {expected}");
                 }
                 let plain = cells.sum(&texels, 0.05, Wanted { gradients: false, hessian: false }, &mut room);
-                assert_eq!(numbers(&plain)[3..], [DVec3::ZERO; 6]);
+                assert_eq!(numbers(&plain)[4..], [DVec3::ZERO; 6]);
                 assert!((plain.irradiance - expected[0]).length() < 1e-4 * expected[0].length());
             }
         }

@@ -42,6 +42,8 @@ pub struct Record {
     pub irradiance: Vec3,
     /// Width of the pixel that asked for the record [scene units].
     pub footprint: f32,
+    /// Standard error of the irradiance, red, green, blue, as far as its samples tell it [W/m²].
+    pub error: Vec3,
     /// Rotation gradient of each channel [W/m² per radian].
     pub rotation: [Vec3; 3],
     /// Translation gradient of each channel [W/m² per scene unit].
@@ -175,6 +177,13 @@ impl Rule {
         let reach = self.validity_radius(record).max(LEAST_LENGTH);
         let followed = (self.gradient_radius(record) / reach).min(1.0);
         Reaching { record, reach, followed, weighting: self.weighting, accuracy: self.accuracy, front: FRONT_TOLERANCE }
+    }
+
+    /// The rule by which records reach so many times as far, and normals may differ by so much more; their weights fall to 0 at the rim.
+    pub fn farther(&self, times: f32) -> Self {
+        let spacing = self.spacing.map(|limit| limit * times);
+        let (accuracy, nearest, change) = (self.accuracy * times, self.nearest * times, self.change * times);
+        Self { weighting: Weighting::Compact, accuracy, spacing, nearest, change, ..*self }
     }
 
     /// A record by a coarser accuracy, `times` this one: all limits of its validity radius are so many times as far, normals may differ by so much more, and
@@ -327,6 +336,7 @@ mod tests {
             minimum_distance: 0.5,
             irradiance: Vec3::new(1.0, 2.0, 3.0),
             footprint: 0.01,
+            error: Vec3::new(0.1, 0.2, 0.3),
             rotation: [Vec3::X * 0.5, Vec3::Y, Vec3::ZERO],
             translation: [Vec3::X, Vec3::ZERO, Vec3::new(0.0, -3.0, 0.0)],
             stretch: Vec3::ZERO,

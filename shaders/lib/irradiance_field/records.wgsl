@@ -21,13 +21,13 @@ fn index_word(at: u32) -> u32 {
 }
 
 fn indexed_record(number: u32) -> Record {
-    let at = INDEX_RECORDS / 4u + 9u * number;
+    let at = INDEX_RECORDS / 4u + 10u * number;
     let a = bitcast<vec4f>(record_index[at]);
     let b = bitcast<vec4f>(record_index[at + 1u]);
     let c = bitcast<vec4f>(record_index[at + 2u]);
     let rotation = array<vec4f, 3>(bitcast<vec4f>(record_index[at + 3u]), bitcast<vec4f>(record_index[at + 4u]), bitcast<vec4f>(record_index[at + 5u]));
     let translation = array<vec4f, 3>(bitcast<vec4f>(record_index[at + 6u]), bitcast<vec4f>(record_index[at + 7u]), bitcast<vec4f>(record_index[at + 8u]));
-    return Record(a.xyz, a.w, b.xyz, b.w, c.xyz, c.w, rotation, translation);
+    return Record(a.xyz, a.w, b.xyz, b.w, c.xyz, c.w, rotation, translation, bitcast<vec3f>(record_index[at + 9u].xyz), 0u);
 }
 
 // How much farther records reach where none counts, what one counts that may be hidden by an obstacle, and what a record in front of a point, or behind it, is told

@@ -1,0 +1,209 @@
+//! Neighbouring records together: what one got wrong by chance, others have not.
+
+use super::colour::REC_709;
+use super::record_tree::Tree;
+use super::weight::{EXTRAPOLATION, FRONT_TOLERANCE, Reaching, Record, Rule};
+use glam::Vec3;
+
+/// What a sum of squares counts as at least, so that records that are sure divide by a number.
+const LEAST_SQUARE: f32 = 1e-30;
+
+/// Records to be filtered, and who stands beside whom.
+pub struct RecordFilter<'a> {
+    reaching: Vec<Reaching<'a>>,
+    tree: Tree,
+    tolerance: f32,
+}
+
+impl<'a> RecordFilter<'a> {
+    /// Records count as `rule` says, which reaches farther than the one that they are splatted by. `tolerance`: how far what two records say of a place may lie
+    /// apart [standard errors].
+    pub fn new(records: &'a [Record], rule: &Rule, tolerance: f32) -> Self {
+        let reaching: Vec<_> = records.iter().map(|record| rule.reaching(record)).collect();
+        let tree = Tree::new(&reaching, rule.accuracy);
+        Self { reaching, tree, tolerance }
+    }
+
+    /// The mean of what a record and those beside it say of its place, with the standard error that it then has, and the mean of their gradients.
+    ///
+    /// What another says is followed halfway by its own gradient and halfway by this one's, `E_j + ½(∇_j + ∇_k)·(p_k − p_j)`: so a curvature cancels, which a
+    /// gradient alone would leave in all of them alike. It counts less by `exp(−δ²/2t²)` where it is δ standard errors of the two away from what this one
+    /// has seen: shadows and edges stay where they are, and noise does not.
+    pub fn filtered(&self, number: usize) -> Record {
+        let record = self.reaching[number].record();
+        let mut sums = Sums::default();
+        for &near in self.tree.near(record.position, record.normal) {
+            let (other, weight) = (&self.reaching[near as usize], self.weight(near as usize, record));
+            if weight > 0.0 {
+                sums.add(other.record(), &told(other.record(), record), weight * self.likeness(other.record(), record));
+            }
+        }
+        sums.mean(record)
+    }
+
+    /// Of a record at the place of another: that of the rule, if they are level.
+    fn weight(&self, near: usize, at: &Record) -> f32 {
+        let other = &self.reaching[near];
+        let offset = at.position - other.record().position;
+        let behind = offset.dot(at.normal + other.record().normal) * 0.5;
+        if behind > FRONT_TOLERANCE * offset.length() { 0.0 } else { other.weight(at.position, at.normal) }
+    }
+
+    /// 1 where two records say the same of a place, as far as they know; 0 where they certainly do not.
+    fn likeness(&self, other: &Record, at: &Record) -> f32 {
+        let luminance = |colour: Vec3| colour.dot(REC_709.as_vec3());
+        let apart = luminance(told(other, at) - at.irradiance);
+        let variance = luminance(other.error).powi(2) + luminance(at.error).powi(2);
+        (-0.5 * apart * apart / (self.tolerance * self.tolerance * variance).max(LEAST_SQUARE)).exp()
+    }
+}
+
+/// What a record says of the irradiance at the place of another.
+fn told(other: &Record, at: &Record) -> Vec3 {
+    let (step, turn) = (at.position - other.position, other.normal.cross(at.normal));
+    let change = |channel: usize| {
+        let [moved, turned] = [other.translation[channel] + at.translation[channel], other.rotation[channel] + at.rotation[channel]];
+        0.5 * (step.dot(moved) + turn.dot(turned))
+    };
+    let [least, most] = EXTRAPOLATION.map(|factor| other.irradiance * factor);
+    (other.irradiance + Vec3::new(change(0), change(1), change(2))).max(least).min(most)
+}
+
+#[derive(Default)]
+struct Sums {
+    weight: f32,
+    irradiance: Vec3,
+    /// Squares of weighted standard errors.
+    squares: Vec3,
+    rotation: [Vec3; 3],
+    translation: [Vec3; 3],
+}
+
+impl Sums {
+    fn add(&mut self, other: &Record, told: &Vec3, weight: f32) {
+        self.weight += weight;
+        self.irradiance += *told * weight;
+        self.squares += (other.error * weight) * (other.error * weight);
+        let gradients = self.rotation.iter_mut().chain(&mut self.translation).zip(other.rotation.iter().chain(&other.translation));
+        gradients.for_each(|(sum, gradient)| *sum += *gradient * weight);
+    }
+
+    /// The record with the mean in place of its own light.
+    fn mean(self, record: &Record) -> Record {
+        if self.weight <= 0.0 {
+            return *record;
+        }
+        let share = 1.0 / self.weight;
+        Record {
+            irradiance: self.irradiance * share,
+            error: self.squares.map(f32::sqrt) * share,
+            rotation: self.rotation.map(|sum| sum * share),
+            translation: self.translation.map(|sum| sum * share),
+            ..*record
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::random::{hash, unit};
+    use crate::math::weight::Weighting;
+
+    const EDGE: usize = 24;
+
+    fn rule() -> Rule {
+        let spacing = [4.0, 4.0];
+        Rule { weighting: Weighting::Compact, accuracy: 0.4, spacing, nearest: 1e6, change: 1e6, overlap: 0.1, contrast: 1e6, finest_spacing: 1.0 }
+    }
+
+    /// A grid of records, one apart, of light that is wrong by chance; `[light, slope along x]` at a place.
+    fn grid(light: impl Fn(f32) -> [f32; 2], noise: f32) -> Vec<Record> {
+        let chance = |at: usize| 2.0 * 3f32.sqrt() * (unit(hash(at as u32)) - 0.5);
+        let record = |at: usize| {
+            let position = Vec3::new((at % EDGE) as f32, (at / EDGE) as f32, 0.0);
+            let [level, slope] = light(position.x);
+            let wrong = noise * chance(at);
+            Record {
+                position,
+                irradiance: Vec3::splat(level + wrong),
+                error: Vec3::splat(noise),
+                translation: [Vec3::X * slope; 3],
+                radius: 10.0,
+                normal: Vec3::Z,
+                minimum_distance: 1.0,
+                footprint: 1.0,
+                rotation: [Vec3::ZERO; 3],
+                stretch: Vec3::ZERO,
+                relative_gradient: 0.0,
+                fineness: 1.0,
+                confinement: 0.0,
+            }
+        };
+        (0..EDGE * EDGE).map(record).collect()
+    }
+
+    /// Of the records that stand away from the grid's border what they are wrong by, before and after: the mean, and the root of the mean square.
+    fn wrong(light: impl Fn(f32) -> [f32; 2], noise: f32) -> [[f32; 2]; 2] {
+        let records = grid(&light, noise);
+        let filter = RecordFilter::new(&records, &rule(), 2.0);
+        let inside: Vec<usize> = (0..records.len()).filter(|at| [at % EDGE, at / EDGE].iter().all(|c| (5..EDGE - 5).contains(c))).collect();
+        let of = |record: &dyn Fn(usize) -> Record| {
+            let errors: Vec<f32> = inside.iter().map(|at| record(*at).irradiance.x - light(records[*at].position.x)[0]).collect();
+            let mean = |values: &mut dyn Iterator<Item = f32>| values.sum::<f32>() / errors.len() as f32;
+            [mean(&mut errors.iter().copied()), mean(&mut errors.iter().map(|error| error * error)).sqrt()]
+        };
+        [of(&|at| records[at]), of(&|at| filter.filtered(at))]
+    }
+
+    #[test]
+    fn chance_averages_out() {
+        let [before, after] = wrong(|_| [10.0, 0.0], 0.1);
+        assert!((before[1] / 0.1 - 1.0).abs() < 0.1 && after[1] < 0.03 && after[0].abs() < 0.01, "{before:?} {after:?}");
+    }
+
+    #[test]
+    fn what_is_left_is_told() {
+        let records = grid(|_| [10.0, 0.0], 0.1);
+        let told = RecordFilter::new(&records, &rule(), 2.0).filtered(EDGE * EDGE / 2 + EDGE / 2).error.x;
+        let left = wrong(|_| [10.0, 0.0], 0.1)[1][1];
+        assert!((0.6..1.6).contains(&(told / left)), "{told} is told of {left}");
+    }
+
+    /// A parabola: each gradient alone would be wrong by half its second derivative times the square of the way, all on the same side.
+    #[test]
+    fn curvature_stays() {
+        let [_, after] = wrong(|x| [10.0 + 0.05 * (x - 12.0).powi(2), 0.1 * (x - 12.0)], 0.1);
+        assert!(after[0].abs() < 0.012 && after[1] < 0.035, "{after:?}");
+    }
+
+    #[test]
+    fn edges_stay() {
+        let [_, after] = wrong(|x| [if x < 11.5 { 10.0 } else { 12.0 }, 0.0], 0.1);
+        assert!(after[1] < 0.04, "{after:?}");
+    }
+
+    #[test]
+    fn records_of_other_surfaces_do_not_count() {
+        let mut records = grid(|_| [10.0, 0.0], 0.1);
+        let own = EDGE * 12 + 12;
+        // One that faces elsewhere, one that is behind, one in front.
+        records[own + 1].normal = Vec3::X;
+        records[own - 1].position.z = 0.5;
+        records[own + EDGE].position.z = -0.5;
+        let told = |records: &[Record]| RecordFilter::new(records, &rule(), 2.0).filtered(own).irradiance.x;
+        let before = told(&records);
+        for at in [own + 1, own - 1, own + EDGE] {
+            records[at].irradiance += Vec3::splat(0.2);
+        }
+        assert_eq!(told(&records), before);
+    }
+
+    #[test]
+    fn the_dark_and_what_is_sure_stay() {
+        assert_eq!(wrong(|_| [0.0, 0.0], 0.0)[1], [0.0; 2]);
+        let sure = grid(|_| [3.0, 0.0], 0.0);
+        let found = RecordFilter::new(&sure, &rule(), 2.0).filtered(300);
+        assert!((found.irradiance.x - 3.0).abs() < 1e-5 && found.error == Vec3::ZERO);
+    }
+}

@@ -36,8 +36,12 @@ const DIRECT_LIMITS: [(&str, f64); 4] = [("rmse_over_mean", 0.01), ("bias_over_m
 
 /// One adapter draws the same bits again; others round differently, so that a few records come to lie elsewhere: measured by a change of the spacing by
 /// a thousandth, 1.5 %, 0.1 %, 0 and 6 %.
-const LIMITS: Limits =
-    Limits { light: [("rmse_over_mean", 0.03), ("bias_over_mean", 0.005), ("block_p50", 0.005), ("block_p99", 0.08)], direct: DIRECT_LIMITS, weight: 0.05, uncertainty: 1.0 };
+const LIMITS: Limits = Limits {
+    light: [("rmse_over_mean", 0.03), ("bias_over_mean", 0.005), ("block_p50", 0.005), ("block_p99", 0.08)],
+    direct: DIRECT_LIMITS,
+    weight: 0.05,
+    uncertainty: 1.0,
+};
 
 /// Where the adapter is the one that drew the kept pictures, larger ones notice more: the same change of the hall, of its accuracy or of its largest
 /// spacing makes 0.07 %, 0.002 %, 0.002 % and 0.1 %.
@@ -59,14 +63,22 @@ const BALLS_LIMITS: Limits = Limits {
 /// Pipelines that rasterise hemispheres in perspective. In corners SwiftShader's raster loses part of what stands beside the eye: 1 % of the light; by rays
 /// these pipelines agree to 0.6 %.
 const PERSPECTIVE: [&str; 4] = ["irradiance-hemicube", "irradiance-plane", "irradiance-plane-coverage", "irradiance-plane-open"];
-const PERSPECTIVE_LIMITS: Limits =
-    Limits { light: [("rmse_over_mean", 0.12), ("bias_over_mean", 0.02), ("block_p50", 0.03), ("block_p99", 0.2)], direct: DIRECT_LIMITS, weight: 0.05, uncertainty: 1.0 };
+const PERSPECTIVE_LIMITS: Limits = Limits {
+    light: [("rmse_over_mean", 0.12), ("bias_over_mean", 0.02), ("block_p50", 0.03), ("block_p99", 0.2)],
+    direct: DIRECT_LIMITS,
+    weight: 0.05,
+    uncertainty: 1.0,
+};
 
 /// Pipelines whose records are of photons themselves: one photon of a thousand that another device sends elsewhere has the walk choose other places, whose
 /// zones hold other photons. An H200 makes 4 %, 0.1 %, 0.5 % and 11 % of it; both are as far from the truth.
 const OF_PHOTONS: [&str; 2] = ["photon", "photon-radiance"];
-const PHOTON_LIMITS: Limits =
-    Limits { light: [("rmse_over_mean", 0.06), ("bias_over_mean", 0.01), ("block_p50", 0.012), ("block_p99", 0.16)], direct: DIRECT_LIMITS, weight: 0.05, uncertainty: 1.0 };
+const PHOTON_LIMITS: Limits = Limits {
+    light: [("rmse_over_mean", 0.06), ("bias_over_mean", 0.01), ("block_p50", 0.012), ("block_p99", 0.16)],
+    direct: DIRECT_LIMITS,
+    weight: 0.05,
+    uncertainty: 1.0,
+};
 
 /// How far distances and normals may be off [share of their root mean square]; files hold them in half floats.
 const GEOMETRY_LIMIT: f64 = 1e-3;

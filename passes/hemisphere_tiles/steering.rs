@@ -1,8 +1,8 @@
 //! How many rays each tile has on the host, and where they go: by photons, and by how sure tiles beside it are.
 
+use super::Work;
 use super::cells::Cells;
 use super::growth::{Growth, Told};
-use super::Work;
 use super::guide::{Guide, MoreRays};
 use crate::contract::Encoder;
 use crate::math::{colour::REC_709, uncertainty::Uncertainty};

@@ -2,7 +2,10 @@
 
 use super::Work;
 use crate::contract::Encoder;
-use crate::math::{sum::Summed, sum_vectors::{Cells, Room, Wanted}};
+use crate::math::{
+    sum::Summed,
+    sum_vectors::{Cells, Room, Wanted},
+};
 use crate::passes::record::{REQUEST_BYTES, Radius, Request, summed_record};
 use crate::scene::model::surface_offset;
 use crate::schedule::*;

@@ -165,7 +165,12 @@ impl Pass for Splat {
         }
         let of_errors = e.arguments.choice("of").0 == "StandardError";
         if of_errors && radiance.is_some() {
-            return Err(Refusal::of_parameter("of", "plan::errors_of_radiance", "records of radiance have no standard errors", "leave `lobes` away, or set `of` to Estimate"));
+            return Err(Refusal::of_parameter(
+                "of",
+                "plan::errors_of_radiance",
+                "records of radiance have no standard errors",
+                "leave `lobes` away, or set `of` to Estimate",
+            ));
         }
         let work = Work { gbuffer, cache, sums, counts, first, of_errors, radiance };
         match (place(e, &work)?, &work.radiance) {

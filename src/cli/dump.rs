@@ -113,8 +113,9 @@ fn write_photons(photons: &[Photon], name: &str, beside: &Path) -> Result<(), Fa
 }
 
 fn write_records(records: &[Record], rule: Option<port::Rule>, name: &str, beside: &Path) -> Result<(), Failure> {
-    let mut csv =
-        String::from("x,y,z,normal_x,normal_y,normal_z,irradiance_r,irradiance_g,irradiance_b,error_r,error_g,error_b,radius,minimum_distance,footprint,validity_radius,limited_by\n");
+    let mut csv = String::from(
+        "x,y,z,normal_x,normal_y,normal_z,irradiance_r,irradiance_g,irradiance_b,error_r,error_g,error_b,radius,minimum_distance,footprint,validity_radius,limited_by\n",
+    );
     let mut ply = format!("ply\nformat ascii 1.0\nelement vertex {}\n", records.len());
     for property in ["x", "y", "z", "nx", "ny", "nz", "red", "green", "blue", "error_red", "error_green", "error_blue", "radius", "validity_radius"] {
         let _ = writeln!(ply, "property float {property}");
@@ -125,7 +126,8 @@ fn write_records(records: &[Record], rule: Option<port::Rule>, name: &str, besid
         let twin = weight::Record::from(record);
         let (validity_radius, limited_by) = rule.map_or((record.radius, ""), |rule| (rule.validity_radius(&twin), rule.limited_by(&twin)));
         let (radius, footprint) = (record.radius, record.footprint);
-        let _ = writeln!(csv, "{x},{y},{z},{a},{b},{c},{r},{g},{h},{e},{f},{i},{radius},{},{footprint},{validity_radius},{limited_by}", record.minimum_distance);
+        let _ =
+            writeln!(csv, "{x},{y},{z},{a},{b},{c},{r},{g},{h},{e},{f},{i},{radius},{},{footprint},{validity_radius},{limited_by}", record.minimum_distance);
         let _ = writeln!(ply, "{x} {y} {z} {a} {b} {c} {r} {g} {h} {e} {f} {i} {radius} {validity_radius}");
     }
     file(beside, name, "csv")?.write(csv.as_bytes())?;

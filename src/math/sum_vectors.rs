@@ -232,7 +232,16 @@ impl<S: Simd> Sums<S> {
     fn zero(simd: S) -> Self {
         let zero = f32x8::splat(simd, 0.0);
         let none = Vectors { x: zero, y: zero, z: zero };
-        Self { irradiance: none, squares: none, rotation: [[zero; 2]; 3], translation: [none; 3], hessian: none, cosine: [zero; 2], plain: [zero; 2], largest_inverse: zero }
+        Self {
+            irradiance: none,
+            squares: none,
+            rotation: [[zero; 2]; 3],
+            translation: [none; 3],
+            hessian: none,
+            cosine: [zero; 2],
+            plain: [zero; 2],
+            largest_inverse: zero,
+        }
     }
 
     #[inline(always)]
@@ -260,11 +269,8 @@ impl<S: Simd> Sums<S> {
     #[inline(always)]
     fn add_blocks(&mut self, group: &Group, [corner, above, before]: [Vectors<S>; 3], last: &Vectors<S>) {
         let mixed = corner.minus(above).minus(before.minus(*last)).scaled(f32x8::load_array_ref(corner.x.simd, &group.block_weight));
-        self.squares = Vectors {
-            x: mixed.x.mul_add(mixed.x, self.squares.x),
-            y: mixed.y.mul_add(mixed.y, self.squares.y),
-            z: mixed.z.mul_add(mixed.z, self.squares.z),
-        };
+        self.squares =
+            Vectors { x: mixed.x.mul_add(mixed.x, self.squares.x), y: mixed.y.mul_add(mixed.y, self.squares.y), z: mixed.z.mul_add(mixed.z, self.squares.z) };
     }
 
     #[inline(always)]

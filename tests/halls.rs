@@ -281,7 +281,7 @@ const HARD: [(&str, Limits); 5] = [
 ];
 
 /// Scenes of all kinds, in which records are to know how wrong they are.
-const CALIBRATED: [&str; 12] = ["sibenik", "sponza", "arcade", "wall-lamp", "low-sun", "globes", "door", "cornell", "balls", "castle", "hall", "ring"];
+const CALIBRATED: [&str; 12] = ["sibenik", "sponza", "arcade", "wall-lamp", "low-sun", "globes", "door", "cornell", "balls", "castle", "corner", "ring"];
 
 /// The share of records that are to be within two standard errors of the truth.
 const WITHIN_TWO: std::ops::RangeInclusive<f64> = 0.9..=0.99;

@@ -1,7 +1,7 @@
 //! Neighbouring records together.
 
 use super::record::{RECORD_BYTES, Record, Weighting};
-use super::record_index::RecordLists;
+use super::record_lists::RecordLists;
 use crate::contract::{Description, Encoder, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Refusal, Takes, port};
 use crate::math::{record_filter::RecordFilter, weight};
 use crate::schedule::*;

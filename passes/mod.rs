@@ -35,6 +35,7 @@ pub mod radix_sort;
 pub mod record;
 pub mod record_cache;
 pub mod record_index;
+pub mod record_lists;
 pub mod shadow_map;
 pub mod splat;
 pub mod surroundings;

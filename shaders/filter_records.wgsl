@@ -12,7 +12,7 @@
 override TOLERANCE: f32 = 2.0;
 
 const FRONT = 0.05;
-const LEAST_SQUARE = 1e-30;
+const LEAST_ERROR = 1e-30;
 
 // What a record says of the irradiance at the place of another.
 fn told_at(other: Record, at: Record) -> vec3f {
@@ -27,10 +27,13 @@ fn told_at(other: Record, at: Record) -> vec3f {
 }
 
 fn likeness(other: Record, at: Record, told: vec3f) -> f32 {
-    let apart = luminance(told - at.irradiance);
     let own = luminance(at.error);
     let its = luminance(other.error);
-    return exp(-0.5 * apart * apart / max(TOLERANCE * TOLERANCE * (own * own + its * its), LEAST_SQUARE));
+    // The length of both, whose squares may be no numbers.
+    let larger = max(max(own, its), LEAST_ERROR);
+    let error = larger * length(vec2f(own, its) / larger);
+    let apart = luminance(told - at.irradiance) / max(TOLERANCE * error, LEAST_ERROR);
+    return exp(-0.5 * apart * apart);
 }
 
 fn level_weight(other: Record, at: Record) -> f32 {
@@ -50,6 +53,10 @@ struct FilterSums {
 }
 
 fn add_record(sums: ptr<function, FilterSums>, other: Record, told: vec3f, weight: f32) {
+    // Nothing where it is not a number, as of light that is none.
+    if !(weight > 0.0) {
+        return;
+    }
     (*sums).weight += weight;
     (*sums).irradiance += told * weight;
     (*sums).squares += other.error * weight * (other.error * weight);

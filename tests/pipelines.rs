@@ -284,7 +284,7 @@ fn each_error_has_its_code_and_underlines_its_cause() {
 /// Variants of the pipeline that ships, in each of which no round of the fill can cover what the one before left.
 #[rustfmt::skip]
 const STANDSTILLS: [(&str, &str); 6] = [
-    ("nothing_is_added", r#"remove: ["added"]"#),
+    ("nothing_is_added", r#"remove: ["added"], set: { "error_splats.records": "cache" }"#),
     ("another_cache_grows", r#"add: { "cache": [(name: "other", pass: RecordCache())] }, set: { "added.to": "other" }"#),
     ("records_from_outside", r#"add: { "cache": [
         (name: "first_splats", pass: Splat(records: "cache", gbuffer: "gbuffer")),

@@ -332,12 +332,12 @@ fn traffic_of(pipeline: &str, resolution: u32, set: &str) -> Result<Traffic, Fai
     Ok(traffic(&plan, &["records"]).map_err(|error| error.to_string())?.ok_or("no tiles")?)
 }
 
-/// A sample is 16 bytes, six parts of it 96 or as halves 48, a request 48 and a record 144.
+/// A sample is 16 bytes, seven parts of it 112 or as halves 56, a request 48 and a record 160.
 fn moved() -> Outcome {
-    let [request, record] = [48.0, 144.0];
+    let [request, record] = [48.0, 160.0];
     let pyramid = |of: f64| (0..4).map(|level| of * 64.0 / f64::from(1 << (2 * level))).collect::<Vec<_>>();
     let sum = |levels: &[f64]| levels.iter().sum::<f64>();
-    let [single, half] = [96.0, 48.0].map(pyramid);
+    let [single, half] = [112.0, 56.0].map(pyramid);
     let cases = [
         ("irradiance-one-rate", 8, "", [1024.0 + request, record, 0.0]),
         ("irradiance-readback", 8, "", [0.0, record, 1024.0 + request]),
@@ -346,8 +346,8 @@ fn moved() -> Outcome {
         ("irradiance-mipmap", 8, "records.by.storage=F16", [2048.0 + request + sum(&half) + request + 8.0, 4.0 + sum(&half) + record, 0.0]),
         ("irradiance-ping-pong", 8, "", [1024.0 + request + single[0], 2.0 * single[0] + record, single[0] + request]),
         // Halved once, what is left is 16×16: the larger image is written to in full, the smaller one is read twice.
-        ("irradiance-ping-pong", 32, "", [16384.0 + request + 98304.0 + 24576.0, 98304.0 + 2.0 * 24576.0 + record, 24576.0 + request]),
-        ("irradiance-ping-pong", 64, "", [65536.0 + request + 393216.0 + 98304.0 + 24576.0, 393216.0 + 98304.0 + 2.0 * 24576.0 + record, 24576.0 + request]),
+        ("irradiance-ping-pong", 32, "", [16384.0 + request + 114688.0 + 28672.0, 114688.0 + 2.0 * 28672.0 + record, 28672.0 + request]),
+        ("irradiance-ping-pong", 64, "", [65536.0 + request + 458752.0 + 114688.0 + 28672.0, 458752.0 + 114688.0 + 2.0 * 28672.0 + record, 28672.0 + request]),
     ];
     for (pipeline, resolution, set, expected) in cases {
         let Traffic { read_bytes, written_bytes, read_back_bytes } = traffic_of(pipeline, resolution, set)?;

@@ -21,7 +21,7 @@ pub(super) struct Steering {
     memory: Resource,
     /// How many tiles were finer.
     finer: Variable,
-    /// Of each tile, see [`port::Tiles`]; where photons guide rays.
+    /// Of each tile, see [`crate::contract::port::Tiles`]; where photons guide rays or tiles may be finer.
     pub sureness: Option<Resource>,
 }
 
@@ -50,7 +50,7 @@ pub(super) struct Tile {
     /// Radiance and distance of each stratum.
     pub seen: Vec<Vec4>,
     uncertainty: Uncertainty,
-    /// See [`port::Tiles`].
+    /// See [`crate::contract::port::Tiles`].
     pub sureness: f32,
 }
 

@@ -5,8 +5,8 @@ use super::record_tree::Tree;
 use super::weight::{EXTRAPOLATION, FRONT_TOLERANCE, Reaching, Record, Rule};
 use glam::Vec3;
 
-/// What a sum of squares counts as at least, so that records that are sure divide by a number.
-const LEAST_SQUARE: f32 = 1e-30;
+/// What a standard error counts as at least, so that records that are sure divide by a number [W/m²].
+const LEAST_ERROR: f32 = 1e-30;
 
 /// Records to be filtered, and who stands beside whom.
 pub struct RecordFilter<'a> {
@@ -33,9 +33,10 @@ impl<'a> RecordFilter<'a> {
         let record = self.reaching[number].record();
         let mut sums = Sums::default();
         for &near in self.tree.near(record.position, record.normal) {
-            let (other, weight) = (&self.reaching[near as usize], self.weight(near as usize, record));
+            let (other, weight) = (self.reaching[near as usize].record(), self.weight(near as usize, record));
             if weight > 0.0 {
-                sums.add(other.record(), &told(other.record(), record), weight * self.likeness(other.record(), record));
+                let told = told(other, record);
+                sums.add(other, told, weight * self.likeness(other, record, told));
             }
         }
         sums.mean(record)
@@ -50,11 +51,11 @@ impl<'a> RecordFilter<'a> {
     }
 
     /// 1 where two records say the same of a place, as far as they know; 0 where they certainly do not.
-    fn likeness(&self, other: &Record, at: &Record) -> f32 {
+    fn likeness(&self, other: &Record, at: &Record, told: Vec3) -> f32 {
         let luminance = |colour: Vec3| colour.dot(REC_709.as_vec3());
-        let apart = luminance(told(other, at) - at.irradiance);
-        let variance = luminance(other.error).powi(2) + luminance(at.error).powi(2);
-        (-0.5 * apart * apart / (self.tolerance * self.tolerance * variance).max(LEAST_SQUARE)).exp()
+        let error = luminance(other.error).hypot(luminance(at.error));
+        let apart = luminance(told - at.irradiance) / (self.tolerance * error).max(LEAST_ERROR);
+        (-0.5 * apart * apart).exp()
     }
 }
 
@@ -80,9 +81,13 @@ struct Sums {
 }
 
 impl Sums {
-    fn add(&mut self, other: &Record, told: &Vec3, weight: f32) {
+    /// Nothing where the weight is 0 or not a number, as of light that is none.
+    fn add(&mut self, other: &Record, told: Vec3, weight: f32) {
+        if weight.is_nan() || weight <= 0.0 {
+            return;
+        }
         self.weight += weight;
-        self.irradiance += *told * weight;
+        self.irradiance += told * weight;
         self.squares += (other.error * weight) * (other.error * weight);
         let gradients = self.rotation.iter_mut().chain(&mut self.translation).zip(other.rotation.iter().chain(&other.translation));
         gradients.for_each(|(sum, gradient)| *sum += *gradient * weight);
@@ -197,6 +202,25 @@ mod tests {
             records[at].irradiance += Vec3::splat(0.2);
         }
         assert_eq!(told(&records), before);
+    }
+
+    /// In any unit of light.
+    #[test]
+    fn faint_edges_stay() {
+        for unit in [1e-20, 1e12] {
+            let [_, after] = wrong(|x| [if x < 11.5 { 10.0 * unit } else { 12.0 * unit }, 0.0], 0.1 * unit);
+            assert!(after[1] < 0.04 * unit, "{unit}: {after:?}");
+        }
+    }
+
+    #[test]
+    fn light_that_is_none_stays_where_it_is() {
+        let mut records = grid(|_| [10.0, 0.0], 0.1);
+        let own = EDGE * 12 + 12;
+        records[own].irradiance = Vec3::splat(f32::NAN);
+        let filter = RecordFilter::new(&records, &rule(), 2.0);
+        assert!(filter.filtered(own).irradiance.is_nan());
+        assert!([own - 1, own + 1, own + EDGE].iter().all(|at| filter.filtered(*at).irradiance.is_finite()));
     }
 
     #[test]

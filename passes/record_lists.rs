@@ -21,13 +21,16 @@ impl RecordLists {
         let words = e.buffer("lists", 4 * layout.records as u64);
         let [lists, listed] = ["lists", "listed"].map(|name| e.variable(name, false));
         e.clear(words);
-        e.host("begin_lists", &[], &[words], move |host| {
+        let twin = Program::new("record_lists").constant("HASHES", layout.hashes as u32).bind("header", words);
+        let twin = twin.variable("RECORDS", count).variable("LISTED", listed).variable("LISTS", lists);
+        let begin = move |host: &mut dyn HostContext| {
             let count = host.variable(count);
             host.set(lists, 1);
             host.set(listed, count);
             host.write(words, 0, bytemuck::cast_slice(&Levels::NONE.header(layout.hashes, count)));
             Ok(())
-        });
+        };
+        e.twin("begin_lists", &[], &[words], begin, vec![Compute { program: twin, entry: "begin", groups: Groups::ONE }]);
         let program = Program::new("record_index").constant("INDEX_ENTRIES", layout.entries as u32);
         let program = program.bind("weighting", weighting).bind("records", records).bind("words", words);
         make_lists(e, program, (words, HEADER, layout.hashes), [lists, listed]);

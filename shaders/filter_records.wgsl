@@ -13,6 +13,8 @@ override TOLERANCE: f32 = 2.0;
 
 const FRONT = 0.05;
 const LEAST_ERROR = 1e-30;
+// Most records of a list that a record asks: of more, each so many.
+const MOST_LISTED = 32768u;
 
 // What a record says of the irradiance at the place of another.
 fn told_at(other: Record, at: Record) -> vec3f {
@@ -93,7 +95,8 @@ fn filter_record(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) g
     while there != 0u {
         let list = record_list(record.position, countTrailingZeros(there));
         there &= there - 1u;
-        for (var i = list.first; i < list.end; i++) {
+        let step = ((list.end - list.first + MOST_LISTED - 1u) / MOST_LISTED) | 1u;
+        for (var i = list.first + number % step; i < list.end; i += step) {
             let listed = listed_record(list, i);
             if !listed.is_of_list {
                 continue;

@@ -1,17 +1,20 @@
 //! Neighbouring records together: what one got wrong by chance, others have not.
 
 use super::colour::REC_709;
-use super::record_tree::Tree;
+use super::record_index::{Cells, LEVEL_BIT, Layout, Lists};
 use super::weight::{EXTRAPOLATION, FRONT_TOLERANCE, Reaching, Record, Rule};
 use glam::Vec3;
 
 /// What a standard error counts as at least, so that records that are sure divide by a number [W/m²].
 const LEAST_ERROR: f32 = 1e-30;
 
+/// Most records of a list that a record asks: of more, each so many. Where all reach all others, the work would grow with their square.
+const MOST: usize = 32768;
+
 /// Records to be filtered, and who stands beside whom.
 pub struct RecordFilter<'a> {
     reaching: Vec<Reaching<'a>>,
-    tree: Tree,
+    lists: Lists,
     tolerance: f32,
 }
 
@@ -20,8 +23,8 @@ impl<'a> RecordFilter<'a> {
     /// apart [standard errors].
     pub fn new(records: &'a [Record], rule: &Rule, tolerance: f32) -> Self {
         let reaching: Vec<_> = records.iter().map(|record| rule.reaching(record)).collect();
-        let tree = Tree::new(&reaching, rule.accuracy);
-        Self { reaching, tree, tolerance }
+        let lists = Lists::of(&reaching, Cells::Far, Layout::of(records.len()).hashes);
+        Self { reaching, lists, tolerance }
     }
 
     /// The mean of what a record and those beside it say of its place, with the standard error that it then has, and the mean of their gradients.
@@ -32,14 +35,21 @@ impl<'a> RecordFilter<'a> {
     pub fn filtered(&self, number: usize) -> Record {
         let record = self.reaching[number].record();
         let mut sums = Sums::default();
-        for &near in self.tree.near(record.position, record.normal) {
-            let (other, weight) = (self.reaching[near as usize].record(), self.weight(near as usize, record));
-            if weight > 0.0 {
-                let told = told(other, record);
-                sums.add(other, told, weight * self.likeness(other, record, told));
+        for (level, entries) in self.lists.at(record.position) {
+            let step = entries.len().div_ceil(MOST) | 1;
+            for entry in entries.iter().skip(number % step).step_by(step).filter(|entry| *entry >> LEVEL_BIT == level) {
+                self.add(&mut sums, (entry & ((1 << LEVEL_BIT) - 1)) as usize, record);
             }
         }
         sums.mean(record)
+    }
+
+    fn add(&self, sums: &mut Sums, near: usize, at: &Record) {
+        let (other, weight) = (self.reaching[near].record(), self.weight(near, at));
+        if weight > 0.0 {
+            let told = told(other, at);
+            sums.add(other, told, weight * self.likeness(other, at, told));
+        }
     }
 
     /// Of a record at the place of another: that of the rule, if they are level.

@@ -179,6 +179,16 @@ impl Lists {
         Self { levels, ends, entries }
     }
 
+    /// Of the cell of each level that a point is in, the level and the entries, among which are those of other cells with the same hash.
+    pub fn at(&self, point: Vec3) -> impl Iterator<Item = (u32, &[u32])> {
+        let smallest = cell(point, self.levels.lowest);
+        (0..LEVELS as u32).filter(|level| self.levels.there >> level & 1 == 1).map(move |level| {
+            let hash = hash_of(smallest >> level as i32, level, self.ends.len()) as usize;
+            let first = if hash == 0 { 0 } else { self.ends[hash - 1] };
+            (level, &self.entries[first as usize..self.ends[hash] as usize])
+        })
+    }
+
     /// Their header, their ends and themselves, for an index over so many records.
     pub fn words(&self, records: usize) -> Vec<u32> {
         let header = self.levels.header(self.ends.len(), records as u32);

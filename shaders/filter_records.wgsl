@@ -13,8 +13,9 @@ override TOLERANCE: f32 = 2.0;
 
 const FRONT = 0.05;
 const LEAST_ERROR = 1e-30;
-// Most records of a list that a record asks: of more, each so many.
+// Most records of a list that a record asks all of; of more these few, by chance.
 const MOST_LISTED = 32768u;
+const FEW_LISTED = 256u;
 
 // What a record says of the irradiance at the place of another.
 fn told_at(other: Record, at: Record) -> vec3f {
@@ -95,8 +96,11 @@ fn filter_record(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) g
     while there != 0u {
         let list = record_list(record.position, countTrailingZeros(there));
         there &= there - 1u;
-        let step = ((list.end - list.first + MOST_LISTED - 1u) / MOST_LISTED) | 1u;
-        for (var i = list.first + number % step; i < list.end; i += step) {
+        let all = list.end - list.first;
+        let count = select(all, FEW_LISTED, all > MOST_LISTED);
+        for (var at = 0u; at < count; at++) {
+            let chosen = select(at, hash(number * FEW_LISTED + at) % max(all, 1u), all > MOST_LISTED);
+            let i = list.first + chosen;
             let listed = listed_record(list, i);
             if !listed.is_of_list {
                 continue;

@@ -1,6 +1,7 @@
 //! Neighbouring records together: what one got wrong by chance, others have not.
 
 use super::colour::REC_709;
+use super::random::hash;
 use super::record_index::{Cells, LEVEL_BIT, Layout, Lists};
 use super::weight::{EXTRAPOLATION, FRONT_TOLERANCE, Reaching, Record, Rule};
 use glam::Vec3;
@@ -8,8 +9,9 @@ use glam::Vec3;
 /// What a standard error counts as at least, so that records that are sure divide by a number [W/m²].
 const LEAST_ERROR: f32 = 1e-30;
 
-/// Most records of a list that a record asks: of more, each so many. Where all reach all others, the work would grow with their square.
+/// Most records of a list that a record asks all of; of more it asks these few, by chance: where all reach each other, the work would grow with their square.
 const MOST: usize = 32768;
+const FEW: usize = 256;
 
 /// Records to be filtered, and who stands beside whom.
 pub struct RecordFilter<'a> {
@@ -36,9 +38,14 @@ impl<'a> RecordFilter<'a> {
         let record = self.reaching[number].record();
         let mut sums = Sums::default();
         for (level, entries) in self.lists.at(record.position) {
-            let step = entries.len().div_ceil(MOST) | 1;
-            for entry in entries.iter().skip(number % step).step_by(step).filter(|entry| *entry >> LEVEL_BIT == level) {
-                self.add(&mut sums, (entry & ((1 << LEVEL_BIT) - 1)) as usize, record);
+            let count = if entries.len() > MOST { FEW } else { entries.len() };
+            let is_all = count == entries.len();
+            for at in 0..count {
+                let chosen = if is_all { at } else { hash((number * FEW + at) as u32) as usize % entries.len() };
+                let entry = entries[chosen];
+                if entry >> LEVEL_BIT == level {
+                    self.add(&mut sums, (entry & ((1 << LEVEL_BIT) - 1)) as usize, record);
+                }
             }
         }
         sums.mean(record)
@@ -122,7 +129,7 @@ impl Sums {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::random::{hash, unit};
+    use crate::math::random::unit;
     use crate::math::weight::Weighting;
 
     const EDGE: usize = 24;

@@ -3,7 +3,10 @@
 use super::record::{RECORD_BYTES, Record, Weighting};
 use super::record_lists::RecordLists;
 use crate::contract::{Description, Encoder, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Refusal, Takes, port};
-use crate::math::{record_filter::RecordFilter, weight};
+use crate::math::{
+    record_filter::{Group, RecordFilter},
+    weight,
+};
 use crate::schedule::*;
 use rayon::prelude::*;
 
@@ -62,8 +65,9 @@ impl Pass for FilterRecords {
 fn encode_on_host(e: &mut Encoder<'_>, cache: port::RecordCache, (rule, tolerance): (port::Rule, f32), filtered: Resource) {
     e.host("filter", &[Read::counted(cache.records, RECORD_BYTES, cache.count)], &[filtered], move |host| {
         let records: Vec<weight::Record> = bytemuck::cast_slice::<_, Record>(host.read(cache.records)).iter().map(weight::Record::from).collect();
-        let filter = RecordFilter::new(&records, &rule, tolerance);
-        let all: Vec<Record> = (0..records.len()).into_par_iter().map(|number| Record::from(&filter.filtered(number))).collect();
+        let groups = Group::all(&records, &rule);
+        let filter = RecordFilter::new(&groups, &rule, tolerance);
+        let all: Vec<Record> = records.par_iter().map(|record| Record::from(&filter.filtered(record))).collect();
         host.write(filtered, 0, bytemuck::cast_slice(&all));
         Ok(())
     });

@@ -89,7 +89,7 @@ static DESCRIPTION: Description = Description {
             name: "capacity",
             about: "most records; a fill that needs more stops",
             unit: "records",
-            kind: ParameterKind::Integer { default: 131_072, min: 1, max: 900_000 },
+            kind: ParameterKind::Integer { default: 131_072, min: 1, max: 800_000 },
         },
         Parameter {
             name: "lasts",

@@ -13,9 +13,8 @@ override TOLERANCE: f32 = 2.0;
 
 const FRONT = 0.05;
 const LEAST_ERROR = 1e-30;
-// Most records of a list that a record asks all of; of more these few, by chance.
+// Most entries of a list that are looked at: where all records reach each other, the work would grow with their square. The host takes those at one place for one.
 const MOST_LISTED = 32768u;
-const FEW_LISTED = 256u;
 
 // What a record says of the irradiance at the place of another.
 fn told_at(other: Record, at: Record) -> vec3f {
@@ -97,11 +96,12 @@ fn filter_record(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) g
         let list = record_list(record.position, countTrailingZeros(there));
         there &= there - 1u;
         let all = list.end - list.first;
-        let count = select(all, FEW_LISTED, all > MOST_LISTED);
-        for (var at = 0u; at < count; at++) {
-            let chosen = select(at, hash(number * FEW_LISTED + at) % max(all, 1u), all > MOST_LISTED);
-            let i = list.first + chosen;
-            let listed = listed_record(list, i);
+        let parts = min(all, MOST_LISTED);
+        for (var part = 0u; part < parts; part++) {
+            // All entries, or where these are more one by chance in each of so many parts.
+            let first = part * all / parts;
+            let end = (part + 1u) * all / parts;
+            let listed = listed_record(list, list.first + first + hash(part) % (end - first));
             if !listed.is_of_list {
                 continue;
             }

@@ -932,7 +932,7 @@ fn exchange(text: &str, random: &mut Random) -> String {
         "4",
         "5",
         "3",
-        "900000",
+        "800000",
         "1000000",
         "1e6",
         "4294967295",

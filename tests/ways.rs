@@ -705,10 +705,10 @@ fn filtered(stage: &Stage, records: &[Record], size: [u32; 2], place: &str) -> R
     Ok(read::<Record>(&session, filtered)?[..records.len()].to_vec())
 }
 
-/// As many records as the largest cache holds: 900,000, 130 MB; the tiles' masks take 32 MiB at most.
+/// As many records as the largest cache holds: 800,000, 128 MB; the tiles' masks take 32 MiB at most.
 fn many_records(stage: &Stage) -> Outcome {
     let size = [512, 384];
-    let records = records(&stage.scene, size, 900_000);
+    let records = records(&stage.scene, size, 800_000);
     let found = stage.splats().into_iter().map(|by| {
         let found = splatted(stage, &records, rule(weight::Weighting::Compact, 3.0), size, (by, "Estimate"), 1)?;
         println!("{by}: {:.2} s", found.seconds);

@@ -13,7 +13,7 @@ static DESCRIPTION: Description = Description {
     parameters: &[],
     inputs: &[
         Input { name: "gbuffer", about: "the visible surfaces, which tell the size", accepts: PortKind::GBuffer, takes: Takes::One, changes: false },
-        Input { name: "of", about: "images of colours", accepts: PortKind::Image, takes: Takes::Any, changes: false },
+        Input { name: "of", about: "images of colours", accepts: PortKind::Image, takes: Takes::Some, changes: false },
     ],
     outputs: &[Output { name: "sum", about: "their sum, pixel by pixel", kind: PortKind::Image }],
 };

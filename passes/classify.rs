@@ -21,6 +21,8 @@ static DESCRIPTION: Description = Description {
             choices: &[
                 Choice { name: "Diffuse", about: "with a diffuse part", parameters: &[] },
                 Choice { name: "Glossy", about: "with a lobe", parameters: &[] },
+                Choice { name: "Wide", about: "with a lobe that ten degrees of harmonics hold", parameters: &[] },
+                Choice { name: "Sharp", about: "with a lobe that they do not hold, for LobeRays", parameters: &[] },
             ],
         },
     }],
@@ -34,8 +36,24 @@ static DESCRIPTION: Description = Description {
     ],
 };
 
-fn is_glossy(arguments: &Arguments) -> bool {
-    arguments.choice("which").0 == "Glossy"
+/// The surfaces that stay.
+#[derive(Clone, Copy, PartialEq)]
+enum Which {
+    Diffuse,
+    Glossy,
+    Wide,
+    Sharp,
+}
+
+impl Which {
+    fn of(arguments: &Arguments) -> Self {
+        match arguments.choice("which").0 {
+            "Glossy" => Self::Glossy,
+            "Wide" => Self::Wide,
+            "Sharp" => Self::Sharp,
+            _ => Self::Diffuse,
+        }
+    }
 }
 
 impl Pass for Classify {
@@ -44,17 +62,19 @@ impl Pass for Classify {
     }
 
     fn need(&self, arguments: &Arguments, needs: &Needs) -> Need {
-        match is_glossy(arguments) {
-            true if !needs.lobes => Need::Dropped("no material is glossy"),
-            false if !needs.diffuse => Need::Dropped("no material has a diffuse part"),
+        match Which::of(arguments) {
+            Which::Diffuse if !needs.diffuse => Need::Dropped("no material has a diffuse part"),
+            Which::Glossy if !needs.lobes => Need::Dropped("no material is glossy"),
+            Which::Wide if !needs.wide_lobes => Need::Dropped("no material has a wide lobe"),
+            Which::Sharp if !needs.sharp_lobes => Need::Dropped("no material has a sharp lobe"),
             _ => Need::Kept,
         }
     }
 
     fn encode(&self, e: &mut Encoder<'_>) -> Result<(), Refusal> {
         let Some(gbuffer) = e.g_buffer("of").copied() else { return Ok(()) };
-        let glossy = is_glossy(e.arguments);
-        if !glossy && !e.setting.needs.lobes {
+        let which = Which::of(e.arguments);
+        if which == Which::Diffuse && !e.setting.needs.lobes {
             // All of them.
             e.output("gbuffer", Port::GBuffer(gbuffer));
             return Ok(());
@@ -62,18 +82,26 @@ impl Pass for Classify {
         let position = e.image("position", gbuffer.size, Format::Rgba32Float);
         let program = scene_constants(Program::new("classify"), e.setting.needs)
             .bind("position", gbuffer.position)
-            .bind("reflectance", gbuffer.reflectance)
             .bind("triangles", gbuffer.triangles)
             .bind("kept", position);
-        if glossy {
-            let Some(lobes) = e.lobes("lobes").cloned() else {
-                return Err(port::Lobes::missing());
-            };
-            let seen = e.image("seen", gbuffer.size, Format::Rgba32Float);
-            e.compute_pixels(program.bind("tables", lobes.of_material).bind("seen", seen), "keep_glossy", gbuffer.size);
-            e.output("lobes", Port::VisibleLobes(port::VisibleLobes { lobes, seen }));
-        } else {
-            e.compute_pixels(program, "keep_diffuse", gbuffer.size);
+        match which {
+            Which::Diffuse => e.compute_pixels(program.bind("reflectance", gbuffer.reflectance), "keep_diffuse", gbuffer.size),
+            Which::Sharp => e.compute_pixels(program, "keep_sharp", gbuffer.size),
+            Which::Glossy | Which::Wide => {
+                let lobes = e.lobes("lobes").cloned().ok_or_else(port::Lobes::missing)?;
+                if which == Which::Glossy && lobes.leaves_sharp {
+                    return Err(Refusal::of_parameter(
+                        "which",
+                        "plan::lobes_left",
+                        "sharp lobes are asked for, and LobeCoefficients leaves them to another pass",
+                        "choose Wide here, and Sharp for LobeRays; or set `too_sharp` of LobeCoefficients to Blur",
+                    ));
+                }
+                let seen = e.image("seen", gbuffer.size, Format::Rgba32Float);
+                let program = program.constant("SHARP_TOO", (which == Which::Glossy) as u8).bind("tables", lobes.of_material).bind("seen", seen);
+                e.compute_pixels(program, "keep_glossy", gbuffer.size);
+                e.output("lobes", Port::VisibleLobes(port::VisibleLobes { lobes, seen }));
+            }
         }
         e.output("gbuffer", Port::GBuffer(port::GBuffer { position, ..gbuffer }));
         Ok(())

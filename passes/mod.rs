@@ -20,6 +20,7 @@ pub mod indirect_light;
 pub mod irradiance_field;
 pub mod irradiance_sum;
 pub mod lobe_coefficients;
+pub mod lobe_rays;
 #[cfg(test)]
 mod mock;
 pub mod normalize;
@@ -36,6 +37,7 @@ pub mod record;
 pub mod record_cache;
 pub mod record_index;
 pub mod record_lists;
+pub mod seen_light;
 pub mod shadow_map;
 pub mod splat;
 pub mod surroundings;
@@ -65,6 +67,7 @@ pub static REGISTRY: &Registry = &[
     &add_records::AddRecords,
     &filter_records::FilterRecords,
     &normalize::Normalize,
+    &lobe_rays::LobeRays,
     &indirect_light::IndirectLight,
     &add_images::AddImages,
     &composite::Composite,

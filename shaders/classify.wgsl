@@ -1,4 +1,4 @@
-#import lib/scene
+#import lib/lobe
 #import lib/camera
 
 // Pixels that see a surface of one kind; at the others nothing is seen.
@@ -11,6 +11,9 @@
 @group(0) @binding(4) var<storage, read> tables: array<u32>;
 // Reflectance of the lobe; its table, and as the fraction the azimuth of its first axis, or −1 where there is no lobe.
 @group(0) @binding(5) var seen: texture_storage_2d<rgba32float, write>;
+
+// Whether sharp lobes stay with the others.
+override SHARP_TOO: bool = true;
 
 const NO_TABLE = 0xffffffffu;
 
@@ -35,12 +38,30 @@ fn keep_glossy(@builtin(global_invocation_id) id: vec3u) {
         let table = tables[material_of(triangle - 1u)];
         if table != NO_TABLE {
             let surface = surface_seen(triangle - 1u, camera.eye, pixel_ray(id.xy));
-            let frame = frame_around(surface.normal, 0.0);
-            let azimuth = fract(atan2(dot(surface.tangent, frame[1]), dot(surface.tangent, frame[0])) / (2.0 * PI));
-            lobe = vec4f(surface.specular, f32(table) + min(azimuth, 0.9999));
-            place = textureLoad(position, id.xy, 0);
+            if SHARP_TOO || !is_sharp(lobe_of(surface)) {
+                let frame = frame_around(surface.normal, 0.0);
+                let azimuth = fract(atan2(dot(surface.tangent, frame[1]), dot(surface.tangent, frame[0])) / (2.0 * PI));
+                lobe = vec4f(surface.specular, f32(table) + min(azimuth, 0.9999));
+                place = textureLoad(position, id.xy, 0);
+            }
         }
     }
     textureStore(kept, id.xy, place);
     textureStore(seen, id.xy, lobe);
+}
+
+@compute @workgroup_size(8, 8)
+fn keep_sharp(@builtin(global_invocation_id) id: vec3u) {
+    if any(id.xy >= textureDimensions(triangles)) {
+        return;
+    }
+    let triangle = textureLoad(triangles, id.xy, 0).x;
+    var place = vec4f(0.0);
+    if triangle != 0u {
+        let surface = surface_seen(triangle - 1u, camera.eye, pixel_ray(id.xy));
+        if surface.lobe != 0u && is_sharp(lobe_of(surface)) {
+            place = textureLoad(position, id.xy, 0);
+        }
+    }
+    textureStore(kept, id.xy, place);
 }

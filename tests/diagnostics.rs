@@ -154,7 +154,7 @@ fn files() -> BTreeMap<&'static str, Vec<u8>> {
 
 /// Code and arguments, one case each, and whether a GPU is needed.
 #[rustfmt::skip]
-const CASES: [(&str, &str, bool); 70] = [
+const CASES: [(&str, &str, bool); 71] = [
     ("plan::coarsest", "check irradiance --scene white.ron --set misses.by=Grid(coarsest:3)", false),
     ("plan::finest", "check irradiance --scene white.ron --set misses.by=Grid(finest:3)", false),
     ("plan::light_of_sources", "check photon --scene white.ron --set direct.emitters=Records", false),
@@ -172,6 +172,7 @@ const CASES: [(&str, &str, bool); 70] = [
     ("plan::lobe_tables", "check radiance --scene lobes.ron --set lobes.grid=128 --set lobes.order=Fixed(order:20)", false),
     ("plan::place", "check irradiance-plane --scene cornell --set tiles.place=Host", false),
     ("plan::too_sharp", "check radiance --scene glossy.ron --set lobes.order=Fixed(order:2) --set lobes.too_sharp=Refuse", false),
+    ("plan::lobes_left", "check radiance --scene glossy.ron --set glossy.which=Glossy", false),
     ("plan::coefficients", "check radiance --scene glossy.ron --set glossy_added.records=\"glossy_sums\"", false),
     ("plan::filtered_radiance", "check radiance --scene glossy.ron --set filtered.records=\"glossy_added\"", false),
     ("plan::errors", "check irradiance --scene white.ron --set filtered_splats.of=StandardError", false),

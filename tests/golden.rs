@@ -683,6 +683,26 @@ fn ways_of_glossy_light_agree() -> Outcome {
     Ok(())
 }
 
+/// Rays of sharp lobes by host and device, beside a lobe that records reflect: each lobe is lit once, whether or not the sharp one has a table, too.
+fn sharp_lobes_are_lit_alike() -> Outcome {
+    let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
+    let (scene, made) = (folder.path().join("metals.ron"), folder.path().join("made.exr"));
+    std::fs::write(&scene, include_str!("../scenes/metal.ron").replace("roughness: 0.2", "roughness: 0.6"))?;
+    let drawn = |set: &str| -> Result<Layers, Failed> {
+        let [scene, into] = [&scene, &made].map(|path| path.to_string_lossy());
+        hemisplat(&["render", "radiance", "--scene", &scene, "--size", "96x96", "--set", set, "--quiet", "-o", &into])?;
+        picture(&made)
+    };
+    let right = drawn("sharp_light.place=Host")?;
+    for (set, limit) in [("sharp_light.place=Device", 0.01), ("lobes.too_sharp=Blur", 1e-4)] {
+        let error = apart(&drawn(set)?, &right, "glossy")?;
+        if error > limit {
+            return Err(format!("{set}: {:.3} % apart", 100.0 * error).into());
+        }
+    }
+    Ok(())
+}
+
 /// Balls, whose pixels are seen by records of other normals: what these know, rotated in three ways, and the viewer moved instead. A rotation that is left out or
 /// turns the wrong way is 12 % from the others and more.
 fn ways_of_rotation_agree() -> Outcome {
@@ -957,6 +977,7 @@ fn main() {
         drawn("photons_guide_rays_to_what_is_bright", Box::new(photons_guide_rays_to_what_is_bright)),
         drawn("wrong_parameters_are_refused", Box::new(wrong_parameters_are_refused)),
         drawn("ways_of_glossy_light_agree", Box::new(ways_of_glossy_light_agree)),
+        drawn("sharp_lobes_are_lit_alike", Box::new(sharp_lobes_are_lit_alike)),
         drawn("lobes_have_their_own_orders", Box::new(lobes_have_their_own_orders)),
         drawn("shading_by_host_and_device_agrees", Box::new(shading_by_host_and_device_agrees)),
         drawn("shading_of_lamps_skies_and_lobes_by_host_and_device_agrees", Box::new(shading_of_lamps_skies_and_lobes_by_host_and_device_agrees)),

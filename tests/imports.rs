@@ -20,7 +20,7 @@ const MAY_NAME: [(&str, &[&str]); 10] = [
 /// Where files may be read and threads be started; everything else has to run in a browser too. Shaders are built, tiles of rays
 /// cast, summed and projected, records added, filtered and splatted, their gaps closed, paths walked, misses looked for, skies turned, photons followed, sorted, gathered and walked through, obstacles looked for, blocks of files compressed side by side,
 /// where rayon has threads to do it. Shaders in a folder are read while developing only.
-const MAY_TOUCH_THE_SYSTEM: [&str; 30] = [
+const MAY_TOUCH_THE_SYSTEM: [&str; 31] = [
     "src/cli/",
     "src/scene/load",
     "src/scene/packets/mod.rs",
@@ -42,6 +42,7 @@ const MAY_TOUCH_THE_SYSTEM: [&str; 30] = [
     "passes/hemisphere_tiles/host_rays.rs",
     "passes/hemisphere_tiles/steering.rs",
     "passes/indirect_light.rs",
+    "passes/lobe_rays.rs",
     "passes/photon_map/",
     "passes/photon_tiles.rs",
     "passes/photons/mod.rs",

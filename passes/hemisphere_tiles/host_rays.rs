@@ -1,12 +1,12 @@
 //! One ray a sample, in packets of neighbours, cast on the host.
 
-use super::host_shade::{Hit, Keeping, Shading};
+use super::Work;
 use super::steering::{Steering, Tile, TileRays};
-use super::{SAMPLES_OF_EMITTERS, Sees, Work, host_shade};
 use crate::contract::{Encoder, port};
 use crate::math::{frame::Frame, record_index::Shares};
 use crate::passes::irradiance_field::Asked;
 use crate::passes::record::{REQUEST_BYTES, Request, index_of, light_of};
+use crate::passes::seen_light::{self, Hit, Keeping, Sees, Shading};
 use crate::scene::packets::{HitShader, Numbers, RayBundle, View};
 use crate::schedule::*;
 use glam::{Vec3, Vec4};
@@ -32,7 +32,7 @@ pub(super) fn encode_shaded(e: &mut Encoder<'_>, work: &Work, maps: Option<port:
     let indirect = Asked::of(e, "indirect");
     let bundle = RayBundle::new(&work.table);
     let (requests, radiance) = (work.requests, work.radiance(e));
-    let lighting = host_shade::encode(e, SAMPLES_OF_EMITTERS, sees);
+    let lighting = seen_light::encode(e, sees);
     let lit_by = maps.iter().map(|maps| Read::whole(maps.depth)).chain(indirect.iter().flat_map(Asked::reads)).chain(steering.reads());
     let reads: Vec<Read> = lit_by.chain([Read::counted(requests.places, REQUEST_BYTES, requests.count)]).collect();
     let written: Vec<Resource> = [radiance].into_iter().chain(steering.sureness).collect();
@@ -40,7 +40,7 @@ pub(super) fn encode_shaded(e: &mut Encoder<'_>, work: &Work, maps: Option<port:
         let places: Vec<Request> = bytemuck::pod_collect_to_vec(host.read(requests.places));
         let mut known = steering.known(host, &places);
         let mut samples = host.take(radiance);
-        let (lighting, index) = (host_shade::lighting(host, lighting)?, indirect.and_then(|field| field.index(host)));
+        let (lighting, index) = (seen_light::lighting(host, lighting)?, indirect.and_then(|field| field.index(host)));
         let indirect = indirect.and_then(|field| field.on_host(host, index.as_deref()));
         let seen = &mut samples[..places.len() * bundle.samples];
         let mut sureness = vec![1.0f32; places.len()];
@@ -88,12 +88,12 @@ struct Kept {
 pub(super) fn encode_steady(e: &mut Encoder<'_>, work: &Work, maps: Option<port::ShadowMaps>, index: port::RecordIndex, sees: Sees) -> Resource {
     let bundle = RayBundle::new(&work.table);
     let (requests, radiance, memory) = (work.requests, work.radiance(e), e.state("kept"));
-    let lighting = host_shade::encode(e, SAMPLES_OF_EMITTERS, sees);
+    let lighting = seen_light::encode(e, sees);
     let reads: Vec<Read> = maps.iter().map(|maps| Read::whole(maps.depth)).chain([Read::counted(requests.places, REQUEST_BYTES, requests.count)]).collect();
     let samples = bundle.samples;
     let cast = move |host: &mut dyn HostContext| {
         let places: Vec<Request> = bytemuck::pod_collect_to_vec(host.read(requests.places));
-        let lighting = host_shade::lighting(host, lighting)?;
+        let lighting = seen_light::lighting(host, lighting)?;
         let shader = Keeping(Shading::of(host, &lighting, maps, &places));
         let mut sights = vec![Keeping::NOTHING; places.len() * bundle.samples];
         host.bvh().packets(host.scene()).trace(host.scene(), &views(&places), &bundle, &shader, &mut sights);

@@ -3,8 +3,8 @@
 use super::irradiance_field;
 use super::photons::SEARCH_RADIUS;
 use super::record::{TileSample, sample_bytes};
+use super::seen_light::{Highlights, SAMPLES_OF_EMITTERS, Sees, direct_leaves_emission, shading_place};
 use crate::contract::encoder::{bind_visibility, light_constants, scene_constants, shadow_taps};
-use crate::contract::place::refuse;
 use crate::contract::{
     Arguments, Bodies, Choice, Description, Encoder, Input, MOST_BYTES, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Refusal, Takes,
     port,
@@ -21,8 +21,6 @@ mod cull;
 mod growth;
 mod guide;
 mod host_rays;
-mod host_shade;
-mod lobe_walk;
 pub mod raster;
 mod ray_cast;
 pub mod sift;
@@ -308,35 +306,12 @@ impl Pass for HemisphereTiles {
     }
 }
 
-/// What samples see besides diffusely reflected light.
-#[derive(Clone, Copy)]
-struct Sees {
-    /// Emitters and the sky themselves; otherwise the direct pass lights from them.
-    emission: bool,
-    /// Direct light by narrow lobes.
-    narrow_highlights: bool,
-}
-
 fn sees(e: &mut Encoder<'_>) -> Sees {
-    let emission = e.arguments.choice("emission").0 == "Auto" && e.direct_light("direct").is_none_or(|direct| !direct.lights_from_emitters);
+    let emission = e.arguments.choice("emission").0 == "Auto" && direct_leaves_emission(e);
     if !e.setting.needs.narrow_lobes {
         e.idle("highlights", "no surface has a narrow lobe that is rendered");
     }
-    Sees { emission, narrow_highlights: e.arguments.choice("highlights").0 == "All" }
-}
-
-/// Who shades what rays see: whoever casts them, if it can look up the shadow maps.
-fn shading_place(e: &mut Encoder<'_>, cast: Place, maps: Option<&port::ShadowMaps>) -> Result<Place, Refusal> {
-    let has_maps = e.setting.needs.shadowed_lights == 0 || maps.is_some_and(|maps| maps.pitch.is_some());
-    if cast == Place::Device || has_maps {
-        return Ok(cast);
-    }
-    let obstacle = "there are no shadow maps in a buffer";
-    if e.arguments.choice(PLACE.name).0 == "Host" {
-        return Err(refuse(Place::Host, obstacle, Place::Device));
-    }
-    e.remark(format!("what rays see is shaded by the device, as {obstacle}"));
-    Ok(Place::Device)
+    Sees { emission, highlights: if e.arguments.choice("highlights").0 == "All" { Highlights::All } else { Highlights::Wide } }
 }
 
 fn shape(arguments: &Arguments) -> Shape {
@@ -360,9 +335,6 @@ fn layout(e: &mut Encoder<'_>, requests: port::Requests, shape: Shape, table: Ta
     debug_assert_eq!(size_of::<TileSample>(), 32);
     Work { requests, table: Arc::new(table), shape, samples, seen, size, tiles_per_row, is_raster }
 }
-
-/// Shadow rays from what a sample sees, to area lights and to the sky: a tile holds thousands of samples.
-const SAMPLES_OF_EMITTERS: [u32; 2] = [1, 1];
 
 /// Rays, and what each of them has met.
 #[derive(Clone, Copy)]
@@ -389,7 +361,7 @@ fn shade(e: &mut Encoder<'_>, work: &Work, seen: Seen, (maps, sees): (Option<&po
     let program = light_constants(Program::new("hemisphere_tiles/shade"), e.setting.needs, SAMPLES_OF_EMITTERS);
     let program = bind_seen(bind_visibility(program, maps), work, seen)
         .constant("SEES_EMISSION", sees.emission as u8)
-        .constant("NARROW_HIGHLIGHTS", sees.narrow_highlights as u8)
+        .constant("HIGHLIGHTS", sees.highlights as u8)
         .constant("WALKS", walks as u8)
         .bind("radiance", radiance);
     e.compute(program, "shade", each_sample(work));

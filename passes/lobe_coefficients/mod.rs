@@ -80,6 +80,7 @@ static DESCRIPTION: Description = Description {
                 choices: &[
                     Choice { name: "Blur", about: "it is kept as blurred as the order makes it, with a remark", parameters: &[] },
                     Choice { name: "Refuse", about: "the scene is refused", parameters: &[] },
+                    Choice { name: "Leave", about: "sharp lobes, as Classify tells them, are left to another pass; others are kept blurred", parameters: &[] },
                 ],
             },
         },
@@ -115,12 +116,12 @@ struct Used {
     materials: Vec<String>,
 }
 
-/// The shapes of the lobes of the materials that are used, and of each material the index of its shape.
-fn shapes(scene: &Scene) -> (Vec<Used>, Vec<Option<u32>>) {
+/// The shapes of the lobes of the materials that are used, but for sharp ones where these are left, and of each material the index of its shape.
+fn shapes(scene: &Scene, leaves_sharp: bool) -> (Vec<Used>, Vec<Option<u32>>) {
     let used = used_materials(scene);
     let mut shapes: Vec<Used> = Vec::new();
     let of_material = scene.materials.iter().zip(used).map(|(material, used)| {
-        let lobe = material.reflection(material.reflectance).lobe.filter(|_| used)?;
+        let lobe = material.reflection(material.reflectance).lobe.filter(|lobe| used && !(leaves_sharp && lobe.shape.is_sharp()))?;
         let at = shapes.iter().position(|known| known.shape == lobe.shape).unwrap_or_else(|| {
             shapes.push(Used { shape: lobe.shape, materials: Vec::new() });
             shapes.len() - 1
@@ -130,6 +131,10 @@ fn shapes(scene: &Scene) -> (Vec<Used>, Vec<Option<u32>>) {
     });
     let of_material = of_material.collect();
     (shapes, of_material)
+}
+
+fn leaves_sharp(arguments: &Arguments) -> bool {
+    arguments.choice("too_sharp").0 == "Leave"
 }
 
 /// The order of each lobe: as the parameter has it; those that it does not hold are told, or refused.
@@ -192,12 +197,17 @@ impl Pass for LobeCoefficients {
         &DESCRIPTION
     }
 
-    fn need(&self, _arguments: &Arguments, needs: &Needs) -> Need {
-        if needs.lobes { Need::Kept } else { Need::Dropped("no material is glossy") }
+    fn need(&self, arguments: &Arguments, needs: &Needs) -> Need {
+        match needs.lobes {
+            false => Need::Dropped("no material is glossy"),
+            true if leaves_sharp(arguments) && !needs.wide_lobes => Need::Dropped("no material has a wide lobe"),
+            true => Need::Kept,
+        }
     }
 
     fn encode(&self, e: &mut Encoder<'_>) -> Result<(), Refusal> {
-        let (shapes, of_material) = shapes(e.setting.scene);
+        let leaves_sharp = leaves_sharp(e.arguments);
+        let (shapes, of_material) = shapes(e.setting.scene, leaves_sharp);
         let harmonics = if e.arguments.choice("harmonics").0 == "Spherical" { Harmonics::Spherical } else { Harmonics::Hemispherical };
         let orders = chosen_orders(e, harmonics, &shapes)?;
         let edge = e.arguments.integer("grid") as usize;
@@ -222,7 +232,7 @@ impl Pass for LobeCoefficients {
                 (e.constant_buffer("values", &lobe_bytes(&tables)), Some(Arc::new(tables)))
             }
         };
-        let lobes = port::Lobes { values, places, of_material, tables, harmonics, orders, edge: edge as u32 };
+        let lobes = port::Lobes { values, places, of_material, tables, leaves_sharp, harmonics, orders, edge: edge as u32 };
         e.output("lobes", Port::Lobes(lobes));
         Ok(())
     }

@@ -7,37 +7,6 @@
 // Radiance, distance: tile · samples + sample.
 @group(0) @binding(3) var<storage, read_write> radiance: array<vec4f>;
 
-fn with_lobe_albedo(surface: Surface) -> vec3f {
-    if surface.lobe == 0u {
-        return surface.reflectance;
-    }
-    return surface.reflectance + lobe_albedo(lobe_of(surface), surface.outgoing);
-}
-
-// Where the irradiance is asked that a sample brings.
-struct Stay {
-    position: vec3f,
-    normal: vec3f,
-    // What comes back of it, times pi.
-    reflectance: vec3f,
-}
-
-// Where the sample stays that meets a surface.
-fn stay_of(first: Surface, seed: u32) -> Stay {
-    var at = first;
-    var share = vec3f(1.0);
-    for (var number = 0u; GLOSSY && number < MOST_LOBES && at.lobe != 0u; number++) {
-        let next = walk_step(at, walk_seed(seed, number));
-        share *= next.share;
-        if !next.goes_on {
-            return Stay(at.position, at.normal, share * at.reflectance);
-        }
-        at = next.surface;
-    }
-    // The last lobe reflects as if light came alike from all sides.
-    return Stay(at.position, at.normal, share * with_lobe_albedo(at));
-}
-
 @compute @workgroup_size(64)
 fn add_indirect(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) lane: u32) {
     let ray = seen_sample(group, groups, lane);

@@ -6,6 +6,7 @@
 const LEAST_ALPHA = 1e-3;
 const MOST_EXPONENT = 1e6;
 const NARROW = 0.15;
+const SHARP = 0.5;
 
 struct Lobe {
     kind: u32,
@@ -30,6 +31,25 @@ fn is_narrow(lobe: Lobe) -> bool {
         return 2.0 * PI / (lobe.shape.x + 1.0) < NARROW;
     }
     return 4.0 * PI * lobe.shape.x * select(lobe.shape.x, lobe.shape.y, lobe.kind == WARD) < NARROW;
+}
+
+// As Shape::is_sharp.
+fn is_sharp(lobe: Lobe) -> bool {
+    if lobe.kind == PHONG {
+        return is_narrow(lobe);
+    }
+    if lobe.kind == WARD {
+        return 4.0 * PI * min(lobe.shape.x, lobe.shape.y) * sqrt(lobe.shape.x * lobe.shape.y) < SHARP;
+    }
+    return 4.0 * PI * lobe.shape.x * lobe.shape.x < SHARP;
+}
+
+// As Lobe::softened.
+fn softened(kind: u32, shape: vec2f) -> vec2f {
+    if kind == PHONG {
+        return vec2f(min(shape.x, 2.0 * PI / NARROW - 1.0), shape.y);
+    }
+    return max(shape, vec2f(sqrt(NARROW / (4.0 * PI))));
 }
 
 // Of the cosine to the mirrored direction: 0 from 90° on, whatever the exponent, and no power of 0, which is not defined.

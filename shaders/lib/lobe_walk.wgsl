@@ -2,7 +2,7 @@
 #import lib/lobe
 #import lib/random
 
-// Where samples that meet a lobe go on to, until they stay at a surface: as passes/hemisphere_tiles/lobe_walk.rs.
+// Where samples that meet a lobe go on to, until they stay at a surface: as passes/seen_light/lobe_walk.rs.
 
 // Lobes that a sample may go on by.
 const MOST_LOBES = 4u;
@@ -51,4 +51,35 @@ fn walk_step(surface: Surface, seed: u32) -> WalkStep {
         origin = behind + direction * surface_offset(behind);
     }
     return WalkStep(false, vec3f(0.0), surface);
+}
+
+fn with_lobe_albedo(surface: Surface) -> vec3f {
+    if surface.lobe == 0u {
+        return surface.reflectance;
+    }
+    return surface.reflectance + lobe_albedo(lobe_of(surface), surface.outgoing);
+}
+
+// Where the irradiance is asked that a sample brings.
+struct Stay {
+    position: vec3f,
+    normal: vec3f,
+    // What comes back of it, times pi.
+    reflectance: vec3f,
+}
+
+// Where the sample stays that meets a surface.
+fn stay_of(first: Surface, seed: u32) -> Stay {
+    var at = first;
+    var share = vec3f(1.0);
+    for (var number = 0u; GLOSSY && number < MOST_LOBES && at.lobe != 0u; number++) {
+        let next = walk_step(at, walk_seed(seed, number));
+        share *= next.share;
+        if !next.goes_on {
+            return Stay(at.position, at.normal, share * at.reflectance);
+        }
+        at = next.surface;
+    }
+    // The last lobe reflects as if light came alike from all sides.
+    return Stay(at.position, at.normal, share * with_lobe_albedo(at));
 }

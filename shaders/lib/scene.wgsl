@@ -321,6 +321,11 @@ fn facets_leave(specular: vec3f, cosine: f32) -> vec3f {
     return (1.0 - specular) * (1.0 - squared * squared * aside);
 }
 
+// A direction in a lobe's frame, on the side of its normal: as scene::surface::facing.
+fn facing(direction: vec3f) -> vec3f {
+    return select(normalize(vec3f(direction.xy, 0.01)), direction, direction.z > 0.0);
+}
+
 // As Material::reflection.
 fn with_lobe(plain: Surface, material: SceneMaterial, triangle: u32, direction: vec3f) -> Surface {
     var surface = plain;
@@ -331,7 +336,7 @@ fn with_lobe(plain: Surface, material: SceneMaterial, triangle: u32, direction: 
     surface.tangent = axes[0];
     surface.bitangent = axes[1];
     let toward = -normalize(direction);
-    surface.outgoing = vec3f(dot(toward, axes[0]), dot(toward, axes[1]), dot(toward, surface.normal));
+    surface.outgoing = facing(vec3f(dot(toward, axes[0]), dot(toward, axes[1]), dot(toward, surface.normal)));
     if material.lobe == MICROFACETS {
         surface.specular = mix(vec3f(DIELECTRIC), surface.reflectance, material.metallic);
         surface.reflectance *= 1.0 - material.metallic;

@@ -59,6 +59,7 @@ fn optional(input: &Input) -> &'static str {
         Takes::One => "",
         Takes::AtMostOne => ", optional",
         Takes::Any => ", any number in a list",
+        Takes::Some => ", one or more in a list",
     }
 }
 

@@ -135,6 +135,15 @@ pub enum Takes {
     AtMostOne,
     /// A list of any length: `["a", "b"]`. Each source may be dropped from the plan.
     Any,
+    /// The same, and where all of them are dropped, so is the node.
+    Some,
+}
+
+impl Takes {
+    /// Whether pipelines write a list.
+    pub fn is_list(self) -> bool {
+        matches!(self, Self::Any | Self::Some)
+    }
 }
 
 #[derive(Debug)]

@@ -385,6 +385,8 @@ pub struct Lobes {
     pub of_material: Resource,
     /// The same on the host, where it was projected there.
     pub tables: Option<Arc<Vec<LobeTable>>>,
+    /// Whether sharp lobes have no table.
+    pub leaves_sharp: bool,
     pub harmonics: Harmonics,
     /// Of each table.
     pub orders: Vec<u32>,

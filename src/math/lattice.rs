@@ -7,6 +7,12 @@ pub fn pixel(number: u32, size: [u32; 2]) -> [u32; 2] {
     [0, 1].map(|axis| ((along[axis] >> 16) * size[axis]) >> 16)
 }
 
+/// The number-th of some that fill the unit square evenly: steps of the golden ratio, moved around both edges by a shift in 0..1.
+pub fn golden(number: u32, of: u32, shift: [f32; 2]) -> [f32; 2] {
+    let number = number as f32;
+    [((number + 0.5) / of as f32 + shift[0]).fract(), (0.618_034 * number + shift[1]).fract()]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -21,5 +27,14 @@ mod tests {
         let in_part = |column: u32, row: u32| all.iter().filter(|[x, y]| x / 64 == column && y / 48 == row).count();
         assert!((0..100).all(|part| (90..=110).contains(&in_part(part % 10, part / 10))));
         assert_eq!([pixel(0, size), pixel(7, [65_535, 1])], [[320, 240], [pixel(7, [65_535, 1])[0], 0]]);
+    }
+    #[test]
+    fn points_fill_a_square_evenly_wherever_they_are_moved_to() {
+        for (of, shift) in [(64, [0.0, 0.0]), (64, [0.7, 0.31]), (1024, [0.25, 0.9])] {
+            let all: Vec<[f32; 2]> = (0..of).map(|number| golden(number, of, shift)).collect();
+            assert!(all.iter().flatten().all(|along| (0.0..1.0).contains(along)));
+            let within = |column: usize, row: usize| all.iter().filter(|[x, y]| (x * 4.0) as usize == column && (y * 4.0) as usize == row).count();
+            assert!((0..16).all(|part| within(part % 4, part / 4).abs_diff(of as usize / 16) <= 2), "{of} {shift:?}");
+        }
     }
 }

@@ -33,6 +33,9 @@ const MOST_EXPONENT: f32 = 1e6;
 /// Width of lobes below which they are narrow: roughness 0.33, or an exponent of 41 [sr].
 const NARROW: f32 = 0.15;
 
+/// The same for lobes with tails, below which they are too sharp for ten degrees of harmonics [sr].
+const SHARP: f32 = 0.5;
+
 impl Shape {
     /// As shaders have it: the kind of lobe and its numbers.
     pub fn numbers(self) -> (u32, Vec2) {
@@ -51,6 +54,16 @@ impl Shape {
     /// Whether a few hundred rays over a hemisphere may miss what it makes of a small light.
     pub fn is_narrow(self) -> bool {
         self.width() < NARROW
+    }
+
+    /// Whether ten degrees of harmonics lose more than a sixtieth of its energy: of Phong's lobes those above an exponent of 41, of others, which end in tails, wider
+    /// ones, of microfacets those below a roughness of 0.45. What it reflects is as sharp, so that few rays draw it.
+    pub fn is_sharp(self) -> bool {
+        match self {
+            Self::Phong { .. } => self.is_narrow(),
+            Self::Ward { alpha } => 4.0 * PI * alpha.min_element() * (alpha.x * alpha.y).sqrt() < SHARP,
+            Self::Microfacets { .. } => self.width() < SHARP,
+        }
     }
 
     /// The solid angle that it scatters light into, about [sr].
@@ -127,6 +140,17 @@ impl Lobe {
             if incoming.z > 0.0 && density > 0.0 { self.value(outgoing, incoming) * (incoming.z / density) } else { Vec3::ZERO }
         };
         (0..ALBEDO_SAMPLES).map(of_sample).sum::<Vec3>() / ALBEDO_SAMPLES as f32
+    }
+
+    /// The same, but no narrower than what is called so: a highlight is as bright as a whole and larger, so that few rays do not miss it.
+    pub fn softened(&self) -> Self {
+        let least = (NARROW / (4.0 * PI)).sqrt();
+        let shape = match self.shape {
+            Shape::Phong { exponent } => Shape::Phong { exponent: exponent.min(TAU / NARROW - 1.0) },
+            Shape::Ward { alpha } => Shape::Ward { alpha: alpha.max(Vec2::splat(least)) },
+            Shape::Microfacets { alpha } => Shape::Microfacets { alpha: alpha.max(least) },
+        };
+        Self { shape, ..*self }
     }
 
     /// How often directions are drawn from the lobe, where there is a diffuse part of this reflectance, too: by how much of light from all sides either reflects.
@@ -252,6 +276,21 @@ mod tests {
         let narrow = [Shape::Phong { exponent: 42.0 }, Shape::Ward { alpha: Vec2::new(0.05, 0.2) }, Shape::Microfacets { alpha: 0.33 * 0.33 }];
         let wide = [Shape::Phong { exponent: 40.0 }, Shape::Ward { alpha: Vec2::new(0.05, 0.3) }, Shape::Microfacets { alpha: 0.34 * 0.34 }];
         assert!(narrow.into_iter().all(Shape::is_narrow) && !wide.into_iter().any(Shape::is_narrow));
+    }
+
+    #[test]
+    fn sharp_lobes_are_those_that_ten_degrees_do_not_hold() {
+        use crate::math::harmonics::{Harmonics, reflection::energy_by_order};
+        let ward = |x, y| Shape::Ward { alpha: Vec2::new(x, y) };
+        let facets = |roughness: f32| Shape::Microfacets { alpha: roughness * roughness };
+        let phong = |exponent| Shape::Phong { exponent };
+        for (shape, is_sharp) in
+            [(phong(30.0), false), (phong(60.0), true), (ward(0.22, 0.22), false), (ward(0.17, 0.17), true), (facets(0.5), false), (facets(0.4), true)]
+        {
+            let lost = 1.0 - energy_by_order(shape, Harmonics::Hemispherical, 10)[9];
+            assert!(shape.is_sharp() == is_sharp && (lost > 1.0 / 60.0) == is_sharp, "{shape:?} loses {lost}");
+        }
+        assert!(ward(0.1, 0.5).is_sharp() && !ward(0.2, 0.5).is_sharp());
     }
 
     #[test]

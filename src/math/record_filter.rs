@@ -3,7 +3,7 @@
 use super::colour::REC_709;
 use super::record_index::{Cells, LEVEL_BIT, Layout, Lists, cell, exponent};
 use super::weight::{EXTRAPOLATION, FRONT_TOLERANCE, Reaching, Record, Rule};
-use glam::{IVec3, Vec3};
+use glam::Vec3;
 use std::collections::HashMap;
 
 /// What a standard error counts as at least, so that records that are sure divide by a number [W/m²].

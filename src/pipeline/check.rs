@@ -259,7 +259,7 @@ impl<'d> Checker<'d, '_> {
     /// The edge to an input, or all of a list.
     fn edges(&mut self, consumer: usize, input: &'static Input, written: &Written) -> Vec<Edge> {
         let items = match &written.kind {
-            ValueKind::List(items) if input.takes == Takes::Any => &items[..],
+            ValueKind::List(items) if input.takes.is_list() => &items[..],
             _ => std::slice::from_ref(written),
         };
         items.iter().filter_map(|item| self.edge(consumer, input, item)).collect()

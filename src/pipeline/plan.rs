@@ -4,7 +4,7 @@ use super::ahead;
 use super::history::{self, Key, Shape, Shapes};
 use super::{Edge, Layer, Loop, Node, Pipeline, Problem, Problems, When, Work, graph::family};
 use crate::contract::encoder::{Encoded, Encoder, Joined, Persistent, Reported, Setting};
-use crate::contract::{Need, Port, PortKind, Refusal};
+use crate::contract::{Input, Need, Port, PortKind, Refusal, Takes};
 use crate::math::bounces::Bounces;
 use crate::scene::needs::Needs;
 use crate::schedule::*;
@@ -261,7 +261,12 @@ fn reason_to_drop(node: &Node, setting: Setting<'_>, dropped: &BTreeMap<&str, St
     {
         return Some(because.into());
     }
-    let lost = node.inputs.iter().find(|edge| edge.required && dropped.contains_key(edge.from.node.as_str()))?;
+    let is_lost = |edge: &&Edge| dropped.contains_key(edge.from.node.as_str());
+    let list = |input: &&Input| input.takes == Takes::Some && node.inputs.iter().filter(|edge| edge.input == input.name).all(|edge| is_lost(&edge));
+    if let Some(input) = node.description().inputs.iter().find(list) {
+        return Some(format!("all that its input `{}` comes from is dropped", input.name));
+    }
+    let lost = node.inputs.iter().find(|edge| edge.required && is_lost(edge))?;
     Some(format!("its input `{}` comes from `{}`, which is dropped", lost.input, lost.from.node))
 }
 

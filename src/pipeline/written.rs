@@ -1,7 +1,6 @@
 //! A checked pipeline as a document again: variants followed, changes applied, every default in its place.
 
 use super::{Edge, Node, Pipeline, When, Work};
-use crate::contract::Takes;
 use std::fmt::Write;
 
 impl Pipeline {
@@ -47,7 +46,7 @@ fn write_inner(text: &mut String, node: &Node, depth: usize) {
 fn inputs(node: &Node) -> impl Iterator<Item = String> {
     node.description().inputs.iter().filter_map(|input| {
         let joined: Vec<String> = node.inputs.iter().filter(|edge| edge.input == input.name).map(reference).collect();
-        let written = if input.takes == Takes::Any { format!("[{}]", joined.join(", ")) } else { joined.concat() };
+        let written = if input.takes.is_list() { format!("[{}]", joined.join(", ")) } else { joined.concat() };
         (!joined.is_empty()).then(|| format!("{}: {written}", input.name))
     })
 }

@@ -1,6 +1,7 @@
 //! What a scene requires of a pipeline.
 
 use super::{Light, Material, Scene, Triangle, shadow_grid, shadow_layers, sky::Suns};
+use crate::math::lobe::Shape;
 
 /// The facts that decide which passes and which parts of shaders stay.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -30,6 +31,9 @@ pub struct Needs {
     pub by_albedo: bool,
     /// Whether any is narrow.
     pub narrow_lobes: bool,
+    /// Whether any is sharp, and whether any is not.
+    pub sharp_lobes: bool,
+    pub wide_lobes: bool,
     /// Whether any lobe depends on the azimuth around the normal.
     pub anisotropic: bool,
     /// Whether any surface has a diffuse part, or emits and nothing else.
@@ -42,6 +46,7 @@ impl Needs {
     pub fn of(scene: &Scene) -> Self {
         let used = used_materials(scene);
         let materials = || scene.materials.iter().zip(&used).filter(|(_, used)| **used).map(|(m, _)| m);
+        let shapes = || materials().filter_map(|m| Some(m.reflection(m.reflectance).lobe?.shape));
         Self {
             triangles: scene.triangles.len() as u32,
             punctual_lights: Some(scene.lights.len() as u32),
@@ -60,8 +65,10 @@ impl Needs {
             glossy: materials().filter(|m| has_lobe(m)).map(|m| m.name.clone()).collect(),
             lobes: materials().any(has_lobe),
             by_albedo: false,
-            narrow_lobes: materials().any(|m| m.reflection(m.reflectance).lobe.is_some_and(|lobe| lobe.shape.is_narrow())),
-            anisotropic: materials().any(|m| m.reflection(m.reflectance).lobe.is_some_and(|lobe| lobe.shape.is_anisotropic())),
+            narrow_lobes: shapes().any(Shape::is_narrow),
+            sharp_lobes: shapes().any(Shape::is_sharp),
+            wide_lobes: shapes().any(|shape| !shape.is_sharp()),
+            anisotropic: shapes().any(Shape::is_anisotropic),
             diffuse: materials().any(|m| !has_lobe(m) || m.reflection(m.reflectance).diffuse != glam::Vec3::ZERO),
             extent: scene.extent(),
         }
@@ -74,7 +81,17 @@ impl Needs {
 
     /// Of the same scene, with [`Material::albedo`] in place of every lobe.
     pub fn without_lobes(&self) -> Self {
-        Self { glossy: Vec::new(), lobes: false, by_albedo: true, narrow_lobes: false, anisotropic: false, diffuse: true, ..self.clone() }
+        Self {
+            glossy: Vec::new(),
+            lobes: false,
+            by_albedo: true,
+            narrow_lobes: false,
+            sharp_lobes: false,
+            wide_lobes: false,
+            anisotropic: false,
+            diffuse: true,
+            ..self.clone()
+        }
     }
 
     /// Of the same scene, taken as if it had all that a scene can have: nothing is left out for its sake.
@@ -92,6 +109,8 @@ impl Needs {
             smooth: true,
             lobes: true,
             narrow_lobes: true,
+            sharp_lobes: true,
+            wide_lobes: true,
             anisotropic: true,
             ..self.clone()
         }

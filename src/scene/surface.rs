@@ -95,6 +95,14 @@ impl Gloss {
     }
 }
 
+/// Cosine to a normal that is turned away from who sees it, as at the outline of a smooth ball.
+const TURNED_AWAY: f32 = 0.01;
+
+/// A direction in a frame, on the side of its normal.
+fn facing(direction: Vec3) -> Vec3 {
+    if direction.z > 0.0 { direction } else { direction.truncate().extend(TURNED_AWAY).normalize() }
+}
+
 impl Scene {
     /// What a ray sees where it meets a triangle.
     pub fn surface(&self, triangle: u32, barycentric: Vec2, ray: Ray) -> Surface {
@@ -110,7 +118,7 @@ impl Scene {
         let reflection = material.reflection(material.reflectance * texture.unwrap_or(Vec3::ONE));
         let glossy = reflection.lobe.map(|lobe| {
             let frame = if lobe.shape.is_anisotropic() { triangle.tangent_frame(plain.normal) } else { Frame::new(plain.normal) };
-            Gloss { lobe, frame, outgoing: frame.to_local(-ray.direction.normalize()) }
+            Gloss { lobe, frame, outgoing: facing(frame.to_local(-ray.direction.normalize())) }
         });
         Surface { reflectance: reflection.diffuse, glossy, ..plain }
     }

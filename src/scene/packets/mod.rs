@@ -92,6 +92,13 @@ impl RayBundle {
         let packets = directions.chunks(RAYS).zip(0..).map(|(rays, number)| Directions::of(rays, number * RAYS as u32));
         Self { packets: packets.collect(), samples: directions.len() }
     }
+
+    /// Of its samples, in their order if it was made of a list.
+    #[cfg(test)]
+    pub fn directions(&self) -> impl Iterator<Item = Vec3> {
+        let rays = self.packets.iter().flat_map(|packet| packet.samples.iter().zip(packet.rays));
+        rays.filter(|(sample, _)| **sample != u32::MAX).map(|(_, ray)| ray)
+    }
 }
 
 impl Directions {

@@ -3,7 +3,7 @@
 //! A sample that meets a lobe goes on, by the lobe or not, as chance has it, until it stays at a surface: there the irradiance field is asked. On its way it gathers what
 //! surfaces reflect of direct light.
 
-use super::host_shade::{Hit, Shading};
+use super::{Hit, Shading};
 use crate::math::random::{combine, hash, unit};
 use crate::scene::{
     Rgb,

@@ -1,13 +1,14 @@
-//! Radiance of what rays see, on the host: `shaders/hemisphere_tiles/shade.wgsl` and `lib/light.wgsl` have the twins. Where the device
+//! Radiance of what rays see, on the host: `shaders/hemisphere_tiles/shade.wgsl` and `lib/reflected.wgsl` have the twins. Where the device
 //! is a driver on the same cores, each of its lanes loads a triangle number by number; here eight samples are computed side by side as their rays end.
 
-use super::Sees;
-use crate::contract::{Encoder, port};
+mod lobe_walk;
+
+use super::{irradiance_field::Field, record::Request};
+use crate::contract::{Encoder, PLACE, Place, Refusal, place::refuse, port};
 use crate::math::{
     random::{combinations, combine},
     vectors::{LANES, Vectors},
 };
-use crate::passes::{irradiance_field::Field, record::Request};
 use crate::scene::{
     LightKind, Rgb, Scene, Triangle,
     bvh::Bvh,
@@ -22,8 +23,58 @@ use glam::{Vec2, Vec3, Vec4};
 use std::f32::consts::FRAC_1_PI;
 use std::sync::Arc;
 
+/// Shadow rays from what a sample sees, to area lights and to the sky: there are many samples.
+pub const SAMPLES_OF_EMITTERS: [u32; 2] = [1, 1];
+
+/// What samples see besides diffusely reflected light.
+#[derive(Clone, Copy)]
+pub struct Sees {
+    /// Emitters and the sky themselves; otherwise the direct pass lights from them.
+    pub emission: bool,
+    pub highlights: Highlights,
+}
+
+/// Lobes of the surfaces seen that reflect direct light.
+#[derive(Clone, Copy, PartialEq)]
+pub enum Highlights {
+    All,
+    /// All but narrow ones.
+    Wide,
+    /// All; narrow ones as wider ones of the same light, which few rays do not miss.
+    Soft,
+}
+
+impl Highlights {
+    fn lit(self, gloss: Gloss) -> Option<Gloss> {
+        match self {
+            Self::All => Some(gloss),
+            Self::Wide => (!gloss.lobe.shape.is_narrow()).then_some(gloss),
+            Self::Soft => Some(Gloss { lobe: gloss.lobe.softened(), ..gloss }),
+        }
+    }
+}
+
+/// Whether the direct pass, at an input of that name, leaves emitters and the sky to what samples see.
+pub fn direct_leaves_emission(e: &Encoder<'_>) -> bool {
+    e.direct_light("direct").is_none_or(|direct| !direct.lights_from_emitters)
+}
+
+/// Who shades what rays see: whoever casts them, if it can look up the shadow maps.
+pub fn shading_place(e: &mut Encoder<'_>, cast: Place, maps: Option<&port::ShadowMaps>) -> Result<Place, Refusal> {
+    let has_maps = e.setting.needs.shadowed_lights == 0 || maps.is_some_and(|maps| maps.pitch.is_some());
+    if cast == Place::Device || has_maps {
+        return Ok(cast);
+    }
+    let obstacle = "there are no shadow maps in a buffer";
+    if e.arguments.choice(PLACE.name).0 == "Host" {
+        return Err(refuse(Place::Host, obstacle, Place::Device));
+    }
+    e.remark(format!("what rays see is shaded by the device, as {obstacle}"));
+    Ok(Place::Device)
+}
+
 /// What surfaces are lit by, as it stands when a loop starts.
-pub(super) struct Lighting {
+pub struct Lighting {
     lights: Vec<(LightKind, ShadowCameras)>,
     /// Of each material the albedo and the texture that multiplies it: a short table, as each sample looks into it.
     albedos: Vec<(Rgb, Option<u32>)>,
@@ -44,7 +95,8 @@ impl Lighting {
 }
 
 /// Adds a step before the loop that prepares the lights; where it leaves them.
-pub(super) fn encode(e: &mut Encoder<'_>, samples: [u32; 2], sees: Sees) -> Resource {
+pub fn encode(e: &mut Encoder<'_>, sees: Sees) -> Resource {
+    let samples = SAMPLES_OF_EMITTERS;
     let memory = e.state("lighting");
     let needs = e.setting.needs;
     let (smooth, textures, lobes) = (needs.smooth, needs.textures, needs.renders_lobes());
@@ -70,14 +122,14 @@ fn shadow_maps<'a>(maps: &port::ShadowMaps, host: &'a dyn HostContext) -> Shadow
     }
 }
 
-/// What [`record`] left.
-pub(super) fn lighting(host: &mut dyn HostContext, memory: Resource) -> Result<Arc<Lighting>, String> {
+/// What [`encode`] left.
+pub fn lighting(host: &mut dyn HostContext, memory: Resource) -> Result<Arc<Lighting>, String> {
     let kept = host.state(memory).as_ref().and_then(|kept| kept.downcast_ref::<Arc<Lighting>>());
     kept.cloned().ok_or_else(|| "the lights were not read before the loop".into())
 }
 
 /// Sees radiance and distance.
-pub(super) struct Shading<'a> {
+pub struct Shading<'a> {
     pub lighting: &'a Lighting,
     pub maps: ShadowMaps<'a>,
     pub scene: &'a Scene,
@@ -137,7 +189,7 @@ impl HitShader for Shading<'_> {
 
 /// A sample of a tile that is lit again and again: what it sees by direct light, and where.
 #[derive(Clone, Copy)]
-pub(super) struct Sight {
+pub struct Sight {
     /// Radiance and distance.
     pub seen: Vec4,
     pub hit: Hit,
@@ -145,7 +197,7 @@ pub(super) struct Sight {
 
 /// A place that indirect light is asked for.
 #[derive(Clone, Copy)]
-pub(super) struct Hit {
+pub struct Hit {
     pub position: Vec3,
     pub normal: Vec3,
     /// Of all parts, over π; black where nothing is met.
@@ -157,7 +209,7 @@ impl Hit {
 }
 
 /// Sees what [`Shading`] does, and keeps where it is.
-pub(super) struct Keeping<'a>(pub Shading<'a>);
+pub struct Keeping<'a>(pub Shading<'a>);
 
 impl HitShader for Keeping<'_> {
     type Seen = Sight;
@@ -266,8 +318,8 @@ impl Shading<'_> {
     }
 
     /// The surface as direct light is reflected.
-    pub(super) fn lit(&self, surface: &Surface) -> Surface {
-        Surface { glossy: surface.glossy.filter(|gloss| self.lighting.sees.narrow_highlights || !gloss.lobe.shape.is_narrow()), ..*surface }
+    pub fn lit(&self, surface: &Surface) -> Surface {
+        Surface { glossy: surface.glossy.and_then(|gloss| self.lighting.sees.highlights.lit(gloss)), ..*surface }
     }
 
     /// Radiance that a triangle sends back along a ray.
@@ -587,7 +639,7 @@ mod tiles {
             smooth: true,
             lobes,
             samples,
-            sees: Sees { emission: sees_emission, narrow_highlights: true },
+            sees: Sees { emission: sees_emission, highlights: Highlights::All },
         }
     }
 

@@ -148,7 +148,7 @@ mod the_machine {
 mod the_settings {
     use crate::settings::*;
 
-    const FILES: [&str; 3] = ["race.ron", "race-bounces.ron", "race-quick.ron"];
+    const FILES: [&str; 4] = ["race.ron", "race-denoised.ron", "race-bounces.ron", "race-quick.ron"];
 
     fn text(name: &str) -> String {
         std::fs::read_to_string(std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("benches").join(name)).unwrap()

@@ -41,6 +41,9 @@ struct Options {
     /// All bounces in place of one: results have names of their own
     #[arg(long, conflicts_with = "quick")]
     bounces: bool,
+    /// Denoised path tracing above all, and of the others a point each: a quarter of an hour
+    #[arg(long, conflicts_with_all = ["quick", "bounces"])]
+    denoised: bool,
     /// One scene of the list alone
     #[arg(long)]
     scene: Option<String>,
@@ -61,17 +64,25 @@ struct Options {
     bench: bool,
 }
 
+impl Options {
+    /// What the race's files are called.
+    fn name(&self) -> &'static str {
+        match (self.quick, self.bounces, self.denoised) {
+            (true, ..) => "race-quick",
+            (_, true, _) => "race-bounces",
+            (.., true) => "race-denoised",
+            _ => "race",
+        }
+    }
+}
+
 fn main() -> ExitCode {
     machine::ended(race(&Options::parse()))
 }
 
 fn race(options: &Options) -> Result<(), Failure> {
-    let file = match (options.quick, options.bounces) {
-        (true, _) => "benches/race-quick.ron",
-        (_, true) => "benches/race-bounces.ron",
-        _ => "benches/race.ron",
-    };
-    let text = String::from_utf8(read(&Path::new(env!("CARGO_MANIFEST_DIR")).join(file))?)?;
+    let file = format!("benches/{}.ron", options.name());
+    let text = String::from_utf8(read(&Path::new(env!("CARGO_MANIFEST_DIR")).join(&file))?)?;
     let mut race = Race::read(&text).and_then(|race| race.only(options.scene.as_deref())).map_err(|error| format!("{file}: {error}"))?;
     if let Some(runs) = options.runs {
         race.runs = Runs { radiance: runs, mitsuba: runs, denoised: runs, hemisplat: runs };
@@ -92,7 +103,7 @@ fn race(options: &Options) -> Result<(), Failure> {
 /// Tables on the terminal, everything else into files.
 fn publish(options: &Options, report: &Report) -> Result<(), Failure> {
     let folder = if options.quick { options.out.clone() } else { "benches/results".into() };
-    let race = if options.bounces { "race-bounces" } else { "race" };
+    let race = if options.quick { "race" } else { options.name() };
     let name = |scene: Option<&str>| folder.join(format!("{}-{race}{}", report.date, scene.map_or(String::new(), |scene| format!("-{scene}"))));
     let json = name(options.scene.as_deref()).with_extension("json");
     let tables = tell::markdown(report);

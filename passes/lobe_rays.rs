@@ -2,7 +2,7 @@
 
 use super::irradiance_field::{self, Asked};
 use super::record::{Request, texels};
-use super::seen_light::{self, Highlights, SAMPLES_OF_EMITTERS, Sees, Shading, direct_leaves_emission, shading_place};
+use super::seen_light::{self, Highlights, INDIRECT, SAMPLES_OF_EMITTERS, SHADOW, Sees, Shading, TAPS, direct_leaves_emission, shading_place};
 use crate::contract::{
     Arguments, Bodies, Choice, Description, Encoder, Input, Need, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Refusal, Takes,
     encoder::{bind_visibility, light_constants, shadow_taps},
@@ -30,7 +30,7 @@ pub struct LobeRays;
 static DESCRIPTION: Description = Description {
     name: "LobeRays",
     about: "Light that lobes of the visible surfaces reflect, by rays drawn from the lobe at each pixel: for lobes that are too sharp for records",
-    source: "importance sampling: Walter and others 2007, Heitz 2018; glossy surfaces without records: our own",
+    source: "rays drawn from lobes: Heitz 2018; two ways of drawing together: Veach and Guibas 1995; for lobes that records do not hold: our own",
     parameters: &[
         Parameter { name: "rays", about: "rays a pixel", unit: "rays", kind: ParameterKind::Integer { default: 64, min: 1, max: 4096 } },
         Parameter {
@@ -44,12 +44,7 @@ static DESCRIPTION: Description = Description {
                 ],
             },
         },
-        Parameter {
-            name: "taps",
-            about: "percentage-closer taps of a lookup into the shadow maps: 4, 9, 16 or 25, or 1 of 4 drawn by its weight, which a sum over many rays evens out",
-            unit: "",
-            kind: ParameterKind::Integer { default: 1, min: 1, max: 25 },
-        },
+        TAPS,
         PLACE,
     ],
     inputs: &[
@@ -61,26 +56,14 @@ static DESCRIPTION: Description = Description {
             takes: Takes::AtMostOne,
             changes: false,
         },
-        Input {
-            name: "shadow",
-            about: "maps of the punctual lights; without them shadows are traced by rays",
-            accepts: PortKind::ShadowMaps,
-            takes: Takes::AtMostOne,
-            changes: false,
-        },
-        Input {
-            name: "indirect",
-            about: "what lights surfaces by way of others; without it they are lit by direct light alone",
-            accepts: PortKind::IrradianceField,
-            takes: Takes::AtMostOne,
-            changes: false,
-        },
+        SHADOW,
+        INDIRECT,
     ],
     outputs: &[Output { name: "radiance", about: "indirect radiance toward the camera that the lobes reflect", kind: PortKind::Image }],
 };
 
-/// Pixels whose rays are in memory together.
-const TOGETHER: usize = 4096;
+/// Rays that are in memory together.
+const TOGETHER: usize = 1 << 18;
 
 /// What both places do.
 struct Work {
@@ -162,7 +145,7 @@ impl Work {
             let is_seen = |pixel: &usize| texels(host, gbuffer.position)[*pixel][3] > 0.0 && triangles[*pixel] > 0;
             let pixels: Vec<usize> = (0..triangles.len()).filter(is_seen).collect();
             image.fill(Vec4::W);
-            for pixels in pixels.chunks(TOGETHER) {
+            for pixels in pixels.chunks(TOGETHER.div_ceil(rays as usize)) {
                 let fans = pixels.par_iter().map(|pixel| {
                     let at = [*pixel as u32 % gbuffer.size[0], *pixel as u32 / gbuffer.size[0]];
                     let ray = Ray { origin: camera.eye, direction: camera.pixel_ray(gbuffer.size, at) };

@@ -2,6 +2,7 @@
 
 mod host;
 
+use super::seen_light::SHADOW;
 use crate::contract::{
     Bodies, Choice, Description, Encoder, Input, MOST_BYTES, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Refusal, Takes,
     encoder::{bind_visibility, light_constants},
@@ -57,13 +58,7 @@ static DESCRIPTION: Description = Description {
             takes: Takes::AtMostOne,
             changes: false,
         },
-        Input {
-            name: "shadow",
-            about: "maps of the punctual lights; without them shadows are traced by rays",
-            accepts: PortKind::ShadowMaps,
-            takes: Takes::AtMostOne,
-            changes: false,
-        },
+        SHADOW,
     ],
     outputs: &[Output { name: "radiance", about: "reflected direct radiance toward the camera", kind: PortKind::DirectLight }],
 };

@@ -3,7 +3,7 @@
 use super::irradiance_field;
 use super::photons::SEARCH_RADIUS;
 use super::record::{TileSample, sample_bytes};
-use super::seen_light::{Highlights, SAMPLES_OF_EMITTERS, Sees, direct_leaves_emission, shading_place};
+use super::seen_light::{Highlights, INDIRECT, SAMPLES_OF_EMITTERS, SHADOW, Sees, TAPS, direct_leaves_emission, shading_place};
 use crate::contract::encoder::{bind_visibility, light_constants, scene_constants, shadow_taps};
 use crate::contract::{
     Arguments, Bodies, Choice, Description, Encoder, Input, MOST_BYTES, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Refusal, Takes,
@@ -82,12 +82,7 @@ static DESCRIPTION: Description = Description {
             unit: "samples",
             kind: ParameterKind::Integer { default: 64, min: 4, max: 512 },
         },
-        Parameter {
-            name: "taps",
-            about: "percentage-closer taps of a lookup into the shadow maps: 4, 9, 16 or 25, or 1 of 4 drawn by its weight, which a sum over thousands of samples evens out",
-            unit: "",
-            kind: ParameterKind::Integer { default: 1, min: 1, max: 25 },
-        },
+        TAPS,
         Parameter {
             name: "emission",
             about: "whether emitters and the sky are seen",
@@ -140,20 +135,8 @@ static DESCRIPTION: Description = Description {
             takes: Takes::AtMostOne,
             changes: false,
         },
-        Input {
-            name: "shadow",
-            about: "maps of the punctual lights; without them shadows are traced by rays",
-            accepts: PortKind::ShadowMaps,
-            takes: Takes::AtMostOne,
-            changes: false,
-        },
-        Input {
-            name: "indirect",
-            about: "what lights surfaces by way of others; without it they are lit by direct light alone",
-            accepts: PortKind::IrradianceField,
-            takes: Takes::AtMostOne,
-            changes: false,
-        },
+        SHADOW,
+        INDIRECT,
         Input {
             name: "guide",
             about: "photons that say where light comes from: strata that much comes from have more rays than one, and hold what they see in the mean",

@@ -4,7 +4,7 @@
 mod lobe_walk;
 
 use super::{irradiance_field::Field, record::Request};
-use crate::contract::{Encoder, PLACE, Place, Refusal, place::refuse, port};
+use crate::contract::{Encoder, Input, PLACE, Parameter, ParameterKind, Place, PortKind, Refusal, Takes, place::refuse, port};
 use crate::math::{
     random::{combinations, combine},
     vectors::{LANES, Vectors},
@@ -22,6 +22,32 @@ use fearless_simd::{Select, Simd, f32x8, mask32x8, prelude::*, u32x8};
 use glam::{Vec2, Vec3, Vec4};
 use std::f32::consts::FRAC_1_PI;
 use std::sync::Arc;
+
+/// Of nodes whose light casts shadows.
+pub const SHADOW: Input = Input {
+    name: "shadow",
+    about: "maps of the punctual lights; without them shadows are traced by rays",
+    accepts: PortKind::ShadowMaps,
+    takes: Takes::AtMostOne,
+    changes: false,
+};
+
+/// Of nodes that see surfaces.
+pub const INDIRECT: Input = Input {
+    name: "indirect",
+    about: "what lights surfaces by way of others; without it they are lit by direct light alone",
+    accepts: PortKind::IrradianceField,
+    takes: Takes::AtMostOne,
+    changes: false,
+};
+
+/// Of nodes that see surfaces by many rays.
+pub const TAPS: Parameter = Parameter {
+    name: "taps",
+    about: "percentage-closer taps of a lookup into the shadow maps: 4, 9, 16 or 25, or 1 of 4 drawn by its weight, which a sum over thousands of samples evens out",
+    unit: "",
+    kind: ParameterKind::Integer { default: 1, min: 1, max: 25 },
+};
 
 /// Shadow rays from what a sample sees, to area lights and to the sky: there are many samples.
 pub const SAMPLES_OF_EMITTERS: [u32; 2] = [1, 1];

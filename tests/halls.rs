@@ -136,7 +136,7 @@ const LAYERS: [&str; 3] = ["irradiance", "direct", "picture"];
 /// What glossy light of `metal` may be off by.
 const METAL: Limits = &[
     ("glossy", "rmse_over_mean", 0.0941),
-    ("glossy", "bias_over_mean", 0.00396),
+    ("glossy", "bias_over_mean", 0.0044),
     ("glossy", "rms_of_relative", 0.0808),
     ("glossy", "block_p50", 0.00723),
     ("glossy", "block_p99", 0.0439),

@@ -42,7 +42,7 @@ const MAY_TOUCH_THE_SYSTEM: [&str; 31] = [
     "passes/hemisphere_tiles/host_rays.rs",
     "passes/hemisphere_tiles/steering.rs",
     "passes/indirect_light.rs",
-    "passes/lobe_rays.rs",
+    "passes/lobe_rays/mod.rs",
     "passes/photon_map/",
     "passes/photon_tiles.rs",
     "passes/photons/mod.rs",

@@ -1,13 +1,17 @@
 #import lib/camera
+#import lib/colour
 #import lib/frame
 #import lib/reflected
 #import IRRADIANCE_FIELD
 
-// Light that lobes of the visible surfaces reflect, by rays drawn from the lobe at each pixel: as passes/lobe_rays.rs.
+// Light that lobes of the visible surfaces reflect, by rays drawn from the lobe at each pixel: as passes/lobe_rays.
 
 @group(0) @binding(0) var position: texture_2d<f32>;
 @group(0) @binding(1) var triangles: texture_2d<u32>;
-@group(0) @binding(2) var radiance: texture_storage_2d<rgba32float, write>;
+// Light that the rays see, in the mean over what the lobe reflects of it, and the standard error of its luminance.
+@group(0) @binding(2) var seen: texture_storage_2d<rgba32float, write>;
+// The share of light that the lobe reflects.
+@group(0) @binding(3) var albedo: texture_storage_2d<rgba32float, write>;
 
 override RAYS: u32 = 64u;
 // Whether rays see emitters and the sky themselves; otherwise the direct pass lights from them.
@@ -63,23 +67,40 @@ fn light_along(origin: vec3f, direction: vec3f, seed: u32) -> vec3f {
     return vec3f(0.0);
 }
 
-// What the lobe of a surface reflects.
-fn reflected_light(surface: Surface, pixel: u32) -> vec3f {
+struct Traced {
+    seen: vec3f,
+    error: f32,
+    albedo: vec3f,
+}
+
+// As Fan::traced.
+fn traced(surface: Surface, pixel: u32) -> Traced {
     let lobe = lobe_of(surface);
     let origin = surface.position + surface.face_normal * surface_offset(surface.position);
     let shift = vec2f(unit(hash(pixel ^ 0x9e3779b9u)), unit(hash(pixel ^ 0x85ebca6bu)));
     let turn = bitcast<u32>(unit(pixel));
-    var sum = vec3f(0.0);
+    var albedo_sum = vec3f(0.0);
+    var light_sum = vec3f(0.0);
+    // Of squares of shares, of these by light, and by light squared.
+    var squares = vec3f(0.0);
     for (var number = 0u; number < RAYS; number++) {
         let incoming = ray_from(lobe, surface.outgoing, number, shift);
         let density = ray_density(lobe, surface.outgoing, incoming);
         let direction = surface.tangent * incoming.x + surface.bitangent * incoming.y + surface.normal * incoming.z;
         if incoming.z > 0.0 && density > 0.0 && dot(surface.face_normal, direction) > 0.0 {
             let light = light_along(origin, normalize(direction), combine(turn, number));
-            sum += lobe_value(lobe, surface.outgoing, incoming) * (incoming.z / density) * light;
+            let share = lobe_value(lobe, surface.outgoing, incoming) * (incoming.z / density);
+            albedo_sum += share;
+            light_sum += share * light;
+            let weight = luminance(share);
+            let bright = luminance(light);
+            squares += weight * weight * vec3f(1.0, bright, bright * bright);
         }
     }
-    return sum;
+    let mean = select(light_sum / albedo_sum, vec3f(0.0), albedo_sum <= vec3f(0.0));
+    let bright = luminance(mean);
+    let variance = max(squares.z - 2.0 * bright * squares.y + bright * bright * squares.x, 0.0);
+    return Traced(mean, sqrt(variance) / max(luminance(albedo_sum), 1e-37), albedo_sum);
 }
 
 @compute @workgroup_size(8, 8)
@@ -88,12 +109,13 @@ fn trace(@builtin(global_invocation_id) id: vec3u) {
         return;
     }
     let triangle = textureLoad(triangles, id.xy, 0).x;
-    var light = vec3f(0.0);
+    var light = Traced(vec3f(0.0), 0.0, vec3f(0.0));
     if triangle != 0u && textureLoad(position, id.xy, 0).w > 0.0 {
         let surface = surface_seen(triangle - 1u, camera.eye, pixel_ray(id.xy));
         if surface.lobe != 0u {
-            light = reflected_light(surface, combine(id.x, id.y));
+            light = traced(surface, combine(id.x, id.y));
         }
     }
-    textureStore(radiance, id.xy, vec4f(light, 1.0));
+    textureStore(seen, id.xy, vec4f(light.seen, light.error));
+    textureStore(albedo, id.xy, vec4f(light.albedo, 1.0));
 }

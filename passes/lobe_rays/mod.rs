@@ -1,5 +1,7 @@
 //! Light that sharp lobes of the visible surfaces reflect, by rays at each pixel.
 
+mod filter;
+
 use super::irradiance_field::{self, Asked};
 use super::record::{Request, texels};
 use super::seen_light::{self, Highlights, INDIRECT, SAMPLES_OF_EMITTERS, SHADOW, Sees, Shading, TAPS, direct_leaves_emission, shading_place};
@@ -9,6 +11,7 @@ use crate::contract::{
     port,
 };
 use crate::math::{
+    colour::luminance,
     frame::Frame,
     lattice::golden,
     lobe::around,
@@ -21,6 +24,7 @@ use crate::scene::{
     surface::{Gloss, Ray, Surface},
 };
 use crate::schedule::*;
+use filter::{Filter, Traced};
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 use std::f32::consts::{FRAC_1_PI, TAU};
@@ -43,6 +47,12 @@ static DESCRIPTION: Description = Description {
                     Choice { name: "All", about: "as they are: dots where a ray meets what it hardly ever meets", parameters: &[] },
                 ],
             },
+        },
+        Parameter {
+            name: "tolerance",
+            about: "how far what two pixels beside each other see may lie apart, and count together; 0 for each pixel alone",
+            unit: "standard errors",
+            kind: ParameterKind::Float { default: 0.5, min: 0.0, max: 100.0 },
         },
         TAPS,
         PLACE,
@@ -71,6 +81,7 @@ struct Work {
     maps: Option<port::ShadowMaps>,
     sees: Sees,
     rays: u32,
+    tolerance: f32,
     radiance: Resource,
 }
 
@@ -100,7 +111,9 @@ impl Pass for LobeRays {
             highlights: if e.arguments.choice("highlights").0 == "All" { Highlights::All } else { Highlights::Soft },
         };
         let radiance = e.image("radiance", gbuffer.size, Format::Rgba32Float);
-        let work = Work { gbuffer, maps, sees, rays: e.arguments.integer("rays") as u32, radiance };
+        // Its square times the least variance has to be a number.
+        let tolerance = (e.arguments.float("tolerance") as f32).max(1e-3);
+        let work = Work { gbuffer, maps, sees, rays: e.arguments.integer("rays") as u32, tolerance, radiance };
         match place {
             Place::Host => work.encode_on_host(e),
             Place::Device => work.encode_on_device(e),
@@ -112,7 +125,8 @@ impl Pass for LobeRays {
 
 impl Work {
     fn encode_on_device(&self, e: &mut Encoder<'_>) {
-        let program = light_constants(Program::new("lobe_rays"), e.setting.needs, SAMPLES_OF_EMITTERS);
+        let [seen, albedo] = ["seen", "albedo"].map(|name| e.image(name, self.gbuffer.size, Format::Rgba32Float));
+        let program = light_constants(Program::new("lobe_rays/trace"), e.setting.needs, SAMPLES_OF_EMITTERS);
         let field = e.irradiance_field("indirect").copied();
         let program = match &field {
             Some(field) => irradiance_field::bind(program, field),
@@ -125,12 +139,21 @@ impl Work {
             .constant("WALKS", field.is_some() as u8)
             .bind("position", self.gbuffer.position)
             .bind("triangles", self.gbuffer.triangles)
-            .bind("radiance", self.radiance);
+            .bind("seen", seen)
+            .bind("albedo", albedo);
         e.compute_pixels(program, "trace", self.gbuffer.size);
+        let program = Program::new("lobe_rays/filter")
+            .constant("TOLERANCE", self.tolerance)
+            .bind("position", self.gbuffer.position)
+            .bind("normal", self.gbuffer.normal)
+            .bind("seen", seen)
+            .bind("albedo", albedo)
+            .bind("radiance", self.radiance);
+        e.compute_pixels(program, "filter_pixels", self.gbuffer.size);
     }
 
     fn encode_on_host(&self, e: &mut Encoder<'_>) {
-        let Self { gbuffer, maps, sees, rays, radiance } = *self;
+        let Self { gbuffer, maps, sees, rays, tolerance, radiance } = *self;
         let field = Asked::of(e, "indirect");
         let lighting = seen_light::encode(e, sees);
         let surfaces = [gbuffer.position, gbuffer.triangles].map(Read::whole);
@@ -144,7 +167,7 @@ impl Work {
             let (camera, triangles): (&Camera, &[u32]) = (host.camera().0, bytemuck::cast_slice(host.read(gbuffer.triangles)));
             let is_seen = |pixel: &usize| texels(host, gbuffer.position)[*pixel][3] > 0.0 && triangles[*pixel] > 0;
             let pixels: Vec<usize> = (0..triangles.len()).filter(is_seen).collect();
-            image.fill(Vec4::W);
+            let mut traced = vec![None; triangles.len()];
             for pixels in pixels.chunks(TOGETHER.div_ceil(rays as usize)) {
                 let fans = pixels.par_iter().map(|pixel| {
                     let at = [*pixel as u32 % gbuffer.size[0], *pixel as u32 / gbuffer.size[0]];
@@ -156,9 +179,11 @@ impl Work {
                 let shader = Shading { indirect: indirect.as_ref(), ..Shading::of(host, &lighting, maps, &places) };
                 let (views, bundles): (Vec<View>, Vec<&RayBundle>) = fans.iter().map(|fan| (fan.view(), &fan.bundle)).unzip();
                 let packets = host.bvh().packets(scene);
-                let light = packets.trace_own(scene, &views, &bundles, &shader, |number, seen| fans[number].light(&seen));
-                pixels.iter().zip(light).for_each(|(pixel, light)| image[*pixel] = light.extend(1.0));
+                let found = packets.trace_own(scene, &views, &bundles, &shader, |number, seen| fans[number].traced(&seen));
+                pixels.iter().zip(found).for_each(|(pixel, found)| traced[*pixel] = Some(found));
             }
+            let filter = Filter { pixels: &traced, size: gbuffer.size, tolerance };
+            image.par_iter_mut().enumerate().for_each(|(pixel, out)| *out = filter.radiance(pixel).extend(1.0));
             host.put(radiance, image, u64::MAX);
             Ok(())
         });
@@ -224,8 +249,15 @@ impl Fan {
         Request::new(self.surface.position, 0.0, self.surface.face, unit(self.seed))
     }
 
-    fn light(&self, seen: &[Vec4]) -> Vec3 {
-        self.shares.iter().zip(seen).map(|(share, seen)| *share * seen.truncate()).sum()
+    fn traced(&self, seen: &[Vec4]) -> Traced {
+        let Surface { position, normal, .. } = self.surface;
+        let rays = || self.shares.iter().zip(seen.iter().map(|seen| seen.truncate()));
+        let albedo: Rgb = self.shares.iter().sum();
+        let mean = rays().map(|(share, light)| *share * light).sum::<Vec3>() / albedo;
+        let mean = Vec3::select(albedo.cmpgt(Vec3::ZERO), mean, Vec3::ZERO);
+        let bright = |colour: Vec3| luminance(colour.as_dvec3()) as f32;
+        let variance: f32 = rays().map(|(share, light)| (bright(*share) * (bright(light) - bright(mean))).powi(2)).sum();
+        Traced { position, normal, seen: mean, error: variance.sqrt() / bright(albedo).max(f32::MIN_POSITIVE), albedo }
     }
 }
 
@@ -267,7 +299,7 @@ mod tests {
             for rays in [3, 64] {
                 let seeds = 40_000 / rays;
                 let fans = (0..seeds).map(|seed| Fan::new(&host.scene, (0, ray), hash(seed), rays));
-                let found = fans.map(|fan| fan.light(&vec![Vec4::ONE; fan.shares.len()]).x).sum::<f32>() / seeds as f32;
+                let found = fans.map(|fan| fan.traced(&vec![Vec4::ONE; fan.shares.len()]).albedo.x).sum::<f32>() / seeds as f32;
                 assert!((found - expected).abs() < 0.02 * expected, "{:?} at {cosine}, {rays} rays: {found}, not {expected}", gloss.lobe.shape);
             }
         }
@@ -281,7 +313,8 @@ mod tests {
         let seen = |fan: &Fan| -> f32 {
             let directions = fan.bundle.directions().map(|local| Frame::new(fan.surface.face).to_world(local));
             let light: Vec<Vec4> = directions.map(|direction| Vec4::splat(if direction.dot(lamp) > 0.99 { 100.0 } else { 1.0 })).collect();
-            fan.light(&light).x
+            let traced = fan.traced(&light);
+            traced.seen.x * traced.albedo.x
         };
         let all: Vec<f32> = (0..2000).map(|seed| seen(&Fan::new(&host.scene, (0, ray), hash(seed), 64))).collect();
         let mean = all.iter().sum::<f32>() / all.len() as f32;

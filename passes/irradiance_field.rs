@@ -56,7 +56,7 @@ impl Asked {
         }
         let kept = e.state("index");
         let keep = move |host: &mut dyn HostContext| {
-            let made: Kept = Arc::new(index_of(&index, host));
+            let made: Kept = index_of(&index, host);
             *host.state(kept) = Some(Box::new(made));
             Ok(())
         };
@@ -77,7 +77,7 @@ impl Asked {
     pub fn index(&self, host: &mut dyn HostContext) -> Option<Arc<RecordIndex>> {
         let IrradianceField::Records(index) = self.field else { return None };
         let kept = self.kept.and_then(|kept| host.state(kept).as_ref()?.downcast_ref::<Kept>().cloned());
-        Some(kept.unwrap_or_else(|| Arc::new(index_of(&index, host))))
+        Some(kept.unwrap_or_else(|| index_of(&index, host)))
     }
 
     /// The field in a host step that reads it.
@@ -103,6 +103,21 @@ impl Field<'_> {
             Self::Records(index) => index.estimate(simd, position, normal).0,
             Self::Photons(density) => density.irradiance(position, normal),
         }
+    }
+
+    /// That at each of some points.
+    #[inline(always)]
+    pub fn irradiances<S: Simd, const POINTS: usize>(&self, simd: S, points: &[Option<[Vec3; 2]>; POINTS]) -> [Vec3; POINTS] {
+        let mut found = [Vec3::ZERO; POINTS];
+        match self {
+            Self::Records(index) => index.estimates(simd, points, &mut found),
+            Self::Photons(density) => {
+                for (found, point) in found.iter_mut().zip(points) {
+                    *found = point.map_or(Vec3::ZERO, |[position, normal]| density.irradiance(position, normal));
+                }
+            }
+        }
+        found
     }
 }
 

@@ -18,6 +18,7 @@ use crate::schedule::*;
 use bytemuck::cast_slice;
 use glam::{DVec2, Vec3};
 use std::f32::consts::TAU;
+use std::sync::Arc;
 
 host_struct! {
     /// One irradiance record; lengths in scene units, irradiance and its standard error in W/m².
@@ -320,11 +321,16 @@ pub fn light_of(index: &port::RecordIndex, host: &dyn HostContext) -> RecordLigh
     RecordLight::new(&records, &index.rule)
 }
 
-/// The index, in a host step that reads it.
-pub fn index_of(index: &port::RecordIndex, host: &dyn HostContext) -> RecordIndex {
+/// The index, in a host step that reads it. While records stand where they do, what finds them is made once, for all who ask.
+pub fn index_of(index: &port::RecordIndex, host: &mut dyn HostContext) -> Arc<RecordIndex> {
+    let known = host.state(index.asked).take().and_then(|known| known.downcast::<Arc<RecordIndex>>().ok());
     let bytes = host.read(index.data);
-    let records = indexed(index, bytes).iter().map(weight::Record::from).collect();
-    RecordIndex::new(bytemuck::cast_slice(bytes), Layout::of(index.capacity as usize), records, index.rule)
+    let records: Vec<weight::Record> = indexed(index, bytes).iter().map(weight::Record::from).collect();
+    let lit = known.and_then(|known| known.lit(&records));
+    let layout = Layout::of(index.capacity as usize);
+    let found = Arc::new(lit.unwrap_or_else(|| RecordIndex::new(bytemuck::cast_slice(bytes), layout, records, index.rule)));
+    *host.state(index.asked) = Some(Box::new(found.clone()));
+    found
 }
 
 /// Requests of a node that places records without looking at pixels: nothing in them yet.

@@ -70,7 +70,7 @@ impl Pass for RecordIndex {
         let layout = Layout::of(new.capacity as usize);
         let data = e.buffer("data", 4 * layout.words as u64);
         let weighting = e.constant_buffer("weighting", bytemuck::bytes_of(&Weighting::from(&rule)));
-        let index = port::RecordIndex { data, weighting, rule, capacity: new.capacity };
+        let index = port::RecordIndex { data, weighting, rule, capacity: new.capacity, asked: e.state("asked") };
         let growth = Growth { settled: e.variable("settled", false), sums: e.state("sums"), remaining: e.arguments.float("remaining") };
         let forget = move |host: &mut dyn HostContext| {
             *host.state(growth.sums) = None;

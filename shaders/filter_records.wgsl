@@ -14,7 +14,7 @@ override TOLERANCE: f32 = 2.0;
 const FRONT = 0.05;
 const LEAST_ERROR = 1e-30;
 // Most entries of a list that are looked at: where all records reach each other, the work would grow with their square. The host takes those at one place for one.
-const MOST_LISTED = 32768u;
+const MOST_LISTED = 4096u;
 
 // What a record says of the irradiance at the place of another.
 fn told_at(other: Record, at: Record) -> vec3f {
@@ -97,11 +97,13 @@ fn filter_record(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) g
         there &= there - 1u;
         let all = list.end - list.first;
         let parts = min(all, MOST_LISTED);
+        let whole = all / parts;
+        let longer = all % parts;
         for (var part = 0u; part < parts; part++) {
             // All entries, or where these are more one by chance in each of so many parts.
-            let first = part * all / parts;
-            let end = (part + 1u) * all / parts;
-            let listed = listed_record(list, list.first + first + hash(part) % (end - first));
+            let first = part * whole + min(part, longer);
+            let count = whole + select(0u, 1u, part < longer);
+            let listed = listed_record(list, list.first + first + hash(part) % count);
             if !listed.is_of_list {
                 continue;
             }

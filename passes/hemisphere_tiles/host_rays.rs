@@ -117,7 +117,7 @@ pub(super) fn encode_steady(e: &mut Encoder<'_>, work: &Work, maps: Option<port:
 
 impl Kept {
     /// What the surfaces send back, lit by records too.
-    fn light(&mut self, host: &dyn HostContext, index: &port::RecordIndex, samples: usize, tiles: &mut [Vec4]) {
+    fn light(&mut self, host: &mut dyn HostContext, index: &port::RecordIndex, samples: usize, tiles: &mut [Vec4]) {
         let light = light_of(index, host);
         if !light.is_flat() {
             let all = index_of(index, host);

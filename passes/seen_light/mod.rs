@@ -466,27 +466,33 @@ fn add_indirect<S: Simd>(
     surfaces: &[Option<Surfaces<S>>; GROUPS],
     (light, mut others): (&mut [Vectors<S>; GROUPS], Option<&mut [Other; RAYS]>),
 ) {
-    for group in 0..GROUPS {
-        let Some(surfaces) = &surfaces[group] else { continue };
+    let asked = |ray: usize| others.as_deref().and_then(|others| others[ray].asked);
+    let mut points = [None; RAYS];
+    for (group, surfaces) in surfaces.iter().enumerate() {
+        let Some(surfaces) = surfaces else { continue };
         let [position, normal] = [surfaces.position, surfaces.normal].map(Vectors::lanes);
-        let mut received = [[0.0; LANES]; 3];
         for lane in 0..LANES {
             let ray = group * LANES + lane;
             if hits.triangles[ray] == 0 || hits.samples[ray] == u32::MAX {
                 continue;
             }
-            let asked = others.as_deref().and_then(|others| others[ray].asked);
-            let [position, normal] = asked.map_or([position[lane], normal[lane]], |asked| [asked.position, asked.normal]);
-            if asked.is_some_and(|asked| asked.reflectance == Vec3::ZERO) {
-                continue;
-            }
-            let irradiance = field.irradiance(simd, position, normal);
-            match (asked, others.as_deref_mut()) {
-                (Some(asked), Some(others)) => others[ray].light += asked.reflectance * irradiance,
-                _ => (0..3).for_each(|channel| received[channel][lane] = irradiance[channel]),
+            points[ray] = match asked(ray) {
+                Some(asked) => (asked.reflectance != Vec3::ZERO).then_some([asked.position, asked.normal]),
+                None => Some([position[lane], normal[lane]]),
+            };
+        }
+    }
+    let irradiances = field.irradiances(simd, &points);
+    for (group, light) in light.iter_mut().enumerate() {
+        let mut received = [[0.0; LANES]; 3];
+        for lane in 0..LANES {
+            let ray = group * LANES + lane;
+            match others.as_deref_mut().and_then(|others| others[ray].asked.map(|asked| (asked, &mut others[ray]))) {
+                Some((asked, other)) => other.light += asked.reflectance * irradiances[ray],
+                None => (0..3).for_each(|channel| received[channel][lane] = irradiances[ray][channel]),
             }
         }
-        light[group] = light[group].plus(Vectors::load(simd, &received));
+        *light = light.plus(Vectors::load(simd, &received));
     }
 }
 

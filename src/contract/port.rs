@@ -319,6 +319,8 @@ pub struct RecordIndex {
     pub rule: Rule,
     /// Most records.
     pub capacity: u32,
+    /// Host state: the index as host steps have asked it last.
+    pub asked: Resource,
 }
 
 /// Photons where they arrived after a reflection or more, sorted by the cells that they are in.

@@ -5,12 +5,13 @@
 //! way for smaller cells, of the records that may count in a part of a cell: the device finds those of a point by them, the host by a tree.
 
 use super::random::hash;
-use super::record_tree::{Region, Tree};
+use super::record_tree::{Leaf, Region, Tree};
 use super::vectors::{LANES, Vectors};
 use super::weight::{FRONT_TOLERANCE, MOST_PER_LENGTH, Reaching, Record, Rule};
 use fearless_simd::{Level, Select, Simd, dispatch, f32x8, prelude::*, u32x8};
 use glam::{IVec3, Vec3};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Words before the lists' ends: exponent of the smallest cells' edge, a bit for each level that there is, number of hashes, number of records.
 pub const HEADER: usize = 4;
@@ -247,6 +248,11 @@ pub struct RecordIndex {
     records: Vec<Record>,
     rule: Rule,
     light: RecordLight,
+    found: Arc<Found>,
+}
+
+/// What finds records, as long as they stand where they do.
+struct Found {
     tree: Tree,
     levels: Levels,
     /// Where the blocks of each hash start, and their end.
@@ -255,53 +261,18 @@ pub struct RecordIndex {
     blocks: Vec<Block>,
 }
 
-/// What tells how much a record weighs, and the light that it holds: a line of memory.
-#[repr(align(64))]
-struct Weighed {
-    position: Vec3,
-    /// One over the validity radius.
-    inverse: f32,
-    normal: Vec3,
-    stretch: Vec3,
-    irradiance: Vec3,
-}
-
-impl Weighed {
-    fn of(reaching: &Reaching<'_>) -> Self {
-        let Record { position, normal, stretch, irradiance, .. } = *reaching.record();
-        Self { position, inverse: reaching.validity_radius().recip().min(MOST_PER_LENGTH), normal, stretch, irradiance }
-    }
-
-    /// What its weights depend on.
-    fn stand(&self) -> [Vec3; 4] {
-        [self.position, self.normal, self.stretch, Vec3::splat(self.inverse)]
-    }
-
-    /// As [`Reaching::local_weight`] of compact weights; `turns` is one over the square of the accuracy, halved.
-    #[inline(always)]
-    fn weight(&self, position: Vec3, normal: Vec3, turns: f32) -> f32 {
-        let offset = position - self.position;
-        let (along, square) = (offset.dot(self.stretch), offset.length_squared());
-        let per_area = self.inverse * self.inverse;
-        let apart = (square - along * along).max(0.0) * per_area;
-        let turned = (normal - self.normal).length_squared() * turns;
-        let behind = offset.dot(self.normal + normal) * 0.5;
-        // Without a branch: most records do not count, for one reason or another.
-        let counts = (apart <= 1.0) & (turned <= 1.0) & (behind * behind <= square * (FRONT_TOLERANCE * FRONT_TOLERANCE));
-        f32::from(u8::from(counts)) * (1.0 - apart.sqrt() - turned.sqrt()).max(0.0) * per_area
-    }
-}
-
-/// Records as points look at them one by one.
+/// The light of records, as points look at them one by one, and what tells how much they weigh.
 pub struct RecordLight {
-    weighed: Vec<Weighed>,
+    irradiance: Vec<Vec3>,
+    stands: Vec<[Vec3; 4]>,
     is_flat: bool,
 }
 
 impl RecordLight {
     pub fn new(records: &[Record], rule: &Rule) -> Self {
         let is_flat = records.iter().all(|record| [record.rotation, record.translation] == [[Vec3::ZERO; 3]; 2]);
-        Self { weighed: records.iter().map(|record| Weighed::of(&rule.reaching(record))).collect(), is_flat }
+        let stand = |record: &Record| [record.position, record.normal, record.stretch, Vec3::splat(rule.reaching(record).validity_radius())];
+        Self { irradiance: records.iter().map(|record| record.irradiance).collect(), stands: records.iter().map(stand).collect(), is_flat }
     }
 
     /// Whether records foretell what they hold themselves, as they have no gradients.
@@ -310,7 +281,7 @@ impl RecordLight {
     }
 }
 
-/// What tells how much eight records weigh, and the light that they hold.
+/// What tells how much eight records weigh.
 struct Block {
     position: [[f32; LANES]; 3],
     normal: [[f32; LANES]; 3],
@@ -320,7 +291,6 @@ struct Block {
     /// Squares of one over how many times as far each reaches, [`COARSER`] or up to an obstacle, and past all obstacles.
     in_sight: [f32; LANES],
     past_all: [f32; LANES],
-    irradiance: [[f32; LANES]; 3],
     number: [u32; LANES],
     /// Of the cells that a record is listed in; of lanes without a record none.
     level: [u32; LANES],
@@ -330,17 +300,12 @@ impl Block {
     const EMPTY: Self = {
         let (zeros, zero) = ([[0.0; LANES]; 3], [0; LANES]);
         let (inverse, in_sight, past_all) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
-        Self { position: zeros, normal: zeros, stretch: zeros, inverse, in_sight, past_all, irradiance: zeros, number: zero, level: [u32::MAX; LANES] }
+        Self { position: zeros, normal: zeros, stretch: zeros, inverse, in_sight, past_all, number: zero, level: [u32::MAX; LANES] }
     };
 
     fn set(&mut self, lane: usize, entry: u32, reaching: &Reaching<'_>) {
         let record = reaching.record();
-        let vectors = [
-            (&mut self.position, record.position),
-            (&mut self.normal, record.normal),
-            (&mut self.stretch, coarser_stretch(record)),
-            (&mut self.irradiance, record.irradiance),
-        ];
+        let vectors = [(&mut self.position, record.position), (&mut self.normal, record.normal), (&mut self.stretch, coarser_stretch(record))];
         vectors.into_iter().for_each(|(all, vector)| (0..3).for_each(|axis| all[axis][lane] = vector[axis]));
         self.inverse[lane] = reaching.validity_radius().recip().min(MOST_PER_LENGTH);
         self.in_sight[lane] = record.confinement.max(1.0 / COARSER).powi(2);
@@ -388,6 +353,92 @@ fn coarser_stretch(record: &Record) -> Vec3 {
 impl RecordIndex {
     /// Of the words of the buffer; `records` are those in it. Weights are compact.
     pub fn new(words: &[u32], layout: Layout, records: Vec<Record>, rule: Rule) -> Self {
+        let found = Arc::new(Found::new(words, layout, &records, &rule));
+        Self { light: RecordLight::new(&records, &rule), records, rule, found }
+    }
+
+    /// That of records which stand where these do, whose light may be new; None where they stand elsewhere.
+    pub fn lit(&self, records: &[Record]) -> Option<Self> {
+        let light = RecordLight::new(records, &self.rule);
+        (light.stands == self.light.stands).then(|| Self { light, records: records.to_vec(), rule: self.rule, found: self.found.clone() })
+    }
+
+    /// The weighted mean of what the records that count at a point foretell, and the sum of their weights [W/m²]. Where none counts, that of the records listed
+    /// there as if they reached farther: see [`COARSER`]; 0 where none does even so.
+    #[inline(always)]
+    pub fn estimate<S: Simd>(&self, simd: S, position: Vec3, normal: Vec3) -> (Vec3, f32) {
+        self.estimate_in(simd, self.found.tree.near(position, normal), position, normal)
+    }
+
+    /// Those of points side by side, without the weights.
+    #[inline(always)]
+    pub fn estimates<S: Simd, const POINTS: usize>(&self, simd: S, points: &[Option<[Vec3; 2]>; POINTS], found: &mut [Vec3; POINTS]) {
+        let mut leaves = [Leaf::NONE; POINTS];
+        for (leaf, point) in leaves.iter_mut().zip(points) {
+            if let Some([position, normal]) = point {
+                *leaf = self.found.tree.near(*position, *normal);
+            }
+        }
+        // All are fetched before any is worked on, so that memory is waited for once.
+        std::hint::black_box(leaves.iter().map(|leaf| leaf.touched()).sum::<f32>());
+        for ((found, leaf), point) in found.iter_mut().zip(leaves).zip(points) {
+            if let Some([position, normal]) = point {
+                *found = self.estimate_in(simd, leaf, *position, *normal).0;
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn estimate_in<S: Simd>(&self, simd: S, leaf: Leaf<'_>, position: Vec3, normal: Vec3) -> (Vec3, f32) {
+        let (mut light, mut all) = (Vec3::ZERO, 0.0);
+        let mut add = |number: u32, weight: f32| {
+            light += weight * self.foretold(number, position, normal);
+            all += weight;
+        };
+        if !self.see_near(simd, leaf, [position, normal], &mut add) {
+            self.found.see_listed(simd, [position, normal], self.rule.accuracy, &mut add);
+        }
+        if all > 0.0 { (light / all, all) } else { (Vec3::ZERO, 0.0) }
+    }
+
+    /// What a record tells of a point.
+    #[inline(always)]
+    fn foretold(&self, number: u32, position: Vec3, normal: Vec3) -> Vec3 {
+        if self.light.is_flat { self.light.irradiance[number as usize] } else { self.rule.estimate(&self.records[number as usize], position, normal) }
+    }
+
+    /// Shows the records of a leaf that count at a point, with their weights; whether there is any.
+    #[inline(always)]
+    fn see_near<S: Simd>(&self, simd: S, leaf: Leaf<'_>, point: [Vec3; 2], see: &mut impl FnMut(u32, f32)) -> bool {
+        let turns = 0.5 / (self.rule.accuracy * self.rule.accuracy);
+        let at = point.map(|vector| Vectors::splat(simd, vector));
+        let mut any = false;
+        for block in leaf.blocks() {
+            any |= see_lanes(block.weights(simd, at, turns), &block.numbers, see);
+        }
+        any
+    }
+
+    /// The records that [`Self::estimate`] takes the mean of at a point, and the share of each.
+    #[inline(always)]
+    fn shares<S: Simd>(&self, simd: S, position: Vec3, normal: Vec3, shares: &mut Vec<Share>) {
+        let first = shares.len();
+        let mut push = |number, weight| shares.push((number, weight));
+        if !self.see_near(simd, self.found.tree.near(position, normal), [position, normal], &mut push) {
+            self.found.see_listed(simd, [position, normal], self.rule.accuracy, &mut push);
+        }
+        let all: f32 = shares[first..].iter().map(|(_, weight)| weight).sum();
+        shares[first..].iter_mut().for_each(|(_, share)| *share /= all);
+    }
+
+    /// The same for a point alone.
+    pub fn estimate_at(&self, position: Vec3, normal: Vec3) -> (Vec3, f32) {
+        dispatch!(Level::new(), simd => self.estimate(simd, position, normal))
+    }
+}
+
+impl Found {
+    fn new(words: &[u32], layout: Layout, records: &[Record], rule: &Rule) -> Self {
         let reaching: Vec<Reaching<'_>> = records.iter().map(|record| rule.reaching(record)).collect();
         let (ends, entries) = (&words[HEADER..layout.entries], &words[layout.entries..layout.records]);
         let (mut starts, mut blocks, mut first) = (Vec::with_capacity(layout.hashes + 1), Vec::new(), 0);
@@ -401,67 +452,12 @@ impl RecordIndex {
             first = *end as usize;
         }
         starts.push(blocks.len() as u32);
-        let tree = Tree::new(&reaching, rule.accuracy);
-        Self { light: RecordLight::new(&records, &rule), records, rule, tree, levels: Levels { lowest: words[0] as i32, there: words[1] }, starts, blocks }
+        Self { tree: Tree::new(&reaching, rule.accuracy), levels: Levels { lowest: words[0] as i32, there: words[1] }, starts, blocks }
     }
 
-    /// The weighted mean of what the records that count at a point foretell, and the sum of their weights [W/m²]. Where none counts, that of the records listed
-    /// there as if they reached farther: see [`COARSER`]; 0 where none does even so.
+    /// Shows the records listed at a point that count there were they to reach [`COARSER`] times as far, with their weights.
     #[inline(always)]
-    pub fn estimate<S: Simd>(&self, simd: S, position: Vec3, normal: Vec3) -> (Vec3, f32) {
-        let (mut light, mut all) = (Vec3::ZERO, 0.0);
-        let turns = 0.5 / (self.rule.accuracy * self.rule.accuracy);
-        if self.light.is_flat {
-            for number in self.tree.near(position, normal) {
-                let weighed = &self.light.weighed[*number as usize];
-                let weight = weighed.weight(position, normal, turns);
-                light += weight * weighed.irradiance;
-                all += weight;
-            }
-        } else {
-            self.see_near(position, normal, |number, weight| {
-                light += weight * self.rule.estimate(&self.records[number as usize], position, normal);
-                all += weight;
-            });
-        }
-        if all > 0.0 {
-            return (light / all, all);
-        }
-        let (light, all) = self.coarse_sums(simd, position, normal);
-        if all > 0.0 { (light / all, all) } else { (Vec3::ZERO, 0.0) }
-    }
-
-    /// Shows the records that count at a point, with their weights.
-    #[inline(always)]
-    fn see_near(&self, position: Vec3, normal: Vec3, mut see: impl FnMut(u32, f32)) {
-        let turns = 0.5 / (self.rule.accuracy * self.rule.accuracy);
-        for number in self.tree.near(position, normal) {
-            let weight = self.light.weighed[*number as usize].weight(position, normal, turns);
-            if weight > 0.0 {
-                see(*number, weight);
-            }
-        }
-    }
-
-    #[inline(always)]
-    fn coarse_sums<S: Simd>(&self, simd: S, position: Vec3, normal: Vec3) -> (Vec3, f32) {
-        let (mut light, mut all) = (Vectors::splat(simd, Vec3::ZERO), f32x8::splat(simd, 0.0));
-        self.see_listed(simd, position, normal, |block, weights| {
-            let irradiance = if self.light.is_flat {
-                Vectors::load(simd, &block.irradiance)
-            } else {
-                Vectors::load(simd, &self.foretold(block, weights.to_array(), position, normal))
-            };
-            light = light.plus(irradiance.scaled(weights));
-            all += weights;
-        });
-        let sum = |lanes: f32x8<S>| lanes.to_array().iter().sum::<f32>();
-        (Vec3::new(sum(light.x), sum(light.y), sum(light.z)), sum(all))
-    }
-
-    /// Shows the blocks of those listed at a point in which any counts were it to reach [`COARSER`] times as far, with the weights.
-    #[inline(always)]
-    fn see_listed<S: Simd>(&self, simd: S, position: Vec3, normal: Vec3, mut see: impl FnMut(&Block, f32x8<S>)) {
+    fn see_listed<S: Simd>(&self, simd: S, [position, normal]: [Vec3; 2], accuracy: f32, see: &mut impl FnMut(u32, f32)) {
         let at = [position, normal].map(|vector| Vectors::splat(simd, vector));
         let smallest = cell(position, self.levels.lowest);
         let mut there = self.levels.there;
@@ -470,41 +466,25 @@ impl RecordIndex {
             there &= there - 1;
             let hash = hash_of(smallest >> level, level, self.starts.len() - 1) as usize;
             for block in &self.blocks[self.starts[hash] as usize..self.starts[hash + 1] as usize] {
-                if let Some(weights) = block.weights(simd, level, at, self.rule.accuracy) {
-                    see(block, weights);
+                if let Some(weights) = block.weights(simd, level, at, accuracy) {
+                    see_lanes(weights, &block.number, see);
                 }
             }
         }
     }
+}
 
-    /// What records that count foretell by their gradients.
-    fn foretold(&self, block: &Block, weights: [f32; LANES], position: Vec3, normal: Vec3) -> [[f32; LANES]; 3] {
-        let mut foretold = [[0.0; LANES]; 3];
-        for lane in (0..LANES).filter(|lane| weights[*lane] > 0.0) {
-            let estimate = self.rule.estimate(&self.records[block.number[lane] as usize], position, normal);
-            (0..3).for_each(|channel| foretold[channel][lane] = estimate[channel]);
-        }
-        foretold
+/// Shows those of eight records that count; whether there is any.
+#[inline(always)]
+fn see_lanes<S: Simd>(weights: f32x8<S>, numbers: &[u32; LANES], see: &mut impl FnMut(u32, f32)) -> bool {
+    let counting = weights.simd_gt(0.0).to_bitmask();
+    let (mut left, weights) = (counting, weights.to_array());
+    while left != 0 {
+        let lane = left.trailing_zeros() as usize % LANES;
+        left &= left - 1;
+        see(numbers[lane], weights[lane]);
     }
-
-    /// The records that [`Self::estimate`] takes the mean of at a point, and the share of each.
-    #[inline(always)]
-    fn shares<S: Simd>(&self, simd: S, position: Vec3, normal: Vec3, shares: &mut Vec<Share>) {
-        let first = shares.len();
-        self.see_near(position, normal, |number, weight| shares.push((number, weight)));
-        if shares.len() == first {
-            self.see_listed(simd, position, normal, |block, weights| {
-                shares.extend(block.number.into_iter().zip(weights.to_array()).filter(|(_, weight)| *weight > 0.0));
-            });
-        }
-        let all: f32 = shares[first..].iter().map(|(_, weight)| weight).sum();
-        shares[first..].iter_mut().for_each(|(_, share)| *share /= all);
-    }
-
-    /// The same for a point alone.
-    pub fn estimate_at(&self, position: Vec3, normal: Vec3) -> (Vec3, f32) {
-        dispatch!(Level::new(), simd => self.estimate(simd, position, normal))
-    }
+    counting != 0
 }
 
 /// The number of a record, and its share of a mean.
@@ -545,18 +525,18 @@ impl Shares {
             }));
             shares.extend(more);
         }
-        Self { starts, shares, stands: index.light.weighed.iter().map(Weighed::stand).collect() }
+        Self { starts, shares, stands: index.light.stands.clone() }
     }
 
     /// Whether these are the shares of records: they stand where those stood, reach as far, and have no gradients.
     pub fn are_of(&self, light: &RecordLight) -> bool {
-        light.is_flat && self.stands.iter().copied().eq(light.weighed.iter().map(Weighed::stand))
+        light.is_flat && self.stands == light.stands
     }
 
     /// What records tell at a point, by its number [W/m²].
     pub fn irradiance(&self, light: &RecordLight, point: usize) -> Vec3 {
         let of_point = &self.shares[self.starts[point] as usize..self.starts[point + 1] as usize];
-        of_point.iter().fold(Vec3::ZERO, |sum, (number, share)| sum + light.weighed[*number as usize].irradiance * *share)
+        of_point.iter().fold(Vec3::ZERO, |sum, (number, share)| sum + light.irradiance[*number as usize] * *share)
     }
 }
 
@@ -677,8 +657,8 @@ mod tests {
         let (words, layout) = words(&records, 300);
         let index = RecordIndex::new(&words, layout, records.clone(), rule());
         assert!(records.iter().all(|record| index.estimate_at(record.position, record.normal).1 > 0.0));
-        assert!(index.blocks.iter().flat_map(|block| block.level).filter(|level| *level != u32::MAX).count() <= Cells::Far.most() * 300);
-        assert!((2..LEVELS as u32).contains(&index.levels.there.count_ones()));
+        assert!(index.found.blocks.iter().flat_map(|block| block.level).filter(|level| *level != u32::MAX).count() <= Cells::Far.most() * 300);
+        assert!((2..LEVELS as u32).contains(&index.found.levels.there.count_ones()));
     }
 
     /// Light that is asked for again is that of the index, also after it has changed; records that stand elsewhere are told.

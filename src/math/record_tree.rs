@@ -1,15 +1,17 @@
 //! Which records may count at a point and a normal: for each side that normals face to a grid of octrees, whose leaves list them, so that a point looks at few
-//! that do not.
+//! that do not, eight side by side.
 
-use super::weight::{FRONT_TOLERANCE, Reaching};
+use super::vectors::{LANES, Vectors};
+use super::weight::{FRONT_TOLERANCE, MOST_PER_LENGTH, Reaching};
+use fearless_simd::{Select, Simd, f32x8, prelude::*};
 use glam::Vec3;
 use rayon::prelude::*;
 
 /// Cells of the grid along each axis.
 const GRID: usize = 16;
 
-/// A leaf that lists so few is not divided.
-const FEW: usize = 16;
+/// A leaf that lists so few is not divided: as many as are looked at side by side.
+const FEW: usize = LANES;
 
 /// A cell is not divided that is less than this share of how far the records in it reach: its parts would list nearly the same.
 const SMALL: f32 = 1.0;
@@ -20,7 +22,7 @@ const DEEPEST: u32 = 16;
 /// Cells are taken for larger by this share, for what rounding takes away.
 const MARGIN: f32 = 1e-3;
 
-/// Marks a node that has children; the rest of the word is the place of the first of eight. Other nodes are the places of their lists.
+/// Marks a node that has children; the rest of the word is the place of the first of eight. Other nodes are the places of their blocks.
 const INNER: u32 = 1 << 31;
 
 /// Trees over records.
@@ -36,8 +38,81 @@ struct Side {
     scale: Vec3,
     /// Those of the grid, then children.
     nodes: Vec<u32>,
-    /// Lists: how many numbers, then the numbers. The first is empty.
-    lists: Vec<u32>,
+    /// The records of leaves. The first has none.
+    blocks: Vec<Block>,
+}
+
+/// Up to eight records of a leaf, and what tells how much they weigh.
+pub struct Block {
+    position: [[f32; LANES]; 3],
+    normal: [[f32; LANES]; 3],
+    stretch: [[f32; LANES]; 3],
+    /// One over the validity radius; 0 of lanes without a record.
+    inverse: [f32; LANES],
+    pub numbers: [u32; LANES],
+    /// Whether the next block belongs to the same leaf.
+    goes_on: bool,
+}
+
+/// The blocks of a leaf, and those of others behind them.
+#[derive(Clone, Copy)]
+pub struct Leaf<'a>(&'a [Block]);
+
+impl<'a> Leaf<'a> {
+    pub const NONE: Self = Self(&[]);
+
+    #[inline(always)]
+    pub fn blocks(self) -> impl Iterator<Item = &'a Block> {
+        let mut goes_on = true;
+        self.0.iter().take_while(move |block| std::mem::replace(&mut goes_on, block.goes_on))
+    }
+
+    /// A number that takes a look at each line of memory of the first block, so that it is fetched.
+    #[inline(always)]
+    pub fn touched(self) -> f32 {
+        self.0.first().map_or(0.0, |block| {
+            block.position[0][0] + block.position[2][0] + block.normal[1][0] + block.stretch[0][0] + block.stretch[2][0] + block.inverse[7]
+        })
+    }
+}
+
+impl Block {
+    const EMPTY: Self = {
+        let zeros = [[0.0; LANES]; 3];
+        Self { position: zeros, normal: zeros, stretch: zeros, inverse: [0.0; LANES], numbers: [0; LANES], goes_on: false }
+    };
+
+    fn of(records: &[Reaching<'_>], numbers: &[u32]) -> Self {
+        let mut block = Self::EMPTY;
+        for (lane, number) in numbers.iter().enumerate() {
+            let reaching = &records[*number as usize];
+            let record = reaching.record();
+            for (all, vector) in [(&mut block.position, record.position), (&mut block.normal, record.normal), (&mut block.stretch, record.stretch)] {
+                (0..3).for_each(|axis| all[axis][lane] = vector[axis]);
+            }
+            block.inverse[lane] = reaching.validity_radius().recip().min(MOST_PER_LENGTH);
+            block.numbers[lane] = *number;
+        }
+        block
+    }
+
+    /// As [`Reaching::local_weight`] of compact weights; `turns` is one over the square of the accuracy, halved.
+    #[inline(always)]
+    pub fn weights<S: Simd>(&self, simd: S, [position, normal]: [Vectors<S>; 2], turns: f32) -> f32x8<S> {
+        let zero = f32x8::splat(simd, 0.0);
+        let facing = Vectors::load(simd, &self.normal);
+        let offset = position.minus(Vectors::load(simd, &self.position));
+        let (along, square) = (offset.dot(Vectors::load(simd, &self.stretch)), offset.dot(offset));
+        let inverse = f32x8::load_array_ref(simd, &self.inverse);
+        let per_area = inverse * inverse;
+        let apart = (square - along * along).max(zero) * per_area;
+        let difference = normal.minus(facing);
+        let turned = difference.dot(difference) * turns;
+        let behind = offset.dot(facing.plus(normal)) * 0.5;
+        let is_level = (behind * behind).simd_le(square * (FRONT_TOLERANCE * FRONT_TOLERANCE));
+        let counts = is_level & apart.simd_le(1.0) & turned.simd_le(1.0);
+        counts.select((1.0 - apart.sqrt() - turned.sqrt()).max(zero) * per_area, zero)
+    }
 }
 
 /// The part of space where a record counts for some normal: within a ball, between two planes.
@@ -103,13 +178,14 @@ impl Tree {
         // The cosine between normals that differ as much as they may; less for what rounding takes away.
         let least = 1.0 - accuracy * accuracy - 1e-3;
         let of_side = |side: usize| (0..).zip(&regions).filter(|(_, region)| nearest_of_side(region.normal, side) >= least).map(|(number, _)| number).collect();
-        Self { sides: std::array::from_fn(|side| Side::new(&regions, of_side(side))) }
+        Self { sides: std::array::from_fn(|side| Side::new(records, &regions, of_side(side))) }
     }
 
-    /// The numbers of the records that may count at a point and a normal, ascending.
+    /// The records that may count at a point and a normal, by ascending numbers, and others behind them.
     #[inline(always)]
-    pub fn near(&self, position: Vec3, normal: Vec3) -> &[u32] {
-        self.sides[side_of(normal)].near(position)
+    pub fn near(&self, position: Vec3, normal: Vec3) -> Leaf<'_> {
+        let side = &self.sides[side_of(normal)];
+        Leaf(&side.blocks[side.leaf(position)..])
     }
 }
 
@@ -136,7 +212,7 @@ fn nearest_of_side(normal: Vec3, side: usize) -> f32 {
 }
 
 impl Side {
-    fn new(regions: &[Region], all: Vec<u32>) -> Self {
+    fn new(records: &[Reaching<'_>], regions: &[Region], all: Vec<u32>) -> Self {
         // Beyond where records stand only some of the farthest reach, which need no fine cells: so much is enough to be sure of all of a scene.
         let bounds =
             |all: fn(Vec3, Vec3) -> Vec3, sign: f32| regions.iter().map(|region| region.position + sign * region.radius).reduce(all).unwrap_or(Vec3::ZERO);
@@ -154,7 +230,7 @@ impl Side {
             .into_par_iter()
             .map(|at| {
                 let cell = Cell { middle: corner + edge * (place(at) + 0.5), half: 0.5 * edge };
-                let mut part = Part { regions, nodes: Vec::new(), lists: Vec::new() };
+                let mut part = Part { records, regions, nodes: Vec::new(), blocks: Vec::new() };
                 let root = part.add(touching(regions, &slices[at / GRID / GRID], &cell), cell, 0);
                 part.nodes.push(root);
                 part
@@ -164,27 +240,28 @@ impl Side {
     }
 
     fn joined(corner: Vec3, scale: Vec3, parts: Vec<Part<'_>>) -> Self {
-        let (mut nodes, mut lists) = (vec![0; parts.len()], vec![0]);
+        let (mut nodes, mut blocks) = (vec![0; parts.len()], vec![Block::EMPTY]);
         for (at, part) in parts.into_iter().enumerate() {
-            let (first_node, first_list) = (nodes.len() as u32, lists.len() as u32 - 1);
+            let (first_node, first_block) = (nodes.len() as u32, blocks.len() as u32 - 1);
             let moved = |node: u32| match node {
                 0 => 0,
                 node if node & INNER != 0 => node + first_node,
-                node => node + first_list,
+                node => node + first_block,
             };
             let (root, children) = part.nodes.split_last().map_or((0, &[][..]), |(root, children)| (*root, children));
             nodes[at] = moved(root);
             nodes.extend(children.iter().map(|node| moved(*node)));
-            lists.extend(part.lists);
+            blocks.extend(part.blocks);
         }
-        Self { corner, scale, nodes, lists }
+        Self { corner, scale, nodes, blocks }
     }
 
+    /// Where the blocks of the leaf that a point is in begin.
     #[inline(always)]
-    fn near(&self, position: Vec3) -> &[u32] {
+    fn leaf(&self, position: Vec3) -> usize {
         let place = (position - self.corner) * self.scale;
         if !(place.min_element() >= 0.0 && place.max_element() < GRID as f32) {
-            return &[];
+            return 0;
         }
         let cell = place.floor();
         let mut within = place - cell;
@@ -196,8 +273,7 @@ impl Side {
             within -= Vec3::select(upper, Vec3::ONE, Vec3::ZERO);
             node = self.nodes[(node & !INNER) as usize + upper.bitmask() as usize];
         }
-        let first = node as usize;
-        &self.lists[first + 1..first + 1 + self.lists[first] as usize]
+        node as usize
     }
 }
 
@@ -206,11 +282,12 @@ fn touching(regions: &[Region], of: &[u32], cell: &Cell) -> Vec<u32> {
     of.iter().copied().filter(|number| regions[*number as usize].touches(&widened)).collect()
 }
 
-/// The tree of a cell of the grid. The first list's place is 1, as 0 stands for an empty one.
+/// The tree of a cell of the grid. The first block's place is 1, as 0 stands for an empty one.
 struct Part<'a> {
+    records: &'a [Reaching<'a>],
     regions: &'a [Region],
     nodes: Vec<u32>,
-    lists: Vec<u32>,
+    blocks: Vec<Block>,
 }
 
 impl Part<'_> {
@@ -221,9 +298,9 @@ impl Part<'_> {
         }
         let reach = list.iter().map(|number| self.regions[*number as usize].radius).sum::<f32>() / list.len() as f32;
         if list.len() <= FEW || depth == DEEPEST || 2.0 * cell.half.max_element() < SMALL * reach {
-            let place = self.lists.len() as u32 + 1;
-            self.lists.push(list.len() as u32);
-            self.lists.extend(list);
+            let place = self.blocks.len() as u32 + 1;
+            self.blocks.extend(list.chunks(LANES).map(|eight| Block { goes_on: true, ..Block::of(self.records, eight) }));
+            self.blocks.last_mut().expect("lists nothing").goes_on = false;
             return place;
         }
         let first = self.nodes.len();

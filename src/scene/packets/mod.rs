@@ -13,14 +13,18 @@ use super::{
     model::{Scene, Triangle, surface_offset},
     wide::{Candidate, open},
 };
-use crate::math::{frame::Frame, hemisphere::Table, vectors::Vectors};
+use crate::math::{
+    frame::Frame,
+    hemisphere::Table,
+    vectors::{LANES, Vectors},
+};
 use fearless_simd::{Level, Simd, dispatch, f32x8, prelude::*, u8x64, u32x8};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
+use std::ops::Range;
 
-/// Rays of a packet: 8×8 samples of a tile.
+/// Most rays of a packet.
 pub const RAYS: usize = 64;
-const EDGE: u32 = 8;
 /// Triangles of a block. A leaf takes as long with one triangle as with a whole block.
 pub(super) const BLOCK: usize = 8;
 /// Children of a node.
@@ -83,13 +87,16 @@ struct Directions {
 impl RayBundle {
     /// Samples without weight have no ray.
     pub fn new(table: &Table) -> Self {
-        let corners = (0..table.height).step_by(EDGE as usize).flat_map(|y| (0..table.width).step_by(EDGE as usize).map(move |x| [x, y]));
-        Self { packets: corners.filter_map(|corner| Directions::new(table, corner)).collect(), samples: table.samples.len() }
+        let [width, height] = blocks([table.width, table.height]);
+        let rows = (0..table.height).step_by(height).map(|y| y..(y + height as u32).min(table.height));
+        let columns = || (0..table.width).step_by(width).map(|x| x..(x + width as u32).min(table.width));
+        let packets = rows.flat_map(|rows| columns().filter_map(move |columns| Directions::new(table, columns, rows.clone())));
+        Self { packets: packets.collect(), samples: table.samples.len() }
     }
 
     /// Of any directions, of which those next to each other should be neighbours.
     pub fn of(directions: &[Vec3]) -> Self {
-        let packets = directions.chunks(RAYS).zip(0..).map(|(rays, number)| Directions::of(rays, number * RAYS as u32));
+        let packets = directions.chunks(RAYS).zip((0..).step_by(RAYS)).map(|(rays, first)| Directions::of(rays, first..));
         Self { packets: packets.collect(), samples: directions.len() }
     }
 
@@ -104,34 +111,32 @@ impl RayBundle {
 impl Directions {
     const NONE: Self = Self { rays: [Vec3::ZERO; RAYS], samples: [u32::MAX; RAYS], middle: Vec3::ZERO };
 
-    /// Of samples from the `first` on.
-    fn of(rays: &[Vec3], first: u32) -> Self {
+    fn of(rays: &[Vec3], samples: impl IntoIterator<Item = u32>) -> Self {
         let mut packet = Self { middle: rays.iter().sum::<Vec3>().normalize_or_zero(), ..Self::NONE };
         packet.rays[..rays.len()].copy_from_slice(rays);
-        packet.samples.iter_mut().zip(first..).take(rays.len()).for_each(|(sample, number)| *sample = number);
+        packet.samples[..rays.len()].iter_mut().zip(samples).for_each(|(sample, number)| *sample = number);
         packet
     }
 
-    /// None where no sample has a ray.
-    fn new(table: &Table, [x, y]: [u32; 2]) -> Option<Self> {
-        let mut packet = Self::NONE;
-        for ray in 0..RAYS as u32 {
-            let at = [x + ray % EDGE, y + ray / EDGE];
-            if at[0] >= table.width || at[1] >= table.height {
-                continue;
-            }
-            let index = at[1] * table.width + at[0];
-            let sample = &table.samples[index as usize];
-            if sample.plain_weight > 0.0 {
-                packet.samples[ray as usize] = index;
-                let direction = Vec3::from(sample.direction.map(|d| d as f32));
-                packet.rays[ray as usize] = direction;
-                packet.middle += direction;
-            }
-        }
-        packet.middle = packet.middle.normalize_or_zero();
-        packet.samples.iter().any(|&sample| sample != u32::MAX).then_some(packet)
+    /// Of a block of samples; None where none of them has a ray.
+    fn new(table: &Table, columns: Range<u32>, rows: Range<u32>) -> Option<Self> {
+        let all = rows.flat_map(|y| columns.clone().map(move |x| y * table.width + x));
+        let with_ray = all.map(|index| (index, &table.samples[index as usize])).filter(|(_, sample)| sample.plain_weight > 0.0);
+        let (samples, rays): (Vec<u32>, Vec<Vec3>) = with_ray.map(|(index, sample)| (index, Vec3::from(sample.direction.map(|d| d as f32)))).unzip();
+        (!rays.is_empty()).then(|| Self::of(&rays, samples))
     }
+}
+
+/// Width and height of blocks that cover a tile with the fewest packets: the squarest of those, as neighbours see what is alike.
+fn blocks(size: [u32; 2]) -> [usize; 2] {
+    let most = RAYS as u32;
+    let widths = (1..=size[0]).map(|columns| (columns, size[0].div_ceil(columns))).filter(|(_, width)| *width <= most);
+    let all = widths.map(|(columns, width)| {
+        let rows = size[1].div_ceil(most / width);
+        let height = size[1].div_ceil(rows);
+        (columns * rows, width.abs_diff(height), [width, height])
+    });
+    all.min().map_or([1; 2], |(_, _, block)| block.map(|edge| edge as usize))
 }
 
 /// A node that is still to be made.
@@ -319,7 +324,7 @@ struct Rays {
     middle: Vec3,
     /// A bit for each that there is.
     all: u64,
-    /// Distance of the nearest triangle met so far [extents].
+    /// Distance of the nearest triangle met so far [extents]; 0 of a ray that there is not.
     limit: [f32; RAYS],
     /// Which it is, + 1, or 0.
     seen: [u32; RAYS],
@@ -377,7 +382,7 @@ impl Walker<'_> {
             if visit.content & LEAF == 0 {
                 self.enter(simd, &visit, rays, stack);
             } else if self.meet_leaf(simd, &visit, rays) {
-                limit = rays.farthest();
+                limit = rays.farthest(simd);
             }
         }
     }
@@ -503,7 +508,7 @@ impl<S: Simd> Meeting<S> {
 
 impl Rays {
     fn none() -> Self {
-        Self { direction: [Vec3::ZERO; RAYS], inverse: [Vec3::ZERO; RAYS], middle: Vec3::ZERO, all: 0, limit: [FAR_AWAY; RAYS], seen: [0; RAYS] }
+        Self { direction: [Vec3::ZERO; RAYS], inverse: [Vec3::ZERO; RAYS], middle: Vec3::ZERO, all: 0, limit: [0.0; RAYS], seen: [0; RAYS] }
     }
 
     #[inline(always)]
@@ -512,18 +517,20 @@ impl Rays {
         for (ray, local) in packet.rays.iter().enumerate() {
             rays.direction[ray] = frame.to_world(*local);
             rays.inverse[ray] = rays.direction[ray].map(inverse);
-            rays.all |= ((packet.samples[ray] != u32::MAX) as u64) << ray;
+            if packet.samples[ray] != u32::MAX {
+                (rays.all, rays.limit[ray]) = (rays.all | 1 << ray, FAR_AWAY);
+            }
         }
         rays
     }
 
     #[inline(always)]
-    fn farthest(&self) -> f32 {
-        let mut farthest = 0.0f32;
-        for ray in 0..RAYS {
-            farthest = farthest.max(if self.all & 1 << ray != 0 { self.limit[ray] } else { 0.0 });
+    fn farthest<S: Simd>(&self, simd: S) -> f32 {
+        let mut farthest = f32x8::splat(simd, 0.0);
+        for limits in self.limit.as_chunks::<LANES>().0 {
+            farthest = farthest.max(f32x8::load_array_ref(simd, limits));
         }
-        farthest
+        farthest.to_array().into_iter().fold(0.0, f32::max)
     }
 }
 

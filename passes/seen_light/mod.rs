@@ -485,11 +485,11 @@ fn add_indirect<S: Simd>(
     let irradiances = field.irradiances(simd, &points);
     for (group, light) in light.iter_mut().enumerate() {
         let mut received = [[0.0; LANES]; 3];
-        for lane in 0..LANES {
-            let ray = group * LANES + lane;
-            match others.as_deref_mut().and_then(|others| others[ray].asked.map(|asked| (asked, &mut others[ray]))) {
-                Some((asked, other)) => other.light += asked.reflectance * irradiances[ray],
-                None => (0..3).for_each(|channel| received[channel][lane] = irradiances[ray][channel]),
+        for (lane, irradiance) in irradiances[group * LANES..][..LANES].iter().enumerate() {
+            let other = others.as_deref_mut().map(|others| &mut others[group * LANES + lane]);
+            match other.and_then(|other| other.asked.map(|asked| (asked, other))) {
+                Some((asked, other)) => other.light += asked.reflectance * *irradiance,
+                None => (0..3).for_each(|channel| received[channel][lane] = irradiance[channel]),
             }
         }
         *light = light.plus(Vectors::load(simd, &received));

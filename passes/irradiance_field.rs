@@ -2,7 +2,7 @@
 //! `indirect_irradiance` is one of those in `shaders/lib/irradiance_field`, on the host by [`Field`]. Another kind of field is one more of each.
 
 use super::photons::{PHOTON_BYTES, lookup::Lookup};
-use super::record::index_of;
+use super::record::{asked_before, index_of};
 use crate::contract::Encoder;
 use crate::contract::port::{IrradianceField, PhotonDensity};
 use crate::math::record_index::{Layout, RecordIndex};
@@ -40,34 +40,30 @@ pub fn bind(program: Program, field: &IrradianceField) -> Program {
 #[derive(Clone, Copy)]
 pub struct Asked {
     field: IrradianceField,
-    /// Where its index over records is kept that is the same in each round of a loop.
-    kept: Option<Resource>,
+    /// Whether it is an index over records that is the same in each round of a loop.
+    is_steady: bool,
 }
-
-type Kept = Arc<RecordIndex>;
 
 impl Asked {
     /// The field that an input is joined to. An index that is the same in each round of the loop is made ready as the loop starts.
     pub fn of(e: &mut Encoder<'_>, input: &str) -> Option<Self> {
         let field = *e.irradiance_field(input)?;
-        let IrradianceField::Records(index) = field else { return Some(Self { field, kept: None }) };
-        if !e.is_steady(input) {
-            return Some(Self { field, kept: None });
+        let IrradianceField::Records(index) = field else { return Some(Self { field, is_steady: false }) };
+        let is_steady = e.is_steady(input);
+        if is_steady {
+            let make = move |host: &mut dyn HostContext| {
+                index_of(&index, host);
+                Ok(())
+            };
+            e.before_loop(Command::Host(Host::new("make_ready", vec![Read::whole(index.data)], Vec::new(), make)));
         }
-        let kept = e.state("index");
-        let keep = move |host: &mut dyn HostContext| {
-            let made: Kept = index_of(&index, host);
-            *host.state(kept) = Some(Box::new(made));
-            Ok(())
-        };
-        e.before_loop(Command::Host(Host::new("make_ready", vec![Read::whole(index.data)], Vec::new(), keep)));
-        Some(Self { field, kept: Some(kept) })
+        Some(Self { field, is_steady })
     }
 
     /// What a host step reads that asks it.
     pub fn reads(&self) -> Vec<Read> {
         match self.field {
-            IrradianceField::Records(_) if self.kept.is_some() => Vec::new(),
+            IrradianceField::Records(_) if self.is_steady => Vec::new(),
             IrradianceField::Records(index) => vec![Read::whole(index.data)],
             IrradianceField::Photons(PhotonDensity { map, .. }) => vec![Read::counted(map.data, PHOTON_BYTES, map.slots)],
         }
@@ -76,8 +72,8 @@ impl Asked {
     /// The index over records, if the field is one: [`Self::on_host`] takes it.
     pub fn index(&self, host: &mut dyn HostContext) -> Option<Arc<RecordIndex>> {
         let IrradianceField::Records(index) = self.field else { return None };
-        let kept = self.kept.and_then(|kept| host.state(kept).as_ref()?.downcast_ref::<Kept>().cloned());
-        Some(kept.unwrap_or_else(|| index_of(&index, host)))
+        let made = if self.is_steady { asked_before(&index, host) } else { None };
+        Some(made.unwrap_or_else(|| index_of(&index, host)))
     }
 
     /// The field in a host step that reads it.

@@ -323,7 +323,7 @@ pub fn light_of(index: &port::RecordIndex, host: &dyn HostContext) -> RecordLigh
 
 /// The index, in a host step that reads it. While records stand where they do, what finds them is made once, for all who ask.
 pub fn index_of(index: &port::RecordIndex, host: &mut dyn HostContext) -> Arc<RecordIndex> {
-    let known = host.state(index.asked).take().and_then(|known| known.downcast::<Arc<RecordIndex>>().ok());
+    let known = asked_before(index, host);
     let bytes = host.read(index.data);
     let records: Vec<weight::Record> = indexed(index, bytes).iter().map(weight::Record::from).collect();
     let lit = known.and_then(|known| known.lit(&records));
@@ -331,6 +331,11 @@ pub fn index_of(index: &port::RecordIndex, host: &mut dyn HostContext) -> Arc<Re
     let found = Arc::new(lit.unwrap_or_else(|| RecordIndex::new(bytemuck::cast_slice(bytes), layout, records, index.rule)));
     *host.state(index.asked) = Some(Box::new(found.clone()));
     found
+}
+
+/// The index as it was asked last.
+pub fn asked_before(index: &port::RecordIndex, host: &mut dyn HostContext) -> Option<Arc<RecordIndex>> {
+    host.state(index.asked).as_ref()?.downcast_ref::<Arc<RecordIndex>>().cloned()
 }
 
 /// Requests of a node that places records without looking at pixels: nothing in them yet.

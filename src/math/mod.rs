@@ -4,6 +4,7 @@
 pub mod bounces;
 pub mod choice;
 pub mod colour;
+mod eight_records;
 pub mod frame;
 pub mod harmonics;
 pub mod hemisphere;

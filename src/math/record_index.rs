@@ -4,10 +4,11 @@
 //! `shaders/lib/irradiance_field/records.wgsl` reads it: [`HEADER`] words, where the list of each hash ends, the lists, the records; then near lists, made in the same
 //! way for smaller cells, of the records that may count in a part of a cell: the device finds those of a point by them, the host by a tree.
 
+use super::eight_records::{Apart, Standing};
 use super::random::hash;
 use super::record_tree::{Leaf, Region, Tree};
 use super::vectors::{LANES, Vectors};
-use super::weight::{FRONT_TOLERANCE, MOST_PER_LENGTH, Reaching, Record, Rule};
+use super::weight::{Reaching, Record, Rule};
 use fearless_simd::{Level, Select, Simd, dispatch, f32x8, prelude::*, u32x8};
 use glam::{IVec3, Vec3};
 use rayon::prelude::*;
@@ -264,6 +265,7 @@ struct Found {
 /// The light of records, as points look at them one by one, and what tells how much they weigh.
 pub struct RecordLight {
     irradiance: Vec<Vec3>,
+    /// Position, normal, stretch, and how far each reaches: the validity radius and the confinement.
     stands: Vec<[Vec3; 4]>,
     is_flat: bool,
 }
@@ -271,7 +273,8 @@ pub struct RecordLight {
 impl RecordLight {
     pub fn new(records: &[Record], rule: &Rule) -> Self {
         let is_flat = records.iter().all(|record| [record.rotation, record.translation] == [[Vec3::ZERO; 3]; 2]);
-        let stand = |record: &Record| [record.position, record.normal, record.stretch, Vec3::splat(rule.reaching(record).validity_radius())];
+        let reach = |record: &Record| Vec3::new(rule.reaching(record).validity_radius(), record.confinement, 0.0);
+        let stand = |record: &Record| [record.position, record.normal, record.stretch, reach(record)];
         Self { irradiance: records.iter().map(|record| record.irradiance).collect(), stands: records.iter().map(stand).collect(), is_flat }
     }
 
@@ -283,11 +286,7 @@ impl RecordLight {
 
 /// What tells how much eight records weigh.
 struct Block {
-    position: [[f32; LANES]; 3],
-    normal: [[f32; LANES]; 3],
-    stretch: [[f32; LANES]; 3],
-    /// One over the validity radius.
-    inverse: [f32; LANES],
+    standing: Standing,
     /// Squares of one over how many times as far each reaches, [`COARSER`] or up to an obstacle, and past all obstacles.
     in_sight: [f32; LANES],
     past_all: [f32; LANES],
@@ -297,17 +296,11 @@ struct Block {
 }
 
 impl Block {
-    const EMPTY: Self = {
-        let (zeros, zero) = ([[0.0; LANES]; 3], [0; LANES]);
-        let (inverse, in_sight, past_all) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
-        Self { position: zeros, normal: zeros, stretch: zeros, inverse, in_sight, past_all, number: zero, level: [u32::MAX; LANES] }
-    };
+    const EMPTY: Self = Self { standing: Standing::NOWHERE, in_sight: [0.0; LANES], past_all: [0.0; LANES], number: [0; LANES], level: [u32::MAX; LANES] };
 
     fn set(&mut self, lane: usize, entry: u32, reaching: &Reaching<'_>) {
         let record = reaching.record();
-        let vectors = [(&mut self.position, record.position), (&mut self.normal, record.normal), (&mut self.stretch, coarser_stretch(record))];
-        vectors.into_iter().for_each(|(all, vector)| (0..3).for_each(|axis| all[axis][lane] = vector[axis]));
-        self.inverse[lane] = reaching.validity_radius().recip().min(MOST_PER_LENGTH);
+        self.standing.set(lane, reaching, coarser_stretch(record));
         self.in_sight[lane] = record.confinement.max(1.0 / COARSER).powi(2);
         self.past_all[lane] = (1.0 - record.stretch.length_squared()) / (COARSER * COARSER);
         (self.number[lane], self.level[lane]) = (entry & ((1 << LEVEL_BIT) - 1), entry >> LEVEL_BIT);
@@ -315,18 +308,10 @@ impl Block {
 
     /// As [`Reaching::local_weight`] of compact weights, of eight records that reach farther, see [`COARSER`]; None where none counts.
     #[inline(always)]
-    fn weights<S: Simd>(&self, simd: S, level: u32, [position, normal]: [Vectors<S>; 2], accuracy: f32) -> Option<f32x8<S>> {
+    fn weights<S: Simd>(&self, simd: S, level: u32, at: [Vectors<S>; 2], accuracy: f32) -> Option<f32x8<S>> {
         let zero = f32x8::splat(simd, 0.0);
-        let facing = Vectors::load(simd, &self.normal);
-        let offset = position.minus(Vectors::load(simd, &self.position));
-        let (along, square) = (offset.dot(Vectors::load(simd, &self.stretch)), offset.dot(offset));
-        let inverse = f32x8::load_array_ref(simd, &self.inverse);
-        let per_area = inverse * inverse;
-        let apart = (square - along * along).max(zero) * (per_area * f32x8::load_array_ref(simd, &self.in_sight));
-        let difference = normal.minus(facing);
-        let turned = difference.dot(difference) * (0.5 / (accuracy * COARSER).powi(2));
-        let behind = offset.dot(facing.plus(normal)) * 0.5;
-        let is_level = (behind * behind).simd_le(square * (FRONT_TOLERANCE * COARSER).powi(2));
+        let Apart { square, across, per_area, turned, is_level } = self.standing.apart(simd, at, accuracy, COARSER);
+        let apart = across * (per_area * f32x8::load_array_ref(simd, &self.in_sight));
         let past_all = square * (per_area * f32x8::load_array_ref(simd, &self.past_all));
         let may = u32x8::load_array_ref(simd, &self.level).simd_eq(level) & turned.simd_le(1.0) & is_level;
         let [in_sight, counts] = [may & apart.simd_le(1.0), may & (apart.simd_le(1.0) | past_all.simd_le(1.0))];
@@ -410,11 +395,10 @@ impl RecordIndex {
     /// Shows the records of a leaf that count at a point, with their weights; whether there is any.
     #[inline(always)]
     fn see_near<S: Simd>(&self, simd: S, leaf: Leaf<'_>, point: [Vec3; 2], see: &mut impl FnMut(u32, f32)) -> bool {
-        let turns = 0.5 / (self.rule.accuracy * self.rule.accuracy);
         let at = point.map(|vector| Vectors::splat(simd, vector));
         let mut any = false;
         for block in leaf.blocks() {
-            any |= see_lanes(block.weights(simd, at, turns), &block.numbers, see);
+            any |= see_lanes(block.weights(simd, at, self.rule.accuracy), &block.numbers, see);
         }
         any
     }

@@ -1,8 +1,9 @@
 //! Which records may count at a point and a normal: for each side that normals face to a grid of octrees, whose leaves list them, so that a point looks at few
 //! that do not, eight side by side.
 
+use super::eight_records::{Apart, Standing};
 use super::vectors::{LANES, Vectors};
-use super::weight::{FRONT_TOLERANCE, MOST_PER_LENGTH, Reaching};
+use super::weight::{FRONT_TOLERANCE, Reaching};
 use fearless_simd::{Select, Simd, f32x8, prelude::*};
 use glam::Vec3;
 use rayon::prelude::*;
@@ -42,13 +43,9 @@ struct Side {
     blocks: Vec<Block>,
 }
 
-/// Up to eight records of a leaf, and what tells how much they weigh.
+/// Up to eight records of a leaf.
 pub struct Block {
-    position: [[f32; LANES]; 3],
-    normal: [[f32; LANES]; 3],
-    stretch: [[f32; LANES]; 3],
-    /// One over the validity radius; 0 of lanes without a record.
-    inverse: [f32; LANES],
+    standing: Standing,
     pub numbers: [u32; LANES],
     /// Whether the next block belongs to the same leaf.
     goes_on: bool,
@@ -67,49 +64,32 @@ impl<'a> Leaf<'a> {
         self.0.iter().take_while(move |block| std::mem::replace(&mut goes_on, block.goes_on))
     }
 
-    /// A number that takes a look at each line of memory of the first block, so that it is fetched.
+    /// As [`Standing::touched`] of the first block.
     #[inline(always)]
     pub fn touched(self) -> f32 {
-        self.0.first().map_or(0.0, |block| {
-            block.position[0][0] + block.position[2][0] + block.normal[1][0] + block.stretch[0][0] + block.stretch[2][0] + block.inverse[7]
-        })
+        self.0.first().map_or(0.0, |block| block.standing.touched())
     }
 }
 
 impl Block {
-    const EMPTY: Self = {
-        let zeros = [[0.0; LANES]; 3];
-        Self { position: zeros, normal: zeros, stretch: zeros, inverse: [0.0; LANES], numbers: [0; LANES], goes_on: false }
-    };
+    const EMPTY: Self = Self { standing: Standing::NOWHERE, numbers: [0; LANES], goes_on: false };
 
     fn of(records: &[Reaching<'_>], numbers: &[u32]) -> Self {
         let mut block = Self::EMPTY;
         for (lane, number) in numbers.iter().enumerate() {
             let reaching = &records[*number as usize];
-            let record = reaching.record();
-            for (all, vector) in [(&mut block.position, record.position), (&mut block.normal, record.normal), (&mut block.stretch, record.stretch)] {
-                (0..3).for_each(|axis| all[axis][lane] = vector[axis]);
-            }
-            block.inverse[lane] = reaching.validity_radius().recip().min(MOST_PER_LENGTH);
+            block.standing.set(lane, reaching, reaching.record().stretch);
             block.numbers[lane] = *number;
         }
         block
     }
 
-    /// As [`Reaching::local_weight`] of compact weights; `turns` is one over the square of the accuracy, halved.
+    /// As [`Reaching::local_weight`] of compact weights.
     #[inline(always)]
-    pub fn weights<S: Simd>(&self, simd: S, [position, normal]: [Vectors<S>; 2], turns: f32) -> f32x8<S> {
+    pub fn weights<S: Simd>(&self, simd: S, at: [Vectors<S>; 2], accuracy: f32) -> f32x8<S> {
         let zero = f32x8::splat(simd, 0.0);
-        let facing = Vectors::load(simd, &self.normal);
-        let offset = position.minus(Vectors::load(simd, &self.position));
-        let (along, square) = (offset.dot(Vectors::load(simd, &self.stretch)), offset.dot(offset));
-        let inverse = f32x8::load_array_ref(simd, &self.inverse);
-        let per_area = inverse * inverse;
-        let apart = (square - along * along).max(zero) * per_area;
-        let difference = normal.minus(facing);
-        let turned = difference.dot(difference) * turns;
-        let behind = offset.dot(facing.plus(normal)) * 0.5;
-        let is_level = (behind * behind).simd_le(square * (FRONT_TOLERANCE * FRONT_TOLERANCE));
+        let Apart { across, per_area, turned, is_level, .. } = self.standing.apart(simd, at, accuracy, 1.0);
+        let apart = across * per_area;
         let counts = is_level & apart.simd_le(1.0) & turned.simd_le(1.0);
         counts.select((1.0 - apart.sqrt() - turned.sqrt()).max(zero) * per_area, zero)
     }

@@ -585,6 +585,16 @@ mod tests {
         }
     }
 
+    #[test]
+    fn blocks_cover_a_tile_with_the_fewest_packets() {
+        for [width, height] in [[18, 18], [36, 36], [1, 200], [200, 1], [13, 9], [512, 512], [24, 12]] {
+            let [across, down] = blocks([width, height]).map(|edge| edge as u32);
+            let packets = width.div_ceil(across) * height.div_ceil(down);
+            assert!(across * down <= RAYS as u32 && packets <= width.div_ceil(8) * height.div_ceil(8), "{width}×{height}: {across}×{down}");
+        }
+        assert_eq!(blocks([18, 18]), [6, 9]);
+    }
+
     fn view(position: Vec3, normal: Vec3) -> View {
         View { position, frame: Frame::new(normal.normalize_or(Vec3::Z)).turned(0.7) }
     }

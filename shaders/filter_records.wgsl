@@ -14,7 +14,7 @@ override TOLERANCE: f32 = 2.0;
 const FRONT = 0.05;
 const LEAST_ERROR = 1e-30;
 // Most entries of a list that are looked at: where all records reach each other, the work would grow with their square. The host takes those at one place for one.
-const MOST_LISTED = 4096u;
+const MOST_LISTED = 16384u;
 
 // What a record says of the irradiance at the place of another.
 fn told_at(other: Record, at: Record) -> vec3f {

@@ -1045,6 +1045,98 @@ fn resources_that_are_alive_at_once_never_share_memory_and_histories_never_do() 
     assert!(shared > 100, "sharing happens: {shared}");
 }
 
+/// A pipeline with dials.
+fn dialled(dials: &str) -> String {
+    nodes(FILL, "sum").trim_end().trim_end_matches(')').to_owned() + &format!("    dials: {{ {dials} }},\n)\n")
+}
+
+const DIAL: &str = r#""quality": Dial(about: "how wrong", written: 0.02, turns: { "gather.resolution": { 0.01: 128, 0.04: 32 }, "gather.shape": { 0.01: Hemicube, 0.02: Plane(fov: 90) } })"#;
+
+#[test]
+fn a_dial_turns_all_its_parameters() {
+    let text = dialled(DIAL);
+    let variant = r#"Variant(version: 1, about: "", of: "test.ron", set: { "quality": 0.04 })"#;
+    let bare = r#"Variant(version: 1, about: "", of: "test.ron", replace: { "gather": Gather(at: "seek") })"#;
+    let removed = r#"Variant(version: 1, about: "", of: "test.ron", remove: ["quality"])"#;
+    let more = r#"Variant(version: 1, about: "", of: "test.ron", dials: { "quality": Dial(turns: { "gather.resolution": { 0.01: 100, 0.04: 50 } }) })"#;
+    let files = [("test.ron", text.as_str()), ("variant.ron", variant), ("bare.ron", bare), ("removed.ron", removed), ("more.ron", more)];
+    let gather = |name: &str, sets: &[&str]| {
+        let pipeline = load_files(name, &files, sets, MOCKS).unwrap_or_else(|problems| panic!("{}", rendered(&problems)));
+        let plan = plan_for(&pipeline, &scene(true), &[]).unwrap_or_else(|problems| panic!("{}", rendered(&problems)));
+        let text = pipeline.to_ron();
+        let back = load_files("back.ron", &[("back.ron", &text)], &[], MOCKS).unwrap_or_else(|problems| panic!("{}", rendered(&problems)));
+        assert_eq!(back.to_ron(), text);
+        let gather = &plan.resolved.iter().find(|(node, _)| node == "gather").expect("a node").1;
+        (gather[1..].join(" "), pipeline.dials.len())
+    };
+    let found = |name: &str, sets: &[&str]| gather(name, sets).0;
+    assert_eq!(found("test.ron", &[]), "resolution: 64 shape: Plane(fov: 100)");
+    assert_eq!(found("test.ron", &["quality=0.01"]), "resolution: 128 shape: Hemicube");
+    assert_eq!(found("test.ron", &["quality=0.02"]), "resolution: 64 shape: Plane(fov: 90)");
+    assert_eq!(found("variant.ron", &[]), "resolution: 32 shape: Plane(fov: 90)");
+    // The last one counts.
+    assert_eq!(found("test.ron", &["gather.resolution=16", "quality=0.01"]), "resolution: 128 shape: Hemicube");
+    assert_eq!(found("test.ron", &["quality=0.01", "gather.resolution=16"]), "resolution: 16 shape: Hemicube");
+    // A node that is replaced is turned no longer, and a dial that turns nothing is none.
+    assert_eq!(gather("bare.ron", &[]).1, 0);
+    assert_eq!(gather("removed.ron", &[]).1, 0);
+    // A variant may have it turn more, or otherwise.
+    assert_eq!(found("more.ron", &["quality=0.01"]), "resolution: 100 shape: Hemicube");
+}
+
+/// Where a dial stands as written, it says what stands in the nodes.
+#[test]
+fn dials_that_ship_stand_where_they_say() {
+    let mut turned = 0;
+    for (name, _) in EMBEDDED {
+        let written = load_files(name, &[], &[], REGISTRY).unwrap();
+        for dial in &written.dials {
+            let at = |at: f64| {
+                load_files(name, &[], &[&format!("{}={at}", dial.name.text)], REGISTRY).unwrap_or_else(|problems| panic!("{}", rendered(&problems))).to_ron()
+            };
+            assert!(at(dial.written) == written.to_ron(), "{name}: {}", dial.name.text);
+            let (least, most) = dial.range().into_inner();
+            assert!(at(least) != written.to_ron() && at(most) != written.to_ron());
+            turned += 1;
+        }
+    }
+    assert!(turned > 5, "{turned}");
+}
+
+#[test]
+fn dials_are_refused_with_the_place() {
+    for (dials, set, codes) in [
+        (DIAL, "quality=0.1", &["pipeline::out_of_range"][..]),
+        (DIAL, "quality=fine", &["document::wrong_type"]),
+        (DIAL, "qualty=0.02", &["document::missing_key"]),
+        (r#""q": Dial(about: "", written: 0.1, turns: { "gather.resolution": { 0.01: 128, 0.04: 32 } })"#, "q=0.02", &["pipeline::out_of_range"]),
+        (r#""q": Dial(about: "", written: 0.01, turns: { "gather.resolution": { 0.01: 128, 0.010: 32 } })"#, "", &["document::duplicate_key"]),
+        (r#""q": Dial(about: "", written: 0.01, turns: { "gather.resolution": {} })"#, "", &["document::wrong_type"]),
+        (
+            r#""q": Dial(about: "", written: 0.01, turns: { "gather.resolution": { 0.01: 1, 1: 1.5 }, "gathr.shape": { 1: Hemicube } })"#,
+            "",
+            &["pipeline::out_of_range", "document::wrong_type", "pipeline::unknown_node"],
+        ),
+        (
+            r#""q": Dial(about: "", written: 0.01, turns: { "gather.rays": { 0.01: 1 } }), "q": Dial(about: "", written: 1, turns: {})"#,
+            "",
+            &["document::duplicate_key", "pipeline::unknown_parameter"],
+        ),
+        (
+            r#""q": (written: 1), "r.s": Dial(about: "")"#,
+            "",
+            &["document::wrong_type", "pipeline::invalid_name", "document::missing_key", "document::missing_key"],
+        ),
+    ] {
+        let text = dialled(dials);
+        let sets: Vec<&str> = (!set.is_empty()).then_some(set).into_iter().collect();
+        let problems = problems(load_files("test.ron", &[("test.ron", &text)], &sets, MOCKS));
+        assert_eq!(problems.0.iter().map(|problem| problem.code).collect::<Vec<_>>(), codes, "{}", rendered(&problems));
+    }
+    let problems = problems(load_files("test.ron", &[("test.ron", &dialled(DIAL))], &["quality=0.1", "qualty=0.02"], MOCKS));
+    insta::assert_snapshot!("dials", rendered(&problems));
+}
+
 #[test]
 fn a_written_pipeline_reads_back_as_the_same() {
     let reads_back = |pipeline: &Pipeline, registry: &Registry| {

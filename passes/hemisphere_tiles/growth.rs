@@ -14,17 +14,14 @@ use crate::scene::packets::RayBundle;
 use glam::Vec4;
 use std::collections::HashSet;
 
-/// How many times as fine along an edge tiles are that are finer than others.
-const FINER: u32 = 2;
-
 /// How sure tiles are to be.
 pub(super) struct Growth {
     /// Largest standard error of a tile's sum, as a share of it.
     quality: f32,
     /// Samples along an edge.
     resolution: u32,
-    /// The rays of finer tiles.
-    pub finer: RayBundle,
+    /// The rays of finer tiles: of those twice as fine along an edge, of those twice as fine as these, and so on. Never empty.
+    finer: Vec<RayBundle>,
 }
 
 /// What tiles have told.
@@ -44,20 +41,30 @@ struct Errors {
     tiles: f32,
     /// Sum of what they would be wrong by in the square, were they no finer.
     squares: f32,
+    /// Sum of [`Uncertainty::power`].
+    powers: f32,
 }
 
 impl Growth {
-    /// Of tiles of so many samples along an edge; None where finer ones would have more than tiles may.
-    pub fn new(quality: f32, resolution: u32) -> Option<Self> {
-        let finer = Table::new(Shape::Concentric, FINER * resolution, Method::None).ok()?;
-        Some(Self { quality, resolution, finer: RayBundle::new(&finer) })
+    /// Of tiles of so many samples along an edge, which may be up to `finest` times as fine; None where tiles may not be twice as fine.
+    pub fn new(quality: f32, resolution: u32, finest: u32) -> Option<Self> {
+        let times = (1..).map(|level| 1 << level).take_while(|times| *times <= finest);
+        let tables = times.map_while(|times| Table::new(Shape::Concentric, times * resolution, Method::None).ok());
+        let finer: Vec<RayBundle> = tables.map(|table| RayBundle::new(&table)).collect();
+        (!finer.is_empty()).then_some(Self { quality, resolution, finer })
     }
 
-    /// How many times as fine the tile of a place is to be.
+    /// How many times as fine the tile of a place is to be: as fine as makes it sure enough.
     pub fn times(&self, told: &Told, place: &Request) -> u32 {
-        let errors = told.cells.iter().find_map(|cells| cells.at(place));
-        let is_enough = |errors: &Errors| errors.squares <= errors.tiles * self.quality * self.quality;
-        if errors.is_none_or(is_enough) { 1 } else { FINER }
+        let Some(errors) = told.cells.iter().find_map(|cells| cells.at(place)) else { return 1 };
+        let all = Uncertainty { error: (errors.squares / errors.tiles).sqrt(), power: errors.powers / errors.tiles };
+        let finest = 1 << self.finer.len();
+        (0..self.finer.len()).map(|level| 1u32 << level).find(|times| all.refined(*times as f32) <= self.quality).unwrap_or(finest)
+    }
+
+    /// The rays of a tile so many times as fine; `plain` are those of one that is not.
+    pub fn bundle<'b>(&'b self, times: u32, plain: &'b RayBundle) -> &'b RayBundle {
+        times.ilog2().checked_sub(1).map_or(plain, |level| &self.finer[level as usize])
     }
 
     /// What a tile so many times as fine saw, in the strata of one as fine as others: the mean radiance of each, and the harmonic mean distance.
@@ -117,6 +124,7 @@ impl Told {
             let errors = cells.entry(place).or_default();
             errors.tiles += 1.0;
             errors.squares += square;
+            errors.powers += uncertainty.power;
         }
     }
 }
@@ -128,12 +136,27 @@ mod tests {
     use glam::Vec3;
 
     fn growth(quality: f32, resolution: u32) -> Growth {
-        Growth::new(quality, resolution).expect("small enough")
+        Growth::new(quality, resolution, 2).expect("small enough")
     }
 
     #[test]
     fn tiles_as_fine_as_may_be_do_not_grow() {
-        assert!(Growth::new(0.1, 256).is_some() && Growth::new(0.1, 257).is_none());
+        assert!(Growth::new(0.1, 256, 8).is_some_and(|growth| growth.finer.len() == 1) && Growth::new(0.1, 257, 8).is_none());
+    }
+
+    #[test]
+    fn tiles_are_as_fine_as_makes_them_sure() {
+        for (finest, expected) in [(2, [1, 2, 2, 2, 2]), (4, [1, 2, 4, 4, 4]), (7, [1, 2, 4, 4, 4]), (8, [1, 2, 4, 8, 8])] {
+            let growth = Growth::new(0.1, 8, finest).expect("small enough");
+            let times = [0.1, 0.19, 0.39, 0.41, 0.9].map(|error| {
+                let mut told = Told::nothing(100.0);
+                told.learn(&place(0.0, Vec3::Z), 1, wrong_by(error));
+                growth.times(&told, &place(0.1, Vec3::Z))
+            });
+            assert_eq!(times, expected, "{finest}");
+            let plain = RayBundle::new(&Table::new(Shape::Concentric, 8, Method::None).expect("a table"));
+            assert_eq!(times.map(|times| growth.bundle(times, &plain).samples), times.map(|times| 64 * (times * times) as usize));
+        }
     }
 
     /// A place along x, in a scene whose extent is 100.

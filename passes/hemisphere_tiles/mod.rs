@@ -120,9 +120,15 @@ static DESCRIPTION: Description = Description {
         },
         Parameter {
             name: "quality",
-            about: "standard error of a tile's sum, as a share of it, above which tiles beside it have four times the rays; 1e6 leaves all as they are; host",
+            about: "standard error of a tile's sum, as a share of it, above which tiles beside it are finer; 1e6 leaves all as they are; host",
             unit: "",
             kind: ParameterKind::Float { default: 1e6, min: 1e-4, max: 1e6 },
+        },
+        Parameter {
+            name: "finest",
+            about: "how many times as fine along an edge tiles may be for that: 2, 4 or 8, each as fine as it has to be",
+            unit: "",
+            kind: ParameterKind::Integer { default: 2, min: 2, max: 8 },
         },
         PLACE,
     ],
@@ -373,18 +379,19 @@ fn guide(e: &mut Encoder<'_>, work: &Work) -> Option<Guide> {
 fn growth(e: &mut Encoder<'_>, work: &Work, shaded: Place, is_steady: bool) -> Option<Growth> {
     let quality = e.arguments.float("quality");
     if quality >= ANY_QUALITY {
+        e.idle("finest", "all tiles are as fine as others");
         return None;
     }
     let because = match shaded {
         _ if work.is_raster || work.shape != Shape::Concentric => "only rays of the shape Concentric become more",
         Place::Device => "the device casts as many rays for all tiles",
         Place::Host if is_steady => "the tiles of a loop over the same places are seen once",
-        Place::Host => match Growth::new(quality as f32, work.table.width) {
+        Place::Host => match Growth::new(quality as f32, work.table.width, e.arguments.integer("finest") as u32) {
             Some(growth) => return Some(growth),
             None => "tiles of twice the resolution would be larger than tiles may",
         },
     };
-    e.idle("quality", because);
+    ["quality", "finest"].into_iter().for_each(|parameter| e.idle(parameter, because));
     None
 }
 

@@ -114,7 +114,7 @@ impl Steering {
 
     /// The rays of a tile besides more of some strata; those of one that is as fine as others are `plain`.
     pub fn bundle<'a>(&'a self, rays: &TileRays, plain: &'a RayBundle) -> &'a RayBundle {
-        self.growth.as_ref().filter(|_| rays.times > 1).map_or(plain, |growth| &growth.finer)
+        self.growth.as_ref().map_or(plain, |growth| growth.bundle(rays.times, plain))
     }
 
     /// What those have seen.

@@ -1,6 +1,7 @@
 //! Names, types, ranges and edges of a document against the registry of passes.
 
 use super::diagnostics::{Problem, known};
+use super::dial::Dial;
 use super::document::{self, Document, Override};
 use super::syntax::{Body, Field, Place, Value as Written, ValueKind, Word};
 use super::{Edge, Layer, Loop, Node, Origin, Pipeline, When, Work, graph, progress};
@@ -17,6 +18,7 @@ pub fn check(document: &Document, registry: &Registry, problems: &mut Vec<Proble
     let unique = checker.refuse_duplicates();
     let nodes = checker.nodes(&document.nodes, &mut 0);
     let outputs: Vec<Layer> = document.outputs.iter().filter_map(|(name, value)| checker.layer(name, value)).collect();
+    document.dials.iter().for_each(|dial| checker.dial(dial));
     if !unique {
         return None; // What an edge means is open: a cycle may be none.
     }
@@ -38,6 +40,7 @@ pub fn check(document: &Document, registry: &Registry, problems: &mut Vec<Proble
         reference,
         nodes,
         outputs,
+        dials: document.dials.clone(),
         specialise: document.specialise,
         place: document.place.clone(),
         notes: document.notes.clone(),
@@ -153,6 +156,38 @@ impl<'d> Checker<'d, '_> {
         let joined = description.inputs.iter().filter_map(|input| Some((input, written.get(input.name)?)));
         let edges = joined.flat_map(|(input, written)| self.edges(index, input, written)).collect();
         (arguments, edges, places)
+    }
+
+    /// Every value that a dial gives has to be one of its parameter.
+    fn dial(&mut self, dial: &Dial) {
+        for turn in &dial.turns {
+            let (word, path) = document::path_of(&turn.key);
+            let Some(description) = self.description_of(&word) else { continue };
+            for stop in &turn.stops {
+                let set = Override { key: turn.key.place.clone(), path: path.clone(), value: stop.value.clone() };
+                self.set(&word.text, description.name, &[], description.parameters, &mut Arguments::defaults(description.parameters), &set);
+            }
+        }
+    }
+
+    /// Tells that there is no such node, unless it may be one that could not be read.
+    fn refuse_node(&mut self, node: &str, place: &Place) {
+        if self.complete {
+            let problem = Problem::new("pipeline::unknown_node", format!("there is no node `{node}`"));
+            let help = known(node, self.entries.iter().map(|entry| entry.name.text.as_str()), "the nodes of the pipeline");
+            self.report(problem.at(place, "not a node").help(help));
+        }
+    }
+
+    /// None where there is no such node, which is told, or where its pass is not known.
+    fn description_of(&mut self, node: &Word) -> Option<&'static Description> {
+        match self.entries.iter().find(|entry| entry.name.text == node.text) {
+            Some(entry) => entry.description,
+            None => {
+                self.refuse_node(&node.text, &node.place);
+                None
+            }
+        }
     }
 
     fn refuse_missing(&mut self, node: &document::Node, description: &'static Description, written: &BTreeMap<&'static str, Written>) {
@@ -322,11 +357,7 @@ impl<'d> Checker<'d, '_> {
     /// The node and output that a reference means; None after an error here or in the node.
     fn resolve(&mut self, reference: &Reference) -> Option<(usize, &'static Output)> {
         let Some(index) = self.entries.iter().position(|entry| entry.name.text == reference.node) else {
-            if self.complete {
-                let problem = Problem::new("pipeline::unknown_node", format!("there is no node `{}`", reference.node));
-                let help = known(&reference.node, self.entries.iter().map(|entry| entry.name.text.as_str()), "the nodes of the pipeline");
-                self.report(problem.at(&reference.place, "not a node").help(help));
-            }
+            self.refuse_node(&reference.node, &reference.place);
             return None;
         };
         let description = self.entries[index].description?;

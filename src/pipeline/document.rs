@@ -1,14 +1,17 @@
 //! The pipeline file as written, before its names and types are checked; variants are resolved here.
 //!
 //! ```ron
-//! Pipeline(version: 1, about: "…", source: "…", specialise: true, nodes: [(name: "a", pass: Pass(parameter: 1, input: "node.output")), …], outputs: {"layer": "a"})
+//! Pipeline(version: 1, about: "…", source: "…", specialise: true, nodes: [(name: "a", pass: Pass(parameter: 1, input: "node.output")), …], outputs: {"layer": "a"},
+//!     dials: {"quality": Dial(…)})
 //! Variant(version: 1, about: "…", of: "other.ron", set: {"node.parameter": value}, replace: {"node": Pass(…)},
-//!     remove: ["node"], add: {"node": [(name: …, pass: …)]}, outputs: {…}, specialise: false)
+//!     remove: ["node"], add: {"node": [(name: …, pass: …)]}, outputs: {…}, dials: {…}, specialise: false)
 //! ```
 //!
-//! A variant removes, replaces, adds (after the node named) and sets, in this order; its outputs, if given, replace all others.
+//! A variant removes, replaces, adds (after the node named) and sets, in this order; its outputs, if given, replace all others. Its dials are added; one that there
+//! is turns more. Nodes that it removes or replaces are turned no longer; a dial can be removed like a node.
 
 use super::diagnostics::{Problem, known};
+use super::dial::Dial;
 use super::embedded;
 use super::grammar::{Grammar, Keys, named_fields};
 use super::loops::Loop;
@@ -36,6 +39,7 @@ pub struct Document {
     pub nodes: Vec<Node>,
     /// Layer and reference.
     pub outputs: Vec<(Word, Value)>,
+    pub dials: Vec<Dial>,
     /// See [`super::Pipeline::specialise`].
     pub specialise: bool,
     /// The name before the parentheses.
@@ -168,15 +172,16 @@ impl Reader<'_, '_> {
         if !self.grammar.version(head, fields) {
             return None;
         }
-        let keys = self.grammar.keys("Pipeline", &head.place, fields, &["version", "about", "source", "specialise", "nodes", "outputs"]);
+        let keys = self.grammar.keys("Pipeline", &head.place, fields, &["version", "about", "source", "specialise", "nodes", "outputs", "dials"]);
         let about = self.grammar.text(&keys, "about", true);
         let reference = self.grammar.text(&keys, "source", false);
         let specialise = self.grammar.flag(&keys, "specialise").unwrap_or(true);
         let nodes = self.grammar.required(&keys, "nodes").map(|value| self.nodes(value));
         self.complete &= nodes.is_some();
         let outputs = self.grammar.required(&keys, "outputs").map_or(Vec::new(), |value| self.outputs(value));
-        let nodes = nodes.unwrap_or_default();
-        Some(Document { name, about, of: None, reference, nodes, outputs, specialise, place: head.place.clone(), notes: Vec::new(), complete: self.complete })
+        let dials = self.dials(&keys, Vec::new());
+        let (nodes, place) = (nodes.unwrap_or_default(), head.place.clone());
+        Some(Document { name, about, of: None, reference, nodes, outputs, dials, specialise, place, notes: Vec::new(), complete: self.complete })
     }
 
     fn variant(&mut self, name: String, head: &Word, fields: &[Field]) -> Option<Document> {
@@ -187,7 +192,7 @@ impl Reader<'_, '_> {
             "Variant",
             &head.place,
             fields,
-            &["version", "about", "source", "of", "specialise", "set", "replace", "remove", "add", "outputs"],
+            &["version", "about", "source", "of", "specialise", "set", "replace", "remove", "add", "outputs", "dials"],
         );
         let about = self.grammar.text(&keys, "about", true);
         let of = self.grammar.required(&keys, "of").and_then(|value| self.grammar.word(value, "the name of a pipeline file"))?;
@@ -234,7 +239,9 @@ impl Reader<'_, '_> {
             let Some(word) = self.grammar.word(&key, "the name of a node") else { continue };
             let replacement = self.work(&value);
             if let (Some(node), Some((call, nodes))) = (self.node_of(document, &word), replacement) {
+                let gone = names(std::slice::from_ref(node));
                 *node = Node { name: node.name.clone(), call, overrides: Vec::new(), nodes };
+                leave_alone(document, &gone);
             }
         }
         for (key, value) in self.grammar.map(keys, "add") {
@@ -252,31 +259,66 @@ impl Reader<'_, '_> {
         if let Some(value) = keys.found.get("outputs") {
             document.outputs = self.outputs(value);
         }
+        document.dials = self.dials(keys, std::mem::take(&mut document.dials));
+    }
+
+    /// Adds dials to those that there are; one of the same name has these turns, too.
+    fn dials(&mut self, keys: &Keys<'_>, mut dials: Vec<Dial>) -> Vec<Dial> {
+        let mut seen: Vec<Word> = Vec::new();
+        for (key, value) in self.grammar.map(keys, "dials") {
+            let Some(name) = self.grammar.word(&key, "the name of a dial") else { continue };
+            self.check_name(&name, "a dial");
+            if let Some(first) = seen.iter().find(|first| first.text == name.text) {
+                let problem = Problem::new("document::duplicate_key", format!("two dials are called `{}`", name.text));
+                self.grammar.problems.push(problem.at(&name.place, "again here").at(&first.place, "first here"));
+                continue;
+            }
+            seen.push(name.clone());
+            let base = dials.iter().position(|dial| dial.name.text == name.text).map(|at| dials.remove(at));
+            dials.extend(Dial::read(&mut self.grammar, name, &value, base.as_ref()));
+        }
+        dials
     }
 
     fn remove(&mut self, value: &Value, document: &mut Document) {
         let ValueKind::List(items) = &value.kind else { return self.grammar.wrong_type(value, "a list of names of nodes") };
         for item in items {
             let Some(word) = self.grammar.word(item, "the name of a node") else { continue };
-            if self.node_of(document, &word).is_some() {
-                remove_node(&mut document.nodes, &word.text);
+            if document.dials.iter().any(|dial| dial.name.text == word.text) {
+                document.dials.retain(|dial| dial.name.text != word.text);
+                continue;
+            }
+            let Some(node) = self.node_of(document, &word) else { continue };
+            let gone = names(std::slice::from_ref(node));
+            remove_node(&mut document.nodes, &word.text);
+            leave_alone(document, &gone);
+        }
+    }
+
+    /// `key` is "node.parameter" or deeper, or a dial.
+    fn set(&mut self, document: &mut Document, key: &Word, value: Value) {
+        let (node, path) = path_of(key);
+        let sets = match document.dials.iter().find(|dial| dial.name.text == key.text) {
+            Some(dial) => dial.turned(&mut self.grammar, key, &value),
+            None if path.is_empty() => return self.refuse_bare(document, key),
+            None => vec![(node, Override { key: key.place.clone(), path, value })],
+        };
+        for (node, set) in sets {
+            if let Some(node) = self.node_of(document, &node) {
+                node.overrides.push(set);
             }
         }
     }
 
-    /// `key` is "node.parameter" or deeper.
-    fn set(&mut self, document: &mut Document, key: &Word, value: Value) {
-        let mut parts = key.text.split('.').map(str::to_owned);
-        let node = parts.next().unwrap_or_default();
-        let path: Vec<String> = parts.collect();
-        if path.is_empty() {
-            let problem = Problem::new("document::missing_key", format!("`{}` names no parameter", key.text));
-            return self.grammar.problems.push(problem.at(&key.place, "a node alone").help("write \"node.parameter\""));
-        }
-        let word = Word { text: node, place: key.place.clone() };
-        if let Some(node) = self.node_of(document, &word) {
-            node.overrides.push(Override { key: key.place.clone(), path, value });
-        }
+    /// A key that is neither a parameter nor a dial.
+    fn refuse_bare(&mut self, document: &Document, key: &Word) {
+        let problem = Problem::new("document::missing_key", format!("`{}` names no parameter", key.text));
+        let dials: Vec<&str> = document.dials.iter().map(|dial| dial.name.text.as_str()).collect();
+        let (label, help) = match dials[..] {
+            [] => ("a node alone", "write \"node.parameter\"".to_owned()),
+            _ => ("neither a parameter nor a dial", format!("write \"node.parameter\", or turn a dial: {}", dials.join(", "))),
+        };
+        self.grammar.problems.push(problem.at(&key.place, label).help(help));
     }
 
     fn node_of<'d>(&mut self, document: &'d mut Document, name: &Word) -> Option<&'d mut Node> {
@@ -389,6 +431,21 @@ impl Reader<'_, '_> {
             self.grammar.problems.push(problem.at(&name.place, "this name").help("names are made of letters, digits, `_` and `-`"));
         }
     }
+}
+
+/// "node.parameter", or deeper, as the node and the path in it.
+pub fn path_of(key: &Word) -> (Word, Vec<String>) {
+    let mut parts = key.text.split('.').map(str::to_owned);
+    let node = Word { text: parts.next().unwrap_or_default(), place: key.place.clone() };
+    (node, parts.collect())
+}
+
+/// No dial turns what these nodes have.
+fn leave_alone(document: &mut Document, nodes: &[String]) {
+    for dial in &mut document.dials {
+        dial.turns.retain(|turn| !nodes.contains(&path_of(&turn.key).0.text));
+    }
+    document.dials.retain(|dial| !dial.turns.is_empty());
 }
 
 /// Without `.` and `..` where names can tell, so that a file has one path.

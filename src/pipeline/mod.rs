@@ -5,6 +5,7 @@
 pub mod ahead;
 mod check;
 pub mod diagnostics;
+pub mod dial;
 pub mod document;
 pub mod embedded;
 pub mod export;
@@ -22,6 +23,7 @@ mod written;
 
 pub use check::expected;
 pub use diagnostics::{Problem, Problems};
+pub use dial::Dial;
 pub use document::ReadFile;
 pub use export::{Format, export};
 pub use loops::Loop;
@@ -43,6 +45,8 @@ pub struct Pipeline {
     pub reference: String,
     pub nodes: Vec<Node>,
     pub outputs: Vec<Layer>,
+    /// Numbers that turn several parameters together; those that are turned stand in the nodes already.
+    pub dials: Vec<Dial>,
     /// Whether plans leave out what a scene does not need; if not, they take it as if it needed everything.
     pub specialise: bool,
     /// Where the document begins.

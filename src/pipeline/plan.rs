@@ -2,7 +2,7 @@
 
 use super::ahead;
 use super::history::{self, Key, Shape, Shapes};
-use super::{Edge, Layer, Loop, Node, Pipeline, Problem, Problems, When, Work, graph::family};
+use super::{Dial, Edge, Layer, Loop, Node, Pipeline, Problem, Problems, When, Work, graph::family};
 use crate::contract::encoder::{Encoded, Encoder, Joined, Persistent, Reported, Setting};
 use crate::contract::{Input, Need, Port, PortKind, Refusal, Takes};
 use crate::math::bounces::Bounces;
@@ -26,6 +26,8 @@ pub struct Plan {
     pub about: String,
     /// See [`Pipeline::specialise`].
     pub specialised: bool,
+    /// See [`Pipeline::dials`].
+    pub dials: Vec<Dial>,
     pub schedule: Schedule,
     pub lifetimes: Lifetimes,
     pub placement: Placement,
@@ -591,6 +593,7 @@ impl<'a> Planner<'a> {
             pipeline: pipeline.name.clone(),
             about: pipeline.about.clone(),
             specialised: pipeline.specialise,
+            dials: pipeline.dials.clone(),
             dropped: members.iter().filter_map(|member| because(member.node)).collect(),
             bounces: bounces(members, self.dropped),
             by_albedo,
@@ -695,6 +698,9 @@ impl Plan {
         }
         for (layer, _) in &self.outputs {
             let _ = writeln!(text, "output {} from {}", layer.name, layer.from);
+        }
+        for dial in &self.dials {
+            let _ = writeln!(text, "dial {dial}");
         }
         if self.bounces.max(Bounces::Count(1)) != Bounces::Count(1) {
             let _ = writeln!(text, "bounces {}", self.bounces);

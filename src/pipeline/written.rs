@@ -1,6 +1,6 @@
 //! A checked pipeline as a document again: variants followed, changes applied, every default in its place.
 
-use super::{Edge, Node, Pipeline, When, Work};
+use super::{Dial, Edge, Node, Pipeline, When, Work};
 use std::fmt::Write;
 
 impl Pipeline {
@@ -14,8 +14,26 @@ impl Pipeline {
         for output in &self.outputs {
             let _ = writeln!(text, "        {}: {},", quoted(&output.name), quoted(&output.from.to_string()));
         }
-        text + "    },\n)\n"
+        text += "    },\n";
+        write_dials(&mut text, &self.dials);
+        text + ")\n"
     }
+}
+
+fn write_dials(text: &mut String, dials: &[Dial]) {
+    if dials.is_empty() {
+        return;
+    }
+    *text += "    dials: {\n";
+    for dial in dials {
+        let _ = writeln!(text, "        {}: Dial(about: {}, written: {}, turns: {{", quoted(&dial.name.text), quoted(&dial.about), dial.written);
+        for turn in &dial.turns {
+            let stops: Vec<String> = turn.stops.iter().map(|stop| format!("{}: {}", stop.at, stop.value.written())).collect();
+            let _ = writeln!(text, "            {}: {{ {} }},", quoted(&turn.key.text), stops.join(", "));
+        }
+        *text += "        }),\n";
+    }
+    *text += "    },\n";
 }
 
 fn write_node(text: &mut String, node: &Node, depth: usize) {

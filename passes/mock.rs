@@ -35,6 +35,7 @@ impl MockHost {
             up: Vec3::Y,
             field_of_view: FieldOfView::Horizontal(std::f32::consts::FRAC_PI_2),
             size: None,
+            sample: Default::default(),
         };
         let mut scene = Scene {
             name: String::new(),

@@ -101,7 +101,7 @@ fn camera(scene: &Scene, number: usize) -> Camera {
     let up = if direction.y.abs() > 0.99 { Vec3::X } else { Vec3::Y };
     let up = (up - direction * up.dot(direction)).normalize();
     let fov = (20.0 + 80.0 * random.next()).to_radians();
-    Camera { name: format!("view {number}"), eye: position, direction, up, field_of_view: FieldOfView::Shorter(fov), size: None }
+    Camera { name: format!("view {number}"), eye: position, direction, up, field_of_view: FieldOfView::Shorter(fov), size: None, sample: Default::default() }
 }
 
 /// A fan of slivers from needles to nothing over a floor of two huge triangles, lit from above.

@@ -483,7 +483,7 @@ fn specialisation_changes_no_picture() -> Outcome {
 }
 
 /// Another value for each parameter that a plan may call idle, by how it ends.
-const OTHER_VALUES: [(&str, &str); 12] = [
+const OTHER_VALUES: [(&str, &str); 13] = [
     (".taps", "4"),
     (".coefficients", "Half"),
     (".rotation", "DigonDeletion"),
@@ -496,6 +496,7 @@ const OTHER_VALUES: [(&str, &str); 12] = [
     (".photons", "9"),
     (".search_radius", "0.2"),
     (".share", "0.001"),
+    (".finest", "8"),
 ];
 
 /// A room with a lamp at a wall: most light comes from one bright spot.

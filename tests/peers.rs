@@ -174,7 +174,15 @@ fn scene(case: &Case) -> Result<Scene, Failed> {
 fn camera(camera: &CaseCamera) -> Camera {
     let direction = Vec3::from(camera.direction).normalize();
     let up = direction.cross(camera.up.into()).cross(direction).normalize();
-    Camera { name: "case".into(), eye: camera.eye.into(), direction, up, field_of_view: FieldOfView::Horizontal(camera.fov.to_radians()), size: None }
+    Camera {
+        name: "case".into(),
+        eye: camera.eye.into(),
+        direction,
+        up,
+        field_of_view: FieldOfView::Horizontal(camera.fov.to_radians()),
+        size: None,
+        sample: Default::default(),
+    }
 }
 
 fn ours(case: &Case) -> Result<Reference, Failed> {

@@ -471,8 +471,15 @@ fn scene(shadows: bool) -> Scene {
     use glam::{DVec3, Vec2, Vec3};
     let positions = [Vec3::ZERO, Vec3::X, Vec3::Y];
     let light = Light { name: "lamp".into(), kind: LightKind::Point { position: Vec3::Z, intensity: Vec3::ONE }, shadows };
-    let camera =
-        Camera { name: "camera".into(), eye: Vec3::Z * 3.0, direction: -Vec3::Z, up: Vec3::Y, field_of_view: FieldOfView::Horizontal(1.0), size: None };
+    let camera = Camera {
+        name: "camera".into(),
+        eye: Vec3::Z * 3.0,
+        direction: -Vec3::Z,
+        up: Vec3::Y,
+        field_of_view: FieldOfView::Horizontal(1.0),
+        size: None,
+        sample: Default::default(),
+    };
     Scene {
         name: "triangle".into(),
         triangles: vec![Triangle { positions, normals: [Vec3::Z; 3], uvs: [Vec2::ZERO; 3], material: 0 }],

@@ -408,7 +408,15 @@ fn room(scale: f32) -> Scene {
 fn camera(scale: f32) -> Camera {
     let direction = Vec3::new(-0.6, -0.25, -0.75).normalize();
     let up = direction.cross(Vec3::Y).cross(direction).normalize();
-    Camera { name: "corner".into(), eye: Vec3::new(0.95, 0.6, 0.95) * scale, direction, up, field_of_view: FieldOfView::Horizontal(1.3), size: None }
+    Camera {
+        name: "corner".into(),
+        eye: Vec3::new(0.95, 0.6, 0.95) * scale,
+        direction,
+        up,
+        field_of_view: FieldOfView::Horizontal(1.3),
+        size: None,
+        sample: Default::default(),
+    }
 }
 
 const SETTINGS: Settings = Settings { size: [24, 16], pixels: Pixels::Every(1), bounces: Bounces::Count(2), stop: Stop::Samples(64), seed: 3 };
@@ -590,7 +598,15 @@ fn floor_seen(material: Material, angle: f32, environment: f32, lights: Vec<Ligh
     let bvh = Bvh::build(&mut scene);
     let (sine, cosine) = angle.to_radians().sin_cos();
     let toward = Vec3::new(sine, cosine, 0.0);
-    let camera = Camera { name: "over".into(), eye: toward, direction: -toward, up: Vec3::Z, field_of_view: FieldOfView::Horizontal(1e-3), size: None };
+    let camera = Camera {
+        name: "over".into(),
+        eye: toward,
+        direction: -toward,
+        up: Vec3::Z,
+        field_of_view: FieldOfView::Horizontal(1e-3),
+        size: None,
+        sample: Default::default(),
+    };
     render(&scene, &bvh, &camera, &Settings { size: [1, 1], pixels: Pixels::Every(1), ..settings }, &|_| true).unwrap()
 }
 

@@ -11,7 +11,11 @@ fn main() {
     place::run(&Arguments::from_args(), DRAWN, TRACED);
 }
 
-const DRAWN: &[(&str, Case)] = &[("lobes_are_taken_by_their_albedo_where_nothing_renders_them", lobes_by_albedo), ("a_png_is_exposed_by_itself", exposed)];
+const DRAWN: &[(&str, Case)] = &[
+    ("lobes_are_taken_by_their_albedo_where_nothing_renders_them", lobes_by_albedo),
+    ("a_png_is_exposed_by_itself", exposed),
+    ("samples_cover_what_a_pixel_sees", samples),
+];
 
 const TRACED: &[(&str, Case)] = &[
     ("a_scene_without_light_gets_a_sky_and_a_note", dark),
@@ -32,6 +36,45 @@ fn scene(materials: &str, more: &str) -> String {
 }
 
 const DIFFUSE: &str = "\"floor\": Diffuse(reflectance: (0.6, 0.5, 0.4)), \"box\": Diffuse(reflectance: (0.2, 0.4, 0.7))";
+
+/// A shining half of the picture: its edge rises by two pixels in five. Each pixel has as much light as the edge leaves of it, of sixteen samples within a
+/// sixteenth; a filter blurs across the pixel's borders; nothing moves; and depth is that of one sample.
+fn samples() -> Outcome {
+    // The camera is 1 away, and the picture 20×20 pixels of 0.1.
+    let text = "Scene(version: 1, geometry: [Quad(corners: ((-9, -9, 0), (9, -9, 0), (9, 3.6, 0), (-9, -3.6, 0)), material: \"lamp\")],
+        materials: { \"lamp\": Emitter(radiance: (1, 1, 1)) },
+        cameras: { \"main\": (eye: (0, 0, 1), direction: (0, 0, -1), up: (0, 1, 0), fov: 90, size: (20, 20)) })";
+    let place = place(&[("edge.ron", text.to_owned())])?;
+    let direct = "Pipeline(version: 1, about: \"what surfaces emit\", nodes: [(name: \"gbuffer\", pass: GBuffer()), (name: \"image\", pass: Composite(gbuffer: \"gbuffer\"))],
+        outputs: { \"picture\": \"image\", \"depth\": \"gbuffer.depth\" })";
+    fs::write(place.0.path().join("seen.ron"), direct)?;
+    let drawn = |more: &str| -> Result<[Vec<f32>; 3], Failed> {
+        place.succeed(&format!("render seen.ron --scene edge.ron -o seen.exr --stats seen.json{more}"))?;
+        let picture = layers(&place, "seen.exr")?;
+        let plane = |layer: &str, name: &str| picture.layers[layer].channels[name].clone();
+        Ok([plane(PICTURE, "R"), plane(PICTURE, "A"), picture.layers["depth"].channels.values().next().expect("a plane").clone()])
+    };
+    // How much of a pixel is below the edge y = 0.4 x.
+    let below = |pixel: usize| {
+        let [left, top] = [(pixel % 20) as f64 * 0.1 - 1.0, 1.0 - (pixel / 20) as f64 * 0.1];
+        let column = |at: u32| (((0.4 * (left + (f64::from(at) + 0.5) / 1e4)) - (top - 0.1)) / 0.1).clamp(0.0, 1.0);
+        (0..1000).map(column).sum::<f64>() / 1000.0
+    };
+    let wrong = |light: &[f32]| light.iter().enumerate().map(|(pixel, light)| (f64::from(*light) - below(pixel)).abs()).fold(0.0, f64::max);
+    let [one, _, _] = drawn("")?;
+    check(one.iter().all(|light| [0.0, 1.0].contains(light)) && wrong(&one) > 0.4, || format!("{one:?}"))?;
+    let [light, alpha, depth] = drawn(" --samples 16")?;
+    check(wrong(&light) < 0.08, || format!("{} {light:?}", wrong(&light)))?;
+    check(light == alpha && depth.iter().all(|depth| *depth == 0.0 || (depth - 1.0).abs() < 1e-5), || format!("{alpha:?} {depth:?}"))?;
+    check(place.json("seen.json")?["samples"] == 16, || "not in the statistics".into())?;
+    for filter in ["tent", "blackman-harris"] {
+        let [blurred, _, _] = drawn(&format!(" --samples 64 --filter {filter}"))?;
+        let sums = [&blurred, &light].map(|light| light.iter().sum::<f32>());
+        check((sums[0] - sums[1]).abs() < 0.3 && wrong(&blurred) > 0.03 && wrong(&blurred) < 0.3, || format!("{filter}: {sums:?} {}", wrong(&blurred)))?;
+    }
+    let (status, _, said) = place.run("render seen.ron --scene edge.ron -o seen.exr --samples 0")?;
+    check(status == 2 && said.contains("1..=1024"), || said)
+}
 
 /// A metal, and a lobe without a diffuse part.
 const GLOSSY: &str = "\"floor\": MetallicRoughness(base: (0.6, 0.5, 0.4), metallic: 0.8, roughness: 0.3), \

@@ -71,7 +71,9 @@ impl Grid {
 
     /// Counts what was found and goes on to the next cells; the block from which on those are looked at.
     pub fn advance(&self, host: &mut dyn HostContext, work: &Work, found: Found) -> u32 {
-        let room = work.room(host, found.uncovered);
+        // A part of a pixel farther only slivers are seen for the first time, for which the rays of a later search's records are enough.
+        let is_left = self.finest > 1 && host.camera().0.sample.number > 0;
+        let room = if is_left { 0 } else { work.room(host, found.uncovered) };
         let requests = found.requests.min(room);
         host.set(work.requests.count, requests);
         host.set(work.requests.made, host.variable(work.requests.made) + requests);
@@ -111,6 +113,17 @@ mod tests {
 
     fn found(requests: u32, candidates: u32) -> Found {
         Found { requests, candidates, next_block: 77, uncovered: 0, any_missing: true }
+    }
+
+    #[test]
+    fn a_picture_has_records_of_its_first_sample_but_for_slivers() {
+        let work = work();
+        for (finest, number, expected) in [(1, 0, (5, 0)), (1, 3, (5, 0)), (2, 0, (5, 0)), (2, 3, (0, 1))] {
+            let (grid, mut host) = (Grid { finest, ..GRID }, host_at(4, 0));
+            host.scene.cameras[0].sample.number = number;
+            grid.advance(&mut host, &work, found(5, 5));
+            assert_eq!((host.variable(work.requests.count), host.variable(work.none)), expected, "{finest} {number}");
+        }
     }
 
     #[test]

@@ -22,8 +22,9 @@ pub(super) fn encode(e: &mut Encoder<'_>, work: &Work, grid: Grid) {
     let reads = [Read::whole(gbuffer.position), Read::whole(gbuffer.normal), Read::whole(sums)];
     e.host("search", &reads, &[places], move |host| {
         let before = host.state(asked).take().and_then(|pixels| pixels.downcast::<Vec<u32>>().ok()).unwrap_or_default();
-        let picture =
-            Picture { position: bytemuck::cast_slice(host.read(gbuffer.position)), sums: bytemuck::cast_slice(host.read(sums)), size, overlap: work.overlap };
+        // A part of a pixel farther any weight will do.
+        let overlap = if host.camera().0.sample.number > 0 { 0.0 } else { work.overlap };
+        let picture = Picture { position: bytemuck::cast_slice(host.read(gbuffer.position)), sums: bytemuck::cast_slice(host.read(sums)), size, overlap };
         let any_missing = host.variable(looked_over) != 0 || (0..picture.sums.len() as u32).into_par_iter().any(|pixel| picture.misses(pixel));
         let most = work.requests.capacity as usize;
         let some = picture.search(host.variable(grid.cell), host.variable(grid.phase), host.variable(start), most);

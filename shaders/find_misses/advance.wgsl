@@ -1,3 +1,4 @@
+#import lib/camera
 #import lib/search
 #import lib/variables
 
@@ -89,7 +90,11 @@ fn start_of_next() -> u32 {
 @compute @workgroup_size(1)
 fn advance() {
     count_stalled();
-    let most = room();
+    // A part of a pixel farther only slivers are seen for the first time, for which the rays of a later search's records are enough.
+    var most = 0u;
+    if FINEST == 1u || camera.sample == 0u {
+        most = room();
+    }
     let requests = min(counts[0], most);
     variables[COUNT] = requests;
     variables[MADE] += requests;

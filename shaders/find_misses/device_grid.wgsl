@@ -1,3 +1,4 @@
+#import lib/camera
 #import lib/random
 #import lib/record
 #import lib/search
@@ -22,7 +23,7 @@
 
 @group(0) @binding(8) var<storage, read_write> any_missing: atomic<u32>;
 
-// A pixel whose weights add up to this or less misses a record.
+// A pixel whose weights add up to this or less misses a record. A part of a pixel farther any weight will do.
 override OVERLAP: f32 = 0.0;
 
 const NONE = 0xffffffffu;
@@ -58,8 +59,12 @@ fn rank(local: vec2u) -> u32 {
     return u32(d.x * d.x + d.y * d.y) << 12u | local.y << 6u | local.x;
 }
 
+fn is_thin(pixel: vec2u) -> bool {
+    return textureLoad(sums, pixel, 0).w <= select(OVERLAP, 0.0, camera.sample > 0u);
+}
+
 fn misses(pixel: vec2u) -> bool {
-    return textureLoad(position, pixel, 0).w > 0.0 && textureLoad(sums, pixel, 0).w <= OVERLAP;
+    return textureLoad(position, pixel, 0).w > 0.0 && is_thin(pixel);
 }
 
 // Looks at all pixels.
@@ -137,7 +142,7 @@ fn search_small(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) gr
 fn uncovered(lane: u32) -> u32 {
     var missing = 0u;
     for (var i = lane; i < counts[0]; i += 256u) {
-        missing += u32(textureLoad(sums, pixel_of(picked[i]), 0).w <= OVERLAP);
+        missing += u32(is_thin(pixel_of(picked[i])));
     }
     return missing;
 }

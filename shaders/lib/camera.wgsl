@@ -10,14 +10,17 @@ struct FrameCamera {
     forward: vec3f,
     frame: u32,
     size: vec2u,
-    padding: vec2u,
+    shift: vec2f,
+    sample: u32,
+    padding: u32,
+    end: vec2u,
 }
 
 @group(1) @binding(9) var<uniform> camera: FrameCamera;
 
-// Direction through a pixel's centre; its component along the axis is 1.
+// Direction through a pixel's centre, but for the shift [pixels]; its component along the axis is 1.
 fn pixel_ray(pixel: vec2u) -> vec3f {
-    let at = (vec2f(pixel) + 0.5) / vec2f(camera.size) * 2.0 - 1.0;
+    let at = (vec2f(pixel) + 0.5 + camera.shift) / vec2f(camera.size) * 2.0 - 1.0;
     return camera.forward + camera.right * (at.x * camera.half_width) - camera.up * (at.y * camera.half_height);
 }
 
@@ -26,5 +29,7 @@ fn project(point: vec3f) -> vec4f {
     let local = point - camera.eye;
     let x = dot(local, camera.right) / camera.half_width;
     let y = dot(local, camera.up) / camera.half_height;
-    return vec4f(x, y, camera.near, dot(local, camera.forward));
+    let depth = dot(local, camera.forward);
+    let shift = 2.0 * camera.shift / vec2f(camera.size) * depth;
+    return vec4f(x - shift.x, y + shift.y, camera.near, depth);
 }

@@ -14,15 +14,18 @@ use super::scene::{SceneOptions, View};
 use super::timeline::{Frame, Plans, Timeline, TimelineOptions, camera_of_frame};
 use crate::gpu::{Gpu, GpuError, Pace};
 use crate::math::bounces::Bounces;
+use crate::math::pixel_filter::PixelFilter;
+use crate::measure::average::Average;
 use crate::measure::compare::{AdapterReport, dropped};
 use crate::measure::gap::Gap;
 use crate::measure::run::{FrameReport, PassReport, Run, RunError};
 use crate::measure::{Layers, cache};
 use crate::pipeline::Plan;
 use crate::reference::{LeftOut, left_out};
-use crate::scene::Camera;
+use crate::scene::{Camera, Sample};
 use crate::schedule::Device;
-use clap::Args;
+use clap::{Args, ValueEnum};
+use glam::DVec2;
 use serde_json::{Value, json};
 use std::cell::Cell;
 use std::collections::BTreeMap;
@@ -52,6 +55,12 @@ pub struct Options {
     /// Keep each frame within this time; pixels that no record has been made for by then are interpolated from farther ones
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     time: Option<Duration>,
+    /// Samples of each pixel, whose mean smooths edges. They share the records, so that each takes far less time than a picture. What is no light, such as depth, and --dump have one sample
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    samples: u16,
+    /// How far the samples of a pixel are spread
+    #[arg(long, value_name = "FILTER", value_enum, default_value_t = Filter::Box)]
+    filter: Filter,
     #[command(flatten)]
     exposure: ExposureOptions,
     /// Where to write: .exr, .png or .hdr; may be repeated
@@ -63,16 +72,42 @@ pub struct Options {
     /// Writes what this node, or node.output, made, beside the first output; may be repeated
     #[arg(long, value_name = "NODE")]
     dump: Vec<String>,
-    #[arg(long = "spp", hide = true, alias = "samples", value_name = "N", value_parser = no_samples)]
+    #[arg(long = "spp", hide = true, value_name = "N", value_parser = no_samples)]
     _spp: Option<String>,
     #[arg(long = "bounces", hide = true, value_name = "N", value_parser = no_bounces)]
     _bounces: Option<String>,
 }
 
+/// See [`PixelFilter`].
+#[derive(Clone, Copy, ValueEnum)]
+enum Filter {
+    /// Over the pixel's own area
+    Box,
+    /// To the neighbours' centres, less and less
+    Tent,
+    /// Over three pixels, by the window of Blackman and Harris
+    BlackmanHarris,
+}
+
+impl Filter {
+    fn offsets(self, samples: u16) -> Vec<DVec2> {
+        let filter = match self {
+            Self::Box => PixelFilter::Box,
+            Self::Tent => PixelFilter::Tent,
+            Self::BlackmanHarris => PixelFilter::BlackmanHarris,
+        };
+        filter.offsets(samples.into())
+    }
+
+    fn name(self) -> String {
+        self.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
+    }
+}
+
 /// What other renderers have, and what is there instead.
 fn no_samples(_: &str) -> Result<String, String> {
-    Err("a pipeline traces rays for records, not for pixels: `--set tiles.resolution=N` sets the rays of each record, and \
-        `--set cache.accuracy=A` how many records there are; `hemisplat reference --spp N` traces rays per pixel"
+    Err("a pipeline traces rays for records, not for pixels: `--set quality=Q` or `--set tiles.resolution=N` sets the rays of each record; `--samples N` \
+        smooths edges; `hemisplat reference --spp N` traces rays per pixel"
         .to_owned())
 }
 
@@ -194,8 +229,7 @@ impl<'o> Film<'o> {
         }
         let camera = camera_of_frame(self.view, frame);
         run.switch_to(plans.of_frame(frame)).map_err(Failure::of_run)?;
-        run.set_camera(camera);
-        let drawn = self.draw(frame, run);
+        let drawn = self.draw(frame, camera, run);
         // Records that a faulty frame leaves are not for other runs; those of one that was given up are whole.
         self.is_faulty = matches!(&drawn, Err(error) if !matches!(error, RunError::Gpu(GpuError::Interrupted)));
         let (report, picture) = drawn.map_err(Failure::of_run)?;
@@ -222,8 +256,8 @@ impl<'o> Film<'o> {
         found
     }
 
-    /// The frame's numbers and layers, all of them finite.
-    fn draw(&self, frame: &Frame, run: &mut Run<'_>) -> Result<(FrameReport, Layers), RunError> {
+    /// The frame's numbers and layers, all of them finite, and where its pixels are.
+    fn draw(&self, frame: &Frame, camera: &Camera, run: &mut Run<'_>) -> Result<(FrameReport, Layers), RunError> {
         let start = Instant::now();
         let progress = Progress::open_ended(self.console, &format!("frame {}", frame.number));
         let rounds = Cell::new(0);
@@ -236,7 +270,21 @@ impl<'o> Film<'o> {
                 None => Pace::GoOn,
             }
         };
-        Ok((run.frame(&pace)?, run.picture()?))
+        let mut shoot = |number: usize, offset: &DVec2| {
+            let sample = Sample { number: number as u32, shift: offset.as_vec2() };
+            run.set_camera(&Camera { sample, ..camera.clone() });
+            let report = run.frame(&pace)?;
+            Ok::<_, RunError>((report, run.picture()?.seen_through(camera, &self.view.scene, self.view.size)))
+        };
+        let offsets = self.options.filter.offsets(self.options.samples);
+        let (mut report, first) = shoot(0, &offsets[0])?;
+        let mut picture = Average::of(first);
+        for (number, offset) in offsets.iter().enumerate().skip(1) {
+            let (next, shifted) = shoot(number, offset)?;
+            report = report.and(next);
+            picture.add(&shifted);
+        }
+        Ok((report, picture.mean()))
     }
 
     fn note_gap(&mut self, frame: &Frame, report: &FrameReport) {
@@ -336,7 +384,6 @@ impl Targets {
     }
 
     fn write(&self, options: &Options, view: &View, run: &Run<'_>, frame: &Frame, picture: Layers, exposure: f32) -> Result<(), Failure> {
-        let picture = picture.seen_through(camera_of_frame(view, frame), &view.scene, view.size);
         let picture = Layers { attributes: attributes(options, view, run.plan(), frame), ..picture };
         self.0.iter().try_for_each(|target| target.write(&picture, exposure))?;
         let Some(first) = self.0.first() else { return Ok(()) };
@@ -366,6 +413,9 @@ fn attributes(options: &Options, view: &View, plan: &Plan, frame: &Frame) -> BTr
     attributes.extend(own.map(|(name, value)| (name.to_owned(), value)));
     // What a picture with these depends on besides is not in the file: other frames, other runs, the machine's speed.
     attributes.extend(options.time.map(|time| ("time".to_owned(), time.as_secs_f64().to_string())));
+    if options.samples > 1 {
+        attributes.extend([("samples", options.samples.to_string()), ("filter", options.filter.name())].map(|(name, value)| (name.to_owned(), value)));
+    }
     attributes.extend(options.cache.as_ref().map(|cache| ("cache".to_owned(), cache.display().to_string())));
     attributes
 }
@@ -405,6 +455,7 @@ fn statistics(film: &Film<'_>, run: &Run<'_>, gpu: &Gpu, start_up: &StartUp, com
         "triangles": view.scene.triangles.len(),
         "adapter": AdapterReport::from(&gpu.adapter),
         "size": view.size,
+        "samples": film.options.samples,
         "complete": complete,
         "frames": film.frames,
         "start_up": {

@@ -108,7 +108,11 @@ host_struct! {
         /// Counts from 0.
         frame: u32,
         size: [u32; 2],
-        padding: [u32; 2],
+        /// See [`Sample`](crate::scene::Sample).
+        shift: [f32; 2],
+        sample: u32,
+        padding: u32,
+        end: [u32; 2],
     }
 }
 
@@ -402,6 +406,9 @@ pub fn camera(camera: &Camera, size: [u32; 2], extent: f32, frame: u32) -> Frame
         forward: camera.direction.into(),
         frame,
         size,
-        padding: [0; 2],
+        shift: camera.sample.shift.into(),
+        sample: camera.sample.number,
+        padding: 0,
+        end: [0; 2],
     }
 }

@@ -14,6 +14,7 @@ pub mod morton;
 #[cfg(test)]
 mod oracle;
 pub mod outline;
+pub mod pixel_filter;
 pub mod projection;
 pub mod radiance;
 pub mod radius;

@@ -1,5 +1,6 @@
 //! What came out, and how good it is: layered pictures, the curve that shows them, and the errors against a reference.
 
+pub mod average;
 pub mod bands;
 mod blocks;
 pub mod cache;

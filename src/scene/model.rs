@@ -174,6 +174,17 @@ pub struct Camera {
     pub field_of_view: FieldOfView,
     /// The size that the file suggests [pixels].
     pub size: Option<[u32; 2]>,
+    /// Which of a picture's samples it takes; where a picture has one, it is the centre of each pixel.
+    pub sample: Sample,
+}
+
+/// One of the samples of each pixel.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Sample {
+    /// How many came before it.
+    pub number: u32,
+    /// How far it is from the pixel's centre, to the right and down [pixels].
+    pub shift: Vec2,
 }
 
 /// The angle that the camera's file states; the other follows from the picture's aspect [radians].
@@ -204,11 +215,11 @@ impl Camera {
         self.direction.cross(self.up).normalize_or_zero()
     }
 
-    /// Direction through the centre of a pixel, not normalised: its component along `direction` is 1.
+    /// Direction through the sample of a pixel, not normalised: its component along `direction` is 1.
     pub fn pixel_ray(&self, size: [u32; 2], pixel: [u32; 2]) -> Vec3 {
         let half = self.half_extent(size);
-        let x = ((pixel[0] as f32 + 0.5) / size[0] as f32 * 2.0 - 1.0) * half.x;
-        let y = (1.0 - (pixel[1] as f32 + 0.5) / size[1] as f32 * 2.0) * half.y;
+        let x = ((pixel[0] as f32 + 0.5 + self.sample.shift.x) / size[0] as f32 * 2.0 - 1.0) * half.x;
+        let y = (1.0 - (pixel[1] as f32 + 0.5 + self.sample.shift.y) / size[1] as f32 * 2.0) * half.y;
         self.direction + self.right() * x + self.up * y
     }
 }

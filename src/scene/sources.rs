@@ -203,7 +203,15 @@ mod tests {
     use glam::Vec2;
 
     fn scene(triangles: Vec<Triangle>, lights: Vec<LightKind>, environment: Environment) -> Scene {
-        let camera = Camera { name: String::new(), eye: Vec3::ZERO, direction: Vec3::X, up: Vec3::Y, field_of_view: FieldOfView::Shorter(1.0), size: None };
+        let camera = Camera {
+            name: String::new(),
+            eye: Vec3::ZERO,
+            direction: Vec3::X,
+            up: Vec3::Y,
+            field_of_view: FieldOfView::Shorter(1.0),
+            size: None,
+            sample: Default::default(),
+        };
         let lights = lights.into_iter().map(|kind| Light { name: String::new(), kind, shadows: true }).collect();
         let lamp = |two_sided| Material { emission: Vec3::new(1.0, 2.0, 3.0), two_sided, ..Material::diffuse("lamp", Vec3::ONE) };
         Scene {

@@ -350,5 +350,6 @@ fn framing_camera(bounds: Bounds) -> Camera {
         up,
         field_of_view: FieldOfView::Shorter(angle),
         size: None,
+        sample: Default::default(),
     }
 }

@@ -424,8 +424,15 @@ impl Reader<'_> {
         let direction = self.axis(map, DVec3::NEG_Z, &name)?;
         let up = self.axis(map, DVec3::Y, &name)?.reject_from_normalized(direction).try_normalize();
         let up = up.ok_or_else(|| broken(self.path, &format!("the transform of `{name}` is flat")))?;
-        let camera =
-            Camera { name, eye: Vec3::ZERO, direction: direction.as_vec3(), up: up.as_vec3(), field_of_view: FieldOfView::Vertical(lens.yfov()), size: None };
+        let camera = Camera {
+            name,
+            eye: Vec3::ZERO,
+            direction: direction.as_vec3(),
+            up: up.as_vec3(),
+            field_of_view: FieldOfView::Vertical(lens.yfov()),
+            size: None,
+            sample: Default::default(),
+        };
         self.draft.cameras.push((camera, map.transform_point3(DVec3::ZERO)));
         Ok(())
     }

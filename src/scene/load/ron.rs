@@ -977,6 +977,7 @@ impl<'a> Reader<'a> {
             up: upright.normalize().as_vec3(),
             field_of_view: FieldOfView::Horizontal(angle.to_radians() as f32),
             size,
+            sample: Default::default(),
         };
         self.draft.cameras.push((camera, eye));
         Ok(())

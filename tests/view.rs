@@ -72,6 +72,9 @@ fn samples() -> Outcome {
         let sums = [&blurred, &light].map(|light| light.iter().sum::<f32>());
         check((sums[0] - sums[1]).abs() < 0.3 && wrong(&blurred) > 0.03 && wrong(&blurred) < 0.3, || format!("{filter}: {sums:?} {}", wrong(&blurred)))?;
     }
+    place.succeed("render seen.ron --scene edge.ron -o one.exr")?;
+    let (_, said) = place.succeed("diff seen.exr:picture one.exr:picture")?;
+    check(said.contains("note: one picture has 64 samples a pixel (blackman-harris), the other one sample a pixel"), || said)?;
     let (status, _, said) = place.run("render seen.ron --scene edge.ron -o seen.exr --samples 0")?;
     check(status == 2 && said.contains("1..=1024"), || said)
 }

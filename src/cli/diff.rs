@@ -85,12 +85,26 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     let parts = method.zip(left_out).map(|(method, left_out)| Parts { left_out, method });
     let test = test.told_to_hold(options.bounces);
     let errors = judged(&test, &reference, variance.as_ref())?;
+    note_samples(&test.picture, &reference.picture, console);
     console.print(&(table(&test.file.path, &reference.file.path, &errors) + &parts.as_ref().map_or_else(String::new, Parts::table)))?;
     if let Some(json) = json {
         let [test, reference] = [&test, &reference].map(|input| input.file.path.display().to_string());
         json.write_json(&Comparison { test, reference, errors: &errors, parts: parts.as_ref() })?;
     }
     judge(&errors, &options.fail_above)
+}
+
+/// Pixels of several samples are not the same thing as pixels of one.
+fn note_samples(test: &Layers, reference: &Layers, console: &Console) {
+    let spread = |picture: &Layers| ["samples", "filter"].map(|name| picture.attributes.get(name).cloned());
+    let told = |[samples, filter]: [Option<String>; 2]| match samples {
+        Some(samples) => format!("{samples} samples a pixel ({})", filter.unwrap_or_default()),
+        None => "one sample a pixel".to_owned(),
+    };
+    let [own, other] = [test, reference].map(spread);
+    if own != other {
+        console.note(&format!("note: one picture has {}, the other {}: they differ at edges", told(own), told(other)));
+    }
 }
 
 /// A picture file and the layer that the user named after it.

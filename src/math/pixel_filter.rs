@@ -10,7 +10,7 @@ pub enum PixelFilter {
     Box,
     /// Less from the centre outward, to 0 at the neighbours' centres: two pixels wide.
     Tent,
-    /// The window of Blackman and Harris (1978), three pixels wide: hardly any jags, a little softer.
+    /// The window of Blackman and Harris, of four terms (Harris 1978), three pixels wide: hardly any jags, a little softer.
     BlackmanHarris,
 }
 

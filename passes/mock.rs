@@ -159,5 +159,5 @@ pub fn record() -> Record {
 
 /// A cache in resource 0 whose records variable 0 counts.
 pub fn cache(capacity: u32) -> port::RecordCache {
-    port::RecordCache { records: Resource(0), coefficients: None, count: Variable(0), capacity, weighting: Resource(1), rule: rule() }
+    port::RecordCache { records: Resource(0), coefficients: None, count: Variable(0), capacity, weighting: Resource(1), rule: rule(), lasts: true }
 }

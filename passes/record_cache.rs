@@ -167,6 +167,7 @@ impl Pass for RecordCache {
             capacity,
             weighting: e.constant_buffer("weighting", bytemuck::bytes_of(&Weighting::from(&rule))),
             rule,
+            lasts,
         };
         e.output("cache", Port::RecordCache(cache));
         Ok(())

@@ -606,6 +606,7 @@ fn splatted(stage: &Stage, records: &[Record], rule: Rule, size: [u32; 2], (by, 
     graph.node("gbuffer", "GBuffer", &[], &[])?;
     let uniform = Weighting::from(&rule);
     let cache = port::RecordCache {
+        lasts: true,
         records: graph.buffer("records", bytemuck::cast_slice(records)),
         coefficients: None,
         count: graph.variable("count"),
@@ -689,6 +690,7 @@ fn filtered(stage: &Stage, records: &[Record], size: [u32; 2], place: &str) -> R
     let mut graph = Graph::new(stage, size);
     let rule = rule(weight::Weighting::Compact, 40.0);
     let cache = port::RecordCache {
+        lasts: true,
         records: graph.buffer("records", bytemuck::cast_slice(records)),
         coefficients: None,
         count: graph.variable("count"),

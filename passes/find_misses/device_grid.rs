@@ -46,6 +46,7 @@ impl Search {
             .constant("HEIGHT", self.size[1])
             .constant("SMALL", SMALL)
             .constant("FINEST", grid.finest)
+            .constant("LASTS", work.cache.lasts as u8)
             .constant("MOST_REQUESTS", self.capacity)
             .constant("MOST_MADE", requests.at_most)
             .constant("MOST_RECORDS", work.cache.capacity)
@@ -93,6 +94,7 @@ pub(super) fn encode(e: &mut Encoder<'_>, work: &Work, grid: Grid) {
     e.before_loop(Command::Clear(tallies));
     let program = Program::new("find_misses/device_grid")
         .constant("OVERLAP", work.overlap)
+        .constant("LASTS", work.cache.lasts as u8)
         .bind("grid", round)
         .bind("position", work.gbuffer.position)
         .bind("normal", work.gbuffer.normal)

@@ -72,7 +72,7 @@ impl Grid {
     /// Counts what was found and goes on to the next cells; the block from which on those are looked at.
     pub fn advance(&self, host: &mut dyn HostContext, work: &Work, found: Found) -> u32 {
         // A part of a pixel farther only slivers are seen for the first time, for which the rays of a later search's records are enough.
-        let is_left = self.finest > 1 && host.camera().0.sample.number > 0;
+        let is_left = self.finest > 1 && work.has_earlier_samples(host);
         let room = if is_left { 0 } else { work.room(host, found.uncovered) };
         let requests = found.requests.min(room);
         host.set(work.requests.count, requests);
@@ -101,6 +101,7 @@ impl Grid {
 mod tests {
     use super::super::tests::work;
     use super::*;
+    use crate::contract::port;
     use crate::passes::mock::MockHost;
 
     const GRID: Grid = Grid { coarsest: 4, finest: 1, cell: Variable(10), phase: Variable(11), idle: Variable(12) };
@@ -118,9 +119,11 @@ mod tests {
     #[test]
     fn a_picture_has_records_of_its_first_sample_but_for_slivers() {
         let work = work();
-        for (finest, number, expected) in [(1, 0, (5, 0)), (1, 3, (5, 0)), (2, 0, (5, 0)), (2, 3, (0, 1))] {
+        for (finest, number, lasts, expected) in [(1, 0, true, (5, 0)), (1, 3, true, (5, 0)), (2, 0, true, (5, 0)), (2, 3, true, (0, 1)), (2, 3, false, (5, 0))]
+        {
             let (grid, mut host) = (Grid { finest, ..GRID }, host_at(4, 0));
             host.scene.cameras[0].sample.number = number;
+            let work = Work { cache: port::RecordCache { lasts, ..work.cache }, ..work };
             grid.advance(&mut host, &work, found(5, 5));
             assert_eq!((host.variable(work.requests.count), host.variable(work.none)), expected, "{finest} {number}");
         }

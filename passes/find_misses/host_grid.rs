@@ -23,7 +23,7 @@ pub(super) fn encode(e: &mut Encoder<'_>, work: &Work, grid: Grid) {
     e.host("search", &reads, &[places], move |host| {
         let before = host.state(asked).take().and_then(|pixels| pixels.downcast::<Vec<u32>>().ok()).unwrap_or_default();
         // A part of a pixel farther any weight will do.
-        let overlap = if host.camera().0.sample.number > 0 { 0.0 } else { work.overlap };
+        let overlap = if work.has_earlier_samples(host) { 0.0 } else { work.overlap };
         let picture = Picture { position: bytemuck::cast_slice(host.read(gbuffer.position)), sums: bytemuck::cast_slice(host.read(sums)), size, overlap };
         let any_missing = host.variable(looked_over) != 0 || (0..picture.sums.len() as u32).into_par_iter().any(|pixel| picture.misses(pixel));
         let most = work.requests.capacity as usize;

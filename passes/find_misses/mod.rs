@@ -100,6 +100,11 @@ struct Work {
 }
 
 impl Work {
+    /// Whether the cache has the records of a picture whose rays were a part of a pixel away.
+    fn has_earlier_samples(&self, host: &dyn HostContext) -> bool {
+        self.cache.lasts && host.camera().0.sample.number > 0
+    }
+
     /// How many more records there may be: this frame's limit, the cache, the time given to the frame and what the round before has brought
     /// set bounds. Of the pixels that asked for a record then, `uncovered` miss one still. Without room the loop must end.
     fn room(&self, host: &mut dyn HostContext, uncovered: u32) -> u32 {

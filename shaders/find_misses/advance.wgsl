@@ -14,6 +14,8 @@ override HEIGHT: u32 = 1u;
 // Cells up to this edge take one lane each.
 override SMALL: u32 = 1u;
 override FINEST: u32 = 1u;
+// Whether the cache has the records of earlier samples of a picture.
+override LASTS: bool = true;
 override MOST_REQUESTS: u32 = 1u;
 override MOST_MADE: u32 = 1u;
 override MOST_RECORDS: u32 = 1u;
@@ -92,7 +94,7 @@ fn advance() {
     count_stalled();
     // A part of a pixel farther only slivers are seen for the first time, for which the rays of a later search's records are enough.
     var most = 0u;
-    if FINEST == 1u || camera.sample == 0u {
+    if FINEST == 1u || !LASTS || camera.sample == 0u {
         most = room();
     }
     let requests = min(counts[0], most);

@@ -25,6 +25,8 @@
 
 // A pixel whose weights add up to this or less misses a record. A part of a pixel farther any weight will do.
 override OVERLAP: f32 = 0.0;
+// Whether the cache has the records of earlier samples of a picture.
+override LASTS: bool = true;
 
 const NONE = 0xffffffffu;
 
@@ -60,7 +62,7 @@ fn rank(local: vec2u) -> u32 {
 }
 
 fn is_thin(pixel: vec2u) -> bool {
-    return textureLoad(sums, pixel, 0).w <= select(OVERLAP, 0.0, camera.sample > 0u);
+    return textureLoad(sums, pixel, 0).w <= select(OVERLAP, 0.0, LASTS && camera.sample > 0u);
 }
 
 fn misses(pixel: vec2u) -> bool {

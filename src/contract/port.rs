@@ -300,6 +300,8 @@ pub struct RecordCache {
     /// The rule as a uniform buffer.
     pub weighting: Resource,
     pub rule: Rule,
+    /// Whether records of earlier frames, and of earlier samples of this one, are there.
+    pub lasts: bool,
 }
 
 /// What can be asked for the irradiance of indirect light at any point and normal.

@@ -137,7 +137,7 @@ impl Turn {
         let (Some(from), Some(to)) = (number(&below.value), number(&next.value)) else { return Err(&below.value) };
         let share = (at / below.at).ln() / (next.at / below.at).ln();
         let between = if from > 0.0 && to > 0.0 { from * (to / from).powf(share) } else { from + (to - from) * share };
-        let is_whole = |value: &Value| value.written().bytes().all(|c| c.is_ascii_digit());
+        let is_whole = |value: &Value| value.written().trim_start_matches('-').bytes().all(|c| c.is_ascii_digit());
         let text = if is_whole(&below.value) && is_whole(&next.value) { format!("{}", between.round()) } else { format!("{between}") };
         Ok(ValueKind::Number(text))
     }

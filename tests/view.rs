@@ -75,6 +75,10 @@ fn samples() -> Outcome {
     place.succeed("render seen.ron --scene edge.ron -o one.exr")?;
     let (_, said) = place.succeed("diff seen.exr:picture one.exr:picture")?;
     check(said.contains("note: one picture has 64 samples a pixel (blackman-harris), the other one sample a pixel"), || said)?;
+    // The rays of a reference are through one point of each pixel.
+    place.succeed("reference --scene edge.ron --spp 4 -o truth.exr")?;
+    let (_, said) = place.succeed("diff one.exr:picture truth.exr:picture")?;
+    check(!said.contains("samples a pixel"), || said)?;
     let (status, _, said) = place.run("render seen.ron --scene edge.ron -o seen.exr --samples 0")?;
     check(status == 2 && said.contains("1..=1024"), || said)
 }

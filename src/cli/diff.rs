@@ -4,6 +4,7 @@ use super::console::Console;
 use super::failure::{CommandError, Failure};
 use super::input::{NamedFile, read_picture};
 use super::output::{Target, expect_distinct};
+use super::render::{PIXEL_FILTER, PIXEL_SAMPLES};
 use crate::math::bounces::Bounces;
 use crate::measure::metrics::{Definition, Told, other_view};
 use crate::measure::{Errors, IRRADIANCE, Layers, PICTURE, Selected, compare_layers};
@@ -96,7 +97,7 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
 
 /// Pixels of several samples are not the same thing as pixels of one.
 fn note_samples(test: &Layers, reference: &Layers, console: &Console) {
-    let spread = |picture: &Layers| ["samples", "filter"].map(|name| picture.attributes.get(name).cloned());
+    let spread = |picture: &Layers| [PIXEL_SAMPLES, PIXEL_FILTER].map(|name| picture.attributes.get(name).cloned());
     let told = |[samples, filter]: [Option<String>; 2]| match samples {
         Some(samples) => format!("{samples} samples a pixel ({})", filter.unwrap_or_default()),
         None => "one sample a pixel".to_owned(),

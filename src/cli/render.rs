@@ -78,6 +78,10 @@ pub struct Options {
     _bounces: Option<String>,
 }
 
+/// Attributes of a picture whose pixels have several samples; `samples` are the rays of a reference, all of them through one point.
+pub const PIXEL_SAMPLES: &str = "pixel-samples";
+pub const PIXEL_FILTER: &str = "pixel-filter";
+
 /// See [`PixelFilter`].
 #[derive(Clone, Copy, ValueEnum)]
 enum Filter {
@@ -414,7 +418,7 @@ fn attributes(options: &Options, view: &View, plan: &Plan, frame: &Frame) -> BTr
     // What a picture with these depends on besides is not in the file: other frames, other runs, the machine's speed.
     attributes.extend(options.time.map(|time| ("time".to_owned(), time.as_secs_f64().to_string())));
     if options.samples > 1 {
-        attributes.extend([("samples", options.samples.to_string()), ("filter", options.filter.name())].map(|(name, value)| (name.to_owned(), value)));
+        attributes.extend([(PIXEL_SAMPLES, options.samples.to_string()), (PIXEL_FILTER, options.filter.name())].map(|(name, value)| (name.to_owned(), value)));
     }
     attributes.extend(options.cache.as_ref().map(|cache| ("cache".to_owned(), cache.display().to_string())));
     attributes

@@ -30,6 +30,9 @@ impl Average {
     }
 
     pub fn mean(mut self) -> Layers {
+        if self.pictures == 1 {
+            return self.sum;
+        }
         let share = 1.0 / self.pictures as f32;
         for (_, plane) in self.sum.layers.values_mut().flat_map(averaged) {
             plane.iter_mut().for_each(|value| *value *= share);

@@ -24,10 +24,8 @@ pub(super) fn table(resolution: u32) -> Table {
     for (row, column) in grid(resolution, resolution) {
         builder.place(row * resolution + column, sample(resolution, column, row), 1.0);
     }
-    for quarter_turns in 0..4 {
-        let sector = Sector { resolution, quarter_turns, rule: &rule };
-        (resolution / 2..resolution).for_each(|ring| sector.add_ring(&mut builder, ring));
-    }
+    let sector = Sector { resolution, rule: &rule };
+    (resolution / 2..resolution).for_each(|ring| sector.add_ring(&mut builder, ring));
     builder.finish()
 }
 
@@ -60,27 +58,31 @@ pub fn square(resolution: u32, aside: Vec2) -> [u32; 2] {
     [x, y].map(|at| (((at + 1.0) * 0.5 * resolution as f32).max(0.0) as u32).min(resolution - 1))
 }
 
-/// One of the four sectors; its squares are counted by a and b.
+/// The first of the four sectors; its squares are counted by a and b. The others are quarter turns of it.
 struct Sector<'a> {
     resolution: u32,
-    quarter_turns: u32,
     rule: &'a [[f64; 2]],
 }
 
 impl Sector<'_> {
-    /// A ring's part in this sector. What a diagonal cuts belongs to two sectors, the square in the middle to all.
+    /// A ring's part in all sectors. What a diagonal cuts belongs to two sectors, the square in the middle to all.
     fn add_ring(&self, builder: &mut Builder, ring: u32) {
         let a = self.bounds(ring).map(|a| a.max(0.0));
         let first = self.resolution - 1 - ring;
         for column in first..=ring {
-            let (b, index) = (self.bounds(column), self.index(ring, column));
+            let b = self.bounds(column);
             let (moment, solid_angle) = self.region(a, b);
-            builder.region(index, self.turned(moment), solid_angle);
-            if ring + 1 < self.resolution {
-                builder.wall(index, self.index(ring + 1, column), self.turned_wall(arc(a[1], b)));
-            }
-            if column > first {
-                builder.wall(self.index(ring, column - 1), index, self.turned_wall(self.spoke(a, b[0])));
+            let outer = (ring + 1 < self.resolution).then(|| arc(a[1], b));
+            let side = (column > first).then(|| self.spoke(a, b[0]));
+            for turns in 0..4 {
+                let index = self.index([ring, column], turns);
+                builder.region(index, turned(moment, turns), solid_angle);
+                if let Some(wall) = outer {
+                    builder.wall(index, self.index([ring + 1, column], turns), turned_wall(wall, turns));
+                }
+                if let Some(wall) = side {
+                    builder.wall(self.index([ring, column - 1], turns), index, turned_wall(wall, turns));
+                }
             }
         }
     }
@@ -89,19 +91,10 @@ impl Sector<'_> {
         [square, square + 1].map(|line| 2.0 * f64::from(line) / f64::from(self.resolution) - 1.0)
     }
 
-    /// The sample that a square is: rows grow with y, and a quarter turn takes (x, y) to (−y, x).
-    fn index(&self, ring: u32, column: u32) -> u32 {
-        let turn = |[x, y]: [u32; 2], _| [self.resolution - 1 - y, x];
-        let [x, y] = (0..self.quarter_turns).fold([ring, column], turn);
+    /// The sample that a square is after so many quarter turns: rows grow with y, and each takes (x, y) to (−y, x).
+    fn index(&self, square: [u32; 2], turns: u32) -> u32 {
+        let [x, y] = (0..turns).fold(square, |[x, y], _| [self.resolution - 1 - y, x]);
         y * self.resolution + x
-    }
-
-    fn turned(&self, v: DVec3) -> DVec3 {
-        (0..self.quarter_turns).fold(v, |v, _| quarter_turn(v))
-    }
-
-    fn turned_wall(&self, wall: Wall) -> Wall {
-        Wall { gradient: self.turned(wall.gradient), ends: wall.ends.map(|end| self.turned(end)) }
     }
 
     /// `∫ f(sinθ, cosθ) dθ` over an interval of sines.
@@ -148,6 +141,14 @@ impl Sector<'_> {
 fn arc(a: f64, b: Interval) -> Wall {
     let azimuths = b.map(|b| azimuth(a, b));
     Wall::along_parallel(DVec2::new(a, (1.0 - a * a).max(0.0).sqrt()), azimuths.map(DVec2::from_angle), azimuths[1] - azimuths[0])
+}
+
+fn turned(v: DVec3, turns: u32) -> DVec3 {
+    (0..turns).fold(v, |v, _| quarter_turn(v))
+}
+
+fn turned_wall(wall: Wall, turns: u32) -> Wall {
+    Wall { gradient: turned(wall.gradient, turns), ends: wall.ends.map(|end| turned(end, turns)) }
 }
 
 fn quarter_turn(v: DVec3) -> DVec3 {

@@ -93,7 +93,8 @@ impl Maps {
             return Self { drawn: depth, depth, pitch: None, map_bytes };
         }
         let drawn = e.texture("map", size, 1, format);
-        Self { drawn, depth: e.buffer("depth", map_bytes * layers as u64), pitch: Some((row / format.bytes()) as u32), map_bytes }
+        e.once();
+        Self { drawn, depth: e.history_buffer("depth", map_bytes * layers as u64), pitch: Some((row / format.bytes()) as u32), map_bytes }
     }
 
     fn target(&self, layer: u32) -> DepthTarget {

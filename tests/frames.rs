@@ -15,7 +15,7 @@ use hemisplat::{
     },
     passes::REGISTRY,
     pipeline,
-    scene::{bvh::Bvh, load, needs::Needs},
+    scene::{Camera, bvh::Bvh, load, needs::Needs},
 };
 use libtest_mimic::{Arguments, Failed};
 use serde_json::Value;
@@ -41,6 +41,7 @@ const CASES: &[(&str, Case)] = &[
     ("a_sum_over_frames_has_its_closed_form_and_starts_empty", sum_over_frames),
     ("a_fill_inside_a_loop_starts_anew_each_time", fill_in_a_loop),
     ("an_earlier_cache_and_earlier_shadow_maps_are_whole", earlier_memory),
+    ("shadow_maps_are_drawn_in_the_first_frame_and_hold_in_all", shadow_maps_once),
     ("a_second_frame_of_the_same_view_adds_nothing_and_looks_the_same", same_view),
     ("a_second_view_reuses_records", second_view),
     ("saved_records_give_the_same_picture_bit_by_bit", || saved_records("irradiance-one-rate")),
@@ -106,7 +107,7 @@ fn document(nodes: &str, output: &str) -> String {
 
 /// The layer `picture` of each of so many frames of a pipeline on a scene that ships.
 fn frames(scene: &str, text: &str, count: u32) -> Result<Vec<Vec<f32>>, Failed> {
-    made_ready(scene, text, |run| (0..count).map(|_| Ok(frame(run, &|| Pace::GoOn)?.1)).collect())
+    made_ready(scene, text, |run, _| (0..count).map(|_| Ok(frame(run, &|| Pace::GoOn)?.1)).collect())
 }
 
 /// What a frame reports, and its layer `picture`.
@@ -116,7 +117,7 @@ fn frame(run: &mut Run<'_>, pace: AskPace) -> Result<(FrameReport, Vec<f32>), Fa
 }
 
 /// Works with a pipeline on a scene that ships.
-fn made_ready<T>(scene: &str, text: &str, work: impl FnOnce(&mut Run<'_>) -> Result<T, Failed>) -> Result<T, Failed> {
+fn made_ready<T>(scene: &str, text: &str, work: impl FnOnce(&mut Run<'_>, &Camera) -> Result<T, Failed>) -> Result<T, Failed> {
     let mut read = |path: &Path| if path == Path::new("test.ron") { Ok(text.to_owned()) } else { Err(io::Error::from(io::ErrorKind::NotFound)) };
     let pipeline = pipeline::load("test.ron", &[], REGISTRY, &mut read).map_err(failed)?;
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(scene);
@@ -127,7 +128,8 @@ fn made_ready<T>(scene: &str, text: &str, work: impl FnOnce(&mut Run<'_>) -> Res
     let setting = Setting { scene: &scene, needs: &needs, device: hemisplat::gpu::expected_device(), size: SIZE, tables: None };
     let plan = pipeline::plan(&pipeline, setting, &[], &|data| kind(&scene, data)).map_err(failed)?;
     let gpu = Gpu::open().map_err(failed)?;
-    work(&mut Run::new(&gpu, &scene, &bvh, &plan, &scene.cameras[0], SIZE).map_err(failed)?)
+    let camera = &scene.cameras[0];
+    work(&mut Run::new(&gpu, &scene, &bvh, &plan, camera, SIZE).map_err(failed)?, camera)
 }
 
 /// The light that the sums add up: every pixel of the furnace emits 1.
@@ -186,6 +188,27 @@ const FILL: &str = r#"(name: "fill", repeat: Fill(order: Batched(at_most: 64), u
     ]))"#;
 
 /// Twice in a loop: the second time everything is covered already.
+/// What depends on the scene alone is there in each frame, and made in the first.
+fn shadow_maps_once() -> Outcome {
+    let nodes = "(name: \"gbuffer\", pass: GBuffer()), (name: \"shadow\", pass: ShadowMap(resolution: 64)),
+        (name: \"direct\", pass: DirectLight(gbuffer: \"gbuffer\", shadow: \"shadow\")),
+        (name: \"image\", pass: Composite(gbuffer: \"gbuffer\", direct: \"direct\"))";
+    made_ready("hall.ron", &document(nodes, "image"), |run, camera| {
+        let drawn = |run: &mut Run<'_>| {
+            let (report, picture) = frame(run, &|| Pace::GoOn)?;
+            let runs = report.passes.iter().find(|pass| pass.node == "shadow").map(|pass| pass.runs);
+            Ok::<_, Failed>((runs, picture))
+        };
+        let first = drawn(run)?;
+        run.set_camera(&Camera { eye: camera.eye + 0.2, ..camera.clone() });
+        let (later, still) = (drawn(run)?, drawn(run)?);
+        run.reset().map_err(failed)?;
+        let anew = drawn(run)?;
+        check([first.0, later.0, still.0, anew.0] == [1, 0, 0, 1].map(Some), || format!("{:?}", [first.0, later.0, still.0, anew.0]))?;
+        check(first.1 != later.1 && later.1 == still.1 && later.1 == anew.1, || "frames differ".into())
+    })
+}
+
 fn fill_in_a_loop() -> Outcome {
     let once = frames("cornell.ron", &filled(FILL, "", "indirect.irradiance"), 1)?;
     check(once[0].iter().any(|v| *v > 0.0), || "no light".into())?;
@@ -578,7 +601,7 @@ fn ways_without_time() -> Outcome {
 
 /// Time that ends after one more round and one more: the pixels that miss a record become fewer, and the picture comes nearer to the whole one.
 fn rounds_in_time() -> Outcome {
-    let errors: Vec<(u32, f32)> = made_ready("cornell.ron", &filled(&FILL.replace("at_most: 64", "at_most: 4"), "", "indirect.irradiance"), |run| {
+    let errors: Vec<(u32, f32)> = made_ready("cornell.ron", &filled(&FILL.replace("at_most: 64", "at_most: 4"), "", "indirect.irradiance"), |run, _| {
         let whole = frame(run, &|| Pace::GoOn)?.1;
         let mean = whole.iter().sum::<f32>() / whole.len() as f32;
         let error = |found: &[f32]| (found.iter().zip(&whole).map(|(a, b)| (a - b).powi(2)).sum::<f32>() / whole.len() as f32).sqrt() / mean;

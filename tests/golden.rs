@@ -483,13 +483,14 @@ fn specialisation_changes_no_picture() -> Outcome {
 }
 
 /// Another value for each parameter that a plan may call idle, by how it ends.
-const OTHER_VALUES: [(&str, &str); 13] = [
+const OTHER_VALUES: [(&str, &str); 14] = [
     (".taps", "4"),
     (".coefficients", "Half"),
     (".rotation", "DigonDeletion"),
     (".method", "None"),
     (".emitters.area_samples", "3"),
     (".emitters.sky_samples", "3"),
+    (".emitters.tolerance", "3"),
     (".emitters", "Records"),
     (".place", "Device"),
     (".highlights", "Wide"),

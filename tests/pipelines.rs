@@ -1009,7 +1009,7 @@ fn random_steps(random: &mut Random, resources: usize, depth: usize) -> Vec<Step
             });
         }
         let commands = (0..random.below(3)).map(|_| Command::Clear(Resource(random.below(resources) as u32))).collect();
-        Step::Node(Node { name: "node".into(), pass: "Pass", commands })
+        Step::Node(Node { name: "node".into(), pass: "Pass", commands, once: false })
     };
     (0..1 + random.below(6)).map(|_| step(random)).collect()
 }

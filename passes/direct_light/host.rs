@@ -1,6 +1,7 @@
 //! Direct light by shadow rays, added up on the host: where the device is a driver on the same cores, each lane of it walks the hierarchy and looks emitters up
 //! alone, while rays that share a point, 64 from a pixel to emitters or from a light to 64 pixels, can share most of both.
 
+use super::sky::{Shown, Skies};
 use crate::contract::{Encoder, port};
 use crate::math::random::combine;
 use crate::scene::{
@@ -29,6 +30,8 @@ pub(super) struct By {
     pub punctual: bool,
     /// Shadow rays a pixel to emissive surfaces and to the sky.
     pub samples: [u32; 2],
+    /// Standard errors that what two pixels see of the broad sky may lie apart, and count together.
+    pub tolerance: f32,
 }
 
 /// Of all pixels [bytes].
@@ -65,6 +68,10 @@ pub(super) fn encode(e: &mut Encoder<'_>, gbuffer: &port::GBuffer, by: By) -> Re
                 room.seen.iter().for_each(|seen| sums[((seen.pixel[1] - top) * width + seen.pixel[0]) as usize] = seen.light.extend(1.0));
             }
         });
+        if lighting.emitters.see_sky() {
+            let reflected = lighting.skies(size, &surface).reflected(by.tolerance);
+            sums.par_iter_mut().zip(reflected).for_each(|(sum, sky)| *sum += sky.extend(0.0));
+        }
         host.write(light, 0, bytemuck::cast_slice(&sums));
         Ok(())
     });
@@ -94,14 +101,27 @@ struct Lighting<'a> {
 }
 
 impl Lighting<'_> {
-    /// Adds what reaches up to 64 surfaces.
+    /// What each pixel sees of the broad sky.
+    fn skies(&self, size: [u32; 2], surface: &(impl Fn([u32; 2]) -> Option<Surface> + Sync)) -> Skies {
+        let seen = |to_do: &mut ToDo, pixel: u32| {
+            let at = [pixel % size[0], pixel / size[0]];
+            let Some(surface) = surface(at) else { return (None, Vec4::ZERO) };
+            let Surface { position, normal, reflectance: albedo, .. } = surface;
+            let seen = dispatch!(Level::new(), _simd => self.emitters.broad_sky(&surface, combine(at[0], at[1]), to_do));
+            (Some(Shown { position, normal, albedo }), seen)
+        };
+        let (shown, seen) = (0..size[0] * size[1]).into_par_iter().map_init(ToDo::default, seen).unzip();
+        Skies { size, shown, seen }
+    }
+
+    /// Adds what reaches up to 64 surfaces, but for what they reflect diffusely of the broad sky.
     fn light(&self, seen: &mut [Seen], to_do: &mut ToDo) {
         for light in self.lights {
             self.add_light(light, seen, to_do);
         }
         if self.emitters.shine() {
             for Seen { pixel, surface, light } in seen {
-                *light += dispatch!(Level::new(), simd => self.emitters.light(simd, surface, combine(pixel[0], pixel[1]), to_do));
+                *light += dispatch!(Level::new(), simd => self.emitters.light_but_broad_sky(simd, surface, combine(pixel[0], pixel[1]), to_do));
             }
         }
     }

@@ -1,6 +1,7 @@
 //! Direct light on the visible surfaces.
 
 mod host;
+mod sky;
 
 use super::seen_light::SHADOW;
 use crate::contract::{
@@ -41,6 +42,12 @@ static DESCRIPTION: Description = Description {
                                 unit: "rays",
                                 kind: ParameterKind::Integer { default: 64, min: 1, max: 4096 },
                             },
+                            Parameter {
+                                name: "tolerance",
+                                about: "how far what two pixels beside each other see of the broad sky may lie apart, and count together; 0 for each pixel alone",
+                                unit: "standard errors",
+                                kind: ParameterKind::Float { default: 1.0, min: 0.0, max: 100.0 },
+                            },
                         ],
                     },
                     Choice { name: "Records", about: "the records see emitters and sky; this pass leaves them out", parameters: &[] },
@@ -78,21 +85,27 @@ impl Pass for DirectLight {
         let [area, rays] = samples.map(|s| s as u32);
         let samples = [area, if sky.is_some() { 0 } else { rays }];
         tell_idle(e, sampled, sky.is_some());
-        let by_host = by_host(e, samples, gbuffer.size)?;
+        let tolerance = if sampled { arguments.float("tolerance") as f32 } else { 0.0 };
+        let by_host = by_host(e, (samples, tolerance), gbuffer.size)?;
+        let is_sky_apart = by_host.is_none() && samples[1] > 0 && e.setting.needs.environment;
         let all = e.setting.needs;
         let without_lights = by_host.filter(|by| by.punctual).map(|_| Needs { punctual_lights: Some(0), light_kinds: 0, ..all.clone() });
         let program = light_constants(Program::new("direct_light"), without_lights.as_ref().unwrap_or(all), samples);
         let program = match by_host {
             Some(by) => program.import("EMITTERS", "lib/emitters/given").bind("given", host::encode(e, &gbuffer, by)),
-            None => program.import("EMITTERS", "lib/emitters/traced"),
+            None => program.import("EMITTERS", "lib/emitters/traced").constant("SKY_APART", is_sky_apart as u8),
         };
+        let rest = if is_sky_apart { e.image("rest", gbuffer.size, Format::Rgba32Float) } else { radiance };
         // A sky that is absent is bound to any image and never read.
         let program = bind_visibility(program, e.shadow_maps("shadow"))
             .constant("HAS_SKY", sky.is_some() as u8)
             .bind("triangles", gbuffer.triangles)
             .bind("sky", sky.unwrap_or(gbuffer.position))
-            .bind("radiance", radiance);
+            .bind("radiance", rest);
         e.compute_pixels(program, "shade", gbuffer.size);
+        if is_sky_apart {
+            sky::encode(e, &gbuffer, (rest, radiance), (samples[1], tolerance));
+        }
         e.output("radiance", Port::DirectLight(port::DirectLight { radiance, lights_from_emitters: sampled }));
         Ok(())
     }
@@ -107,12 +120,14 @@ fn tell_idle(e: &mut Encoder<'_>, sampled: bool, has_sky: bool) {
         (sampled && shines && !emits, "emitters.area_samples", "no surface emits light"),
         (sampled && emits && !shines, "emitters.sky_samples", "the sky is black"),
         (sampled && shines && has_sky, "emitters.sky_samples", "another pass computes the light of the sky"),
+        (sampled && emits && !shines, "emitters.tolerance", "the sky is black"),
+        (sampled && shines && has_sky, "emitters.tolerance", "another pass computes the light of the sky"),
     ];
     idle.into_iter().filter(|(holds, ..)| *holds).for_each(|(_, parameter, because)| e.idle(parameter, because));
 }
 
 /// What the host is to light surfaces by, if it is to: of `samples` to area lights and to the sky those that there is light for, and punctual lights without maps.
-fn by_host(e: &mut Encoder<'_>, [area, sky]: [u32; 2], size: [u32; 2]) -> Result<Option<By>, Refusal> {
+fn by_host(e: &mut Encoder<'_>, ([area, sky], tolerance): ([u32; 2], f32), size: [u32; 2]) -> Result<Option<By>, Refusal> {
     let punctual = e.setting.needs.punctual_lights != Some(0) && e.shadow_maps("shadow").is_none();
     let needs = e.setting.needs;
     let samples = [if needs.emissive_triangles > 0 { area } else { 0 }, if needs.environment { sky } else { 0 }];
@@ -123,5 +138,5 @@ fn by_host(e: &mut Encoder<'_>, [area, sky]: [u32; 2], size: [u32; 2]) -> Result
     let is_too_large = host::bytes(size) > MOST_BYTES;
     let obstacle = format!("the light of so many pixels does not fit into {} MiB", MOST_BYTES >> 20);
     let place = e.place(Bodies::BOTH.unless(is_too_large, obstacle))?;
-    Ok((place == Place::Host).then_some(By { punctual, samples }))
+    Ok((place == Place::Host).then_some(By { punctual, samples, tolerance }))
 }

@@ -305,19 +305,23 @@ fn sample_suns(chosen: f32, place: vec2f) -> vec3f {
     return within_texel(low, place);
 }
 
-// Light of the broad sky that the diffuse part reflects: cosine-distributed rays in strata of the azimuth.
-fn sky_diffused(surface: Surface, seed: u32) -> vec3f {
+// The mean radiance of the broad sky, by cosine-distributed rays in strata of the azimuth, and the standard error of its luminance.
+fn broad_sky(surface: Surface, seed: u32) -> vec4f {
     let origin = surface.position + surface.face_normal * surface_offset(surface.position);
     let frame = frame_around(surface.normal, 0.0);
     let shift = vec2f(unit(hash(seed + 3u)), unit(hash(seed + 4u)));
-    var sum = vec3f(0.0);
+    var sum = vec4f(0.0);
     for (var i = 0u; i < SKY_SAMPLES; i++) {
         let direction = frame * around(sqrt(1.0 - fract(0.6180339887 * f32(i) + shift.y)), 2.0 * PI * (f32(i) + shift.x) / f32(max(SKY_SAMPLES, 1u)));
         if dot(direction, surface.face_normal) > 0.0 && !trace_occluded(origin, direction, FAR_AWAY) {
-            sum += in_sky(direction).broad;
+            let broad = in_sky(direction).broad;
+            let bright = luminance(broad);
+            sum += vec4f(broad, bright * bright);
         }
     }
-    return sum * surface.reflectance / f32(max(SKY_SAMPLES, 1u));
+    let mean = sum / f32(max(SKY_SAMPLES, 1u));
+    let bright = luminance(mean.rgb);
+    return vec4f(mean.rgb, sqrt(max(mean.a - bright * bright, 0.0) / f32(max(SKY_SAMPLES, 1u))));
 }
 
 // Light of the sky that the lobe reflects: as many rays, distributed as the lobe is; of suns the share that rays to them leave.
@@ -370,7 +374,15 @@ fn sky_reflected(surface: Surface, seed: u32) -> vec3f {
     if SKY_SAMPLES == 0u || (LIGHTS == ANY_NUMBER && is_sky_black()) {
         return vec3f(0.0);
     }
-    var sum = sky_diffused(surface, seed);
+    return broad_sky(surface, seed).rgb * surface.reflectance + sky_but_broad(surface, seed);
+}
+
+// Of the sky, all but what the diffuse part reflects of what is broad.
+fn sky_but_broad(surface: Surface, seed: u32) -> vec3f {
+    if SKY_SAMPLES == 0u || (LIGHTS == ANY_NUMBER && is_sky_black()) {
+        return vec3f(0.0);
+    }
+    var sum = vec3f(0.0);
     if GLOSSY && surface.lobe != 0u {
         sum += sky_glossed(surface, seed);
     }

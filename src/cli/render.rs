@@ -59,7 +59,7 @@ pub struct Options {
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=1024))]
     samples: u16,
     /// How far the samples of a pixel are spread
-    #[arg(long, value_name = "FILTER", value_enum, default_value_t = Filter::Box)]
+    #[arg(long, value_name = "FILTER", value_enum, default_value_t = Filter::Box, requires = "samples")]
     filter: Filter,
     #[command(flatten)]
     exposure: ExposureOptions,

@@ -76,6 +76,8 @@ pub struct Encoded {
     pub persistent: Vec<Persistent>,
     /// Rounds that the loop must run whatever the time.
     pub at_least: u32,
+    /// See [`Encoder::once`].
+    pub once: bool,
 }
 
 /// Where a number of the report stands after a frame.
@@ -233,6 +235,11 @@ impl<'a> Encoder<'a> {
         let before = std::mem::replace(&mut self.encoded.commands, in_loop);
         self.encoded.prologue.extend(before);
         made
+    }
+
+    /// Runs the node's commands in the first frame alone. They depend on the scene alone, and what others read of them is a history. Nothing in a loop.
+    pub fn once(&mut self) {
+        self.encoded.once = true;
     }
 
     /// Makes the innermost loop that holds the node run so many rounds, even if no time is left for them.

@@ -211,6 +211,9 @@ impl Session<'_> {
     }
 
     fn run_node(&mut self, node: &Node, index: usize, pending: &mut Pending) -> Result<(), GpuError> {
+        if node.once && self.frames > 0 {
+            return Ok(());
+        }
         self.nodes[index].runs += 1;
         let mut open = false;
         for (position, command) in node.commands.iter().enumerate() {

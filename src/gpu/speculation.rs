@@ -44,6 +44,7 @@ pub(super) fn is_possible(schedule: &Schedule, shaders: &Shaders) -> bool {
     let Some(first) = schedule.steps.iter().position(is_driven) else { return false };
     schedule.steps.iter().enumerate().all(|(index, step)| match step {
         Step::Repeat(_) => is_driven(step),
+        Step::Node(node) if node.once => true,
         Step::Node(node) => node.commands.iter().all(|command| {
             let looks = matches!(command, Command::Host(host) if index > first && !host.reads.is_empty());
             !looks && !changes_history(command, schedule, shaders)

@@ -129,7 +129,12 @@ fn drive_by_device(repeat: &mut Repeat, schedule: &mut Schedule) {
     let compute = |entry| Command::Compute(Compute { program: program.clone(), entry, groups: Groups::ONE });
     repeat.steps.insert(
         0,
-        Step::Node(Node { name: repeat.name.clone(), pass: Loop::Fill.description().name, commands: ["begin", "size", "open", "close"].map(compute).into() }),
+        Step::Node(Node {
+            name: repeat.name.clone(),
+            pass: Loop::Fill.description().name,
+            commands: ["begin", "size", "open", "close"].map(compute).into(),
+            once: false,
+        }),
     );
     repeat.driver = Driver::Device { sizes };
 }

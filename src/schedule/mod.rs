@@ -134,6 +134,8 @@ pub struct Node {
     pub name: String,
     pub pass: &'static str,
     pub commands: Vec<Command>,
+    /// Whether it runs in the first frame alone: it depends on the scene alone, and what others read of it lives on.
+    pub once: bool,
 }
 
 /// Steps that run again until a variable is not 0 or the bound is reached.

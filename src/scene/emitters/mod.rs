@@ -13,7 +13,7 @@ use super::{
 };
 use crate::math::random::{hash, unit};
 use fearless_simd::Simd;
-use glam::{Vec2, Vec3};
+use glam::{Vec2, Vec3, Vec4};
 use lamps::AreaLight;
 use tree::LightTree;
 
@@ -67,19 +67,35 @@ impl<'a> Emitters<'a> {
         self.area > 0 || self.sky > 0
     }
 
+    /// Whether there is a sky.
+    pub fn see_sky(&self) -> bool {
+        self.sky > 0
+    }
+
     /// Radiance that a surface reflects; `seed` shifts the samples.
     #[inline(always)]
     pub fn light<S: Simd>(&self, simd: S, surface: &Surface, seed: u32, to_do: &mut ToDo) -> Vec3 {
+        let sharp = self.light_but_broad_sky(simd, surface, seed, to_do);
+        if self.see_sky() { self.broad_sky(surface, seed, to_do).truncate() * surface.reflectance + sharp } else { sharp }
+    }
+
+    /// The mean radiance of the broad sky, by the cosine, that a surface sees, and the standard error of its luminance.
+    #[inline(always)]
+    pub fn broad_sky(&self, surface: &Surface, seed: u32, to_do: &mut ToDo) -> Vec4 {
+        let random = |key: u32| unit(hash(seed.wrapping_add(key)));
+        self.of_sky(surface, Vec2::new(random(3), random(4)), to_do)
+    }
+
+    /// Of all light but what the diffuse part reflects of the broad sky.
+    #[inline(always)]
+    pub fn light_but_broad_sky<S: Simd>(&self, simd: S, surface: &Surface, seed: u32, to_do: &mut ToDo) -> Vec3 {
         let random = |key: u32| unit(hash(seed.wrapping_add(key)));
         let mut sum = Vec3::ZERO;
         if self.area > 0 {
             sum += self.of_lamps(simd, surface, Vec3::new(random(0), random(1), random(2)), to_do);
         }
-        if self.sky > 0 {
-            sum += self.of_sky(surface, Vec2::new(random(3), random(4)), to_do);
-            if surface.glossy.is_some() {
-                sum += self.of_sky_by_lobe(surface, Vec2::new(random(13), random(14)), to_do);
-            }
+        if self.sky > 0 && surface.glossy.is_some() {
+            sum += self.of_sky_by_lobe(surface, Vec2::new(random(13), random(14)), to_do);
         }
         if self.suns > 0 {
             sum += self.of_suns(surface, Vec3::new(random(15), random(16), random(17)), to_do);

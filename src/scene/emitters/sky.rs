@@ -1,26 +1,33 @@
 //! Light of the sky: of its broad part by rays that are spread as surfaces reflect, of its suns by rays to them.
 
 use super::{Emitters, GOLDEN, LATTICE, fraction};
-use crate::math::{frame::Frame, lobe::around};
+use crate::math::{colour::REC_709, frame::Frame, lobe::around};
 use crate::scene::{
     packets::{RAYS, ShadowRays, ToDo, Until},
     surface::{Gloss, Surface},
 };
-use glam::{Vec2, Vec3};
+use glam::{Vec2, Vec3, Vec4};
 use std::f32::consts::{FRAC_1_PI, TAU};
+use std::ops::AddAssign;
 
 // All that runs within `dispatch!` is inlined into it: what is not would not have its instructions.
 impl Emitters<'_> {
-    /// Of the broad sky, what the diffuse part reflects: by the cosine, in strata of the azimuth.
+    /// The mean radiance of the broad sky, by the cosine, in strata of the azimuth, and the standard error of its luminance as if rays were drawn by themselves.
     #[inline(always)]
-    pub(super) fn of_sky(&self, surface: &Surface, shift: Vec2, to_do: &mut ToDo) -> Vec3 {
+    pub(super) fn of_sky(&self, surface: &Surface, shift: Vec2, to_do: &mut ToDo) -> Vec4 {
         let frame = Frame::new(surface.normal);
         let to_sky = |i: f32| {
             let [height, azimuth] = self.place(i, shift);
             Some((frame.to_world(around((1.0 - height).sqrt(), TAU * azimuth)), ()))
         };
-        let light = self.of_free(surface, self.sky, to_do, to_sky, |(), direction| self.emission.suns.seen(&self.scene.environment, direction).broad);
-        light * surface.reflectance / self.sky as f32
+        let seen = |(), direction: Vec3| {
+            let broad = self.emission.suns.seen(&self.scene.environment, direction).broad;
+            broad.extend(broad.dot(REC_709.as_vec3()).powi(2))
+        };
+        let mean = self.of_free(surface, self.sky, to_do, to_sky, seen) / self.sky as f32;
+        let light = mean.truncate();
+        let variance = (mean.w - light.dot(REC_709.as_vec3()).powi(2)).max(0.0) / self.sky as f32;
+        light.extend(variance.sqrt())
     }
 
     /// What the lobe reflects, of suns by the share that [`Self::of_suns`] leaves to it.
@@ -73,16 +80,16 @@ impl Emitters<'_> {
 
     /// The sum over so many rays to the sky of what is `reflected` of those that nothing blocks, by what `way` says of them and their directions.
     #[inline(always)]
-    fn of_free<T: Copy + Default>(
+    fn of_free<T: Copy + Default, R: Default + AddAssign>(
         &self,
         surface: &Surface,
         count: u32,
         to_do: &mut ToDo,
         way: impl Fn(f32) -> Option<(Vec3, T)>,
-        reflected: impl Fn(T, Vec3) -> Vec3,
-    ) -> Vec3 {
+        reflected: impl Fn(T, Vec3) -> R,
+    ) -> R {
         let origin = surface.start(self.extent);
-        let mut sum = Vec3::ZERO;
+        let mut sum = R::default();
         for first in (0..count).step_by(RAYS) {
             let mut rays = ShadowRays { directions: [Vec3::ZERO; RAYS], all: 0 };
             let mut carried = [T::default(); RAYS];

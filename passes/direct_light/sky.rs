@@ -7,7 +7,7 @@ use crate::contract::{
     port,
 };
 use crate::math::colour::REC_709;
-use crate::scene::{Rgb, needs::Needs};
+use crate::scene::Rgb;
 use crate::schedule::{Format, Program, Resource};
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
@@ -121,8 +121,7 @@ impl Skies {
 pub(super) fn encode(e: &mut Encoder<'_>, gbuffer: &port::GBuffer, (rest, radiance): (Resource, Resource), (samples, tolerance): (u32, f32)) {
     let image = |e: &mut Encoder<'_>, name: &str| e.image(name, gbuffer.size, Format::Rgba32Float);
     let (first, second, albedo) = (image(e, "sky"), image(e, "smoothed_sky"), image(e, "albedo"));
-    let without_lights = Needs { punctual_lights: Some(0), light_kinds: 0, emissive_triangles: 0, ..e.setting.needs.clone() };
-    let program = bind_visibility(light_constants(Program::new("broad_sky"), &without_lights, [0, samples]), None);
+    let program = bind_visibility(light_constants(Program::new("broad_sky"), e.setting.needs, [samples; 2]), None);
     let see = program.clone().bind("triangles", gbuffer.triangles).bind("seen_out", first).bind("albedo_out", albedo);
     e.compute_pixels(see, "see", gbuffer.size);
     let mut ways = [first, second];

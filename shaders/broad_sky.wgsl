@@ -1,5 +1,6 @@
 #import lib/light
 #import lib/camera
+#import lib/beside
 #import lib/colour
 
 // What the diffuse parts of the visible surfaces reflect of the broad sky: seen by a few rays at each pixel, smoothed over pixels beside each other, and
@@ -22,8 +23,6 @@ override TOLERANCE: f32 = 1.0;
 override STEP: i32 = 1;
 
 const REACH = 2;
-const FACING = 0.9;
-const BESIDE = 0.1;
 const LEAST_VARIANCE = 1e-30;
 const LEAST_WEIGHT = 1e-20;
 
@@ -45,13 +44,12 @@ fn see(@builtin(global_invocation_id) id: vec3u) {
 }
 
 // Whether another pixel shows the same surface as one at `place`.
-fn is_beside(place: vec4f, facing: vec3f, there: vec2i) -> bool {
+fn shows_same(place: vec4f, facing: vec3f, there: vec2i) -> bool {
     if any(there < vec2i(0)) || any(there >= vec2i(textureDimensions(position))) {
         return false;
     }
     let other = textureLoad(position, there, 0);
-    let way = other.xyz - place.xyz;
-    return other.w > 0.0 && dot(facing, textureLoad(normal, there, 0).xyz) >= FACING && abs(dot(way, facing)) <= BESIDE * length(way);
+    return other.w > 0.0 && is_beside(place.xyz, facing, other.xyz, textureLoad(normal, there, 0).xyz);
 }
 
 @compute @workgroup_size(8, 8)
@@ -74,7 +72,7 @@ fn smooth_sky(@builtin(global_invocation_id) id: vec3u) {
     for (var y = -REACH; y <= REACH; y++) {
         for (var x = -REACH; x <= REACH; x++) {
             let there = at + STEP * vec2i(x, y);
-            if (x != 0 || y != 0) && is_beside(place, facing, there) {
+            if (x != 0 || y != 0) && shows_same(place, facing, there) {
                 let other = textureLoad(seen, there, 0);
                 let is_near = STEP * max(abs(x), abs(y)) == 1;
                 variance += other.a * other.a;
@@ -91,7 +89,7 @@ fn smooth_sky(@builtin(global_invocation_id) id: vec3u) {
     for (var y = -REACH; y <= REACH; y++) {
         for (var x = -REACH; x <= REACH; x++) {
             let there = at + STEP * vec2i(x, y);
-            if (x == 0 && y == 0) || is_beside(place, facing, there) {
+            if (x == 0 && y == 0) || shows_same(place, facing, there) {
                 let other = textureLoad(seen, there, 0);
                 let apart = luminance(other.rgb - middle);
                 let weight = exp(-0.5 * apart * apart / apart_by_chance);

@@ -187,7 +187,6 @@ const FILL: &str = r#"(name: "fill", repeat: Fill(order: Batched(at_most: 64), u
         (name: "added", pass: AddRecords(to: "cache", records: "records")),
     ]))"#;
 
-/// Twice in a loop: the second time everything is covered already.
 /// What depends on the scene alone is there in each frame, and made in the first.
 fn shadow_maps_once() -> Outcome {
     let nodes = "(name: \"gbuffer\", pass: GBuffer()), (name: \"shadow\", pass: ShadowMap(resolution: 64)),
@@ -209,6 +208,7 @@ fn shadow_maps_once() -> Outcome {
     })
 }
 
+/// Twice in a loop: the second time everything is covered already.
 fn fill_in_a_loop() -> Outcome {
     let once = frames("cornell.ron", &filled(FILL, "", "indirect.irradiance"), 1)?;
     check(once[0].iter().any(|v| *v > 0.0), || "no light".into())?;

@@ -6,7 +6,7 @@ use crate::contract::{
     encoder::{bind_visibility, light_constants},
     port,
 };
-use crate::math::colour::REC_709;
+use crate::math::{beside::is_beside, colour::REC_709};
 use crate::scene::Rgb;
 use crate::schedule::{Format, Program, Resource};
 use glam::{Vec3, Vec4};
@@ -29,10 +29,6 @@ fn passes(tolerance: f32) -> impl Iterator<Item = Smoothing> {
     [(1, 3.0), (4, 1.0)].into_iter().filter(move |_| tolerance > 0.0).map(move |(step, times)| Smoothing { step, tolerance: times * tolerance })
 }
 
-/// The cosine that normals of one surface have at least, and how far off its plane a pixel's place may be, as a share of the way to it.
-const FACING: f32 = 0.9;
-const BESIDE: f32 = 0.1;
-
 /// What squared standard errors count as at least, so that what is sure divides by a number.
 const LEAST_VARIANCE: f32 = 1e-30;
 
@@ -51,8 +47,7 @@ pub(super) struct Shown {
 impl Shown {
     /// Whether another is on the same surface.
     fn is_beside(&self, other: &Self) -> bool {
-        let way = other.position - self.position;
-        self.normal.dot(other.normal) >= FACING && way.dot(self.normal).abs() <= BESIDE * way.length()
+        is_beside([self.position, self.normal], [other.position, other.normal])
     }
 }
 

@@ -1,15 +1,11 @@
 //! What neighbouring pixels see by their lobes, together, as `shaders/lobe_rays/filter.wgsl` does: what one got wrong by chance, others have not.
 
-use crate::math::colour::luminance;
+use crate::math::{beside::is_beside, colour::luminance};
 use crate::scene::Rgb;
 use glam::Vec3;
 
 /// Pixels to either side that are asked.
 const REACH: i32 = 3;
-
-/// The cosine that normals of one surface have at least, and how far off its plane a pixel's place may be, as a share of the way to it.
-const FACING: f32 = 0.9;
-const BESIDE: f32 = 0.1;
 
 /// What squared standard errors count as at least, so that what is sure divides by a number.
 const LEAST_VARIANCE: f32 = 1e-30;
@@ -30,8 +26,7 @@ pub(super) struct Traced {
 impl Traced {
     /// Whether another is on the same surface.
     fn is_beside(&self, other: &Self) -> bool {
-        let way = other.position - self.position;
-        self.normal.dot(other.normal) >= FACING && way.dot(self.normal).abs() <= BESIDE * way.length()
+        is_beside([self.position, self.normal], [other.position, other.normal])
     }
 
     /// How much what another sees counts: less where it is many standard errors of the two away.

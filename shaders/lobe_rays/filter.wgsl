@@ -1,3 +1,4 @@
+#import lib/beside
 #import lib/colour
 
 // What neighbouring pixels see by their lobes, together: as passes/lobe_rays/filter.rs.
@@ -14,8 +15,6 @@
 override TOLERANCE: f32 = 0.5;
 
 const REACH = 3;
-const FACING = 0.9;
-const BESIDE = 0.1;
 const LEAST_VARIANCE = 1e-30;
 
 fn likeness(own: vec4f, other: vec4f) -> f32 {
@@ -47,9 +46,7 @@ fn filter_pixels(@builtin(global_invocation_id) id: vec3u) {
                 continue;
             }
             let other = textureLoad(position, there, 0);
-            let way = other.xyz - place.xyz;
-            let is_beside = dot(facing, textureLoad(normal, there, 0).xyz) >= FACING && abs(dot(way, facing)) <= BESIDE * length(way);
-            if other.w > 0.0 && is_beside {
+            if other.w > 0.0 && is_beside(place.xyz, facing, other.xyz, textureLoad(normal, there, 0).xyz) {
                 let light = textureLoad(seen, there, 0);
                 let weight = likeness(own, light);
                 // Not so where what is seen is no number.

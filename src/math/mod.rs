@@ -1,6 +1,7 @@
 //! The mathematics that shaders, passes and tests share: hemispheres and their sums, records and their weights,
 //! colours, frames, bounds on the screen, expansions in harmonics, glossy lobes. No device, no files, no other module of the crate.
 
+pub mod beside;
 pub mod bounces;
 pub mod choice;
 pub mod colour;

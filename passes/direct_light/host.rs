@@ -5,12 +5,11 @@ use super::sky::{Shown, Skies};
 use crate::contract::{Encoder, port};
 use crate::math::random::combine;
 use crate::scene::{
-    Light, LightKind, Scene,
+    Light, Scene,
     bvh::Bvh,
     emitters::Emitters,
-    packets::{RAYS, ShadowRays, ToDo, Until},
+    packets::{RAYS, ShadowRays, ToDo},
     surface::{Ray, Surface},
-    surface_offset,
 };
 use crate::schedule::*;
 use fearless_simd::{Level, dispatch};
@@ -19,9 +18,6 @@ use rayon::prelude::*;
 
 /// Edge of the squares of pixels that are lit together [pixels].
 const EDGE: u32 = 8;
-
-/// So many times as far from a surface as rays start do rays from lights end.
-const SHORT: f32 = 8.0;
 
 /// What the host lights surfaces by.
 #[derive(Debug, Clone, Copy)]
@@ -132,30 +128,12 @@ impl Lighting<'_> {
         for (ray, Seen { surface, .. }) in seen.iter().enumerate() {
             let Some((_, _, light)) = surface.reflected(&light.kind, surface.position) else { continue };
             reflected[ray] = light;
+            rays.directions[ray] = surface.start(self.extent);
             rays.all |= 1 << ray;
         }
-        let hidden = if light.shadows { self.hidden(&light.kind, seen, &mut rays, to_do) } else { 0 };
+        let hidden = if light.shadows { self.bvh.hidden_from(self.scene, self.extent, &light.kind, &mut rays, to_do) } else { 0 };
         for (ray, seen) in seen.iter_mut().enumerate().filter(|(ray, _)| rays.all & !hidden & 1 << ray != 0) {
             seen.light += reflected[ray];
-        }
-    }
-
-    /// A bit for each of the surfaces in `rays` that something hides from a light; leaves the rays' directions there.
-    fn hidden(&self, kind: &LightKind, seen: &[Seen], rays: &mut ShadowRays, to_do: &mut ToDo) -> u64 {
-        let starts = seen.iter().map(|seen| seen.surface.start(self.extent));
-        match *kind {
-            LightKind::Point { position, .. } | LightKind::Spot { position, .. } => {
-                starts.zip(&mut rays.directions).for_each(|(start, direction)| {
-                    let way = start - position;
-                    // A way that is long is rounded by more than rays start off a surface.
-                    *direction = way * (1.0 - SHORT * surface_offset(self.extent, start) / way.length().max(f32::MIN_POSITIVE)).max(0.0);
-                });
-                self.bvh.packets(self.scene).hidden(self.scene, position, rays, Until::FromLight, to_do)
-            }
-            LightKind::Directional { direction, .. } => {
-                let there = starts.enumerate().filter(|(ray, _)| rays.all & 1 << ray != 0);
-                there.map(|(ray, start)| u64::from(self.bvh.occluded(self.scene, start, -direction, f32::INFINITY)) << ray).sum()
-            }
         }
     }
 }

@@ -13,9 +13,10 @@ use crate::scene::{
     LightKind, Rgb, Scene, Triangle,
     bvh::Bvh,
     emitters::{Emission, Emitters},
-    packets::{HitShader, Hits, RAYS, ToDo},
+    packets::{HitShader, Hits, RAYS, ShadowRays, ToDo},
     shadow_maps::{Lookups, Receivers, ShadowCameras, ShadowMaps},
     surface::{Gloss, Ray, Surface},
+    surface_offset,
 };
 use crate::schedule::*;
 use fearless_simd::{Select, Simd, f32x8, mask32x8, prelude::*, u32x8};
@@ -283,10 +284,11 @@ impl Shading<'_> {
                 *surfaces = Some(self.surfaces(simd, hits.origin, fetched));
             }
         }
-        let mut others = if self.is_plain() { None } else { Some(self.others(simd, hits, KEEPS || self.indirect.is_some())) };
+        let mut to_do = ToDo::default();
+        let mut others = if self.is_plain() { None } else { Some(self.others(simd, hits, KEEPS || self.indirect.is_some(), &mut to_do)) };
         let mut light = [Vectors::splat(simd, Vec3::ZERO); GROUPS];
         for (index, (kind, cameras)) in (0..).zip(&self.lighting.lights) {
-            self.add_light(simd, (index, kind, cameras), hits, &surfaces, (&mut light, others.as_deref_mut()));
+            self.add_light(simd, (index, kind, cameras), hits, &surfaces, (&mut light, others.as_deref_mut()), &mut to_do);
         }
         if let Some(field) = self.indirect {
             add_indirect(simd, field, hits, &surfaces, (&mut light, others.as_deref_mut()));
@@ -321,9 +323,8 @@ impl Shading<'_> {
 
     /// For each ray that meets something, light of emitters and the sky, and its lobe; what that reflects of other surfaces, if the ray is to go on.
     #[inline(always)]
-    fn others<S: Simd>(&self, simd: S, hits: &Hits<'_>, walks: bool) -> Box<[Other; RAYS]> {
+    fn others<S: Simd>(&self, simd: S, hits: &Hits<'_>, walks: bool, to_do: &mut ToDo) -> Box<[Other; RAYS]> {
         let mut others = Box::new([Other::NONE; RAYS]);
-        let mut to_do = ToDo::default();
         for (index, other) in others.iter_mut().enumerate() {
             let Some(number) = hits.triangles[index].checked_sub(1).filter(|_| hits.samples[index] != u32::MAX) else { continue };
             let ray = Ray { origin: hits.origin, direction: hits.directions[index] };
@@ -331,11 +332,11 @@ impl Shading<'_> {
             let seed = combine(self.places[hits.view].turn.to_bits(), hits.samples[index]);
             let emitted = if self.lighting.sees.emission { self.emitted(number, ray.direction) } else { Vec3::ZERO };
             let lit = self.lit(&surface);
-            other.light = emitted + self.emitters.light(simd, &lit, seed, &mut to_do);
+            other.light = emitted + self.emitters.light(simd, &lit, seed, to_do);
             other.reflectance = surface.reflectance * FRAC_1_PI;
             other.gloss = lit.glossy;
             if walks && surface.glossy.is_some() {
-                let walked = self.walk(simd, &surface, seed, &mut to_do);
+                let walked = self.walk(simd, &surface, seed, to_do);
                 other.light += walked.light;
                 other.asked = Some(walked.hit);
             }
@@ -405,6 +406,7 @@ impl Shading<'_> {
         hits: &Hits<'_>,
         surfaces: &[Option<Surfaces<S>>; GROUPS],
         (light, others): (&mut [Vectors<S>; GROUPS], Option<&mut [Other; RAYS]>),
+        to_do: &mut ToDo,
     ) {
         let turn = u32x8::splat(simd, self.places[hits.view].turn.to_bits());
         let (mut lookups, mut visibility, mut received) = (Lookups::NONE, [0.0; RAYS], [f32x8::splat(simd, 0.0); GROUPS]);
@@ -420,10 +422,11 @@ impl Shading<'_> {
                 met_any |= u32::from(hits.triangles[first + lane] != 0) << lane;
             }
             let seeds = combinations(turn, u32x8::load_array(simd, samples)) + (5 + 2 * index);
-            let points = Receivers { position: surfaces.position, normal: surfaces.face, seeds, first };
+            let points = Receivers { position: surfaces.position, normal: surfaces.face, distance: surfaces.distance, seeds, first };
             self.maps.look_up(simd, cameras, &points, is_lit.to_bitmask() as u32 & met_any, &mut lookups, &mut visibility);
         }
         self.maps.finish(&mut lookups, &mut visibility);
+        self.cast_rays(kind, lookups.near, surfaces, &mut visibility, to_do);
         let intensity = kind.intensity();
         for group in 0..GROUPS {
             let mut visible = [0.0; LANES];
@@ -435,6 +438,25 @@ impl Shading<'_> {
             for (group, others) in others.chunks_exact_mut(LANES).enumerate() {
                 reflect_by_lobes(others, ways[group], received[group], intensity);
             }
+        }
+    }
+
+    /// Whether a light arrives at surfaces that have a bit in `near`.
+    fn cast_rays<S: Simd>(&self, light: &LightKind, near: u64, surfaces: &[Option<Surfaces<S>>; GROUPS], visibility: &mut [f32; RAYS], to_do: &mut ToDo) {
+        if near == 0 {
+            return;
+        }
+        let mut rays = ShadowRays { directions: [Vec3::ZERO; RAYS], all: near };
+        for (group, surfaces) in surfaces.iter().enumerate() {
+            let Some(surfaces) = surfaces else { continue };
+            let [positions, faces] = [surfaces.position, surfaces.face].map(Vectors::lanes);
+            for lane in 0..LANES {
+                rays.directions[group * LANES + lane] = positions[lane] + surface_offset(self.extent, positions[lane]) * faces[lane];
+            }
+        }
+        let hidden = self.bvh.hidden_from(self.scene, self.extent, light, &mut rays, to_do);
+        for (ray, visibility) in visibility.iter_mut().enumerate().filter(|(ray, _)| near & 1 << ray != 0) {
+            *visibility = if hidden & 1 << ray == 0 { 1.0 } else { 0.0 };
         }
     }
 
@@ -695,8 +717,12 @@ mod tiles {
         let barycentric = scene.triangles[triangle as usize].barycentric(ray);
         let surface = if lighting.lobes { scene.surface(triangle, barycentric, ray) } else { scene.diffuse_surface(triangle, barycentric, ray) };
         let mut light = Vec3::ZERO;
-        for (kind, _) in &lighting.lights {
+        for ((kind, _), light_of_scene) in lighting.lights.iter().zip(&scene.lights) {
             let (way, received) = arriving(kind, surface.position, [surface.face, surface.normal]);
+            let distance = if let LightKind::Point { position, .. } = *kind { position.distance(surface.position) } else { f32::INFINITY };
+            if light_of_scene.shadows && host.bvh.occluded(scene, surface.start(scene.extent()), way, 0.9999 * distance) {
+                continue;
+            }
             let lobe = surface.glossy.map_or(Vec3::ZERO, |gloss| gloss.lobe.value(gloss.outgoing, gloss.frame.to_local(way)));
             light += kind.intensity() * received * (surface.reflectance * FRAC_1_PI + lobe);
         }
@@ -710,46 +736,62 @@ mod tiles {
         light.extend(surface.position.distance(ray.origin))
     }
 
-    #[test]
-    fn eight_samples_side_by_side_are_shaded_as_each_alone() {
-        let host = surroundings();
+    /// How many samples of two tiles meet anything, and how many of those are lit otherwise than alone.
+    fn shaded_otherwise(host: &MockHost, lighting: &Lighting, maps: ShadowMaps<'_>) -> [u32; 2] {
         let table = Table::new(Shape::Cosine, 18, Method::None).unwrap();
         let fan = RayBundle::new(&table);
         let places = [0.3, 0.9].map(|turn| Request::new(Vec3::new(0.1, turn, 0.2), 1.0, Vec3::new(0.0, 0.6, 0.8), turn));
         let views = places.each_ref().map(|place| View { position: place.position.into(), frame: Frame::new(place.normal.into()).turned(place.turn) });
+        let packets = host.bvh.packets(&host.scene);
         let mut numbers = vec![0; 2 * fan.samples];
-        host.bvh.packets(&host.scene).trace(&host.scene, &views, &fan, &Numbers, &mut numbers);
+        packets.trace(&host.scene, &views, &fan, &Numbers, &mut numbers);
+        let extent = host.scene.extent();
+        let emitters = lighting.emitters(&host.scene, &host.bvh, extent, host.emission());
+        let eye = Shading { lighting, maps, scene: &host.scene, emitters, bvh: &host.bvh, extent, places: &places, indirect: None };
+        let mut found = vec![Vec4::ZERO; 2 * fan.samples];
+        packets.trace(&host.scene, &views, &fan, &eye, &mut found);
+        let [mut met, mut others] = [0, 0];
+        for (index, found) in found.into_iter().enumerate() {
+            let (view, sample) = (&views[index / fan.samples], index % fan.samples);
+            let direction = view.frame.to_world(Vec3::from(table.samples[sample].direction.map(|d| d as f32)));
+            let Some(triangle) = numbers[index].checked_sub(1) else {
+                let sky = if lighting.sees.emission { Vec3::new(0.1, 0.2, 0.3) } else { Vec3::ZERO };
+                assert_eq!(found, sky.extend(FAR_AWAY));
+                continue;
+            };
+            let origin = view.position + view.frame.normal * surface_offset(extent, view.position);
+            let seed = combine(places[index / fan.samples].turn.to_bits(), sample as u32);
+            let expected = seen(host, lighting, (Ray { origin, direction }, triangle, seed));
+            met += 1;
+            others += u32::from((found - expected).abs().max_element() > 2e-3 * expected.max_element());
+        }
+        [met, others]
+    }
+
+    #[test]
+    fn eight_samples_side_by_side_are_shaded_as_each_alone() {
+        let host = surroundings();
         for (lobes, sees_emission, samples) in [(false, false, [0, 0]), (true, true, [0, 0]), (true, false, [2, 3]), (false, true, [2, 0])] {
             let lighting = lighting(&host.scene, lobes, sees_emission, samples);
-            let eye = Shading {
-                lighting: &lighting,
-                maps: ShadowMaps::default(),
-                scene: &host.scene,
-                emitters: lighting.emitters(&host.scene, &host.bvh, host.scene.extent(), host.emission()),
-                bvh: &host.bvh,
-                extent: host.scene.extent(),
-                places: &places,
-                indirect: None,
-            };
-            let mut found = vec![Vec4::ZERO; 2 * fan.samples];
-            host.bvh.packets(&host.scene).trace(&host.scene, &views, &fan, &eye, &mut found);
-            let [mut met, mut others] = [0, 0];
-            for (index, found) in found.into_iter().enumerate() {
-                let (view, sample) = (&views[index / fan.samples], index % fan.samples);
-                let direction = view.frame.to_world(Vec3::from(table.samples[sample].direction.map(|d| d as f32)));
-                let Some(triangle) = numbers[index].checked_sub(1) else {
-                    let sky = if sees_emission { Vec3::new(0.1, 0.2, 0.3) } else { Vec3::ZERO };
-                    assert_eq!(found, sky.extend(FAR_AWAY));
-                    continue;
-                };
-                let origin = view.position + view.frame.normal * surface_offset(host.scene.extent(), view.position);
-                let seed = combine(places[index / fan.samples].turn.to_bits(), sample as u32);
-                let expected = seen(&host, &lighting, (Ray { origin, direction }, triangle, seed));
-                met += 1;
-                others += u32::from((found - expected).abs().max_element() > 2e-3 * expected.max_element());
-            }
+            let [met, others] = shaded_otherwise(&host, &lighting, ShadowMaps::default());
             // Shadow rays that graze an edge may tell otherwise.
             assert!(met > 100 && others <= if samples == [0, 0] { 0 } else { 3 }, "{others} of {met} differ with {lobes} {sees_emission} {samples:?}");
         }
+    }
+
+    /// All that is seen is nearer than eight texels of maps that have one each, in which nothing casts a shadow.
+    #[test]
+    fn what_is_seen_from_nearby_is_lit_by_shadow_rays() {
+        let mut host = surroundings();
+        host.scene.lights.retain(|light| !matches!(light.kind, LightKind::Spot { .. }));
+        let lit_without = {
+            let lighting = lighting(&host.scene, false, false, [0, 0]);
+            host.scene.lights.iter_mut().for_each(|light| light.shadows = true);
+            shaded_otherwise(&host, &lighting, ShadowMaps::default())[1]
+        };
+        let lighting = lighting(&host.scene, false, false, [0, 0]);
+        let depth = vec![0.0; 64];
+        let [met, others] = shaded_otherwise(&host, &lighting, ShadowMaps { depth: &depth, resolution: 1, pitch: 1, taps: 1 });
+        assert!(lit_without > met / 10 && others <= 3, "{others} of {met} differ, and {lit_without} without shadows");
     }
 }

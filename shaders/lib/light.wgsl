@@ -62,14 +62,18 @@ fn arriving_from(light: SceneLight, surface: Surface) -> Arriving {
     return Arriving(select(vec3f(0.0), arriving, is_lit), to_light, distance);
 }
 
+fn visibility_by_ray(surface: Surface, arriving: Arriving) -> f32 {
+    let origin = surface.position + surface.face_normal * surface_offset(surface.position);
+    return select(1.0, 0.0, trace_occluded(origin, arriving.to_light, arriving.distance * 0.9999));
+}
+
 // Light of a punctual light that is reflected; the surface's normal faces the side that is lit.
 fn light_reflected(light: SceneLight, surface: Surface, seed: u32) -> vec3f {
-    let light_there = arriving_from(light, surface);
-    if all(light_there.irradiance == vec3f(0.0)) {
+    let arriving = arriving_from(light, surface);
+    if all(arriving.irradiance == vec3f(0.0)) {
         return vec3f(0.0);
     }
-    let visibility = light_visibility(light, surface.position, surface.face_normal, light_there.to_light, light_there.distance, seed);
-    return light_there.irradiance * response(surface, light_there.to_light) * visibility;
+    return arriving.irradiance * response(surface, arriving.to_light) * light_visibility(light, surface, arriving, seed);
 }
 
 // One of the first lights, with what the plan knows of it in place of what the scene says.

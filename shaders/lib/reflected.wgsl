@@ -28,13 +28,12 @@ fn lit(surface: Surface) -> Surface {
 // Direct light of punctual lights by shadow rays, and of others.
 fn direct_by_rays(surface: Surface, seed: u32) -> vec3f {
     let lights = select(LIGHTS, scene_parameters.lights, LIGHTS == ANY_NUMBER);
-    let origin = surface.position + surface.face_normal * surface_offset(surface.position);
     var sum = area_reflected(surface, seed) + sky_reflected(surface, seed);
     for (var i = 0u; i < lights; i++) {
         let light = scene_light(i);
-        let there = arriving_from(light, surface);
-        if any(there.irradiance != vec3f(0.0)) && (light.shadow_layers == 0u || !trace_occluded(origin, there.to_light, there.distance * 0.9999)) {
-            sum += there.irradiance * response(surface, there.to_light);
+        let arriving = arriving_from(light, surface);
+        if any(arriving.irradiance != vec3f(0.0)) && (light.shadow_layers == 0u || visibility_by_ray(surface, arriving) > 0.0) {
+            sum += arriving.irradiance * response(surface, arriving.to_light);
         }
     }
     return sum;

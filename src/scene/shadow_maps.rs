@@ -65,6 +65,8 @@ enum Projection {
 pub struct Receivers<S: Simd> {
     pub position: Vectors<S>,
     pub normal: Vectors<S>,
+    /// From where they are seen.
+    pub distance: f32x8<S>,
     pub seeds: u32x8<S>,
     /// Whose visibility the first is.
     pub first: usize,
@@ -157,12 +159,17 @@ pub struct Lookups {
     /// Values up to this let light through.
     limits: [f32; AT_ONCE],
     weights: [f32; AT_ONCE],
+    /// A bit for each point that is seen from too near for a map, whose visibility is left to a ray.
+    pub near: u64,
 }
 
+/// What is nearer than so many widths of a texel to where it is seen from is too near for a map: what leaks along the edges of things, a texel wide,
+/// would be much of what is seen.
+const NEAR: f32 = 8.0;
 const AT_ONCE: usize = 128;
 
 impl Lookups {
-    pub const NONE: Self = Self { count: 0, of: [0; AT_ONCE], texels: [0; AT_ONCE], limits: [0.0; AT_ONCE], weights: [0.0; AT_ONCE] };
+    pub const NONE: Self = Self { count: 0, of: [0; AT_ONCE], texels: [0; AT_ONCE], limits: [0.0; AT_ONCE], weights: [0.0; AT_ONCE], near: 0 };
 }
 
 impl ShadowMaps<'_> {
@@ -218,6 +225,9 @@ impl ShadowMaps<'_> {
         let size = points.position.magnitude();
         let slack =
             scale * (2.0 * camera.half.max_element() / edge) + (size.x.max(size.y).max(size.z) * (2.0 * OFFSET_OF_SIZE) + 2.0 * OFFSET_OF_EXTENT * extent);
+        let near = lanes & before & points.distance.simd_lt(slack * NEAR).to_bitmask() as u32;
+        lookups.near |= u64::from(near) << points.first;
+        let lanes = lanes & before & !near;
         let slopes =
             [points.normal.product(camera.forward), points.normal.product(camera.right * camera.half.x), points.normal.product(camera.up * camera.half.y)];
         let receiver = Receiver { depth, facing: d.dot(points.normal), slopes, slack, projection: camera.projection };
@@ -237,7 +247,7 @@ impl ShadowMaps<'_> {
             let (column, row) = ((base[0] + i as f32).max(zero).min(largest), (base[1] + j as f32).max(zero).min(largest));
             let limit = receiver.limit(simd, (column + 0.5) * step - 1.0, (row + 0.5) * step - 1.0);
             let texels = u32x8::truncate_from(row) * self.pitch + u32x8::truncate_from(column) + first;
-            self.add(lookups, points.first, lanes & before, texels.to_array(), limit.to_array(), weight.to_array(), visibility);
+            self.add(lookups, points.first, lanes, texels.to_array(), limit.to_array(), weight.to_array(), visibility);
         }
     }
 
@@ -326,8 +336,8 @@ mod tests {
     const EXTENT: f32 = 10.0;
 
     /// Visibility of eight points at `distance` below a light, which face it, where every texel of its maps holds a surface that is nearer to the light by so
-    /// many widths of a texel.
-    fn visible(kind: LightKind, taps: i32, distance: f32, widths: f32) -> [f32; LANES] {
+    /// many widths of a texel; which of them are left to rays, where they are seen from so many widths away.
+    fn visible(kind: LightKind, taps: i32, distance: f32, widths: f32, from_widths: f32) -> ([f32; LANES], u64) {
         let light = Light { name: "light".into(), kind, shadows: true };
         let layers = shadow_layers(&light, 4);
         let bounds = Bounds { min: Vec3::splat(-EXTENT), max: Vec3::splat(EXTENT) };
@@ -347,17 +357,19 @@ mod tests {
         };
         let depth = vec![value; (layers * EDGE * EDGE) as usize];
         let maps = ShadowMaps { depth: &depth, resolution: EDGE, pitch: EDGE, taps };
-        let mut visibility = [0.0; LANES];
+        let (mut visibility, mut near) = ([0.0; LANES], 0);
         dispatch!(Level::new(), simd => {
             let place = |lane: usize| from + Vec3::new(0.1 * lane as f32 - 0.3, -distance, 0.2 - 0.05 * lane as f32);
             let axes = std::array::from_fn(|axis| std::array::from_fn(|lane| place(lane)[axis]));
             let (position, normal) = (Vectors::load(simd, &axes), Vectors::splat(simd, Vec3::Y));
-            let receivers = Receivers { position, normal, seeds: u32x8::splat(simd, 7), first: 0 };
+            let seen_from = f32x8::splat(simd, from_widths * texel);
+            let receivers = Receivers { position, normal, distance: seen_from, seeds: u32x8::splat(simd, 7), first: 0 };
             let mut lookups = Lookups::NONE;
             maps.look_up(simd, &cameras, &receivers, 0xff, &mut lookups, &mut visibility);
             maps.finish(&mut lookups, &mut visibility);
+            near = lookups.near;
         });
-        visibility
+        (visibility, near)
     }
 
     #[test]
@@ -370,9 +382,21 @@ mod tests {
         for kind in lights {
             for (taps, distance) in [(1, 2.5), (2, 1.5), (4, 4.0)] {
                 for (widths, expected) in [(-1.0, 1.0), (0.0, 1.0), (0.9, 1.0), (1.1, 0.0), (3.0, 0.0)] {
-                    let found = visible(kind, taps, distance, widths);
+                    let (found, _) = visible(kind, taps, distance, widths, 2.0 * NEAR);
                     assert!(found.iter().all(|found| (found - expected).abs() < 1e-5), "{kind:?} by {taps} taps, {widths} texels away: {found:?}");
                 }
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_seen_from_within_eight_texels_is_left_to_rays() {
+        let point = LightKind::Point { position: Vec3::new(0.5, 3.0, 0.2), intensity: Vec3::ONE };
+        let sun = LightKind::Directional { direction: Vec3::NEG_Y, irradiance: Vec3::ONE };
+        for kind in [point, sun] {
+            for taps in [1, 4] {
+                assert_eq!(visible(kind, taps, 2.5, 0.0, 0.9 * NEAR), ([0.0; LANES], 0xff), "{kind:?} by {taps} taps");
+                assert_eq!(visible(kind, taps, 2.5, 0.0, 1.1 * NEAR).1, 0, "{kind:?} by {taps} taps");
             }
         }
     }

@@ -1,12 +1,15 @@
 #import lib/random
+#import lib/trace
 #import lib/visibility/shadow_view
 #import SHADOW_TEXELS
 
 // How much of a punctual light arrives at a surface point, by percentage-closer filtering of its shadow map
-// (Reeves et al. 1987) against the receiver's own plane.
+// (Reeves et al. 1987) against the receiver's own plane; by a shadow ray where it is seen from nearby.
 
 // Taps along each axis: 4 × 4 is 16-tap filtering. 1: one of the 4-tap filter's, drawn by its weight.
 override SHADOW_TAPS: i32 = 4;
+// What is nearer than so many widths of a texel to where it is seen from is too near for a map: as scene::shadow_maps.
+const NEAR = 8.0;
 // Texels along an edge of a map.
 override SHADOW_RESOLUTION: f32 = 1024.0;
 
@@ -46,10 +49,12 @@ fn is_lit(receiver: Receiver, texel: vec2i) -> bool {
     return stored_depth(view, receiver.layer, inside) >= min(plane, receiver.depth) - receiver.slack;
 }
 
-fn light_visibility(light: SceneLight, position: vec3f, normal: vec3f, to_light: vec3f, distance: f32, seed: u32) -> f32 {
+fn light_visibility(light: SceneLight, surface: Surface, arriving: Arriving, seed: u32) -> f32 {
     if light.shadow_layers == 0u {
         return 1.0;
     }
+    let position = surface.position;
+    let normal = surface.face_normal;
     let face = map_of(light, position);
     let view = shadow_view(light, face);
     let d = position - view.origin;
@@ -61,6 +66,9 @@ fn light_visibility(light: SceneLight, position: vec3f, normal: vec3f, to_light:
     let at = (vec2f(dot(d, view.right), -dot(d, view.up)) / (scale * view.half) * 0.5 + 0.5) * SHADOW_RESOLUTION;
     // A texel's width where the receiver is: what is nearer than that to the receiver does not shadow it.
     let slack = 2.0 * max(view.half.x, view.half.y) * scale / SHADOW_RESOLUTION + 2.0 * surface_offset(position);
+    if surface.distance < NEAR * slack {
+        return visibility_by_ray(surface, arriving);
+    }
     let receiver = Receiver(view, light.shadow_layer + face, normal, z, dot(d, normal), slack);
     if SHADOW_TAPS == 1 {
         let shift = vec2f(unit(hash(seed)), unit(hash(seed + 1u))) - 0.5;

@@ -1,6 +1,7 @@
 //! Shadow rays: 64 from one point, which only have to know whether anything is in their way.
 
 use super::*;
+use crate::scene::{LightKind, bvh::Bvh};
 
 /// Rays from one point; their lengths matter where they have an end.
 pub struct ShadowRays {
@@ -84,6 +85,30 @@ impl Packets {
             Some(beam) => walker.block_beam(simd, walk, beam, &mut to_do.0),
             None => walker.block(simd, walk, span[0], &mut to_do.0),
         })
+    }
+}
+
+/// So many times as far from a surface as rays start do rays from lights end.
+const SHORT: f32 = 8.0;
+
+impl Bvh {
+    /// A bit for each of the points in `rays.all` that something hides from a punctual light. The points are where `rays` has directions, and are replaced
+    /// by them.
+    pub fn hidden_from(&self, scene: &Scene, extent: f32, light: &LightKind, rays: &mut ShadowRays, to_do: &mut ToDo) -> u64 {
+        match *light {
+            LightKind::Point { position, .. } | LightKind::Spot { position, .. } => {
+                for direction in &mut rays.directions {
+                    let (start, way) = (*direction, *direction - position);
+                    // A way that is long is rounded by more than rays start off a surface.
+                    *direction = way * (1.0 - SHORT * surface_offset(extent, start) / way.length().max(f32::MIN_POSITIVE)).max(0.0);
+                }
+                self.packets(scene).hidden(scene, position, rays, Until::FromLight, to_do)
+            }
+            LightKind::Directional { direction, .. } => {
+                let points = (0..RAYS).filter(|ray| rays.all & 1 << ray != 0);
+                points.map(|ray| u64::from(self.occluded(scene, rays.directions[ray], -direction, f32::INFINITY)) << ray).sum()
+            }
+        }
     }
 }
 

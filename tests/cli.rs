@@ -445,6 +445,41 @@ fn what_ships_is_listed_and_printed_to_start_from() {
 }
 
 #[test]
+fn starts_are_whole_and_written_once() {
+    let place = Place::new();
+    let new = |kind: &str, name: &str| place.run(&["new", kind, name]);
+    for (kind, name, file) in [("scene", "rooms/attic", "rooms/attic.ron"), ("pipeline", "quick.ron", "quick.ron")] {
+        let (status, stdout, stderr) = new(kind, name);
+        assert_eq!((status, stderr.as_str()), (0, ""));
+        assert!(stdout.starts_with(&format!("{file}\n")), "{stdout}");
+    }
+    let (status, _, stderr) = place.run(&["check", "quick.ron", "--scene", "rooms/attic.ron", "--strict"]);
+    assert_eq!((status, stderr.as_str()), (0, ""));
+    fs::write(place.0.path().join("quick.ron"), "mine").unwrap();
+    assert!(place.refusal(&["new", "pipeline", "quick"]).contains("quick.ron is there already"));
+    assert_eq!(fs::read_to_string(place.0.path().join("quick.ron")).unwrap(), "mine");
+    assert!(place.refusal(&["new", "scene", "../"]).contains("`../` does not name a file"));
+}
+
+#[test]
+fn passes_start_in_a_checkout() {
+    let place = Place::new();
+    assert!(place.refusal(&["new", "pass", "BlurAlong"]).contains("no passes/mod.rs here"));
+    fs::create_dir(place.0.path().join("passes")).unwrap();
+    fs::write(place.0.path().join("passes/mod.rs"), "").unwrap();
+    assert!(place.refusal(&["new", "pass", "blur"]).contains("`blur` does not name a pass"));
+    let (status, stdout, _) = place.run(&["new", "pass", "BlurAlong"]);
+    assert_eq!(status, 0);
+    assert!(stdout.contains("`&blur_along::BlurAlong,`"), "{stdout}");
+    for (file, word) in
+        [("passes/blur_along.rs", "pub struct BlurAlong;"), ("shaders/blur_along.wgsl", "fn multiply("), ("pipelines/blur_along.ron", "pass: BlurAlong(")]
+    {
+        let text = fs::read_to_string(place.0.path().join(file)).unwrap();
+        assert!(text.contains(word) && !text.to_lowercase().contains("brighten"), "{file}: {text}");
+    }
+}
+
+#[test]
 fn passes_are_written_as_markdown() {
     let place = Place::new();
     let (status, one, stderr) = place.run(&["passes", "Splat", "--markdown"]);

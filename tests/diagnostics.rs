@@ -154,7 +154,7 @@ fn files() -> BTreeMap<&'static str, Vec<u8>> {
 
 /// Code and arguments, one case each, and whether a GPU is needed.
 #[rustfmt::skip]
-const CASES: [(&str, &str, bool); 71] = [
+const CASES: [(&str, &str, bool); 74] = [
     ("plan::coarsest", "check irradiance --scene white.ron --set misses.by=Grid(coarsest:3)", false),
     ("plan::finest", "check irradiance --scene white.ron --set misses.by=Grid(finest:3)", false),
     ("plan::light_of_sources", "check photon --scene white.ron --set direct.emitters=Records", false),
@@ -179,6 +179,9 @@ const CASES: [(&str, &str, bool); 71] = [
     ("plan::errors_of_radiance", "check radiance --scene glossy.ron --set reflections.of=StandardError", false),
     ("cli::unknown_pass", "passes Splatt", false),
     ("cli::not_shipped", "pipelines iradiance", false),
+    ("cli::exists", "new scene white", false),
+    ("cli::bad_name", "new scene rooms/a*b", false),
+    ("cli::no_checkout", "new pass Tint", false),
     ("cli::unknown_camera", "explain irradiance --scene white.ron --camera c", false),
     ("cli::target_in_eye", "explain irradiance --scene white.ron --eye 1,2,3 --target 1,2,3", false),
     ("cli::up_along_view", "explain irradiance --scene white.ron --eye 0,3,0 --target 0,0,0 --up 0,2,0", false),

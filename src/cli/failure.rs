@@ -60,6 +60,15 @@ pub enum CommandError {
     #[error("cannot write {}", path.display())]
     #[diagnostic(code(cli::write), help("nothing was left behind, an earlier file of that name is unchanged"))]
     Write { path: PathBuf, source: io::Error },
+    #[error("{} is there already", path.display())]
+    #[diagnostic(code(cli::exists), help("it stays as it is; take another name, or move it away"))]
+    Exists { path: PathBuf },
+    #[error("`{name}` does not name {what}")]
+    #[diagnostic(code(cli::bad_name), help("{help}"))]
+    BadName { name: String, what: &'static str, help: &'static str },
+    #[error("there is no passes/mod.rs here: passes are written in a checkout of hemisplat")]
+    #[diagnostic(code(cli::no_checkout), help("clone hemisplat and run this in its top folder; scenes and pipelines may stand anywhere"))]
+    NoCheckout,
     #[error("cannot tell the format of {}", path.display())]
     #[diagnostic(code(cli::unknown_format), help("pictures are written as .exr, .png or .hdr"))]
     UnknownFormat { path: PathBuf },

@@ -21,6 +21,7 @@ mod interrupt;
 mod judge;
 mod kept;
 mod legible;
+mod new;
 mod output;
 mod passes;
 mod pipeline;
@@ -93,6 +94,7 @@ enum Command {
     Graph(graph::Options),
     Pipelines(pipelines::Options),
     Scenes(scenes::Options),
+    New(new::Options),
     Passes(passes::Options),
     Completions(completions::Options),
 }
@@ -111,7 +113,7 @@ impl Command {
         match self {
             Self::Render(_) | Self::Compare(_) | Self::Sweep(_) | Self::Study(_) | Self::Stability(_) => Need::Driver,
             Self::Reference(_) | Self::Diff(_) | Self::Check(_) | Self::Explain(_) => Need::Cores,
-            Self::Adapters(_) | Self::Graph(_) | Self::Pipelines(_) | Self::Scenes(_) | Self::Passes(_) | Self::Completions(_) => Need::Little,
+            Self::Adapters(_) | Self::Graph(_) | Self::Pipelines(_) | Self::Scenes(_) | Self::New(_) | Self::Passes(_) | Self::Completions(_) => Need::Little,
         }
     }
 
@@ -130,6 +132,7 @@ impl Command {
             Self::Graph(options) => graph::run(&options, console),
             Self::Pipelines(options) => pipelines::run(&options, console),
             Self::Scenes(options) => scenes::run(&options, console),
+            Self::New(options) => new::run(&options, console),
             Self::Passes(options) => passes::run(&options, console),
             Self::Completions(options) => completions::run::<Program>(&options, console),
         }

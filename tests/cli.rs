@@ -465,8 +465,9 @@ fn starts_are_whole_and_written_once() {
 fn passes_start_in_a_checkout() {
     let place = Place::new();
     assert!(place.refusal(&["new", "pass", "BlurAlong"]).contains("no passes/mod.rs here"));
-    fs::create_dir(place.0.path().join("passes")).unwrap();
+    fs::create_dir_all(place.0.path().join("passes/splat")).unwrap();
     fs::write(place.0.path().join("passes/mod.rs"), "").unwrap();
+    assert!(place.refusal(&["new", "pass", "Splat"]).contains("passes/splat is there already"));
     assert!(place.refusal(&["new", "pass", "blur"]).contains("`blur` does not name a pass"));
     let (status, stdout, _) = place.run(&["new", "pass", "BlurAlong"]);
     assert_eq!(status, 0);

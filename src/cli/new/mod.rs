@@ -58,7 +58,8 @@ const DOCUMENT: &str = "START";
 
 fn of_document(name: &str, template: &str) -> Result<(Vec<Start>, String), Failure> {
     let given = Path::new(name);
-    let file_name = given.file_name().and_then(|name| name.to_str()).filter(|_| !name.ends_with(['/', '\\']));
+    let is_shown = !name.ends_with(['/', '\\']) && !name.contains(char::is_control);
+    let file_name = given.file_name().and_then(|name| name.to_str()).filter(|_| is_shown);
     let stem = file_name.map(|name| name.strip_suffix(".ron").unwrap_or(name)).filter(|stem| is_plain(stem));
     let Some(stem) = stem else {
         let help = "letters, digits, `_`, `-` and spaces between them make one, folders may stand before it: rooms/attic";
@@ -90,6 +91,10 @@ fn of_pass(name: &str) -> Result<(Vec<Start>, String), Failure> {
         return Err(Failure::input(CommandError::NoCheckout));
     }
     let file = snake(name);
+    let folder = Path::new("passes").join(&file);
+    if folder.is_dir() {
+        return Err(Failure::input(CommandError::Exists { path: folder }));
+    }
     let named = |template: &str| template.replace(PASS[0], name).replace(PASS[1], &file);
     let starts = [
         (format!("passes/{file}.rs"), include_str!("brighten.rs")),
@@ -149,7 +154,7 @@ mod tests {
         ] {
             assert_eq!(path(name), Some((file.into(), text.into())));
         }
-        for bad in ["", ".", "..", "rooms/", "a\"b", "-o", "a\nb", ".ron", "room.gltf", "a "] {
+        for bad in ["", ".", "..", "rooms/", "a\"b", "-o", "a\nb", "a\nb/room", ".ron", "room.gltf", "a "] {
             assert_eq!(path(bad), None, "{bad:?}");
         }
     }

@@ -62,7 +62,11 @@ fn arriving_from(light: SceneLight, surface: Surface) -> Arriving {
     return Arriving(select(vec3f(0.0), arriving, is_lit), to_light, distance);
 }
 
-fn visibility_by_ray(surface: Surface, arriving: Arriving) -> f32 {
+// How much of a punctual light arrives at a surface point: 0 or 1, by a shadow ray if it casts shadows.
+fn visibility_by_ray(light: SceneLight, surface: Surface, arriving: Arriving) -> f32 {
+    if light.shadow_layers == 0u {
+        return 1.0;
+    }
     let origin = surface.position + surface.face_normal * surface_offset(surface.position);
     return select(1.0, 0.0, trace_occluded(origin, arriving.to_light, arriving.distance * 0.9999));
 }

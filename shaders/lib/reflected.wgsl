@@ -32,7 +32,7 @@ fn direct_by_rays(surface: Surface, seed: u32) -> vec3f {
     for (var i = 0u; i < lights; i++) {
         let light = scene_light(i);
         let arriving = arriving_from(light, surface);
-        if any(arriving.irradiance != vec3f(0.0)) && (light.shadow_layers == 0u || visibility_by_ray(surface, arriving) > 0.0) {
+        if any(arriving.irradiance != vec3f(0.0)) && visibility_by_ray(light, surface, arriving) > 0.0 {
             sum += arriving.irradiance * response(surface, arriving.to_light);
         }
     }

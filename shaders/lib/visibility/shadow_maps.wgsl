@@ -67,7 +67,7 @@ fn light_visibility(light: SceneLight, surface: Surface, arriving: Arriving, see
     // A texel's width where the receiver is: what is nearer than that to the receiver does not shadow it.
     let slack = 2.0 * max(view.half.x, view.half.y) * scale / SHADOW_RESOLUTION + 2.0 * surface_offset(position);
     if surface.distance < NEAR * slack {
-        return visibility_by_ray(surface, arriving);
+        return visibility_by_ray(light, surface, arriving);
     }
     let receiver = Receiver(view, light.shadow_layer + face, normal, z, dot(d, normal), slack);
     if SHADOW_TAPS == 1 {

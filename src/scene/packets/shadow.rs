@@ -95,17 +95,18 @@ impl Bvh {
     /// A bit for each of the points in `rays.all` that something hides from a punctual light. The points are where `rays` has directions, and are replaced
     /// by them.
     pub fn hidden_from(&self, scene: &Scene, extent: f32, light: &LightKind, rays: &mut ShadowRays, to_do: &mut ToDo) -> u64 {
+        let all = rays.all;
+        let points = (0..RAYS).filter(|ray| all & 1 << ray != 0);
         match *light {
             LightKind::Point { position, .. } | LightKind::Spot { position, .. } => {
-                for direction in &mut rays.directions {
-                    let (start, way) = (*direction, *direction - position);
+                for ray in points {
+                    let (start, way) = (rays.directions[ray], rays.directions[ray] - position);
                     // A way that is long is rounded by more than rays start off a surface.
-                    *direction = way * (1.0 - SHORT * surface_offset(extent, start) / way.length().max(f32::MIN_POSITIVE)).max(0.0);
+                    rays.directions[ray] = way * (1.0 - SHORT * surface_offset(extent, start) / way.length().max(f32::MIN_POSITIVE)).max(0.0);
                 }
                 self.packets(scene).hidden(scene, position, rays, Until::FromLight, to_do)
             }
             LightKind::Directional { direction, .. } => {
-                let points = (0..RAYS).filter(|ray| rays.all & 1 << ray != 0);
                 points.map(|ray| u64::from(self.occluded(scene, rays.directions[ray], -direction, f32::INFINITY)) << ray).sum()
             }
         }

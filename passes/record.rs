@@ -52,16 +52,28 @@ host_struct! {
         stretch: f32,
         /// The share that it reaches of the way to what stands on its surface; 0 where that is not known.
         confinement: f32,
-        padding_a: u32,
-        padding_b: u32,
+        /// Unit normal of the surface's plane, in signed 16 bits a component; 0 where that of the shading stands for it.
+        face: [u32; 2],
     }
 }
 
 impl Request {
     /// One whose record reaches as far all around.
     pub fn new(position: Vec3, footprint: f32, normal: Vec3, turn: f32) -> Self {
-        let [padding_a, padding_b] = [0; 2];
-        Self { position: position.into(), footprint, normal: normal.into(), turn, stretch: 0.0, confinement: 0.0, padding_a, padding_b }
+        Self { position: position.into(), footprint, normal: normal.into(), turn, stretch: 0.0, confinement: 0.0, face: [0; 2] }
+    }
+
+    /// The same on a surface whose plane has another unit normal: light that comes from below it is none.
+    pub fn on(self, face: Vec3) -> Self {
+        let bits = |component: f32| u32::from((component * 32767.0).round() as i16 as u16);
+        Self { face: [bits(face.x) | bits(face.y) << 16, bits(face.z)], ..self }
+    }
+
+    /// The normal of the surface's plane, if it is not that of the shading.
+    pub fn face(&self) -> Option<Vec3> {
+        let component = |bits: u32| f32::from(bits as u16 as i16) / 32767.0;
+        let [xy, z] = self.face;
+        (self.face != [0; 2]).then(|| Vec3::new(component(xy), component(xy >> 16), component(z)))
     }
 
     /// One whose record reaches as far as `reach` says.

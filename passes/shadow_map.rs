@@ -194,7 +194,7 @@ mod tests {
             let mut triangles: Vec<_> = corners.iter().map(|[centre, a, b]| {
                 let centre = Vec3::from(*centre) + offset;
                 let positions = [centre, centre + 0.1 * Vec3::from(*a), centre + 0.1 * Vec3::from(*b)];
-                Triangle { positions, normals: [Vec3::Z; 3], uvs: [Vec2::ZERO; 3], material: 0 }
+                Triangle { positions, normals: [Vec3::Z; 3], uvs: [Vec2::ZERO; 3], tints: Default::default(), material: 0 }
             }).collect();
             triangles.sort_by(|a, b| a.positions[0].x.total_cmp(&b.positions[0].x));
             let position = Vec3::from(place) + offset;
@@ -234,7 +234,7 @@ mod ranges {
     fn chunks(places: &[Vec3]) -> Chunks {
         let triangle = |place: Vec3| {
             let positions = [place, place + Vec3::splat(0.01), place - Vec3::new(0.01, 0.0, 0.01)];
-            Triangle { positions, normals: [Vec3::Z; 3], uvs: [Vec2::ZERO; 3], material: 0 }
+            Triangle { positions, normals: [Vec3::Z; 3], uvs: [Vec2::ZERO; 3], tints: Default::default(), material: 0 }
         };
         Chunks::new(&places.iter().flat_map(|place| vec![triangle(*place); CHUNK as usize]).collect::<Vec<_>>())
     }

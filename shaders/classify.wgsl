@@ -7,15 +7,29 @@
 @group(0) @binding(1) var reflectance: texture_2d<f32>;
 @group(0) @binding(2) var triangles: texture_2d<u32>;
 @group(0) @binding(3) var kept: texture_storage_2d<rgba32float, write>;
-// Of each material the index of its table, or NO_TABLE.
-@group(0) @binding(4) var<storage, read> tables: array<u32>;
+@group(0) @binding(4) var<storage, read> tables: array<MaterialTables>;
 // Reflectance of the lobe; its table, and as the fraction the azimuth of its first axis, or −1 where there is no lobe.
 @group(0) @binding(5) var seen: texture_storage_2d<rgba32float, write>;
 
 // Whether sharp lobes stay with the others.
 override SHARP_TOO: bool = true;
 
-const NO_TABLE = 0xffffffffu;
+// Those of a material: passes/lobe_coefficients has the twin.
+struct MaterialTables {
+    first: u32,
+    count: u32,
+    least: f32,
+    step: f32,
+}
+
+// Of a material that has any, the nearest to how rough it is there.
+fn table_of(at: MaterialTables, surface: Surface) -> u32 {
+    if at.count == 1u {
+        return at.first;
+    }
+    let level = round((sqrt(surface.lobe_shape.x) - at.least) / at.step);
+    return at.first + u32(clamp(level, 0.0, f32(at.count - 1u)));
+}
 
 @compute @workgroup_size(8, 8)
 fn keep_diffuse(@builtin(global_invocation_id) id: vec3u) {
@@ -35,13 +49,13 @@ fn keep_glossy(@builtin(global_invocation_id) id: vec3u) {
     var place = vec4f(0.0);
     var lobe = vec4f(0.0, 0.0, 0.0, -1.0);
     if triangle != 0u {
-        let table = tables[material_of(triangle - 1u)];
-        if table != NO_TABLE {
+        let of_material = tables[material_of(triangle - 1u)];
+        if of_material.count > 0u {
             let surface = surface_seen(triangle - 1u, camera.eye, pixel_ray(id.xy));
             if SHARP_TOO || !is_sharp(lobe_of(surface)) {
                 let frame = frame_around(surface.normal, 0.0);
                 let azimuth = fract(atan2(dot(surface.tangent, frame[1]), dot(surface.tangent, frame[0])) / (2.0 * PI));
-                lobe = vec4f(surface.specular, f32(table) + min(azimuth, 0.9999));
+                lobe = vec4f(surface.specular, f32(table_of(of_material, surface)) + min(azimuth, 0.9999));
                 place = textureLoad(position, id.xy, 0);
             }
         }

@@ -14,7 +14,7 @@ use hemisplat::{
     measure::{Layers, run::Run},
     passes::{REGISTRY, record::Record},
     pipeline::{Plan, load, plan},
-    scene::{Scene, bvh::Bvh, load as scene_load, needs::Needs},
+    scene::{Glossy, Maps, Reading, Scene, Texture, Tint, Wrap, bvh::Bvh, load as scene_load, needs::Needs},
 };
 use libtest_mimic::{Arguments, Failed};
 use skips::Missing;
@@ -73,6 +73,10 @@ fn cases() -> Vec<(String, Case)> {
         cases.push((format!("a_mirror_lights_a_floor {pipeline}"), Box::new(move |gpu| a_mirror_lights_a_floor(gpu, pipeline))));
     }
     cases.push(("a_mirror_is_as_good_as_the_image".into(), Box::new(a_mirror_is_as_good_as_the_image)));
+    for place in ["Host", "Device"] {
+        cases.push((format!("maps_of_one_value_are_factors {place}"), Box::new(move |gpu| maps_of_one_value_are_factors(gpu, place))));
+        cases.push((format!("an_emission_map_makes_a_smaller_lamp {place}"), Box::new(move |gpu| an_emission_map_makes_a_smaller_lamp(gpu, place))));
+    }
     cases.push(("the_formulas_hold".into(), Box::new(formulas_hold)));
     cases.push(("small_pictures_are_whole".into(), Box::new(small_pictures_are_whole)));
     cases.push(("mistakes_are_refused".into(), Box::new(mistakes_are_refused)));
@@ -93,10 +97,14 @@ impl Room {
         let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
         let path = folder.path().join("room.ron");
         fs::write(&path, document).map_err(|e| e.to_string())?;
-        let mut scene = scene_load::load(&path, &scene_load::LoadOptions::default()).map_err(|e| e.to_string())?;
+        let scene = scene_load::load(&path, &scene_load::LoadOptions::default()).map_err(|e| e.to_string())?;
+        Ok(Self::of(scene))
+    }
+
+    fn of(mut scene: Scene) -> Self {
         let bvh = Bvh::build(&mut scene);
         let needs = Needs::of(&scene);
-        Ok(Self { scene, bvh, needs })
+        Self { scene, bvh, needs }
     }
 }
 
@@ -780,6 +788,88 @@ fn a_mirror_is_as_good_as_the_image(gpu: &Gpu) -> Outcome {
     let direct_view = light(mirror(Some(1.0), &[SCREEN])?)?;
     check(image > 1.3 * direct_view, || format!("the mirror brings little: {image} and {direct_view}"))?;
     at_most("light by the mirror", (found / image - 1.0).abs(), 0.03)
+}
+
+// Textures
+
+/// A metal box on a floor, under a lamp and a point light.
+const METAL: &str = r#"Scene(version: 1, geometry: [
+    Quad(corners: ((-3, 0, -3), (-3, 0, 3), (3, 0, 3), (3, 0, -3)), material: "floor"),
+    Box(min: (-0.5, 0, -0.5), max: (0.5, 0.6, 0.5), material: "metal"),
+    Quad(corners: ((-1, 2, -1), (1, 2, -1), (1, 2, 0), (-1, 2, 0)), material: "lamp")],
+    materials: { "floor": Diffuse(reflectance: (0.5, 0.4, 0.3)), "metal": MetallicRoughness(base: (0.9, 0.6, 0.3), metallic: 0.8, roughness: 0.6),
+        "lamp": Emitter(radiance: (4, 5, 6)) },
+    normals: Face, lights: [Point(position: (2, 2, 2), intensity: (3, 3, 3))],
+    cameras: { "main": (eye: (0, 1.6, 2.2), target: (0, 0.2, 0), fov: 60) })"#;
+
+/// An image without colour whose texels are a number, as it stands.
+fn grey(width: u32, texel: impl Fn(u32) -> [u8; 3]) -> Texture {
+    let texels = (0..width).map(|x| texel(x)).map(|[r, g, b]| [r, g, b, 255]).collect();
+    let reading = Reading { is_linear: true, wrap: [Wrap::Clamp; 2] };
+    Texture { name: "map".into(), width, height: 1, texels, reading }
+}
+
+/// The mean of a layer over the picture.
+fn mean_of(gpu: &Gpu, room: &Room, (pipeline, sets): (&str, &[String]), layer: &str) -> Result<f64, Failed> {
+    rendered(gpu, room, [16, 16], (pipeline, sets), |run, _| {
+        let picture = run.picture().map_err(|e| e.to_string())?;
+        let planes = picture.rgb(layer).map_err(|e| e.to_string())?;
+        let values = planes.concat();
+        Ok(values.iter().map(|value| f64::from(*value)).sum::<f64>() / values.len() as f64)
+    })
+}
+
+/// A texture or a tint that is the same all over does what the factor does, in direct light, in lobes and in what records see.
+fn maps_of_one_value_are_factors(gpu: &Gpu, place: &str) -> Outcome {
+    let sets = [format!("direct.place={place}"), format!("tiles.place={place}"), format!("detail_tiles.place={place}"), format!("glossy_tiles.place={place}")];
+    let plain = Room::new(METAL)?;
+    let mut scene = plain.scene.clone();
+    scene.textures = vec![grey(1, |_| [0, 153, 204]), grey(1, |_| [51, 51, 51]), grey(1, |_| [128, 128, 255])];
+    let [floor, metal, lamp] = ["floor", "metal", "lamp"].map(|name| scene.materials.iter().position(|m| m.name == name).unwrap_or_default());
+    scene.materials[metal].maps = Maps { facets: Some(0), ..Maps::default() };
+    scene.materials[metal].glossy = Glossy::metallic_roughness(1.0, 1.0);
+    scene.materials[lamp].maps = Maps { emission: Some(1), ..Maps::default() };
+    scene.materials[lamp].emission *= 5.0;
+    scene.materials[floor].reflectance = Vec3::ONE;
+    // Half a step off straight, along no axis in particular.
+    scene.materials[floor].maps = Maps { normal: Some(2), normal_scale: 1.0, ..Maps::default() };
+    for triangle in scene.triangles.iter_mut().filter(|triangle| triangle.material as usize == floor) {
+        triangle.tints = [Tint::new(Vec3::new(0.5, 0.4, 0.3)); 3];
+        triangle.uvs = triangle.positions.map(|p| glam::Vec2::new(p.x, p.z));
+    }
+    let mapped = Room::of(scene);
+    for layer in ["direct", "glossy", "irradiance", "picture"] {
+        let [by_factors, by_maps] = [&plain, &mapped].map(|room| mean_of(gpu, room, ("radiance", &sets), layer));
+        let (by_factors, by_maps) = (by_factors?, by_maps?);
+        check(by_factors > 0.0, || format!("{layer}: dark"))?;
+        at_most(&format!("{layer} by maps"), (by_maps / by_factors - 1.0).abs(), 0.03)?;
+    }
+    Ok(())
+}
+
+/// A lamp whose right half is black lights as the left half alone, in direct light and as records see it.
+fn an_emission_map_makes_a_smaller_lamp(gpu: &Gpu, place: &str) -> Outcome {
+    let half = Room::new(&METAL.replace("(1, 2, -1), (1, 2, 0)", "(0, 2, -1), (0, 2, 0)"))?;
+    let mut scene = Room::new(METAL)?.scene;
+    scene.textures = vec![grey(64, |x| if x < 32 { [255; 3] } else { [0; 3] })];
+    let lamp = scene.materials.iter().position(|material| material.name == "lamp").unwrap_or_default();
+    scene.materials[lamp].maps = Maps { emission: Some(0), ..Maps::default() };
+    for triangle in scene.triangles.iter_mut().filter(|triangle| triangle.material as usize == lamp) {
+        triangle.uvs = triangle.positions.map(|p| glam::Vec2::new(0.5 * (p.x + 1.0), 0.5));
+    }
+    let mapped = Room::of(scene);
+    let tiles = [format!("tiles.place={place}"), "direct.emitters=Records".into(), "tiles.resolution=64".into()];
+    for (pipeline, sets, layer) in [
+        ("irradiance", vec![format!("direct.place={place}"), "direct.emitters.area_samples=256".into()], "direct"),
+        ("irradiance-one-rate", tiles.to_vec(), "irradiance"),
+        ("photon-density", Vec::new(), "irradiance"),
+    ] {
+        let [found, expected] = [&mapped, &half].map(|room| mean_of(gpu, room, (pipeline, &sets), layer));
+        let (found, expected) = (found?, expected?);
+        check(expected > 0.0, || format!("{pipeline}: dark"))?;
+        at_most(&format!("{layer} of {pipeline}"), (found / expected - 1.0).abs(), 0.03)?;
+    }
+    Ok(())
 }
 
 // A floor below a screen

@@ -24,6 +24,7 @@ fn shared() -> Vec<(&'static str, Vec<HostLayout>)> {
         ("irradiance_sum/workgroup_tree", vec![workgroup_tree::Cell::LAYOUT]),
         ("radiance_projection", vec![matrix_product::TileWall::LAYOUT]),
         ("lobe_coefficients", vec![lobe_coefficients::device::Shape::LAYOUT]),
+        ("classify", vec![lobe_coefficients::MaterialTables::LAYOUT]),
         ("environment_light", vec![record::TablePlace::LAYOUT]),
         ("photon_tiles", vec![photons::Photon::LAYOUT, photons::MapHead::LAYOUT]),
         ("add_records", vec![add_records::Batch::LAYOUT]),

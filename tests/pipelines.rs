@@ -482,7 +482,7 @@ fn scene(shadows: bool) -> Scene {
     };
     Scene {
         name: "triangle".into(),
-        triangles: vec![Triangle { positions, normals: [Vec3::Z; 3], uvs: [Vec2::ZERO; 3], material: 0 }],
+        triangles: vec![Triangle { positions, normals: [Vec3::Z; 3], uvs: [Vec2::ZERO; 3], tints: Default::default(), material: 0 }],
         materials: vec![Material::diffuse("grey", Vec3::splat(0.5))],
         textures: Vec::new(),
         lights: vec![light],

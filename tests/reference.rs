@@ -25,7 +25,7 @@ fn scene(triangles: Vec<Triangle>, materials: Vec<Material>) -> Scene {
 
 fn triangle(positions: [Vec3; 3], material: u32) -> Triangle {
     let normal = (positions[1] - positions[0]).cross(positions[2] - positions[0]).normalize();
-    Triangle { positions, normals: [normal; 3], uvs: [Vec2::ZERO, Vec2::X, Vec2::ONE], material }
+    Triangle { positions, normals: [normal; 3], uvs: [Vec2::ZERO, Vec2::X, Vec2::ONE], tints: Default::default(), material }
 }
 
 /// A parallelogram that faces along `u × v`, its texture along them.
@@ -358,7 +358,7 @@ fn alpha_masks_leave_holes() {
     let material = Material { texture: Some(0), alpha_cutoff: Some(0.5), ..grey(0.0) };
     let mut lid = scene(quad(Vec3::new(-1.0, 1.0, 1.0), Vec3::X * 2.0, Vec3::NEG_Z * 2.0, 0), vec![material]);
     let texels = (0..64).map(|i| [255, 255, 255, if i % 8 < 4 { 0 } else { 255 }]).collect();
-    lid.textures.push(Texture { name: "mask".into(), width: 8, height: 8, texels });
+    lid.textures.push(Texture { name: "mask".into(), width: 8, height: 8, texels, reading: Default::default() });
     lid.lights.push(point_light(Vec3::new(-1.0, 2.0, 0.0), 1.0));
     let bvh = Bvh::build(&mut lid);
     let tracer = Tracer::new(&lid, &bvh);
@@ -373,7 +373,7 @@ fn emitters_do_not_shine_from_their_holes() {
         let material = Material { texture: Some(0), alpha_cutoff, ..emitter(1.0) };
         let mut lid = scene(quad(Vec3::new(-1.0, 1.0, 1.0), Vec3::X * 2.0, Vec3::NEG_Z * 2.0, 0), vec![material]);
         let texels = (0..64 * 64).map(|i| [255, 255, 255, if i % 64 < 32 { 0 } else { 255 }]).collect();
-        lid.textures.push(Texture { name: "mask".into(), width: 64, height: 64, texels });
+        lid.textures.push(Texture { name: "mask".into(), width: 64, height: 64, texels, reading: Default::default() });
         direct_at(lid, Vec3::ZERO, Vec3::Y, 16384)
     };
     assert_close(half_lit(Some(0.5)), half_lit(None) / 2.0, 0.01);
@@ -384,7 +384,7 @@ fn textures_colour_the_reflected_light() {
     let far = 500.0;
     let material = Material { texture: Some(0), ..grey(0.5) };
     let mut floor = scene(quad(Vec3::new(-far, 0.0, -far), Vec3::Z * 2.0 * far, Vec3::X * 2.0 * far, 0), vec![material]);
-    floor.textures.push(Texture { name: "red".into(), width: 1, height: 1, texels: vec![[255, 0, 188, 255]] });
+    floor.textures.push(Texture { name: "red".into(), width: 1, height: 1, texels: vec![[255, 0, 188, 255]], reading: Default::default() });
     floor.lights.push(sun());
     let bvh = Bvh::build(&mut floor);
     let found = Tracer::new(&floor, &bvh).gather(Vec3::Y, Vec3::NEG_Y, Bounces::Count(1), 1024, 1).irradiance;
@@ -585,8 +585,8 @@ fn glossy_materials() -> [Glossy; 5] {
         Glossy::Phong { reflectance: Vec3::splat(0.6), exponent: 20.0 },
         Glossy::Ward { reflectance: Vec3::splat(0.6), alpha: Vec2::splat(0.3) },
         Glossy::Ward { reflectance: Vec3::splat(0.6), alpha: Vec2::new(0.15, 0.5) },
-        Glossy::MetallicRoughness { metallic: 0.0, roughness: 0.6 },
-        Glossy::MetallicRoughness { metallic: 1.0, roughness: 0.4 },
+        Glossy::metallic_roughness(0.0, 0.6).unwrap(),
+        Glossy::metallic_roughness(1.0, 0.4).unwrap(),
     ]
 }
 

@@ -48,7 +48,8 @@ fn nothing_is_left_out_for_a_scene() {
 }
 
 /// What a scene's needs decide, as shaders call it. The scenes above lack some of it.
-const DECIDED: [&str; 9] = ["TEXTURES", "ALPHA_MASKS", "ONE_SIDED", "SMOOTH", "GLOSSY", "ANISOTROPIC", "LIGHTS", "AREA_SAMPLES", "SKY_SAMPLES"];
+const DECIDED: [&str; 11] =
+    ["TEXTURES", "NORMAL_MAPS", "TINTS", "ALPHA_MASKS", "ONE_SIDED", "SMOOTH", "GLOSSY", "ANISOTROPIC", "LIGHTS", "AREA_SAMPLES", "SKY_SAMPLES"];
 
 #[test]
 fn programs_are_the_same_for_every_scene() {

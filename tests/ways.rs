@@ -90,7 +90,7 @@ impl Stage {
     fn with_holes() -> Result<Self, String> {
         let mut stage = Self::open()?;
         let texels = (0..64u32).map(|texel| if (texel % 8 + texel / 8) % 2 == 0 { [200, 130, 60, 255] } else { [255, 255, 255, 0] }).collect();
-        stage.scene.textures.push(Texture { name: "holes".into(), width: 8, height: 8, texels });
+        stage.scene.textures.push(Texture { name: "holes".into(), width: 8, height: 8, texels, reading: Default::default() });
         let first = stage.scene.materials.len() as u32;
         let plain = stage.scene.materials[0].clone();
         stage.scene.materials.push(Material { texture: Some(stage.scene.textures.len() as u32 - 1), alpha_cutoff: Some(0.5), ..plain.clone() });
@@ -98,6 +98,38 @@ impl Stage {
         for (number, triangle) in stage.scene.triangles.iter_mut().enumerate() {
             triangle.uvs = [Vec2::ZERO, Vec2::X, Vec2::Y];
             triangle.material = if number % 3 == 0 { triangle.material } else { first + number as u32 % 2 };
+        }
+        stage.bvh = Bvh::build(&mut stage.scene);
+        stage.needs = Needs::of(&stage.scene);
+        Ok(stage)
+    }
+
+    /// The same with maps of all kinds on half of the hall's surfaces, which are glossy and shine, and with tints on a third.
+    fn with_maps() -> Result<Self, String> {
+        let mut stage = Self::open()?;
+        let first = stage.scene.textures.len() as u32;
+        let mut numbers = Numbers(3);
+        for (size, is_linear, wrap) in
+            [([8, 4], false, [Wrap::Repeat, Wrap::Mirror]), ([5, 7], true, [Wrap::Clamp, Wrap::Repeat]), ([4, 4], false, [Wrap::Mirror, Wrap::Clamp])]
+        {
+            let texels = (0..size[0] * size[1]).map(|_| [0; 4].map(|_: u8| numbers.between(90.0, 255.0) as u8)).collect();
+            let reading = Reading { is_linear, wrap };
+            stage.scene.textures.push(Texture { name: "map".into(), width: size[0], height: size[1], texels, reading });
+        }
+        let mapped = stage.scene.materials.len() as u32;
+        stage.scene.materials.push(Material {
+            texture: Some(first),
+            maps: Maps { facets: Some(first + 1), normal: Some(first + 1), normal_scale: 0.6, emission: Some(first + 2) },
+            emission: Vec3::new(0.5, 0.2, 0.4),
+            glossy: Glossy::metallic_roughness(0.7, 0.9),
+            ..stage.scene.materials[0].clone()
+        });
+        for (number, triangle) in stage.scene.triangles.iter_mut().enumerate() {
+            triangle.uvs = [Vec2::new(-0.4, 0.3), Vec2::new(2.7, 0.1), Vec2::new(0.2, -3.1)];
+            triangle.material = if number % 2 == 0 { triangle.material } else { mapped };
+            if number % 3 == 0 {
+                triangle.tints = [Vec3::X, Vec3::Y, Vec3::new(0.2, 0.4, 0.9)].map(Tint::new);
+            }
         }
         stage.bvh = Bvh::build(&mut stage.scene);
         stage.needs = Needs::of(&stage.scene);
@@ -515,12 +547,17 @@ fn seen(stage: &Stage, shape: &str, by: &str) -> Result<Vec<[f32; 4]>, Failed> {
 }
 
 fn rays_agree(stage: &Stage) -> Outcome {
-    let holed = Stage::with_holes()?;
+    let [holed, mapped] = [Stage::with_holes()?, Stage::with_maps()?];
     // One of how many samples may have other light. Of the stage with holes every third triangle is a lamp, in the surfaces that it lights: rounding moves the points of
     // lamps as near as that, and which of them is chosen, but not what all of them give.
-    for (stage, shape, one_of) in
-        [(stage, "Hemispherical", 200), (stage, "Hemicube", 200), (stage, "Concentric", 200), (&holed, "Hemispherical", 5), (&holed, "Cosine", 5)]
-    {
+    for (stage, shape, one_of) in [
+        (stage, "Hemispherical", 200),
+        (stage, "Hemicube", 200),
+        (stage, "Concentric", 200),
+        (&holed, "Hemispherical", 5),
+        (&holed, "Cosine", 5),
+        (&mapped, "Concentric", 5),
+    ] {
         let [device, host] = [seen(stage, shape, "Device")?, seen(stage, shape, "Host")?];
         let same = || device.iter().zip(&host).filter(|(a, b)| (a[3] - b[3]).abs() <= 1e-4 * a[3].max(b[3]));
         let apart = device.len() - same().count();

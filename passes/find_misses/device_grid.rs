@@ -2,7 +2,7 @@
 
 use super::grid::{Found, Grid, Round};
 use super::{STALLED_ROUNDS, Work};
-use crate::contract::Encoder;
+use crate::contract::{Encoder, encoder::scene_constants};
 use crate::schedule::*;
 
 /// Cells up to this edge take one lane each, larger ones a workgroup: a lane looks at one pixel after the other.
@@ -92,12 +92,13 @@ pub(super) fn encode(e: &mut Encoder<'_>, work: &Work, grid: Grid) {
     e.before_loop(Command::Clear(counts));
     e.before_loop(Command::Clear(any_missing));
     e.before_loop(Command::Clear(tallies));
-    let program = Program::new("find_misses/device_grid")
+    let program = scene_constants(Program::new("find_misses/device_grid"), e.setting.needs)
         .constant("OVERLAP", work.overlap)
         .constant("LASTS", work.cache.lasts as u8)
         .bind("grid", round)
         .bind("position", work.gbuffer.position)
         .bind("normal", work.gbuffer.normal)
+        .bind("triangles", work.gbuffer.triangles)
         .bind("sums", work.sums)
         .bind("candidates", candidates)
         .bind("counts", counts)

@@ -19,7 +19,8 @@ pub(super) fn encode(e: &mut Encoder<'_>, work: &Work, grid: Grid) {
     e.before_loop(Command::Host(Host::new("start", Vec::new(), Vec::new(), begin)));
     let work = *work;
     let (gbuffer, sums, places) = (work.gbuffer, work.sums, work.requests.places);
-    let reads = [Read::whole(gbuffer.position), Read::whole(gbuffer.normal), Read::whole(sums)];
+    let surfaces = [gbuffer.position, gbuffer.normal, sums].map(Read::whole);
+    let reads: Vec<Read> = surfaces.into_iter().chain(work.face_reads()).collect();
     e.host("search", &reads, &[places], move |host| {
         let before = host.state(asked).take().and_then(|pixels| pixels.downcast::<Vec<u32>>().ok()).unwrap_or_default();
         // A part of a pixel farther any weight will do.
@@ -31,7 +32,11 @@ pub(super) fn encode(e: &mut Encoder<'_>, work: &Work, grid: Grid) {
         let uncovered = before.iter().filter(|pixel| picture.misses(**pixel)).count() as u32;
         let picked = &some[..some.len().min(most)];
         let normals: &[Vec4] = bytemuck::cast_slice(host.read(gbuffer.normal));
-        let new: Vec<Request> = picked.iter().map(|(_, pixel)| request(picture.position[*pixel as usize], normals[*pixel as usize], *pixel)).collect();
+        let asked_for = |pixel: u32| {
+            let (at, place) = (pixel as usize, picture.position[pixel as usize]);
+            request(place, normals[at], work.face(host, at, place), pixel)
+        };
+        let new: Vec<Request> = picked.iter().map(|(_, pixel)| asked_for(*pixel)).collect();
         let next_block = picked.last().map_or(0, |(block, _)| block + 1);
         let found = Found { requests: picked.len() as u32, candidates: some.len() as u32, next_block, uncovered, any_missing };
         *host.state(asked) = Some(Box::new(picked.iter().map(|(_, pixel)| *pixel).collect::<Vec<u32>>()));

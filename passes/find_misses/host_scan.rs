@@ -10,7 +10,7 @@ use crate::contract::Encoder;
 use crate::math::{projection::Pinhole, weight::Record, weight::Rule};
 use crate::passes::record::{Fresh, Request, pinhole, texels};
 use crate::schedule::*;
-use glam::{Vec4, Vec4Swizzles};
+use glam::{Vec3, Vec4, Vec4Swizzles};
 
 /// Least distance between the records of a batch, along a row or a column [pixels].
 const LEAST_SPACING: u32 = 2;
@@ -65,7 +65,8 @@ pub(super) fn encode(e: &mut Encoder<'_>, work: &Work, spacing: u32) {
     e.compute(program, "look", Groups::Counted { count: look, divisor: 1, per: pixels.div_ceil(64) });
     let fresh = Fresh::encode(e, &cache, seen, work.requests.capacity);
     let (work, requests) = (*work, work.requests);
-    e.host("walk", &[Read::counted(weights, pixels as u64 * 4, look), fresh.read()], &[requests.places], move |host| {
+    let reads: Vec<Read> = [Read::counted(weights, pixels as u64 * 4, look), fresh.read()].into_iter().chain(work.face_reads()).collect();
+    e.host("walk", &reads, &[requests.places], move |host| {
         let looked = host.variable(look) > 0;
         let device_weights: Vec<f32> = bytemuck::pod_collect_to_vec(host.read(weights));
         let (records, camera) = (fresh.records(host), pinhole(host));
@@ -84,7 +85,7 @@ pub(super) fn encode(e: &mut Encoder<'_>, work: &Work, spacing: u32) {
         let free = work.room(host, uncovered);
         let room = requests.capacity.min(free) as usize;
         surfaces.asked = if sequential { surfaces.first_miss().into_iter().take(room).collect() } else { surfaces.misses(room) };
-        let new: Vec<Request> = surfaces.asked.iter().map(|pixel| surfaces.request(*pixel)).collect();
+        let new: Vec<Request> = surfaces.asked.iter().map(|pixel| surfaces.request(*pixel, work.face(host, *pixel, surfaces.position[*pixel]))).collect();
         *host.state(walk) = Some(surfaces);
         host.write(requests.places, 0, bytemuck::cast_slice(&new));
         host.set(requests.count, new.len() as u32);
@@ -175,8 +176,8 @@ impl Walk {
         }
     }
 
-    fn request(&self, pixel: usize) -> Request {
-        request(self.position[pixel], self.normal[pixel], pixel as u32)
+    fn request(&self, pixel: usize, face: Option<Vec3>) -> Request {
+        request(self.position[pixel], self.normal[pixel], face, pixel as u32)
     }
 }
 

@@ -4,7 +4,7 @@ use super::record::{REQUEST_BYTES, Request};
 use crate::contract::{Choice, Description, Encoder, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Refusal, Takes, port};
 use crate::math::random::{hash, unit};
 use crate::schedule::*;
-use glam::{Vec4, Vec4Swizzles};
+use glam::{Vec3, Vec4, Vec4Swizzles};
 use grid::Grid;
 use std::f32::consts::TAU;
 
@@ -97,9 +97,26 @@ struct Work {
     stalled: Variable,
     /// A pixel whose weights add up to this or less misses a record.
     overlap: f32,
+    /// Whether shading normals differ from those of planes.
+    has_faces: bool,
 }
 
 impl Work {
+    /// What tells [`Self::face`] of the visible triangles, if anything is to be told.
+    fn face_reads(&self) -> Option<Read> {
+        self.has_faces.then(|| Read::whole(self.gbuffer.triangles))
+    }
+
+    /// The plane's normal of what a pixel sees at a place, on the side that it sees; none where that of the shading is the same.
+    fn face(&self, host: &dyn HostContext, pixel: usize, place: Vec4) -> Option<Vec3> {
+        if !self.has_faces {
+            return None;
+        }
+        let triangles: &[u32] = bytemuck::cast_slice(host.read(self.gbuffer.triangles));
+        let face = host.scene().triangles[triangles[pixel].checked_sub(1)? as usize].face_normal();
+        Some(if face.dot(place.xyz() - host.camera().0.eye) <= 0.0 { face } else { -face })
+    }
+
     /// Whether the cache has the records of a picture whose rays were a part of a pixel away.
     fn has_earlier_samples(&self, host: &dyn HostContext) -> bool {
         self.cache.lasts && host.camera().0.sample.number > 0
@@ -151,7 +168,8 @@ impl Pass for FindMisses {
         let requests = port::Requests { places, count: e.variable("count", false), capacity, made, at_most };
         let (sums, cache) = (splats.sums, splats.cache);
         let [none, stalled] = ["none", "stalled"].map(|name| e.variable(name, false));
-        let work = Work { gbuffer, sums, cache, requests, none, stalled, overlap: cache.rule.overlap };
+        let needs = e.setting.needs;
+        let work = Work { gbuffer, sums, cache, requests, none, stalled, overlap: cache.rule.overlap, has_faces: needs.smooth || needs.normal_maps };
         // A loop that goes on where another has ended may be left out.
         if e.requests("after").is_none() {
             e.run_at_least(first_rounds(e, gbuffer.size, capacity));
@@ -198,10 +216,11 @@ fn first_rounds(e: &Encoder<'_>, size: [u32; 2], capacity: u32) -> u32 {
     }
 }
 
-/// The request of a pixel that sees `place`, whose fourth component is the pixel's width there, and faces there like `facing`: as `ask` of
+/// The request of a pixel that sees `place`, whose fourth component is the pixel's width there, and faces there like `facing`, on a plane of its own: as `ask` of
 /// shaders/find_misses/device_grid.wgsl makes it.
-fn request(place: Vec4, facing: Vec4, pixel: u32) -> Request {
-    Request::new(place.xyz(), place.w, facing.xyz(), TAU * unit(hash(pixel + 1)))
+fn request(place: Vec4, facing: Vec4, face: Option<Vec3>, pixel: u32) -> Request {
+    let request = Request::new(place.xyz(), place.w, facing.xyz(), TAU * unit(hash(pixel + 1)));
+    face.map_or(request, |face| request.on(face))
 }
 
 #[cfg(test)]
@@ -224,6 +243,7 @@ mod tests {
             none,
             stalled,
             overlap: 0.25,
+            has_faces: false,
         }
     }
 
@@ -268,9 +288,12 @@ mod tests {
     #[test]
     fn a_request_has_what_its_pixel_sees_and_a_turn_of_its_own() {
         let (place, facing) = (Vec4::new(1.0, 2.0, 3.0, 0.5), Vec4::new(0.0, 0.6, 0.8, 7.0));
-        let made = request(place, facing, 5);
+        let made = request(place, facing, Some(Vec3::Y), 5);
         assert_eq!((made.position, made.footprint, made.normal), ([1.0, 2.0, 3.0], 0.5, [0.0, 0.6, 0.8]));
-        let turns: Vec<f32> = (0..64).map(|pixel| request(place, facing, pixel).turn).collect();
+        let face = |face: Vec3| request(place, facing, Some(face), 5).face();
+        assert!(made.face() == Some(Vec3::Y) && request(place, facing, None, 5).face().is_none());
+        assert!([Vec3::NEG_Z, Vec3::new(-0.48, 0.6, -0.64)].iter().all(|normal| face(*normal).is_some_and(|face| face.distance(*normal) < 1e-4)));
+        let turns: Vec<f32> = (0..64).map(|pixel| request(place, facing, None, pixel).turn).collect();
         let in_part = |part: usize| turns.iter().filter(|turn| (**turn / TAU * 4.0) as usize == part).count();
         assert!(turns.iter().all(|turn| (0.0..TAU).contains(turn)) && (0..4).all(|part| in_part(part) > 6), "{turns:?}");
         assert_eq!(turns[5], TAU * unit(hash(6)));

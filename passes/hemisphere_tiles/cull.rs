@@ -266,7 +266,7 @@ mod views {
         let number = |at: u32| crate::math::random::unit(crate::math::random::hash(at)) * 2.0 - 1.0;
         let place = |at: u32| 3.0 * Vec3::new(number(3 * at), number(3 * at + 1), number(3 * at + 2));
         let corners = (0..3000).map(place).map(|at| [at, at + Vec3::new(0.01, 0.0, 0.0), at + Vec3::new(0.0, 0.01, 0.01)]);
-        corners.map(|positions| Triangle { positions, normals: [Vec3::Z; 3], uvs: [Vec2::ZERO; 3], material: 0 }).collect()
+        corners.map(|positions| Triangle { positions, normals: [Vec3::Z; 3], uvs: [Vec2::ZERO; 3], tints: Default::default(), material: 0 }).collect()
     }
 
     /// Whether a view sees a place, given from where its request is.

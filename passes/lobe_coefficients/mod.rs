@@ -5,6 +5,7 @@ pub mod device;
 use crate::contract::{
     Arguments, Bodies, Choice, Description, Encoder, MOST_BYTES, Need, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Refusal, port,
 };
+use crate::host_struct;
 use crate::math::{
     harmonics::{
         Harmonics, MOST,
@@ -14,7 +15,7 @@ use crate::math::{
 };
 use crate::passes::record::{lobe_bytes, table_places};
 use crate::scene::{
-    Scene,
+    Glossy, Scene,
     needs::{Needs, used_materials},
 };
 use glam::Vec4;
@@ -116,20 +117,72 @@ struct Used {
     materials: Vec<String>,
 }
 
-/// The shapes of the lobes of the materials that are used, but for sharp ones where these are left, and of each material the index of its shape.
-fn shapes(scene: &Scene, leaves_sharp: bool) -> (Vec<Used>, Vec<Option<u32>>) {
+host_struct! {
+    /// The tables of a material: more than one where a map changes its roughness.
+    pub struct MaterialTables {
+        first: u32,
+        /// 0 where it has none.
+        count: u32,
+        /// Roughness of the first, and how much each of the others has more.
+        least: f32,
+        step: f32,
+    }
+}
+
+impl MaterialTables {
+    const NONE: Self = Self { first: 0, count: 0, least: 0.0, step: 1.0 };
+
+    fn one(first: usize) -> Self {
+        Self { first: first as u32, count: 1, ..Self::NONE }
+    }
+}
+
+/// Most difference in roughness between neighbouring tables.
+const STEP: f32 = 1.0 / 16.0;
+
+/// One table after the other for the roughness that maps make, from the least to the most.
+fn shapes_of_maps(scene: &Scene, used: &[bool], leaves_sharp: bool) -> (Vec<Used>, MaterialTables) {
+    let (mut range, mut materials) = ([f32::INFINITY, f32::NEG_INFINITY], Vec::new());
+    for (material, _) in scene.materials.iter().zip(used).filter(|(material, used)| **used && material.maps.facets.is_some()) {
+        let Some(Glossy::MetallicRoughness { roughness, .. }) = material.glossy else { continue };
+        let [low, high] = scene.facets(material).map(|facets| facets.x * roughness);
+        let low = if leaves_sharp { low.max(Shape::least_wide_roughness()) } else { low };
+        if low <= high {
+            range = [range[0].min(low), range[1].max(high)];
+            materials.push(material.name.clone());
+        }
+    }
+    let [least, most] = range;
+    if materials.is_empty() {
+        return (Vec::new(), MaterialTables::NONE);
+    }
+    let steps = ((most - least) / STEP).ceil();
+    let step = if steps > 0.0 { (most - least) / steps } else { 1.0 };
+    let shape = |level: u32| {
+        let roughness = least + level as f32 * step;
+        Used { shape: Shape::Microfacets { alpha: roughness * roughness }, materials: materials.clone() }
+    };
+    let count = steps as u32 + 1;
+    ((0..count).map(shape).collect(), MaterialTables { first: 0, count, least, step })
+}
+
+/// The shapes of the lobes of the materials that are used, but for sharp ones where these are left, and of each material its tables.
+fn shapes(scene: &Scene, leaves_sharp: bool) -> (Vec<Used>, Vec<MaterialTables>) {
     let used = used_materials(scene);
-    let mut shapes: Vec<Used> = Vec::new();
+    let (mut shapes, of_maps) = shapes_of_maps(scene, &used, leaves_sharp);
     let of_material = scene.materials.iter().zip(used).map(|(material, used)| {
+        if material.maps.facets.is_some() && matches!(material.glossy, Some(Glossy::MetallicRoughness { .. })) {
+            return Some(of_maps);
+        }
         let lobe = material.reflection(material.reflectance).lobe.filter(|lobe| used && !(leaves_sharp && lobe.shape.is_sharp()))?;
         let at = shapes.iter().position(|known| known.shape == lobe.shape).unwrap_or_else(|| {
             shapes.push(Used { shape: lobe.shape, materials: Vec::new() });
             shapes.len() - 1
         });
         shapes[at].materials.push(material.name.clone());
-        Some(at as u32)
+        Some(MaterialTables::one(at))
     });
-    let of_material = of_material.collect();
+    let of_material = of_material.map(|tables| tables.unwrap_or(MaterialTables::NONE)).collect();
     (shapes, of_material)
 }
 
@@ -175,7 +228,12 @@ fn chosen_orders(e: &mut Encoder<'_>, harmonics: Harmonics, shapes: &[Used]) -> 
 fn told_orders(orders: &[u32], shapes: &[Used]) -> String {
     let mut materials: BTreeMap<Reverse<u32>, Vec<&str>> = BTreeMap::new();
     for (order, used) in orders.iter().zip(shapes) {
-        materials.entry(Reverse(*order)).or_default().extend(used.materials.iter().map(String::as_str));
+        let names = materials.entry(Reverse(*order)).or_default();
+        for name in &used.materials {
+            if !names.contains(&name.as_str()) {
+                names.push(name);
+            }
+        }
     }
     let told: Vec<String> = materials.into_iter().map(|(Reverse(order), materials)| format!("order {order} for {}", listed(&materials))).collect();
     told.join(", ")
@@ -218,8 +276,7 @@ impl Pass for LobeCoefficients {
         let window = if e.arguments.choice("window").0 == "Hann" { Window::Hann } else { Window::None };
         let series = |order: u32| Series { harmonics, order: order as usize, window };
         let lobes: Vec<Shape> = shapes.iter().map(|used| used.shape).collect();
-        let indices: Vec<u32> = of_material.iter().map(|index| index.unwrap_or(u32::MAX)).collect();
-        let of_material = e.constant_buffer("of_material", bytemuck::cast_slice(&indices));
+        let of_material = e.constant_buffer("of_material", bytemuck::cast_slice(&of_material));
         let table_places = table_places(&orders, edge);
         let places = e.constant_buffer("places", bytemuck::cast_slice(&table_places));
         let (values, tables) = match e.place(Bodies::BOTH.better_at(Place::Host, "it does so once, as the plan is made"))? {

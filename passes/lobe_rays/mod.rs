@@ -273,7 +273,7 @@ mod tests {
     /// A floor of a material, seen from above at some cosine.
     fn floor(glossy: Glossy, cosine: f32) -> (MockHost, Ray) {
         let corners = [Vec3::new(-9.0, -9.0, 0.0), Vec3::new(9.0, -9.0, 0.0), Vec3::new(0.0, 9.0, 0.0)];
-        let floor = Triangle { positions: corners, normals: [Vec3::Z; 3], uvs: corners.map(Vec3Swizzles::xy), material: 0 };
+        let floor = Triangle { positions: corners, normals: [Vec3::Z; 3], uvs: corners.map(Vec3Swizzles::xy), tints: Default::default(), material: 0 };
         let mut host = MockHost::new(vec![floor], [4, 4]);
         host.scene.materials = vec![Material { glossy: Some(glossy), ..Material::diffuse("floor", Vec3::ZERO) }];
         let outgoing = around(cosine, 0.7);

@@ -10,9 +10,10 @@ use crate::math::{
     vectors::{LANES, Vectors},
 };
 use crate::scene::{
-    LightKind, Rgb, Scene, Triangle,
+    LightKind, Material, Rgb, Scene, Triangle,
     bvh::Bvh,
     emitters::{Emission, Emitters},
+    needs::Needs,
     packets::{HitShader, Hits, RAYS, ShadowRays, ToDo},
     shadow_maps::{Lookups, Receivers, ShadowCameras, ShadowMaps},
     surface::{Gloss, Ray, Surface},
@@ -103,10 +104,12 @@ pub fn shading_place(e: &mut Encoder<'_>, cast: Place, maps: Option<&port::Shado
 /// What surfaces are lit by, as it stands when a loop starts.
 pub struct Lighting {
     lights: Vec<(LightKind, ShadowCameras)>,
-    /// Of each material the albedo and the texture that multiplies it: a short table, as each sample looks into it.
-    albedos: Vec<(Rgb, Option<u32>)>,
+    /// Of each material: a short table, as each sample looks into it.
+    albedos: Vec<Albedo>,
     /// Whether a triangle's normals differ from its plane's.
     smooth: bool,
+    /// Whether any material bends them.
+    normal_maps: bool,
     /// Whether any surface has a lobe that is to be rendered.
     lobes: bool,
     /// Shadow rays from what a sample sees to the emitters and to the sky.
@@ -114,7 +117,31 @@ pub struct Lighting {
     sees: Sees,
 }
 
+/// What a material reflects where nothing renders its lobe.
+struct Albedo {
+    colour: Rgb,
+    /// What multiplies it.
+    texture: Option<u32>,
+    is_tinted: bool,
+}
+
 impl Lighting {
+    fn of(scene: &Scene, needs: &Needs, samples: [u32; 2], sees: Sees) -> Self {
+        let albedo = |material: &Material| {
+            let (colour, is_base) = material.albedo();
+            Albedo { colour, texture: material.texture.filter(|_| is_base), is_tinted: needs.tints && is_base }
+        };
+        Self {
+            lights: scene.lights.iter().map(|light| light.kind).zip(ShadowCameras::all(scene)).collect(),
+            albedos: scene.materials.iter().map(albedo).collect(),
+            smooth: needs.smooth,
+            normal_maps: needs.normal_maps,
+            lobes: needs.renders_lobes(),
+            samples,
+            sees,
+        }
+    }
+
     /// `extent` is the scene's, which takes a look at all of it.
     pub fn emitters<'a>(&self, scene: &'a Scene, bvh: &'a Bvh, extent: f32, emission: &'a Emission) -> Emitters<'a> {
         Emitters::new(scene, bvh, extent, emission, self.samples)
@@ -123,16 +150,11 @@ impl Lighting {
 
 /// Adds a step before the loop that prepares the lights; where it leaves them.
 pub fn encode(e: &mut Encoder<'_>, sees: Sees) -> Resource {
-    let samples = SAMPLES_OF_EMITTERS;
     let memory = e.state("lighting");
-    let needs = e.setting.needs;
-    let (smooth, textures, lobes) = (needs.smooth, needs.textures, needs.renders_lobes());
+    let needs = e.setting.needs.clone();
     let run = move |host: &mut dyn HostContext| {
-        let scene = host.scene();
-        let untextured = |(albedo, texture): (Rgb, Option<u32>)| (albedo, texture.filter(|_| textures));
-        let albedos = scene.materials.iter().map(|material| untextured(material.albedo())).collect();
-        let lights = scene.lights.iter().map(|light| light.kind).zip(ShadowCameras::all(scene)).collect();
-        *host.state(memory) = Some(Box::new(Arc::new(Lighting { lights, albedos, smooth, lobes, samples, sees })));
+        let lighting = Lighting::of(host.scene(), &needs, SAMPLES_OF_EMITTERS, sees);
+        *host.state(memory) = Some(Box::new(Arc::new(lighting)));
         Ok(())
     };
     e.before_loop(Command::Host(Host::new("light", Vec::new(), Vec::new(), run)));
@@ -293,6 +315,8 @@ impl Shading<'_> {
         if let Some(field) = self.indirect {
             add_indirect(simd, field, hits, &surfaces, (&mut light, others.as_deref_mut()));
         }
+        let face = self.places[hits.view].face();
+        let is_below = |direction: Vec3| face.is_some_and(|face| face.dot(direction) <= 0.0);
         for group in 0..GROUPS {
             let Some(surfaces) = &surfaces[group] else { continue };
             let reflectance = others.as_ref().filter(|_| self.lighting.lobes).map(|others| reflectances(simd, &others[group * LANES..]));
@@ -302,7 +326,7 @@ impl Shading<'_> {
             let distance = surfaces.distance.to_array();
             for lane in 0..LANES {
                 let ray = group * LANES + lane;
-                if hits.triangles[ray] != 0 && hits.samples[ray] != u32::MAX {
+                if hits.triangles[ray] != 0 && hits.samples[ray] != u32::MAX && !is_below(hits.directions[ray]) {
                     let other = others.as_ref().map_or(Other::NONE, |others| others[ray]);
                     let hit = || other.asked.unwrap_or(Hit { position: position[lane], normal: normal[lane], reflectance: reflectance[lane] });
                     see(hits.samples[ray] as usize, (light[lane] + other.light).extend(distance[lane]), KEEPS.then(hit));
@@ -311,6 +335,9 @@ impl Shading<'_> {
         }
         if self.lighting.sees.emission {
             for (index, sample) in hits.samples.iter().enumerate().filter(|(index, sample)| hits.triangles[*index] == 0 && **sample != u32::MAX) {
+                if is_below(hits.directions[index]) {
+                    continue;
+                }
                 see(*sample as usize, self.scene.environment.radiance(hits.directions[index]).extend(FAR_AWAY), None);
             }
         }
@@ -330,7 +357,7 @@ impl Shading<'_> {
             let ray = Ray { origin: hits.origin, direction: hits.directions[index] };
             let surface = self.scene.seen(number, ray, self.lighting.lobes);
             let seed = combine(self.places[hits.view].turn.to_bits(), hits.samples[index]);
-            let emitted = if self.lighting.sees.emission { self.emitted(number, ray.direction) } else { Vec3::ZERO };
+            let emitted = if self.lighting.sees.emission { self.emitted(number, &surface, ray.direction) } else { Vec3::ZERO };
             let lit = self.lit(&surface);
             other.light = emitted + self.emitters.light(simd, &lit, seed, to_do);
             other.reflectance = surface.reflectance * FRAC_1_PI;
@@ -349,11 +376,11 @@ impl Shading<'_> {
         Surface { glossy: surface.glossy.and_then(|gloss| self.lighting.sees.highlights.lit(gloss)), ..*surface }
     }
 
-    /// Radiance that a triangle sends back along a ray.
-    fn emitted(&self, triangle: u32, direction: Vec3) -> Rgb {
+    /// Radiance that a surface, a place of a triangle, sends back along a ray.
+    fn emitted(&self, triangle: u32, surface: &Surface, direction: Vec3) -> Rgb {
         let triangle = &self.scene.triangles[triangle as usize];
         let material = &self.scene.materials[triangle.material as usize];
-        if material.two_sided || triangle.cross().dot(direction) <= 0.0 { material.emission } else { Rgb::ZERO }
+        if material.two_sided || triangle.cross().dot(direction) <= 0.0 { surface.emission } else { Rgb::ZERO }
     }
 
     /// What rays from the `first` on meet. Lanes that met nothing do as the first triangle's would.
@@ -392,9 +419,27 @@ impl Shading<'_> {
         let side = plane.dot(directions).simd_le(zero).select(one, f32x8::splat(simd, -1.0));
         let face = plane.scaled(side / plane.dot(plane).sqrt().max(f32::MIN_POSITIVE));
         let normal = if self.lighting.smooth { shading_normals(simd, &fetched.triangles, [u, v], side, face) } else { face };
+        let weights = [u.to_array(), v.to_array()];
+        let normal = match self.lighting.normal_maps {
+            true => Vectors::load(simd, &self.bent(&fetched.triangles, weights, side.to_array(), normal.lanes())),
+            false => normal,
+        };
         let way = position.minus(origin);
-        let reflectance = self.reflectance(fetched, [u.to_array(), v.to_array()]);
+        let reflectance = self.reflectance(fetched, weights);
         Surfaces { position, face, normal, reflectance: Vectors::load(simd, &reflectance), distance: way.dot(way).sqrt() }
+    }
+
+    /// Normals on the sides that rays came from, where normal maps bend them.
+    #[cold]
+    fn bent(&self, triangles: &[&Triangle; LANES], [u, v]: [[f32; LANES]; 2], side: [f32; LANES], plain: [Vec3; LANES]) -> [[f32; LANES]; 3] {
+        let mut bent = [[0.0; LANES]; 3];
+        for lane in 0..LANES {
+            let triangle = triangles[lane];
+            let is_mapped = self.scene.materials[triangle.material as usize].maps.normal.is_some();
+            let normal = if is_mapped { self.scene.normal(triangle, Vec2::new(u[lane], v[lane])) * side[lane] } else { plain[lane] };
+            (bent[0][lane], bent[1][lane], bent[2][lane]) = normal.into();
+        }
+        bent
     }
 
     /// Adds what surfaces receive of a light.
@@ -466,9 +511,13 @@ impl Shading<'_> {
         let mut reflectance = [[0.0; LANES]; 3];
         for lane in 0..LANES {
             let triangle = fetched.triangles[lane];
-            let (mut colour, texture) = self.lighting.albedos[fetched.materials[lane] as usize];
+            let Albedo { mut colour, texture, is_tinted } = self.lighting.albedos[fetched.materials[lane] as usize];
+            let barycentric = Vec2::new(u[lane], v[lane]);
             if let Some(texture) = texture {
-                colour *= self.scene.textures[texture as usize].sample(triangle.uv(Vec2::new(u[lane], v[lane]))).truncate();
+                colour *= self.scene.textures[texture as usize].sample(triangle.uv(barycentric)).truncate();
+            }
+            if is_tinted {
+                colour *= triangle.tint(barycentric);
             }
             colour *= FRAC_1_PI;
             for channel in 0..3 {
@@ -642,7 +691,7 @@ mod tiles {
     use crate::math::random::{hash, unit};
     use crate::passes::mock::MockHost;
     use crate::scene::{
-        Environment, Glossy, Light, Material, Texture,
+        Environment, Glossy, Light, Maps, Material, Reading, Texture, Tint, Wrap,
         packets::{Numbers, RayBundle, View},
         surface_offset,
     };
@@ -656,14 +705,15 @@ mod tiles {
         Vec3::new(number(3 * at), number(3 * at + 1), number(3 * at + 2))
     }
 
-    /// Triangles all around, plain, emissive from one side and from both, glossy and textured, some of them smooth.
+    /// Triangles all around, plain, emissive from one side and from both, glossy, textured, and with maps of all kinds; smooth, and every seventh tinted.
     fn surroundings() -> MockHost {
         let triangle = |at: u32| {
             let centre = point(at).normalize() * (2.0 + unit(hash(at)));
             let positions = [1, 2, 3].map(|corner| centre + 0.6 * point(1000 + 3 * at + corner));
             let face = (positions[1] - positions[0]).cross(positions[2] - positions[0]).normalize();
             let normals = [1, 2, 3].map(|corner| (face + 0.3 * point(5000 + 3 * at + corner)).normalize());
-            Triangle { positions, normals, uvs: [Vec2::ZERO, Vec2::X, Vec2::Y], material: at % 5 }
+            let tints = if at.is_multiple_of(7) { [Vec3::X, Vec3::Y, Vec3::new(0.2, 0.4, 0.9)].map(Tint::new) } else { Default::default() };
+            Triangle { positions, normals, uvs: [Vec2::ZERO, 3.0 * Vec2::X, -2.0 * Vec2::Y], tints, material: at % 6 }
         };
         let mut host = MockHost::new((0..120).map(triangle).collect(), [4, 4]);
         let grey = |name: &str| Material::diffuse(name, Vec3::new(0.5, 0.4, 0.3));
@@ -673,9 +723,18 @@ mod tiles {
             Material { emission: Vec3::new(1.0, 2.0, 3.0), two_sided: true, ..grey("lamp of two sides") },
             Material { glossy: Some(Glossy::Phong { reflectance: Vec3::new(0.2, 0.3, 0.4), exponent: 5.0 }), ..grey("glossy") },
             Material { texture: Some(0), ..grey("textured") },
+            Material {
+                maps: Maps { facets: Some(1), normal: Some(1), normal_scale: 0.7, emission: Some(0) },
+                emission: Vec3::new(2.0, 1.0, 0.5),
+                glossy: Glossy::metallic_roughness(0.8, 0.9),
+                ..grey("mapped")
+            },
         ];
         let texels = vec![[255, 0, 0, 255], [0, 255, 0, 255], [0, 0, 255, 255], [200, 100, 50, 255]];
-        host.scene.textures = vec![Texture { name: String::new(), width: 2, height: 2, texels }];
+        let normals = vec![[128, 128, 255, 255], [200, 90, 220, 255], [60, 180, 200, 255], [100, 255, 130, 255]];
+        let texture = |texels, reading| Texture { name: String::new(), width: 2, height: 2, texels, reading };
+        let reading = Reading { is_linear: true, wrap: [Wrap::Mirror, Wrap::Clamp] };
+        host.scene.textures = vec![texture(texels, Reading::default()), texture(normals, reading)];
         let kinds = [
             LightKind::Point { position: Vec3::new(0.5, 0.2, -0.3), intensity: Vec3::new(4.0, 5.0, 6.0) },
             LightKind::Spot { position: Vec3::new(-0.4, 0.1, 0.2), direction: Vec3::Y, intensity: Vec3::splat(9.0), inner: 0.3, outer: 1.2 },
@@ -687,14 +746,9 @@ mod tiles {
     }
 
     fn lighting(scene: &Scene, lobes: bool, sees_emission: bool, samples: [u32; 2]) -> Lighting {
-        Lighting {
-            lights: scene.lights.iter().map(|light| light.kind).zip(ShadowCameras::all(scene)).collect(),
-            albedos: scene.materials.iter().map(Material::albedo).collect(),
-            smooth: true,
-            lobes,
-            samples,
-            sees: Sees { emission: sees_emission, highlights: Highlights::All },
-        }
+        let needs = Needs::of(scene);
+        let needs = if lobes { needs } else { needs.without_lobes() };
+        Lighting::of(scene, &needs, samples, Sees { emission: sees_emission, highlights: Highlights::All })
     }
 
     /// What a surface receives of a light's unit intensity.
@@ -729,7 +783,7 @@ mod tiles {
         let material = &scene.materials[scene.triangles[triangle as usize].material as usize];
         let front = scene.triangles[triangle as usize].face_normal().dot(ray.direction) <= 0.0;
         if lighting.sees.emission && (front || material.two_sided) {
-            light += material.emission;
+            light += surface.emission;
         }
         let emitters = lighting.emitters(scene, &host.bvh, scene.extent(), host.emission());
         light += dispatch!(Level::new(), simd => emitters.light(simd, &surface, seed, &mut ToDo::default()));

@@ -1,6 +1,7 @@
 #import lib/camera
 #import lib/random
 #import lib/record
+#import lib/scene
 #import lib/search
 
 // Pixels that need a record, from coarse cells to fine ones: at most one a cell, and only every second cell along
@@ -25,6 +26,9 @@
 
 // A pixel whose weights add up to this or less misses a record. A part of a pixel farther any weight will do.
 override OVERLAP: f32 = 0.0;
+// Of each pixel the triangle + 1 that it sees.
+@group(0) @binding(10) var triangles: texture_2d<u32>;
+
 // Whether the cache has the records of earlier samples of a picture.
 override LASTS: bool = true;
 
@@ -35,6 +39,17 @@ var<workgroup> best: array<u32, 64>;
 // Of the picture [pixels].
 fn size() -> vec2u {
     return textureDimensions(position);
+}
+
+// The plane's normal of what a pixel sees, as requests have it: as Work::face.
+fn face_of(pixel: vec2u, place: vec3f) -> vec2u {
+    if !(SMOOTH || NORMAL_MAPS) {
+        return vec2u(0u);
+    }
+    let triangle = textureLoad(triangles, pixel, 0).x - 1u;
+    let plane = cross(scene_corners[3u * triangle + 1u].xyz, scene_corners[3u * triangle + 2u].xyz);
+    let face = plane * (select(-1.0, 1.0, dot(plane, place - camera.eye) <= 0.0) / max(length(plane), 1e-37));
+    return vec2u(pack2x16snorm(face.xy), pack2x16snorm(vec2f(face.z, 0.0)));
 }
 
 fn pixel_of(candidate: u32) -> vec2u {
@@ -220,5 +235,5 @@ fn ask(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec
     picked[slot] = candidate;
     let pixel = pixel_of(candidate);
     let place = textureLoad(position, pixel, 0);
-    requests[slot] = Request(place.xyz, place.w, textureLoad(normal, pixel, 0).xyz, 6.2831853 * unit(hash(candidate)), 0.0, 0.0, 0u, 0u);
+    requests[slot] = Request(place.xyz, place.w, textureLoad(normal, pixel, 0).xyz, 6.2831853 * unit(hash(candidate)), 0.0, 0.0, face_of(pixel, place.xyz));
 }

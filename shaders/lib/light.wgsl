@@ -119,6 +119,8 @@ struct Lamp {
     triangle: u32,
     // What a point spread evenly over its area stands for: its power over the probability of the choice, or 0 where no lamp can matter.
     weight: f32,
+    // Its area times the luminance of its mean emission.
+    power: f32,
 }
 
 const IS_LAMP = 0x80000000u;
@@ -167,7 +169,7 @@ fn choose_lamp(at: f32, origin: vec3f, normal: vec3f) -> Lamp {
             all += importances[group];
         }
         if all <= 0.0 {
-            return Lamp(0u, 0.0);
+            return Lamp(0u, 0.0, 0.0);
         }
         var below = 0.0;
         var found = count;
@@ -184,11 +186,11 @@ fn choose_lamp(at: f32, origin: vec3f, normal: vec3f) -> Lamp {
             below += share;
         }
         if found == count {
-            return Lamp(0u, 0.0);
+            return Lamp(0u, 0.0, 0.0);
         }
         lamps = scene_lamps(first + found);
     }
-    return Lamp(lamps.next & ~(IS_LAMP | BOTH_SIDES), lamps.power / probability);
+    return Lamp(lamps.next & ~(IS_LAMP | BOTH_SIDES), lamps.power / probability, lamps.power);
 }
 
 // Whether a lamp, from its corner on as it is seen, is so near that its points differ much in what they stand for: no farther than its longest edge is long.
@@ -244,7 +246,12 @@ fn area_reflected(surface: Surface, seed: u32) -> vec3f {
             let by_area = leaving / squared;
             let by_angle = seen.solid_angle / max(0.5 * length(plane), 1e-37);
             let share = select(by_area, by_angle, seen.solid_angle > 0.0);
-            sum += response(surface, to_light) * material.emission * (arriving * share * lamp.weight / max(luminance(material.emission), 1e-37));
+            var hue = material.emission / max(luminance(material.emission), 1e-37);
+            if TEXTURES && material.maps != 0u {
+                let there = intersect_plane(triangle, origin, d).barycentric;
+                hue = emission_at(material, triangle, there) * (0.5 * length(plane) / max(lamp.power, 1e-37));
+            }
+            sum += response(surface, to_light) * hue * (arriving * share * lamp.weight);
         }
     }
     return sum / f32(max(AREA_SAMPLES, 1u));

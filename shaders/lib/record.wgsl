@@ -37,8 +37,14 @@ struct Request {
     stretch: f32,
     // The share that it reaches of the way to what stands on its surface; 0 where that is not known.
     confinement: f32,
-    padding_a: u32,
-    padding_b: u32,
+    // Unit normal of the surface's plane, in signed 16 bits a component; 0 where that of the shading stands for it.
+    face: vec2u,
+}
+
+// Whether a direction lies below a place's plane, where no light comes from.
+fn is_below(request: Request, direction: vec3f) -> bool {
+    let face = vec3f(unpack2x16snorm(request.face.x), unpack2x16snorm(request.face.y).x);
+    return any(request.face != vec2u(0u)) && dot(face, direction) <= 0.0;
 }
 
 struct Weighting {

@@ -27,10 +27,13 @@ struct SceneMaterial {
     texture_height: u32,
     // 0 for none, 1 Phong, 2 Ward, 3 microfacets.
     lobe: u32,
+    // Of microfacets, what a surface that is no metal has more than DIELECTRIC.
     specular: vec3f,
     metallic: f32,
     lobe_shape: vec2f,
-    lobe_padding: vec2f,
+    // Where its maps start among the tables, FACETS_MAP, NORMAL_MAP and EMISSION_MAP; 0 where it has none.
+    maps: u32,
+    normal_scale: f32,
 }
 
 struct SceneLight {
@@ -57,11 +60,11 @@ struct SceneLamps {
 }
 
 @group(1) @binding(0) var<uniform> scene_parameters: SceneParameters;
-// Corner 0 with the material's index as bits, edges to corners 1 and 2: three a triangle.
+// Corner 0 with the material's index as bits, edges to corners 1 and 2 with the tints of corners 0 and 1: three a triangle.
 @group(1) @binding(1) var<storage, read> scene_corners: array<vec4f>;
-// Three normals, with the texture coordinates in the spare places: four a triangle.
+// Three normals, with the texture coordinates and the tint of corner 2 in the spare places: four a triangle.
 @group(1) @binding(2) var<storage, read> scene_attributes: array<vec4f>;
-// The hierarchy (lib/hierarchy), then lights, emitters and materials: one buffer, as WebGPU promises no more than eight a stage.
+// The hierarchy (lib/hierarchy), then lights, emitters, materials and their maps: one buffer, as WebGPU promises no more than eight a stage.
 @group(1) @binding(3) var<storage, read> scene_tables: array<vec4u>;
 // Those of all textures, one after the other, row by row.
 @group(1) @binding(4) var scene_texels: texture_2d<u32>;
@@ -73,6 +76,10 @@ const FIRST_LIGHTS = 4u;
 const TWO_SIDED = 1u;
 const HOLES = 2u;
 const TEXTURED = 4u;
+// What is reflected is no base colour.
+const NO_BASE = 8u;
+// From this bit on, how the texture is read.
+const READING = 8u;
 const NO_TRIANGLE = 0xffffffffu;
 const PI = 3.14159265358979;
 // Distance of what lies in the sky.
@@ -80,6 +87,9 @@ const FAR_AWAY = 1e30;
 
 // Whether the plan found textures, alpha masks, one-sided surfaces in the scene.
 override TEXTURES: bool = true;
+override NORMAL_MAPS: bool = true;
+// Whether corners have colours.
+override TINTS: bool = true;
 override ALPHA_MASKS: bool = true;
 override ONE_SIDED: bool = true;
 // Whether a triangle's normals differ from its plane's.
@@ -126,7 +136,7 @@ fn scene_material(index: u32) -> SceneMaterial {
     let e = scene_tables[at + 4u];
     return SceneMaterial(
         bitcast<vec3f>(a.xyz), a.w, bitcast<vec3f>(b.xyz), bitcast<f32>(b.w), c.x, c.y, c.z, c.w, bitcast<vec3f>(d.xyz), bitcast<f32>(d.w),
-        bitcast<vec2f>(e.xy), vec2f(0.0),
+        bitcast<vec2f>(e.xy), e.z, bitcast<f32>(e.w),
     );
 }
 
@@ -163,23 +173,83 @@ fn srgb_to_linear(value: vec3f) -> vec3f {
     return select(pow((value + 0.055) / 1.055, vec3f(2.4)), value / 12.92, value <= vec3f(0.04045));
 }
 
-fn texel(material: SceneMaterial, at: vec2i) -> vec4f {
-    let size = vec2i(i32(material.texture_width), i32(material.texture_height));
-    let wrapped = ((at % size) + size) % size;
-    let place = material.texture_start + u32(wrapped.y * size.x + wrapped.x);
-    let row = textureDimensions(scene_texels).x;
-    let value = unpack4x8unorm(textureLoad(scene_texels, vec2u(place % row, place / row), 0).x);
+// A texture: its first texel, its size, and how it is read.
+struct Image {
+    start: u32,
+    width: u32,
+    height: u32,
+    reading: u32,
+}
+
+const FACETS_MAP = 0u;
+const NORMAL_MAP = 1u;
+const EMISSION_MAP = 2u;
+
+// Of a reading: whether colours are numbers as they stand, then two bits each for what lies beyond the edges, across and down.
+const IS_LINEAR = 1u;
+const MIRROR = 1u;
+const CLAMP = 2u;
+
+fn base_image(material: SceneMaterial) -> Image {
+    return Image(material.texture_start, material.texture_width, material.texture_height, material.flags >> READING);
+}
+
+// A map of a material; 0 wide where it has none of the kind.
+fn map_image(material: SceneMaterial, kind: u32) -> Image {
+    if material.maps == 0u {
+        return Image(0u, 0u, 0u, 0u);
+    }
+    let row = scene_tables[material.maps + kind];
+    return Image(row.x, row.y, row.z, row.w);
+}
+
+fn texel(image: Image, column: u32, row: u32) -> vec4f {
+    let place = image.start + row * image.width + column;
+    let texels_a_row = textureDimensions(scene_texels).x;
+    let value = unpack4x8unorm(textureLoad(scene_texels, vec2u(place % texels_a_row, place / texels_a_row), 0).x);
+    if (image.reading & IS_LINEAR) != 0u {
+        return value;
+    }
     return vec4f(srgb_to_linear(value.rgb), value.a);
 }
 
-// Bilinear lookup with repetition: as Texture::sample.
-fn texture_at(material: SceneMaterial, uv: vec2f) -> vec4f {
-    let at = fract(uv) * vec2f(f32(material.texture_width), f32(material.texture_height)) - 0.5;
-    let base = vec2i(floor(at));
-    let f = at - floor(at);
-    let top = mix(texel(material, base), texel(material, base + vec2i(1, 0)), f.x);
-    let bottom = mix(texel(material, base + vec2i(0, 1)), texel(material, base + vec2i(1, 1)), f.x);
-    return mix(top, bottom, f.y);
+// The two texels of a line around a texture coordinate, and how far it is from the first to the second: as Wrap::nearest.
+struct InLine {
+    first: u32,
+    second: u32,
+    share: f32,
+}
+
+fn in_line(coordinate: f32, size: u32, wrap: u32) -> InLine {
+    var within = fract(coordinate);
+    if wrap == MIRROR {
+        within = coordinate - 2.0 * floor(coordinate * 0.5);
+    } else if wrap == CLAMP {
+        within = saturate(coordinate);
+    }
+    let at = within * f32(size) - 0.5;
+    let base = i32(floor(at));
+    return InLine(wrapped(base, i32(size), wrap), wrapped(base + 1, i32(size), wrap), at - floor(at));
+}
+
+fn wrapped(at: i32, size: i32, wrap: u32) -> u32 {
+    if wrap == MIRROR {
+        let twice = ((at % (2 * size)) + 2 * size) % (2 * size);
+        return u32(min(twice, 2 * size - 1 - twice));
+    }
+    if wrap == CLAMP {
+        return u32(clamp(at, 0, size - 1));
+    }
+    return u32(((at % size) + size) % size);
+}
+
+// Bilinear lookup: as Texture::sample.
+fn texture_at(image: Image, uv: vec2f) -> vec4f {
+    let x = in_line(uv.x, image.width, (image.reading >> 1u) & 3u);
+    let y = in_line(uv.y, image.height, (image.reading >> 3u) & 3u);
+    let top = mix(texel(image, x.first, y.first), texel(image, x.second, y.first), x.share);
+    let bottom = mix(texel(image, x.first, y.second), texel(image, x.second, y.second), x.share);
+    return mix(top, bottom, y.share);
 }
 
 fn uv_at(triangle: u32, barycentric: vec2f) -> vec2f {
@@ -191,13 +261,54 @@ fn uv_at(triangle: u32, barycentric: vec2f) -> vec2f {
     return uv0 + (vec2f(c.w, d.x) - uv0) * barycentric.x + (d.yz - uv0) * barycentric.y;
 }
 
+// What multiplies the base colour: as Triangle::tint.
+fn tint_at(triangle: u32, barycentric: vec2f) -> vec3f {
+    let a = tint(bitcast<u32>(scene_corners[3u * triangle + 1u].w));
+    let b = tint(bitcast<u32>(scene_corners[3u * triangle + 2u].w));
+    let c = tint(bitcast<u32>(scene_attributes[4u * triangle + 3u].w));
+    return a + (b - a) * barycentric.x + (c - a) * barycentric.y;
+}
+
+// As Tint::colour.
+fn tint(bits: u32) -> vec3f {
+    let root = 1.0 - vec3f(f32(bits & 1023u), f32((bits >> 10u) & 1023u), f32((bits >> 20u) & 1023u)) / 1023.0;
+    return root * root;
+}
+
+// Radiance that leaves a place of a triangle: as Scene::emission.
+fn emission_at(material: SceneMaterial, triangle: u32, barycentric: vec2f) -> vec3f {
+    if TEXTURES && material.maps != 0u {
+        let image = map_image(material, EMISSION_MAP);
+        if image.width != 0u {
+            return material.emission * texture_at(image, uv_at(triangle, barycentric)).rgb;
+        }
+    }
+    return material.emission;
+}
+
+// A unit normal of the front, as a normal map bends it: as Scene::normal.
+fn bent_normal(material: SceneMaterial, triangle: u32, barycentric: vec2f, normal: vec3f) -> vec3f {
+    let image = map_image(material, NORMAL_MAP);
+    if image.width == 0u {
+        return normal;
+    }
+    let axes = texture_axes(triangle, normal);
+    if axes.sign == 0.0 {
+        return normal;
+    }
+    let local = (2.0 * texture_at(image, uv_at(triangle, barycentric)).xyz - 1.0) * vec3f(material.normal_scale, -axes.sign * material.normal_scale, 1.0);
+    let bent = axes.tangent * local.x + axes.bitangent * local.y + normal * local.z;
+    let bent_length = length(bent);
+    return select(normal, bent / max(bent_length, 1e-37), bent_length > 1e-30);
+}
+
 // Whether an alpha mask leaves a hole there.
 fn is_hole(triangle: u32, barycentric: vec2f) -> bool {
     let material = scene_material(material_of(triangle));
     if (material.flags & HOLES) == 0u {
         return false;
     }
-    return texture_at(material, uv_at(triangle, barycentric)).a < material.alpha_cutoff;
+    return texture_at(base_image(material), uv_at(triangle, barycentric)).a < material.alpha_cutoff;
 }
 
 // Distance and barycentric weights of a ray on a triangle's plane; z of the result is 0 for a ray along the plane.
@@ -302,14 +413,21 @@ fn lit_surface(triangle: u32, origin: vec3f, direction: vec3f) -> Surface {
         let normal_length = length(normal);
         surface.normal = select(surface.face_normal, normal * (side / max(normal_length, 1e-37)), normal_length > 1e-6);
     }
-    surface.reflectance = material.reflectance;
-    if TEXTURES && (material.flags & TEXTURED) != 0u {
-        surface.reflectance *= texture_at(material, uv_at(triangle, b)).rgb;
+    if NORMAL_MAPS && material.maps != 0u {
+        surface.normal = side * bent_normal(material, triangle, b, side * surface.normal);
     }
-    surface.emission = select(vec3f(0.0), material.emission, side > 0.0 || (material.flags & TWO_SIDED) != 0u);
+    surface.reflectance = material.reflectance;
+    let is_base = (material.flags & NO_BASE) == 0u;
+    if TEXTURES && (material.flags & TEXTURED) != 0u {
+        surface.reflectance *= texture_at(base_image(material), uv_at(triangle, b)).rgb;
+    }
+    if TINTS && is_base {
+        surface.reflectance *= tint_at(triangle, b);
+    }
+    surface.emission = select(vec3f(0.0), emission_at(material, triangle, b), side > 0.0 || (material.flags & TWO_SIDED) != 0u);
     surface.distance = distance(surface.position, origin) / max(length(direction), 1e-37);
     if GLOSSY && material.lobe != 0u {
-        return with_lobe(surface, material, triangle, direction);
+        return with_lobe(surface, material, triangle, b, direction);
     }
     return surface;
 }
@@ -327,7 +445,7 @@ fn facing(direction: vec3f) -> vec3f {
 }
 
 // As Material::reflection.
-fn with_lobe(plain: Surface, material: SceneMaterial, triangle: u32, direction: vec3f) -> Surface {
+fn with_lobe(plain: Surface, material: SceneMaterial, triangle: u32, barycentric: vec2f, direction: vec3f) -> Surface {
     var surface = plain;
     surface.lobe = material.lobe;
     surface.lobe_shape = material.lobe_shape;
@@ -338,18 +456,30 @@ fn with_lobe(plain: Surface, material: SceneMaterial, triangle: u32, direction: 
     let toward = -normalize(direction);
     surface.outgoing = facing(vec3f(dot(toward, axes[0]), dot(toward, axes[1]), dot(toward, surface.normal)));
     if material.lobe == MICROFACETS {
-        surface.specular = mix(vec3f(DIELECTRIC), surface.reflectance, material.metallic);
-        surface.reflectance *= 1.0 - material.metallic;
+        var metallic = material.metallic;
+        if TEXTURES && material.maps != 0u {
+            let image = map_image(material, FACETS_MAP);
+            if image.width != 0u {
+                let facets = texture_at(image, uv_at(triangle, barycentric)).yz;
+                surface.lobe_shape = vec2f(material.lobe_shape.x * facets.x * facets.x);
+                metallic *= facets.y;
+            }
+        }
+        surface.specular = mix(DIELECTRIC + material.specular, surface.reflectance, metallic);
+        surface.reflectance *= 1.0 - metallic;
     }
     return surface;
 }
 
-// As Triangle::tangent_frame.
-fn tangents(triangle: u32, normal: vec3f) -> mat2x3f {
-    let frame = frame_around(normal, 0.0);
-    if !ANISOTROPIC {
-        return mat2x3f(frame[0], frame[1]);
-    }
+// Axes along a surface: the first along the texture's first coordinate, the sign of its second along the second axis; 0 where there are no coordinates.
+struct TextureAxes {
+    tangent: vec3f,
+    bitangent: vec3f,
+    sign: f32,
+}
+
+// As Triangle::texture_frame.
+fn texture_axes(triangle: u32, normal: vec3f) -> TextureAxes {
     let a = scene_attributes[4u * triangle];
     let b = scene_attributes[4u * triangle + 1u];
     let c = scene_attributes[4u * triangle + 2u];
@@ -361,10 +491,22 @@ fn tangents(triangle: u32, normal: vec3f) -> mat2x3f {
     let along = (scene_corners[3u * triangle + 1u].xyz * t.y - scene_corners[3u * triangle + 2u].xyz * s.y) * sign(turned);
     let tangent = along - normal * dot(normal, along);
     if !(turned != 0.0 && dot(tangent, tangent) > 1e-12 * dot(along, along)) {
-        return mat2x3f(frame[0], frame[1]);
+        return TextureAxes(vec3f(0.0), vec3f(0.0), 0.0);
     }
     let x = normalize(tangent);
-    return mat2x3f(x, cross(normal, x));
+    return TextureAxes(x, cross(normal, x), sign(turned));
+}
+
+// As Triangle::tangent_frame.
+fn tangents(triangle: u32, normal: vec3f) -> mat2x3f {
+    if ANISOTROPIC {
+        let axes = texture_axes(triangle, normal);
+        if axes.sign != 0.0 {
+            return mat2x3f(axes.tangent, axes.bitangent);
+        }
+    }
+    let frame = frame_around(normal, 0.0);
+    return mat2x3f(frame[0], frame[1]);
 }
 
 // The texels of the sky around a unit direction, two columns by two rows, and how far it is from the first of each to the second: as scene::lookup.

@@ -176,7 +176,7 @@ fn leaving_emitter(triangle: u32, place: vec2f, way: vec2f) -> Emitted {
     let s = select(way.x, fract(2.0 * way.x), has_back);
     let normal = plane * (sign / max(length(plane), 1e-37));
     let position = corner.xyz + e1 * barycentric.x + e2 * barycentric.y;
-    let flux = material.emission * (0.5 * length(plane) * PI * select(1.0, 2.0, has_back));
+    let flux = emission_at(material, triangle, barycentric) * (0.5 * length(plane) * PI * select(1.0, 2.0, has_back));
     let direction = frame_around(normal, 0.0) * around(sqrt(1.0 - s), 2.0 * PI * way.y);
     let is_there = length(plane) > 0.0 && !(ALPHA_MASKS && is_hole(triangle, barycentric));
     return Emitted(position + normal * surface_offset(position), direction, flux, is_there);

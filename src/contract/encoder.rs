@@ -312,6 +312,8 @@ typed_inputs!(g_buffer: GBuffer, shadow_maps: ShadowMaps, image_port: Image, spl
 pub fn scene_constants(program: Program, needs: &Needs) -> Program {
     program
         .constant("TEXTURES", needs.textures as u8)
+        .constant("NORMAL_MAPS", needs.normal_maps as u8)
+        .constant("TINTS", needs.tints as u8)
         .constant("ALPHA_MASKS", needs.alpha_masks as u8)
         .constant("ONE_SIDED", needs.one_sided as u8)
         .constant("SMOOTH", needs.smooth as u8)

@@ -385,7 +385,7 @@ pub struct Lobes {
     pub values: Resource,
     /// Buffer of `TablePlace`: where each begins, and its order.
     pub places: Resource,
-    /// Buffer of u32: of each material the index of its table, or that there is none.
+    /// Buffer of `MaterialTables`.
     pub of_material: Resource,
     /// The same on the host, where it was projected there.
     pub tables: Option<Arc<Vec<LobeTable>>>,

@@ -158,7 +158,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn triangle(positions: [Vec3; 3]) -> Triangle {
-        Triangle { positions, normals: [Vec3::Y; 3], uvs: [glam::Vec2::ZERO; 3], material: 0 }
+        Triangle { positions, normals: [Vec3::Y; 3], uvs: [glam::Vec2::ZERO; 3], tints: Default::default(), material: 0 }
     }
 
     /// A triangle's corners [units] as a shader reads them.

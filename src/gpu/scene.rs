@@ -3,7 +3,7 @@
 use super::hierarchy;
 use crate::host_struct;
 use crate::scene::{
-    Camera, Environment, Glossy, LightKind, Material, Scene, Triangle,
+    Camera, DIELECTRIC, Environment, Glossy, LightKind, Material, Scene, Texture, Triangle, Wrap,
     bvh::Bvh,
     emitters::{
         Emission,
@@ -50,12 +50,14 @@ host_struct! {
         texture_height: u32,
         /// 0 for none, 1 Phong, 2 Ward, 3 microfacets.
         lobe: u32,
-        /// Of Phong's and Ward's lobe; that of microfacets follows from the base colour.
+        /// Of Phong's and Ward's lobe; of microfacets what a surface that is no metal has more than `DIELECTRIC`.
         specular: [f32; 3],
         metallic: f32,
         /// Exponent, slopes along both tangents, or the slope of microfacets.
         lobe_shape: [f32; 2],
-        lobe_padding: [f32; 2],
+        /// Where its [`MAPS`] start among the tables; 0 where it has none.
+        maps: u32,
+        normal_scale: f32,
     }
 }
 
@@ -124,6 +126,12 @@ const FIRST_LIGHTS: usize = 4;
 pub const TWO_SIDED: u32 = 1;
 pub const HOLES: u32 = 2;
 pub const TEXTURED: u32 = 4;
+pub const NO_BASE: u32 = 8;
+/// From this bit on, how the texture is read.
+const READING: u32 = 8;
+
+/// Maps of a material that has any: of facets, of normals, of emission.
+const MAPS: usize = 3;
 
 /// Of [`SceneLamps`].
 pub const LAMP: u32 = 1 << 31;
@@ -171,8 +179,8 @@ pub fn bytes(scene: &Scene, bvh: &Bvh, emission: &Emission, data: SceneData) -> 
         SceneData::Positions => positions(scene),
         SceneData::Corners => scene.triangles.iter().flat_map(|t| bytes_of(&corners(t)).to_vec()).collect(),
         SceneData::Attributes => scene.triangles.iter().flat_map(|t| bytes_of(&attributes(t)).to_vec()).collect(),
-        SceneData::Tables => tables(scene, bvh, emission, &materials(scene)),
-        SceneData::AlbedoTables => tables(scene, bvh, emission, &albedos(scene)),
+        SceneData::Tables => tables(scene, bvh, emission, materials),
+        SceneData::AlbedoTables => tables(scene, bvh, emission, albedos),
         SceneData::FirstLights => first_lights(scene),
         SceneData::Texels => texels(scene),
         SceneData::Environment => environment(scene, &emission.suns),
@@ -186,6 +194,7 @@ struct Places {
     lights: u64,
     emitters: u64,
     materials: u64,
+    maps: u64,
     end: u64,
 }
 
@@ -195,15 +204,23 @@ impl Places {
         let lights = hierarchy::most_elements(scene.triangles.len() as u64);
         let first_emitter = lights + elements(scene.lights.len(), size_of::<SceneLight>());
         let materials = first_emitter + elements(most_groups(emitters), size_of::<SceneLamps>());
-        Self { lights, emitters: first_emitter, materials, end: materials + elements(scene.materials.len(), size_of::<SceneMaterial>()) }
+        let maps = materials + elements(scene.materials.len(), size_of::<SceneMaterial>());
+        let mapped = scene.materials.iter().filter(|material| !material.maps.is_empty()).count();
+        Self { lights, emitters: first_emitter, materials, maps, end: maps + (MAPS * mapped) as u64 }
     }
 }
 
-fn tables(scene: &Scene, bvh: &Bvh, emission: &Emission, materials: &[SceneMaterial]) -> Vec<u8> {
-    let (lights, lamps) = (lights(scene), lamps(emission));
+/// `materials` are described with their maps from an element on.
+fn tables(scene: &Scene, bvh: &Bvh, emission: &Emission, materials: impl Fn(&Scene, u32) -> Vec<SceneMaterial>) -> Vec<u8> {
     let places = Places::of(scene, scene.emitters().len());
+    let (lights, lamps, materials, maps) = (lights(scene), lamps(emission), materials(scene, places.maps as u32), maps(scene));
     let mut bytes = cast_slice(&hierarchy::packed(&bvh.nodes(), &bvh.ranges(), &scene.triangles)).to_vec();
-    let tables: [(u64, &[u8]); 3] = [(places.lights, cast_slice(&lights)), (places.emitters, cast_slice(&lamps)), (places.materials, cast_slice(materials))];
+    let tables: [(u64, &[u8]); 4] = [
+        (places.lights, cast_slice(&lights)),
+        (places.emitters, cast_slice(&lamps)),
+        (places.materials, cast_slice(&materials)),
+        (places.maps, cast_slice(&maps)),
+    ];
     for (place, table) in tables {
         bytes.resize(place as usize * ELEMENT, 0);
         bytes.extend_from_slice(table);
@@ -241,16 +258,18 @@ pub fn contents(scene: &Scene) -> impl Iterator<Item = Vec<u8>> {
             1 => positions(scene),
             2 => scene.triangles.iter().flat_map(|t| bytes_of(&corners(t)).to_vec()).collect(),
             3 => scene.triangles.iter().flat_map(|t| bytes_of(&attributes(t)).to_vec()).collect(),
-            4 => cast_slice(&materials(scene)).to_vec(),
+            4 => cast_slice(&materials(scene, 1)).to_vec(),
             5 => texels(scene),
             6 => cast_slice(&lights(scene)).to_vec(),
             7 => first_lights(scene),
-            _ => environment(scene, &Suns::default()),
+            8 => environment(scene, &Suns::default()),
+            _ => cast_slice(&maps(scene)).to_vec(),
         };
         bytes.resize(bytes.len().next_multiple_of(ELEMENT).max(LEAST_BYTES), 0);
         bytes
     };
-    (0..9).map(part)
+    // Scenes without maps are known by the parts that they had before there were any.
+    (0..if maps(scene).is_empty() { 9 } else { 10 }).map(part)
 }
 
 fn parameters(scene: &Scene, suns: &Suns) -> SceneParameters {
@@ -275,44 +294,76 @@ fn parameters(scene: &Scene, suns: &Suns) -> SceneParameters {
     }
 }
 
-/// Corner 0 and the material, edges to corners 1 and 2.
+/// Corner 0 and the material, edges to corners 1 and 2 with the tints of corners 0 and 1.
 fn corners(triangle: &Triangle) -> [[f32; 4]; 3] {
     let [a, b, c] = triangle.positions;
-    [a.extend(f32::from_bits(triangle.material)).into(), (b - a).extend(0.0).into(), (c - a).extend(0.0).into()]
+    let [first, second, _] = triangle.tints.map(|tint| f32::from_bits(tint.0));
+    [a.extend(f32::from_bits(triangle.material)).into(), (b - a).extend(first).into(), (c - a).extend(second).into()]
 }
 
-/// Three normals, with the texture coordinates in the spare places.
+/// Three normals, with the texture coordinates and the tint of corner 2 in the spare places.
 fn attributes(triangle: &Triangle) -> [[f32; 4]; 4] {
     let [n0, n1, n2] = triangle.normals;
     let [t0, t1, t2]: [Vec2; 3] = triangle.uvs;
-    [n0.extend(t0.x).into(), n1.extend(t0.y).into(), n2.extend(t1.x).into(), [t1.y, t2.x, t2.y, 0.0]]
+    [n0.extend(t0.x).into(), n1.extend(t0.y).into(), n2.extend(t1.x).into(), [t1.y, t2.x, t2.y, f32::from_bits(triangle.tints[2].0)]]
 }
 
-fn materials(scene: &Scene) -> Vec<SceneMaterial> {
-    let mut start = 0;
-    let starts: Vec<u32> = scene
-        .textures
-        .iter()
-        .map(|t| {
-            start += t.texels.len() as u32;
-            start - t.texels.len() as u32
-        })
-        .collect();
+/// The first texel of each texture.
+fn texel_starts(scene: &Scene) -> Vec<u32> {
+    let starts = scene.textures.iter().scan(0, |next, texture| {
+        let start = *next;
+        *next += texture.texels.len() as u32;
+        Some(start)
+    });
+    starts.collect()
+}
+
+/// Of the materials that have any, one after the other: first texel, width, height and reading of each map; zeros where one is missing.
+fn maps(scene: &Scene) -> Vec<[u32; 4]> {
+    let starts = texel_starts(scene);
+    let map = |map: Option<u32>| {
+        let Some(map) = map else { return [0; 4] };
+        let texture = &scene.textures[map as usize];
+        [starts[map as usize], texture.width, texture.height, reading(texture)]
+    };
+    let mapped = scene.materials.iter().filter(|material| !material.maps.is_empty());
+    mapped.flat_map(|Material { maps, .. }| [maps.facets, maps.normal, maps.emission].map(map)).collect()
+}
+
+/// A bit for numbers as they stand, then two each for what lies beyond the edges, across and down.
+fn reading(texture: &Texture) -> u32 {
+    let wrap = texture.reading.wrap.map(|wrap| match wrap {
+        Wrap::Repeat => 0,
+        Wrap::Mirror => 1,
+        Wrap::Clamp => 2,
+    });
+    u32::from(texture.reading.is_linear) | wrap[0] << 1 | wrap[1] << 3
+}
+
+/// Their maps are among the tables from an element on.
+fn materials(scene: &Scene, first_map: u32) -> Vec<SceneMaterial> {
+    let starts = texel_starts(scene);
+    let mut next_map = first_map;
     scene
         .materials
         .iter()
         .map(|m| {
             let texture = m.texture.map(|t| (starts[t as usize], &scene.textures[t as usize]));
             let flag = |on: bool, bit: u32| if on { bit } else { 0 };
+            let maps = if m.maps.is_empty() { 0 } else { next_map };
+            next_map += if m.maps.is_empty() { 0 } else { MAPS as u32 };
             let (lobe, specular, lobe_shape, metallic) = match m.glossy {
                 None => (0, Vec3::ZERO, [0.0; 2], 0.0),
                 Some(Glossy::Phong { reflectance, exponent }) => (1, reflectance, [exponent, 0.0], 0.0),
                 Some(Glossy::Ward { reflectance, alpha }) => (2, reflectance, alpha.into(), 0.0),
-                Some(Glossy::MetallicRoughness { metallic, roughness }) => (3, Vec3::ZERO, [roughness * roughness, 0.0], metallic),
+                Some(Glossy::MetallicRoughness { metallic, roughness, dielectric }) => (3, dielectric - DIELECTRIC, [roughness * roughness, 0.0], metallic),
             };
             SceneMaterial {
                 reflectance: m.reflectance.into(),
-                flags: flag(m.two_sided, TWO_SIDED) | flag(texture.is_some() && m.alpha_cutoff.is_some(), HOLES) | flag(texture.is_some(), TEXTURED),
+                flags: flag(m.two_sided, TWO_SIDED)
+                    | flag(texture.is_some() && m.alpha_cutoff.is_some(), HOLES)
+                    | flag(texture.is_some(), TEXTURED)
+                    | texture.map_or(0, |(_, texture)| reading(texture) << READING),
                 emission: m.emission.into(),
                 alpha_cutoff: m.alpha_cutoff.unwrap_or(0.0),
                 texture_start: texture.map_or(0, |t| t.0),
@@ -322,20 +373,21 @@ fn materials(scene: &Scene) -> Vec<SceneMaterial> {
                 specular: specular.into(),
                 metallic,
                 lobe_shape,
-                lobe_padding: [0.0; 2],
+                maps,
+                normal_scale: m.maps.normal_scale,
             }
         })
         .collect()
 }
 
 /// Materials by [`Material::albedo`], without lobes.
-fn albedos(scene: &Scene) -> Vec<SceneMaterial> {
+fn albedos(scene: &Scene, first_map: u32) -> Vec<SceneMaterial> {
     let diffuse = |(glossy, material): (SceneMaterial, &Material)| {
-        let (reflectance, texture) = material.albedo();
-        let flags = if texture.is_some() { glossy.flags } else { glossy.flags & !TEXTURED };
+        let (reflectance, is_base) = material.albedo();
+        let flags = if is_base { glossy.flags } else { glossy.flags & !TEXTURED | NO_BASE };
         SceneMaterial { reflectance: reflectance.into(), flags, lobe: 0, ..glossy }
     };
-    materials(scene).into_iter().zip(&scene.materials).map(diffuse).collect()
+    materials(scene, first_map).into_iter().zip(&scene.materials).map(diffuse).collect()
 }
 
 fn lights(scene: &Scene) -> Vec<SceneLight> {

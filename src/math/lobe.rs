@@ -66,6 +66,11 @@ impl Shape {
         }
     }
 
+    /// glTF's roughness from which on microfacets are not sharp.
+    pub fn least_wide_roughness() -> f32 {
+        1.0001 * (SHARP / (4.0 * PI)).sqrt().sqrt()
+    }
+
     /// The solid angle that it scatters light into, about [sr].
     fn width(self) -> f32 {
         match self {

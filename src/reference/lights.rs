@@ -76,7 +76,12 @@ impl Sources {
         if !shines || is_hole(triangle, material, &scene.textures, barycentric) {
             return None;
         }
-        Some(Sample { direction, distance, radiance: material.emission, density: self.emitter_density(scene, receiver, number, distance, cosine.abs()) })
+        Some(Sample {
+            direction,
+            distance,
+            radiance: scene.emission(triangle, barycentric),
+            density: self.emitter_density(scene, receiver, number, distance, cosine.abs()),
+        })
     }
 
     /// Density with which [`Self::sample`] would have chosen a point of an emissive triangle [1/sr]; `cosine` is the emitter's.

@@ -113,7 +113,7 @@ impl<'a> Tracer<'a> {
             let met = self.met(at.start(self.extent), direction);
             sum.direct += self.light_met(at, For::Irradiance, direction, met.as_ref());
             sum.direct += self.light_sampled(at, For::Irradiance, random.pair_in(cell));
-            if let Some(met) = met.filter(|_| !bounces.end_at(0)) {
+            if let Some(met) = met.filter(|_| !bounces.end_at(0) && at.cosine(direction).is_some()) {
                 sum.indirect += self.reflected(met.surface, bounces, random);
             }
         }
@@ -184,7 +184,7 @@ impl<'a> Tracer<'a> {
                 let Some(share) = at.share(wanted, direction) else { break };
                 throughput *= share;
             }
-            let Some(next) = met.filter(|_| !end) else { break };
+            let Some(next) = met.filter(|_| !end && at.cosine(direction).is_some()) else { break };
             if bounces == Bounces::All && bounce >= ROULETTE_FROM {
                 let survival = (at.most_reflected() as f64).min(SURVIVAL_AT_MOST);
                 if random.number() >= survival {

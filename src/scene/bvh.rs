@@ -197,7 +197,8 @@ pub(super) mod tests {
                 2 if k % 5 == 0 => positions[2] = positions[1],
                 _ => {}
             }
-            let triangle = Triangle { positions: positions.map(|p| p * scale), normals: [Vec3::Y; 3], uvs: [Vec2::ZERO; 3], material: k % 2 };
+            let triangle =
+                Triangle { positions: positions.map(|p| p * scale), normals: [Vec3::Y; 3], uvs: [Vec2::ZERO; 3], tints: Default::default(), material: k % 2 };
             triangles.extend(vec![triangle; 1 + (k % 11 == 0) as usize]);
         }
         let materials = [true, false].map(|two_sided| Material { two_sided, ..Material::diffuse("grey", Vec3::ONE) }).into();

@@ -42,6 +42,8 @@ pub struct Triangle {
     pub normals: [Vec3; 3],
     /// Texture coordinates at the corners, (0, 0) at the image's top left as in glTF.
     pub uvs: [Vec2; 3],
+    /// What multiplies the base colour at the corners.
+    pub tints: [Tint; 3],
     /// Index into [`Scene::materials`].
     pub material: u32,
 }
@@ -54,6 +56,7 @@ pub struct Material {
     pub reflectance: Rgb,
     /// Index into [`Scene::textures`] of the base colour.
     pub texture: Option<u32>,
+    pub maps: Maps,
     /// Emitted radiance [W m⁻² sr⁻¹].
     pub emission: Rgb,
     /// Whether the emitter also radiates from its back; implied by `two_sided`.
@@ -64,32 +67,95 @@ pub struct Material {
     pub glossy: Option<Glossy>,
 }
 
+/// What textures change beside the base colour, by the same texture coordinates: indices into [`Scene::textures`].
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Maps {
+    /// What multiplies [`Glossy::MetallicRoughness`]: roughness in green, metallic in blue.
+    pub facets: Option<u32>,
+    /// Normals in the frame of the texture coordinates, red along the first, green against the second.
+    pub normal: Option<u32>,
+    /// What multiplies a normal's part along the surface.
+    pub normal_scale: f32,
+    /// What multiplies the emission.
+    pub emission: Option<u32>,
+}
+
+impl Maps {
+    pub fn is_empty(&self) -> bool {
+        [self.facets, self.normal, self.emission] == [None; 3]
+    }
+}
+
+/// A colour of a corner, linear, 0..1, by ten bits a channel: the root of what it takes away. None takes nothing away.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Tint(pub u32);
+
+impl Tint {
+    const MOST: f32 = 1023.0;
+
+    pub fn new(colour: Rgb) -> Self {
+        let bits = |share: f32| ((1.0 - share.clamp(0.0, 1.0).sqrt()) * Self::MOST).round() as u32;
+        Self(bits(colour.x) | bits(colour.y) << 10 | bits(colour.z) << 20)
+    }
+
+    pub fn colour(self) -> Rgb {
+        let share = Vec3::new((self.0 & 1023) as f32, (self.0 >> 10 & 1023) as f32, (self.0 >> 20 & 1023) as f32);
+        let root = 1.0 - share / Self::MOST;
+        root * root
+    }
+}
+
 /// A glossy lobe as read from a file; pipelines that cannot render it say so.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Glossy {
     /// Modified Phong: specular reflectance and exponent.
     Phong { reflectance: Rgb, exponent: f32 },
     /// glTF metallic-roughness (GGX).
-    MetallicRoughness { metallic: f32, roughness: f32 },
+    /// `dielectric` is what is reflected along the normal where there is no metal.
+    MetallicRoughness { metallic: f32, roughness: f32, dielectric: Rgb },
     /// Anisotropic Ward: specular reflectance and the two slopes.
     Ward { reflectance: Rgb, alpha: Vec2 },
 }
 
 impl Glossy {
-    /// The lobe of a glTF material; none where it is no metal and as rough as can be.
+    /// The lobe of a glTF material; none where that is plain.
     pub fn metallic_roughness(metallic: f32, roughness: f32) -> Option<Self> {
-        (metallic != 0.0 || roughness != 1.0).then_some(Self::MetallicRoughness { metallic, roughness })
+        Some(Self::MetallicRoughness { metallic, roughness, dielectric: Vec3::splat(DIELECTRIC) }).filter(|glossy| !glossy.is_plain())
+    }
+
+    /// Whether it stands for a diffuse surface: no metal, as rough as can be.
+    pub fn is_plain(&self) -> bool {
+        *self == Self::MetallicRoughness { metallic: 0.0, roughness: 1.0, dielectric: Vec3::splat(DIELECTRIC) }
     }
 }
 
-/// An image with sRGB colour and linear alpha, 8 bits a channel, rows from the top, repeated in both directions.
+/// An image of 8 bits a channel, rows from the top.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Texture {
     pub name: String,
     pub width: u32,
     pub height: u32,
-    /// `width · height` texels: red, green, blue (sRGB), alpha (linear).
+    /// `width · height` texels: red, green, blue, alpha; alpha is linear.
     pub texels: Vec<[u8; 4]>,
+    pub reading: Reading,
+}
+
+/// How a texture is read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub struct Reading {
+    /// Whether its colours are numbers as they stand, not sRGB.
+    pub is_linear: bool,
+    /// Beyond its left and right, and its upper and lower edge.
+    pub wrap: [Wrap; 2],
+}
+
+/// What lies beyond an image.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum Wrap {
+    #[default]
+    Repeat,
+    Mirror,
+    Clamp,
 }
 
 /// A light without a surface. Emissive triangles are area lights and are not listed here.
@@ -238,24 +304,30 @@ pub const DIELECTRIC: f32 = 0.04;
 impl Material {
     /// What a point does with light whose base colour, the material's times its texture's, is `base`.
     pub fn reflection(&self, base: Rgb) -> Reflection {
+        self.reflection_with(base, Vec2::ONE)
+    }
+
+    /// The same where a map multiplies roughness and metallic by `facets`.
+    pub fn reflection_with(&self, base: Rgb, facets: Vec2) -> Reflection {
         let (diffuse, lobe) = match self.glossy {
             None => return Reflection { diffuse: base, lobe: None },
             Some(Glossy::Phong { reflectance, exponent }) => (base, Lobe { shape: Shape::Phong { exponent }, reflectance }),
             Some(Glossy::Ward { reflectance, alpha }) => (base, Lobe { shape: Shape::Ward { alpha }, reflectance }),
-            Some(Glossy::MetallicRoughness { metallic, roughness }) => {
-                let reflectance = Vec3::splat(DIELECTRIC).lerp(base, metallic);
+            Some(Glossy::MetallicRoughness { metallic, roughness, dielectric }) => {
+                let (roughness, metallic) = (roughness * facets.x, metallic * facets.y);
+                let reflectance = dielectric.lerp(base, metallic);
                 (base * (1.0 - metallic), Lobe { shape: Shape::Microfacets { alpha: roughness * roughness }, reflectance })
             }
         };
         Reflection { diffuse, lobe: Some(lobe).filter(|lobe| lobe.reflectance != Vec3::ZERO) }
     }
 
-    /// What stands for the material where nothing renders lobes, and the texture that multiplies it: the diffuse reflectance, which is the base colour of metals;
-    /// the colour of the lobe where there is nothing else, which no texture multiplies.
-    pub fn albedo(&self) -> (Rgb, Option<u32>) {
+    /// What stands for the material where nothing renders lobes, and whether that is the base colour, which textures and tints multiply: the diffuse reflectance,
+    /// which is the base colour of metals; the colour of the lobe where there is nothing else.
+    pub fn albedo(&self) -> (Rgb, bool) {
         match self.glossy {
-            Some(Glossy::Phong { reflectance, .. } | Glossy::Ward { reflectance, .. }) if self.reflectance == Vec3::ZERO => (reflectance, None),
-            _ => (self.reflectance, self.texture),
+            Some(Glossy::Phong { reflectance, .. } | Glossy::Ward { reflectance, .. }) if self.reflectance == Vec3::ZERO => (reflectance, false),
+            _ => (self.reflectance, true),
         }
     }
 
@@ -273,11 +345,16 @@ impl Material {
 
     /// A two-sided diffuse surface.
     pub fn diffuse(name: impl Into<String>, reflectance: Rgb) -> Self {
-        Self { name: name.into(), reflectance, texture: None, emission: Vec3::ZERO, two_sided: true, alpha_cutoff: None, glossy: None }
+        Self { name: name.into(), reflectance, texture: None, maps: Maps::default(), emission: Vec3::ZERO, two_sided: true, alpha_cutoff: None, glossy: None }
     }
 
     pub fn emits(&self) -> bool {
         self.emission != Vec3::ZERO
+    }
+
+    /// All textures that it names.
+    pub fn textures_mut(&mut self) -> [&mut Option<u32>; 4] {
+        [&mut self.texture, &mut self.maps.facets, &mut self.maps.normal, &mut self.maps.emission]
     }
 }
 
@@ -309,15 +386,37 @@ impl Triangle {
 
     /// A frame around a unit normal whose tangent runs along the texture's first coordinate; any where there is no texture coordinate.
     pub fn tangent_frame(&self, normal: Vec3) -> Frame {
+        self.texture_frame(normal).map_or_else(|| Frame::new(normal), |(frame, _)| frame)
+    }
+
+    /// The same where there are texture coordinates, and the sign of the second along the bitangent.
+    fn texture_frame(&self, normal: Vec3) -> Option<(Frame, f32)> {
         let [a, b, c] = self.positions;
         let [s, t] = [self.uvs[1] - self.uvs[0], self.uvs[2] - self.uvs[0]];
-        let along = ((b - a) * t.y - (c - a) * s.y) * s.perp_dot(t).signum();
+        let sign = s.perp_dot(t).signum();
+        let along = ((b - a) * t.y - (c - a) * s.y) * sign;
         let tangent = along - normal * normal.dot(along);
         if !(s.perp_dot(t) != 0.0 && tangent.length_squared() > 1e-12 * along.length_squared()) {
-            return Frame::new(normal);
+            return None;
         }
         let tangent = tangent.normalize();
-        Frame { tangent, bitangent: normal.cross(tangent), normal }
+        Some((Frame { tangent, bitangent: normal.cross(tangent), normal }, sign))
+    }
+
+    /// A unit normal of the front, bent as a texel of a normal map says; unbent without texture coordinates.
+    pub fn bent(&self, normal: Vec3, texel: Vec3, scale: f32) -> Vec3 {
+        let Some((frame, sign)) = self.texture_frame(normal) else { return normal };
+        let local = (2.0 * texel - 1.0) * Vec3::new(scale, -sign * scale, 1.0);
+        frame.to_world(local).normalize_or(normal)
+    }
+
+    /// What multiplies the base colour at the barycentric weights of corners 1 and 2.
+    pub fn tint(&self, barycentric: Vec2) -> Rgb {
+        if self.tints == [Tint::default(); 3] {
+            return Vec3::ONE;
+        }
+        let [a, b, c] = self.tints.map(Tint::colour);
+        a + (b - a) * barycentric.x + (c - a) * barycentric.y
     }
 
     /// Unit shading normal at the barycentric weights of corners 1 and 2, on the front side.
@@ -328,20 +427,40 @@ impl Triangle {
 }
 
 impl Texture {
-    /// Bilinear lookup with repetition: linear red, green, blue and alpha. The shaders do the same arithmetic.
+    /// Bilinear lookup: linear red, green, blue and alpha. The shaders do the same arithmetic.
     pub fn sample(&self, uv: Vec2) -> glam::Vec4 {
-        let size = Vec2::new(self.width as f32, self.height as f32);
-        let at = (uv - uv.floor()) * size - 0.5;
-        let base = at.floor();
-        let f = at - base;
-        let linear = &*LINEAR;
-        let texel = |dx: i32, dy: i32| {
-            let x = (base.x as i32 + dx).rem_euclid(self.width as i32) as usize;
-            let y = (base.y as i32 + dy).rem_euclid(self.height as i32) as usize;
-            let [r, g, b, a] = self.texels[y * self.width as usize + x];
+        let [across, down] = self.reading.wrap;
+        let ([left, right], x) = across.nearest(uv.x, self.width);
+        let ([upper, lower], y) = down.nearest(uv.y, self.height);
+        let linear = if self.reading.is_linear { &*AS_THEY_STAND } else { &*LINEAR };
+        let texel = |column: u32, row: u32| {
+            let [r, g, b, a] = self.texels[row as usize * self.width as usize + column as usize];
             glam::Vec4::new(linear[r as usize], linear[g as usize], linear[b as usize], a as f32 / 255.0)
         };
-        texel(0, 0).lerp(texel(1, 0), f.x).lerp(texel(0, 1).lerp(texel(1, 1), f.x), f.y)
+        texel(left, upper).lerp(texel(right, upper), x).lerp(texel(left, lower).lerp(texel(right, lower), x), y)
+    }
+}
+
+impl Wrap {
+    /// The two texels of a line around a texture coordinate, and how far it is from the first to the second.
+    fn nearest(self, coordinate: f32, size: u32) -> ([u32; 2], f32) {
+        let within = match self {
+            Self::Repeat => coordinate - coordinate.floor(),
+            Self::Mirror => coordinate - 2.0 * (coordinate * 0.5).floor(),
+            Self::Clamp => coordinate.clamp(0.0, 1.0),
+        };
+        let at = within * size as f32 - 0.5;
+        let base = at.floor();
+        let size = size as i32;
+        let wrapped = |at: i32| match self {
+            Self::Repeat => at.rem_euclid(size),
+            Self::Mirror => {
+                let at = at.rem_euclid(2 * size);
+                at.min(2 * size - 1 - at)
+            }
+            Self::Clamp => at.clamp(0, size - 1),
+        };
+        ([base as i32, base as i32 + 1].map(|at| wrapped(at) as u32), at - base)
     }
 }
 
@@ -378,11 +497,12 @@ pub fn lookup([width, height]: [u32; 2], direction: Vec3) -> ([[usize; 2]; 2], f
 }
 
 /// Of all 8-bit channels: a power takes longer than all else of a lookup.
-static LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| std::array::from_fn(|value| srgb_to_linear(value as u8)));
+static LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| std::array::from_fn(|value| srgb_to_linear(value as f32 / 255.0)));
 
-/// Linear value of an 8-bit sRGB channel (IEC 61966-2-1).
-fn srgb_to_linear(value: u8) -> f32 {
-    let v = value as f32 / 255.0;
+static AS_THEY_STAND: LazyLock<[f32; 256]> = LazyLock::new(|| std::array::from_fn(|value| value as f32 / 255.0));
+
+/// Linear value of an sRGB channel in 0..1 (IEC 61966-2-1).
+pub fn srgb_to_linear(v: f32) -> f32 {
     if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
 }
 
@@ -422,6 +542,25 @@ impl Scene {
     /// The length that every bias and limit is tied to: the diagonal of the bounds [scene units].
     pub fn extent(&self) -> f32 {
         self.bounds().diagonal()
+    }
+
+    /// What the places of a material do with light, from one extreme of what a map makes of it to the other; twice the same without a map.
+    pub fn reflections(&self, material: &Material) -> [Reflection; 2] {
+        self.facets(material).map(|facets| material.reflection_with(material.reflectance, facets))
+    }
+
+    /// The lobes among them.
+    pub fn lobes(&self, material: &Material) -> impl Iterator<Item = Lobe> + use<> {
+        self.reflections(material).into_iter().filter_map(|reflection| reflection.lobe)
+    }
+
+    /// The least and the most that roughness and metallic of a material are multiplied by.
+    pub fn facets(&self, material: &Material) -> [Vec2; 2] {
+        let Some(map) = material.maps.facets else { return [Vec2::ONE; 2] };
+        let texels = self.textures[map as usize].texels.iter().map(|texel| [texel[1], texel[2]]);
+        let [low, high] = texels
+            .fold([[u8::MAX; 2], [0; 2]], |[low, high], [rough, metal]| [[low[0].min(rough), low[1].min(metal)], [high[0].max(rough), high[1].max(metal)]]);
+        [low, high].map(|[rough, metal]| Vec2::new(f32::from(rough), f32::from(metal)) / 255.0)
     }
 
     /// Emissive triangles, in their order.
@@ -496,3 +635,47 @@ pub fn shadow_range(extent: f32) -> f32 {
 
 /// Half-angle from which on a spot light's shadow takes a cube: 60°.
 const WIDE_SPOT: f32 = std::f32::consts::PI / 3.0;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Texels beyond an image's edges.
+    #[test]
+    fn images_go_on_as_their_reading_says() {
+        let row = |wrap| {
+            let texels = [0, 85, 170, 255].map(|grey| [grey; 4]).to_vec();
+            let reading = Reading { is_linear: true, wrap: [wrap, Wrap::Repeat] };
+            let texture = Texture { name: String::new(), width: 4, height: 1, texels, reading };
+            [-5, -2, -1, 0, 3, 4, 5, 8, 9].map(|at| (3.0 * texture.sample(Vec2::new((at as f32 + 0.5) / 4.0, 0.5)).x).round() as i32)
+        };
+        assert_eq!(row(Wrap::Repeat), [3, 2, 3, 0, 3, 0, 1, 0, 1]);
+        assert_eq!(row(Wrap::Mirror), [3, 1, 0, 0, 3, 3, 2, 0, 1]);
+        assert_eq!(row(Wrap::Clamp), [0, 0, 0, 0, 3, 3, 3, 3, 3]);
+    }
+
+    proptest! {
+        /// A quad as glTF lays it out, v pointing down: red bends to the right of the image, green up, whichever way that is turned or mirrored.
+        #[test]
+        fn normal_maps_bend_along_the_image(turn in 0.0..std::f32::consts::TAU, mirrored: bool, red in 0.0..1.0f32, green in 0.0..1.0f32, [x, y, z] in [-1.0..1.0f32, -1.0..1.0f32, 0.2..1.0f32]) {
+            let (right, up) = (Vec2::from_angle(turn), Vec2::from_angle(turn).perp() * if mirrored { -1.0 } else { 1.0 });
+            let positions = [Vec3::ZERO, Vec3::X, Vec3::new(0.3, 0.8, 0.0)];
+            let uvs = positions.map(|p| Vec2::new(p.truncate().dot(right), -p.truncate().dot(up)) + 3.0);
+            let triangle = Triangle { positions, normals: [Vec3::Z; 3], uvs, tints: Default::default(), material: 0 };
+            let texel = Vec3::new(red, green, 0.9);
+            let expected = (right.extend(0.0) * (2.0 * red - 1.0) + up.extend(0.0) * (2.0 * green - 1.0) + Vec3::Z * 0.8).normalize();
+            prop_assert!(triangle.bent(Vec3::Z, texel, 1.0).distance(expected) < 1e-4);
+            // A straight texel bends nothing, whatever the shading normal.
+            let normal = Vec3::new(x, y, z).normalize();
+            prop_assert!(triangle.bent(normal, Vec3::new(0.5, 0.5, 1.0), 2.0).distance(normal) < 1e-5);
+        }
+
+        #[test]
+        fn tints_keep_what_ten_bits_hold(r in 0.0..1.0f32, g in 0.0..1.0f32, b in 0.0..1.0f32) {
+            let colour = Vec3::new(r, g, b);
+            prop_assert!((Tint::new(colour).colour() - colour).abs().max_element() < 1.0 / 1000.0);
+            prop_assert_eq!(Tint::new(Vec3::ONE), Tint::default());
+        }
+    }
+}

@@ -1,6 +1,6 @@
 //! What a scene requires of a pipeline.
 
-use super::{Light, Material, Scene, Triangle, shadow_grid, shadow_layers, sky::Suns};
+use super::{Light, Material, Scene, Tint, Triangle, shadow_grid, shadow_layers, sky::Suns};
 use crate::math::lobe::Shape;
 
 /// The facts that decide which passes and which parts of shaders stay.
@@ -18,7 +18,11 @@ pub struct Needs {
     pub environment: bool,
     /// Whether some of it is so bright that rays are sent there.
     pub suns: bool,
+    /// Whether any surface has a texture of any kind.
     pub textures: bool,
+    pub normal_maps: bool,
+    /// Whether corners have colours.
+    pub tints: bool,
     pub alpha_masks: bool,
     pub one_sided: bool,
     /// Whether any triangle's normals differ from its plane's.
@@ -46,7 +50,7 @@ impl Needs {
     pub fn of(scene: &Scene) -> Self {
         let used = used_materials(scene);
         let materials = || scene.materials.iter().zip(&used).filter(|(_, used)| **used).map(|(m, _)| m);
-        let shapes = || materials().filter_map(|m| Some(m.reflection(m.reflectance).lobe?.shape));
+        let shapes = || materials().flat_map(|m| scene.lobes(m)).map(|lobe| lobe.shape);
         Self {
             triangles: scene.triangles.len() as u32,
             punctual_lights: Some(scene.lights.len() as u32),
@@ -58,7 +62,9 @@ impl Needs {
             emissive_triangles: scene.triangles.iter().filter(|t| scene.materials[t.material as usize].emits()).count() as u32,
             environment: !scene.environment.is_black(),
             suns: Suns::new(&scene.environment).shine(),
-            textures: materials().any(|m| m.texture.is_some()),
+            textures: materials().any(|m| m.texture.is_some() || !m.maps.is_empty()),
+            normal_maps: materials().any(|m| m.maps.normal.is_some()),
+            tints: scene.triangles.iter().any(|triangle| triangle.tints != <[Tint; 3]>::default()),
             alpha_masks: materials().any(|m| m.texture.is_some() && m.alpha_cutoff.is_some()),
             one_sided: materials().any(|m| !m.two_sided),
             smooth: scene.triangles.iter().any(is_smooth),
@@ -69,7 +75,7 @@ impl Needs {
             sharp_lobes: shapes().any(Shape::is_sharp),
             wide_lobes: shapes().any(|shape| !shape.is_sharp()),
             anisotropic: shapes().any(Shape::is_anisotropic),
-            diffuse: materials().any(|m| !has_lobe(m) || m.reflection(m.reflectance).diffuse != glam::Vec3::ZERO),
+            diffuse: materials().any(|m| !has_lobe(m) || scene.reflections(m).iter().any(|reflection| reflection.diffuse != glam::Vec3::ZERO)),
             extent: scene.extent(),
         }
     }
@@ -104,6 +110,8 @@ impl Needs {
             environment: true,
             suns: true,
             textures: true,
+            normal_maps: true,
+            tints: true,
             alpha_masks: true,
             one_sided: true,
             smooth: true,

@@ -58,7 +58,7 @@ impl Sources {
         let lights = (0..).zip(&scene.lights).map(|(at, light)| (Source::Light(at), flux_of_light(&light.kind, disc)));
         let emitters = scene.emitters().into_iter().map(|number| {
             let triangle = &scene.triangles[number as usize];
-            (Source::Emitter(number), luminance(flux_of_emitter(triangle, material(scene, triangle))))
+            (Source::Emitter(number), luminance(flux_of_emitter(triangle, material(scene, triangle), scene.mean_emission(triangle))))
         });
         let sky = match &scene.environment {
             Environment::Constant(radiance) => Some((Source::Dome(*radiance), 2.0 * TAU * disc * luminance(radiance.as_dvec3()))),
@@ -151,7 +151,7 @@ impl Sources {
         let local = around((1.0 - s).sqrt() as f32, (TAU * t) as f32);
         let position = triangle.position(barycentric);
         let origin = position + normal * surface_offset(self.extent, position);
-        let flux = flux_of_emitter(triangle, material).as_vec3();
+        let flux = flux_of_emitter(triangle, material, scene.emission(triangle, barycentric)).as_vec3();
         let is_there = normal != Vec3::ZERO && !is_hole(triangle, material, &scene.textures, barycentric);
         is_there.then(|| Emitted { origin, direction: Frame::new(normal).to_world(local), flux })
     }
@@ -186,10 +186,10 @@ fn spot_parts(inner: f32, outer: f32) -> [f64; 2] {
     [TAU * (1.0 - inner), TAU * (inner - outer).max(0.0) / 3.0]
 }
 
-/// All that an emissive triangle sends out [W].
-fn flux_of_emitter(triangle: &Triangle, material: &Material) -> DVec3 {
+/// All that an emissive triangle sends out by some radiance [W].
+fn flux_of_emitter(triangle: &Triangle, material: &Material, radiance: Vec3) -> DVec3 {
     let sides = if material.two_sided { 2.0 } else { 1.0 };
-    material.emission.as_dvec3() * (0.5 * f64::from(triangle.cross().length()) * PI * sides)
+    radiance.as_dvec3() * (0.5 * f64::from(triangle.cross().length()) * PI * sides)
 }
 
 fn on_sphere([u, v]: [f64; 2]) -> Vec3 {
@@ -228,7 +228,7 @@ mod tests {
     }
 
     fn triangle(material: u32) -> Triangle {
-        Triangle { positions: [Vec3::ZERO, 2.0 * Vec3::X, 3.0 * Vec3::Y], normals: [Vec3::Z; 3], uvs: [Vec2::ZERO; 3], material }
+        Triangle { positions: [Vec3::ZERO, 2.0 * Vec3::X, 3.0 * Vec3::Y], normals: [Vec3::Z; 3], uvs: [Vec2::ZERO; 3], tints: Default::default(), material }
     }
 
     const PHOTONS: u32 = 40_000;

@@ -2,7 +2,7 @@
 
 use super::{LightKind, Rgb, Scene, Triangle, surface_offset};
 use crate::math::{frame::Frame, lobe::Lobe};
-use glam::{Vec2, Vec3};
+use glam::{Vec2, Vec3, Vec4Swizzles};
 use std::f32::consts::FRAC_1_PI;
 
 /// Where a ray starts, and where it goes; of any length.
@@ -112,10 +112,11 @@ impl Scene {
 
     /// The same for light that arrives along the ray: the lobe takes its share of the diffuse part by where light leaves to, [`Lobe::leaves`], which is left to do.
     pub fn lit_surface(&self, triangle: u32, barycentric: Vec2, ray: Ray) -> Surface {
-        let (plain, texture) = self.without_lobe(triangle, barycentric, ray);
+        let (plain, base) = self.without_lobe(triangle, barycentric, ray);
         let triangle = &self.triangles[triangle as usize];
         let material = &self.materials[triangle.material as usize];
-        let reflection = material.reflection(material.reflectance * texture.unwrap_or(Vec3::ONE));
+        let facets = material.maps.facets.map_or(Vec2::ONE, |map| self.textures[map as usize].sample(triangle.uv(barycentric)).yz());
+        let reflection = material.reflection_with(material.reflectance * base, facets);
         let glossy = reflection.lobe.map(|lobe| {
             let frame = if lobe.shape.is_anisotropic() { triangle.tangent_frame(plain.normal) } else { Frame::new(plain.normal) };
             Gloss { lobe, frame, outgoing: facing(frame.to_local(-ray.direction.normalize())) }
@@ -134,25 +135,67 @@ impl Scene {
         self.without_lobe(triangle, barycentric, ray).0
     }
 
-    /// The surface by its albedo, and what its texture holds there.
-    fn without_lobe(&self, triangle: u32, barycentric: Vec2, ray: Ray) -> (Surface, Option<Rgb>) {
+    /// The surface by its albedo, and what multiplies its base colour there.
+    fn without_lobe(&self, triangle: u32, barycentric: Vec2, ray: Ray) -> (Surface, Rgb) {
         let triangle = &self.triangles[triangle as usize];
         let material = &self.materials[triangle.material as usize];
         let face = triangle.face_normal();
         let side = if face.dot(ray.direction) > 0.0 { -1.0 } else { 1.0 };
-        let texture = material.texture.map(|i| self.textures[i as usize].sample(triangle.uv(barycentric)).truncate());
-        let (albedo, multiplied) = material.albedo();
+        let base = self.colour(material.texture, triangle, barycentric) * triangle.tint(barycentric);
+        let (albedo, is_base) = material.albedo();
         let surface = Surface {
             position: triangle.place(barycentric, ray),
             face: face * side,
-            normal: triangle.normal(barycentric) * side,
-            reflectance: albedo * texture.filter(|_| multiplied.is_some()).unwrap_or(Vec3::ONE),
-            emission: material.emission,
+            normal: self.normal(triangle, barycentric) * side,
+            reflectance: if is_base { albedo * base } else { albedo },
+            emission: self.emission(triangle, barycentric),
             glossy: None,
         };
-        (surface, texture)
+        (surface, base)
+    }
+
+    /// What a texture has at a place of a triangle; white where there is none.
+    fn colour(&self, texture: Option<u32>, triangle: &Triangle, barycentric: Vec2) -> Rgb {
+        texture.map_or(Vec3::ONE, |texture| self.textures[texture as usize].sample(triangle.uv(barycentric)).truncate())
+    }
+
+    /// Unit shading normal at a place of a triangle, on the front side, as its normal map bends it.
+    pub fn normal(&self, triangle: &Triangle, barycentric: Vec2) -> Vec3 {
+        let normal = triangle.normal(barycentric);
+        let maps = &self.materials[triangle.material as usize].maps;
+        if maps.normal.is_none() {
+            return normal;
+        }
+        triangle.bent(normal, self.colour(maps.normal, triangle, barycentric), maps.normal_scale)
+    }
+
+    /// Radiance that leaves a place of a triangle [W m⁻² sr⁻¹].
+    pub fn emission(&self, triangle: &Triangle, barycentric: Vec2) -> Rgb {
+        let material = &self.materials[triangle.material as usize];
+        material.emission * self.colour(material.maps.emission, triangle, barycentric)
+    }
+
+    /// The mean over a triangle, of an emission map by samples about as far apart as its texels.
+    pub fn mean_emission(&self, triangle: &Triangle) -> Rgb {
+        let material = &self.materials[triangle.material as usize];
+        let Some(map) = material.maps.emission else { return material.emission };
+        let texture = &self.textures[map as usize];
+        let [s, t] = [1, 2].map(|corner| (triangle.uvs[corner] - triangle.uvs[0]) * Vec2::new(texture.width as f32, texture.height as f32));
+        let texels = 0.5 * s.perp_dot(t).abs();
+        let samples = (4.0 * texels).clamp(LEAST_SAMPLES, MOST_SAMPLES) as u32;
+        let place = |at: u32| {
+            let at = at as f32 + 0.5;
+            let [u, v] = [at / samples as f32, (at * 0.618_034).fract()];
+            let root = u.sqrt();
+            Vec2::new(root * (1.0 - v), root * v)
+        };
+        (0..samples).map(|at| self.emission(triangle, place(at))).sum::<Vec3>() / samples as f32
     }
 }
+
+/// Of a triangle's mean emission.
+const LEAST_SAMPLES: f32 = 64.0;
+const MOST_SAMPLES: f32 = 65_536.0;
 
 impl Triangle {
     /// Barycentric weights of corners 1 and 2 where a ray, known to meet the triangle, meets it. What rounding puts outside is moved to the edge.
@@ -243,7 +286,7 @@ mod tests {
             let [a, b, c] = corners.map(|corner| corner.as_dvec3());
             let point = a + (b - a) * self.weights.x + (c - a) * self.weights.y;
             let origin = (point + self.toward * away).as_vec3();
-            let triangle = Triangle { positions: corners, normals: [Vec3::ZERO; 3], uvs: [Vec2::ZERO; 3], material: 0 };
+            let triangle = Triangle { positions: corners, normals: [Vec3::ZERO; 3], uvs: [Vec2::ZERO; 3], tints: Default::default(), material: 0 };
             (triangle, Ray { origin, direction: (point - origin.as_dvec3()).as_vec3() }, point)
         }
     }
@@ -276,7 +319,7 @@ mod tests {
     fn a_sliver_is_seen_where_it_is() {
         let triangle = |width: f32| {
             let positions = [Vec3::new(-3.0, 0.37, 11.0), Vec3::new(4.0, 0.61, 9.0), Vec3::new(0.5, 0.49 + width, 10.0)];
-            Triangle { positions, normals: [Vec3::ZERO; 3], uvs: [Vec2::ZERO; 3], material: 0 }
+            Triangle { positions, normals: [Vec3::ZERO; 3], uvs: [Vec2::ZERO; 3], tints: Default::default(), material: 0 }
         };
         for width in [0.0, 1e-7, 1e-6, 1e-5, 1e-4] {
             let triangle = triangle(width);

@@ -26,10 +26,12 @@ struct SeenSample {
     direction: vec3f,
 }
 
-// Of a ray along a direction of the tile's frame, and the triangle that it met.
+// Of a ray along a direction of the tile's frame, and the triangle that it met; from below the surface none is cast.
 fn sample_along(item: TileItem, direction: vec3f, triangle: u32) -> SeenSample {
     let request = requests[item.tile];
     let origin = request.position + request.normal * surface_offset(request.position);
     let place = item.tile * TILE_WIDTH * TILE_HEIGHT + item.index;
-    return SeenSample(place, item.index, true, true, triangle, request.turn, origin, frame_around(request.normal, request.turn) * direction);
+    let way = frame_around(request.normal, request.turn) * direction;
+    let is_cast = !is_below(request, way);
+    return SeenSample(place, item.index, true, is_cast, select(0u, triangle, is_cast), request.turn, origin, way);
 }

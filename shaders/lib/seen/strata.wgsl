@@ -12,6 +12,6 @@ fn seen_sample(group: vec3u, groups: vec3u, lane: u32) -> SeenSample {
     }
     let triangle = seen[atlas_place(item.tile, vec2u(item.index % TILE_WIDTH, item.index / TILE_WIDTH))];
     var ray = sample_along(item, samples[item.index].direction, triangle);
-    ray.is_cast = samples[item.index].plain_weight > 0.0;
+    ray.is_cast = ray.is_cast && samples[item.index].plain_weight > 0.0;
     return ray;
 }

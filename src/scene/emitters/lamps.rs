@@ -9,7 +9,7 @@ use crate::math::{
 use crate::scene::{
     Rgb, Scene,
     packets::{RAYS, ShadowRays, ToDo, Until},
-    surface::Surface,
+    surface::{Ray, Surface},
 };
 use fearless_simd::{Simd, f32x8, prelude::*};
 use glam::Vec3;
@@ -22,8 +22,10 @@ pub(super) struct AreaLight {
     edges: [Vec3; 2],
     normal: Vec3,
     two_sided: bool,
-    /// Emission over its luminance.
-    hue: Rgb,
+    /// Emission over the luminance of its mean, where it is the same all over.
+    hue: Option<Rgb>,
+    /// One over the luminance of its mean.
+    share: f32,
     /// Longest edge, squared [scene units²].
     longest: f32,
 }
@@ -35,6 +37,7 @@ impl AreaLight {
             let triangle = &scene.triangles[number as usize];
             let material = &scene.materials[triangle.material as usize];
             let [a, b, c] = triangle.positions;
+            let share = 1.0 / (luminance(scene.mean_emission(triangle).as_dvec3()) as f32).max(f32::MIN_POSITIVE);
             let longest = [b - a, c - a, c - b].map(Vec3::length_squared).into_iter().fold(0.0, f32::max);
             Self {
                 triangle: number,
@@ -43,10 +46,23 @@ impl AreaLight {
                 edges: [b - a, c - a],
                 normal: triangle.face_normal(),
                 two_sided: material.two_sided,
-                hue: material.emission / (luminance(material.emission.as_dvec3()) as f32).max(f32::MIN_POSITIVE),
+                hue: material.maps.emission.is_none().then_some(material.emission * share),
+                share,
             }
         };
         scene.emitters().into_iter().map(light).collect()
+    }
+
+    /// Emission over the luminance of the lamp's mean, at a way from a place.
+    #[inline(always)]
+    fn hue(&self, scene: &Scene, origin: Vec3, way: Vec3) -> Rgb {
+        self.hue.unwrap_or_else(|| self.hue_there(scene, Ray { origin, direction: way }))
+    }
+
+    #[cold]
+    fn hue_there(&self, scene: &Scene, ray: Ray) -> Rgb {
+        let triangle = &scene.triangles[self.triangle as usize];
+        scene.emission(triangle, triangle.barycentric(ray)) * self.share
     }
 
     /// The way to a point of a lamp that is no farther than its longest edge is long, spread evenly over the solid angle that it covers, and what it stands for: the
@@ -118,7 +134,8 @@ impl Emitters<'_> {
                 let ray = free.trailing_zeros() as usize % AT_ONCE;
                 free &= free - 1;
                 let Choice { lamp, weight } = shining.chosen[ray];
-                let light = self.emission.area_lights[lamp as usize].hue * (weight * shining.form_factors[ray]);
+                let hue = self.emission.area_lights[lamp as usize].hue(self.scene, origin, shining.rays.directions[ray]);
+                let light = hue * (weight * shining.form_factors[ray]);
                 arriving += light;
                 if let Some(gloss) = surface.glossy {
                     glossy += light * gloss.value(shining.rays.directions[ray].normalize());

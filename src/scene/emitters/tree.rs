@@ -334,7 +334,7 @@ impl Outline {
         let material = &scene.materials[triangle.material as usize];
         Self {
             bounds: Bounds::of(std::slice::from_ref(triangle)),
-            power: power(triangle, material.emission),
+            power: power(triangle, scene.mean_emission(triangle)),
             axis: triangle.face_normal(),
             spread: 1.0,
             two_sided: material.two_sided,
@@ -449,7 +449,7 @@ mod tests {
         let triangle = |at: u32| {
             let corner = 4.0 * point(at);
             let positions = [corner, corner + 0.3 * point(1000 + at), corner + 0.3 * point(2000 + at)];
-            Triangle { positions, normals: [Vec3::Z; 3], uvs: [Vec2::ZERO; 3], material: at % 2 }
+            Triangle { positions, normals: [Vec3::Z; 3], uvs: [Vec2::ZERO; 3], tints: Default::default(), material: at % 2 }
         };
         let lamp = |two_sided| Material { emission: Vec3::new(3.0, 2.0, 1.0), two_sided, ..Material::diffuse("lamp", Vec3::ONE) };
         Scene {

@@ -15,6 +15,9 @@ pub const MAX_TRIANGLES: usize = 16_000_000;
 /// The extents that single precision serves: beyond them the squares of areas overflow or vanish [scene units].
 const EXTENT_RANGE: std::ops::RangeInclusive<f64> = 1e-4..=4e9;
 
+/// Alpha below which there is a hole, where nothing else is said.
+pub(super) const HALF: f32 = 0.5;
+
 /// Where shading normals come from.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Normals {
@@ -33,6 +36,7 @@ pub(super) struct Face {
     /// Zero where the file has none.
     pub normals: [Vec3; 3],
     pub uvs: [Vec2; 3],
+    pub tints: [Tint; 3],
     pub material: u32,
 }
 
@@ -53,7 +57,7 @@ pub(super) struct Draft {
 impl Face {
     /// A flat triangle without texture coordinates.
     pub fn flat(positions: [DVec3; 3], material: u32) -> Self {
-        Self { positions, normals: [Vec3::ZERO; 3], uvs: [Vec2::ZERO; 3], material }
+        Self { positions, normals: [Vec3::ZERO; 3], uvs: [Vec2::ZERO; 3], tints: Default::default(), material }
     }
 
     /// The triangle under an affine map; mirroring swaps two corners so that the front stays the front.
@@ -65,6 +69,7 @@ impl Face {
             face.positions.swap(1, 2);
             face.normals.swap(1, 2);
             face.uvs.swap(1, 2);
+            face.tints.swap(1, 2);
         }
         face
     }
@@ -135,7 +140,10 @@ impl Draft {
             self.notes.push("the file has no camera: one that sees the whole scene was made".to_owned());
         }
         let environment = self.environment.unwrap_or(Environment::Constant(Vec3::ZERO));
-        Ok(Scene { name: name.to_owned(), triangles, materials: self.materials, textures, lights, environment, cameras, origin, notes: self.notes })
+        let mut scene =
+            Scene { name: name.to_owned(), triangles, materials: self.materials, textures, lights, environment, cameras, origin, notes: self.notes };
+        put_out(&mut scene);
+        Ok(scene)
     }
 
     fn bounds(&self, name: &str) -> Result<(DVec3, DVec3), SceneError> {
@@ -165,10 +173,11 @@ impl Draft {
         self.faces.iter_mut().for_each(|face| face.material = material_map[face.material as usize]);
 
         let mut used = vec![false; self.textures.len()];
-        self.materials.iter().filter_map(|m| m.texture).for_each(|texture| used[texture as usize] = true);
+        let mut named: Vec<&mut u32> = self.materials.iter_mut().flat_map(Material::textures_mut).filter_map(Option::as_mut).collect();
+        named.iter().for_each(|texture| used[**texture as usize] = true);
         let texture_map = renumber(&used);
         retain_marked(&mut self.textures, &used);
-        self.materials.iter_mut().for_each(|m| m.texture = m.texture.map(|texture| texture_map[texture as usize]));
+        named.iter_mut().for_each(|texture| **texture = texture_map[**texture as usize]);
     }
 
     fn corner_normals(&self, normals: Normals) -> Vec<[Vec3; 3]> {
@@ -177,6 +186,23 @@ impl Draft {
             Normals::Face => vec![[Vec3::ZERO; 3]; self.faces.len()],
             Normals::Smooth(angle) => smooth_normals(&self.faces, angle),
         }
+    }
+}
+
+/// Gives triangles whose emission map is black all over a material that does not emit: they are no lamps.
+fn put_out(scene: &mut Scene) {
+    let mut dark: HashMap<u32, u32> = HashMap::new();
+    for at in 0..scene.triangles.len() {
+        let triangle = scene.triangles[at];
+        let material = &scene.materials[triangle.material as usize];
+        if material.maps.emission.is_none() || scene.mean_emission(&triangle) != Vec3::ZERO {
+            continue;
+        }
+        let copy = Material { emission: Vec3::ZERO, maps: Maps { emission: None, ..material.maps }, ..material.clone() };
+        scene.triangles[at].material = *dark.entry(triangle.material).or_insert_with(|| {
+            scene.materials.push(copy);
+            scene.materials.len() as u32 - 1
+        });
     }
 }
 
@@ -215,7 +241,7 @@ fn choose_origin(low: DVec3, high: DVec3) -> DVec3 {
 fn to_triangle(face: &Face, normals: [Vec3; 3], origin: DVec3) -> Triangle {
     // Adding zero turns a negative zero into a positive one, so that equal corners have equal bits.
     let positions = face.positions.map(|p| (p - origin).as_vec3() + 0.0);
-    let mut triangle = Triangle { positions, normals, uvs: face.uvs, material: face.material };
+    let mut triangle = Triangle { positions, normals, uvs: face.uvs, tints: face.tints, material: face.material };
     triangle.normals = on_front_side(normals, triangle.face_normal());
     triangle
 }

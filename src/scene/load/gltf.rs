@@ -1,6 +1,7 @@
 //! glTF 2.0, as text or binary: what diffuse light transport needs of it, and notes about the rest.
 
 mod document;
+mod material;
 
 use super::{
     MAX_TRIANGLES, count_up,
@@ -8,17 +9,15 @@ use super::{
     error::{Problem, SceneError},
     files::{Bytes, Files},
     guard,
-    image::{Content, TextureSource},
+    image::Content,
     list,
 };
 use crate::scene::model::*;
 use ::gltf::{
     Accessor, Document, Node, Primitive, Semantic,
     accessor::{DataType, Dimensions, sparse::IndexType},
-    buffer, image, khr_lights_punctual as punctual,
-    material::AlphaMode,
+    buffer, khr_lights_punctual as punctual,
     mesh::Mode,
-    texture::WrappingMode,
 };
 use base64::{
     Engine, alphabet,
@@ -35,12 +34,7 @@ use std::{
 const DRACO: &str = "KHR_draco_mesh_compression";
 
 /// What is missing from a scene without an extension, where its name does not say it.
-const SUPPLIES: [(&str, &str); 4] = [
-    ("EXT_mesh_gpu_instancing", "instances of meshes"),
-    ("KHR_texture_basisu", "textures"),
-    ("EXT_texture_webp", "textures"),
-    ("MSFT_texture_dds", "textures"),
-];
+const SUPPLIES: [(&str, &str); 3] = [("EXT_mesh_gpu_instancing", "instances of meshes"), ("KHR_texture_basisu", "textures"), ("MSFT_texture_dds", "textures")];
 
 /// The most elements of an accessor without a buffer: a few bytes of text must not become gigabytes.
 const MAX_ZEROS: usize = 1 << 20;
@@ -152,8 +146,8 @@ struct Reader<'a> {
     wanted: &'a dyn Fn(&str) -> bool,
     /// Numbers by glTF index; `None` is the default material.
     materials: HashMap<Option<usize>, u32>,
-    /// Likewise, by image.
-    textures: HashMap<usize, u32>,
+    /// Likewise, by image and how it is read.
+    textures: HashMap<(usize, Reading), u32>,
     /// What was met and left out, and how often.
     ignored: BTreeMap<String, usize>,
 }
@@ -163,6 +157,7 @@ struct Vertices {
     positions: Vec<DVec3>,
     normals: Vec<Vec3>,
     uvs: Vec<Vec2>,
+    tints: Vec<Tint>,
 }
 
 impl Reader<'_> {
@@ -222,9 +217,6 @@ impl Reader<'_> {
         if primitive.morph_targets().len() > 0 {
             self.ignore("morph targets");
         }
-        if primitive.get(&Semantic::Colors(0)).is_some() {
-            self.ignore("vertex colours");
-        }
         let Some(positions) = self.positions(primitive) else { return Ok(()) };
         let Some(material) = self.material(&primitive.material())? else { return Ok(()) };
         let vertices = self.read_vertices(primitive, &positions)?;
@@ -240,7 +232,8 @@ impl Reader<'_> {
             let corners = corners.map(|index| index as usize);
             let normals = corners.map(|i| vertices.normals.get(i).copied().unwrap_or(Vec3::ZERO));
             let uvs = corners.map(|i| vertices.uvs.get(i).copied().unwrap_or(Vec2::ZERO));
-            let face = Face { positions: corners.map(|i| vertices.positions[i]), normals, uvs, material };
+            let tints = corners.map(|i| vertices.tints.get(i).copied().unwrap_or_default());
+            let face = Face { positions: corners.map(|i| vertices.positions[i]), normals, uvs, tints, material };
             self.draft.push(face.transformed(map, &normal_map), || format!("{name} of `{}`", self.path.display()))?;
         }
         Ok(())
@@ -260,124 +253,30 @@ impl Reader<'_> {
     fn read_vertices(&self, primitive: &Primitive, positions: &Accessor) -> Result<Vertices, SceneError> {
         let positions = self.read_vectors::<3>(positions)?;
         let normals = primitive.get(&Semantic::Normals).map(|accessor| self.read_vectors::<3>(&accessor)).transpose()?.unwrap_or_default();
-        let texture = primitive.material().pbr_metallic_roughness().base_color_texture();
-        let (set, transform) = match &texture {
-            Some(info) => {
-                let transform = info.texture_transform();
-                (transform.as_ref().and_then(|t| t.tex_coord()).unwrap_or(info.tex_coord()), transform)
-            }
-            None => (0, None),
-        };
-        let uvs = primitive.get(&Semantic::TexCoords(set)).map(|accessor| self.read_vectors::<2>(&accessor)).transpose()?.unwrap_or_default();
-        let place = |uv: [f32; 2]| transform.as_ref().map_or(Vec2::from(uv), |t| transformed_uv(uv.into(), t.offset().into(), t.rotation(), t.scale().into()));
+        let coordinates = material::coordinates(&primitive.material());
+        let uvs = coordinates.and_then(|coordinates| primitive.get(&Semantic::TexCoords(coordinates.set)));
+        let uvs = uvs.map(|accessor| self.read_vectors::<2>(&accessor)).transpose()?.unwrap_or_default();
+        let place = |uv: [f32; 2]| coordinates.map_or(uv.into(), |coordinates| coordinates.place(uv.into()));
+        let tints = primitive.get(&Semantic::Colors(0)).map(|accessor| self.read_tints(&accessor)).transpose()?.unwrap_or_default();
         Ok(Vertices {
             positions: positions.into_iter().map(|p| Vec3::from(p).as_dvec3()).collect(),
             normals: normals.into_iter().map(Vec3::from).map(|n| if n.is_finite() { n } else { Vec3::ZERO }).collect(),
             uvs: uvs.into_iter().map(place).map(|uv| if uv.is_finite() { uv } else { Vec2::ZERO }).collect(),
+            tints,
         })
     }
 
-    /// The number of a material; `None` for one that is a hole all over.
-    fn material(&mut self, material: &::gltf::Material) -> Result<Option<u32>, SceneError> {
-        const HOLE: u32 = u32::MAX;
-        if let Some(&number) = self.materials.get(&material.index()) {
-            return Ok((number != HOLE).then_some(number));
+    /// Colours of vertices, with or without an alpha.
+    fn read_tints(&self, accessor: &Accessor) -> Result<Vec<Tint>, SceneError> {
+        let tint = |[r, g, b]: [f32; 3]| Tint::new(Vec3::new(r, g, b));
+        if accessor.dimensions() == Dimensions::Vec4 {
+            return Ok(self.read_vectors::<4>(accessor)?.into_iter().map(|[r, g, b, _]| tint([r, g, b])).collect());
         }
-        let made = self.make_material(material)?;
-        let number = match made {
-            Some(made) => {
-                self.draft.materials.push(made);
-                self.draft.materials.len() as u32 - 1
-            }
-            None => HOLE,
-        };
-        self.materials.insert(material.index(), number);
-        Ok((number != HOLE).then_some(number))
-    }
-
-    fn make_material(&mut self, material: &::gltf::Material) -> Result<Option<Material>, SceneError> {
-        let name = material.name().map_or_else(|| material.index().map_or("default".to_owned(), |index| format!("material {index}")), str::to_owned);
-        let surface = material.pbr_metallic_roughness();
-        let [r, g, b, alpha] = surface.base_color_factor();
-        let emission = Vec3::from(material.emissive_factor()) * material.emissive_strength().unwrap_or(1.0);
-        let (metallic, roughness) = (surface.metallic_factor(), surface.roughness_factor());
-        self.expect_in_unit(&name, "base colour, metallic or roughness factor", &[r, g, b, alpha, metallic, roughness])?;
-        if !(emission.is_finite() && emission.cmpge(Vec3::ZERO).all()) {
-            return Err(self.out_of_range(&format!("the emission of material `{name}`"), "0 or more"));
-        }
-        let texture = match surface.base_color_texture() {
-            Some(info) if (self.wanted)(&name) => Some(self.texture(&info.texture())),
-            _ => None,
-        };
-        let alpha_cutoff = match material.alpha_mode() {
-            AlphaMode::Opaque => None,
-            AlphaMode::Blend => {
-                self.ignore("alpha blending");
-                None
-            }
-            // The factor multiplies the texture's alpha, so it divides the cutoff; 2 is above any alpha.
-            AlphaMode::Mask => Some((material.alpha_cutoff().unwrap_or(0.5) / alpha.max(1e-6)).min(2.0)).filter(|cutoff| *cutoff > 0.0),
-        };
-        if texture.is_none() && alpha_cutoff.is_some_and(|cutoff| cutoff > 1.0) {
-            return Ok(None);
-        }
-        let maps = [
-            (surface.metallic_roughness_texture().is_some(), "metallic-roughness textures"),
-            (material.normal_texture().is_some(), "normal maps"),
-            (material.emissive_texture().is_some(), "emissive textures, with their emission"),
-        ];
-        maps.iter().filter(|(present, _)| *present).for_each(|(_, what)| self.ignore(*what));
-        Ok(Some(Material {
-            texture,
-            // A factor alone, where a texture says which parts shine, would make the whole surface a lamp.
-            emission: if material.emissive_texture().is_some() { Vec3::ZERO } else { emission },
-            two_sided: material.double_sided(),
-            alpha_cutoff,
-            glossy: Glossy::metallic_roughness(metallic, roughness),
-            ..Material::diffuse(name, Vec3::new(r, g, b))
-        }))
-    }
-
-    fn expect_in_unit(&self, material: &str, what: &str, values: &[f32]) -> Result<(), SceneError> {
-        if values.iter().all(|value| (0.0..=1.0).contains(value)) {
-            Ok(())
-        } else {
-            Err(self.out_of_range(&format!("a {what} of material `{material}`"), "0 to 1"))
-        }
+        Ok(self.read_vectors::<3>(accessor)?.into_iter().map(tint).collect())
     }
 
     fn out_of_range(&self, what: &str, range: &str) -> SceneError {
         SceneError::new(Problem::Range, format!("{what} in `{}` is out of range", self.path.display())).help(format!("the range is {range}"))
-    }
-
-    fn texture(&mut self, texture: &::gltf::Texture) -> u32 {
-        if [texture.sampler().wrap_s(), texture.sampler().wrap_t()].iter().any(|mode| *mode != WrappingMode::Repeat) {
-            self.ignore("texture wrapping other than repetition");
-        }
-        let Some(image) = texture.source() else { return self.absent_texture(texture) };
-        if let Some(&number) = self.textures.get(&image.index()) {
-            return number;
-        }
-        let (name, content) = match image.source() {
-            image::Source::Uri { uri, .. } if uri.starts_with("data:") => (format!("image {}", image.index()), data_content(&uri["data:".len()..])),
-            image::Source::Uri { uri, .. } => (uri.to_owned(), Content::File(beside(self.path, uri))),
-            image::Source::View { view, .. } => (format!("image {}", image.index()), self.view_content(&view)),
-        };
-        let number = self.add_texture(image.name().map_or(name, str::to_owned), content);
-        self.textures.insert(image.index(), number);
-        number
-    }
-
-    /// A texture that names no image, or one that only an extension describes.
-    fn absent_texture(&mut self, texture: &::gltf::Texture) -> u32 {
-        let name = texture.name().map_or_else(|| format!("texture {}", texture.index()), str::to_owned);
-        let why = names(texture.extensions()).map_or("it names no image".to_owned(), |names| format!("its image is supplied by {names}, which is not read"));
-        self.add_texture(name, Content::Missing(why))
-    }
-
-    fn add_texture(&mut self, name: String, content: Content) -> u32 {
-        self.draft.textures.push(TextureSource { name, content });
-        self.draft.textures.len() as u32 - 1
     }
 
     fn view_content(&self, view: &buffer::View) -> Content {
@@ -461,7 +360,11 @@ impl Reader<'_> {
 
     /// Vectors of floats or (normalised) integers, sparse replacements included.
     fn read_vectors<const N: usize>(&self, accessor: &Accessor) -> Result<Vec<[f32; N]>, SceneError> {
-        let dimensions = if N == 2 { Dimensions::Vec2 } else { Dimensions::Vec3 };
+        let dimensions = match N {
+            2 => Dimensions::Vec2,
+            3 => Dimensions::Vec3,
+            _ => Dimensions::Vec4,
+        };
         if accessor.dimensions() != dimensions {
             return Err(broken(self.path, &format!("accessor {} has to hold vectors of {N} numbers", accessor.index())));
         }
@@ -532,13 +435,6 @@ fn node_map(node: &Node) -> DMat4 {
             DMat4::from_scale_rotation_translation(scale.map(f64::from).into(), rotation, translation.map(f64::from).into())
         }
     }
-}
-
-/// Scaled, turned counter-clockwise as seen (v points down), moved: KHR_texture_transform.
-fn transformed_uv(uv: Vec2, offset: Vec2, rotation: f32, scale: Vec2) -> Vec2 {
-    let (sine, cosine) = rotation.sin_cos();
-    let uv = uv * scale;
-    offset + Vec2::new(cosine * uv.x + sine * uv.y, cosine * uv.y - sine * uv.x)
 }
 
 /// Corners of the triangles of a list, strip or fan. Every other triangle of a strip is turned round.

@@ -5,7 +5,7 @@ use super::{
     files::{Bytes, Files},
     guard, list,
 };
-use crate::scene::model::{Environment, Material, Rgb, Texture};
+use crate::scene::model::{Environment, Material, Reading, Rgb, Texture};
 use ::image::{DynamicImage, ImageReader};
 use glam::Vec3;
 use std::{
@@ -27,6 +27,7 @@ const MAX_TEXELS: u64 = 1 << 26;
 pub(super) struct TextureSource {
     pub name: String,
     pub content: Content,
+    pub reading: Reading,
 }
 
 #[derive(Debug, Clone)]
@@ -54,11 +55,18 @@ pub(super) fn decode_all(sources: &[TextureSource], files: &Files, materials: &m
         }
     }
     for material in materials {
-        material.texture = material.texture.and_then(|texture| numbers[texture as usize]);
+        let emits_by_map = material.maps.emission.is_some();
+        for texture in material.textures_mut() {
+            *texture = texture.and_then(|texture| numbers[texture as usize]);
+        }
+        if emits_by_map && material.maps.emission.is_none() {
+            // Which parts shine is not known: all of them would be a lamp.
+            material.emission = Vec3::ZERO;
+        }
         material.alpha_cutoff = material.alpha_cutoff.filter(|_| material.texture.is_some());
     }
     if !failures.is_empty() {
-        notes.push(format!("textures that could not be read, their surfaces keep the plain colour: {}", list(&failures)));
+        notes.push(format!("textures that could not be read, their surfaces go without: {}", list(&failures)));
     }
     Ok(textures)
 }
@@ -87,7 +95,7 @@ fn decode(source: &TextureSource, files: &Files, budget: &mut u64) -> Result<Res
     let Some(image) = decode_pixels(&bytes) else { return Ok(Err("its pixels are broken".to_owned())) };
     let image = image.into_rgba8();
     let texels = image.pixels().map(|pixel| pixel.0).collect();
-    Ok(Ok(Texture { name: source.name.clone(), width: image.width(), height: image.height(), texels }))
+    Ok(Ok(Texture { name: source.name.clone(), width: image.width(), height: image.height(), texels, reading: source.reading }))
 }
 
 fn dimensions(bytes: &[u8]) -> Option<(u32, u32)> {

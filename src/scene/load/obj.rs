@@ -12,7 +12,7 @@ use super::{
     list,
     polygon::{Cut, MAX_CORNERS, MAX_WORK, cut},
 };
-use crate::scene::model::{Glossy, Material};
+use crate::scene::model::{Glossy, Maps, Material, Reading, Tint, srgb_to_linear};
 use glam::{DVec3, Vec2, Vec3};
 use std::{
     collections::{BTreeMap, BTreeSet, HashMap},
@@ -25,14 +25,11 @@ const PLAIN: f32 = 0.7;
 const UNNAMED: &str = "default";
 
 /// Words of material libraries that change how a surface looks, and are not read.
-const UNREAD: [&str; 19] = [
-    "bump", "map_Bump", "norm", "disp", "decal", "refl", "map_d", "map_Tr", "map_Ks", "map_Ns", "map_Pr", "map_Pm", "map_Ps", "Pr", "Pm", "Ps", "Pc", "aniso",
-    "Tf",
-];
-/// A factor alone, where a texture says which parts shine, would make the whole surface a lamp.
-const EMISSIVE: &str = "emissive textures (`map_Ke`), with their emission";
+const UNREAD: [&str; 16] =
+    ["bump", "map_Bump", "disp", "decal", "refl", "map_d", "map_Tr", "map_Ks", "map_Ns", "map_Pr", "map_Pm", "map_Ps", "Ps", "Pc", "aniso", "Tf"];
 /// Those of them that say nothing with a value of 0, and with one of 1.
-const NEUTRAL: ([&str; 4], [&str; 1]) = (["Pm", "Ps", "Pc", "aniso"], ["Tf"]);
+const NEUTRAL: ([&str; 3], [&str; 1]) = (["Ps", "Pc", "aniso"], ["Tf"]);
+const TRANSPARENCY: &str = "transparency (`d` or `Tr`)";
 
 /// Reads an OBJ file and the material libraries that it names.
 pub(super) fn read(path: &Path, files: &Files, draft: &mut Draft, wanted: &dyn Fn(&str) -> bool) -> Result<(), SceneError> {
@@ -51,7 +48,8 @@ pub(super) fn read(path: &Path, files: &Files, draft: &mut Draft, wanted: &dyn F
 struct Reader<'a, 'd> {
     source: SourceText<'a>,
     draft: &'d mut Draft,
-    positions: Vec<DVec3>,
+    /// With their colours.
+    positions: Vec<(DVec3, Tint)>,
     uvs: Vec<Vec2>,
     normals: Vec<Vec3>,
     object: &'a str,
@@ -75,6 +73,7 @@ struct Reader<'a, 'd> {
 #[derive(Clone, Copy)]
 struct Corner {
     position: DVec3,
+    tint: Tint,
     uv: Vec2,
     normal: Vec3,
 }
@@ -104,10 +103,9 @@ impl<'a, 'd> Reader<'a, 'd> {
         let (word, rest) = statement(line);
         match word {
             "v" => {
-                if rest.split_ascii_whitespace().nth(5).is_some() {
-                    self.leave_out("vertex colours");
-                }
-                self.read_numbers::<3>(line, rest).map(|p| self.positions.push(p.into()))
+                let position = self.read_numbers::<3>(line, rest)?;
+                self.positions.push((position.into(), tint(rest)));
+                Ok(())
             }
             "vn" => self.read_numbers::<3>(line, rest).map(|n| self.normals.push(DVec3::from(n).as_vec3())),
             // Rows of OBJ images run from the bottom.
@@ -181,7 +179,13 @@ impl<'a, 'd> Reader<'a, 'd> {
 
     fn push_triangle(&mut self, corners: [usize; 3], material: u32) -> Result<(), SceneError> {
         let corners = corners.map(|corner| self.corners[corner]);
-        let face = Face { positions: corners.map(|c| c.position), normals: corners.map(|c| c.normal), uvs: corners.map(|c| c.uv), material };
+        let face = Face {
+            positions: corners.map(|c| c.position),
+            normals: corners.map(|c| c.normal),
+            uvs: corners.map(|c| c.uv),
+            tints: corners.map(|c| c.tint),
+            material,
+        };
         let (object, path) = (self.object, self.source.path);
         self.draft.push(face, || format!("object `{object}` of `{}`", path.display()))
     }
@@ -189,7 +193,7 @@ impl<'a, 'd> Reader<'a, 'd> {
     /// `position`, `position/uv`, `position//normal` or `position/uv/normal`.
     fn read_corner(&self, word: &str) -> Result<Corner, SceneError> {
         let mut parts = word.split('/');
-        let position = self.look_up(&self.positions, parts.next().unwrap_or_default(), "positions")?;
+        let (position, tint) = self.look_up(&self.positions, parts.next().unwrap_or_default(), "positions")?;
         let uv = match parts.next() {
             None | Some("") => Vec2::ZERO,
             Some(index) => self.look_up(&self.uvs, index, "texture coordinates")?,
@@ -198,7 +202,7 @@ impl<'a, 'd> Reader<'a, 'd> {
             None | Some("") => Vec3::ZERO,
             Some(index) => self.look_up(&self.normals, index, "normals")?,
         };
-        Ok(Corner { position, uv, normal })
+        Ok(Corner { position, tint, uv, normal })
     }
 
     /// Indices count from 1, or backwards from −1.
@@ -243,10 +247,16 @@ impl<'a, 'd> Reader<'a, 'd> {
         for (name, number) in ordered {
             match described.get(name) {
                 Some(found) => {
-                    let texture = found.texture.as_ref().filter(|_| wanted(name)).map(|path| texture_number(draft, &mut textures, path));
+                    let mut texture = |path: &Option<PathBuf>, is_linear: bool| {
+                        let reading = Reading { is_linear, ..Reading::default() };
+                        path.as_ref().filter(|_| wanted(name)).map(|path| texture_number(draft, &mut textures, path, reading))
+                    };
+                    let [base, normal, emission] =
+                        [(&found.texture, false), (&found.normals, true), (&found.emissive, false)].map(|(path, is_linear)| texture(path, is_linear));
+                    let maps = Maps { facets: None, normal, normal_scale: if normal.is_some() { 1.0 } else { 0.0 }, emission };
                     let met = found.unread.iter().filter(|_| wanted(name));
                     met.for_each(|what| *unread.entry(what.clone()).or_default() += 1);
-                    draft.materials[number as usize] = Material { texture, ..found.material.clone() };
+                    draft.materials[number as usize] = Material { texture: base, maps, ..found.material.clone() };
                 }
                 None if wanted(name) => plain.push(name.to_owned()),
                 None => {}
@@ -285,15 +295,23 @@ fn split_word(line: &str) -> (&str, &str) {
     (word, rest.trim())
 }
 
+/// The colour that follows a position, in sRGB as programs that scan write it; white where there is none.
+fn tint(rest: &str) -> Tint {
+    let numbers: Vec<f32> = rest.split_ascii_whitespace().skip(3).map_while(|word| word.parse().ok()).collect();
+    let [r, g, b] = numbers[..] else { return Tint::default() };
+    let linear = |value: f32| if value.is_finite() { srgb_to_linear(value.clamp(0.0, 1.0)) } else { 1.0 };
+    Tint::new(Vec3::new(linear(r), linear(g), linear(b)))
+}
+
 fn finite_uv(u: f32, v: f32) -> Vec2 {
     let uv = Vec2::new(u, v);
     if uv.is_finite() { uv } else { Vec2::ZERO }
 }
 
-fn texture_number(draft: &mut Draft, known: &mut HashMap<PathBuf, u32>, path: &Path) -> u32 {
-    *known.entry(path.to_owned()).or_insert_with(|| {
+fn texture_number(draft: &mut Draft, known: &mut HashMap<(PathBuf, Reading), u32>, path: &Path, reading: Reading) -> u32 {
+    *known.entry((path.to_owned(), reading)).or_insert_with(|| {
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        draft.textures.push(TextureSource { name, content: Content::File(path.to_owned()) });
+        draft.textures.push(TextureSource { name, content: Content::File(path.to_owned()), reading });
         draft.textures.len() as u32 - 1
     })
 }
@@ -302,8 +320,13 @@ fn texture_number(draft: &mut Draft, known: &mut HashMap<PathBuf, u32>, path: &P
 struct Described {
     material: Material,
     texture: Option<PathBuf>,
+    normals: Option<PathBuf>,
+    emissive: Option<PathBuf>,
     specular: Vec3,
     exponent: f32,
+    emission: Option<Vec3>,
+    roughness: Option<f32>,
+    metallic: Option<f32>,
     illumination: i32,
     opacity: Option<f32>,
     transparency: f32,
@@ -372,8 +395,13 @@ impl Described {
         Self {
             material: Material::diffuse(name, Vec3::splat(PLAIN)),
             texture: None,
+            normals: None,
+            emissive: None,
             specular: Vec3::ZERO,
             exponent: 0.0,
+            emission: None,
+            roughness: None,
+            metallic: None,
             illumination: 2,
             opacity: None,
             transparency: 0.0,
@@ -387,22 +415,24 @@ impl Described {
         match word.to_ascii_lowercase().as_str() {
             "kd" => colour(rest).filter(in_unit).map(|c| self.material.reflectance = c).is_some(),
             "ks" => colour(rest).filter(in_unit).map(|c| self.specular = c).is_some(),
-            "ke" => colour(rest).map(|c| self.material.emission = c).is_some(),
+            "ke" => colour(rest).map(|c| self.emission = Some(c)).is_some(),
             "ns" => rest.parse().ok().filter(|n: &f32| n.is_finite() && *n >= 0.0).map(|n| self.exponent = n).is_some(),
             "illum" => rest.parse().map(|model| self.illumination = model).is_ok(),
             // An option may stand before the number.
             "d" => last_word(rest).parse().map(|opacity| self.opacity = Some(opacity)).is_ok(),
             "tr" => rest.parse().map(|transparency| self.transparency = transparency).is_ok(),
+            "pr" => share(rest).map(|roughness| self.roughness = Some(roughness)).is_some(),
+            "pm" => share(rest).map(|metallic| self.metallic = Some(metallic)).is_some(),
             "map_ke" => {
-                self.unread.insert(EMISSIVE.to_owned());
+                self.emissive = self.file("map_Ke", rest, folder);
+                true
+            }
+            "norm" => {
+                self.normals = self.file("norm", rest, folder);
                 true
             }
             "map_kd" => {
-                // Options stand before the name; without any, the name may hold blanks.
-                let has_options = rest.starts_with('-');
-                let name = if has_options { last_word(rest) } else { rest };
-                self.unread.extend(has_options.then(|| "options of `map_Kd`".to_owned()));
-                self.texture = (!name.is_empty()).then(|| folder.join(name.replace('\\', "/")));
+                self.texture = self.file("map_Kd", rest, folder);
                 true
             }
             _ => {
@@ -412,16 +442,26 @@ impl Described {
         }
     }
 
-    /// A highlight counts where the illumination model has one, an emission where no texture says which parts shine.
+    /// The file of a map. Options stand before its name; without any, the name may hold blanks.
+    fn file(&mut self, word: &str, rest: &str, folder: &Path) -> Option<PathBuf> {
+        let has_options = rest.starts_with('-');
+        let name = if has_options { last_word(rest) } else { rest };
+        self.unread.extend(has_options.then(|| format!("options of `{word}`")));
+        (!name.is_empty()).then(|| folder.join(name.replace('\\', "/")))
+    }
+
+    /// Where roughness or metallic are given, they make the lobe. A highlight counts where the illumination model has one.
     fn settled(mut self) -> Self {
-        if self.illumination >= 2 && self.specular != Vec3::ZERO {
+        if self.roughness.is_some() || self.metallic.is_some_and(|metallic| metallic > 0.0) {
+            self.material.glossy = Glossy::metallic_roughness(self.metallic.unwrap_or(0.0), self.roughness.unwrap_or(1.0));
+        } else if self.illumination >= 2 && self.specular != Vec3::ZERO {
             self.material.glossy = Some(Glossy::Phong { reflectance: self.specular, exponent: self.exponent });
         }
-        if self.unread.contains(EMISSIVE) {
-            self.material.emission = Vec3::ZERO;
-        }
+        // A map says how much by itself.
+        let by_map = if self.emissive.is_some() { Vec3::ONE } else { Vec3::ZERO };
+        self.material.emission = self.emission.unwrap_or(by_map);
         if self.opacity.map_or(self.transparency > 0.0, |opacity| opacity < 1.0) {
-            self.unread.insert("transparency (`d` or `Tr`)".to_owned());
+            self.unread.insert(TRANSPARENCY.to_owned());
         }
         self
     }
@@ -433,6 +473,11 @@ fn unread_word(word: &str, rest: &str) -> Option<String> {
     let is_all = |value: f32| rest.split_ascii_whitespace().all(|word| word.parse() == Ok(value));
     let says_nothing = NEUTRAL.0.contains(&name) && is_all(0.0) || NEUTRAL.1.contains(&name) && is_all(1.0);
     (!says_nothing).then(|| format!("`{name}`"))
+}
+
+/// A number of 0 to 1.
+fn share(rest: &str) -> Option<f32> {
+    rest.parse().ok().filter(|share| (0.0..=1.0).contains(share))
 }
 
 fn last_word(text: &str) -> &str {

@@ -545,7 +545,8 @@ impl<'a> Source<'a> {
                 Material { glossy: Some(Glossy::Ward { reflectance: self.reflectance(specular)?, alpha }), ..diffuse(reflectance)? }
             }
             Surface::MetallicRoughness { base, metallic, roughness } => {
-                let glossy = Glossy::MetallicRoughness { metallic: self.share(metallic)?, roughness: self.share(roughness)? };
+                let dielectric = Vec3::splat(DIELECTRIC);
+                let glossy = Glossy::MetallicRoughness { metallic: self.share(metallic)?, roughness: self.share(roughness)?, dielectric };
                 Material { glossy: Some(glossy), ..diffuse(base)? }
             }
             Surface::Change { .. } => return Ok(None),
@@ -585,9 +586,9 @@ impl<'a> Source<'a> {
         [metallic, roughness]: [Option<Raw<'a, f64>>; 2],
         raw: Raw<'a, Surface<'a>>,
     ) -> Result<Option<Glossy>, SceneError> {
-        let [mut metal, mut rough] = match file.glossy {
-            None => [0.0, 1.0],
-            Some(Glossy::MetallicRoughness { metallic, roughness }) => [metallic, roughness],
+        let ([mut metal, mut rough], dielectric) = match file.glossy {
+            None => ([0.0, 1.0], Vec3::splat(DIELECTRIC)),
+            Some(Glossy::MetallicRoughness { metallic, roughness, dielectric }) => ([metallic, roughness], dielectric),
             Some(Glossy::Phong { .. } | Glossy::Ward { .. }) => {
                 return Err(self.other_model(&file.name, raw, "the file's lobe has `specular`, not `metallic` and `roughness`"));
             }
@@ -595,7 +596,8 @@ impl<'a> Source<'a> {
         for (value, raw) in [(&mut metal, metallic), (&mut rough, roughness)] {
             *value = raw.map_or(Ok(*value), |raw| self.share(raw))?;
         }
-        Ok(Glossy::metallic_roughness(metal, rough))
+        let glossy = Glossy::MetallicRoughness { metallic: metal, roughness: rough, dielectric };
+        Ok(Some(glossy).filter(|glossy| file.maps.facets.is_some() || !glossy.is_plain()))
     }
 
     fn changed_phong(

@@ -247,7 +247,13 @@ mod tests {
             let mut scene = clutter(scale);
             // So few that light finds a way, half of them half holes.
             scene.triangles = scene.triangles.into_iter().step_by(11).collect();
-            scene.textures.push(Texture { name: "holes".into(), width: 2, height: 2, texels: [0, 255, 255, 0].map(|alpha| [255, 255, 255, alpha]).into() });
+            scene.textures.push(Texture {
+                name: "holes".into(),
+                width: 2,
+                height: 2,
+                texels: [0, 255, 255, 0].map(|alpha| [255, 255, 255, alpha]).into(),
+                reading: Default::default(),
+            });
             (scene.materials[1].texture, scene.materials[1].alpha_cutoff) = (Some(0), Some(0.5));
             scene.triangles.iter_mut().for_each(|triangle| triangle.uvs = [Vec2::ZERO, 3.0 * Vec2::X, 3.0 * Vec2::Y]);
             let bvh = Bvh::build(&mut scene);

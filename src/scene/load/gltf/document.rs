@@ -18,7 +18,17 @@ use serde_json::{Value, json};
 use std::{ops::Range, path::Path};
 
 /// The extensions that are read here. Quantised meshes need nothing but integer attributes.
-pub(super) const EXTENSIONS: [&str; 4] = ["KHR_lights_punctual", "KHR_materials_emissive_strength", "KHR_texture_transform", "KHR_mesh_quantization"];
+pub(super) const EXTENSIONS: [&str; 9] = [
+    "EXT_texture_webp",
+    "KHR_lights_punctual",
+    "KHR_materials_emissive_strength",
+    "KHR_materials_ior",
+    "KHR_materials_pbrSpecularGlossiness",
+    "KHR_materials_specular",
+    "KHR_materials_unlit",
+    "KHR_texture_transform",
+    "KHR_mesh_quantization",
+];
 
 /// Extensions that may be required though they are not read: they change nothing of what a file shows at first.
 const HARMLESS: [&str; 3] = ["KHR_animation_pointer", "KHR_materials_variants", "KHR_xmp_json_ld"];
@@ -114,6 +124,9 @@ fn mend(root: &mut Value) -> (usize, usize) {
         image.entry("mimeType").or_insert_with(|| json!(""));
     });
     for_each(root.get_mut("textures"), |texture| {
+        if let Some(source) = texture.get("extensions").and_then(|extensions| extensions.get("EXT_texture_webp")?.get("source")).cloned() {
+            texture.entry("source").or_insert(source);
+        }
         if texture.get("source").and_then(Value::as_u64).and_then(|source| is_empty.get(source as usize)) == Some(&true) {
             texture.remove("source");
         }

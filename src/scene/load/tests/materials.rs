@@ -29,7 +29,7 @@ fn a_change_keeps_all_that_it_does_not_name() {
 fn a_change_for_all_others_leaves_each_its_own_colour() {
     let scene = changed("\"shiny\": Diffuse(reflectance: (0.3, 0.3, 0.3)), \"*\": Change(metallic: 1, roughness: 0.4)").unwrap();
     let of = |name: &str| scene.materials.iter().find(|material| material.name == name).unwrap();
-    assert_eq!(of("plain").glossy, Some(Glossy::MetallicRoughness { metallic: 1.0, roughness: 0.4 }));
+    assert_eq!(of("plain").glossy, Glossy::metallic_roughness(1.0, 0.4));
     assert_eq!((of("plain").reflectance, of("plain").texture, of("shiny").texture), (Vec3::splat(0.5), Some(0), None));
     let scene = changed("\"plain\": Change(metallic: 0)").unwrap();
     assert_eq!(scene.materials[0].glossy, None, "no metal, as rough as can be: diffuse");

@@ -76,7 +76,7 @@ fn what_is_left_out_is_counted_in_one_note() {
     // A document that describes a material in place of the file has nothing to leave out of it.
     let document = br#"Scene(version: 1, geometry: [File("a.obj")], materials: { "*": Diffuse(reflectance: (0.5, 0.5, 0.5)) })"#;
     let scene = load_files(&[&[("a.ron", &document[..])], &files[..]].concat()).unwrap();
-    assert!(!scene.notes[0].contains("glass") && !scene.notes[0].contains("map_d") && scene.notes[0].contains("vertex colours (2)"), "{:?}", scene.notes);
+    assert!(!scene.notes[0].contains("glass") && !scene.notes[0].contains("map_d") && scene.notes[0].contains("lines and points"), "{:?}", scene.notes);
 }
 
 /// 3ds Max numbers its materials so.

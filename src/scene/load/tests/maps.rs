@@ -1,0 +1,160 @@
+//! Textures beside the base colour, how they are read, and colours of vertices.
+
+use super::{gltf::Builder, *};
+use crate::scene::{DIELECTRIC, Glossy, Reading, Tint, Triangle, Wrap, surface::Ray};
+use glam::{Vec2, Vec3};
+use serde_json::{Value, json};
+
+fn png(width: u32, height: u32, colour: impl Fn(u32, u32) -> [u8; 3]) -> Vec<u8> {
+    let image = image::RgbImage::from_fn(width, height, |x, y| image::Rgb(colour(x, y)));
+    let mut png = std::io::Cursor::new(Vec::new());
+    image.write_to(&mut png, image::ImageFormat::Png).unwrap();
+    png.into_inner()
+}
+
+/// A square of two triangles, its corners (0, 0) to (1, 1) of the texture from its top left on, with the images as textures.
+fn square(material: Value, images: &[Vec<u8>]) -> Builder {
+    let mut builder = Builder::new(json!({
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "samplers": [{"wrapS": 33071, "wrapT": 33648}],
+        "textures": (0..images.len()).map(|at| json!({"source": at, "sampler": 0})).collect::<Vec<_>>(),
+        "materials": [material],
+    }));
+    let images: Vec<Value> = images.iter().map(|image| json!({"bufferView": builder.view(image), "mimeType": "image/png"})).collect();
+    builder.root["images"] = Value::from(images);
+    let positions = builder.floats(&[[0.0, 1.0, 0.0], [0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0]]);
+    let uvs = builder.floats(&[[0.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, 0.0]]);
+    let colours = builder.floats(&[[1.0, 0.0, 0.0, 1.0], [1.0; 4], [0.25, 0.5, 2.0, 0.0], [1.0; 4]]);
+    let indices = builder.indices(&[0, 1, 2, 0, 2, 3]);
+    let attributes = json!({"POSITION": positions, "TEXCOORD_0": uvs, "COLOR_0": colours});
+    builder.root["meshes"] = json!([{"primitives": [{"attributes": attributes, "indices": indices, "material": 0}]}]);
+    builder
+}
+
+fn loaded(material: Value, images: &[Vec<u8>]) -> Scene {
+    load_files(&[("thing.glb", &square(material, images).finish())]).map_err(|(error, _)| error).unwrap()
+}
+
+/// Metallic-roughness, normals and emission, each by an image of its own.
+fn all_maps() -> Scene {
+    let images = [png(2, 2, |_, _| [0, 51, 255]), png(2, 2, |_, _| [255, 128, 128]), png(4, 1, |x, _| if x < 2 { [0, 0, 0] } else { [255, 255, 255] })];
+    loaded(
+        json!({
+            "emissiveFactor": [1, 0.5, 0.25],
+            "emissiveTexture": {"index": 2},
+            "normalTexture": {"index": 1, "scale": 0.5},
+            "pbrMetallicRoughness": {"metallicFactor": 0.5, "roughnessFactor": 0.8, "metallicRoughnessTexture": {"index": 0}},
+        }),
+        &images,
+    )
+}
+
+#[test]
+fn all_maps_of_a_gltf_material_are_read() {
+    let scene = all_maps();
+    expect_sound(&scene);
+    let maps = scene.materials[0].maps;
+    let reading = |map: Option<u32>| scene.textures[map.unwrap() as usize].reading;
+    let wrap = [Wrap::Clamp, Wrap::Mirror];
+    assert_eq!([maps.facets, maps.normal, maps.emission].map(reading), [true, true, false].map(|is_linear| Reading { is_linear, wrap }));
+    assert_eq!(maps.normal_scale, 0.5);
+    assert!(!scene.notes.iter().any(|note| note.contains("not read")), "{:?}", scene.notes);
+
+    let straight_on = |x: f32, y: f32| Ray { origin: Vec3::new(x, y, 1.0), direction: -Vec3::Z };
+    let seen = |ray: Ray| {
+        let meets = |t: &Triangle| t.position(t.barycentric(ray)).truncate().distance(ray.origin.truncate()) < 1e-5;
+        let at = scene.triangles.iter().position(meets).unwrap();
+        scene.surface(at as u32, scene.triangles[at].barycentric(ray), ray)
+    };
+    // On the left the map is black, on the right white.
+    assert_eq!(seen(straight_on(0.2, 0.5)).emission, Vec3::ZERO);
+    assert!(seen(straight_on(0.9, 0.5)).emission.distance(Vec3::new(1.0, 0.5, 0.25)) < 1e-5);
+    // Half as far along the surface as the map has it.
+    let normal = Vec3::new(0.5, 0.0, 1.0 / 255.0).normalize();
+    assert!(seen(straight_on(0.5, 0.25)).normal.distance(normal) < 0.02, "{}", seen(straight_on(0.5, 0.25)).normal);
+    let lobe = seen(straight_on(0.9, 0.9)).glossy.unwrap().lobe;
+    let crate::math::lobe::Shape::Microfacets { alpha } = lobe.shape else { panic!("{lobe:?}") };
+    assert!((alpha - (0.8f32 * 0.2).powi(2)).abs() < 1e-6, "{alpha}");
+    // Half metal: half of the base colour, and of what is reflected by what is no metal. The corner there is white.
+    assert!((lobe.reflectance.x - (0.5 * DIELECTRIC + 0.5)).abs() < 0.1, "{lobe:?}");
+}
+
+#[test]
+fn triangles_are_lamps_where_their_emission_map_shines() {
+    // The first triangle has the lower left, the second the upper right corner: half of all that shines, at the right, is three quarters in the second.
+    let scene = all_maps();
+    let mean: Vec<f32> = scene.triangles.iter().map(|triangle| scene.mean_emission(triangle).x).collect();
+    assert!((mean.iter().sum::<f32>() - 1.0).abs() < 0.02 && (mean[0].min(mean[1]) - 0.25).abs() < 0.02, "{mean:?}");
+
+    let only_below = png(1, 8, |_, y| if y < 7 { [0; 3] } else { [255; 3] });
+    let mut builder = square(json!({"emissiveFactor": [1, 1, 1], "emissiveTexture": {"index": 0}}), &[only_below]);
+    // A second square that lies in the black part.
+    let uvs = builder.floats(&[[0.1, 0.1], [0.1, 0.2], [0.2, 0.2], [0.2, 0.1]]);
+    let positions = builder.floats(&[[3.0, 1.0, 0.0], [3.0, 0.0, 0.0], [4.0, 0.0, 0.0], [4.0, 1.0, 0.0]]);
+    let indices = builder.indices(&[0, 1, 2, 0, 2, 3]);
+    let primitives = builder.root["meshes"][0]["primitives"].as_array_mut().unwrap();
+    primitives.push(json!({"attributes": {"POSITION": positions, "TEXCOORD_0": uvs}, "indices": indices, "material": 0}));
+    let scene = load_files(&[("thing.glb", &builder.finish())]).map_err(|(error, _)| error).unwrap();
+    assert!(scene.triangles.len() == 4 && scene.emitters().len() <= 2, "{:?}", scene.emitters());
+    assert!(scene.emitters().iter().all(|lamp| scene.triangles[*lamp as usize].positions[0].x < 2.0));
+}
+
+#[test]
+fn a_map_of_emission_that_is_missing_makes_no_lamp() {
+    let scene = loaded(json!({"emissiveFactor": [1, 1, 1], "emissiveTexture": {"index": 0}}), &[b"no image".to_vec()]);
+    assert!(!scene.materials[0].emits() && scene.notes.iter().any(|note| note.contains("their surfaces go without")), "{:?}", scene.notes);
+}
+
+#[test]
+fn colours_of_vertices_multiply_the_base_colour() {
+    let scene = loaded(json!({"pbrMetallicRoughness": {"metallicFactor": 0}}), &[]);
+    let of = |at: Vec3| {
+        let corner = |t: &Triangle| t.positions.iter().position(|p| p.distance(at) < 1e-6).map(|corner| t.tints[corner].colour());
+        scene.triangles.iter().find_map(corner).unwrap()
+    };
+    assert_eq!((of(Vec3::ZERO), of(Vec3::Y)), (Vec3::ONE, Vec3::X));
+    // Ten bits for the root; more than all of the light is not reflected.
+    assert!(of(Vec3::X).distance(Vec3::new(0.25, 0.5, 1.0)) < 2e-3, "{}", of(Vec3::X));
+    let obj = b"v 0 0 0 1 1 1\nv 1 0 0 0.5 0 0\nv 0 1 0\nf 1 2 3\n";
+    let scene = load_files(&[("a.obj", &obj[..])]).map_err(|(error, _)| error).unwrap();
+    assert!(scene.triangles[0].tints[1].colour().distance(Vec3::new(0.214, 0.0, 0.0)) < 2e-3, "{:?}", scene.triangles[0]);
+    assert_eq!(scene.triangles[0].tints[2], Tint::default());
+}
+
+#[test]
+fn extensions_say_what_is_reflected_along_the_normal() {
+    let lobe = |material: Value| loaded(material, &[]).materials[0].glossy;
+    let facets = |dielectric: Vec3| Some(Glossy::MetallicRoughness { metallic: 0.0, roughness: 0.5, dielectric });
+    let with = |extensions: Value| json!({"pbrMetallicRoughness": {"metallicFactor": 0, "roughnessFactor": 0.5}, "extensions": extensions});
+    assert_eq!(lobe(with(json!({}))), facets(Vec3::splat(DIELECTRIC)));
+    assert_eq!(lobe(with(json!({"KHR_materials_ior": {"ior": 3.0}}))), facets(Vec3::splat(0.25)));
+    let specular = json!({"KHR_materials_ior": {"ior": 3.0}, "KHR_materials_specular": {"specularFactor": 0.5, "specularColorFactor": [1, 0.5, 8]}});
+    assert_eq!(lobe(with(specular)), facets(Vec3::new(0.125, 0.0625, 0.5)));
+    assert_eq!(lobe(with(json!({"KHR_materials_specular": {"specularFactor": 0}}))), None);
+    let glossiness =
+        json!({"KHR_materials_pbrSpecularGlossiness": {"diffuseFactor": [0.1, 0.2, 0.3, 1], "specularFactor": [0.5, 0.6, 0.7], "glossinessFactor": 0.5}});
+    assert_eq!(lobe(json!({"extensions": glossiness})), facets(Vec3::new(0.5, 0.6, 0.7)));
+}
+
+#[test]
+fn a_map_with_coordinates_of_its_own_is_left_out_and_told() {
+    let turned = json!({"index": 1, "extensions": {"KHR_texture_transform": {"scale": [2, 2]}}});
+    let images = [png(2, 2, |_, _| [9, 9, 9]), png(2, 2, |_, _| [128, 128, 255])];
+    let material = |base: Value| json!({"normalTexture": turned.clone(), "pbrMetallicRoughness": {"baseColorTexture": base}});
+    let scene = loaded(material(json!({"index": 0})), &images);
+    assert_eq!(scene.materials[0].maps.normal, None);
+    assert!(scene.notes.iter().any(|note| note.contains("normal maps with texture coordinates of their own")), "{:?}", scene.notes);
+    let alike = json!({"index": 0, "extensions": {"KHR_texture_transform": {"scale": [2, 2]}}});
+    let scene = loaded(material(alike), &images);
+    assert!(scene.materials[0].maps.normal.is_some() && scene.triangles[0].uvs.contains(&Vec2::new(0.0, 2.0)), "{:?}", scene.triangles[0]);
+}
+
+#[test]
+fn what_blends_hides_all_or_nothing() {
+    let with_alpha = |alpha: f32| json!({"alphaMode": "BLEND", "pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, alpha]}});
+    let builder = |alpha| square(with_alpha(alpha), &[]).finish();
+    assert_eq!(load_files(&[("thing.glb", &builder(0.6))]).map_err(|(error, _)| error).unwrap().triangles.len(), 2);
+    let (error, _) = load_files(&[("thing.glb", &builder(0.4))]).unwrap_err();
+    assert!(error.to_string().contains("no triangle"), "{error}");
+}

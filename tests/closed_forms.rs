@@ -804,7 +804,7 @@ const METAL: &str = r#"Scene(version: 1, geometry: [
 
 /// An image without colour whose texels are a number, as it stands.
 fn grey(width: u32, texel: impl Fn(u32) -> [u8; 3]) -> Texture {
-    let texels = (0..width).map(|x| texel(x)).map(|[r, g, b]| [r, g, b, 255]).collect();
+    let texels = (0..width).map(texel).map(|[r, g, b]| [r, g, b, 255]).collect();
     let reading = Reading { is_linear: true, wrap: [Wrap::Clamp; 2] };
     Texture { name: "map".into(), width, height: 1, texels, reading }
 }

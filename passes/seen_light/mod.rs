@@ -420,8 +420,8 @@ impl Shading<'_> {
         let face = plane.scaled(side / plane.dot(plane).sqrt().max(f32::MIN_POSITIVE));
         let normal = if self.lighting.smooth { shading_normals(simd, &fetched.triangles, [u, v], side, face) } else { face };
         let weights = [u.to_array(), v.to_array()];
-        let normal = match self.lighting.normal_maps {
-            true => Vectors::load(simd, &self.bent(&fetched.triangles, weights, side.to_array(), normal.lanes())),
+        let normal = match self.lighting.normal_maps || self.lighting.smooth && self.lighting.lobes {
+            true => Vectors::load(simd, &self.bent(&fetched.triangles, weights, (side.to_array(), directions.lanes()), normal.lanes())),
             false => normal,
         };
         let way = position.minus(origin);
@@ -429,14 +429,22 @@ impl Shading<'_> {
         Surfaces { position, face, normal, reflectance: Vectors::load(simd, &reflectance), distance: way.dot(way).sqrt() }
     }
 
-    /// Normals on the sides that rays came from, where normal maps bend them.
+    /// Normals on the sides that rays came from, where normal maps bend them, or lobes turn them back.
     #[cold]
-    fn bent(&self, triangles: &[&Triangle; LANES], [u, v]: [[f32; LANES]; 2], side: [f32; LANES], plain: [Vec3; LANES]) -> [[f32; LANES]; 3] {
+    fn bent(
+        &self,
+        triangles: &[&Triangle; LANES],
+        [u, v]: [[f32; LANES]; 2],
+        (side, directions): ([f32; LANES], [Vec3; LANES]),
+        plain: [Vec3; LANES],
+    ) -> [[f32; LANES]; 3] {
         let mut bent = [[0.0; LANES]; 3];
         for lane in 0..LANES {
             let triangle = triangles[lane];
-            let is_mapped = self.scene.materials[triangle.material as usize].maps.normal.is_some();
-            let normal = if is_mapped { self.scene.normal(triangle, Vec2::new(u[lane], v[lane])) * side[lane] } else { plain[lane] };
+            let material = &self.scene.materials[triangle.material as usize];
+            let is_other = material.maps.normal.is_some() || self.lighting.lobes && material.glossy.is_some();
+            let seen = (-side[lane] * directions[lane], self.lighting.lobes);
+            let normal = if is_other { self.scene.normal(triangle, Vec2::new(u[lane], v[lane]), seen) * side[lane] } else { plain[lane] };
             (bent[0][lane], bent[1][lane], bent[2][lane]) = normal.into();
         }
         bent

@@ -286,8 +286,8 @@ fn emission_at(material: SceneMaterial, triangle: u32, barycentric: vec2f) -> ve
     return material.emission;
 }
 
-// A unit normal of the front, as a normal map bends it: as Scene::normal.
-fn bent_normal(material: SceneMaterial, triangle: u32, barycentric: vec2f, normal: vec3f) -> vec3f {
+// A unit normal of the front, as a normal map bends it, seen from along a way of any length: as Scene::normal.
+fn bent_normal(material: SceneMaterial, triangle: u32, barycentric: vec2f, normal: vec3f, toward: vec3f) -> vec3f {
     let image = map_image(material, NORMAL_MAP);
     if image.width == 0u {
         return normal;
@@ -299,7 +299,22 @@ fn bent_normal(material: SceneMaterial, triangle: u32, barycentric: vec2f, norma
     let local = (2.0 * texture_at(image, uv_at(triangle, barycentric)).xyz - 1.0) * vec3f(material.normal_scale, -axes.sign * material.normal_scale, 1.0);
     let bent = axes.tangent * local.x + axes.bitangent * local.y + normal * local.z;
     let bent_length = length(bent);
-    return select(normal, bent / max(bent_length, 1e-37), bent_length > 1e-30);
+    let unit_bent = select(normal, bent / max(bent_length, 1e-37), bent_length > 1e-30);
+    return select(unit_bent, reflecting(unit_bent, normal, toward / max(length(toward), 1e-37)), material.lobe != 0u);
+}
+
+// As scene::surface::reflecting.
+fn reflecting(bent: vec3f, plain: vec3f, toward: vec3f) -> vec3f {
+    let cosine = dot(bent, toward);
+    let of_plain = dot(plain, toward);
+    if of_plain <= 0.0 {
+        return plain;
+    }
+    let least = 0.5 * of_plain;
+    if cosine >= least {
+        return bent;
+    }
+    return normalize(mix(bent, plain, (least - cosine) / (of_plain - cosine)));
 }
 
 // Whether an alpha mask leaves a hole there.
@@ -413,8 +428,11 @@ fn lit_surface(triangle: u32, origin: vec3f, direction: vec3f) -> Surface {
         let normal_length = length(normal);
         surface.normal = select(surface.face_normal, normal * (side / max(normal_length, 1e-37)), normal_length > 1e-6);
     }
+    if GLOSSY && SMOOTH && material.lobe != 0u {
+        surface.normal = reflecting(surface.normal, surface.face_normal, -direction / max(length(direction), 1e-37));
+    }
     if NORMAL_MAPS && material.maps != 0u {
-        surface.normal = side * bent_normal(material, triangle, b, side * surface.normal);
+        surface.normal = side * bent_normal(material, triangle, b, side * surface.normal, -side * direction);
     }
     surface.reflectance = material.reflectance;
     let is_base = (material.flags & NO_BASE) == 0u;

@@ -1,6 +1,6 @@
 //! What a ray sees of a surface.
 
-use super::{LightKind, Rgb, Scene, Triangle, surface_offset};
+use super::{LightKind, Material, Rgb, Scene, Triangle, surface_offset};
 use crate::math::{frame::Frame, lobe::Lobe};
 use glam::{Vec2, Vec3, Vec4Swizzles};
 use std::f32::consts::FRAC_1_PI;
@@ -112,7 +112,7 @@ impl Scene {
 
     /// The same for light that arrives along the ray: the lobe takes its share of the diffuse part by where light leaves to, [`Lobe::leaves`], which is left to do.
     pub fn lit_surface(&self, triangle: u32, barycentric: Vec2, ray: Ray) -> Surface {
-        let (plain, base) = self.without_lobe(triangle, barycentric, ray);
+        let (plain, base) = self.without_lobe(triangle, barycentric, ray, true);
         let triangle = &self.triangles[triangle as usize];
         let material = &self.materials[triangle.material as usize];
         let facets = material.maps.facets.map_or(Vec2::ONE, |map| self.textures[map as usize].sample(triangle.uv(barycentric)).yz());
@@ -132,11 +132,11 @@ impl Scene {
 
     /// The same where nothing renders lobes: [`Material::albedo`](super::Material::albedo) stands for them.
     pub fn diffuse_surface(&self, triangle: u32, barycentric: Vec2, ray: Ray) -> Surface {
-        self.without_lobe(triangle, barycentric, ray).0
+        self.without_lobe(triangle, barycentric, ray, false).0
     }
 
-    /// The surface by its albedo, and what multiplies its base colour there.
-    fn without_lobe(&self, triangle: u32, barycentric: Vec2, ray: Ray) -> (Surface, Rgb) {
+    /// The surface by its albedo, and what multiplies its base colour there; whether its lobe is to follow.
+    fn without_lobe(&self, triangle: u32, barycentric: Vec2, ray: Ray, lobes: bool) -> (Surface, Rgb) {
         let triangle = &self.triangles[triangle as usize];
         let material = &self.materials[triangle.material as usize];
         let face = triangle.face_normal();
@@ -146,7 +146,7 @@ impl Scene {
         let surface = Surface {
             position: triangle.place(barycentric, ray),
             face: face * side,
-            normal: self.normal(triangle, barycentric) * side,
+            normal: self.normal(triangle, barycentric, (-side * ray.direction, lobes)) * side,
             reflectance: if is_base { albedo * base } else { albedo },
             emission: self.emission(triangle, barycentric),
             glossy: None,
@@ -159,14 +159,17 @@ impl Scene {
         texture.map_or(Vec3::ONE, |texture| self.textures[texture as usize].sample(triangle.uv(barycentric)).truncate())
     }
 
-    /// Unit shading normal at a place of a triangle, on the front side, as its normal map bends it.
-    pub fn normal(&self, triangle: &Triangle, barycentric: Vec2) -> Vec3 {
-        let normal = triangle.normal(barycentric);
-        let maps = &self.materials[triangle.material as usize].maps;
+    /// Unit shading normal at a place of a triangle, on the front side, as its normal map bends it. Of what has a lobe, if lobes are rendered, not so far from the
+    /// way to where it is seen from, of any length, that its mirror image would be below the surface.
+    pub fn normal(&self, triangle: &Triangle, barycentric: Vec2, (toward, lobes): (Vec3, bool)) -> Vec3 {
+        let Material { maps, glossy, .. } = &self.materials[triangle.material as usize];
+        let toward = if lobes && glossy.is_some() { Some(toward.normalize_or_zero()) } else { None };
+        let reflecting = |normal: Vec3, plain: Vec3| toward.map_or(normal, |toward| reflecting(normal, plain, toward));
+        let smooth = reflecting(triangle.normal(barycentric), triangle.face_normal());
         if maps.normal.is_none() {
-            return normal;
+            return smooth;
         }
-        triangle.bent(normal, self.colour(maps.normal, triangle, barycentric), maps.normal_scale)
+        reflecting(triangle.bent(smooth, self.colour(maps.normal, triangle, barycentric), maps.normal_scale), smooth)
     }
 
     /// Radiance that leaves a place of a triangle [W m⁻² sr⁻¹].
@@ -182,7 +185,8 @@ impl Scene {
         let texture = &self.textures[map as usize];
         let [s, t] = [1, 2].map(|corner| (triangle.uvs[corner] - triangle.uvs[0]) * Vec2::new(texture.width as f32, texture.height as f32));
         let texels = 0.5 * s.perp_dot(t).abs();
-        let samples = (4.0 * texels).clamp(LEAST_SAMPLES, MOST_SAMPLES) as u32;
+        // Coordinates may be so large that their area is no number.
+        let samples = if texels.is_nan() { MOST_SAMPLES } else { (4.0 * texels).clamp(LEAST_SAMPLES, MOST_SAMPLES) } as u32;
         let place = |at: u32| {
             let at = at as f32 + 0.5;
             let [u, v] = [at / samples as f32, (at * 0.618_034).fract()];
@@ -191,6 +195,17 @@ impl Scene {
         };
         (0..samples).map(|at| self.emission(triangle, place(at))).sum::<Vec3>() / samples as f32
     }
+}
+
+/// A normal that is bent away from a plain one, turned back as far as it takes: bent by half of the angle that the way to the eye has to the surface, it mirrors that way along
+/// the surface.
+fn reflecting(bent: Vec3, plain: Vec3, toward: Vec3) -> Vec3 {
+    let [cosine, of_plain] = [bent, plain].map(|normal| normal.dot(toward));
+    if of_plain <= 0.0 {
+        return plain;
+    }
+    let least = 0.5 * of_plain;
+    if cosine >= least { bent } else { bent.lerp(plain, (least - cosine) / (of_plain - cosine)).normalize_or(plain) }
 }
 
 /// Of a triangle's mean emission.

@@ -18,13 +18,14 @@ use serde_json::{Value, json};
 use std::{ops::Range, path::Path};
 
 /// The extensions that are read here. Quantised meshes need nothing but integer attributes.
-pub(super) const EXTENSIONS: [&str; 9] = [
+pub(super) const EXTENSIONS: [&str; 10] = [
     "EXT_texture_webp",
     "KHR_lights_punctual",
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
     "KHR_materials_pbrSpecularGlossiness",
     "KHR_materials_specular",
+    "KHR_materials_transmission",
     "KHR_materials_unlit",
     "KHR_texture_transform",
     "KHR_mesh_quantization",

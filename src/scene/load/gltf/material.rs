@@ -146,10 +146,16 @@ impl Reader<'_> {
         let wanted = (self.wanted)(&name);
         let [texture, facets, normal, emissive] = Role::ALL.map(|role| if wanted { self.map(material, role) } else { None });
         let alpha_cutoff = self.alpha_cutoff(material, alpha);
+        if self.is_clear(material) {
+            return Ok(None);
+        }
         if texture.is_none() && alpha_cutoff.is_some_and(|cutoff| cutoff > 1.0) {
             return Ok(None);
         }
         let is_lamp = emissive.is_some() || material.emissive_texture().is_none();
+        if !material.normal_texture().is_none_or(|info| info.scale().is_finite()) {
+            return Err(self.out_of_range(&format!("the scale of the normal map of material `{name}`"), "a finite number"));
+        }
         let normal_scale = normal.and(material.normal_texture()).map_or(0.0, |info| info.scale());
         let glossy = glossy.filter(|glossy| facets.is_some() || !glossy.is_plain());
         Ok(Some(Material {
@@ -207,6 +213,14 @@ impl Reader<'_> {
         };
         // The factor multiplies the texture's alpha, so it divides the cutoff; 2 is above any alpha.
         Some((cutoff / alpha.max(1e-6)).min(2.0)).filter(|cutoff| *cutoff > 0.0)
+    }
+
+    /// Whether what lets light through lets half of it or more, and so is taken as a hole.
+    fn is_clear(&mut self, material: &::gltf::Material) -> bool {
+        let Some(transmission) = material.transmission().filter(|transmission| transmission.transmission_factor() > 0.0) else { return false };
+        let is_clear = transmission.transmission_factor() >= HALF;
+        self.ignore(if is_clear { "surfaces that let most light through: they are holes" } else { "surfaces that let some light through: they are opaque" });
+        is_clear
     }
 
     /// The texture of a material for a role, if vertices lie on it as on the others.

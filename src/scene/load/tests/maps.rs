@@ -38,8 +38,13 @@ fn loaded(material: Value, images: &[Vec<u8>]) -> Scene {
 
 /// Metallic-roughness, normals and emission, each by an image of its own.
 fn all_maps() -> Scene {
+    load_files(&[("thing.glb", &mapped().finish())]).map_err(|(error, _)| error).unwrap()
+}
+
+/// The file of that.
+pub(super) fn mapped() -> Builder {
     let images = [png(2, 2, |_, _| [0, 51, 255]), png(2, 2, |_, _| [255, 128, 128]), png(4, 1, |x, _| if x < 2 { [0, 0, 0] } else { [255, 255, 255] })];
-    loaded(
+    square(
         json!({
             "emissiveFactor": [1, 0.5, 0.25],
             "emissiveTexture": {"index": 2},
@@ -65,15 +70,16 @@ fn all_maps_of_a_gltf_material_are_read() {
     let seen = |ray: Ray| {
         let meets = |t: &Triangle| t.position(t.barycentric(ray)).truncate().distance(ray.origin.truncate()) < 1e-5;
         let at = scene.triangles.iter().position(meets).unwrap();
-        scene.surface(at as u32, scene.triangles[at].barycentric(ray), ray)
+        [true, false].map(|lobes| scene.seen(at as u32, ray, lobes))
     };
     // On the left the map is black, on the right white.
-    assert_eq!(seen(straight_on(0.2, 0.5)).emission, Vec3::ZERO);
-    assert!(seen(straight_on(0.9, 0.5)).emission.distance(Vec3::new(1.0, 0.5, 0.25)) < 1e-5);
-    // Half as far along the surface as the map has it.
-    let normal = Vec3::new(0.5, 0.0, 1.0 / 255.0).normalize();
-    assert!(seen(straight_on(0.5, 0.25)).normal.distance(normal) < 0.02, "{}", seen(straight_on(0.5, 0.25)).normal);
-    let lobe = seen(straight_on(0.9, 0.9)).glossy.unwrap().lobe;
+    assert_eq!(seen(straight_on(0.2, 0.5))[0].emission, Vec3::ZERO);
+    assert!(seen(straight_on(0.9, 0.5))[0].emission.distance(Vec3::new(1.0, 0.5, 0.25)) < 1e-5);
+    // Half as far along the surface as the map has it; with a lobe no farther than what mirrors the eye's way along the surface.
+    let [with_lobe, plain] = seen(straight_on(0.5, 0.25)).map(|surface| surface.normal);
+    assert!(plain.distance(Vec3::new(0.5, 0.0, 1.0 / 255.0).normalize()) < 0.02, "{plain}");
+    assert!(with_lobe.x > 0.0 && (2.0 * with_lobe.z * with_lobe.z - 1.0).abs() < 0.02, "{with_lobe}");
+    let lobe = seen(straight_on(0.9, 0.9))[0].glossy.unwrap().lobe;
     let crate::math::lobe::Shape::Microfacets { alpha } = lobe.shape else { panic!("{lobe:?}") };
     assert!((alpha - (0.8f32 * 0.2).powi(2)).abs() < 1e-6, "{alpha}");
     // Half metal: half of the base colour, and of what is reflected by what is no metal. The corner there is white.
@@ -148,6 +154,15 @@ fn a_map_with_coordinates_of_its_own_is_left_out_and_told() {
     let alike = json!({"index": 0, "extensions": {"KHR_texture_transform": {"scale": [2, 2]}}});
     let scene = loaded(material(alike), &images);
     assert!(scene.materials[0].maps.normal.is_some() && scene.triangles[0].uvs.contains(&Vec2::new(0.0, 2.0)), "{:?}", scene.triangles[0]);
+}
+
+#[test]
+fn windows_are_open() {
+    let glass = |factor: f32| square(json!({"extensions": {"KHR_materials_transmission": {"transmissionFactor": factor}}}), &[]).finish();
+    let scene = load_files(&[("thing.glb", &glass(0.4))]).map_err(|(error, _)| error).unwrap();
+    assert!(scene.triangles.len() == 2 && scene.notes[0].contains("let some light through: they are opaque"), "{:?}", scene.notes);
+    let (error, _) = load_files(&[("thing.glb", &glass(0.9))]).unwrap_err();
+    assert!(error.to_string().contains("no triangle"), "{error}");
 }
 
 #[test]

@@ -38,7 +38,12 @@ fn expect_sound(scene: &Scene) {
     }
     for material in &scene.materials {
         assert!(material.reflectance.cmpge(glam::Vec3::ZERO).all() && material.reflectance.cmple(glam::Vec3::ONE).all());
-        assert!(material.emission.is_finite() && material.texture.is_none_or(|texture| (texture as usize) < scene.textures.len()));
+        let named = material.clone().textures_mut().map(|texture| texture.unwrap_or_default() as usize);
+        assert!(material.emission.is_finite() && (scene.textures.is_empty() || named.iter().all(|texture| *texture < scene.textures.len())));
+        assert!(material.maps.normal_scale.is_finite());
+    }
+    for lamp in scene.emitters() {
+        assert!(scene.mean_emission(&scene.triangles[lamp as usize]).is_finite());
     }
     for camera in &scene.cameras {
         assert!(camera.eye.is_finite() && (camera.direction.length() - 1.0).abs() < 1e-4 && camera.direction.dot(camera.up).abs() < 1e-4);

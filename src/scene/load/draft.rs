@@ -191,15 +191,14 @@ impl Draft {
 
 /// Gives triangles whose emission map is black all over a material that does not emit: they are no lamps.
 fn put_out(scene: &mut Scene) {
-    let mut dark: HashMap<u32, u32> = HashMap::new();
-    for at in 0..scene.triangles.len() {
-        let triangle = scene.triangles[at];
-        let material = &scene.materials[triangle.material as usize];
-        if material.maps.emission.is_none() || scene.mean_emission(&triangle) != Vec3::ZERO {
-            continue;
-        }
-        let copy = Material { emission: Vec3::ZERO, maps: Maps { emission: None, ..material.maps }, ..material.clone() };
-        scene.triangles[at].material = *dark.entry(triangle.material).or_insert_with(|| {
+    let is_dark = |triangle: &Triangle| scene.materials[triangle.material as usize].maps.emission.is_some() && scene.mean_emission(triangle) == Vec3::ZERO;
+    let dark: Vec<usize> = (0..scene.triangles.len()).filter(|at| is_dark(&scene.triangles[*at])).collect();
+    let mut copies: HashMap<u32, u32> = HashMap::new();
+    for at in dark {
+        let number = scene.triangles[at].material;
+        scene.triangles[at].material = *copies.entry(number).or_insert_with(|| {
+            let shining = &scene.materials[number as usize];
+            let copy = Material { emission: Vec3::ZERO, maps: Maps { emission: None, ..shining.maps }, ..shining.clone() };
             scene.materials.push(copy);
             scene.materials.len() as u32 - 1
         });

@@ -1,4 +1,4 @@
-//! glTF 2.0, as text or binary: what diffuse light transport needs of it, and notes about the rest.
+//! glTF 2.0, as text or binary: what light transport needs of it, and notes about the rest.
 
 mod document;
 mod material;
@@ -254,8 +254,9 @@ impl Reader<'_> {
         let positions = self.read_vectors::<3>(positions)?;
         let normals = primitive.get(&Semantic::Normals).map(|accessor| self.read_vectors::<3>(&accessor)).transpose()?.unwrap_or_default();
         let coordinates = material::coordinates(&primitive.material());
-        let uvs = coordinates.and_then(|coordinates| primitive.get(&Semantic::TexCoords(coordinates.set)));
-        let uvs = uvs.map(|accessor| self.read_vectors::<2>(&accessor)).transpose()?.unwrap_or_default();
+        // Without a texture they still say how lobes lie that a document gives the surface.
+        let set = coordinates.map_or(0, |coordinates| coordinates.set);
+        let uvs = primitive.get(&Semantic::TexCoords(set)).map(|accessor| self.read_vectors::<2>(&accessor)).transpose()?.unwrap_or_default();
         let place = |uv: [f32; 2]| coordinates.map_or(uv.into(), |coordinates| coordinates.place(uv.into()));
         let tints = primitive.get(&Semantic::Colors(0)).map(|accessor| self.read_tints(&accessor)).transpose()?.unwrap_or_default();
         Ok(Vertices {

@@ -120,6 +120,7 @@ fn colours_of_vertices_multiply_the_base_colour() {
         scene.triangles.iter().find_map(corner).unwrap()
     };
     assert_eq!((of(Vec3::ZERO), of(Vec3::Y)), (Vec3::ONE, Vec3::X));
+    assert!(scene.triangles.iter().any(|triangle| triangle.uvs.contains(&Vec2::ONE)), "coordinates are read without a texture, too");
     // Ten bits for the root; more than all of the light is not reflected.
     assert!(of(Vec3::X).distance(Vec3::new(0.25, 0.5, 1.0)) < 2e-3, "{}", of(Vec3::X));
     let obj = b"v 0 0 0 1 1 1\nv 1 0 0 0.5 0 0\nv 0 1 0\nf 1 2 3\n";

@@ -249,7 +249,7 @@ fn html() -> Outcome {
     }
     check(report["differences"]["pairs"][0]["ratio"] == json["pairs"][0]["ratio"], || report["differences"].to_string())?;
     let gallery = &data["gallery"];
-    check(layers(gallery, "shown") == [PICTURE] && layers(gallery, "maps") == ["irradiance", PICTURE], || gallery.to_string())?;
+    check(layers(gallery, "shown") == [PICTURE, "irradiance"] && layers(gallery, "maps") == [PICTURE, "irradiance"], || gallery.to_string())?;
     images_of(gallery, 2)?;
     let text = report["beside"][1]["text"].as_str().unwrap_or_default();
     check(text.contains("accuracy: 0.5,") && text.contains("resolution: 8,"), || text.to_owned())
@@ -261,7 +261,7 @@ fn layers<'g>(gallery: &'g Value, sets: &str) -> Vec<&'g str> {
 
 /// Every layer has a picture of the reference and one of each variant, and so has every map but for the reference.
 fn images_of(gallery: &Value, variants: usize) -> Outcome {
-    let is_image = |image: &Value| image["source"].as_str().is_some_and(|source| source.starts_with("data:image/png;base64,"));
+    let is_image = |image: &Value| image["source"].as_str().is_some_and(|source| !source.is_empty());
     let is_whole = |set: &Value| set["images"].as_array().is_some_and(|images| images.len() == variants && images.iter().all(is_image));
     let sets = |name: &str| gallery[name].as_array().cloned().unwrap_or_default();
     let whole = sets("shown").iter().all(|set| is_whole(set) && is_image(&set["reference"])) && sets("maps").iter().all(is_whole);
@@ -276,9 +276,9 @@ fn glossy() -> Outcome {
     ))?;
     let (data, json) = (place.page("out.html")?, place.json("out.json")?);
     let gallery = &data["gallery"];
-    check(layers(gallery, "shown") == [PICTURE, "glossy"] && layers(gallery, "maps") == ["irradiance", PICTURE, "glossy"], || gallery.to_string())?;
+    check(["shown", "maps"].iter().all(|sets| layers(gallery, sets) == [PICTURE, "irradiance", "glossy"]), || gallery.to_string())?;
     images_of(gallery, 2)?;
-    let images = &gallery["shown"][1]["images"];
+    let images = &gallery["shown"][2]["images"];
     check(images[0]["source"] != images[1]["source"], || images.to_string())?;
     check(json["variants"].as_array().is_some_and(|variants| variants.iter().all(|variant| variant["errors"]["direct"].is_null())), || json.to_string())
 }

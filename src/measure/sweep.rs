@@ -221,6 +221,11 @@ impl Point {
         Some((x, spread.unwrap_or([x; 2])))
     }
 
+    /// Median of its runs, or what was stated; None where neither is known.
+    pub fn seconds(&self) -> Option<f64> {
+        self.cost(&Cost::Seconds).map(|(seconds, _)| seconds)
+    }
+
     /// Cost and error; None where one of them is not known, or pixels are left without light.
     pub fn costs(&self, metric: &Metric, cost: &Cost) -> Option<[f64; 2]> {
         let is_whole = self.measured().is_none_or(|measured| measured.complete);

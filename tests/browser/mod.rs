@@ -140,7 +140,7 @@ impl Browser {
         let end = Instant::now() + PATIENCE;
         while self.evaluate(expression)? != true {
             if Instant::now() > end {
-                return Err(format!("never true: {expression}").into());
+                return Err(format!("never true: {expression}\n{}", self.complaints()?.join("\n")).into());
             }
             thread::sleep(Duration::from_millis(20));
         }

@@ -18,7 +18,7 @@ pub use interval::{ErrorDifference, Interval, Resampled};
 pub use map::{ErrorMap, error_map};
 pub use origin::{SCENE_CHECKSUM, other_view};
 pub use resampling::RESAMPLES;
-pub use seen::fair_exposure;
+pub use seen::{fair_exposure, hdr_flips};
 pub use told::Told;
 
 use super::layers::{Layers, PictureError};

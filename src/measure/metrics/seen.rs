@@ -4,7 +4,7 @@ use super::found::Found;
 use super::interval::{Interval, middle};
 use super::resampling::{Resampling, Stream};
 use super::samples::{mean, own_variances};
-use super::{MetricsError, Selected};
+use super::{ErrorMap, MetricsError, Selected};
 use crate::math::colour::luminance;
 use crate::math::windows::{SIDE, Windows};
 use crate::measure::flip::{REACH, exposures, flip_map, hdr_flip_map};
@@ -15,33 +15,71 @@ use glam::{DVec3, Vec3};
 /// The linear value, on the screen, of the reference's mean luminance when pictures are tone-mapped for `flip`.
 const MIDDLE_GREY: f64 = 0.18;
 
-/// ꟻLIP and HDR-ꟻLIP of the layer [`PICTURE`], in the whole or in windows; none where a file does not name one, or the reference does not hold every pixel.
+/// ꟻLIP and HDR-ꟻLIP of the layer [`PICTURE`], in the whole or in windows; none where [`Viewed::of`] is.
 pub(super) fn flips(test: &Layers, reference: &Layers, windows: Option<&Windows>) -> Result<[Found; 2], MetricsError> {
-    let none = || Found { value: None, interval: None, draws: Vec::new() };
-    // A strided reference of a strided picture has no neighbours to look at.
-    let is_strided = [test, reference].iter().any(|picture| !picture.is_dense());
-    if is_strided || [test.width, test.height] != [reference.width, reference.height] || ![test, reference].into_iter().all(Layers::names_picture) {
-        return Ok([none(), none()]);
-    }
-    let (light, truth) = (colours(test, "tested picture")?, colours(reference, "reference")?);
-    let size = [reference.width, reference.height];
-    let looks = Look::all(size, windows);
-    let seen: Vec<DVec3> = looks.iter().flat_map(|look| look.part(&truth, size[0])).collect();
-    let Some((exposure, stops)) = exposure_for(&seen).zip(exposures(&seen)) else { return Ok([none(), none()]) };
-    let noisy = noisy(reference, &truth)?;
-    let places: Vec<usize> = looks.iter().flat_map(|look| look.pixels(look.margin, size[0])).collect();
-    let resampling = Resampling::of(places.iter().copied(), size);
-    let shown = |colours: &[DVec3]| -> Vec<DVec3> { colours.iter().map(|colour| shown(*colour, exposure)).collect() };
+    let Some(viewed) = Viewed::of(test, reference, windows)? else { return Ok([(); 2].map(|()| Found { value: None, interval: None, draws: Vec::new() })) };
+    let noisy = noisy(reference, &viewed.truth)?;
+    let places: Vec<usize> = viewed.places().collect();
+    let resampling = Resampling::of(places.iter().copied(), viewed.size);
+    let shown = |colours: &[DVec3]| -> Vec<DVec3> { colours.iter().map(|colour| shown(*colour, viewed.exposure)).collect() };
     let screen = |test: &[DVec3], truth: &[DVec3], width: usize| flip_map(&shown(test), &shown(truth), width);
-    let range = |test: &[DVec3], truth: &[DVec3], width: usize| hdr_flip_map(test, truth, width, &stops);
+    let range = |test: &[DVec3], truth: &[DVec3], width: usize| hdr_flip_map(test, truth, width, &viewed.stops);
     let found = |map: &Map<'_>| {
-        let errors = |test: &[DVec3]| -> Vec<f64> {
-            let of = |look: &Look| look.inner(&map(&look.part(test, size[0]), &look.part(&truth, size[0]), look.size[0] as usize));
-            looks.iter().flat_map(of).collect()
-        };
-        of_map(&places, &errors(&light), noisy.as_deref().map(errors), resampling.as_ref())
+        let noise = noisy.as_deref().map(|noisy| viewed.errors(noisy, map));
+        of_map(&places, &viewed.errors(&viewed.light, map), noise, resampling.as_ref())
     };
     Ok([found(&screen), found(&range)])
+}
+
+/// HDR-ꟻLIP of each pixel of the layer [`PICTURE`]; none where [`Viewed::of`] is.
+pub fn hdr_flips(test: &Layers, reference: &Layers) -> Result<Option<ErrorMap>, MetricsError> {
+    let windows = reference.windows().map_err(|error| MetricsError::Picture { which: "reference", error })?;
+    let Some(viewed) = Viewed::of(test, reference, windows.as_ref())? else { return Ok(None) };
+    let errors = viewed.errors(&viewed.light, &|test, truth, width| hdr_flip_map(test, truth, width, &viewed.stops));
+    let mut map = ErrorMap { size: viewed.size, errors: vec![None; viewed.truth.len()] };
+    viewed.places().zip(errors).for_each(|(at, error)| map.errors[at] = Some(error as f32));
+    Ok(Some(map))
+}
+
+/// Two pictures as a viewer flips between them.
+struct Viewed {
+    size: [u32; 2],
+    light: Vec<DVec3>,
+    truth: Vec<DVec3>,
+    looks: Vec<Look>,
+    /// For ꟻLIP [stops].
+    exposure: f32,
+    /// All that HDR-ꟻLIP looks at.
+    stops: Vec<f64>,
+}
+
+impl Viewed {
+    /// None where a file does not name a picture, the reference does not hold every pixel or is black.
+    fn of(test: &Layers, reference: &Layers, windows: Option<&Windows>) -> Result<Option<Self>, MetricsError> {
+        let size = [reference.width, reference.height];
+        // A strided reference of a strided picture has no neighbours to look at.
+        let is_strided = [test, reference].iter().any(|picture| !picture.is_dense());
+        if is_strided || [test.width, test.height] != size || ![test, reference].into_iter().all(Layers::names_picture) {
+            return Ok(None);
+        }
+        let (light, truth) = (colours(test, "tested picture")?, colours(reference, "reference")?);
+        let looks = Look::all(size, windows);
+        let seen: Vec<DVec3> = looks.iter().flat_map(|look| look.part(&truth, size[0])).collect();
+        let exposed = exposure_for(&seen).zip(exposures(&seen));
+        Ok(exposed.map(|(exposure, stops)| Self { size, light, truth, looks, exposure, stops }))
+    }
+
+    /// The pixels that count.
+    fn places(&self) -> impl Iterator<Item = usize> {
+        self.looks.iter().flat_map(|look| look.pixels(look.margin, self.size[0]))
+    }
+
+    /// The error of each of [`Self::places`].
+    fn errors(&self, light: &[DVec3], map: &Map<'_>) -> Vec<f64> {
+        let width = self.size[0];
+        let of = |look: &Look| look.inner(&map(&look.part(light, width), &look.part(&self.truth, width), look.size[0] as usize));
+        self.looks.iter().flat_map(of).collect()
+    }
 }
 
 /// Errors of pixels, from two pictures of a width.

@@ -22,6 +22,17 @@ pub(super) struct Chart {
     narrow: String,
 }
 
+impl Chart {
+    pub(super) fn label(&self) -> &str {
+        &self.label
+    }
+
+    /// The error of a point in words.
+    pub(super) fn told(&self, point: usize) -> String {
+        self.told[point].as_ref().map_or_else(|| "–".into(), Told::sentence)
+    }
+}
+
 /// First that of `first`, then those of all metrics that a page tells; none of an error that no point has.
 pub(super) fn charts(sweep: &Sweep, first: &Metric, cost: &Cost) -> Vec<Chart> {
     let label = |metric: &Metric| Metric::TOLD.iter().find(|(told, _)| told == metric).map_or(metric.to_string(), |(_, label)| label.to_string());

@@ -1,9 +1,12 @@
 //! A sweep or a comparison as one HTML file that needs nothing else: no network, no other file.
 //!
-//! What was found goes into the page as JSON, pictures as PNG in it, plots as SVG; a script draws the rest. Nothing in the data is ever read as HTML.
+//! What was found goes into the page as JSON, the light of pictures packed in it, plots as SVG; a script draws the rest. Nothing in the data is ever read as
+//! HTML. Where no script runs, a table tells what was found.
 
 mod charts;
 mod gallery;
+mod plain;
+mod planes;
 mod report;
 
 pub use gallery::Gallery;
@@ -20,7 +23,9 @@ const SCRIPT: &str = concat!(
     "\"use strict\";\n(() => {\n",
     include_str!("script/head.js"),
     include_str!("script/pictures.js"),
+    include_str!("script/insets.js"),
     include_str!("script/stage.js"),
+    include_str!("script/keep.js"),
     include_str!("script/results.js"),
     include_str!("script/start.js"),
     "})();\n"
@@ -35,7 +40,7 @@ struct Data<'p> {
 /// The page of a report; the gallery holds a picture of each of its points, in their order.
 pub fn page(report: &Report, gallery: &Gallery) -> Result<String, PictureError> {
     let json = serde_json::to_string(&Data { report, gallery: gallery.show()? }).map_err(|error| PictureError::Encoding { reason: error.to_string() })?;
-    Ok(fill(HTML, &[("{title}", &escape(&report.title)), ("{css}", CSS), ("{data}", &inert(&json)), ("{script}", SCRIPT)]))
+    Ok(fill(HTML, &[("{title}", &escape(&report.title)), ("{css}", CSS), ("{table}", &plain::table(report)), ("{data}", &inert(&json)), ("{script}", SCRIPT)]))
 }
 
 /// Replaces each mark, in their order; what was put in is not looked at again.
@@ -72,7 +77,7 @@ mod tests {
 
     #[test]
     fn the_template_has_every_mark_once() {
-        for mark in ["{title}", "{css}", "{data}", "{script}"] {
+        for mark in ["{title}", "{css}", "{table}", "{data}", "{script}"] {
             assert_eq!(HTML.matches(mark).count(), 1, "{mark}");
         }
     }

@@ -21,7 +21,7 @@ pub struct Report {
     /// The cost of each point that its error is held against; empty where its numbers tell it as they are.
     costs: Vec<Option<f64>>,
     /// Error over cost, for each error that is known; the sweep's own is the first.
-    charts: Vec<Chart>,
+    pub(super) charts: Vec<Chart>,
     /// A row for each thing that a study expected, below that of the names; empty where nothing was expected.
     pub expectations: Vec<Vec<String>>,
     /// None where times were not compared.

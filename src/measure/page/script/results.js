@@ -83,7 +83,7 @@ function errorsText(reference) {
   const texts = [
     reference.row ? `Errors are differences from ${reference.row} at the same values.` : null,
     corrected.length && !reference.row ? `Errors of the ${corrected.join(" and of the ")} are corrected for the reference's noise.` : null,
-    mapSet("direct") ? "A pipeline that computes direct light alone is judged by that, without correction; what its picture is held against has all light." : null,
+    setOf.error("direct") ? "A pipeline that computes direct light alone is judged by that, without correction; what its picture is held against has all light." : null,
   ];
   return texts.filter((text) => text !== null).join(" ");
 }

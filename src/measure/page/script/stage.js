@@ -5,14 +5,23 @@ const canvas = byId("canvas");
 const slider = byId("slider");
 /** Their names in the data and in words. */
 const LAYERS = { irradiance: "irradiance", picture: "picture", glossy: "glossy light", direct: "direct light" };
-/** What the stage can show: pictures and maps that are there. */
-const CHOICES = ["shown picture", "irradiance", "picture", "shown glossy", "glossy", "shown direct", "direct"].filter((layer) => shownSet(layer) || mapSet(layer));
+const UNITS = { irradiance: "W/m²" };
+const unitOf = (layer) => UNITS[layer] ?? "W/(m²·sr)";
+const hasTwo = variants.length > 1 || imageOf("shown picture", REFERENCE);
+/** What the stage can show: light, and maps of errors, that are there. */
+const CHOICES = gallery.shown.flatMap(({ layer }) => {
+  const flips = layer === "picture" && gallery.flip ? [`flip ${layer}`] : [];
+  return [`shown ${layer}`, ...(setOf.error(layer) ? [`error ${layer}`] : []), ...flips, ...(hasTwo ? [`difference ${layer}`, `relative ${layer}`] : [])];
+});
+/** Farthest from the exposure that shows all pictures well [stops]. */
+const MOST_STOPS = 12;
+const GAMMAS = [["", "sRGB"], ["1", "1, linear"], ["1.8", "1.8"], ["2.2", "2.2"], ["2.4", "2.4"]];
 const VIEWS = [["slider", "Slider"], ["side", "Side by side"], ["flip", "Flip"]];
 const second = variants.length > 1 ? 1 : imageOf("shown picture", REFERENCE) ? REFERENCE : 0;
 /** `scale`: pixels of the page a pixel of the picture, null for the whole picture; `x`, `y`: the picture's point in the middle. */
-const state = { left: 0, right: second, layer: "shown picture", view: "slider", split: 0.5, flipped: false, scale: null, x: WIDTH / 2, y: HEIGHT / 2, hover: null };
+const state = { left: 0, right: second, layer: "shown picture", view: "slider", split: 0.5, flipped: false, scale: null, x: WIDTH / 2, y: HEIGHT / 2, hover: null, pins: [] };
 
-const paneCount = () => (state.view === "side" ? 2 : 1);
+const paneCount = () => (state.view === "side" && !isDifference(state.layer) ? 2 : 1);
 
 function panes() {
   const width = stage.clientWidth / paneCount();
@@ -36,7 +45,10 @@ function draw() {
   context.clearRect(0, 0, stage.clientWidth, stage.clientHeight);
   const pane = panes();
   const border = state.split * pane.width;
-  if (state.view === "side") {
+  if (isDifference(state.layer)) {
+    // Both sides are in it.
+    drawPane(context, state.left, 0, 0, stage.clientWidth, { ...pane, width: stage.clientWidth });
+  } else if (state.view === "side") {
     drawPane(context, state.left, 0, 0, pane.width - 1, pane);
     drawPane(context, state.right, pane.width, pane.width + 1, 2 * pane.width, pane);
   } else if (state.view === "flip") {
@@ -61,27 +73,39 @@ function drawPane(context, index, origin, from, to, pane) {
   context.imageSmoothingQuality = "high";
   // The last of its blocks may reach beyond the picture.
   const part = [WIDTH / source.block, HEIGHT / source.block];
-  context.drawImage(source, 0, 0, ...part, origin + pane.width / 2 - state.x * scale, pane.height / 2 - state.y * scale, WIDTH * scale, HEIGHT * scale);
+  const corner = [origin + pane.width / 2 - state.x * scale, pane.height / 2 - state.y * scale];
+  context.drawImage(source, 0, 0, ...part, ...corner, WIDTH * scale, HEIGHT * scale);
+  state.pins.forEach((pin) => outline(context, corner[0] + pin.x * scale, corner[1] + pin.y * scale, PIN_SIDE * scale));
   context.restore();
 }
 
+function outline(context, x, y, side) {
+  for (const [width, colour] of [[3, "rgb(0 0 0 / 60%)"], [1, "#fff"]]) {
+    Object.assign(context, { lineWidth: width, strokeStyle: colour });
+    context.strokeRect(x, y, side, side);
+  }
+}
+
 function showState(border) {
-  const alone = state.view === "flip";
+  const isOfBoth = isDifference(state.layer);
+  const alone = state.view === "flip" || isOfBoth;
   const shown = state.flipped ? state.right : state.left;
-  byId("left-label").textContent = titleOf(alone ? shown : state.left);
+  byId("left-label").textContent = isOfBoth ? `${titleOf(state.left)} less ${titleOf(state.right)}` : titleOf(alone ? shown : state.left);
   byId("left-label").classList.toggle("alone", alone);
   byId("right-label").textContent = titleOf(state.right);
   byId("right-label").hidden = alone;
-  slider.hidden = state.view !== "slider";
+  slider.hidden = state.view !== "slider" || isOfBoth;
   slider.style.left = `${border}px`;
   slider.setAttribute("aria-valuenow", Math.round(100 * state.split));
   slider.setAttribute("aria-valuetext", `${Math.round(100 * state.split)} % ${titleOf(state.left)}, the rest ${titleOf(state.right)}`);
   stage.classList.toggle("zoomed", state.scale !== null);
   byId("zoom").textContent = `${figures(100 * scaleNow() * (window.devicePixelRatio || 1))} %`;
-  const visible = alone ? [shown] : [state.left, state.right];
+  const visible = alone && !isOfBoth ? [shown] : [state.left, state.right];
   stage.setAttribute("aria-busy", visible.some((index) => bitmap(state.layer, index) === undefined));
   showAbsent(visible);
   showReadout();
+  drawInsets();
+  keepLink();
 }
 
 const STATES = { refused: "was refused", open: "is not measured yet" };
@@ -90,15 +114,19 @@ const STATES = { refused: "was refused", open: "is not measured yet" };
 const lackOf = (layer, use = "") => (layer === "direct" ? "is not judged by direct light" : `has no ${LAYERS[layer]}${use}`);
 
 function showAbsent(indices) {
-  const lacking = [...new Set(indices)].filter((index) => bitmap(state.layer, index) === null);
+  const [kind, layer] = partsOf(state.layer);
+  // A difference lacks what one of its two lacks.
+  const held = (index) => (isDifference(state.layer) ? planesOf(`shown ${layer}`, index) : bitmap(state.layer, index));
+  const lacking = [...new Set(indices)].filter((index) => held(index) === null);
   const reason = (index) => {
-    const shown = shownSet(state.layer);
-    if (shown) return `${titleOf(index)} ${STATES[variants[index]?.state] ?? lackOf(shown.layer)}`;
-    return index === REFERENCE ? "The reference has no error of its own" : `${titleOf(index)} ${lackOf(state.layer, " whose error could be mapped")}`;
+    if (kind === "shown" || isDifference(state.layer)) return `${titleOf(index)} ${STATES[variants[index]?.state] ?? lackOf(layer)}`;
+    return index === REFERENCE ? "The reference has no error of its own" : `${titleOf(index)} ${lackOf(layer, " whose error could be mapped")}`;
   };
   byId("absent").textContent = lacking.map(reason).join("; ");
   byId("absent").hidden = lacking.length === 0;
 }
+
+const letterOf = (index) => (index === REFERENCE ? "reference" : variants[index].id);
 
 function showReadout() {
   const readout = byId("readout");
@@ -106,20 +134,36 @@ function showReadout() {
     readout.textContent = "";
     return;
   }
+  const [kind, layer] = partsOf(state.layer);
   const { x, y } = state.hover;
-  const value = (index) => `${index === REFERENCE ? "reference" : variants[index].id} ${valueAt(index, x, y)}`;
-  readout.textContent = `x ${x}, y ${y}   ${value(state.left)}   ${value(state.right)}`;
+  const lights = [state.left, state.right].map((index) => `${letterOf(index)} ${lightAt(`shown ${layer}`, index, x, y)}`);
+  const errors = [state.left, state.right].map((index) => `${letterOf(index)} ${errorAt(planesOf(state.layer, index), x, y)}`);
+  const told = { shown: () => [...lights, unitOf(layer)], error: () => errors, flip: () => errors };
+  const both = () => [errorAt(differenceOf(state.layer), x, y), ...lights, unitOf(layer)];
+  readout.textContent = [`x ${x}, y ${y}`, ...(told[kind] ?? both)()].join("   ");
 }
 
-function valueAt(index, x, y) {
-  const source = bitmap(state.layer, index);
+const indexAt = (source, x, y) => Math.floor(y / source.block) * source.width + Math.floor(x / source.block);
+
+/** Four figures, of any size. */
+function exactly(value) {
+  const size = Math.abs(value);
+  return (size === 0 || (size >= 1e-3 && size < 1e5) ? figures(value, 4) : value.toExponential(3)).replace("-", "−");
+}
+
+function lightAt(choice, index, x, y) {
+  const source = planesOf(choice, index);
   if (!source) return "–";
-  const [column, row] = [x, y].map((place) => Math.floor(place / source.block));
-  if (shownSet(state.layer)) return [...source.getContext("2d").getImageData(column, row, 1, 1).data.slice(0, 3)].join(" ");
-  const set = mapSet(state.layer);
-  const error = errorOf(source.levels[row * source.width + column], set);
-  if (error === null) return "no surface";
-  return `${Math.abs(error) === 1 ? (error > 0 ? "≥ " : "≤ ") : ""}${error > 0 ? "+" : ""}${percent(error * set.scale)}`;
+  const channels = [0, 1, 2].map((channel) => valueIn(source, channel, indexAt(source, x, y)));
+  return channels.map(exactly).join(" ");
+}
+
+function errorAt(source, x, y) {
+  if (!source) return "–";
+  const at = indexAt(source, x, y);
+  const error = source.errors ? source.errors[at] : valueIn(source, 0, at);
+  if (Number.isNaN(error)) return source.errors ? "–" : "no surface";
+  return state.layer.startsWith("flip") ? figures(error) : `${error > 0 ? "+" : ""}${percent(error)}`;
 }
 
 /** The mean of a block holds less noise than each of its pixels. */
@@ -132,19 +176,44 @@ function noiseOf(set) {
 /** What else is not judged: in scenes with lobes, each kind of light has surfaces of its own. */
 const GREY = gallery.shown.some((set) => set.layer === "glossy") ? { irradiance: ", or one without a diffuse part", glossy: ", or one without a lobe" } : {};
 
+const SCALE_TEXTS = {
+  error: (set, layer) => `Too dark (blue) and too bright (red), as a share of the reference's mean ${LAYERS[layer]}${blocksOf(set)}. Grey: no surface${GREY[layer] ?? ""}.${noiseOf(set)}`,
+  flip: (set) => `HDR-ꟻLIP: how much a viewer sees who flips between each picture and the reference, at any exposure${blocksOf(set)}.`,
+  difference: (_, layer) => `Left darker (blue) and brighter (red) than right, in luminance, as a share of the right's mean ${LAYERS[layer]}.`,
+  relative: () => "Left darker (blue) and brighter (red) than right, in luminance, as a share of the right at each pixel.",
+};
+const blocksOf = (set) => (set.block > 1 ? `, means of ${set.block}×${set.block} pixels` : "");
+
 function drawScale() {
-  const set = mapSet(state.layer);
-  byId("scale").hidden = !set;
-  if (!set) return;
+  const [kind, layer] = partsOf(state.layer);
+  byId("tone").hidden = kind !== "shown";
+  byId("scale").hidden = kind === "shown";
+  if (kind === "shown") return;
+  const isSigned = kind !== "flip";
   const context = byId("scale-bar").getContext("2d");
   for (let x = 0; x < 256; x += 1) {
-    context.fillStyle = `rgb(${colourOf((2 * x) / 255 - 1).map(Math.round).join(" ")})`;
+    context.fillStyle = `rgb(${colourOf(isSigned ? (2 * x) / 255 - 1 : x / 255, isSigned).map(Math.round).join(" ")})`;
     context.fillRect(x, 0, 1, 1);
   }
-  const tick = (share) => `${share > 0 ? "+" : ""}${percent(share * set.scale)}`;
-  byId("scale-ticks").replaceChildren(...[-1, -0.5, 0, 0.5, 1].map((share) => make("span", {}, tick(share))));
-  const blocks = set.block > 1 ? `, means of ${set.block}×${set.block} pixels` : "";
-  byId("scale-text").textContent = `Too dark (blue) and too bright (red), as a share of the reference's mean ${LAYERS[set.layer]}${blocks}. Grey: no surface${GREY[set.layer] ?? ""}.${noiseOf(set)}`;
+  const tick = (share) => (isSigned ? `${share > 0 ? "+" : ""}${percent(share * scaleOf(state.layer))}` : figures(share * scaleOf(state.layer), 2));
+  byId("scale-ticks").replaceChildren(...(isSigned ? [-1, -0.5, 0, 0.5, 1] : [0, 0.5, 1]).map((share) => make("span", {}, tick(share))));
+  byId("scale-text").textContent = SCALE_TEXTS[kind](setOf[kind]?.(layer), layer);
+}
+
+/** Brighter, or more sensitive to errors, by steps. */
+function brighten(by) {
+  if (partsOf(state.layer)[0] === "shown") tone.stops = Math.min(Math.max(tone.stops + 0.5 * by, -MOST_STOPS), MOST_STOPS);
+  else stepScale(state.layer, -by);
+  change({});
+}
+
+function showTone() {
+  byId("exposure").value = tone.stops;
+  const set = setOf.shown(partsOf(state.layer)[1]);
+  const stops = set.exposure + tone.stops;
+  byId("stops").value = `${stops >= 0 ? "+" : "−"}${Math.abs(stops).toFixed(2)} stops`;
+  byId("curve").value = tone.curve;
+  byId("gamma").value = String(tone.gamma ?? "");
 }
 
 // What moves the stage
@@ -155,6 +224,7 @@ function change(changes) {
   byId("right").value = state.right;
   byId("layer").value = state.layer;
   checkIn(byId("view"), state.view);
+  showTone();
   drawScale();
   layOut();
   markShown();
@@ -288,6 +358,9 @@ const KEYS = {
   0: fitAll,
   1: onePixel,
   h: () => moveTo(state.x - panes().width / 8 / scaleNow(), state.y),
+  p: pinUnderPointer,
+  ".": () => brighten(1),
+  ",": () => brighten(-1),
   l: () => moveTo(state.x + panes().width / 8 / scaleNow(), state.y),
   k: () => moveTo(state.x, state.y - panes().height / 8 / scaleNow()),
   j: () => moveTo(state.x, state.y + panes().height / 8 / scaleNow()),
@@ -297,7 +370,7 @@ const KEYS = {
 const SLIDES = { ArrowLeft: -1, ArrowRight: 1 };
 
 function key(event) {
-  if (event.ctrlKey || event.metaKey || event.altKey || event.target.closest("select")) return;
+  if (event.ctrlKey || event.metaKey || event.altKey || event.target.closest("select, input[type=range]")) return;
   const onStage = event.target === document.body || stage.contains(event.target);
   if (onStage && state.view === "slider" && event.key in SLIDES) moveSlider(state.split + SLIDES[event.key] * (event.shiftKey ? 0.1 : 0.01));
   else if (event.target === slider && event.key === "Home") moveSlider(0);
@@ -312,12 +385,19 @@ function fillSelect(select, options, chosen, onchange) {
   select.addEventListener("change", () => onchange(select.value));
 }
 
+const OPTIONS = {
+  shown: (layer) => (layer === "picture" ? "Pictures" : `${LAYERS[layer][0].toUpperCase()}${LAYERS[layer].slice(1)}`),
+  error: (layer) => `Error of the ${LAYERS[layer]}`,
+  flip: (layer) => `ꟻLIP of the ${LAYERS[layer]}`,
+  difference: (layer) => `Left less right, ${LAYERS[layer]}`,
+  relative: (layer) => `The same at each pixel's own, ${LAYERS[layer]}`,
+};
+
 function layerOptions() {
-  const because = (layer) => (sweep.reference ? `the reference and a pipeline must both hold it` : "no reference was given");
-  const map = (layer, label) => [layer, mapSet(layer) ? label : `${label}: ${because(layer)}`, !mapSet(layer)];
-  const error = (layer) => map(layer, `Error of the ${LAYERS[layer]}`);
-  const others = gallery.shown.slice(1).flatMap(({ layer }) => [[`shown ${layer}`, `Pictures of the ${LAYERS[layer]}`], error(layer)]);
-  return [["shown picture", "Pictures"], error("irradiance"), error("picture"), ...others];
+  const because = sweep.reference ? "the reference and a pipeline must both hold it" : "no reference was given";
+  const lacking = gallery.shown.map(({ layer }) => `error ${layer}`).filter((choice) => !CHOICES.includes(choice));
+  const label = (choice) => OPTIONS[partsOf(choice)[0]](partsOf(choice)[1]);
+  return [...CHOICES.map((choice) => [choice, label(choice)]), ...lacking.map((choice) => [choice, `${label(choice)}: ${because}`, true])];
 }
 
 function setUpStage() {
@@ -327,15 +407,20 @@ function setUpStage() {
   fillSelect(byId("right"), sides, state.right, (value) => change({ right: Number(value), flipped: true }));
   fillSelect(byId("layer"), layerOptions(), state.layer, (layer) => change({ layer }));
   choice(byId("view"), VIEWS, state.view, (view) => change({ view }));
-  const buttons = { swap, fit: fitAll, pixels: onePixel, "zoom-in": KEYS["+"], "zoom-out": KEYS["-"] };
+  fillSelect(byId("curve"), CURVES, tone.curve, (curve) => { tone.curve = curve; change({}); });
+  fillSelect(byId("gamma"), GAMMAS, "", (gamma) => { tone.gamma = Number(gamma) || null; change({}); });
+  byId("exposure").addEventListener("input", () => { tone.stops = Number(byId("exposure").value); change({}); });
+  const buttons = { swap, fit: fitAll, pixels: onePixel, "zoom-in": KEYS["+"], "zoom-out": KEYS["-"], finer: () => brighten(1), coarser: () => brighten(-1), pin: pinMiddle };
   for (const [id, action] of Object.entries(buttons)) byId(id).addEventListener("click", action);
   const listeners = { pointerdown: pressed, pointermove: moved, pointerup: released, pointercancel: released, pointerleave: () => { state.hover = null; showReadout(); } };
   for (const [name, listener] of Object.entries(listeners)) stage.addEventListener(name, listener);
   stage.addEventListener("wheel", wheel, { passive: false });
   stage.addEventListener("dblclick", (event) => (state.scale === null ? zoomTo(4 / (window.devicePixelRatio || 1), under(event)) : fitAll()));
   document.addEventListener("keydown", key);
-  const exposure = `${gallery.exposure >= 0 ? "+" : "−"}${Math.abs(gallery.exposure).toFixed(2)}`;
-  const block = Math.max(...gallery.shown.flatMap(({ images }) => images.map((image) => image?.block ?? 1)));
-  const kept = block > 1 ? `as means of ${block}×${block} pixels: so many whole ones are too heavy for a page.` : "without further loss.";
-  byId("lossless").textContent = `All pictures are tone-mapped alike, at ${exposure} stops, and kept as 8 bits a channel ${kept}`;
+  const images = gallery.shown.flatMap((set) => [...set.images, set.reference]).filter((image) => image);
+  const block = Math.max(1, ...images.map((image) => image.block));
+  const bits = Math.min(...images.map((image) => image.bits));
+  const kept = block > 1 ? ` They are means of ${block}×${block} pixels: so many whole ones are too heavy for a page.` : "";
+  const fewer = bits < 10 ? " More pictures leave each number fewer digits." : "";
+  byId("lossless").textContent = images.length ? `Pictures hold linear light, right to ${percent(2 ** -(bits + 1))}.${fewer}${kept} All of a layer are shown alike. The address of this page holds the view: copy it to show another what you see.` : "";
 }

@@ -214,14 +214,16 @@ fn readout(browser: &mut Browser, share: f64) -> Result<String, Failed> {
     Ok(browser.evaluate("document.querySelector('#readout').textContent")?.as_str().unwrap_or_default().to_owned())
 }
 
+/// Whether the stage shows a grey there.
+fn close(browser: &mut Browser, share: f64, expected: u8) -> Outcome {
+    let found = colour_at(browser, share)?;
+    check(found.iter().all(|byte| byte.abs_diff(expected) <= 1), || format!("{found:?}, not {expected}"))
+}
+
 /// Light beyond what a screen shows is there.
 fn exposure(browser: &mut Browser) -> Outcome {
     let grey = |light: f32| picture(SIZE, move |_, _| [light; 3], 2.0 * light);
     let _page = with(vec![grey(4.0), grey(400.0)], Some(grey(4.0))).open(browser)?;
-    let close = |browser: &mut Browser, share: f64, expected: u8| -> Outcome {
-        let found = colour_at(browser, share)?;
-        check(found.iter().all(|byte| byte.abs_diff(expected) <= 1), || format!("{found:?}, not {expected}"))
-    };
     // Middle grey, and white.
     close(browser, 0.25, 118)?;
     close(browser, 0.75, 255)?;
@@ -446,7 +448,19 @@ fn refused(browser: &mut Browser) -> Outcome {
     equals(browser, "document.querySelector('#plot-note').textContent.endsWith('not known: B.')", true)?;
     equals(browser, "document.querySelector('#table').textContent.includes('refused: plan::tile: too large')", true)?;
     equals(browser, "document.querySelector('#absent').textContent", "B  cache.accuracy=0.1 tiles.resolution=16 was refused")?;
-    shows(browser, 0.25, 0)
+    shows(browser, 0.25, 0)?;
+    // None of them has a picture.
+    let mut sweep = swept(&made);
+    sweep.points.iter_mut().for_each(|point| point.outcome = State::Refused { because: "plan::tile: too large".into() });
+    let mut gallery = Gallery::new(made.comparison.size, 6, made.reference.as_ref());
+    (0..6).for_each(|_| gallery.skip());
+    let _page = open(&page(&swept_report(&made, sweep), &gallery)?, browser)?;
+    browser.until(DRAWN)?;
+    equals(browser, "document.querySelector('#absent').textContent.includes('was refused')", true)?;
+    browser.key("f")?;
+    browser.key("p")?;
+    browser.evaluate("{ const right = document.querySelector('#right'); right.value = '6'; right.dispatchEvent(new Event('change')) }")?;
+    close(browser, 0.5, 118)
 }
 
 /// So many pictures that each is half as wide and high: the same is to be seen at the same place, also where blocks reach beyond the border.

@@ -170,7 +170,7 @@ impl<'r> Gallery<'r> {
     fn picture_sets(&self) -> Result<Vec<PictureSet>, PictureError> {
         let (mut bits, mut merged) = (ALL_BITS, 1);
         loop {
-            let sets = SHOWN.into_iter().filter_map(|layer| self.picture_set(layer, bits, merged)).collect::<Result<Vec<_>, _>>()?;
+            let sets = SHOWN.into_iter().filter_map(|layer| self.picture_set(layer, bits, merged).transpose()).collect::<Result<Vec<_>, _>>()?;
             let packed = || sets.iter().flat_map(|set| set.images.iter().chain([&set.reference]).flatten());
             let (weight, numbers) = packed().fold((0, 0), |(weight, numbers), packed| (weight + packed.weight(), numbers + packed.numbers()));
             if weight <= MOST_BYTES {
@@ -181,19 +181,22 @@ impl<'r> Gallery<'r> {
         }
     }
 
-    /// None of a layer that no variant has.
-    fn picture_set(&self, layer: &'static str, bits: u32, merged: u32) -> Option<Result<PictureSet, PictureError>> {
+    /// None of a layer that no variant has; of the picture in any case.
+    fn picture_set(&self, layer: &'static str, bits: u32, merged: u32) -> Result<Option<PictureSet>, PictureError> {
         let pictures: Vec<Option<Planes>> = self.shots.par_iter().map(|shot| shot.pictures.get(layer).map(|planes| planes.merged(merged))).collect();
-        if pictures.iter().all(Option::is_none) {
-            return None;
+        if layer != PICTURE && pictures.iter().all(Option::is_none) {
+            return Ok(None);
         }
-        let exposure = self.exposures.get(layer).copied().unwrap_or(0.0);
+        let reference = self.reference.filter(|reference| reference.layers.contains_key(layer));
+        let exposure = match (self.exposures.get(layer), reference) {
+            (Some(exposure), _) => *exposure,
+            (None, reference) => reference.map_or(Ok(0.0), |reference| fair_exposure(reference, layer))?,
+        };
         let first = pictures.first().and_then(Option::as_ref);
         let pack = |(index, picture): (usize, &Option<Planes>)| picture.as_ref().map(|picture| picture.pack(bits, first.filter(|_| index > 0)));
         let images = pictures.par_iter().enumerate().map(pack).collect();
-        let reference = self.reference.filter(|reference| reference.layers.contains_key(layer));
-        let reference = reference.map(|reference| self.planes(reference, layer, exposure)).transpose();
-        Some(reference.map(|reference| PictureSet { layer, exposure, images, reference: reference.map(|planes| planes.merged(merged).pack(bits, first)) }))
+        let reference = reference.map(|reference| self.planes(reference, layer, exposure)).transpose()?;
+        Ok(Some(PictureSet { layer, exposure, images, reference: reference.map(|planes| planes.merged(merged).pack(bits, first)) }))
     }
 }
 

@@ -66,8 +66,10 @@ function drawHead() {
     ["Reference", referenceText(sweep.reference)],
   ];
   byId("facts").append(...facts.map(([name, value]) => make("div", {}, make("dt", {}, name), make("dd", {}, value))));
-  byId("warnings").append(...report.warnings.map((warning) => make("li", {}, warning)));
-  byId("warnings").hidden = report.warnings.length === 0;
+  const old = "DecompressionStream" in window ? [] : ["This browser cannot unpack the pictures. One of 2023 or later can."];
+  const warnings = [...report.warnings, ...old];
+  byId("warnings").append(...warnings.map((warning) => make("li", {}, warning)));
+  byId("warnings").hidden = warnings.length === 0;
 }
 
 function referenceText(reference) {

@@ -27,7 +27,8 @@ function insetsOf() {
 let insetsDrawn = "";
 
 function drawInsets() {
-  const indices = insetsOf();
+  // Without insets nothing need be unpacked for them.
+  const indices = state.pins.length > 0 ? insetsOf() : [];
   const sources = indices.map((index) => bitmap(state.layer, index));
   const drawn = JSON.stringify([state.layer, state.pins, indices, state.left, state.right, sources.map((source) => source?.look)]);
   if (drawn === insetsDrawn) return;

@@ -23,10 +23,17 @@ function planesOf(choice, index) {
   return unpacked.get(key);
 }
 
+const firsts = new Map();
+
+/** The integers of the first variant's picture, from which others are told. */
+function firstOf(choice) {
+  if (!firsts.has(choice)) firsts.set(choice, integersOf(imageOf(choice, 0)));
+  return firsts.get(choice);
+}
+
 async function unpack(choice, image) {
-  const first = image.from_first ? imageOf(choice, 0) : null;
   const integers = await integersOf(image);
-  if (first) addTo(integers, await integersOf(first));
+  if (image.from_first) addTo(integers, await firstOf(choice));
   const exposure = setOf.shown(partsOf(choice)[1])?.exposure ?? 0;
   const values = valuesByInteger(image.bits, partsOf(choice)[0] === "shown" ? exposure : 0);
   const [green, red, blue] = integers;
@@ -196,7 +203,7 @@ function differenceOf(choice, left = state.left, right = state.right) {
 }
 
 function subtract([left, right], isRelative) {
-  if (left.width !== right.width || left.height !== right.height) return { errors: new Float32Array(left.width * left.height).fill(NaN), mean: null };
+  if (left.width !== right.width || left.height !== right.height) return { errors: new Float32Array(left.width * left.height).fill(NaN) };
   const errors = new Float32Array(left.width * left.height);
   let sum = 0;
   for (let at = 0; at < errors.length; at += 1) sum += luminance(right, at);
@@ -206,7 +213,7 @@ function subtract([left, right], isRelative) {
     const over = isRelative ? other : mean;
     errors[at] = mine === other ? 0 : over > 0 ? (mine - other) / over : NaN;
   }
-  return { errors, mean };
+  return { errors };
 }
 
 /** The error of a map's last colour: of the pictures' maps as the program found it, of differences a tenth, until the reader changes it. */

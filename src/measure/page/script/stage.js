@@ -389,8 +389,8 @@ const OPTIONS = {
   shown: (layer) => (layer === "picture" ? "Pictures" : `${LAYERS[layer][0].toUpperCase()}${LAYERS[layer].slice(1)}`),
   error: (layer) => `Error of the ${LAYERS[layer]}`,
   flip: (layer) => `ꟻLIP of the ${LAYERS[layer]}`,
-  difference: (layer) => `Left less right, ${LAYERS[layer]}`,
-  relative: (layer) => `The same at each pixel's own, ${LAYERS[layer]}`,
+  difference: (layer) => `Left − right, ${LAYERS[layer]}`,
+  relative: (layer) => `(Left − right) / right, ${LAYERS[layer]}`,
 };
 
 function layerOptions() {

@@ -201,10 +201,18 @@ fn maps(browser: &mut Browser) -> Outcome {
 
 /// What is chosen in the list beside the pictures.
 fn show(browser: &mut Browser, choice: &str) -> Outcome {
-    browser.evaluate(&format!("{{ const list = document.querySelector('#layer'); list.value = '{choice}'; list.dispatchEvent(new Event('change')) }}"))?;
-    equals(browser, "document.querySelector('#layer').value", choice)?;
+    choose(browser, "layer", choice)?;
     browser.until(DRAWN)
 }
+
+/// Chooses an entry of a list, by the list's id and the entry's value.
+fn choose(browser: &mut Browser, list: &str, value: &str) -> Outcome {
+    browser.evaluate(&format!("{{ const list = document.querySelector('#{list}'); list.value = '{value}'; list.dispatchEvent(new Event('change')) }}"))?;
+    equals(browser, &format!("document.querySelector('#{list}').value"), value)
+}
+
+/// Keeps what the page saves as `saved`, in place of a file.
+const KEEP_SAVED: &str = "URL.createObjectURL = (blob) => { window.saved = blob; return '#'; }";
 
 /// What is told of the pixel under the pointer, at a share of the stage's width.
 fn readout(browser: &mut Browser, share: f64) -> Result<String, Failed> {
@@ -230,9 +238,9 @@ fn exposure(browser: &mut Browser) -> Outcome {
     (0..14).try_for_each(|_| browser.key(","))?;
     close(browser, 0.75, 106)?;
     equals(browser, "document.querySelector('#exposure').value", "-7")?;
-    browser.evaluate("{ const curve = document.querySelector('#curve'); curve.value = 'clipped'; curve.dispatchEvent(new Event('change')) }")?;
+    choose(browser, "curve", "clipped")?;
     close(browser, 0.75, 110)?;
-    browser.evaluate("{ const gamma = document.querySelector('#gamma'); gamma.value = '1'; gamma.dispatchEvent(new Event('change')) }")?;
+    choose(browser, "gamma", "1")?;
     close(browser, 0.75, 40)?;
     let text = readout(browser, 0.75)?;
     check(text.ends_with("A 4.001 4.001 4.001   B 400.0 400.0 400.0   W/(m²·sr)"), || text)?;
@@ -264,7 +272,7 @@ fn difference(browser: &mut Browser) -> Outcome {
 
 fn insets(browser: &mut Browser) -> Outcome {
     let _page = made(3).open(browser)?;
-    browser.evaluate("URL.createObjectURL = (blob) => { window.saved = blob; return '#'; }")?;
+    browser.evaluate(KEEP_SAVED)?;
     browser.key("p")?;
     readout(browser, 0.1)?;
     browser.key("p")?;
@@ -292,12 +300,12 @@ fn link(browser: &mut Browser) -> Outcome {
     browser.until("location.hash.includes('scale=0.5')")?;
     let state = "JSON.stringify([...['left', 'right', 'layer', 'exposure', 'zoom'].map((id) => document.getElementById(id).value), document.querySelectorAll('#insets li').length, document.querySelector('#view input:checked').value, document.querySelector('#scale-ticks').textContent])";
     let (hash, before) = (browser.evaluate("location.hash")?, browser.evaluate(state)?);
-    browser.open(std::path::Path::new("/dev/null"))?;
+    browser.open(Path::new("/dev/null"))?;
     let file = page.path().join("page.html");
     browser.open(Path::new(&format!("{}{}", file.display(), hash.as_str().unwrap_or_default())))?;
     equals(browser, state, before)?;
     // What makes no sense is as if it were not there.
-    browser.open(std::path::Path::new("/dev/null"))?;
+    browser.open(Path::new("/dev/null"))?;
     browser.open(Path::new(&format!("{}#left=Z&right=__proto__&show=x&view=1&x=1e9&zoom=NaN&pins=a.b_9999.3&stops=%F0&gamma=-1", file.display())))?;
     equals(browser, "document.querySelector('#left').value + document.querySelector('#right').value", "01")?;
     equals(browser, "document.querySelectorAll('#insets li').length", 0)?;
@@ -310,7 +318,7 @@ fn saved(browser: &mut Browser) -> Outcome {
     let made = with(vec![picture(SIZE, ramp, 1.0), picture(SIZE, |_, _| [1.0; 3], 1.0)], None);
     let _page = made.open(browser)?;
     browser.until(DRAWN)?;
-    browser.evaluate("URL.createObjectURL = (blob) => { window.saved = blob; return '#'; }")?;
+    browser.evaluate(KEEP_SAVED)?;
     let base64 = "window.saved.arrayBuffer().then((buffer) => btoa(Array.from(new Uint8Array(buffer), (byte) => String.fromCharCode(byte)).join('')))";
     browser.evaluate("document.querySelector('#save-as').value = 'exr'")?;
     browser.click("#save-left")?;
@@ -423,7 +431,7 @@ fn sweep(browser: &mut Browser) -> Outcome {
     let ringed = "[...document.querySelectorAll('#plot .mark:has(.ring)')].map((mark) => mark.dataset.id).sort().join()";
     equals(browser, ringed, best.join(","))?;
     check(best.len() > 1, || format!("{best:?}"))?;
-    browser.evaluate("const metric = document.querySelector('#metric'); metric.value = '1'; metric.dispatchEvent(new Event('change'))")?;
+    choose(browser, "metric", "1")?;
     equals(browser, ringed, "A")?;
     browser.click("#plot .mark[data-id='F'] .target")?;
     equals(browser, "document.querySelector('#right').value", "5")?;
@@ -459,7 +467,7 @@ fn refused(browser: &mut Browser) -> Outcome {
     equals(browser, "document.querySelector('#absent').textContent.includes('was refused')", true)?;
     browser.key("f")?;
     browser.key("p")?;
-    browser.evaluate("{ const right = document.querySelector('#right'); right.value = '6'; right.dispatchEvent(new Event('change')) }")?;
+    choose(browser, "right", "6")?;
     close(browser, 0.5, 118)
 }
 

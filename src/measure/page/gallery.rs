@@ -6,6 +6,7 @@ use crate::measure::layers::{DIRECT, GLOSSY, IRRADIANCE, Layers, PICTURE, Pictur
 use crate::measure::metrics::{ErrorMap, MetricsError, error_map, fair_exposure, hdr_flips};
 use crate::measure::statistics::quantile;
 use serde::Serialize;
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 /// The layers that are shown and whose errors are mapped, where the variant is judged by them.
@@ -167,22 +168,28 @@ impl<'r> Gallery<'r> {
 
     /// At as many bits as fit; where even the fewest do not, of pixels twice as wide and high.
     fn picture_sets(&self) -> Result<Vec<PictureSet>, PictureError> {
-        let (mut bits, mut merged) = (ALL_BITS, 1);
+        let mut hung = SHOWN.into_iter().filter_map(|layer| self.hung(layer).transpose()).collect::<Result<Vec<_>, _>>()?;
+        let mut bits = ALL_BITS;
         loop {
-            let sets = SHOWN.into_iter().filter_map(|layer| self.picture_set(layer, bits, merged).transpose()).collect::<Result<Vec<_>, _>>()?;
+            let sets: Vec<PictureSet> = hung.iter().map(|hung| hung.pack(bits)).collect();
             let packed = || sets.iter().flat_map(|set| set.images.iter().chain([&set.reference]).flatten());
             let (weight, numbers) = packed().fold((0, 0), |(weight, numbers), packed| (weight + packed.weight(), numbers + packed.numbers()));
             if weight <= MOST_BYTES {
                 return Ok(sets);
             }
-            let too_many = ((weight - MOST_BYTES) as f64 / (numbers as f64 * BYTES_PER_BIT)).ceil() as u32;
-            (bits, merged) = if bits > LEAST_BITS { (bits.saturating_sub(too_many.max(1)).max(LEAST_BITS), merged) } else { (ALL_BITS, 2 * merged) };
+            if bits > LEAST_BITS {
+                let too_many = ((weight - MOST_BYTES) as f64 / (numbers as f64 * BYTES_PER_BIT)).ceil() as u32;
+                bits = bits.saturating_sub(too_many.max(1)).max(LEAST_BITS);
+            } else {
+                hung.iter_mut().for_each(Hung::merge);
+                bits = ALL_BITS;
+            }
         }
     }
 
     /// None of a layer that no variant has; of the picture in any case.
-    fn picture_set(&self, layer: &'static str, bits: u32, merged: u32) -> Result<Option<PictureSet>, PictureError> {
-        let pictures: Vec<Option<Planes>> = self.shots.iter().map(|shot| shot.pictures.get(layer).map(|planes| planes.merged(merged))).collect();
+    fn hung(&self, layer: &'static str) -> Result<Option<Hung<'_>>, PictureError> {
+        let pictures: Vec<_> = self.shots.iter().map(|shot| shot.pictures.get(layer).map(Cow::Borrowed)).collect();
         if layer != PICTURE && pictures.iter().all(Option::is_none) {
             return Ok(None);
         }
@@ -191,11 +198,34 @@ impl<'r> Gallery<'r> {
             (Some(exposure), _) => *exposure,
             (None, reference) => reference.map_or(Ok(0.0), |reference| fair_exposure(reference, layer))?,
         };
-        let first = pictures.first().and_then(Option::as_ref);
-        let pack = |(index, picture): (usize, &Option<Planes>)| picture.as_ref().map(|picture| picture.pack(bits, first.filter(|_| index > 0)));
-        let images = pictures.iter().enumerate().map(pack).collect();
         let reference = reference.map(|reference| self.planes(reference, layer, exposure)).transpose()?;
-        Ok(Some(PictureSet { layer, exposure, images, reference: reference.map(|planes| planes.merged(merged).pack(bits, first)) }))
+        Ok(Some(Hung { layer, exposure, pictures, reference: reference.map(Cow::Owned) }))
+    }
+}
+
+/// The pictures of one layer, to be packed.
+struct Hung<'g> {
+    layer: &'static str,
+    exposure: f32,
+    pictures: Vec<Option<Cow<'g, Planes>>>,
+    reference: Option<Cow<'g, Planes>>,
+}
+
+impl Hung<'_> {
+    fn pack(&self, bits: u32) -> PictureSet {
+        let first = self.pictures.first().and_then(Option::as_deref);
+        let pack = |(index, picture): (usize, &Option<Cow<'_, Planes>>)| picture.as_ref().map(|picture| picture.pack(bits, first.filter(|_| index > 0)));
+        PictureSet {
+            layer: self.layer,
+            exposure: self.exposure,
+            images: self.pictures.iter().enumerate().map(pack).collect(),
+            reference: self.reference.as_ref().map(|planes| planes.pack(bits, first)),
+        }
+    }
+
+    /// Of pixels twice as wide and high.
+    fn merge(&mut self) {
+        self.pictures.iter_mut().chain([&mut self.reference]).flatten().for_each(|planes| *planes = Cow::Owned(planes.merged(2)));
     }
 }
 

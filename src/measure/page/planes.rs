@@ -15,6 +15,7 @@ pub(super) const ALL_BITS: u32 = 10;
 const NOTHING: i16 = i16::MIN;
 
 /// Light in red, green and blue, or one error, of each pixel.
+#[derive(Clone)]
 pub(super) struct Planes {
     pub(super) size: [u32; 2],
     /// Pixels of the whole picture along a side of one of these.
@@ -67,11 +68,8 @@ impl Planes {
     /// Each pixel the mean of square blocks of these.
     pub(super) fn merged(&self, block: u32) -> Self {
         let known = |value: f16| if value.is_nan() { None } else { Some(value.to_f32()) };
-        let channels = self
-            .channels
-            .iter()
-            .map(|plane| if block == 1 { plane.clone() } else { means(self.size, block, |at| known(plane[at])).into_iter().map(half_of).collect() });
-        Self { size: self.size.map(|side| side.div_ceil(block)), block: self.block * block, channels: channels.collect() }
+        let plane = |plane: &Vec<f16>| means(self.size, block, |at| known(plane[at])).into_iter().map(half_of).collect();
+        Self { size: self.size.map(|side| side.div_ceil(block)), block: self.block * block, channels: self.channels.iter().map(plane).collect() }
     }
 
     /// To that many bits of the mantissa: as they are, or as differences from `first` where that is smaller.

@@ -1,6 +1,5 @@
 // What outlasts the page: a link that holds the view, and files
 
-const KEPT = ["left", "right", "show", "view", "split", "x", "y", "zoom", "stops", "curve", "gamma", "scale", "pins"];
 let linkDue = null;
 
 /** Writes the view into the page's address, a moment after it last changed. */
@@ -11,7 +10,7 @@ function keepLink() {
     const light = { stops: tone.stops || null, curve: tone.curve === "soft" ? null : tone.curve, gamma: tone.gamma, scale: scales.get(state.layer) };
     const pins = state.pins.map((pin) => `${pin.x}.${pin.y}`).join("_") || null;
     const view = { left: letterOf(state.left), right: letterOf(state.right), show: state.layer.replace(" ", "."), view: state.view, split: state.split.toFixed(3), ...place, ...light, pins };
-    const parts = KEPT.filter((name) => view[name] !== null && view[name] !== undefined).map((name) => `${name}=${encodeURIComponent(view[name])}`);
+    const parts = Object.entries(view).filter(([, value]) => value !== null && value !== undefined).map(([name, value]) => `${name}=${encodeURIComponent(value)}`);
     history.replaceState(null, "", `#${parts.join("&")}`);
   }, 150);
 }

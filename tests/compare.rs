@@ -26,6 +26,7 @@ const DRAWN: &[(&str, Case)] = &[
     ("a_page_holds_what_was_found", html),
     ("a_page_shows_glossy_light", glossy),
     ("an_unfinished_variant_is_named", unfinished),
+    ("runs_that_are_ended_early_are_judged", cuts),
     ("an_interrupted_comparison_keeps_whole_rounds", interrupted),
 ];
 
@@ -200,6 +201,19 @@ fn without_irradiance() -> Outcome {
     check(json["pairs"] == Value::Array(Vec::new()) && json["variants"][0]["records"]["irradiance"].is_null(), || json.to_string())
 }
 
+/// Runs with half of the time and a quarter are judged, too.
+fn cuts() -> Outcome {
+    let place = Place::new()?;
+    let (text, _) = place.succeed(&format!("compare irradiance {SMALL} --runs 3 --cuts 2 --json out.json"))?;
+    let variant = place.json("out.json")?["variants"][0].clone();
+    let median = variant["seconds"]["median"].as_f64().unwrap_or(0.0);
+    let given: Vec<f64> = variant["cuts"].as_array().into_iter().flatten().filter_map(|cut| cut["within_seconds"].as_f64()).collect();
+    let are_halves = given.len() == 2 && given.iter().zip([4.0, 2.0]).all(|(given, part)| (given * part / median - 1.0).abs() < 1e-6);
+    let are_judged = (0..2).all(|cut| variant["cuts"][cut]["errors"]["irradiance"]["rmse_over_mean"].is_f64() && variant["cuts"][cut]["seconds"].is_f64());
+    check(are_halves && are_judged && variant["pictures_repeat"] == true, || variant.to_string())?;
+    check(text.contains("within ") && text.contains("whole"), || text)
+}
+
 fn unfinished() -> Outcome {
     let place = Place::new()?;
     let (text, stderr) = place.succeed(
@@ -251,6 +265,9 @@ fn html() -> Outcome {
     let gallery = &data["gallery"];
     check(layers(gallery, "shown") == [PICTURE, "irradiance"] && layers(gallery, "maps") == [PICTURE, "irradiance"], || gallery.to_string())?;
     images_of(gallery, 2)?;
+    let records = |index: usize| (gallery["records"][index][0]["cache"].clone(), gallery["records"][index][0]["count"].as_u64().unwrap_or(0));
+    let few = records(1);
+    check(few.0 == "cache" && few.1 > 0 && records(0).1 > few.1, || gallery["records"].to_string())?;
     let text = report["beside"][1]["text"].as_str().unwrap_or_default();
     check(text.contains("accuracy: 0.5,") && text.contains("resolution: 8,"), || text.to_owned())
 }
@@ -372,6 +389,7 @@ fn mistakes() -> Outcome {
         ("irradiance --reference weight.exr", "measure::unknown_layer", "the file holds: weight"),
         ("irradiance --reference missing.exr", "cli::read", "missing.exr"),
         ("irradiance --reference good.exr --reference-variance large.exr", "measure::variance_size", "33×24"),
+        ("irradiance --no-reference --cuts 2", "", "'--cuts <N>'"),
         ("irradiance --reference-variance good.exr", "", "--reference <FILE.exr[:LAYER]>"),
         ("irradiance --reference good.exr --no-reference", "", "cannot be used with"),
         ("irradiance --reference good.exr --reference-spp 3", "", "cannot be used with"),

@@ -9,17 +9,22 @@ mod skips;
 use base64::{Engine, engine::general_purpose::STANDARD};
 use browser::Browser;
 use browser::made::{COLOURS, Made, SIZE, made, open, picture, swept, swept_report, textured, with};
-use hemisplat::measure::compare::VariantReport;
+use glam::Vec3;
+use hemisplat::math::weight::{Record, Rule, Weighting};
+use hemisplat::measure::compare::{Cut, VariantReport};
 use hemisplat::measure::criteria::Cost;
 use hemisplat::measure::expectation::{Found, Verdict};
-use hemisplat::measure::page::{Gallery, page};
+use hemisplat::measure::page::{Gallery, Overlay, page};
 use hemisplat::measure::sweep::{Outcome as State, mark_front};
 use hemisplat::measure::{GLOSSY, Layer, Layers, PICTURE};
+use hemisplat::scene::Camera;
+use hemisplat::scene::model::{FieldOfView, Sample};
 use image::RgbImage;
 use libtest_mimic::{Arguments, Failed};
 use skips::Missing;
 use std::collections::BTreeMap;
 use std::env;
+use std::f32::consts::FRAC_PI_2;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -34,12 +39,14 @@ const CASES: &[(&str, Case)] = &[
     ("exposure_and_curve_show_light_beyond_the_screen", exposure),
     ("differences_are_of_what_is_left_and_right", difference),
     ("insets_show_a_part_of_every_picture", insets),
+    ("records_lie_over_the_picture", records),
     ("a_link_holds_the_view", link),
     ("a_saved_picture_holds_its_light", saved),
     ("a_table_that_goes_on_fades", overflow),
     ("glossy_light_is_shown_as_pictures_and_as_maps", glossy),
     ("without_a_reference_the_page_says_so", no_reference),
     ("a_point_opens_its_picture", plot),
+    ("runs_that_were_ended_early_lead_to_the_whole_one", cuts),
     ("marks_that_cover_each_other_open_by_their_letters", covered),
     ("columns_sort", table),
     ("texts_show_their_difference", texts),
@@ -287,6 +294,80 @@ fn insets(browser: &mut Browser) -> Outcome {
     equals(browser, "document.querySelector('#insets p').textContent.startsWith('x 5 to 13,')", true)
 }
 
+/// Of a wall 2 before the eye that fills the picture, 4 wide: one record in the middle of the left half, three on the right.
+fn wall(cache: &str) -> Overlay {
+    let field_of_view = FieldOfView::Horizontal(FRAC_PI_2);
+    let camera = Camera { name: "wall".into(), eye: Vec3::ZERO, direction: Vec3::Y, up: Vec3::Z, field_of_view, size: None, sample: Sample::default() };
+    let rule = Rule {
+        weighting: Weighting::Compact,
+        accuracy: 0.25,
+        spacing: [1.0, 20.0],
+        nearest: 0.5,
+        change: 1.0,
+        overlap: 0.0,
+        contrast: 1.0,
+        finest_spacing: 1.0,
+    };
+    let record = |x: f32, z: f32, error: f32, minimum_distance: f32| Record {
+        position: Vec3::new(x, 2.0, z),
+        radius: 2.0,
+        normal: -Vec3::Y,
+        minimum_distance,
+        irradiance: Vec3::splat(8.0),
+        footprint: 0.05,
+        error: Vec3::splat(8.0 * error),
+        rotation: [Vec3::ZERO; 3],
+        translation: [Vec3::ZERO; 3],
+        stretch: Vec3::ZERO,
+        relative_gradient: 0.0,
+        fineness: 1.0,
+        confinement: 0.0,
+    };
+    let right = [-0.5, 0.0, 0.5].map(|z| record(1.0, z, 0.3, 0.2));
+    Overlay::new(cache.into(), &rule, &[&[record(-1.0, 0.0, 0.015, 9.0)], &right[..]].concat(), &camera, SIZE)
+}
+
+fn records(browser: &mut Browser) -> Outcome {
+    let plain = made(2).open(browser)?;
+    equals(browser, "document.querySelector('#records').parentElement.hidden", true)?;
+    drop(plain);
+    let page = Made { records: vec![wall("cache"), wall("glossy_cache")], ..made(2) }.open(browser)?;
+    equals(
+        browser,
+        "[...document.querySelectorAll('#records option')].map(({ value }) => value).join()",
+        ",limit cache,error cache,limit glossy_cache,error glossy_cache",
+    )?;
+    let before = readout(browser, 0.9)?;
+    browser.key("r")?;
+    equals(browser, "document.querySelector('#records').value", "limit cache")?;
+    browser.until("document.querySelector('#rings-text').textContent.includes('A: 4. B has no such records.')")?;
+    // Half a unit of 4 around the middle of the left half: the ring's right end is at 3/8. `accuracy` ended it.
+    let ring = |browser: &mut Browser, colour: [i32; 3]| {
+        browser.until(DRAWN)?;
+        let [x, y] = on_stage(browser, 0.375)?;
+        let near = |found: [u8; 3]| (0..3).all(|channel| (i32::from(found[channel]) - colour[channel]).abs() < 90);
+        let shot = browser.screenshot()?;
+        let found: Vec<[u8; 3]> = (-3..=3).map(|step| shot.get_pixel((x as i32 + step) as u32, y as u32).0).collect();
+        check(found.iter().any(|colour| near(*colour)), || format!("no ring of {colour:?} in {found:?}"))
+    };
+    ring(browser, [86, 180, 233])?;
+    browser.key("r")?;
+    equals(browser, "document.querySelector('#records').value", "error cache")?;
+    equals(browser, "document.querySelector('#rings-legend').textContent", "to 1.00 %to 2.00 %to 5.00 %to 10.0 %to 20.0 %above 20.0 %")?;
+    ring(browser, [70, 134, 251])?;
+    let [x, y] = on_stage(browser, 0.25)?;
+    browser.drag([x, y], [x, y])?;
+    let text = browser.evaluate("document.querySelector('#readout').textContent")?;
+    let told = "record of A: 8.000 W/m² ± 1.50 %, reaches 0.500, limited by accuracy";
+    check(text.as_str().is_some_and(|text| text.contains(told)) && !before.contains("record"), || text.to_string())?;
+    // The link holds them.
+    browser.until("location.hash.includes('records=error.cache')")?;
+    let file = page.path().join("page.html");
+    browser.open(Path::new("/dev/null"))?;
+    browser.open(Path::new(&format!("{}#records=limit.glossy_cache", file.display())))?;
+    equals(browser, "document.querySelector('#records').value", "limit glossy_cache")
+}
+
 /// An address that another person opens.
 fn link(browser: &mut Browser) -> Outcome {
     let page = made(3).open(browser)?;
@@ -400,6 +481,18 @@ fn plot(browser: &mut Browser) -> Outcome {
     browser.key("Enter")?;
     equals(browser, "document.querySelector('#right').value", "3")?;
     equals(browser, "document.activeElement.id", "stage")
+}
+
+fn cuts(browser: &mut Browser) -> Outcome {
+    let mut made = made(2);
+    let errors = made.comparison.variants[1].errors.clone();
+    made.comparison.variants[0].cuts = [0.25, 0.5].map(|seconds| Cut { within_seconds: seconds, seconds, errors: errors.clone() }).into();
+    let _page = made.open(browser)?;
+    equals(browser, "document.querySelectorAll('#plot .mark').length", 4)?;
+    equals(browser, "[...document.querySelectorAll('#plot [role=button]')].map(({ dataset }) => dataset.id).join()", "A,B")?;
+    equals(browser, "document.querySelector('#plot .line').getAttribute('points').split(' ').length", 3)?;
+    equals(browser, "document.querySelector('#plot .mark title').textContent.startsWith('A ended after 0.250 s, ')", true)?;
+    equals(browser, "document.querySelector('#plot-note').textContent.includes('ended early')", true)
 }
 
 /// The same pipeline again: its mark lies below that of the first.

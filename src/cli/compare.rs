@@ -7,6 +7,7 @@ use super::given::PictureOption;
 use super::input::peak_host_bytes;
 use super::interrupt::Shelter;
 use super::output::{Target, expect_distinct};
+use super::overlays::overlays;
 use super::pipeline::{check_pipeline, note_idle, note_names, plan_view};
 use super::progress::Progress;
 use super::resources::expect_memory;
@@ -14,7 +15,7 @@ use super::scene::{SceneOptions, View};
 use super::truth::{FILES, Shorter, Truth, TruthOptions};
 use crate::gpu::{Gpu, Pace, expected_device};
 use crate::measure::Layers;
-use crate::measure::compare::{self, About, Comparison, Contender, GivenPicture, StartUp, VariantErrors};
+use crate::measure::compare::{self, About, Comparison, Contender, Cut, GivenPicture, StartUp, VariantErrors};
 use crate::measure::page::Gallery;
 use crate::measure::run::Run;
 use crate::measure::statistics::least_runs;
@@ -22,10 +23,13 @@ use crate::measure::told::comparison;
 use crate::pipeline::{Pipeline, Plan, Problems};
 use clap::Args;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Most runs of each variant: the test of significance is exact, and its work grows with their third power.
 const MAX_RUNS: i64 = 500;
+
+/// Most runs of each variant that are ended early: the last has a 256th of the time.
+const MAX_CUTS: i64 = 8;
 
 /// Runs of each variant where the user says nothing, unless so many variants are compared that more are needed.
 const DEFAULT_RUNS: usize = 10;
@@ -51,6 +55,9 @@ pub struct Options {
     runs: Option<u16>,
     #[command(flatten)]
     truth: TruthOptions,
+    /// Also run each once with half of its time, once with a quarter and so on, and judge what it has by then
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u8).range(..=MAX_CUTS), conflicts_with = "no_reference")]
+    cuts: u8,
     /// Judge a picture that another program made, too, and say what time it took there; may be repeated
     #[arg(long = "picture", value_name = "LABEL=FILE.exr:LAYER[,seconds=S]", value_parser = PictureOption::parse, group = FILES, conflicts_with = "no_reference")]
     pictures: Vec<PictureOption>,
@@ -96,9 +103,10 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     let judged = judged.collect::<Result<Vec<_>, _>>()?;
 
     let gallery = targets.html.is_some().then(|| Gallery::new(view.size, plans.len() + pictures.len(), truth.as_ref().map(Truth::picture)));
-    let mut contest = Contest { truth: truth.as_ref(), shorter: &shorter, gallery, entries: Vec::new(), rounds: runs_of(options), shelter: None };
+    let mut contest =
+        Contest { truth: truth.as_ref(), shorter: &shorter, gallery, entries: Vec::new(), rounds: runs_of(options), cuts: options.cuts.into(), shelter: None };
     let about = variants.into_iter().zip(&plans).map(|(variant, (_, plan_seconds))| variant.about(*plan_seconds));
-    let result = contest.hold(runs.into_iter().zip(about).collect(), &Progress::new(console, "comparing"));
+    let result = contest.hold(runs.into_iter().zip(about).collect(), &view, &Progress::new(console, "comparing"));
     let is_interrupted = result.as_ref().is_err_and(|failure| failure.status == 130);
     if !is_interrupted {
         result?;
@@ -165,7 +173,7 @@ impl Variant {
     }
 
     fn about(self, plan_seconds: f64) -> About {
-        About { name: self.name, set: self.sets, plan_seconds, shaders_seconds: 0.0, errors: VariantErrors::default(), error_parts: None }
+        About { name: self.name, set: self.sets, plan_seconds, ..About::default() }
     }
 }
 
@@ -224,19 +232,24 @@ struct Contest<'t, 'a> {
     gallery: Option<Gallery<'t>>,
     entries: Vec<(Contender<'a>, About)>,
     rounds: usize,
+    /// Of each variant, so many runs are ended early.
+    cuts: usize,
     /// From the end of the first round on there is something to keep.
     shelter: Option<Shelter>,
 }
 
 impl<'a> Contest<'_, 'a> {
     /// Warms each variant up and judges its picture, then holds the rounds.
-    fn hold(&mut self, runs: Vec<((Run<'a>, f64), About)>, progress: &Progress) -> Result<(), Failure> {
+    fn hold(&mut self, runs: Vec<((Run<'a>, f64), About)>, view: &View, progress: &Progress) -> Result<(), Failure> {
         let variants = runs.len();
-        let steps = (variants * (self.rounds + 1)) as f32;
+        let steps = (variants * (self.rounds + self.cuts + 1)) as f32;
         let pace = |done: usize| move || if progress.report(done as f32 / steps) { Pace::GoOn } else { Pace::Stop };
         for ((run, shaders_seconds), about) in runs {
             let (contender, picture) = Contender::warm_up(run, &pace(self.entries.len())).map_err(Failure::of_run)?;
             self.exhibit(&picture)?;
+            if let Some(gallery) = &mut self.gallery {
+                gallery.overlay(overlays(contender.run(), view)?);
+            }
             let error_parts = Shorter::parts(self.shorter, contender.plan(), &picture)?;
             let errors = self.truth.map_or(Ok(VariantErrors::default()), |truth| truth.judge(picture))?;
             self.entries.push((contender, About { shaders_seconds, errors, error_parts, ..about }));
@@ -251,6 +264,23 @@ impl<'a> Contest<'_, 'a> {
                 self.entries[variant].0.measure(&pace).map_err(Failure::of_run)?;
             }
             self.shelter.get_or_insert_with(Shelter::new);
+        }
+        for variant in 0..variants {
+            let done = variants * (self.rounds + 1) + variant * self.cuts;
+            self.cut(variant, &|cut| progress.report((done + cut) as f32 / steps))?;
+        }
+        Ok(())
+    }
+
+    /// Runs a variant in ever less of its time; `report` takes how many of these runs are done, and is false once the user asked to stop.
+    fn cut(&mut self, variant: usize, report: &dyn Fn(usize) -> bool) -> Result<(), Failure> {
+        let (contender, about) = &mut self.entries[variant];
+        let (Some(truth), Some(median)) = (self.truth, contender.median_seconds()) else { return Ok(()) };
+        for cut in 0..self.cuts {
+            let within = Duration::from_secs_f64(median / f64::from(2 << cut));
+            let pace = || if report(cut) { Pace::GoOn } else { Pace::Stop };
+            let (seconds, picture) = contender.cut(within, &pace).map_err(Failure::of_run)?;
+            about.cuts.insert(0, Cut { within_seconds: within.as_secs_f64(), seconds, errors: truth.judge(picture)? });
         }
         Ok(())
     }

@@ -88,7 +88,8 @@ fn lobes_picture(lobes: &port::Lobes, run: &Run<'_>) -> Result<Layers, Failure> 
     Ok(picture)
 }
 
-fn items<T: bytemuck::AnyBitPattern + bytemuck::NoUninit>(run: &Run<'_>, buffer: Resource, count: u32) -> Result<Vec<T>, Failure> {
+/// So many items of a buffer.
+pub(super) fn items<T: bytemuck::AnyBitPattern + bytemuck::NoUninit>(run: &Run<'_>, buffer: Resource, count: u32) -> Result<Vec<T>, Failure> {
     let mut items: Vec<T> = bytemuck::pod_collect_to_vec(&run.bytes(buffer).map_err(Failure::work)?);
     items.truncate(count as usize);
     Ok(items)

@@ -23,6 +23,7 @@ mod kept;
 mod legible;
 mod new;
 mod output;
+mod overlays;
 mod passes;
 mod pipeline;
 mod pipelines;

@@ -310,7 +310,7 @@ impl<'a> Work<'a> {
 
     fn keep(&mut self, Entry { index, contender, picture, errors, error_parts }: Entry<'a>) -> Result<(), Failure> {
         let point = &mut self.points[index];
-        let about = About { name: point.name(&[]), set: point.set.clone(), plan_seconds: 0.0, shaders_seconds: 0.0, errors, error_parts };
+        let about = About { name: point.name(&[]), set: point.set.clone(), errors, error_parts, ..About::default() };
         if let Some(report) = contender.report(point.id.clone(), about, usize::from(self.survey.runs)) {
             let measured = Measured::from(report);
             self.folder.keep(&self.keys[index], point, &measured, picture)?;

@@ -8,9 +8,10 @@ use super::layers::{DIRECT, GLOSSY, INDIRECT, IRRADIANCE, Layers, PICTURE};
 use super::metrics::{ErrorDifference, Errors};
 use super::run::{FrameReport, PassReport, Records, Run, RunError};
 use super::statistics::{Difference, Spread, runs_to_find};
-use crate::gpu::{Adapter, AskPace, Unfinished};
+use crate::gpu::{Adapter, AskPace, Pace, Unfinished};
 use crate::pipeline::Plan;
 use serde::{Deserialize, Serialize, Serializer};
+use std::time::{Duration, Instant};
 
 /// The difference that a number of runs is recommended for: a variant that takes 5 % longer.
 pub const WORTH_FINDING: f64 = 0.05;
@@ -49,8 +50,27 @@ impl<'a> Contender<'a> {
         Ok(())
     }
 
+    /// One run from empty caches that is to take no longer than this, as loops end early: what it took, and its picture. No part of what runs measure.
+    pub fn cut(&mut self, within: Duration, ask: AskPace) -> Result<(f64, Layers), RunError> {
+        self.run.reset()?;
+        let start = Instant::now();
+        let pace = || if ask() == Pace::Stop { Pace::Stop } else { Pace::Within(within.saturating_sub(start.elapsed())) };
+        let report = self.run.frame(&pace)?;
+        Ok((report.seconds, self.run.picture()?))
+    }
+
+    /// The median time of its runs; None without a run [s].
+    pub fn median_seconds(&self) -> Option<f64> {
+        Spread::of(&self.frames.iter().map(|frame| frame.seconds).collect::<Vec<_>>()).map(|spread| spread.median)
+    }
+
     pub fn plan(&self) -> &Plan {
         self.run.plan()
+    }
+
+    /// As its last picture left it.
+    pub fn run(&self) -> &Run<'a> {
+        &self.run
     }
 
     /// Runs measured so far.
@@ -86,11 +106,13 @@ impl<'a> Contender<'a> {
             passes: passes(frames),
             errors: about.errors,
             error_parts: about.error_parts,
+            cuts: about.cuts,
         })
     }
 }
 
-/// What is known of a variant before it runs.
+/// What is known of a variant beside what its runs measure.
+#[derive(Default)]
 pub struct About {
     /// As the user wrote it.
     pub name: String,
@@ -101,6 +123,17 @@ pub struct About {
     pub errors: VariantErrors,
     /// Where the reference holds more bounces than the variant makes, and the truth of its own bounces is at hand.
     pub error_parts: Option<ErrorParts>,
+    pub cuts: Vec<Cut>,
+}
+
+/// A run whose loops were ended early.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Cut {
+    /// That it was given.
+    pub within_seconds: f64,
+    /// That it took: more where what cannot be ended early takes longer.
+    pub seconds: f64,
+    pub errors: VariantErrors,
 }
 
 /// An error in two parts: of the bounces left out, and of the method.
@@ -251,6 +284,9 @@ pub struct VariantReport {
     pub errors: VariantErrors,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub error_parts: Option<ErrorParts>,
+    /// Runs that were ended early, the shortest first.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub cuts: Vec<Cut>,
 }
 
 fn names<S: Serializer>(unfinished: &[Unfinished], serializer: S) -> Result<S::Ok, S::Error> {

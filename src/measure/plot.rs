@@ -23,9 +23,9 @@ pub struct Line {
     pub marks: Vec<Mark>,
 }
 
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Mark {
-    /// `data-id` of its group, for pages that answer to a click.
+    /// `data-id` of its group, for pages that answer to a click; empty where they do not.
     pub id: String,
     /// Stands beside it.
     pub label: Option<String>,

@@ -1,6 +1,6 @@
 //! A pipeline over a grid of parameters: error over time, and which points nothing else beats.
 
-use super::compare::{AdapterReport, Comparison, ErrorParts, Given, GivenPicture, ReferenceReport, VariantErrors, VariantReport};
+use super::compare::{AdapterReport, Comparison, Cut, ErrorParts, Given, GivenPicture, ReferenceReport, VariantErrors, VariantReport};
 use super::criteria::{Cost, Metric};
 use super::expectation::Found;
 use super::front::{Standing, front};
@@ -112,6 +112,9 @@ pub struct Measured {
     /// Where the reference has more bounces than the point makes, and one of as many was made.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub error_parts: Option<ErrorParts>,
+    /// Runs that were ended early, the shortest first.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub cuts: Vec<Cut>,
 }
 
 /// The median time of a node.
@@ -148,6 +151,7 @@ impl From<VariantReport> for Measured {
             passes: passes.collect(),
             errors: report.errors,
             error_parts: report.error_parts,
+            cuts: report.cuts,
         }
     }
 }
@@ -268,13 +272,14 @@ pub fn best<'p>(points: &'p [Point], metric: &Metric, cost: &Cost) -> Vec<(&'p P
 }
 
 /// Error over cost: a line for each row and the values of all parameters but the first, along which that one changes. Marks of the front have that
-/// one's value beside them, or without parameters each mark its letter.
+/// one's value beside them, or without parameters each mark its letter. The marks of runs that were ended early lead to that of the whole ones.
 pub fn plot(sweep: &Sweep, metric: &Metric, cost: &Cost) -> Plot {
     let along = sweep.over.first().map_or("", |axis| &axis.parameter);
     let unit = if metric.is_share() { " [%]" } else { "" };
     let [width, height] = sweep.size;
-    let lines =
-        lines(sweep).into_iter().map(|(name, points)| Line { name, marks: points.iter().filter_map(|point| mark(sweep, point, metric, cost)).collect() });
+    let marks =
+        |points: Vec<&Point>| points.iter().flat_map(|point| cut_marks(point, metric, cost).into_iter().chain(mark(sweep, point, metric, cost))).collect();
+    let lines = lines(sweep).into_iter().map(|(name, points)| Line { name, marks: marks(points) });
     Plot {
         title: format!("{}, {width}×{height}, {}", sweep.scene, sweep.adapter.name),
         x_label: cost.label(sweep.runs),
@@ -300,26 +305,31 @@ pub fn lines(sweep: &Sweep) -> Vec<(String, Vec<&Point>)> {
 fn mark(sweep: &Sweep, point: &Point, metric: &Metric, cost: &Cost) -> Option<Mark> {
     let (x, x_spread) = point.cost(cost).filter(|(x, _)| *x > 0.0)?;
     let errors = point.errors()?;
-    let factor = if metric.is_share() { 100.0 } else { 1.0 };
-    let told = metric.told(errors)?;
-    let interval = metric.interval(errors).map(|interval| interval.of_size().map(|end| factor * end));
-    let hidden = metric.interval(errors).filter(|interval| interval.below_noise).map(|interval| factor * interval.most());
-    let error = hidden.unwrap_or(factor * metric.of(errors)?);
+    let about = format!("{}: {}, {}, {}", point.id, point.name(&sweep.over), cost.told(x), metric.told(errors)?.sentence());
     let label = match sweep.over.first() {
         None => Some(&point.id),
         Some(axis) => point.values.get(&axis.parameter).filter(|_| point.pareto),
     };
-    Some(Mark {
-        id: point.id.clone(),
-        label: label.cloned(),
-        about: format!("{}: {}, {}, {}", point.id, point.name(&sweep.over), cost.told(x), told.sentence()),
-        x,
-        x_spread,
-        y: error,
-        y_spread: interval.unwrap_or([error; 2]),
-        is_limit: hidden.is_some(),
-        is_on_front: point.pareto,
-    })
+    Some(Mark { id: point.id.clone(), label: label.cloned(), about, x, x_spread, is_on_front: point.pareto, ..mark_of_errors(errors, metric)? })
+}
+
+/// One for each run of a point that was ended early, without an id: there is no picture of it.
+fn cut_marks(point: &Point, metric: &Metric, cost: &Cost) -> Vec<Mark> {
+    let cuts = point.measured().filter(|_| matches!(cost, Cost::Seconds)).map_or(&[][..], |measured| &measured.cuts);
+    let mark = |cut: &Cut| {
+        let about = format!("{} ended after {}, {}", point.id, cost.told(cut.seconds), metric.told(&cut.errors)?.sentence());
+        Some(Mark { about, x: cut.seconds, x_spread: [cut.seconds; 2], ..mark_of_errors(&cut.errors, metric)? })
+    };
+    cuts.iter().filter(|cut| cut.seconds > 0.0).filter_map(mark).collect()
+}
+
+/// What a mark tells of errors; None where they are not known.
+fn mark_of_errors(errors: &VariantErrors, metric: &Metric) -> Option<Mark> {
+    let factor = if metric.is_share() { 100.0 } else { 1.0 };
+    let interval = metric.interval(errors).map(|interval| interval.of_size().map(|end| factor * end));
+    let hidden = metric.interval(errors).filter(|interval| interval.below_noise).map(|interval| factor * interval.most());
+    let error = hidden.unwrap_or(factor * metric.of(errors)?);
+    Some(Mark { y: error, y_spread: interval.unwrap_or([error; 2]), is_limit: hidden.is_some(), ..Mark::default() })
 }
 
 #[cfg(test)]

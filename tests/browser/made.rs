@@ -5,7 +5,7 @@ use hemisplat::measure::compare::{
     AdapterReport, Comparison, PassSpread, ReferenceReport, StartUp, VariantErrors, VariantReport, VariantStartUp, letters, pairs,
 };
 use hemisplat::measure::criteria::{Cost, Metric};
-use hemisplat::measure::page::{Beside, Differences, Gallery, Report, Told, page};
+use hemisplat::measure::page::{Beside, Differences, Gallery, Overlay, Report, Told, page};
 use hemisplat::measure::run::Records;
 use hemisplat::measure::statistics::Spread;
 use hemisplat::measure::sweep::{Axis, Sweep};
@@ -24,6 +24,8 @@ pub struct Made {
     pub pipelines: Vec<String>,
     pub pictures: Vec<Layers>,
     pub reference: Option<Layers>,
+    /// Over the first picture.
+    pub records: Vec<Overlay>,
 }
 
 /// A picture whose pixels have a colour by their place, and an irradiance that is `light` everywhere.
@@ -78,7 +80,7 @@ pub fn with(pictures: Vec<Layers>, reference: Option<Layers>) -> Made {
         .enumerate()
         .map(|(index, _)| format!("Pipeline(\n    nodes: [\n        resolution: {},\n    ],\n)\n", 8 << (index % 12)))
         .collect();
-    Made { comparison, pipelines, pictures, reference }
+    Made { comparison, pipelines, pictures, reference, records: vec![] }
 }
 
 pub fn variant(index: usize, picture: &Layers, reference: Option<&Layers>) -> VariantReport {
@@ -108,6 +110,7 @@ pub fn variant(index: usize, picture: &Layers, reference: Option<&Layers>) -> Va
         passes: vec![pass("gbuffer", "GBuffer", 0.05), pass("tiles", "HemisphereTiles", 0.7), pass("splats", "Splat", 0.25)],
         errors: VariantErrors { irradiance: errors("irradiance"), picture: errors(PICTURE), glossy: errors(GLOSSY), direct: None },
         error_parts: None,
+        cuts: vec![],
     }
 }
 
@@ -128,7 +131,12 @@ impl Made {
 
     pub fn gallery(&self) -> Result<Gallery<'_>, Failed> {
         let mut gallery = Gallery::new(self.comparison.size, self.pictures.len(), self.reference.as_ref());
-        self.pictures.iter().try_for_each(|picture| gallery.add(picture, self.reference.as_ref()))?;
+        for (index, picture) in self.pictures.iter().enumerate() {
+            gallery.add(picture, self.reference.as_ref())?;
+            if index == 0 {
+                gallery.overlay(self.records.clone());
+            }
+        }
         Ok(gallery)
     }
 

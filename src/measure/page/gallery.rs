@@ -1,6 +1,7 @@
 //! The pictures of a page as linear light, and maps of their errors. However many there are, their pixels and bytes are bounded.
 
 use super::planes::{ALL_BITS, Packed, Planes, means};
+use super::records::{MOST_RECORDS, Overlay, RecordSet};
 use crate::measure::compare::judged;
 use crate::measure::layers::{DIRECT, GLOSSY, IRRADIANCE, Layers, PICTURE, PictureError};
 use crate::measure::metrics::{ErrorMap, MetricsError, error_map, fair_exposure, hdr_flips};
@@ -21,7 +22,7 @@ const MOST_PIXELS: u64 = 1 << 24;
 /// The same of all maps of a layer.
 const MOST_MAP_PIXELS: u64 = 1 << 21;
 
-/// Most bytes of all pictures together: where there would be more, each number has fewer bits, then pixels are merged.
+/// Most bytes of all pictures together, with the records over them: where there would be more, each number has fewer bits, then pixels are merged.
 const MOST_BYTES: usize = 25 << 19;
 
 /// Bits of the mantissa that each number of a picture keeps in any case: right to 0.8 %, less than what 8 bits of a screen show.
@@ -57,6 +58,8 @@ struct Shot {
     pictures: BTreeMap<&'static str, Planes>,
     errors: BTreeMap<&'static str, Map>,
     flip: Option<Map>,
+    /// By cache.
+    records: Vec<Overlay>,
 }
 
 /// A map of errors as means of blocks.
@@ -73,6 +76,8 @@ pub(super) struct Exhibition {
     maps: Vec<MapSet>,
     /// HDR-ꟻLIP of the pictures.
     flip: Option<MapSet>,
+    /// For each variant those of its caches.
+    records: Vec<Vec<RecordSet>>,
 }
 
 /// The pictures of one layer.
@@ -121,6 +126,13 @@ impl<'r> Gallery<'r> {
         Ok(())
     }
 
+    /// Lays records over the picture that was taken in last.
+    pub fn overlay(&mut self, records: Vec<Overlay>) {
+        if let Some(shot) = self.shots.last_mut() {
+            shot.records = records;
+        }
+    }
+
     /// Tells that the next variant has no picture.
     pub fn skip(&mut self) {
         self.shots.push(Shot::default());
@@ -159,26 +171,31 @@ impl<'r> Gallery<'r> {
     pub(super) fn show(&self) -> Result<Exhibition, PictureError> {
         let flips: Vec<Option<&Map>> = self.shots.iter().map(|shot| shot.flip.as_ref()).collect();
         let errors = |layer| self.shots.iter().map(|shot| shot.errors.get(layer)).collect::<Vec<_>>();
+        let caches = self.shots.iter().map(|shot| shot.records.len()).sum::<usize>().max(1);
+        let pack = |shot: &Shot| shot.records.iter().map(|overlay| overlay.pack(MOST_RECORDS / caches)).collect();
+        let records: Vec<Vec<RecordSet>> = self.shots.iter().map(pack).collect();
+        let weight = records.iter().flatten().map(RecordSet::weight).sum::<usize>();
         Ok(Exhibition {
-            shown: self.picture_sets()?,
+            shown: self.picture_sets(MOST_BYTES.saturating_sub(weight))?,
             maps: SHOWN.into_iter().filter_map(|layer| map_set(layer, &errors(layer))).collect(),
             flip: map_set(PICTURE, &flips),
+            records,
         })
     }
 
     /// At as many bits as fit; where even the fewest do not, of pixels twice as wide and high.
-    fn picture_sets(&self) -> Result<Vec<PictureSet>, PictureError> {
+    fn picture_sets(&self, most_bytes: usize) -> Result<Vec<PictureSet>, PictureError> {
         let mut hung = SHOWN.into_iter().filter_map(|layer| self.hung(layer).transpose()).collect::<Result<Vec<_>, _>>()?;
         let mut bits = ALL_BITS;
         loop {
             let sets: Vec<PictureSet> = hung.iter().map(|hung| hung.pack(bits)).collect();
             let packed = || sets.iter().flat_map(|set| set.images.iter().chain([&set.reference]).flatten());
             let (weight, numbers) = packed().fold((0, 0), |(weight, numbers), packed| (weight + packed.weight(), numbers + packed.numbers()));
-            if weight <= MOST_BYTES {
+            if weight <= most_bytes {
                 return Ok(sets);
             }
             if bits > LEAST_BITS {
-                let too_many = ((weight - MOST_BYTES) as f64 / (numbers as f64 * BYTES_PER_BIT)).ceil() as u32;
+                let too_many = ((weight - most_bytes) as f64 / (numbers as f64 * BYTES_PER_BIT)).ceil() as u32;
                 bits = bits.saturating_sub(too_many.max(1)).max(LEAST_BITS);
             } else {
                 hung.iter_mut().for_each(Hung::merge);

@@ -7,9 +7,11 @@ mod charts;
 mod gallery;
 mod plain;
 mod planes;
+mod records;
 mod report;
 
 pub use gallery::Gallery;
+pub use records::Overlay;
 pub use report::{Beside, Differences, ErrorsTold, Report, Told};
 
 use super::layers::PictureError;
@@ -24,6 +26,7 @@ const SCRIPT: &str = concat!(
     include_str!("script/head.js"),
     include_str!("script/pictures.js"),
     include_str!("script/insets.js"),
+    include_str!("script/records.js"),
     include_str!("script/stage.js"),
     include_str!("script/keep.js"),
     include_str!("script/results.js"),

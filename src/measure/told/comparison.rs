@@ -19,7 +19,8 @@ const BLOCK_NOISE: f64 = 0.003;
 
 /// The report for people.
 pub fn text(comparison: &Comparison) -> String {
-    [headline(comparison), costs(comparison), errors(comparison), error_parts(comparison), nodes(comparison), differences(comparison)].concat()
+    [headline(comparison), costs(comparison), errors(comparison), error_parts(comparison), cuts(comparison), nodes(comparison), differences(comparison)]
+        .concat()
 }
 
 /// What a reader must know before trusting the numbers.
@@ -169,6 +170,21 @@ fn error_parts(comparison: &Comparison) -> String {
         }
     }
     text
+}
+
+/// What runs have that were ended early, by the error that the comparison is judged by.
+fn cuts(comparison: &Comparison) -> String {
+    let metric = comparison.metric();
+    let told = |errors: &VariantErrors| metric.told(errors).map_or("-".to_owned(), |told| told.sentence());
+    let rows = |variant: &VariantReport| {
+        let whole = (variant.seconds.median, "whole".to_owned(), &variant.errors);
+        let cuts = variant.cuts.iter().map(|cut| (cut.seconds, format!("within {}", significant(cut.within_seconds)), &cut.errors));
+        let row =
+            |(seconds, how, errors): (f64, String, &VariantErrors)| format!("{:<3} {:>9} {how:>16} {:>27}\n", variant.id, significant(seconds), told(errors));
+        cuts.chain([whole]).map(row).collect::<String>()
+    };
+    let table: String = comparison.variants.iter().filter(|variant| !variant.cuts.is_empty()).map(rows).collect();
+    if table.is_empty() { table } else { format!("\n{:<3} {:>9} {:>16} {:>27}\n{table}", "", "seconds", "ended", metric.to_string()) }
 }
 
 /// Of what [`Comparison::judged`] tells.

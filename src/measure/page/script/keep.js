@@ -9,7 +9,7 @@ function keepLink() {
     const place = state.scale === null ? {} : { x: state.x.toFixed(1), y: state.y.toFixed(1), zoom: state.scale.toFixed(4) };
     const light = { stops: tone.stops || null, curve: tone.curve === "soft" ? null : tone.curve, gamma: tone.gamma, scale: scales.get(state.layer) };
     const pins = state.pins.map((pin) => `${pin.x}.${pin.y}`).join("_") || null;
-    const view = { left: letterOf(state.left), right: letterOf(state.right), show: state.layer.replace(" ", "."), view: state.view, split: state.split.toFixed(3), ...place, ...light, pins };
+    const view = { left: letterOf(state.left), right: letterOf(state.right), show: state.layer.replace(" ", "."), view: state.view, split: state.split.toFixed(3), ...place, ...light, records: state.records.replace(" ", ".") || null, pins };
     const parts = Object.entries(view).filter(([, value]) => value !== null && value !== undefined).map(([name, value]) => `${name}=${encodeURIComponent(value)}`);
     history.replaceState(null, "", `#${parts.join("&")}`);
   }, 150);
@@ -28,12 +28,14 @@ function readLink() {
   tone.curve = CURVES.some(([name]) => name === view.get("curve")) ? view.get("curve") : tone.curve;
   tone.gamma = number("gamma", 0.1, 10) ?? tone.gamma;
   const pins = (view.get("pins") ?? "").split("_").map((pin) => pin.split(".").map(Number));
+  const records = view.get("records")?.replace(".", " ");
   const wanted = {
     left: side("left"),
     right: side("right"),
     layer: CHOICES.includes(shown) ? shown : null,
     view: VIEWS.some(([name]) => name === view.get("view")) ? view.get("view") : null,
     split: number("split", 0, 1),
+    records: RECORD_CHOICES.includes(records) ? records : null,
     scale: number("zoom", 1e-3, MOST_SCALE),
     x: number("x", 0, WIDTH),
     y: number("y", 0, HEIGHT),
@@ -61,8 +63,17 @@ function saveSide(index) {
   const canvas = bitmap(state.layer, index);
   if (!canvas) return;
   const what = isDifference(state.layer) ? `${letterOf(state.left)}-less-${letterOf(state.right)}` : letterOf(index);
-  if (byId("save-as").value === "png") saveCanvas(canvas, `${fileName(what)}.png`);
+  if (byId("save-as").value === "png") saveCanvas(withRecords(canvas, index), `${fileName(what)}.png`);
   else saveBlob(new Blob([exrOf(isDifference(state.layer) ? differenceOf(state.layer) : planesOf(state.layer, index))]), `${fileName(what)}.exr`);
+}
+
+/** A picture and the records that are shown over it. */
+function withRecords(source, index) {
+  const canvas = make("canvas", { width: source.width, height: source.height });
+  const context = canvas.getContext("2d");
+  context.drawImage(source, 0, 0);
+  drawRecords(context, index, [0, 0], 1 / source.block, [0, 0, source.width, source.height]);
+  return canvas;
 }
 
 /** An OpenEXR file of 32-bit numbers without compression; what has no number is 0. */

@@ -16,13 +16,14 @@ function drawPlot() {
   const figure = document.importNode(new DOMParser().parseFromString(svg, "image/svg+xml").documentElement, true);
   furnish(figure, { role: "group" }, []);
   const marks = [...figure.querySelectorAll(".mark")];
-  marks.forEach(makeButton);
+  marks.filter((mark) => mark.dataset.id).forEach(makeButton);
   byId("plot").replaceChildren(figure);
   const shown = new Set(marks.map((mark) => mark.dataset.id));
   const without = variants.map((variant) => variant.id).filter((id) => !shown.has(id));
   const left = without.length ? ` Not shown, for their error or cost is not known: ${without.join(", ")}.` : "";
   const signed = chart.errors.some((error) => error < 0) ? " Sizes of the errors, without their signs." : "";
-  byId("plot-note").textContent = `Bars are quartiles of costs and 95 % intervals of errors. Ringed points lie on the Pareto front: nothing beats them by a difference that holds. Hollow ones are below the noise of the reference. A point opens its picture on the right.${signed}${left}`;
+  const cut = variants.some(({ cuts }) => cuts?.length) ? " Marks without a letter are runs that were ended early." : "";
+  byId("plot-note").textContent = `Bars are quartiles of costs and 95 % intervals of errors. Ringed points lie on the Pareto front: nothing beats them by a difference that holds. Hollow ones are below the noise of the reference. A point opens its picture on the right.${cut}${signed}${left}`;
   markShown();
 }
 

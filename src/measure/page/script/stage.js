@@ -19,7 +19,7 @@ const GAMMAS = [["", "sRGB"], ["1", "1, linear"], ["1.8", "1.8"], ["2.2", "2.2"]
 const VIEWS = [["slider", "Slider"], ["side", "Side by side"], ["flip", "Flip"]];
 const second = variants.length > 1 ? 1 : imageOf("shown picture", REFERENCE) ? REFERENCE : 0;
 /** `scale`: pixels of the page a pixel of the picture, null for the whole picture; `x`, `y`: the picture's point in the middle. */
-const state = { left: 0, right: second, layer: "shown picture", view: "slider", split: 0.5, flipped: false, scale: null, x: WIDTH / 2, y: HEIGHT / 2, hover: null, pins: [] };
+const state = { left: 0, right: second, layer: "shown picture", view: "slider", split: 0.5, flipped: false, scale: null, x: WIDTH / 2, y: HEIGHT / 2, hover: null, pins: [], records: "" };
 
 const paneCount = () => (state.view === "side" && !isDifference(state.layer) ? 2 : 1);
 
@@ -75,6 +75,7 @@ function drawPane(context, index, origin, from, to, pane) {
   const part = [WIDTH / source.block, HEIGHT / source.block];
   const corner = [origin + pane.width / 2 - state.x * scale, pane.height / 2 - state.y * scale];
   context.drawImage(source, 0, 0, ...part, ...corner, WIDTH * scale, HEIGHT * scale);
+  drawRecords(context, index, corner, scale, [from, 0, to, pane.height]);
   state.pins.forEach((pin) => outline(context, corner[0] + pin.x * scale, corner[1] + pin.y * scale, PIN_SIDE * scale));
   context.restore();
 }
@@ -140,7 +141,8 @@ function showReadout() {
   const errors = [state.left, state.right].map((index) => `${letterOf(index)} ${errorAt(planesOf(state.layer, index), x, y)}`);
   const told = { shown: () => [...lights, unitOf(layer)], error: () => errors, flip: () => errors };
   const both = () => [errorAt(differenceOf(state.layer), x, y), ...lights, unitOf(layer)];
-  readout.textContent = [`x ${x}, y ${y}`, ...(told[kind] ?? both)()].join("   ");
+  const records = [...new Set([state.left, state.right])].flatMap((index) => recordAt(index, x, y));
+  readout.textContent = [`x ${x}, y ${y}`, ...(told[kind] ?? both)(), ...records].join("   ");
 }
 
 const indexAt = (source, x, y) => Math.floor(y / source.block) * source.width + Math.floor(x / source.block);
@@ -224,8 +226,10 @@ function change(changes) {
   byId("right").value = state.right;
   byId("layer").value = state.layer;
   checkIn(byId("view"), state.view);
+  byId("records").value = state.records;
   showTone();
   drawScale();
+  drawRecordLegend();
   layOut();
   markShown();
 }
@@ -359,6 +363,7 @@ const KEYS = {
   1: onePixel,
   h: () => moveTo(state.x - panes().width / 8 / scaleNow(), state.y),
   p: pinUnderPointer,
+  r: nextRecords,
   ".": () => brighten(1),
   ",": () => brighten(-1),
   l: () => moveTo(state.x + panes().width / 8 / scaleNow(), state.y),
@@ -407,6 +412,7 @@ function setUpStage() {
   fillSelect(byId("right"), sides, state.right, (value) => change({ right: Number(value), flipped: true }));
   fillSelect(byId("layer"), layerOptions(), state.layer, (layer) => change({ layer }));
   choice(byId("view"), VIEWS, state.view, (view) => change({ view }));
+  setUpRecords();
   fillSelect(byId("curve"), CURVES, tone.curve, (curve) => { tone.curve = curve; change({}); });
   fillSelect(byId("gamma"), GAMMAS, "", (gamma) => { tone.gamma = Number(gamma) || null; change({}); });
   byId("exposure").addEventListener("input", () => { tone.stops = Number(byId("exposure").value); change({}); });

@@ -27,7 +27,7 @@ impl Pass for GBuffer {
 
     fn encode(&self, e: &mut Encoder<'_>) -> Result<(), Refusal> {
         let size = e.setting.size;
-        let triangles = e.image("triangles", size, Format::R32Uint);
+        let drawn = e.image("drawn", size, Format::R32Uint);
         let depth = e.image("depth", size, Format::Depth32Float);
         let position = e.image("position", size, Format::Rgba32Float);
         let normal = e.image("normal", size, Format::Rgba32Float);
@@ -37,7 +37,7 @@ impl Pass for GBuffer {
             program: scene_constants(Program::new("gbuffer"), e.setting.needs),
             vertex: "vertex",
             fragment: Some("fragment"),
-            colours: vec![Target { texture: triangles, clear: Some([0.0; 4]), blend: Blend::Replace }],
+            colours: vec![Target { texture: drawn, clear: Some([0.0; 4]), blend: Blend::Replace }],
             depth: Some(DepthTarget { texture: depth, layer: 0 }),
             vertices: Some(vertices),
             instances: None,
@@ -45,6 +45,7 @@ impl Pass for GBuffer {
             topology: Topology::Triangles,
             draws: Draws::Fixed(vec![Draw { rectangle: None, vertices: [0, 3 * e.setting.needs.triangles], is_indexed: false, instances: [0, 1] }]),
         }));
+        let triangles = if e.setting.needs.two_sides { settle(e, drawn) } else { drawn };
         let resolve = scene_constants(Program::new("gbuffer"), e.setting.needs)
             .bind("triangles", triangles)
             .bind("position", position)
@@ -58,4 +59,13 @@ impl Pass for GBuffer {
         e.output("reflectance", Port::Image(port::Image { texture: reflectance, channels: port::Channels::Colour }));
         Ok(())
     }
+}
+
+/// What is seen along the outlines of surfaces with two sides, as rays tell it.
+fn settle(e: &mut Encoder<'_>, drawn: Resource) -> Resource {
+    let size = e.setting.size;
+    let triangles = e.image("triangles", size, Format::R32Uint);
+    let program = scene_constants(Program::new("outlines"), e.setting.needs).bind("drawn", drawn).bind("triangles", triangles);
+    e.compute_pixels(program, "settle", size);
+    triangles
 }

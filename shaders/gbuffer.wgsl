@@ -13,8 +13,11 @@ fn vertex(@location(0) position: vec3f, @builtin(vertex_index) index: u32) -> Fr
     return Fragment(project(position), index / 3u);
 }
 
+// Of a triangle that is seen from behind, where surfaces have two sides: as outlines.wgsl.
+const FROM_BEHIND = 0x80000000u;
+
 @fragment
-fn fragment(in: Fragment) -> @location(0) u32 {
+fn fragment(in: Fragment, @builtin(front_facing) is_front: bool) -> @location(0) u32 {
     if ONE_SIDED || ALPHA_MASKS {
         let hit = intersect_plane(in.triangle, camera.eye, pixel_ray(vec2u(in.clip.xy)));
         if ONE_SIDED && hit.determinant < 0.0 && (scene_material(material_of(in.triangle)).flags & TWO_SIDED) == 0u {
@@ -24,7 +27,7 @@ fn fragment(in: Fragment) -> @location(0) u32 {
             discard;
         }
     }
-    return in.triangle + 1u;
+    return in.triangle + 1u + select(0u, FROM_BEHIND, TWO_SIDES && !is_front);
 }
 
 @group(0) @binding(0) var triangles: texture_2d<u32>;

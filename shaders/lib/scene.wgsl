@@ -92,6 +92,8 @@ override NORMAL_MAPS: bool = true;
 override TINTS: bool = true;
 override ALPHA_MASKS: bool = true;
 override ONE_SIDED: bool = true;
+// Whether any surface is seen from both sides.
+override TWO_SIDES: bool = true;
 // Whether a triangle's normals differ from its plane's.
 override SMOOTH: bool = true;
 // Whether there are no triangles at all.

@@ -316,6 +316,7 @@ pub fn scene_constants(program: Program, needs: &Needs) -> Program {
         .constant("TINTS", needs.tints as u8)
         .constant("ALPHA_MASKS", needs.alpha_masks as u8)
         .constant("ONE_SIDED", needs.one_sided as u8)
+        .constant("TWO_SIDES", needs.two_sides as u8)
         .constant("SMOOTH", needs.smooth as u8)
         .constant("EMPTY", (needs.triangles == 0) as u8)
         .constant("GLOSSY", needs.lobes as u8)

@@ -25,6 +25,8 @@ pub struct Needs {
     pub tints: bool,
     pub alpha_masks: bool,
     pub one_sided: bool,
+    /// Whether any surface is seen from both sides.
+    pub two_sides: bool,
     /// Whether any triangle's normals differ from its plane's.
     pub smooth: bool,
     /// Names of the materials with a glossy lobe.
@@ -67,6 +69,7 @@ impl Needs {
             tints: scene.triangles.iter().any(|triangle| triangle.tints != <[Tint; 3]>::default()),
             alpha_masks: materials().any(|m| m.texture.is_some() && m.alpha_cutoff.is_some()),
             one_sided: materials().any(|m| !m.two_sided),
+            two_sides: materials().any(|m| m.two_sided),
             smooth: scene.triangles.iter().any(is_smooth),
             glossy: materials().filter(|m| has_lobe(m)).map(|m| m.name.clone()).collect(),
             lobes: materials().any(has_lobe),
@@ -114,6 +117,7 @@ impl Needs {
             tints: true,
             alpha_masks: true,
             one_sided: true,
+            two_sides: true,
             smooth: true,
             lobes: true,
             narrow_lobes: true,

@@ -1,6 +1,7 @@
 //! What is rendered: loading, the model, its acceleration structure and what it requires of a pipeline.
 
 pub mod bvh;
+mod clusters;
 pub mod emitters;
 pub mod load;
 pub mod model;

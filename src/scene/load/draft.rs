@@ -7,7 +7,7 @@ use super::{
 };
 use crate::scene::model::*;
 use glam::{BVec3, DMat3, DMat4, DVec3, Vec2, Vec3};
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 /// The most triangles that a scene may have.
 pub const MAX_TRIANGLES: usize = 16_000_000;
@@ -50,6 +50,7 @@ pub(super) struct Draft {
     pub lights: Vec<(Light, DVec3)>,
     /// Cameras and where they stand, likewise.
     pub cameras: Vec<(Camera, DVec3)>,
+    camera_names: HashSet<String>,
     pub environment: Option<Environment>,
     pub notes: Vec<String>,
 }
@@ -101,6 +102,16 @@ impl Draft {
         self.expect_room(1)?;
         self.faces.push(face);
         Ok(())
+    }
+
+    /// Adds a camera that stands at a place.
+    pub fn add_camera(&mut self, camera: Camera, at: DVec3) {
+        self.camera_names.insert(camera.name.clone());
+        self.cameras.push((camera, at));
+    }
+
+    pub fn has_camera(&self, name: &str) -> bool {
+        self.camera_names.contains(name)
     }
 
     /// Refuses `more` triangles before they are made when they would be too many.

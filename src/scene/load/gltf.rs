@@ -316,8 +316,7 @@ impl Reader<'_> {
         };
         let number = self.draft.cameras.len() + 1;
         let stated = node.name().or(camera.name()).unwrap_or("camera");
-        let taken = self.draft.cameras.iter().any(|(other, _)| other.name == stated);
-        let name = if taken { format!("{stated} {number}") } else { stated.to_owned() };
+        let name = if self.draft.has_camera(stated) { format!("{stated} {number}") } else { stated.to_owned() };
         if !(lens.yfov() > 0.0 && lens.yfov() < std::f32::consts::PI) {
             return Err(self.out_of_range(&format!("the field of view of camera `{name}`"), "greater than 0 and less than π"));
         }
@@ -333,7 +332,7 @@ impl Reader<'_> {
             size: None,
             sample: Default::default(),
         };
-        self.draft.cameras.push((camera, map.transform_point3(DVec3::ZERO)));
+        self.draft.add_camera(camera, map.transform_point3(DVec3::ZERO));
         Ok(())
     }
 

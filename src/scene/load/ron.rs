@@ -20,7 +20,7 @@ use serde::{
     de::{MapAccess, Visitor},
 };
 use std::{
-    collections::{BTreeMap, BTreeSet},
+    collections::{BTreeMap, BTreeSet, HashMap},
     fmt,
     marker::PhantomData,
     ops::{Range, RangeInclusive},
@@ -399,7 +399,8 @@ pub(super) fn read(path: &Path, text: &str, folder: Option<&Path>, files: &Files
             .error(Problem::Version, document.version, format!("scene documents of version {version} are not known"), "this program reads version 1")
             .help("write `version: 1`, or use a program as new as the document"));
     }
-    let mut reader = Reader { source, folder, files, options, draft: Draft::default(), palette: Vec::new(), parameters: BTreeSet::new() };
+    let mut reader =
+        Reader { source, folder, files, options, draft: Draft::default(), palette: Vec::new(), entries: HashMap::new(), parameters: BTreeSet::new() };
     reader.read_materials(&document.materials)?;
     for &geometry in &document.geometry {
         reader.add_geometry(geometry, &DMat4::IDENTITY)?;
@@ -657,6 +658,8 @@ struct Reader<'a> {
     options: &'a LoadOptions,
     draft: Draft,
     palette: Vec<PaletteEntry<'a>>,
+    /// Where in the palette each name stands.
+    entries: HashMap<String, usize>,
     /// The parameters of all generators met.
     parameters: BTreeSet<&'static str>,
 }
@@ -665,7 +668,7 @@ impl<'a> Reader<'a> {
     fn read_materials(&mut self, entries: &Entries<'a, Surface<'a>>) -> Result<(), SceneError> {
         for &(place, surface) in &entries.0 {
             let name = self.source.get(place)?;
-            if self.palette.iter().any(|entry| entry.name == name) {
+            if self.entries.insert(name.clone(), self.palette.len()).is_some() {
                 return Err(self.twice(place, "material"));
             }
             let material = self.source.surface(&name, surface)?.map(|whole| self.add_material(whole));
@@ -685,9 +688,9 @@ impl<'a> Reader<'a> {
 
     /// The entry of a name, or that of all others.
     fn find_entry(&mut self, name: &str) -> Option<&PaletteEntry<'a>> {
-        let at = self.palette.iter().position(|entry| entry.name == name).or_else(|| self.palette.iter().position(|entry| entry.name == ANY))?;
-        self.palette[at].used = true;
-        Some(&self.palette[at])
+        let entry = &mut self.palette[*self.entries.get(name).or_else(|| self.entries.get(ANY))?];
+        entry.used = true;
+        Some(entry)
     }
 
     /// The whole material of a name.
@@ -708,7 +711,7 @@ impl<'a> Reader<'a> {
     /// The material that a primitive names; without a name, the one for all that are not named.
     fn primitive_material<T>(&mut self, raw: Option<Raw<'a, String>>, primitive: Raw<'a, T>) -> Result<u32, SceneError> {
         let name = raw.map_or(Ok(ANY.to_owned()), |raw| self.source.get(raw))?;
-        let known = self.palette.iter().any(|entry| entry.name == name);
+        let known = self.entries.contains_key(&name);
         if let (true, Some(material)) = (known, self.find_material(&name)) {
             return Ok(material);
         }
@@ -951,7 +954,7 @@ impl<'a> Reader<'a> {
     fn add_camera(&mut self, place: Raw<'a, String>, raw: Raw<'a, CameraEntry<'a>>) -> Result<(), SceneError> {
         let source = self.source;
         let name = source.get(place)?;
-        if self.draft.cameras.iter().any(|(camera, _)| camera.name == name) {
+        if self.draft.has_camera(&name) {
             return Err(self.twice(place, "camera"));
         }
         let entry = source.get(raw)?;
@@ -981,7 +984,7 @@ impl<'a> Reader<'a> {
             size,
             sample: Default::default(),
         };
-        self.draft.cameras.push((camera, eye));
+        self.draft.add_camera(camera, eye);
         Ok(())
     }
 

@@ -12,7 +12,7 @@ use std::fs;
 use std::path::Path;
 
 /// Codes that no input brings about on every machine.
-const BEYOND_INPUT: [(&str, &str); 28] = [
+const BEYOND_INPUT: [(&str, &str); 30] = [
     ("cli::fault", "a fault of the program"),
     ("cli::few_threads", "needs a limit of the system; tests/limits.rs sets one"),
     ("cli::interrupted", "needs Ctrl-C at the right moment"),
@@ -21,6 +21,8 @@ const BEYOND_INPUT: [(&str, &str); 28] = [
     ("cli::no_threads", "threads are granted and then refused"),
     ("cli::signal", "the system refuses a handler"),
     ("compare::no_cache", "needs a system that knows no home folder"),
+    ("compare::not_kept", "needs a full disk; tests/limits.rs sets a limit for one"),
+    ("compare::unusable_cache", "the system says why in its own words; tests/limits.rs brings it about"),
     ("gpu::driver", "a fault of the driver or of a shader"),
     ("gpu::host_step", "a fault of a pass: fills stop before a cache is full"),
     ("gpu::interrupted", "needs Ctrl-C at the right moment"),

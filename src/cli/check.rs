@@ -51,7 +51,7 @@ fn check(name: &str, options: &Options, view: Option<&View>, console: &Console) 
     let pipeline = check_pipeline(name, &options.sets)?;
     note_names([&pipeline], console);
     let Some(view) = view else { return Ok(summary(&pipeline)) };
-    let plan = plan_view(&pipeline, view, expected_device(), &[])?;
+    let plan = plan_view(&pipeline, view, expected_device(), &[], console)?;
     note_idle(&plan, &options.sets, console);
     if options.strict {
         expect_exact(&plan)?;

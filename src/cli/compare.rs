@@ -79,7 +79,7 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     let pipelines = all(variants.iter().map(|variant| check_pipeline(&variant.pipeline, &variant.sets)))?;
     note_names(&pipelines, console);
     let (view, load_seconds) = timed(|| options.scene.load(console))?;
-    let plans = plan_all(&pipelines, &view)?;
+    let plans = plan_all(&pipelines, &view, console)?;
     variants.iter().zip(&plans).for_each(|(variant, (plan, _))| note_idle(plan, &variant.sets, console));
     let pictures = options.pictures.iter().map(|given| given.read(&view, options.truth.anyway)).collect::<Result<Vec<_>, _>>()?;
     let judged = options.truth.judged(plans.iter().map(|(plan, _)| plan))?;
@@ -190,8 +190,8 @@ pub(super) fn all<T>(results: impl Iterator<Item = Result<T, Problems>>) -> Resu
 }
 
 /// Every plan, and the seconds that it took.
-fn plan_all(pipelines: &[Pipeline], view: &View) -> Result<Vec<(Plan, f64)>, Failure> {
-    all(pipelines.iter().map(|pipeline| timed(|| plan_view(pipeline, view, expected_device(), &[]))))
+fn plan_all(pipelines: &[Pipeline], view: &View, console: &Console) -> Result<Vec<(Plan, f64)>, Failure> {
+    all(pipelines.iter().map(|pipeline| timed(|| plan_view(pipeline, view, expected_device(), &[], console))))
 }
 
 fn ready<'a>(gpu: &'a Gpu, view: &'a View, plan: &'a Plan) -> Result<Run<'a>, Failure> {

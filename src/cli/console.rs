@@ -56,6 +56,11 @@ impl Console {
         Self { quiet: options.quiet, colour, has_file }
     }
 
+    #[cfg(test)]
+    pub fn silent() -> Self {
+        Self { quiet: true, colour: false, has_file: false }
+    }
+
     /// Prints a result. A reader that has closed its end, such as `head`, is no failure.
     pub fn print(&self, result: &str) -> Result<(), Failure> {
         if self.has_file {

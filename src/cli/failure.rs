@@ -45,6 +45,11 @@ impl Failure {
         Self::input(CommandError::Read { path: path.to_owned(), source })
     }
 
+    /// What caused it, in words: the last of the causes.
+    pub fn cause(&self) -> String {
+        std::iter::successors(self.report.source(), |cause| cause.source()).last().map_or_else(|| self.report.to_string(), |cause| cause.to_string())
+    }
+
     /// A file cannot be written: status 1.
     pub fn write(path: &Path, source: io::Error) -> Self {
         Self::work(CommandError::Write { path: path.to_owned(), source })
@@ -138,6 +143,18 @@ pub enum CommandError {
     #[error("there is no folder to keep references in")]
     #[diagnostic(code(compare::no_cache), help("name one with --reference-cache, or give a reference"))]
     NoReferenceCache,
+    #[error("references cannot be kept in {}", folder.display())]
+    #[diagnostic(
+        code(compare::unusable_cache),
+        help("make room or rights there, name another folder with --reference-cache, or give a reference with --reference")
+    )]
+    UnusableCache { folder: PathBuf, source: io::Error },
+    #[error("the reference could not be kept in {}: {reason}", path.display())]
+    #[diagnostic(
+        code(compare::not_kept),
+        help("this run goes on with it, the next one traces it again; make room there, or name another folder with --reference-cache")
+    )]
+    NotKept { path: PathBuf, reason: String },
     #[error("`{variant}` names no pipeline")]
     #[diagnostic(code(compare::no_pipeline), help("write PIPELINE or PIPELINE@NODE.PARAM=VALUE, such as irradiance@tiles.resolution=32"))]
     NoPipeline { variant: String },

@@ -9,6 +9,13 @@ use serde::Serialize;
 use std::fs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// How long nobody has to have written to a temporary file before it may be one that a killed run left.
+const ABANDONED: Duration = Duration::from_secs(60);
+
+/// How the names of temporary files begin and end, with so many letters and digits between.
+const TEMPORARY: (&str, usize, &str) = (".hemisplat-", 6, ".tmp");
 
 /// The name that stands for standard output.
 pub const STDOUT: &str = "-";
@@ -19,10 +26,15 @@ pub struct Target {
 }
 
 impl Target {
-    /// Creates the folder that the file will stand in, and tries whether it takes files.
+    /// Creates the folder that the file will stand in, clears it of what killed runs left, and tries whether it takes files.
     pub fn new(path: &Path) -> Result<Self, Failure> {
+        Self::probed(path).map_err(|error| Failure::write(path, error))
+    }
+
+    /// The same, and what the system says where it does not.
+    pub fn probed(path: &Path) -> io::Result<Self> {
         let target = Self { path: path.to_owned() };
-        target.probe().map_err(|error| Failure::write(path, error))?;
+        target.probe()?;
         Ok(target)
     }
 
@@ -35,6 +47,7 @@ impl Target {
         }
         let path = self.resolved();
         fs::create_dir_all(folder(&path))?;
+        clear_abandoned(folder(&path));
         if is_special(&path) { Ok(()) } else { temporary(folder(&path)).map(drop) }
     }
 
@@ -183,16 +196,45 @@ fn folder(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-#[cfg(unix)]
+/// A new file that vanishes unless it is given a name. While it is open it is locked, where the file system has locks: no other run clears it.
 fn temporary(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
+    let (begin, letters, end) = TEMPORARY;
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(begin).rand_bytes(letters).suffix(end);
+    for_all(&mut builder);
+    let file = builder.tempfile_in(folder)?;
+    file.as_file().try_lock().ok();
+    Ok(file)
+}
+
+/// As any new file: what the user's mask leaves of read and write for all.
+#[cfg(unix)]
+fn for_all(builder: &mut tempfile::Builder<'_, '_>) {
     use std::os::unix::fs::PermissionsExt;
-    // As any new file: what the user's mask leaves of read and write for all.
-    tempfile::Builder::new().prefix(".hemisplat-").permissions(fs::Permissions::from_mode(0o666)).tempfile_in(folder)
+    builder.permissions(fs::Permissions::from_mode(0o666));
 }
 
 #[cfg(not(unix))]
-fn temporary(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
-    tempfile::Builder::new().prefix(".hemisplat-").tempfile_in(folder)
+fn for_all(_: &mut tempfile::Builder<'_, '_>) {}
+
+/// Removes temporary files that killed runs left in a folder.
+fn clear_abandoned(folder: &Path) {
+    let Ok(entries) = fs::read_dir(folder) else { return };
+    let paths = entries.flatten().filter(|entry| entry.file_name().to_str().is_some_and(is_temporary)).map(|entry| entry.path());
+    // What cannot be removed disturbs nobody.
+    paths.filter(|path| is_abandoned(path)).for_each(|path| drop(fs::remove_file(path)));
+}
+
+fn is_temporary(name: &str) -> bool {
+    let (begin, letters, end) = TEMPORARY;
+    let middle = name.strip_prefix(begin).and_then(|name| name.strip_suffix(end));
+    middle.is_some_and(|middle| middle.len() == letters && middle.bytes().all(|byte| byte.is_ascii_alphanumeric()))
+}
+
+/// Whether nobody has written to a file for a while, and nobody holds its lock.
+fn is_abandoned(path: &Path) -> bool {
+    let is_old = |metadata: fs::Metadata| metadata.is_file() && metadata.modified().is_ok_and(|at| at.elapsed().is_ok_and(|age| age > ABANDONED));
+    fs::symlink_metadata(path).is_ok_and(is_old) && fs::OpenOptions::new().append(true).open(path).is_ok_and(|file| file.try_lock().is_ok())
 }
 
 #[cfg(test)]
@@ -225,6 +267,42 @@ mod tests {
         let failure = PictureTarget::new(&path).ok().unwrap().write(&bad, 0.0).err().unwrap();
         assert_eq!((failure.status, fs::read_to_string(&path).unwrap()), (1, "older".to_owned()));
         assert_eq!(names(folder.path()), ["a.exr"]);
+    }
+
+    #[test]
+    fn what_killed_runs_left_is_cleared_and_nothing_else() {
+        let folder = tempfile::tempdir().unwrap();
+        let place = |name: &str| folder.path().join(name);
+        let long_ago = std::time::SystemTime::now() - 2 * ABANDONED;
+        let old = |name: &str| {
+            let file = fs::File::create(place(name)).unwrap();
+            file.set_modified(long_ago).unwrap();
+            file
+        };
+        old(".hemisplat-Killed.tmp");
+        // A run that takes long over its file, one that has just begun, and files of the user's.
+        let busy = old(".hemisplat-busy01.tmp");
+        busy.try_lock().unwrap();
+        fs::write(place(".hemisplat-young1.tmp"), "").unwrap();
+        let others = [".hemisplat-config", ".hemisplat-of me.tmp", ".hemisplat-longer1.tmp", "old.exr"];
+        others.iter().for_each(|name| drop(old(name)));
+        fs::create_dir(place(".hemisplat-folder.tmp")).unwrap();
+        Target::new(&place("a.json")).ok().unwrap();
+        let kept = [
+            ".hemisplat-busy01.tmp",
+            ".hemisplat-config",
+            ".hemisplat-folder.tmp",
+            ".hemisplat-longer1.tmp",
+            ".hemisplat-of me.tmp",
+            ".hemisplat-young1.tmp",
+            "old.exr",
+        ];
+        assert_eq!(names(folder.path()), kept);
+        // What this program writes is of that kind, and held.
+        let own = temporary(folder.path()).unwrap();
+        assert!(is_temporary(own.path().file_name().unwrap().to_str().unwrap()));
+        own.as_file().set_modified(long_ago).unwrap();
+        assert!(!is_abandoned(own.path()));
     }
 
     #[test]

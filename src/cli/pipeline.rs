@@ -74,8 +74,8 @@ pub fn expect_exact(plan: &Plan) -> Result<(), Problems> {
 }
 
 /// Plans a pipeline for a view of a scene and a device; `dumps` stay whole after the frame.
-pub fn plan_view(pipeline: &Pipeline, view: &View, device: Device, dumps: &[String]) -> Result<Plan, Problems> {
-    let (needs, stored) = (Needs::of(&view.scene), Stored::new(cache_folder()));
+pub fn plan_view(pipeline: &Pipeline, view: &View, device: Device, dumps: &[String], console: &Console) -> Result<Plan, Problems> {
+    let (needs, stored) = (Needs::of(&view.scene), Stored::new(cache_folder(), console));
     let setting = Setting { scene: &view.scene, needs: &needs, device, size: view.size, tables: Some(&stored) };
     plan(pipeline, setting, dumps, &|data| kind(&view.scene, data))
 }

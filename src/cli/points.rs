@@ -2,6 +2,7 @@
 
 use super::check::unique;
 use super::compare::all;
+use super::console::Console;
 use super::failure::{CommandError, Failure};
 use super::pipeline::{check_with, plan_view};
 use super::scene::View;
@@ -59,8 +60,8 @@ fn expect_nodes<'w>(nodes: impl Iterator<Item = &'w Word>, pipelines: &[Pipeline
 }
 
 /// The plan of a point; a point without one is refused.
-pub(super) fn planned(pipeline: &Pipeline, view: &View, point: &mut Point) -> Option<Plan> {
-    plan_view(pipeline, view, expected_device(), &[]).map_err(|problems| point.outcome = Outcome::Refused { because: told(&problems) }).ok()
+pub(super) fn planned(pipeline: &Pipeline, view: &View, point: &mut Point, console: &Console) -> Option<Plan> {
+    plan_view(pipeline, view, expected_device(), &[], console).map_err(|problems| point.outcome = Outcome::Refused { because: told(&problems) }).ok()
 }
 
 /// Several problems on one line, each with its code.

@@ -50,7 +50,7 @@ pub struct Options {
 pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     expect_distinct(&options.output.iter().map(PathBuf::as_path).collect::<Vec<_>>(), &[options.scene.path()])?;
     let targets = options.output.iter().map(|path| PictureTarget::new(path)).collect::<Result<Vec<_>, _>>()?;
-    let view = options.scene.load(console)?;
+    let view = options.scene.load_for_host(console)?;
     let stop = options.error.map_or(Stop::Samples(options.spp), |error| Stop::RelativeError { error, at_most: MAX_SAMPLES });
     let pixels = options.windows.map_or(Pixels::Every(options.stride), Pixels::Windows);
     let settings = Settings { size: view.size, pixels, bounces: options.bounces, stop, seed: options.seed };

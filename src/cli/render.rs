@@ -145,7 +145,7 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     });
     let view = view?;
     let (plans, planned) =
-        timed(|| Plans::of(&options.pipeline, &timeline, &view, gpu.as_ref().map_or(Device::ABLE, |gpu| gpu.adapter.device()), &options.dump));
+        timed(|| Plans::of(&options.pipeline, &timeline, &view, gpu.as_ref().map_or(Device::ABLE, |gpu| gpu.adapter.device()), &options.dump, console));
     let plans = plans?;
     if options.strict {
         expect_exact(plans.first()).map_err(Failure::input)?;
@@ -325,9 +325,10 @@ impl<'o> Film<'o> {
         gpu: &Gpu,
         is_whole: bool,
     ) -> Result<(), Failure> {
+        let mut saved = Ok(());
         if let Some(records) = records.filter(|_| !self.is_faulty) {
-            records.save(run, self.view)?;
-            self.kept.push(records.target.path());
+            saved = records.save(run, self.view);
+            self.kept.extend(saved.is_ok().then(|| records.target.path()));
         }
         if let Some(stats) = stats {
             let complete = self.gaps.is_empty() && is_whole;
@@ -335,7 +336,7 @@ impl<'o> Film<'o> {
             stats.write_json(&value)?;
             self.kept.push(stats.path());
         }
-        Ok(())
+        saved
     }
 }
 

@@ -4,6 +4,8 @@ use super::camera::{CameraOptions, to_ron};
 use super::console::Console;
 use super::daylight::DaylightOptions;
 use super::failure::{CommandError, Failure};
+use crate::gpu::expected_adapter;
+use crate::gpu::limits::Most;
 use crate::measure::cache::fingerprint;
 use crate::measure::metrics::SCENE_CHECKSUM;
 use crate::scene::bvh::Bvh;
@@ -77,9 +79,7 @@ impl SceneOptions {
 
     /// Loads the scene, says what loading had to mend, and picks the view.
     pub fn load(&self, console: &Console) -> Result<View, Failure> {
-        if self.view.cameras.len() > 1 {
-            return Err(Failure::input(CommandError::SeveralCameras { names: self.view.cameras.join(", ") }));
-        }
+        self.expect_one_camera()?;
         self.load_timeline(console)
     }
 
@@ -95,8 +95,27 @@ impl SceneOptions {
 
     /// The same where several cameras may be named.
     pub fn load_timeline(&self, console: &Console) -> Result<View, Failure> {
+        self.view(console, expect_room)
+    }
+
+    /// The scene and the one view of it, for work that no device does.
+    pub fn load_for_host(&self, console: &Console) -> Result<View, Failure> {
+        self.expect_one_camera()?;
+        self.view(console, |_| Ok(()))
+    }
+
+    fn expect_one_camera(&self) -> Result<(), Failure> {
+        if self.view.cameras.len() > 1 {
+            return Err(Failure::input(CommandError::SeveralCameras { names: self.view.cameras.join(", ") }));
+        }
+        Ok(())
+    }
+
+    /// `expect` refuses scenes before a hierarchy is built over them.
+    fn view(&self, console: &Console, expect: impl FnOnce(&Scene) -> Result<(), Failure>) -> Result<View, Failure> {
         let options = LoadOptions { search: self.view.search.clone(), overrides: self.view.set.clone() }.with_environment();
         let mut scene = load(&self.scene, &options).map_err(Failure::input)?;
+        expect(&scene)?;
         scene.notes.iter().for_each(|note| console.note(&format!("note: {note}")));
         self.view.daylight.light(&mut scene, console)?;
         let cameras = self.pick_cameras(&scene)?;
@@ -142,6 +161,14 @@ impl SceneOptions {
         }
         self.view.cameras.iter().map(|name| scene.camera(Some(name)).cloned().ok_or_else(|| unknown(name))).collect()
     }
+}
+
+/// Refuses scenes that the device cannot hold. Adapters are asked only where not every one can.
+fn expect_room(scene: &Scene) -> Result<(), Failure> {
+    if Most::everywhere().hold(scene).is_ok() {
+        return Ok(());
+    }
+    expected_adapter().map_or(Ok(()), |adapter| Most::of(&adapter.limits).hold(scene).map_err(Failure::work))
 }
 
 fn size(text: &str) -> Result<[u32; 2], String> {

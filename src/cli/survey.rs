@@ -15,6 +15,7 @@ use super::progress::Progress;
 use super::resources::expect_memory;
 use super::scene::{SceneOptions, View};
 use super::truth::{Shorter, Truth, TruthOptions, content};
+use crate::gpu::limits::hold;
 use crate::gpu::{AskPace, Gpu, Pace};
 use crate::measure::Layers;
 use crate::measure::cache::Checksum;
@@ -81,7 +82,7 @@ pub(super) fn run(survey: &Survey, scene: &SceneOptions, reference: &Reference, 
     let (mut points, pipelines) = check(survey)?;
     note_names(&pipelines, console);
     let view = scene.load(console)?;
-    let plans: Vec<Option<Plan>> = pipelines.iter().zip(&mut points).map(|(pipeline, point)| planned(pipeline, &view, point)).collect();
+    let plans: Vec<Option<Plan>> = pipelines.iter().zip(&mut points).map(|(pipeline, point)| planned(pipeline, &view, point, console)).collect();
     plans.iter().flatten().try_for_each(|plan| expect_memory([plan], &view))?;
     weigh(&survey.moved, &plans, &mut points)?;
     let axes = survey.axes();
@@ -95,6 +96,8 @@ pub(super) fn run(survey: &Survey, scene: &SceneOptions, reference: &Reference, 
     let keeper = outside.keeper(&view, judged)?;
     let shorter_keepers = outside.shorter_keepers(&view, plans.iter().flatten(), judged)?;
     let gpu = Gpu::open().map_err(Failure::work)?;
+    // What does not fit is told before a reference is traced.
+    plans.iter().flatten().try_for_each(|plan| hold(&plan.schedule, &gpu.limits, gpu.features, &gpu.adapter.name)).map_err(Failure::work)?;
     let truth = given.map_or_else(|| keeper.map(|keeper| keeper.obtain(&view, console)).transpose(), |given| Ok(Some(given)))?;
     warn_of_unstated_bounces(truth.as_ref(), console);
     let shorter = Shorter::all(&shorter_keepers, truth.as_ref(), &view, console)?;

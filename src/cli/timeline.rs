@@ -1,5 +1,6 @@
 //! Which frames are rendered, through which cameras and with which parameters.
 
+use super::console::Console;
 use super::failure::{CommandError, Failure};
 use super::pipeline::{load_pipeline, plan_view};
 use super::scene::View;
@@ -56,13 +57,13 @@ pub struct Plans {
 
 impl Plans {
     /// Plans every frame; all must be able to share memory and shaders, so that the records of one are there for the next.
-    pub fn of(pipeline: &str, timeline: &Timeline, view: &View, device: Device, dumps: &[String]) -> Result<Self, Failure> {
+    pub fn of(pipeline: &str, timeline: &Timeline, view: &View, device: Device, dumps: &[String], console: &Console) -> Result<Self, Failure> {
         let mut plans: Vec<(Vec<String>, Plan)> = Vec::new();
         for frame in &timeline.frames {
             if plans.iter().any(|(sets, _)| *sets == frame.sets) {
                 continue;
             }
-            let plan = plan_view(&load_pipeline(pipeline, &frame.sets)?, view, device, dumps).map_err(Failure::input)?;
+            let plan = plan_view(&load_pipeline(pipeline, &frame.sets)?, view, device, dumps, console).map_err(Failure::input)?;
             if let Some(what) = plans.first().and_then(|(_, first)| first.schedule.difference(&plan.schedule)) {
                 return Err(Failure::input(CommandError::OtherPlan { frame: frame.number, sets: frame.sets.join(" "), what }));
             }

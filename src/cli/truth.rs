@@ -76,6 +76,8 @@ pub struct TruthOptions {
 /// A reference whose size and bounces fit the pictures that it is to judge.
 pub struct Truth {
     path: PathBuf,
+    /// Whether it stands there: not where the disk was full.
+    is_kept: bool,
     picture: Layers,
     variance: Option<Layers>,
     own: bool,
@@ -176,7 +178,7 @@ impl TruthOptions {
         named.expect_meaning(&picture)?;
         let picture = only(picture, named.layer.as_deref());
         let variance = self.reference_variance.as_deref().map(read_picture).transpose()?;
-        let truth = Truth { picture, variance, path: named.path.clone(), own: false, bounces };
+        let truth = Truth { picture, variance, path: named.path.clone(), is_kept: true, own: false, bounces };
         if !self.anyway {
             expect_shown(view, &truth.picture, &truth.path)?;
         }
@@ -195,7 +197,8 @@ impl TruthOptions {
         let settings = Settings { size: view.size, pixels, bounces: judged.bounces, stop, seed: 0 };
         check(&view.camera, &settings).map_err(Failure::input)?;
         let key = key(view, &settings);
-        let target = Target::new(&folder.join(format!("reference-{}.exr", Checksum::of(key.as_bytes()))))?;
+        let target = Target::probed(&folder.join(format!("reference-{}.exr", Checksum::of(key.as_bytes()))));
+        let target = target.map_err(|source| Failure::work(CommandError::UnusableCache { folder, source }))?;
         Ok(Some(Keeper { target, settings, key, judged }))
     }
 
@@ -272,11 +275,11 @@ pub struct Keeper {
 impl Keeper {
     /// The reference that was kept, or else a new one.
     pub fn obtain(&self, view: &View, console: &Console) -> Result<Truth, Failure> {
-        let picture = match self.kept(console) {
-            Some(picture) => picture,
-            None => self.trace(view, console)?,
+        let (picture, is_kept) = match self.kept(console) {
+            Some(picture) => (picture, true),
+            None => self.traced(view, console)?,
         };
-        let truth = Truth { path: self.target.path().to_owned(), picture, variance: None, own: true, bounces: self.judged };
+        let truth = Truth { path: self.target.path().to_owned(), is_kept, picture, variance: None, own: true, bounces: self.judged };
         truth.fits(view)?;
         if let Some(told) = truth.bound_told() {
             console.note(&told);
@@ -291,6 +294,16 @@ impl Keeper {
             console.note(&format!("the reference kept in {} is damaged: it is traced anew", self.target.path().display()));
         }
         picture.ok()
+    }
+
+    /// A new reference, and whether it is kept: what it took long to trace is not lost for want of room.
+    fn traced(&self, view: &View, console: &Console) -> Result<(Layers, bool), Failure> {
+        let picture = self.trace(view, console)?;
+        let kept = sealed::write(&self.target, picture.clone(), &self.key);
+        if let Err(failure) = &kept {
+            console.warn(&CommandError::NotKept { path: self.target.path().to_owned(), reason: failure.cause() });
+        }
+        Ok((picture, kept.is_ok()))
     }
 
     fn trace(&self, view: &View, console: &Console) -> Result<Layers, Failure> {
@@ -318,9 +331,7 @@ impl Keeper {
             ("samples", reference.samples.to_string()),
             ("seed", self.settings.seed.to_string()),
         ];
-        let picture = super::reference::layers(&reference, attributes.map(|(name, value)| (name.to_owned(), value)).into());
-        sealed::write(&self.target, picture.clone(), &self.key)?;
-        Ok(picture)
+        Ok(super::reference::layers(&reference, attributes.map(|(name, value)| (name.to_owned(), value)).into()))
     }
 }
 
@@ -328,7 +339,7 @@ impl Truth {
     /// The picture of a row of a study, which others are judged by.
     pub fn of_row(name: &str, picture: Layers) -> Self {
         // What a row lacks of another's bounces is its error against it.
-        Self { path: PathBuf::from(name), picture, variance: None, own: true, bounces: Judged { bounces: Bounces::All, any: true } }
+        Self { path: PathBuf::from(name), is_kept: true, picture, variance: None, own: true, bounces: Judged { bounces: Bounces::All, any: true } }
     }
 
     /// Says so where a reference ended before its noise was as small as it was to be.
@@ -410,7 +421,7 @@ impl Truth {
     pub fn report(&self) -> ReferenceReport {
         let attribute = |name: &str| self.picture.attributes.get(name).cloned();
         ReferenceReport {
-            file: Some(self.path.display().to_string()),
+            file: self.is_kept.then(|| self.path.display().to_string()),
             row: None,
             own: self.own,
             bounces: attribute("bounces"),

@@ -9,7 +9,7 @@ use std::sync::{Mutex, PoisonError};
 pub trait TableStore: Sync {
     /// None where there is none, or none that can be trusted.
     fn load(&self, key: &str) -> Option<Vec<u8>>;
-    /// To fail costs no more than to make the table again.
+    /// To fail costs no more than to make the table again; the store says so.
     fn save(&self, key: &str, table: &[u8]);
 }
 

@@ -67,6 +67,10 @@ pub struct Adapter {
     /// Whether it blends into images of 32-bit floats.
     #[serde(skip)]
     pub blends: bool,
+    #[serde(skip)]
+    pub limits: wgpu::Limits,
+    #[serde(skip)]
+    pub features: wgpu::Features,
 }
 
 /// An open device.
@@ -96,11 +100,16 @@ pub fn adapters() -> Vec<Adapter> {
     adapters
 }
 
+/// What [`Gpu::open`] would open; None where there is nothing.
+pub fn expected_adapter() -> Option<&'static Adapter> {
+    static FOUND: OnceLock<Option<Adapter>> = OnceLock::new();
+    let wanted = wanted();
+    FOUND.get_or_init(|| adapters().into_iter().find(|adapter| is_wanted(&adapter.name, wanted.as_deref()))).as_ref()
+}
+
 /// What [`Gpu::open`] would run shaders on, without opening it; hardware where there is nothing.
 pub fn expected_device() -> Device {
-    static FOUND: OnceLock<Device> = OnceLock::new();
-    let wanted = wanted();
-    *FOUND.get_or_init(|| adapters().iter().find(|adapter| is_wanted(&adapter.name, wanted.as_deref())).map_or(Device::ABLE, Adapter::device))
+    expected_adapter().map_or(Device::ABLE, Adapter::device)
 }
 
 /// What `WGPU_ADAPTER_NAME` asks for.
@@ -160,6 +169,8 @@ fn describe(adapter: &wgpu::Adapter) -> Adapter {
         driver: format!("{} {}", info.driver, info.driver_info).trim().into(),
         kind,
         lacks,
+        limits,
+        features: adapter.features(),
         blends: adapter.features().contains(wgpu::Features::FLOAT32_BLENDABLE),
     }
 }

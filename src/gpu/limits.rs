@@ -2,8 +2,10 @@
 
 use super::device::GpuError;
 use super::pipelines::formats;
+use super::scene::{ATTRIBUTES_BYTES, POSITIONS_BYTES};
 use super::shader::{Slot, SlotKind};
 use super::shaders::Shaders;
+use crate::scene::{MAX_SIDE, Scene, load::MAX_TRIANGLES};
 use crate::schedule::*;
 
 /// Holds a schedule against the limits and features of an adapter; `wgpu::Limits::default()` is what every adapter of WebGPU grants.
@@ -12,6 +14,41 @@ use crate::schedule::*;
 /// The first thing that is too large or too many, with the node that asks for it; a shader that is not valid.
 pub fn hold(schedule: &Schedule, limits: &wgpu::Limits, features: wgpu::Features, adapter: &str) -> Result<(), GpuError> {
     hold_shaders(schedule, &Shaders::load(schedule)?, &Granted { limits, features, adapter })
+}
+
+/// What can be told of an adapter's limits before anything is loaded.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Most {
+    /// Triangles of any scene: each pipeline reads their positions.
+    pub triangles: u64,
+    /// Where shaders read attributes, too: normals, textures, colours of vertices.
+    pub shaded_triangles: u64,
+    /// Of a picture [pixels].
+    pub side: u32,
+    /// Of a buffer that a shader reads.
+    pub bytes: u64,
+}
+
+impl Most {
+    pub fn of(limits: &wgpu::Limits) -> Self {
+        let bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
+        let triangles = |each: u64| (bytes / each).min(MAX_TRIANGLES as u64);
+        let side = limits.max_texture_dimension_2d.min(MAX_SIDE);
+        Self { triangles: triangles(POSITIONS_BYTES), shaded_triangles: triangles(ATTRIBUTES_BYTES), side, bytes }
+    }
+
+    /// What every adapter of WebGPU takes.
+    pub fn everywhere() -> Self {
+        Self::of(&wgpu::Limits::default())
+    }
+
+    /// Refuses a scene that no pipeline can have on the adapter.
+    ///
+    /// # Errors
+    /// Where it has too many triangles.
+    pub fn hold(&self, scene: &Scene) -> Result<(), GpuError> {
+        within(&scene.name, scene.triangles.len() as u64, self.triangles, "triangles")
+    }
 }
 
 /// What an adapter grants.
@@ -125,5 +162,28 @@ impl Asked<'_> {
         let Some(resource) = self.schedule.bound(self.program, &slot.name) else { return Ok(()) };
         let resource = self.schedule.resource(resource);
         within(&format!("{}, which {} binds", resource.name, self.name), resource.kind.bytes(), limit, "bytes")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::load::load_text;
+
+    #[test]
+    fn what_is_told_is_what_fits() {
+        let most = Most::everywhere();
+        assert_eq!((most.triangles, most.shaded_triangles, most.side), (3_728_270, 2_097_152, 8192));
+        let text = "Scene(version: 1, geometry: [Box(min: (0, 0, 0), max: (1, 1, 1))], materials: {\"*\": Diffuse(reflectance: (0.5, 0.5, 0.5))})";
+        let scene = load_text("box.ron", text).unwrap();
+        let granted = |triangles: u64| {
+            let bytes = POSITIONS_BYTES * triangles;
+            Most::of(&wgpu::Limits { max_storage_buffer_binding_size: bytes, max_buffer_size: bytes, ..Default::default() })
+        };
+        assert!(granted(12).hold(&scene).is_ok());
+        let told = granted(11).hold(&scene).unwrap_err().to_string();
+        assert_eq!(told, "`box` needs 12 triangles; the adapter's limit is 11");
+        // No adapter takes more than loaders do.
+        assert_eq!(granted(1 << 40).triangles, MAX_TRIANGLES as u64);
     }
 }

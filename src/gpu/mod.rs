@@ -23,6 +23,6 @@ pub mod spirv;
 mod timing;
 
 pub use coherence::Reader;
-pub use device::{Adapter, Gpu, GpuError, expected_device};
+pub use device::{Adapter, Gpu, GpuError, expected_adapter, expected_device};
 pub use frame::{AskPace, Frame, NodeTimes, Pace, Unfinished};
 pub use session::Session;

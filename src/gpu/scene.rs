@@ -140,6 +140,10 @@ pub const BOTH_SIDES: u32 = 1 << 30;
 /// Bytes of an element of the tables.
 const ELEMENT: usize = 16;
 
+/// Bytes of a triangle's positions and of its attributes.
+pub(super) const POSITIONS_BYTES: u64 = 36;
+pub(super) const ATTRIBUTES_BYTES: u64 = 64;
+
 /// Least size of a part of the scene as a buffer [bytes]: shaders bind at least one element, attributes are the largest.
 const LEAST_BYTES: usize = 64;
 
@@ -152,9 +156,9 @@ pub fn kind(scene: &Scene, data: SceneData) -> ResourceKind {
     let buffer = |bytes: u64| ResourceKind::Buffer { bytes: bytes.next_multiple_of(ELEMENT as u64).max(LEAST_BYTES as u64) };
     match data {
         SceneData::Parameters => buffer(size_of::<SceneParameters>() as u64),
-        SceneData::Positions => buffer(triangles * 36),
+        SceneData::Positions => buffer(triangles * POSITIONS_BYTES),
         SceneData::Corners => buffer(triangles * 48),
-        SceneData::Attributes => buffer(triangles * 64),
+        SceneData::Attributes => buffer(triangles * ATTRIBUTES_BYTES),
         SceneData::Tables | SceneData::AlbedoTables => buffer(Places::of(scene, scene.emitters().len()).end * ELEMENT as u64),
         SceneData::FirstLights => buffer((FIRST_LIGHTS * size_of::<SceneLight>()) as u64),
         SceneData::Texels => {

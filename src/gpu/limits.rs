@@ -2,7 +2,7 @@
 
 use super::device::GpuError;
 use super::pipelines::formats;
-use super::scene::{ATTRIBUTES_BYTES, POSITIONS_BYTES};
+use super::scene::{ATTRIBUTES_BYTES, CORNERS_BYTES};
 use super::shader::{Slot, SlotKind};
 use super::shaders::Shaders;
 use crate::scene::{MAX_SIDE, Scene, load::MAX_TRIANGLES};
@@ -19,7 +19,7 @@ pub fn hold(schedule: &Schedule, limits: &wgpu::Limits, features: wgpu::Features
 /// What can be told of an adapter's limits before anything is loaded.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Most {
-    /// Triangles of any scene: each pipeline reads their positions.
+    /// Triangles of any scene: each pipeline reads their corners.
     pub triangles: u64,
     /// Where shaders read attributes, too: normals, textures, colours of vertices.
     pub shaded_triangles: u64,
@@ -34,7 +34,7 @@ impl Most {
         let bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
         let triangles = |each: u64| (bytes / each).min(MAX_TRIANGLES as u64);
         let side = limits.max_texture_dimension_2d.min(MAX_SIDE);
-        Self { triangles: triangles(POSITIONS_BYTES), shaded_triangles: triangles(ATTRIBUTES_BYTES), side, bytes }
+        Self { triangles: triangles(CORNERS_BYTES), shaded_triangles: triangles(ATTRIBUTES_BYTES), side, bytes }
     }
 
     /// What every adapter of WebGPU takes.
@@ -173,11 +173,11 @@ mod tests {
     #[test]
     fn what_is_told_is_what_fits() {
         let most = Most::everywhere();
-        assert_eq!((most.triangles, most.shaded_triangles, most.side), (3_728_270, 2_097_152, 8192));
+        assert_eq!((most.triangles, most.shaded_triangles, most.side), (2_796_202, 2_097_152, 8192));
         let text = "Scene(version: 1, geometry: [Box(min: (0, 0, 0), max: (1, 1, 1))], materials: {\"*\": Diffuse(reflectance: (0.5, 0.5, 0.5))})";
         let scene = load_text("box.ron", text).unwrap();
         let granted = |triangles: u64| {
-            let bytes = POSITIONS_BYTES * triangles;
+            let bytes = CORNERS_BYTES * triangles;
             Most::of(&wgpu::Limits { max_storage_buffer_binding_size: bytes, max_buffer_size: bytes, ..Default::default() })
         };
         assert!(granted(12).hold(&scene).is_ok());

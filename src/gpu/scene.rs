@@ -140,8 +140,8 @@ pub const BOTH_SIDES: u32 = 1 << 30;
 /// Bytes of an element of the tables.
 const ELEMENT: usize = 16;
 
-/// Bytes of a triangle's positions and of its attributes.
-pub(super) const POSITIONS_BYTES: u64 = 36;
+/// Bytes of a triangle's corners and of its attributes.
+pub(super) const CORNERS_BYTES: u64 = 48;
 pub(super) const ATTRIBUTES_BYTES: u64 = 64;
 
 /// Least size of a part of the scene as a buffer [bytes]: shaders bind at least one element, attributes are the largest.
@@ -156,8 +156,8 @@ pub fn kind(scene: &Scene, data: SceneData) -> ResourceKind {
     let buffer = |bytes: u64| ResourceKind::Buffer { bytes: bytes.next_multiple_of(ELEMENT as u64).max(LEAST_BYTES as u64) };
     match data {
         SceneData::Parameters => buffer(size_of::<SceneParameters>() as u64),
-        SceneData::Positions => buffer(triangles * POSITIONS_BYTES),
-        SceneData::Corners => buffer(triangles * 48),
+        SceneData::Positions => buffer(triangles * 36),
+        SceneData::Corners => buffer(triangles * CORNERS_BYTES),
         SceneData::Attributes => buffer(triangles * ATTRIBUTES_BYTES),
         SceneData::Tables | SceneData::AlbedoTables => buffer(Places::of(scene, scene.emitters().len()).end * ELEMENT as u64),
         SceneData::FirstLights => buffer((FIRST_LIGHTS * size_of::<SceneLight>()) as u64),

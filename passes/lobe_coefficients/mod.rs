@@ -145,7 +145,7 @@ fn shapes_of_maps(scene: &Scene, used: &[bool], leaves_sharp: bool) -> (Vec<Used
     let (mut range, mut materials) = ([f32::INFINITY, f32::NEG_INFINITY], Vec::new());
     for (material, _) in scene.materials.iter().zip(used).filter(|(material, used)| **used && material.maps.facets.is_some()) {
         let Some(Glossy::MetallicRoughness { roughness, .. }) = material.glossy else { continue };
-        let [low, high] = scene.facets(material).map(|facets| facets.x * roughness);
+        let [low, high] = scene.facets(material).map(|facets| facets.y * roughness);
         let low = if leaves_sharp { low.max(Shape::least_wide_roughness()) } else { low };
         if low <= high {
             range = [range[0].min(low), range[1].max(high)];

@@ -464,7 +464,18 @@ fn facing(direction: vec3f) -> vec3f {
     return select(normalize(vec3f(direction.xy, 0.01)), direction, direction.z > 0.0);
 }
 
-// As Material::reflection.
+// What multiplies the lobe: of microfacets roughness by green and metallic by blue, of others the reflectance.
+fn facets_at(material: SceneMaterial, triangle: u32, barycentric: vec2f) -> vec3f {
+    if TEXTURES && material.maps != 0u {
+        let image = map_image(material, FACETS_MAP);
+        if image.width != 0u {
+            return texture_at(image, uv_at(triangle, barycentric)).rgb;
+        }
+    }
+    return vec3f(1.0);
+}
+
+// As Material::reflection_with.
 fn with_lobe(plain: Surface, material: SceneMaterial, triangle: u32, barycentric: vec2f, direction: vec3f) -> Surface {
     var surface = plain;
     surface.lobe = material.lobe;
@@ -475,18 +486,14 @@ fn with_lobe(plain: Surface, material: SceneMaterial, triangle: u32, barycentric
     surface.bitangent = axes[1];
     let toward = -normalize(direction);
     surface.outgoing = facing(vec3f(dot(toward, axes[0]), dot(toward, axes[1]), dot(toward, surface.normal)));
+    let facets = facets_at(material, triangle, barycentric);
     if material.lobe == MICROFACETS {
-        var metallic = material.metallic;
-        if TEXTURES && material.maps != 0u {
-            let image = map_image(material, FACETS_MAP);
-            if image.width != 0u {
-                let facets = texture_at(image, uv_at(triangle, barycentric)).yz;
-                surface.lobe_shape = vec2f(material.lobe_shape.x * facets.x * facets.x);
-                metallic *= facets.y;
-            }
-        }
+        let metallic = material.metallic * facets.z;
+        surface.lobe_shape = material.lobe_shape * facets.y * facets.y;
         surface.specular = mix(DIELECTRIC + material.specular, surface.reflectance, metallic);
         surface.reflectance *= 1.0 - metallic;
+    } else {
+        surface.specular *= facets;
     }
     return surface;
 }

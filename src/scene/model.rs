@@ -70,7 +70,7 @@ pub struct Material {
 /// What textures change beside the base colour, by the same texture coordinates: indices into [`Scene::textures`].
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Maps {
-    /// What multiplies [`Glossy::MetallicRoughness`]: roughness in green, metallic in blue.
+    /// What multiplies the lobe: of [`Glossy::MetallicRoughness`] roughness by green and metallic by blue, of others the reflectance.
     pub facets: Option<u32>,
     /// Normals in the frame of the texture coordinates, red along the first, green against the second.
     pub normal: Option<u32>,
@@ -304,17 +304,17 @@ pub const DIELECTRIC: f32 = 0.04;
 impl Material {
     /// What a point does with light whose base colour, the material's times its texture's, is `base`.
     pub fn reflection(&self, base: Rgb) -> Reflection {
-        self.reflection_with(base, Vec2::ONE)
+        self.reflection_with(base, Vec3::ONE)
     }
 
-    /// The same where a map multiplies roughness and metallic by `facets`.
-    pub fn reflection_with(&self, base: Rgb, facets: Vec2) -> Reflection {
+    /// The same where a map multiplies the lobe by `facets`.
+    pub fn reflection_with(&self, base: Rgb, facets: Vec3) -> Reflection {
         let (diffuse, lobe) = match self.glossy {
             None => return Reflection { diffuse: base, lobe: None },
-            Some(Glossy::Phong { reflectance, exponent }) => (base, Lobe { shape: Shape::Phong { exponent }, reflectance }),
-            Some(Glossy::Ward { reflectance, alpha }) => (base, Lobe { shape: Shape::Ward { alpha }, reflectance }),
+            Some(Glossy::Phong { reflectance, exponent }) => (base, Lobe { shape: Shape::Phong { exponent }, reflectance: reflectance * facets }),
+            Some(Glossy::Ward { reflectance, alpha }) => (base, Lobe { shape: Shape::Ward { alpha }, reflectance: reflectance * facets }),
             Some(Glossy::MetallicRoughness { metallic, roughness, dielectric }) => {
-                let (roughness, metallic) = (roughness * facets.x, metallic * facets.y);
+                let (roughness, metallic) = (roughness * facets.y, metallic * facets.z);
                 let reflectance = dielectric.lerp(base, metallic);
                 (base * (1.0 - metallic), Lobe { shape: Shape::Microfacets { alpha: roughness * roughness }, reflectance })
             }
@@ -432,12 +432,19 @@ impl Texture {
         let [across, down] = self.reading.wrap;
         let ([left, right], x) = across.nearest(uv.x, self.width);
         let ([upper, lower], y) = down.nearest(uv.y, self.height);
-        let linear = if self.reading.is_linear { &*AS_THEY_STAND } else { &*LINEAR };
+        let linear = self.reading.values();
         let texel = |column: u32, row: u32| {
             let [r, g, b, a] = self.texels[row as usize * self.width as usize + column as usize];
             glam::Vec4::new(linear[r as usize], linear[g as usize], linear[b as usize], a as f32 / 255.0)
         };
         texel(left, upper).lerp(texel(right, upper), x).lerp(texel(left, lower).lerp(texel(right, lower), x), y)
+    }
+}
+
+impl Reading {
+    /// What a channel's byte stands for.
+    fn values(self) -> &'static [f32; 256] {
+        if self.is_linear { &AS_THEY_STAND } else { &LINEAR }
     }
 }
 
@@ -451,8 +458,12 @@ impl Wrap {
         };
         let at = within * size as f32 - 0.5;
         let base = at.floor();
-        let size = size as i32;
-        let wrapped = |at: i32| match self {
+        ([base as i32, base as i32 + 1].map(|at| self.texel(at, size as i32)), at - base)
+    }
+
+    /// The texel at a place of a line of so many, which may be beyond its ends.
+    pub fn texel(self, at: i32, size: i32) -> u32 {
+        let within = match self {
             Self::Repeat => at.rem_euclid(size),
             Self::Mirror => {
                 let at = at.rem_euclid(2 * size);
@@ -460,7 +471,7 @@ impl Wrap {
             }
             Self::Clamp => at.clamp(0, size - 1),
         };
-        ([base as i32, base as i32 + 1].map(|at| wrapped(at) as u32), at - base)
+        within as u32
     }
 }
 
@@ -554,13 +565,15 @@ impl Scene {
         self.reflections(material).into_iter().filter_map(|reflection| reflection.lobe)
     }
 
-    /// The least and the most that roughness and metallic of a material are multiplied by.
-    pub fn facets(&self, material: &Material) -> [Vec2; 2] {
-        let Some(map) = material.maps.facets else { return [Vec2::ONE; 2] };
-        let texels = self.textures[map as usize].texels.iter().map(|texel| [texel[1], texel[2]]);
-        let [low, high] = texels
-            .fold([[u8::MAX; 2], [0; 2]], |[low, high], [rough, metal]| [[low[0].min(rough), low[1].min(metal)], [high[0].max(rough), high[1].max(metal)]]);
-        [low, high].map(|[rough, metal]| Vec2::new(f32::from(rough), f32::from(metal)) / 255.0)
+    /// The least and the most that the lobe of a material is multiplied by.
+    pub fn facets(&self, material: &Material) -> [Vec3; 2] {
+        let Some(map) = material.maps.facets else { return [Vec3::ONE; 2] };
+        let texture = &self.textures[map as usize];
+        let [low, high] = texture.texels.iter().fold([[u8::MAX; 3], [0; 3]], |[low, high], &[r, g, b, _]| {
+            [[low[0].min(r), low[1].min(g), low[2].min(b)], [high[0].max(r), high[1].max(g), high[2].max(b)]]
+        });
+        let values = texture.reading.values();
+        [low, high].map(|texel| Vec3::from(texel.map(|channel| values[channel as usize])))
     }
 
     /// Emissive triangles, in their order.

@@ -2,7 +2,7 @@
 
 use super::{LightKind, Material, Rgb, Scene, Triangle, surface_offset};
 use crate::math::{frame::Frame, lobe::Lobe};
-use glam::{Vec2, Vec3, Vec4Swizzles};
+use glam::{Vec2, Vec3};
 use std::f32::consts::FRAC_1_PI;
 
 /// Where a ray starts, and where it goes; of any length.
@@ -115,7 +115,7 @@ impl Scene {
         let (plain, base) = self.without_lobe(triangle, barycentric, ray, true);
         let triangle = &self.triangles[triangle as usize];
         let material = &self.materials[triangle.material as usize];
-        let facets = material.maps.facets.map_or(Vec2::ONE, |map| self.textures[map as usize].sample(triangle.uv(barycentric)).yz());
+        let facets = self.colour(material.maps.facets, triangle, barycentric);
         let reflection = material.reflection_with(material.reflectance * base, facets);
         let glossy = reflection.lobe.map(|lobe| {
             let frame = if lobe.shape.is_anisotropic() { triangle.tangent_frame(plain.normal) } else { Frame::new(plain.normal) };

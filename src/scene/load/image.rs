@@ -1,6 +1,7 @@
 //! Images of scenes: base colour textures and latitude-longitude skies.
 
 use super::{
+    compose::{Composed, Composition},
     error::{Problem, SceneError},
     files::{Bytes, Files},
     guard, list,
@@ -8,11 +9,7 @@ use super::{
 use crate::scene::model::{Environment, Material, Reading, Rgb, Texture};
 use ::image::{DynamicImage, ImageReader};
 use glam::Vec3;
-use std::{
-    borrow::Cow,
-    io::Cursor,
-    path::{Path, PathBuf},
-};
+use std::{borrow::Cow, io::Cursor, path::Path};
 
 /// The longest side of an image [pixels].
 const MAX_SIDE: u32 = 16384;
@@ -32,7 +29,7 @@ pub(super) struct TextureSource {
 
 #[derive(Debug, Clone)]
 pub(super) enum Content {
-    File(PathBuf),
+    Files(Composition),
     Bytes(Bytes),
     /// Known to be out of reach, and why.
     Missing(String),
@@ -43,21 +40,22 @@ pub(super) enum Content {
 /// # Errors
 /// Images beyond the limits, found before their pixels are allocated.
 pub(super) fn decode_all(sources: &[TextureSource], files: &Files, materials: &mut [Material], notes: &mut Vec<String>) -> Result<Vec<Texture>, SceneError> {
-    let (mut textures, mut failures, mut budget) = (Vec::new(), Vec::new(), MAX_BYTES);
-    let mut numbers = vec![None; sources.len()];
-    for (source, number) in sources.iter().zip(&mut numbers) {
-        match decode(source, files, &mut budget)? {
-            Ok(texture) => {
-                *number = Some(textures.len() as u32);
-                textures.push(texture);
-            }
-            Err(why) => failures.push(format!("{} ({why})", source.name)),
+    let mut decoder = Decoder { files, budget: MAX_BYTES, failures: Vec::new(), normals: Vec::new() };
+    let mut textures = Vec::new();
+    // The number of each texture, and what multiplies how far its normals lean.
+    let mut decoded = vec![None; sources.len()];
+    for (source, decoded) in sources.iter().zip(&mut decoded) {
+        if let Some(Composed { image, lean }) = decoder.decode(source)? {
+            *decoded = Some((textures.len() as u32, lean));
+            let texels = image.pixels().map(|pixel| pixel.0).collect();
+            textures.push(Texture { name: source.name.clone(), width: image.width(), height: image.height(), texels, reading: source.reading });
         }
     }
     for material in materials {
         let emits_by_map = material.maps.emission.is_some();
+        material.maps.normal_scale *= material.maps.normal.and_then(|map| decoded[map as usize]).map_or(1.0, |(_, lean)| lean);
         for texture in material.textures_mut() {
-            *texture = texture.and_then(|texture| numbers[texture as usize]);
+            *texture = texture.and_then(|texture| decoded[texture as usize]).map(|(number, _)| number);
         }
         if emits_by_map && material.maps.emission.is_none() {
             // Which parts shine is not known: all of them would be a lamp.
@@ -65,37 +63,88 @@ pub(super) fn decode_all(sources: &[TextureSource], files: &Files, materials: &m
         }
         material.alpha_cutoff = material.alpha_cutoff.filter(|_| material.texture.is_some());
     }
-    if !failures.is_empty() {
-        notes.push(format!("textures that could not be read, their surfaces go without: {}", list(&failures)));
+    if !decoder.failures.is_empty() {
+        notes.push(format!("textures that could not be read, their surfaces go without: {}", list(&decoder.failures)));
+    }
+    if !decoder.normals.is_empty() {
+        notes.push(format!("maps of heights that have the colours of normals were taken as normals: {}", list(&decoder.normals)));
     }
     Ok(textures)
 }
 
-/// Outer error: over the limits. Inner error: unreadable, which a scene survives.
-fn decode(source: &TextureSource, files: &Files, budget: &mut u64) -> Result<Result<Texture, String>, SceneError> {
-    let bytes = match &source.content {
-        Content::File(path) => match files.read(path) {
-            Ok(bytes) => bytes,
+/// Opens images as long as there is room for them.
+pub(super) struct Decoder<'a> {
+    files: &'a Files,
+    /// What textures may still take [bytes].
+    budget: u64,
+    /// Images that could not be read, and why.
+    failures: Vec<String>,
+    /// Those that were taken as maps of normals, and not of heights.
+    pub normals: Vec<String>,
+}
+
+impl Decoder<'_> {
+    /// None for one that cannot be read, or that says nothing.
+    fn decode(&mut self, source: &TextureSource) -> Result<Option<Composed>, SceneError> {
+        let composed = match &source.content {
+            Content::Files(composition) => composition.compose(&source.name, source.reading.wrap, self)?,
+            Content::Bytes(bytes) => self.open_bytes(&source.name, bytes)?.map(Composed::plain),
+            Content::Missing(why) => {
+                self.fail(&source.name, why);
+                None
+            }
+        };
+        if let Some(Composed { image, .. }) = &composed {
+            self.budget -= self.expect_room(&source.name, image.width(), image.height())?;
+        }
+        Ok(composed)
+    }
+
+    fn fail(&mut self, name: &str, why: &str) {
+        let failure = format!("{name} ({why})");
+        if !self.failures.contains(&failure) {
+            self.failures.push(failure);
+        }
+    }
+
+    /// The image of a file, which messages call by a name; none where it cannot be read.
+    ///
+    /// # Errors
+    /// One beyond the limits.
+    pub fn open(&mut self, name: &str, path: &Path) -> Result<Option<DynamicImage>, SceneError> {
+        match self.files.read(path) {
+            Ok(bytes) => return self.open_bytes(name, &bytes),
             Err(error) => match error.problem() {
                 Problem::TooLarge => return Err(error),
-                Problem::NotFound => return Ok(Err("missing".to_owned())),
-                _ => return Ok(Err(error.to_string())),
+                Problem::NotFound => self.fail(name, "missing"),
+                _ => self.fail(name, &error.to_string()),
             },
-        },
-        Content::Bytes(bytes) => bytes.clone(),
-        Content::Missing(why) => return Ok(Err(why.clone())),
-    };
-    let Some((width, height)) = dimensions(&bytes) else { return Ok(Err("not an image of a known format".to_owned())) };
-    expect_side(&source.name, width, height)?;
-    let size = 4 * u64::from(width) * u64::from(height);
-    *budget = budget.checked_sub(size).ok_or_else(|| {
-        SceneError::new(Problem::TooLarge, format!("the scene's textures take more than 1 GiB; `{}` was one too many", source.name))
-            .help("use smaller textures")
-    })?;
-    let Some(image) = decode_pixels(&bytes) else { return Ok(Err("its pixels are broken".to_owned())) };
-    let image = image.into_rgba8();
-    let texels = image.pixels().map(|pixel| pixel.0).collect();
-    Ok(Ok(Texture { name: source.name.clone(), width: image.width(), height: image.height(), texels, reading: source.reading }))
+        }
+        Ok(None)
+    }
+
+    fn open_bytes(&mut self, name: &str, bytes: &[u8]) -> Result<Option<DynamicImage>, SceneError> {
+        let Some((width, height)) = dimensions(bytes) else {
+            self.fail(name, "not an image of a known format");
+            return Ok(None);
+        };
+        expect_side(name, width, height)?;
+        self.expect_room(name, width, height)?;
+        let image = decode_pixels(bytes);
+        if image.is_none() {
+            self.fail(name, "its pixels are broken");
+        }
+        Ok(image)
+    }
+
+    /// What a texture of so many pixels takes [bytes].
+    pub fn expect_room(&self, name: &str, width: u32, height: u32) -> Result<u64, SceneError> {
+        let bytes = 4 * u64::from(width) * u64::from(height);
+        if bytes <= self.budget {
+            return Ok(bytes);
+        }
+        Err(SceneError::new(Problem::TooLarge, format!("the scene's textures take more than 1 GiB; `{name}` was one too many")).help("use smaller textures"))
+    }
 }
 
 fn dimensions(bytes: &[u8]) -> Option<(u32, u32)> {

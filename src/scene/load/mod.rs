@@ -3,6 +3,7 @@
 //! Every loader gathers a draft in double precision and the file's own coordinates; one place turns it into a
 //! [`Scene`]: recentred, cleaned and in single precision.
 
+mod compose;
 mod daylight;
 mod draft;
 mod error;

@@ -3,7 +3,10 @@
 //! Read here rather than by a crate, so that an error names its line, a material keeps its name where its library is
 //! missing, and no file can panic.
 
+mod library;
+
 use super::{
+    compose::Composition,
     count_up,
     draft::{Draft, Face},
     error::{Problem, SceneError, SourceText},
@@ -12,24 +15,18 @@ use super::{
     list,
     polygon::{Cut, MAX_CORNERS, MAX_WORK, cut},
 };
-use crate::scene::model::{Glossy, Maps, Material, Reading, Tint, srgb_to_linear};
+use crate::scene::model::{Maps, Material, Reading, Tint, srgb_to_linear};
 use glam::{DVec3, Vec2, Vec3};
+use library::{Described, read_libraries};
 use std::{
-    collections::{BTreeMap, BTreeSet, HashMap},
-    path::{Path, PathBuf},
+    collections::{BTreeMap, HashMap},
+    path::Path,
 };
 
 /// Reflectance of faces whose material the files do not describe.
 const PLAIN: f32 = 0.7;
 /// The name of the material of faces that name none.
 const UNNAMED: &str = "default";
-
-/// Words of material libraries that change how a surface looks, and are not read.
-const UNREAD: [&str; 16] =
-    ["bump", "map_Bump", "disp", "decal", "refl", "map_d", "map_Tr", "map_Ks", "map_Ns", "map_Pr", "map_Pm", "map_Ps", "Ps", "Pc", "aniso", "Tf"];
-/// Those of them that say nothing with a value of 0, and with one of 1.
-const NEUTRAL: ([&str; 3], [&str; 1]) = (["Ps", "Pc", "aniso"], ["Tf"]);
-const TRANSPARENCY: &str = "transparency (`d` or `Tr`)";
 
 /// Reads an OBJ file and the material libraries that it names.
 pub(super) fn read(path: &Path, files: &Files, draft: &mut Draft, wanted: &dyn Fn(&str) -> bool) -> Result<(), SceneError> {
@@ -247,16 +244,12 @@ impl<'a, 'd> Reader<'a, 'd> {
         for (name, number) in ordered {
             match described.get(name) {
                 Some(found) => {
-                    let mut texture = |path: &Option<PathBuf>, is_linear: bool| {
-                        let reading = Reading { is_linear, ..Reading::default() };
-                        path.as_ref().filter(|_| wanted(name)).map(|path| texture_number(draft, &mut textures, path, reading))
+                    draft.materials[number as usize] = if wanted(name) {
+                        found.unread.iter().for_each(|what| *unread.entry(what.clone()).or_default() += 1);
+                        with_textures(found, |texture| texture_number(draft, &mut textures, texture))
+                    } else {
+                        found.material.clone()
                     };
-                    let [base, normal, emission] =
-                        [(&found.texture, false), (&found.normals, true), (&found.emissive, false)].map(|(path, is_linear)| texture(path, is_linear));
-                    let maps = Maps { facets: None, normal, normal_scale: if normal.is_some() { 1.0 } else { 0.0 }, emission };
-                    let met = found.unread.iter().filter(|_| wanted(name));
-                    met.for_each(|what| *unread.entry(what.clone()).or_default() += 1);
-                    draft.materials[number as usize] = Material { texture: base, maps, ..found.material.clone() };
                 }
                 None if wanted(name) => plain.push(name.to_owned()),
                 None => {}
@@ -285,7 +278,7 @@ fn unread_statement(word: &str) -> Option<&'static str> {
 /// The word that begins a line and what follows it, without a comment. Names may hold a `#`: in them a comment has blanks around its sign.
 fn statement(line: &str) -> (&str, &str) {
     let (word, rest) = split_word(line.trim());
-    let is_name = matches!(word, "usemtl" | "newmtl" | "mtllib" | "o" | "g") || word.starts_with("map_");
+    let is_name = matches!(word, "usemtl" | "newmtl" | "mtllib" | "o" | "g") || library::names_file(word);
     let comment = if is_name { rest.find(" # ") } else { rest.find('#') };
     if word.starts_with('#') { ("", "") } else { (word, rest[..comment.unwrap_or(rest.len())].trim()) }
 }
@@ -308,189 +301,16 @@ fn finite_uv(u: f32, v: f32) -> Vec2 {
     if uv.is_finite() { uv } else { Vec2::ZERO }
 }
 
-fn texture_number(draft: &mut Draft, known: &mut HashMap<(PathBuf, Reading), u32>, path: &Path, reading: Reading) -> u32 {
-    *known.entry((path.to_owned(), reading)).or_insert_with(|| {
-        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        draft.textures.push(TextureSource { name, content: Content::File(path.to_owned()), reading });
+/// A material as its library describes it, with the numbers of its textures.
+fn with_textures(found: &Described, mut number: impl FnMut((Composition, Reading)) -> u32) -> Material {
+    let [texture, facets, normal, emission] = found.textures().map(|texture| texture.map(&mut number));
+    let maps = Maps { facets, normal, normal_scale: if normal.is_some() { found.normal_scale() } else { 0.0 }, emission };
+    Material { texture, maps, ..found.material.clone() }
+}
+
+fn texture_number(draft: &mut Draft, known: &mut HashMap<(Composition, Reading), u32>, (made_of, reading): (Composition, Reading)) -> u32 {
+    *known.entry((made_of.clone(), reading)).or_insert_with(|| {
+        draft.textures.push(TextureSource { name: made_of.name(), content: Content::Files(made_of), reading });
         draft.textures.len() as u32 - 1
     })
-}
-
-/// A material as its library describes it.
-struct Described {
-    material: Material,
-    texture: Option<PathBuf>,
-    normals: Option<PathBuf>,
-    emissive: Option<PathBuf>,
-    specular: Vec3,
-    exponent: f32,
-    emission: Option<Vec3>,
-    roughness: Option<f32>,
-    metallic: Option<f32>,
-    illumination: i32,
-    opacity: Option<f32>,
-    transparency: f32,
-    /// What it says that is left out.
-    unread: BTreeSet<String>,
-}
-
-/// All materials of the libraries that are there. The one beside the OBJ file steps in for one that is not.
-fn read_libraries(path: &Path, files: &Files, names: &[&str], file: &str, draft: &mut Draft) -> Result<HashMap<String, Described>, SceneError> {
-    let folder = path.parent().unwrap_or(Path::new(""));
-    let beside = path.with_extension("mtl");
-    let mut described = HashMap::new();
-    for name in names.iter().flat_map(|names| library_names(folder, names)) {
-        let named = folder.join(name.replace('\\', "/"));
-        let found = if named.is_file() {
-            named
-        } else if beside.is_file() {
-            draft.notes.push(format!("{file}: material library `{name}` is missing; the one beside the file was used"));
-            beside.clone()
-        } else {
-            draft.notes.push(format!("{file}: material library `{name}` is missing"));
-            continue;
-        };
-        match files.read_text(&found) {
-            Ok(text) => read_library(&text, found.parent().unwrap_or(folder), &mut described, &mut draft.notes),
-            Err(error) if error.problem() == Problem::TooLarge => return Err(error),
-            Err(error) => draft.notes.push(format!("{file}: {error}")),
-        }
-    }
-    Ok(described)
-}
-
-/// A statement names one library, with blanks or without, or several.
-fn library_names<'n>(folder: &Path, names: &'n str) -> Vec<&'n str> {
-    let is_there = |name: &&str| folder.join(name.replace('\\', "/")).is_file();
-    let parts: Vec<&str> = names.split_ascii_whitespace().collect();
-    if is_there(&names) || !parts.iter().any(is_there) { vec![names] } else { parts }
-}
-
-fn read_library(text: &str, folder: &Path, described: &mut HashMap<String, Described>, notes: &mut Vec<String>) {
-    let mut current: Option<Described> = None;
-    let mut odd = Vec::new();
-    let mut store = |entry: Option<Described>| {
-        if let Some(entry) = entry {
-            described.insert(entry.material.name.clone(), entry.settled());
-        }
-    };
-    for line in text.lines() {
-        let (word, rest) = statement(line);
-        if word == "newmtl" {
-            store(current.replace(Described::new(rest)));
-        } else if let Some(entry) = &mut current
-            && !entry.set(word, rest, folder)
-        {
-            odd.push(format!("`{word} {rest}`"));
-        }
-    }
-    store(current);
-    if !odd.is_empty() {
-        notes.push(format!("lines of the material library that were not understood or are out of range: {}", list(&odd)));
-    }
-}
-
-impl Described {
-    fn new(name: &str) -> Self {
-        Self {
-            material: Material::diffuse(name, Vec3::splat(PLAIN)),
-            texture: None,
-            normals: None,
-            emissive: None,
-            specular: Vec3::ZERO,
-            exponent: 0.0,
-            emission: None,
-            roughness: None,
-            metallic: None,
-            illumination: 2,
-            opacity: None,
-            transparency: 0.0,
-            unread: BTreeSet::new(),
-        }
-    }
-
-    /// Takes in one line; false where its value makes no sense.
-    fn set(&mut self, word: &str, rest: &str, folder: &Path) -> bool {
-        let in_unit = |c: &Vec3| c.cmple(Vec3::ONE).all();
-        match word.to_ascii_lowercase().as_str() {
-            "kd" => colour(rest).filter(in_unit).map(|c| self.material.reflectance = c).is_some(),
-            "ks" => colour(rest).filter(in_unit).map(|c| self.specular = c).is_some(),
-            "ke" => colour(rest).map(|c| self.emission = Some(c)).is_some(),
-            "ns" => rest.parse().ok().filter(|n: &f32| n.is_finite() && *n >= 0.0).map(|n| self.exponent = n).is_some(),
-            "illum" => rest.parse().map(|model| self.illumination = model).is_ok(),
-            // An option may stand before the number.
-            "d" => last_word(rest).parse().map(|opacity| self.opacity = Some(opacity)).is_ok(),
-            "tr" => rest.parse().map(|transparency| self.transparency = transparency).is_ok(),
-            "pr" => share(rest).map(|roughness| self.roughness = Some(roughness)).is_some(),
-            "pm" => share(rest).map(|metallic| self.metallic = Some(metallic)).is_some(),
-            "map_ke" => {
-                self.emissive = self.file("map_Ke", rest, folder);
-                true
-            }
-            "norm" => {
-                self.normals = self.file("norm", rest, folder);
-                true
-            }
-            "map_kd" => {
-                self.texture = self.file("map_Kd", rest, folder);
-                true
-            }
-            _ => {
-                self.unread.extend(unread_word(word, rest));
-                true
-            }
-        }
-    }
-
-    /// The file of a map. Options stand before its name; without any, the name may hold blanks.
-    fn file(&mut self, word: &str, rest: &str, folder: &Path) -> Option<PathBuf> {
-        let has_options = rest.starts_with('-');
-        let name = if has_options { last_word(rest) } else { rest };
-        self.unread.extend(has_options.then(|| format!("options of `{word}`")));
-        (!name.is_empty()).then(|| folder.join(name.replace('\\', "/")))
-    }
-
-    /// Where roughness or metallic are given, they make the lobe. A highlight counts where the illumination model has one.
-    fn settled(mut self) -> Self {
-        if self.roughness.is_some() || self.metallic.is_some_and(|metallic| metallic > 0.0) {
-            self.material.glossy = Glossy::metallic_roughness(self.metallic.unwrap_or(0.0), self.roughness.unwrap_or(1.0));
-        } else if self.illumination >= 2 && self.specular != Vec3::ZERO {
-            self.material.glossy = Some(Glossy::Phong { reflectance: self.specular, exponent: self.exponent });
-        }
-        // A map says how much by itself.
-        let by_map = if self.emissive.is_some() { Vec3::ONE } else { Vec3::ZERO };
-        self.material.emission = self.emission.unwrap_or(by_map);
-        if self.opacity.map_or(self.transparency > 0.0, |opacity| opacity < 1.0) {
-            self.unread.insert(TRANSPARENCY.to_owned());
-        }
-        self
-    }
-}
-
-/// A word of a library that is not read, unless its value means that there is nothing to read.
-fn unread_word(word: &str, rest: &str) -> Option<String> {
-    let name = UNREAD.into_iter().find(|name| name.eq_ignore_ascii_case(word))?;
-    let is_all = |value: f32| rest.split_ascii_whitespace().all(|word| word.parse() == Ok(value));
-    let says_nothing = NEUTRAL.0.contains(&name) && is_all(0.0) || NEUTRAL.1.contains(&name) && is_all(1.0);
-    (!says_nothing).then(|| format!("`{name}`"))
-}
-
-/// A number of 0 to 1.
-fn share(rest: &str) -> Option<f32> {
-    rest.parse().ok().filter(|share| (0.0..=1.0).contains(share))
-}
-
-fn last_word(text: &str) -> &str {
-    text.split_ascii_whitespace().last().unwrap_or_default()
-}
-
-/// Three numbers, or one for all channels; none negative.
-fn colour(rest: &str) -> Option<Vec3> {
-    let numbers: Vec<f32> = rest.split_ascii_whitespace().map(str::parse).collect::<Result<_, _>>().ok()?;
-    let colour = match numbers[..] {
-        [grey] => Vec3::splat(grey),
-        [r, g, b, ..] => Vec3::new(r, g, b),
-        _ => return None,
-    };
-    (colour.is_finite() && colour.cmpge(Vec3::ZERO).all()).then_some(colour)
 }

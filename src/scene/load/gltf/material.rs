@@ -2,6 +2,7 @@
 
 use super::{Reader, beside, data_content, names};
 use crate::scene::load::{
+    compose::Composition,
     draft::HALF,
     error::SceneError,
     image::{Content, TextureSource},
@@ -255,7 +256,7 @@ impl Reader<'_> {
         }
         let (name, content) = match image.source() {
             image::Source::Uri { uri, .. } if uri.starts_with("data:") => (format!("image {}", image.index()), data_content(&uri["data:".len()..])),
-            image::Source::Uri { uri, .. } => (uri.to_owned(), Content::File(beside(self.path, uri))),
+            image::Source::Uri { uri, .. } => (uri.to_owned(), Content::Files(Composition::Image(beside(self.path, uri)))),
             image::Source::View { view, .. } => (format!("image {}", image.index()), self.view_content(&view)),
         };
         let number = self.add_texture(image.name().map_or(name, str::to_owned), content, reading);

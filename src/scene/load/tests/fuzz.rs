@@ -17,8 +17,10 @@ const DOCUMENT: &str = r#"Scene(version: 1, about: "all of it", source: "here", 
     Directional(direction: (0, -1, 0.1), irradiance: (1, 1, 1))],
     cameras: { "main": (eye: (3, 3, 3), direction: (-1, -1, -1), up: (0, 1, 0), fov: 60, size: (64, 64)) })"#;
 
-const OBJECT: &str = "mtllib a.mtl\no a\nv 0 0 0\nv 1 0 0 0.5 0.2 1\nv 1 1 0\nv 0 1 0.5\nvt 0 1\nvt 0.5 0.25\nvn 0 0 1\nusemtl red\nf 1/1/1 2/2/1 3//1 -1\nf 1 2 4\ns 1\nf 1 2 4 3\nl 1 2\n";
-const LIBRARY: &str = "newmtl red\nKd 0.5 0.1 0.1\nKs 0.1 0.1 0.1\nNs 20\nillum 2\nKe 1 1 1\nmap_Kd gone.png\nd 0.5\nbump b.png\nPr 0.4\nPm 0.5\nmap_Ke a.png\nnorm -bm 2 b.png\n";
+const OBJECT: &str = "mtllib a.mtl\no a\nv 0 0 0\nv 1 0 0 0.5 0.2 1\nv 1 1 0\nv 0 1 0.5\nvt 0 1\nvt 0.5 0.25\nvn 0 0 1\nusemtl red\nf 1/1/1 2/2/1 3//1 -1\nf 1 2 4\ns 1\nf 1 2 4 3\nl 1 2\nusemtl blue\nf 1/1 2/2 4/1\nusemtl metal\nf 1/1 2/2 3/1\n";
+const LIBRARY: &str = "newmtl red\nKd 0.5 0.1 0.1\nKs 0.1 0.1 0.1\nNs 20\nillum 2\nKe 1 1 1\nmap_Kd gone.png\nd 0.5\nbump b.png\nPr 0.4\nPm 0.5\nmap_Ke a.png\nnorm -bm 2 b.png\n\
+    newmtl blue\nKd 0.1 0.1 0.5\nKs 0.2 0.2 0.2\nmap_Kd -o 0.5 0.1 a.png\nmap_d -imfchan m b.png -s 2 2 1\nmap_Ks a.png\nmap_bump -bm 3 -clamp on a.png\n\
+    newmtl metal\nmap_Pr -mm 0 1 b.png\nmap_Pm a.png\nd 0.7\nmap_d b.png\n";
 
 /// A linear congruential generator: the same tries on every machine.
 struct Random(u64);
@@ -108,9 +110,10 @@ fn damaged_documents_never_panic() {
 
 #[test]
 fn damaged_objects_never_panic() {
+    let [small, large] = [super::maps::png(2, 2, |x, y| [200, 90 * x as u8, 99 * y as u8]), super::maps::png(3, 1, |x, _| [80 * x as u8; 3])];
     expect_survival("an object", |random| {
         let (object, library) = (random.damaged(OBJECT.as_bytes()), random.damaged(LIBRARY.as_bytes()));
-        survive("an object", &[("a.obj", &object), ("a.mtl", &library)])
+        survive("an object", &[("a.obj", &object), ("a.mtl", &library), ("a.png", &small), ("b.png", &large)])
     });
 }
 

@@ -1,11 +1,14 @@
 //! Textures beside the base colour, how they are read, and colours of vertices.
 
 use super::{gltf::Builder, *};
-use crate::scene::{DIELECTRIC, Glossy, Reading, Tint, Triangle, Wrap, surface::Ray};
+use crate::scene::{
+    DIELECTRIC, Glossy, Reading, Tint, Triangle, Wrap,
+    surface::{Ray, Surface},
+};
 use glam::{Vec2, Vec3};
 use serde_json::{Value, json};
 
-fn png(width: u32, height: u32, colour: impl Fn(u32, u32) -> [u8; 3]) -> Vec<u8> {
+pub(super) fn png(width: u32, height: u32, colour: impl Fn(u32, u32) -> [u8; 3]) -> Vec<u8> {
     let image = image::RgbImage::from_fn(width, height, |x, y| image::Rgb(colour(x, y)));
     let mut png = std::io::Cursor::new(Vec::new());
     image.write_to(&mut png, image::ImageFormat::Png).unwrap();
@@ -55,6 +58,14 @@ pub(super) fn mapped() -> Builder {
     )
 }
 
+/// What is seen from straight above of the place (x, y) of a square on z = 0.
+pub(super) fn seen_at(scene: &Scene, x: f32, y: f32, lobes: bool) -> Surface {
+    let ray = Ray { origin: Vec3::new(x, y, 1.0), direction: -Vec3::Z };
+    let meets = |t: &Triangle| t.position(t.barycentric(ray)).truncate().distance(ray.origin.truncate()) < 1e-5;
+    let at = scene.triangles.iter().position(meets).unwrap();
+    scene.seen(at as u32, ray, lobes)
+}
+
 #[test]
 fn all_maps_of_a_gltf_material_are_read() {
     let scene = all_maps();
@@ -66,20 +77,15 @@ fn all_maps_of_a_gltf_material_are_read() {
     assert_eq!(maps.normal_scale, 0.5);
     assert!(!scene.notes.iter().any(|note| note.contains("not read")), "{:?}", scene.notes);
 
-    let straight_on = |x: f32, y: f32| Ray { origin: Vec3::new(x, y, 1.0), direction: -Vec3::Z };
-    let seen = |ray: Ray| {
-        let meets = |t: &Triangle| t.position(t.barycentric(ray)).truncate().distance(ray.origin.truncate()) < 1e-5;
-        let at = scene.triangles.iter().position(meets).unwrap();
-        [true, false].map(|lobes| scene.seen(at as u32, ray, lobes))
-    };
+    let seen = |x: f32, y: f32| [true, false].map(|lobes| seen_at(&scene, x, y, lobes));
     // On the left the map is black, on the right white.
-    assert_eq!(seen(straight_on(0.2, 0.5))[0].emission, Vec3::ZERO);
-    assert!(seen(straight_on(0.9, 0.5))[0].emission.distance(Vec3::new(1.0, 0.5, 0.25)) < 1e-5);
+    assert_eq!(seen(0.2, 0.5)[0].emission, Vec3::ZERO);
+    assert!(seen(0.9, 0.5)[0].emission.distance(Vec3::new(1.0, 0.5, 0.25)) < 1e-5);
     // Half as far along the surface as the map has it; with a lobe no farther than what mirrors the eye's way along the surface.
-    let [with_lobe, plain] = seen(straight_on(0.5, 0.25)).map(|surface| surface.normal);
+    let [with_lobe, plain] = seen(0.5, 0.25).map(|surface| surface.normal);
     assert!(plain.distance(Vec3::new(0.5, 0.0, 1.0 / 255.0).normalize()) < 0.02, "{plain}");
     assert!(with_lobe.x > 0.0 && (2.0 * with_lobe.z * with_lobe.z - 1.0).abs() < 0.02, "{with_lobe}");
-    let lobe = seen(straight_on(0.9, 0.9))[0].glossy.unwrap().lobe;
+    let lobe = seen(0.9, 0.9)[0].glossy.unwrap().lobe;
     let crate::math::lobe::Shape::Microfacets { alpha } = lobe.shape else { panic!("{lobe:?}") };
     assert!((alpha - (0.8f32 * 0.2).powi(2)).abs() < 1e-6, "{alpha}");
     // Half metal: half of the base colour, and of what is reflected by what is no metal. The corner there is white.

@@ -5,6 +5,7 @@ mod errors;
 mod files;
 mod fuzz;
 mod gltf;
+mod library;
 mod maps;
 mod materials;
 mod obj;

@@ -42,6 +42,7 @@ impl MockHost {
             triangles,
             materials: Vec::new(),
             textures: Vec::new(),
+            charts: Vec::new(),
             lights: Vec::new(),
             environment: Environment::Constant(Vec3::ZERO),
             cameras: vec![camera],

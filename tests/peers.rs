@@ -163,6 +163,7 @@ fn scene(case: &Case) -> Result<Scene, Failed> {
         triangles: triangles.collect(),
         materials: vec![Material::diffuse("grey", Vec3::splat(case.reflectance))],
         textures: vec![],
+        charts: vec![],
         lights: case.lights.iter().map(light).collect(),
         environment: Environment::Constant(Vec3::ZERO),
         cameras: vec![camera(&case.camera)],

@@ -485,6 +485,7 @@ fn scene(shadows: bool) -> Scene {
         triangles: vec![Triangle { positions, normals: [Vec3::Z; 3], uvs: [Vec2::ZERO; 3], tints: Default::default(), material: 0 }],
         materials: vec![Material::diffuse("grey", Vec3::splat(0.5))],
         textures: Vec::new(),
+        charts: vec![],
         lights: vec![light],
         environment: Environment::Constant(Vec3::ZERO),
         cameras: vec![camera],

@@ -15,6 +15,7 @@ fn scene(triangles: Vec<Triangle>, materials: Vec<Material>) -> Scene {
         triangles,
         materials,
         textures: vec![],
+        charts: vec![],
         lights: vec![],
         environment: Environment::Constant(Vec3::ZERO),
         cameras: vec![],

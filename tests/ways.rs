@@ -119,7 +119,13 @@ impl Stage {
         let mapped = stage.scene.materials.len() as u32;
         stage.scene.materials.push(Material {
             texture: Some(first),
-            maps: Maps { facets: Some(first + 1), normal: Some(first + 1), normal_scale: 0.6, emission: Some(first + 2) },
+            maps: Maps {
+                facets: Some(first + 1),
+                normal: Some(first + 1),
+                normal_scale: 0.6,
+                emission: Some(first + 2),
+                charts: Charts { facets: 0, normal: 1, emission: 2 },
+            },
             emission: Vec3::new(0.5, 0.2, 0.4),
             glossy: Glossy::metallic_roughness(0.7, 0.9),
             ..stage.scene.materials[0].clone()
@@ -131,6 +137,8 @@ impl Stage {
                 triangle.tints = [Vec3::X, Vec3::Y, Vec3::new(0.2, 0.4, 0.9)].map(Tint::new);
             }
         }
+        let mut chart = || stage.scene.triangles.iter().map(|_| [(); 3].map(|()| Vec2::new(numbers.between(-2.0, 2.0), numbers.between(-2.0, 2.0)))).collect();
+        stage.scene.charts = vec![chart(), chart()];
         stage.bvh = Bvh::build(&mut stage.scene);
         stage.needs = Needs::of(&stage.scene);
         Ok(stage)

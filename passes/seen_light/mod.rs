@@ -208,6 +208,7 @@ const FAR_AWAY: f32 = 1e30;
 
 /// Triangles side by side, and the rays that meet them.
 struct Gathered<'a, S: Simd> {
+    numbers: [u32; LANES],
     triangles: [&'a Triangle; LANES],
     materials: [u32; LANES],
     corner: Vectors<S>,
@@ -387,9 +388,10 @@ impl Shading<'_> {
     #[inline(always)]
     fn gathered<S: Simd>(&self, simd: S, hits: &Hits<'_>, first: usize) -> Gathered<'_, S> {
         let [mut corner, mut first_edge, mut second_edge, mut directions] = [[[0.0; LANES]; 3]; 4];
-        let (mut triangles, mut materials) = ([&self.scene.triangles[0]; LANES], [0; LANES]);
+        let (mut numbers, mut triangles, mut materials) = ([0; LANES], [&self.scene.triangles[0]; LANES], [0; LANES]);
         for lane in 0..LANES {
-            let triangle = &self.scene.triangles[hits.triangles[first + lane].saturating_sub(1) as usize];
+            numbers[lane] = hits.triangles[first + lane].saturating_sub(1);
+            let triangle = &self.scene.triangles[numbers[lane] as usize];
             (triangles[lane], materials[lane]) = (triangle, triangle.material);
             let [a, b, c] = triangle.positions;
             for (into, vector) in [(&mut corner, a), (&mut first_edge, b - a), (&mut second_edge, c - a), (&mut directions, hits.directions[first + lane])] {
@@ -397,7 +399,7 @@ impl Shading<'_> {
             }
         }
         let edges = [Vectors::load(simd, &first_edge), Vectors::load(simd, &second_edge)];
-        Gathered { triangles, materials, corner: Vectors::load(simd, &corner), edges, directions: Vectors::load(simd, &directions) }
+        Gathered { numbers, triangles, materials, corner: Vectors::load(simd, &corner), edges, directions: Vectors::load(simd, &directions) }
     }
 
     /// As `surface_seen` of shaders/lib/scene.wgsl.
@@ -421,7 +423,7 @@ impl Shading<'_> {
         let normal = if self.lighting.smooth { shading_normals(simd, &fetched.triangles, [u, v], side, face) } else { face };
         let weights = [u.to_array(), v.to_array()];
         let normal = match self.lighting.normal_maps || self.lighting.smooth && self.lighting.lobes {
-            true => Vectors::load(simd, &self.bent(&fetched.triangles, weights, (side.to_array(), directions.lanes()), normal.lanes())),
+            true => Vectors::load(simd, &self.bent(&fetched.numbers, weights, (side.to_array(), directions.lanes()), normal.lanes())),
             false => normal,
         };
         let way = position.minus(origin);
@@ -433,18 +435,17 @@ impl Shading<'_> {
     #[cold]
     fn bent(
         &self,
-        triangles: &[&Triangle; LANES],
+        numbers: &[u32; LANES],
         [u, v]: [[f32; LANES]; 2],
         (side, directions): ([f32; LANES], [Vec3; LANES]),
         plain: [Vec3; LANES],
     ) -> [[f32; LANES]; 3] {
         let mut bent = [[0.0; LANES]; 3];
         for lane in 0..LANES {
-            let triangle = triangles[lane];
-            let material = &self.scene.materials[triangle.material as usize];
+            let material = &self.scene.materials[self.scene.triangles[numbers[lane] as usize].material as usize];
             let is_other = material.maps.normal.is_some() || self.lighting.lobes && material.glossy.is_some();
             let seen = (-side[lane] * directions[lane], self.lighting.lobes);
-            let normal = if is_other { self.scene.normal(triangle, Vec2::new(u[lane], v[lane]), seen) * side[lane] } else { plain[lane] };
+            let normal = if is_other { self.scene.normal(numbers[lane], Vec2::new(u[lane], v[lane]), seen) * side[lane] } else { plain[lane] };
             (bent[0][lane], bent[1][lane], bent[2][lane]) = normal.into();
         }
         bent
@@ -699,7 +700,7 @@ mod tiles {
     use crate::math::random::{hash, unit};
     use crate::passes::mock::MockHost;
     use crate::scene::{
-        Environment, Glossy, Light, Maps, Material, Reading, Texture, Tint, Wrap,
+        Charts, Environment, Glossy, Light, Maps, Material, Reading, Texture, Tint, Wrap,
         packets::{Numbers, RayBundle, View},
         surface_offset,
     };
@@ -732,7 +733,7 @@ mod tiles {
             Material { glossy: Some(Glossy::Phong { reflectance: Vec3::new(0.2, 0.3, 0.4), exponent: 5.0 }), ..grey("glossy") },
             Material { texture: Some(0), ..grey("textured") },
             Material {
-                maps: Maps { facets: Some(1), normal: Some(1), normal_scale: 0.7, emission: Some(0) },
+                maps: Maps { facets: Some(1), normal: Some(1), normal_scale: 0.7, emission: Some(0), charts: Charts { facets: 0, normal: 1, emission: 1 } },
                 emission: Vec3::new(2.0, 1.0, 0.5),
                 glossy: Glossy::metallic_roughness(0.8, 0.9),
                 ..grey("mapped")
@@ -743,6 +744,7 @@ mod tiles {
         let texture = |texels, reading| Texture { name: String::new(), width: 2, height: 2, texels, reading };
         let reading = Reading { is_linear: true, wrap: [Wrap::Mirror, Wrap::Clamp] };
         host.scene.textures = vec![texture(texels, Reading::default()), texture(normals, reading)];
+        host.scene.charts = vec![host.scene.triangles.iter().map(|triangle| triangle.uvs.map(|uv| Vec2::new(1.0 - 2.0 * uv.y, uv.x))).collect()];
         let kinds = [
             LightKind::Point { position: Vec3::new(0.5, 0.2, -0.3), intensity: Vec3::new(4.0, 5.0, 6.0) },
             LightKind::Spot { position: Vec3::new(-0.4, 0.1, 0.2), direction: Vec3::Y, intensity: Vec3::splat(9.0), inner: 0.3, outer: 1.2 },

@@ -31,7 +31,7 @@ struct SceneMaterial {
     specular: vec3f,
     metallic: f32,
     lobe_shape: vec2f,
-    // Where its maps start among the tables, FACETS_MAP, NORMAL_MAP and EMISSION_MAP; 0 where it has none.
+    // Where its maps start among the tables, FACETS_MAP, NORMAL_MAP and EMISSION_MAP, then their charts; 0 where it has none.
     maps: u32,
     normal_scale: f32,
 }
@@ -64,7 +64,7 @@ struct SceneLamps {
 @group(1) @binding(1) var<storage, read> scene_corners: array<vec4f>;
 // Three normals, with the texture coordinates and the tint of corner 2 in the spare places: four a triangle.
 @group(1) @binding(2) var<storage, read> scene_attributes: array<vec4f>;
-// The hierarchy (lib/hierarchy), then lights, emitters, materials and their maps: one buffer, as WebGPU promises no more than eight a stage.
+// The hierarchy (lib/hierarchy), then lights, emitters, materials, their maps and charts: one buffer, as WebGPU promises no more than eight a stage.
 @group(1) @binding(3) var<storage, read> scene_tables: array<vec4u>;
 // Those of all textures, one after the other, row by row.
 @group(1) @binding(4) var scene_texels: texture_2d<u32>;
@@ -88,6 +88,8 @@ const FAR_AWAY = 1e30;
 // Whether the plan found textures, alpha masks, one-sided surfaces in the scene.
 override TEXTURES: bool = true;
 override NORMAL_MAPS: bool = true;
+// Whether maps lie by other coordinates than the triangles' own.
+override CHARTS: bool = true;
 // Whether corners have colours.
 override TINTS: bool = true;
 override ALPHA_MASKS: bool = true;
@@ -254,13 +256,31 @@ fn texture_at(image: Image, uv: vec2f) -> vec4f {
     return mix(top, bottom, y.share);
 }
 
-fn uv_at(triangle: u32, barycentric: vec2f) -> vec2f {
+// Where the chart of a material's map starts among the tables; 0 for the triangles' own coordinates.
+fn chart_of(material: SceneMaterial, kind: u32) -> u32 {
+    if CHARTS {
+        return scene_tables[material.maps + 3u][kind];
+    }
+    return 0u;
+}
+
+// Texture coordinates of a triangle's corners by a chart: as Scene::uvs.
+fn uvs_of(triangle: u32, chart: u32) -> mat3x2f {
+    if CHARTS && chart != 0u {
+        let a = bitcast<vec4f>(scene_tables[chart + 2u * triangle]);
+        let b = bitcast<vec4f>(scene_tables[chart + 2u * triangle + 1u]);
+        return mat3x2f(a.xy, a.zw, b.xy);
+    }
     let a = scene_attributes[4u * triangle];
     let b = scene_attributes[4u * triangle + 1u];
     let c = scene_attributes[4u * triangle + 2u];
     let d = scene_attributes[4u * triangle + 3u];
-    let uv0 = vec2f(a.w, b.w);
-    return uv0 + (vec2f(c.w, d.x) - uv0) * barycentric.x + (d.yz - uv0) * barycentric.y;
+    return mat3x2f(vec2f(a.w, b.w), vec2f(c.w, d.x), d.yz);
+}
+
+fn uv_at(triangle: u32, barycentric: vec2f, chart: u32) -> vec2f {
+    let uvs = uvs_of(triangle, chart);
+    return uvs[0] + (uvs[1] - uvs[0]) * barycentric.x + (uvs[2] - uvs[0]) * barycentric.y;
 }
 
 // What multiplies the base colour: as Triangle::tint.
@@ -282,7 +302,7 @@ fn emission_at(material: SceneMaterial, triangle: u32, barycentric: vec2f) -> ve
     if TEXTURES && material.maps != 0u {
         let image = map_image(material, EMISSION_MAP);
         if image.width != 0u {
-            return material.emission * texture_at(image, uv_at(triangle, barycentric)).rgb;
+            return material.emission * texture_at(image, uv_at(triangle, barycentric, chart_of(material, EMISSION_MAP))).rgb;
         }
     }
     return material.emission;
@@ -294,11 +314,12 @@ fn bent_normal(material: SceneMaterial, triangle: u32, barycentric: vec2f, norma
     if image.width == 0u {
         return normal;
     }
-    let axes = texture_axes(triangle, normal);
+    let chart = chart_of(material, NORMAL_MAP);
+    let axes = texture_axes(triangle, chart, normal);
     if axes.sign == 0.0 {
         return normal;
     }
-    let local = (2.0 * texture_at(image, uv_at(triangle, barycentric)).xyz - 1.0) * vec3f(material.normal_scale, -axes.sign * material.normal_scale, 1.0);
+    let local = (2.0 * texture_at(image, uv_at(triangle, barycentric, chart)).xyz - 1.0) * vec3f(material.normal_scale, -axes.sign * material.normal_scale, 1.0);
     let bent = axes.tangent * local.x + axes.bitangent * local.y + normal * local.z;
     let bent_length = length(bent);
     let unit_bent = select(normal, bent / max(bent_length, 1e-37), bent_length > 1e-30);
@@ -325,7 +346,7 @@ fn is_hole(triangle: u32, barycentric: vec2f) -> bool {
     if (material.flags & HOLES) == 0u {
         return false;
     }
-    return texture_at(base_image(material), uv_at(triangle, barycentric)).a < material.alpha_cutoff;
+    return texture_at(base_image(material), uv_at(triangle, barycentric, 0u)).a < material.alpha_cutoff;
 }
 
 // Distance and barycentric weights of a ray on a triangle's plane; z of the result is 0 for a ray along the plane.
@@ -439,7 +460,7 @@ fn lit_surface(triangle: u32, origin: vec3f, direction: vec3f) -> Surface {
     surface.reflectance = material.reflectance;
     let is_base = (material.flags & NO_BASE) == 0u;
     if TEXTURES && (material.flags & TEXTURED) != 0u {
-        surface.reflectance *= texture_at(base_image(material), uv_at(triangle, b)).rgb;
+        surface.reflectance *= texture_at(base_image(material), uv_at(triangle, b, 0u)).rgb;
     }
     if TINTS && is_base {
         surface.reflectance *= tint_at(triangle, b);
@@ -469,7 +490,7 @@ fn facets_at(material: SceneMaterial, triangle: u32, barycentric: vec2f) -> vec3
     if TEXTURES && material.maps != 0u {
         let image = map_image(material, FACETS_MAP);
         if image.width != 0u {
-            return texture_at(image, uv_at(triangle, barycentric)).rgb;
+            return texture_at(image, uv_at(triangle, barycentric, chart_of(material, FACETS_MAP))).rgb;
         }
     }
     return vec3f(1.0);
@@ -506,14 +527,10 @@ struct TextureAxes {
 }
 
 // As Triangle::texture_frame.
-fn texture_axes(triangle: u32, normal: vec3f) -> TextureAxes {
-    let a = scene_attributes[4u * triangle];
-    let b = scene_attributes[4u * triangle + 1u];
-    let c = scene_attributes[4u * triangle + 2u];
-    let d = scene_attributes[4u * triangle + 3u];
-    let uv0 = vec2f(a.w, b.w);
-    let s = vec2f(c.w, d.x) - uv0;
-    let t = d.yz - uv0;
+fn texture_axes(triangle: u32, chart: u32, normal: vec3f) -> TextureAxes {
+    let uvs = uvs_of(triangle, chart);
+    let s = uvs[1] - uvs[0];
+    let t = uvs[2] - uvs[0];
     let turned = s.x * t.y - s.y * t.x;
     let along = (scene_corners[3u * triangle + 1u].xyz * t.y - scene_corners[3u * triangle + 2u].xyz * s.y) * sign(turned);
     let tangent = along - normal * dot(normal, along);
@@ -527,7 +544,7 @@ fn texture_axes(triangle: u32, normal: vec3f) -> TextureAxes {
 // As Triangle::tangent_frame.
 fn tangents(triangle: u32, normal: vec3f) -> mat2x3f {
     if ANISOTROPIC {
-        let axes = texture_axes(triangle, normal);
+        let axes = texture_axes(triangle, 0u, normal);
         if axes.sign != 0.0 {
             return mat2x3f(axes.tangent, axes.bitangent);
         }

@@ -3,7 +3,7 @@
 use super::hierarchy;
 use crate::host_struct;
 use crate::scene::{
-    Camera, DIELECTRIC, Environment, Glossy, LightKind, Material, Scene, Texture, Triangle, Wrap,
+    Camera, Charts, DIELECTRIC, Environment, Glossy, LightKind, Material, Scene, Texture, Triangle, Wrap,
     bvh::Bvh,
     emitters::{
         Emission,
@@ -130,8 +130,11 @@ pub const NO_BASE: u32 = 8;
 /// From this bit on, how the texture is read.
 const READING: u32 = 8;
 
-/// Maps of a material that has any: of facets, of normals, of emission.
-const MAPS: usize = 3;
+/// Elements of the maps of a material that has any: of facets, of normals, of emission, and where the charts of these start among the tables.
+const MAPS: usize = 4;
+
+/// Elements of a triangle's texture coordinates in a chart.
+const CHART: u64 = 2;
 
 /// Of [`SceneLamps`].
 pub const LAMP: u32 = 1 << 31;
@@ -199,6 +202,7 @@ struct Places {
     emitters: u64,
     materials: u64,
     maps: u64,
+    charts: u64,
     end: u64,
 }
 
@@ -210,20 +214,24 @@ impl Places {
         let materials = first_emitter + elements(most_groups(emitters), size_of::<SceneLamps>());
         let maps = materials + elements(scene.materials.len(), size_of::<SceneMaterial>());
         let mapped = scene.materials.iter().filter(|material| !material.maps.is_empty()).count();
-        Self { lights, emitters: first_emitter, materials, maps, end: maps + (MAPS * mapped) as u64 }
+        let charts = maps + (MAPS * mapped) as u64;
+        let end = charts + CHART * (scene.charts.len() * scene.triangles.len()) as u64;
+        Self { lights, emitters: first_emitter, materials, maps, charts, end }
     }
 }
 
 /// `materials` are described with their maps from an element on.
 fn tables(scene: &Scene, bvh: &Bvh, emission: &Emission, materials: impl Fn(&Scene, u32) -> Vec<SceneMaterial>) -> Vec<u8> {
     let places = Places::of(scene, scene.emitters().len());
-    let (lights, lamps, materials, maps) = (lights(scene), lamps(emission), materials(scene, places.maps as u32), maps(scene));
+    let (lights, lamps, materials, maps) = (lights(scene), lamps(emission), materials(scene, places.maps as u32), maps(scene, places.charts as u32));
+    let charts = charts(scene);
     let mut bytes = cast_slice(&hierarchy::packed(&bvh.nodes(), &bvh.ranges(), &scene.triangles)).to_vec();
-    let tables: [(u64, &[u8]); 4] = [
+    let tables: [(u64, &[u8]); 5] = [
         (places.lights, cast_slice(&lights)),
         (places.emitters, cast_slice(&lamps)),
         (places.materials, cast_slice(&materials)),
         (places.maps, cast_slice(&maps)),
+        (places.charts, cast_slice(&charts)),
     ];
     for (place, table) in tables {
         bytes.resize(place as usize * ELEMENT, 0);
@@ -267,13 +275,14 @@ pub fn contents(scene: &Scene) -> impl Iterator<Item = Vec<u8>> {
             6 => cast_slice(&lights(scene)).to_vec(),
             7 => first_lights(scene),
             8 => environment(scene, &Suns::default()),
-            _ => cast_slice(&maps(scene)).to_vec(),
+            9 => cast_slice(&maps(scene, 1)).to_vec(),
+            _ => cast_slice(&charts(scene)).to_vec(),
         };
         bytes.resize(bytes.len().next_multiple_of(ELEMENT).max(LEAST_BYTES), 0);
         bytes
     };
     // Scenes without maps are known by the parts that they had before there were any.
-    (0..if maps(scene).is_empty() { 9 } else { 10 }).map(part)
+    (0..9 + usize::from(!maps(scene, 1).is_empty()) + usize::from(!scene.charts.is_empty())).map(part)
 }
 
 fn parameters(scene: &Scene, suns: &Suns) -> SceneParameters {
@@ -322,8 +331,9 @@ fn texel_starts(scene: &Scene) -> Vec<u32> {
     starts.collect()
 }
 
-/// Of the materials that have any, one after the other: first texel, width, height and reading of each map; zeros where one is missing.
-fn maps(scene: &Scene) -> Vec<[u32; 4]> {
+/// Of the materials that have any, one after the other: first texel, width, height and reading of each map, zeros where one is missing; then where the chart of
+/// each starts, 0 for the triangles' own coordinates.
+fn maps(scene: &Scene, first_chart: u32) -> Vec<[u32; 4]> {
     let starts = texel_starts(scene);
     let map = |map: Option<u32>| {
         let Some(map) = map else { return [0; 4] };
@@ -331,7 +341,18 @@ fn maps(scene: &Scene) -> Vec<[u32; 4]> {
         [starts[map as usize], texture.width, texture.height, reading(texture)]
     };
     let mapped = scene.materials.iter().filter(|material| !material.maps.is_empty());
-    mapped.flat_map(|Material { maps, .. }| [maps.facets, maps.normal, maps.emission].map(map)).collect()
+    let chart = |chart: u32| chart.checked_sub(1).map_or(0, |before| first_chart + before * CHART as u32 * scene.triangles.len() as u32);
+    let rows = |Material { maps, .. }: &Material| {
+        let Charts { facets, normal, emission } = maps.charts;
+        let [facets_chart, normal_chart, emission_chart] = [facets, normal, emission].map(chart);
+        [map(maps.facets), map(maps.normal), map(maps.emission), [facets_chart, normal_chart, emission_chart, 0]]
+    };
+    mapped.flat_map(rows).collect()
+}
+
+/// Chart by chart the texture coordinates of all triangles.
+fn charts(scene: &Scene) -> Vec<[Vec2; 2 * CHART as usize]> {
+    scene.charts.iter().flatten().map(|&[a, b, c]| [a, b, c, Vec2::ZERO]).collect()
 }
 
 /// A bit for numbers as they stand, then two each for what lies beyond the edges, across and down.

@@ -79,7 +79,7 @@ impl Sources {
         Some(Sample {
             direction,
             distance,
-            radiance: scene.emission(triangle, barycentric),
+            radiance: scene.emission(number, barycentric),
             density: self.emitter_density(scene, receiver, number, distance, cosine.abs()),
         })
     }

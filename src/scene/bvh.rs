@@ -55,6 +55,9 @@ impl Bvh {
         let mut inner = hierarchy(&scene.triangles.iter().map(bounds).collect::<Vec<_>>());
         let order = sort_depth_first(&mut inner);
         scene.triangles = order.iter().map(|&i| scene.triangles[i as usize]).collect();
+        for chart in &mut scene.charts {
+            *chart = order.iter().map(|&i| chart[i as usize]).collect();
+        }
         Self { inner, wide: OnceLock::new(), packets: OnceLock::new() }
     }
 
@@ -227,7 +230,7 @@ pub(super) mod tests {
         let materials = [true, false].map(|two_sided| Material { two_sided, ..Material::diffuse("grey", Vec3::ONE) }).into();
         let environment = Environment::Constant(Vec3::ZERO);
         let (name, origin) = (String::new(), DVec3::ZERO);
-        Scene { name, triangles, materials, textures: vec![], lights: vec![], environment, cameras: vec![], origin, notes: vec![] }
+        Scene { name, triangles, materials, textures: vec![], charts: vec![], lights: vec![], environment, cameras: vec![], origin, notes: vec![] }
     }
 
     /// Distance to a triangle and whether its front is met, in double precision; none near its edges counts for sure.
@@ -239,6 +242,16 @@ pub(super) mod tests {
         let s = origin.as_dvec3() - a;
         let (u, v, t) = (s.dot(p) / determinant, d.dot(s.cross(e1)) / determinant, e2.dot(s.cross(e1)) / determinant);
         (u >= -margin && v >= -margin && u + v <= 1.0 + margin && t > 0.0).then_some((t, determinant > 0.0))
+    }
+
+    #[test]
+    fn charts_are_sorted_with_their_triangles() {
+        let mut scene = clutter(1.0);
+        let mut number = numbers();
+        scene.triangles.iter_mut().for_each(|triangle| triangle.uvs[0].x = number());
+        scene.charts = vec![scene.triangles.iter().map(|triangle| triangle.uvs).collect()];
+        Bvh::build(&mut scene);
+        assert!(scene.triangles.iter().zip(&scene.charts[0]).all(|(triangle, uvs)| triangle.uvs == *uvs));
     }
 
     #[test]

@@ -23,6 +23,8 @@ pub struct Scene {
     pub triangles: Vec<Triangle>,
     pub materials: Vec<Material>,
     pub textures: Vec<Texture>,
+    /// Texture coordinates beside the triangles' own, for maps that lie otherwise than the base colour: each of all triangles, in their order. Mostly none.
+    pub charts: Vec<Vec<[Vec2; 3]>>,
     pub lights: Vec<Light>,
     pub environment: Environment,
     /// Never empty: a file without a camera gets one that looks at the whole scene, and a note.
@@ -67,7 +69,7 @@ pub struct Material {
     pub glossy: Option<Glossy>,
 }
 
-/// What textures change beside the base colour, by the same texture coordinates: indices into [`Scene::textures`].
+/// What textures change beside the base colour: indices into [`Scene::textures`].
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Maps {
     /// What multiplies the lobe: of [`Glossy::MetallicRoughness`] roughness by green and metallic by blue, of others the reflectance.
@@ -78,11 +80,27 @@ pub struct Maps {
     pub normal_scale: f32,
     /// What multiplies the emission.
     pub emission: Option<u32>,
+    pub charts: Charts,
+}
+
+/// By which coordinates maps lie on triangles: 0 for the triangle's own, n for the n-th of [`Scene::charts`].
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Charts {
+    pub facets: u32,
+    pub normal: u32,
+    pub emission: u32,
 }
 
 impl Maps {
     pub fn is_empty(&self) -> bool {
         [self.facets, self.normal, self.emission] == [None; 3]
+    }
+
+    /// The last of the charts that they lie by.
+    pub fn last_chart(&self) -> u32 {
+        let Charts { facets, normal, emission } = self.charts;
+        let charts = [(self.facets, facets), (self.normal, normal), (self.emission, emission)];
+        charts.into_iter().filter(|(map, _)| map.is_some()).map(|(_, chart)| chart).max().unwrap_or(0)
     }
 }
 
@@ -380,19 +398,18 @@ impl Triangle {
 
     /// Texture coordinate at the barycentric weights of corners 1 and 2.
     pub fn uv(&self, barycentric: Vec2) -> Vec2 {
-        let [a, b, c] = self.uvs;
-        a + (b - a) * barycentric.x + (c - a) * barycentric.y
+        at_weights(self.uvs, barycentric)
     }
 
     /// A frame around a unit normal whose tangent runs along the texture's first coordinate; any where there is no texture coordinate.
     pub fn tangent_frame(&self, normal: Vec3) -> Frame {
-        self.texture_frame(normal).map_or_else(|| Frame::new(normal), |(frame, _)| frame)
+        self.texture_frame(self.uvs, normal).map_or_else(|| Frame::new(normal), |(frame, _)| frame)
     }
 
-    /// The same where there are texture coordinates, and the sign of the second along the bitangent.
-    fn texture_frame(&self, normal: Vec3) -> Option<(Frame, f32)> {
+    /// The same by any coordinates, and the sign of the second along the bitangent; none where there are none.
+    fn texture_frame(&self, uvs: [Vec2; 3], normal: Vec3) -> Option<(Frame, f32)> {
         let [a, b, c] = self.positions;
-        let [s, t] = [self.uvs[1] - self.uvs[0], self.uvs[2] - self.uvs[0]];
+        let [s, t] = [uvs[1] - uvs[0], uvs[2] - uvs[0]];
         let sign = s.perp_dot(t).signum();
         let along = ((b - a) * t.y - (c - a) * s.y) * sign;
         let tangent = along - normal * normal.dot(along);
@@ -403,9 +420,9 @@ impl Triangle {
         Some((Frame { tangent, bitangent: normal.cross(tangent), normal }, sign))
     }
 
-    /// A unit normal of the front, bent as a texel of a normal map says; unbent without texture coordinates.
-    pub fn bent(&self, normal: Vec3, texel: Vec3, scale: f32) -> Vec3 {
-        let Some((frame, sign)) = self.texture_frame(normal) else { return normal };
+    /// A unit normal of the front, bent as a texel of a normal map says that lies by these coordinates; unbent without any.
+    pub fn bent(&self, uvs: [Vec2; 3], normal: Vec3, texel: Vec3, scale: f32) -> Vec3 {
+        let Some((frame, sign)) = self.texture_frame(uvs, normal) else { return normal };
         let local = (2.0 * texel - 1.0) * Vec3::new(scale, -sign * scale, 1.0);
         frame.to_world(local).normalize_or(normal)
     }
@@ -424,6 +441,11 @@ impl Triangle {
         let [a, b, c] = self.normals;
         (a + (b - a) * barycentric.x + (c - a) * barycentric.y).normalize_or(self.face_normal())
     }
+}
+
+/// What corners have, at the barycentric weights of corners 1 and 2.
+pub fn at_weights([a, b, c]: [Vec2; 3], barycentric: Vec2) -> Vec2 {
+    a + (b - a) * barycentric.x + (c - a) * barycentric.y
 }
 
 impl Texture {
@@ -576,6 +598,14 @@ impl Scene {
         [low, high].map(|texel| Vec3::from(texel.map(|channel| values[channel as usize])))
     }
 
+    /// Texture coordinates of a triangle's corners by a chart of [`Charts`].
+    pub fn uvs(&self, triangle: u32, chart: u32) -> [Vec2; 3] {
+        match chart.checked_sub(1) {
+            None => self.triangles[triangle as usize].uvs,
+            Some(chart) => self.charts[chart as usize][triangle as usize],
+        }
+    }
+
     /// Emissive triangles, in their order.
     pub fn emitters(&self) -> Vec<u32> {
         let emits = |triangle: &Triangle| self.materials[triangle.material as usize].emits();
@@ -678,10 +708,10 @@ mod tests {
             let triangle = Triangle { positions, normals: [Vec3::Z; 3], uvs, tints: Default::default(), material: 0 };
             let texel = Vec3::new(red, green, 0.9);
             let expected = (right.extend(0.0) * (2.0 * red - 1.0) + up.extend(0.0) * (2.0 * green - 1.0) + Vec3::Z * 0.8).normalize();
-            prop_assert!(triangle.bent(Vec3::Z, texel, 1.0).distance(expected) < 1e-4);
+            prop_assert!(triangle.bent(uvs, Vec3::Z, texel, 1.0).distance(expected) < 1e-4);
             // A straight texel bends nothing, whatever the shading normal.
             let normal = Vec3::new(x, y, z).normalize();
-            prop_assert!(triangle.bent(normal, Vec3::new(0.5, 0.5, 1.0), 2.0).distance(normal) < 1e-5);
+            prop_assert!(triangle.bent(uvs, normal, Vec3::new(0.5, 0.5, 1.0), 2.0).distance(normal) < 1e-5);
         }
 
         #[test]

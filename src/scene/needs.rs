@@ -21,6 +21,8 @@ pub struct Needs {
     /// Whether any surface has a texture of any kind.
     pub textures: bool,
     pub normal_maps: bool,
+    /// Whether any map lies on triangles by coordinates of its own.
+    pub charts: bool,
     /// Whether corners have colours.
     pub tints: bool,
     pub alpha_masks: bool,
@@ -66,6 +68,7 @@ impl Needs {
             suns: Suns::new(&scene.environment).shine(),
             textures: materials().any(|m| m.texture.is_some() || !m.maps.is_empty()),
             normal_maps: materials().any(|m| m.maps.normal.is_some()),
+            charts: !scene.charts.is_empty(),
             tints: scene.triangles.iter().any(|triangle| triangle.tints != <[Tint; 3]>::default()),
             alpha_masks: materials().any(|m| m.texture.is_some() && m.alpha_cutoff.is_some()),
             one_sided: materials().any(|m| !m.two_sided),
@@ -114,6 +117,7 @@ impl Needs {
             suns: true,
             textures: true,
             normal_maps: true,
+            charts: true,
             tints: true,
             alpha_masks: true,
             one_sided: true,

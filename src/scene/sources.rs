@@ -58,7 +58,7 @@ impl Sources {
         let lights = (0..).zip(&scene.lights).map(|(at, light)| (Source::Light(at), flux_of_light(&light.kind, disc)));
         let emitters = scene.emitters().into_iter().map(|number| {
             let triangle = &scene.triangles[number as usize];
-            (Source::Emitter(number), luminance(flux_of_emitter(triangle, material(scene, triangle), scene.mean_emission(triangle))))
+            (Source::Emitter(number), luminance(flux_of_emitter(triangle, material(scene, triangle), scene.mean_emission(number))))
         });
         let sky = match &scene.environment {
             Environment::Constant(radiance) => Some((Source::Dome(*radiance), 2.0 * TAU * disc * luminance(radiance.as_dvec3()))),
@@ -151,7 +151,7 @@ impl Sources {
         let local = around((1.0 - s).sqrt() as f32, (TAU * t) as f32);
         let position = triangle.position(barycentric);
         let origin = position + normal * surface_offset(self.extent, position);
-        let flux = flux_of_emitter(triangle, material, scene.emission(triangle, barycentric)).as_vec3();
+        let flux = flux_of_emitter(triangle, material, scene.emission(number, barycentric)).as_vec3();
         let is_there = normal != Vec3::ZERO && !is_hole(triangle, material, &scene.textures, barycentric);
         is_there.then(|| Emitted { origin, direction: Frame::new(normal).to_world(local), flux })
     }
@@ -219,6 +219,7 @@ mod tests {
             triangles,
             materials: vec![lamp(false), lamp(true), Material::diffuse("grey", Vec3::splat(0.5))],
             textures: Vec::new(),
+            charts: Vec::new(),
             lights,
             environment,
             cameras: vec![camera],

@@ -1,6 +1,6 @@
 //! What a ray sees of a surface.
 
-use super::{LightKind, Material, Rgb, Scene, Triangle, surface_offset};
+use super::{LightKind, Material, Rgb, Scene, Triangle, at_weights, surface_offset};
 use crate::math::{frame::Frame, lobe::Lobe};
 use glam::{Vec2, Vec3};
 use std::f32::consts::FRAC_1_PI;
@@ -113,9 +113,9 @@ impl Scene {
     /// The same for light that arrives along the ray: the lobe takes its share of the diffuse part by where light leaves to, [`Lobe::leaves`], which is left to do.
     pub fn lit_surface(&self, triangle: u32, barycentric: Vec2, ray: Ray) -> Surface {
         let (plain, base) = self.without_lobe(triangle, barycentric, ray, true);
-        let triangle = &self.triangles[triangle as usize];
+        let (number, triangle) = (triangle, &self.triangles[triangle as usize]);
         let material = &self.materials[triangle.material as usize];
-        let facets = self.colour(material.maps.facets, triangle, barycentric);
+        let facets = self.colour(material.maps.facets, (number, material.maps.charts.facets), barycentric);
         let reflection = material.reflection_with(material.reflectance * base, facets);
         let glossy = reflection.lobe.map(|lobe| {
             let frame = if lobe.shape.is_anisotropic() { triangle.tangent_frame(plain.normal) } else { Frame::new(plain.normal) };
@@ -137,31 +137,32 @@ impl Scene {
 
     /// The surface by its albedo, and what multiplies its base colour there; whether its lobe is to follow.
     fn without_lobe(&self, triangle: u32, barycentric: Vec2, ray: Ray, lobes: bool) -> (Surface, Rgb) {
-        let triangle = &self.triangles[triangle as usize];
+        let (number, triangle) = (triangle, &self.triangles[triangle as usize]);
         let material = &self.materials[triangle.material as usize];
         let face = triangle.face_normal();
         let side = if face.dot(ray.direction) > 0.0 { -1.0 } else { 1.0 };
-        let base = self.colour(material.texture, triangle, barycentric) * triangle.tint(barycentric);
+        let base = self.colour(material.texture, (number, 0), barycentric) * triangle.tint(barycentric);
         let (albedo, is_base) = material.albedo();
         let surface = Surface {
             position: triangle.place(barycentric, ray),
             face: face * side,
-            normal: self.normal(triangle, barycentric, (-side * ray.direction, lobes)) * side,
+            normal: self.normal(number, barycentric, (-side * ray.direction, lobes)) * side,
             reflectance: if is_base { albedo * base } else { albedo },
-            emission: self.emission(triangle, barycentric),
+            emission: self.emission(number, barycentric),
             glossy: None,
         };
         (surface, base)
     }
 
-    /// What a texture has at a place of a triangle; white where there is none.
-    fn colour(&self, texture: Option<u32>, triangle: &Triangle, barycentric: Vec2) -> Rgb {
-        texture.map_or(Vec3::ONE, |texture| self.textures[texture as usize].sample(triangle.uv(barycentric)).truncate())
+    /// What a texture has at a place of a triangle by one of its charts; white where there is none.
+    fn colour(&self, texture: Option<u32>, (triangle, chart): (u32, u32), barycentric: Vec2) -> Rgb {
+        texture.map_or(Vec3::ONE, |texture| self.textures[texture as usize].sample(at_weights(self.uvs(triangle, chart), barycentric)).truncate())
     }
 
     /// Unit shading normal at a place of a triangle, on the front side, as its normal map bends it. Of what has a lobe, if lobes are rendered, not so far from the
     /// way to where it is seen from, of any length, that its mirror image would be below the surface.
-    pub fn normal(&self, triangle: &Triangle, barycentric: Vec2, (toward, lobes): (Vec3, bool)) -> Vec3 {
+    pub fn normal(&self, triangle: u32, barycentric: Vec2, (toward, lobes): (Vec3, bool)) -> Vec3 {
+        let (number, triangle) = (triangle, &self.triangles[triangle as usize]);
         let Material { maps, glossy, .. } = &self.materials[triangle.material as usize];
         let toward = if lobes && glossy.is_some() { Some(toward.normalize_or_zero()) } else { None };
         let reflecting = |normal: Vec3, plain: Vec3| toward.map_or(normal, |toward| reflecting(normal, plain, toward));
@@ -169,21 +170,23 @@ impl Scene {
         if maps.normal.is_none() {
             return smooth;
         }
-        reflecting(triangle.bent(smooth, self.colour(maps.normal, triangle, barycentric), maps.normal_scale), smooth)
+        let texel = self.colour(maps.normal, (number, maps.charts.normal), barycentric);
+        reflecting(triangle.bent(self.uvs(number, maps.charts.normal), smooth, texel, maps.normal_scale), smooth)
     }
 
     /// Radiance that leaves a place of a triangle [W m⁻² sr⁻¹].
-    pub fn emission(&self, triangle: &Triangle, barycentric: Vec2) -> Rgb {
-        let material = &self.materials[triangle.material as usize];
-        material.emission * self.colour(material.maps.emission, triangle, barycentric)
+    pub fn emission(&self, triangle: u32, barycentric: Vec2) -> Rgb {
+        let material = &self.materials[self.triangles[triangle as usize].material as usize];
+        material.emission * self.colour(material.maps.emission, (triangle, material.maps.charts.emission), barycentric)
     }
 
     /// The mean over a triangle, of an emission map by samples about as far apart as its texels.
-    pub fn mean_emission(&self, triangle: &Triangle) -> Rgb {
-        let material = &self.materials[triangle.material as usize];
+    pub fn mean_emission(&self, triangle: u32) -> Rgb {
+        let material = &self.materials[self.triangles[triangle as usize].material as usize];
         let Some(map) = material.maps.emission else { return material.emission };
         let texture = &self.textures[map as usize];
-        let [s, t] = [1, 2].map(|corner| (triangle.uvs[corner] - triangle.uvs[0]) * Vec2::new(texture.width as f32, texture.height as f32));
+        let uvs = self.uvs(triangle, material.maps.charts.emission);
+        let [s, t] = [1, 2].map(|corner| (uvs[corner] - uvs[0]) * Vec2::new(texture.width as f32, texture.height as f32));
         let texels = 0.5 * s.perp_dot(t).abs();
         // Coordinates may be so large that their area is no number.
         let samples = if texels.is_nan() { MOST_SAMPLES } else { (4.0 * texels).clamp(LEAST_SAMPLES, MOST_SAMPLES) } as u32;

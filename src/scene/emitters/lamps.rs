@@ -37,7 +37,7 @@ impl AreaLight {
             let triangle = &scene.triangles[number as usize];
             let material = &scene.materials[triangle.material as usize];
             let [a, b, c] = triangle.positions;
-            let share = 1.0 / (luminance(scene.mean_emission(triangle).as_dvec3()) as f32).max(f32::MIN_POSITIVE);
+            let share = 1.0 / (luminance(scene.mean_emission(number).as_dvec3()) as f32).max(f32::MIN_POSITIVE);
             let longest = [b - a, c - a, c - b].map(Vec3::length_squared).into_iter().fold(0.0, f32::max);
             Self {
                 triangle: number,
@@ -62,7 +62,7 @@ impl AreaLight {
     #[cold]
     fn hue_there(&self, scene: &Scene, ray: Ray) -> Rgb {
         let triangle = &scene.triangles[self.triangle as usize];
-        scene.emission(triangle, triangle.barycentric(ray)) * self.share
+        scene.emission(self.triangle, triangle.barycentric(ray)) * self.share
     }
 
     /// The way to a point of a lamp that is no farther than its longest edge is long, spread evenly over the solid angle that it covers, and what it stands for: the

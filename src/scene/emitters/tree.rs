@@ -330,11 +330,12 @@ const BINS: usize = 12;
 
 impl Outline {
     fn of(scene: &Scene, triangle: u32) -> Self {
+        let mean = scene.mean_emission(triangle);
         let triangle = &scene.triangles[triangle as usize];
         let material = &scene.materials[triangle.material as usize];
         Self {
             bounds: Bounds::of(std::slice::from_ref(triangle)),
-            power: power(triangle, scene.mean_emission(triangle)),
+            power: power(triangle, mean),
             axis: triangle.face_normal(),
             spread: 1.0,
             two_sided: material.two_sided,
@@ -457,6 +458,7 @@ mod tests {
             triangles: (0..count).map(triangle).collect(),
             materials: vec![lamp(false), lamp(true)],
             textures: Vec::new(),
+            charts: Vec::new(),
             lights: Vec::new(),
             environment: Environment::Constant(Vec3::ZERO),
             cameras: Vec::new(),

@@ -45,6 +45,8 @@ pub(super) struct Face {
 pub(super) struct Draft {
     pub faces: Vec<Face>,
     pub materials: Vec<Material>,
+    /// Texture coordinates beside the faces' own, as [`Scene::charts`]; where one is shorter than the faces, the rest have none.
+    pub charts: Vec<Vec<[Vec2; 3]>>,
     pub textures: Vec<TextureSource>,
     /// Lights and where they stand; the position inside the light is filled in at the end.
     pub lights: Vec<(Light, DVec3)>,
@@ -66,7 +68,7 @@ impl Face {
         let mut face = *self;
         face.positions = self.positions.map(|p| map.transform_point3(p));
         face.normals = self.normals.map(|n| (*normal_map * n.as_dvec3()).normalize_or_zero().as_vec3());
-        if map.determinant() < 0.0 {
+        if mirrors(map) {
             face.positions.swap(1, 2);
             face.normals.swap(1, 2);
             face.uvs.swap(1, 2);
@@ -79,6 +81,11 @@ impl Face {
         let [a, b, c] = self.positions;
         (b - a).cross(c - a)
     }
+}
+
+/// Whether an affine map turns the front of triangles to their back, so that two corners are swapped.
+pub(super) fn mirrors(map: &DMat4) -> bool {
+    map.determinant() < 0.0
 }
 
 /// The map of normals that belongs to an affine map of positions: the inverse transpose, up to a positive factor.
@@ -114,6 +121,18 @@ impl Draft {
         self.camera_names.contains(name)
     }
 
+    /// Says how a face lies by a chart, counted from 0.
+    pub fn place_on_chart(&mut self, chart: usize, face: usize, uvs: [Vec2; 3]) {
+        if self.charts.len() <= chart {
+            self.charts.resize_with(chart + 1, Vec::new);
+        }
+        let places = &mut self.charts[chart];
+        if places.len() <= face {
+            places.resize(face + 1, [Vec2::ZERO; 3]);
+        }
+        places[face] = uvs;
+    }
+
     /// Refuses `more` triangles before they are made when they would be too many.
     pub fn expect_room(&self, more: usize) -> Result<(), SceneError> {
         let count = self.faces.len().saturating_add(more);
@@ -138,12 +157,15 @@ impl Draft {
             }
         }
         let normals = self.corner_normals(normals);
-        let candidates: Vec<Triangle> = self.faces.iter().zip(normals).map(|(face, normals)| to_triangle(face, normals, origin)).collect();
-        let triangles = clean(candidates, &self.materials, &mut self.notes);
+        let mut triangles: Vec<Triangle> = self.faces.iter().zip(normals).map(|(face, normals)| to_triangle(face, normals, origin)).collect();
+        let mut charts = std::mem::take(&mut self.charts);
+        charts.iter_mut().for_each(|chart| chart.resize(triangles.len(), [Vec2::ZERO; 3]));
+        clean(&mut triangles, &mut charts, &self.materials, &mut self.notes);
         if triangles.is_empty() {
             return Err(no_triangles(name, &self.notes));
         }
         let textures = image::decode_all(&self.textures, files, &mut self.materials, &mut self.notes)?;
+        charts.truncate(self.materials.iter().map(|material| material.maps.last_chart() as usize).max().unwrap_or(0));
         let lights = self.lights.into_iter().map(|(light, at)| place_light(light, at - origin)).collect::<Result<_, _>>()?;
         let mut cameras = self.cameras.into_iter().map(|(camera, at)| place_camera(camera, at - origin)).collect::<Result<Vec<_>, _>>()?;
         if cameras.is_empty() {
@@ -152,7 +174,7 @@ impl Draft {
         }
         let environment = self.environment.unwrap_or(Environment::Constant(Vec3::ZERO));
         let mut scene =
-            Scene { name: name.to_owned(), triangles, materials: self.materials, textures, lights, environment, cameras, origin, notes: self.notes };
+            Scene { name: name.to_owned(), triangles, materials: self.materials, textures, charts, lights, environment, cameras, origin, notes: self.notes };
         put_out(&mut scene);
         Ok(scene)
     }
@@ -202,8 +224,9 @@ impl Draft {
 
 /// Gives triangles whose emission map is black all over a material that does not emit: they are no lamps.
 fn put_out(scene: &mut Scene) {
-    let is_dark = |triangle: &Triangle| scene.materials[triangle.material as usize].maps.emission.is_some() && scene.mean_emission(triangle) == Vec3::ZERO;
-    let dark: Vec<usize> = (0..scene.triangles.len()).filter(|at| is_dark(&scene.triangles[*at])).collect();
+    let is_dark =
+        |(number, triangle): (u32, &Triangle)| scene.materials[triangle.material as usize].maps.emission.is_some() && scene.mean_emission(number) == Vec3::ZERO;
+    let dark: Vec<usize> = (0..scene.triangles.len()).filter(|at| is_dark((*at as u32, &scene.triangles[*at]))).collect();
     let mut copies: HashMap<u32, u32> = HashMap::new();
     for at in dark {
         let number = scene.triangles[at].material;
@@ -264,21 +287,24 @@ fn on_front_side(normals: [Vec3; 3], front: Vec3) -> [Vec3; 3] {
     units.map(|n| if (sign * n).dot(front) > 0.0 { sign * n } else { front })
 }
 
-/// Leaves out triangles without an area and repetitions of the same triangle.
-fn clean(triangles: Vec<Triangle>, materials: &[Material], notes: &mut Vec<String>) -> Vec<Triangle> {
+/// Leaves out triangles without an area and repetitions of the same triangle, in their charts, too.
+fn clean(triangles: &mut Vec<Triangle>, charts: &mut [Vec<[Vec2; 3]>], materials: &[Material], notes: &mut Vec<String>) {
     let before = triangles.len();
-    let mut triangles: Vec<Triangle> = triangles.into_iter().filter(has_area).collect();
-    let without_area = before - triangles.len();
-    let keep = first_of_each(&triangles, materials);
-    retain_marked(&mut triangles, &keep);
-    let repeated = keep.len() - triangles.len();
+    let mut retain = |triangles: &mut Vec<Triangle>, marks: &[bool]| {
+        retain_marked(triangles, marks);
+        charts.iter_mut().for_each(|chart| retain_marked(chart, marks));
+        marks.len() - triangles.len()
+    };
+    let with_area: Vec<bool> = triangles.iter().map(has_area).collect();
+    let without_area = retain(triangles, &with_area);
+    let keep = first_of_each(triangles, materials);
+    let repeated = retain(triangles, &keep);
     if without_area > 0 {
         notes.push(format!("{without_area} of {before} triangles have no area and were left out"));
     }
     if repeated > 0 {
         notes.push(format!("{repeated} of {before} triangles repeat another and were left out"));
     }
-    triangles
 }
 
 /// Whether a triangle's plane is more than rounding: thinner than 1e-7 of its length it is not, in single precision.

@@ -5,7 +5,7 @@ mod material;
 
 use super::{
     MAX_TRIANGLES, count_up,
-    draft::{Draft, Face, normal_map},
+    draft::{Draft, Face, mirrors, normal_map},
     error::{Problem, SceneError},
     files::{Bytes, Files},
     guard,
@@ -25,6 +25,7 @@ use base64::{
 };
 use document::{EXTENSIONS, Opened};
 use glam::{DMat4, DQuat, DVec3, Vec2, Vec3};
+use material::Coordinates;
 use std::{
     collections::{BTreeMap, HashMap},
     path::{Path, PathBuf},
@@ -156,7 +157,8 @@ struct Reader<'a> {
 struct Vertices {
     positions: Vec<DVec3>,
     normals: Vec<Vec3>,
-    uvs: Vec<Vec2>,
+    /// Texture coordinates: their own, then by the charts of the material.
+    uvs: Vec<Vec<Vec2>>,
     tints: Vec<Tint>,
 }
 
@@ -219,7 +221,7 @@ impl Reader<'_> {
         }
         let Some(positions) = self.positions(primitive) else { return Ok(()) };
         let Some(material) = self.material(&primitive.material())? else { return Ok(()) };
-        let vertices = self.read_vertices(primitive, &positions)?;
+        let vertices = self.read_vertices(primitive, &positions, self.draft.materials[material as usize].maps.last_chart())?;
         let indices = match primitive.indices() {
             Some(accessor) => self.read_indices(&accessor)?,
             None => (0..vertices.positions.len() as u32).collect(),
@@ -231,9 +233,13 @@ impl Reader<'_> {
         for corners in triangles(primitive.mode(), &indices) {
             let corners = corners.map(|index| index as usize);
             let normals = corners.map(|i| vertices.normals.get(i).copied().unwrap_or(Vec3::ZERO));
-            let uvs = corners.map(|i| vertices.uvs.get(i).copied().unwrap_or(Vec2::ZERO));
+            let mut uvs = vertices.uvs.iter().map(|uvs| corners.map(|i| uvs.get(i).copied().unwrap_or(Vec2::ZERO)));
             let tints = corners.map(|i| vertices.tints.get(i).copied().unwrap_or_default());
-            let face = Face { positions: corners.map(|i| vertices.positions[i]), normals, uvs, tints, material };
+            let positions = corners.map(|i| vertices.positions[i]);
+            let face = Face { positions, normals, uvs: uvs.next().unwrap_or_default(), tints, material };
+            for (chart, [a, b, c]) in uvs.enumerate() {
+                self.draft.place_on_chart(chart, self.draft.faces.len(), if mirrors(map) { [a, c, b] } else { [a, b, c] });
+            }
             self.draft.push(face.transformed(map, &normal_map), || format!("{name} of `{}`", self.path.display()))?;
         }
         Ok(())
@@ -250,21 +256,26 @@ impl Reader<'_> {
         None
     }
 
-    fn read_vertices(&self, primitive: &Primitive, positions: &Accessor) -> Result<Vertices, SceneError> {
+    fn read_vertices(&self, primitive: &Primitive, positions: &Accessor, charts: u32) -> Result<Vertices, SceneError> {
         let positions = self.read_vectors::<3>(positions)?;
         let normals = primitive.get(&Semantic::Normals).map(|accessor| self.read_vectors::<3>(&accessor)).transpose()?.unwrap_or_default();
         let coordinates = material::coordinates(&primitive.material());
         // Without a texture they still say how lobes lie that a document gives the surface.
-        let set = coordinates.map_or(0, |coordinates| coordinates.set);
-        let uvs = primitive.get(&Semantic::TexCoords(set)).map(|accessor| self.read_vectors::<2>(&accessor)).transpose()?.unwrap_or_default();
-        let place = |uv: [f32; 2]| coordinates.map_or(uv.into(), |coordinates| coordinates.place(uv.into()));
+        let (own, others) = coordinates.split_first().map_or((Coordinates::default(), &[][..]), |(own, others)| (*own, others));
+        let coordinates = std::iter::once(&own).chain(others.iter().take(charts as usize));
         let tints = primitive.get(&Semantic::Colors(0)).map(|accessor| self.read_tints(&accessor)).transpose()?.unwrap_or_default();
         Ok(Vertices {
             positions: positions.into_iter().map(|p| Vec3::from(p).as_dvec3()).collect(),
             normals: normals.into_iter().map(Vec3::from).map(|n| if n.is_finite() { n } else { Vec3::ZERO }).collect(),
-            uvs: uvs.into_iter().map(place).map(|uv| if uv.is_finite() { uv } else { Vec2::ZERO }).collect(),
+            uvs: coordinates.map(|coordinates| self.read_uvs(primitive, coordinates)).collect::<Result<_, _>>()?,
             tints,
         })
+    }
+
+    fn read_uvs(&self, primitive: &Primitive, coordinates: &Coordinates) -> Result<Vec<Vec2>, SceneError> {
+        let uvs = primitive.get(&Semantic::TexCoords(coordinates.set)).map(|accessor| self.read_vectors::<2>(&accessor)).transpose()?.unwrap_or_default();
+        let placed = uvs.into_iter().map(|uv| coordinates.place(uv.into()));
+        Ok(placed.map(|uv| if uv.is_finite() { uv } else { Vec2::ZERO }).collect())
     }
 
     /// Colours of vertices, with or without an alpha.

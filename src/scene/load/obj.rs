@@ -15,9 +15,9 @@ use super::{
     list,
     polygon::{Cut, MAX_CORNERS, MAX_WORK, cut},
 };
-use crate::scene::model::{Maps, Material, Reading, Tint, srgb_to_linear};
+use crate::scene::model::{Charts, Maps, Material, Reading, Tint, srgb_to_linear};
 use glam::{DVec3, Vec2, Vec3};
-use library::{Described, read_libraries};
+use library::{Described, Place, Textured, read_libraries};
 use std::{
     collections::{BTreeMap, HashMap},
     path::Path,
@@ -45,6 +45,7 @@ pub(super) fn read(path: &Path, files: &Files, draft: &mut Draft, wanted: &dyn F
 struct Reader<'a, 'd> {
     source: SourceText<'a>,
     draft: &'d mut Draft,
+    first_face: usize,
     /// With their colours.
     positions: Vec<(DVec3, Tint)>,
     uvs: Vec<Vec2>,
@@ -79,6 +80,7 @@ impl<'a, 'd> Reader<'a, 'd> {
     fn new(source: SourceText<'a>, draft: &'d mut Draft) -> Self {
         Self {
             source,
+            first_face: draft.faces.len(),
             draft,
             positions: Vec::new(),
             uvs: Vec::new(),
@@ -225,7 +227,7 @@ impl<'a, 'd> Reader<'a, 'd> {
 
     /// Fills in the materials from their libraries, and says what was missing.
     fn finish(self, files: &Files, wanted: &dyn Fn(&str) -> bool) -> Result<(), SceneError> {
-        let Self { source, draft, libraries, materials, slivers, unclear, mut unread, .. } = self;
+        let Self { source, draft, first_face, libraries, materials, slivers, unclear, mut unread, .. } = self;
         let file = source.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         if slivers > 0 {
             draft.notes.push(format!("{file}: {slivers} faces have fewer than three corners and were left out"));
@@ -238,7 +240,7 @@ impl<'a, 'd> Reader<'a, 'd> {
         }
         let described = read_libraries(source.path, files, &libraries, &file, draft)?;
         let mut plain = Vec::new();
-        let mut textures = HashMap::new();
+        let (mut textures, mut places) = (HashMap::new(), HashMap::new());
         let mut ordered: Vec<(&str, u32)> = materials.into_iter().collect();
         ordered.sort_unstable_by_key(|&(_, number)| number);
         for (name, number) in ordered {
@@ -246,7 +248,9 @@ impl<'a, 'd> Reader<'a, 'd> {
                 Some(found) => {
                     draft.materials[number as usize] = if wanted(name) {
                         found.unread.iter().for_each(|what| *unread.entry(what.clone()).or_default() += 1);
-                        with_textures(found, |texture| texture_number(draft, &mut textures, texture))
+                        let (material, of_material) = with_textures(found, |texture| texture_number(draft, &mut textures, texture));
+                        places.extend(of_material.iter().any(|place| *place != Place::default()).then_some((number, of_material)));
+                        material
                     } else {
                         found.material.clone()
                     };
@@ -255,6 +259,7 @@ impl<'a, 'd> Reader<'a, 'd> {
                 None => {}
             }
         }
+        place_on_textures(draft, first_face, &places);
         if !unread.is_empty() {
             draft.notes.push(format!("not read from {file} and its libraries: {}", count_up(&unread)));
         }
@@ -301,14 +306,42 @@ fn finite_uv(u: f32, v: f32) -> Vec2 {
     if uv.is_finite() { uv } else { Vec2::ZERO }
 }
 
-/// A material as its library describes it, with the numbers of its textures.
-fn with_textures(found: &Described, mut number: impl FnMut((Composition, Reading)) -> u32) -> Material {
-    let [texture, facets, normal, emission] = found.textures().map(|texture| texture.map(&mut number));
-    let maps = Maps { facets, normal, normal_scale: if normal.is_some() { found.normal_scale() } else { 0.0 }, emission };
-    Material { texture, maps, ..found.material.clone() }
+/// A material as its library describes it, with the numbers of its textures; and where its surfaces lie on them, by their own coordinates and by charts.
+fn with_textures(found: &Described, mut number: impl FnMut(Textured) -> u32) -> (Material, Vec<Place>) {
+    let mut places: Vec<Place> = Vec::new();
+    let mut placed = |texture: Textured| {
+        let known = places.iter().position(|place| *place == texture.place);
+        let chart = known.unwrap_or_else(|| {
+            places.push(texture.place);
+            places.len() - 1
+        });
+        (number(texture), chart as u32)
+    };
+    let [base, facets, normal, emission] = found.textures().map(|texture| texture.map(&mut placed));
+    let [facets_chart, normal_chart, emission_chart] = [facets, normal, emission].map(|map| map.map_or(0, |(_, chart)| chart));
+    let [texture, facets, normal, emission] = [base, facets, normal, emission].map(|map| map.map(|(number, _)| number));
+    let normal_scale = if normal.is_some() { found.normal_scale() } else { 0.0 };
+    let charts = Charts { facets: facets_chart, normal: normal_chart, emission: emission_chart };
+    (Material { texture, maps: Maps { facets, normal, normal_scale, emission, charts }, ..found.material.clone() }, places)
 }
 
-fn texture_number(draft: &mut Draft, known: &mut HashMap<(Composition, Reading), u32>, (made_of, reading): (Composition, Reading)) -> u32 {
+/// Moves the texture coordinates of faces to where their materials say that textures are.
+fn place_on_textures(draft: &mut Draft, first_face: usize, places: &HashMap<u32, Vec<Place>>) {
+    if places.is_empty() {
+        return;
+    }
+    for number in first_face..draft.faces.len() {
+        let face = &mut draft.faces[number];
+        let Some([own, charts @ ..]) = places.get(&face.material).map(Vec::as_slice) else { continue };
+        let uvs = face.uvs;
+        face.uvs = uvs.map(|uv| own.of(uv));
+        for (chart, place) in charts.iter().enumerate() {
+            draft.place_on_chart(chart, number, uvs.map(|uv| place.of(uv)));
+        }
+    }
+}
+
+fn texture_number(draft: &mut Draft, known: &mut HashMap<(Composition, Reading), u32>, Textured { made_of, reading, .. }: Textured) -> u32 {
     *known.entry((made_of.clone(), reading)).or_insert_with(|| {
         draft.textures.push(TextureSource { name: made_of.name(), content: Content::Files(made_of), reading });
         draft.textures.len() as u32 - 1

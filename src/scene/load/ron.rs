@@ -5,7 +5,7 @@
 
 use super::{
     LoadOptions, Normals,
-    draft::{Draft, Face, normal_map},
+    draft::{Draft, Face, mirrors, normal_map},
     error::{Problem, SceneError, SourceText, suggestion},
     files::Files,
     generate, image, list, load_geometry, primitives, refuse_overrides,
@@ -890,7 +890,10 @@ impl<'a> Reader<'a> {
     /// Takes over a file's triangles, and those of its materials that the document does not replace.
     fn absorb(&mut self, file: Draft, map: &DMat4) -> Result<(), SceneError> {
         let first_texture = self.draft.textures.len() as u32;
-        let renumbered = |material: Material| Material { texture: material.texture.map(|texture| texture + first_texture), ..material };
+        let renumbered = |mut material: Material| {
+            material.textures_mut().into_iter().flatten().for_each(|texture| *texture += first_texture);
+            material
+        };
         let numbers: Vec<u32> = file.materials.into_iter().map(|material| self.material_of_file(renumbered(material))).collect::<Result<_, _>>()?;
         self.draft.textures.extend(file.textures);
         self.draft.notes.extend(file.notes);
@@ -901,6 +904,12 @@ impl<'a> Reader<'a> {
         let normal_map = normal_map(map);
         self.draft.expect_room(file.faces.len())?;
         self.draft.faces.reserve(file.faces.len());
+        let first_face = self.draft.faces.len();
+        for (number, chart) in file.charts.into_iter().enumerate() {
+            for (face, [a, b, c]) in chart.into_iter().enumerate() {
+                self.draft.place_on_chart(number, first_face + face, if mirrors(map) { [a, c, b] } else { [a, b, c] });
+            }
+        }
         file.faces.into_iter().try_for_each(|face| {
             let face = Face { material: numbers[face.material as usize], ..face.transformed(map, &normal_map) };
             self.draft.push(face, || "a file, moved to its place,".to_owned())

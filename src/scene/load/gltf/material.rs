@@ -25,6 +25,12 @@ pub(super) struct Coordinates {
     scale: Vec2,
 }
 
+impl Default for Coordinates {
+    fn default() -> Self {
+        Self::new(0)
+    }
+}
+
 impl Coordinates {
     fn new(set: u32) -> Self {
         Self { set, offset: Vec2::ZERO, rotation: 0.0, scale: Vec2::ONE }
@@ -56,6 +62,9 @@ impl Coordinates {
 
     /// Scaled, turned counter-clockwise as seen (v points down), moved.
     pub fn place(&self, uv: Vec2) -> Vec2 {
+        if *self == Self::new(self.set) {
+            return uv;
+        }
         let (sine, cosine) = self.rotation.sin_cos();
         let uv = uv * self.scale;
         self.offset + Vec2::new(cosine * uv.x + sine * uv.y, cosine * uv.y - sine * uv.x)
@@ -72,17 +81,8 @@ enum Role {
 }
 
 impl Role {
-    /// In the order in which the first that is there says where vertices lie.
+    /// The first that is there says how vertices lie by their own coordinates.
     const ALL: [Self; 4] = [Self::Base, Self::Facets, Self::Normal, Self::Emission];
-
-    fn name(self) -> &'static str {
-        match self {
-            Self::Base => "base colour textures",
-            Self::Facets => "metallic-roughness textures",
-            Self::Normal => "normal maps",
-            Self::Emission => "emissive textures, with their emission",
-        }
-    }
 
     /// The texture that a material has for it, and where vertices lie on that.
     fn texture<'a>(self, material: &::gltf::Material<'a>) -> Option<(::gltf::Texture<'a>, Coordinates)> {
@@ -101,9 +101,20 @@ impl Role {
     }
 }
 
-/// Where the vertices lie on the textures of a material.
-pub(super) fn coordinates(material: &::gltf::Material) -> Option<Coordinates> {
-    Role::ALL.iter().find_map(|role| role.texture(material)).map(|(_, coordinates)| coordinates)
+/// Where the vertices lie on the textures of a material: by their own coordinates, then by one chart after the other.
+pub(super) fn coordinates(material: &::gltf::Material) -> Vec<Coordinates> {
+    let mut all = Vec::new();
+    for (_, there) in Role::ALL.iter().filter_map(|role| role.texture(material)) {
+        if !all.contains(&there) {
+            all.push(there);
+        }
+    }
+    all
+}
+
+/// The chart by which vertices lie so.
+fn chart_of(coordinates: &[Coordinates], there: Coordinates) -> u32 {
+    coordinates.iter().position(|coordinates| *coordinates == there).unwrap_or(0) as u32
 }
 
 /// The numbers of a material, which its textures multiply.
@@ -145,7 +156,15 @@ impl Reader<'_> {
             self.ignore("unlit materials: they are lit");
         }
         let wanted = (self.wanted)(&name);
-        let [texture, facets, normal, emissive] = Role::ALL.map(|role| if wanted { self.map(material, role) } else { None });
+        let coordinates = coordinates(material);
+        let mut map = |role: Role| {
+            role.texture(material)
+                .filter(|_| wanted)
+                .map(|(texture, there)| (self.texture(&texture, matches!(role, Role::Facets | Role::Normal)), chart_of(&coordinates, there)))
+        };
+        let [(texture, _), (facets, facets_chart), (normal, normal_chart), (emissive, emission_chart)] = Role::ALL.map(|role| map(role).unzip());
+        let [facets_chart, normal_chart, emission_chart] = [facets_chart, normal_chart, emission_chart].map(Option::unwrap_or_default);
+        let charts = Charts { facets: facets_chart, normal: normal_chart, emission: emission_chart };
         let alpha_cutoff = self.alpha_cutoff(material, alpha);
         if self.is_clear(material) {
             return Ok(None);
@@ -161,7 +180,7 @@ impl Reader<'_> {
         let glossy = glossy.filter(|glossy| facets.is_some() || !glossy.is_plain());
         Ok(Some(Material {
             texture,
-            maps: Maps { facets, normal, normal_scale, emission: emissive.filter(|_| emission != Vec3::ZERO) },
+            maps: Maps { facets, normal, normal_scale, emission: emissive.filter(|_| emission != Vec3::ZERO), charts },
             // A factor alone, where a texture says which parts shine, would make the whole surface a lamp.
             emission: if is_lamp { emission } else { Vec3::ZERO },
             two_sided: material.double_sided(),
@@ -222,17 +241,6 @@ impl Reader<'_> {
         let is_clear = transmission.transmission_factor() >= HALF;
         self.ignore(if is_clear { "surfaces that let most light through: they are holes" } else { "surfaces that let some light through: they are opaque" });
         is_clear
-    }
-
-    /// The texture of a material for a role, if vertices lie on it as on the others.
-    fn map(&mut self, material: &::gltf::Material, role: Role) -> Option<u32> {
-        let (texture, there) = role.texture(material)?;
-        if coordinates(material) != Some(there) {
-            self.ignore(format!("{} with texture coordinates of their own", role.name()));
-            return None;
-        }
-        let is_linear = matches!(role, Role::Facets | Role::Normal);
-        Some(self.texture(&texture, is_linear))
     }
 
     fn expect_in_unit(&self, material: &str, what: &str, values: &[f32]) -> Result<(), SceneError> {

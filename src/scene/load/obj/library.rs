@@ -10,7 +10,7 @@ use crate::scene::{
     },
     model::{DIELECTRIC, Glossy, Material, Reading, Wrap},
 };
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 use std::{
     collections::{BTreeSet, HashMap},
     path::{Path, PathBuf},
@@ -61,6 +61,36 @@ struct Map {
     channel: Option<Channel>,
     /// What multiplies heights, or how far normals lean.
     strength: f32,
+    place: Place,
+}
+
+/// Where a surface lies on an image.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Place {
+    scale: Vec2,
+    offset: Vec2,
+}
+
+impl Default for Place {
+    fn default() -> Self {
+        Self { scale: Vec2::ONE, offset: Vec2::ZERO }
+    }
+}
+
+impl Place {
+    /// Of texture coordinates whose second points down, as options are about one that points up.
+    pub fn of(self, uv: Vec2) -> Vec2 {
+        let up = |uv: Vec2| Vec2::new(uv.x, 1.0 - uv.y);
+        let placed = up(up(uv) * self.scale + self.offset);
+        if placed.is_finite() { placed } else { Vec2::ZERO }
+    }
+}
+
+/// A texture of a material.
+pub(super) struct Textured {
+    pub made_of: Composition,
+    pub reading: Reading,
+    pub place: Place,
 }
 
 /// Whether a word of a library comes before the name of a file.
@@ -171,6 +201,14 @@ impl Described {
         if !matches!(self.material.glossy, Some(Glossy::Phong { .. })) && self.maps.specular.take().is_some() {
             self.unread.insert("`map_Ks` of surfaces without a highlight by `Ks`".to_owned());
         }
+        let Maps { colours, mask, roughness, metallic, .. } = &self.maps;
+        for (first, second, names) in [(colours, mask, "`map_d` that `map_Kd`"), (roughness, metallic, "`map_Pm` that `map_Pr`")] {
+            if let (Some(first), Some(second)) = (first, second)
+                && (first.place, first.wrap) != (second.place, second.wrap)
+            {
+                self.unread.insert(format!("options `-s`, `-o` and `-clamp` of {names} does not have"));
+            }
+        }
         // A map says how much by itself.
         let by_map = if self.maps.emission.is_some() { Vec3::ONE } else { Vec3::ZERO };
         self.material.emission = self.emission.unwrap_or(by_map);
@@ -197,8 +235,8 @@ impl Described {
         (self.illumination >= 2 && reflectance != Vec3::ZERO).then_some(Glossy::Phong { reflectance, exponent: self.exponent })
     }
 
-    /// What its textures are made of: of the base colour, the lobe, normals and emission.
-    pub fn textures(&self) -> [Option<(Composition, Reading)>; 4] {
+    /// Of the base colour, the lobe, normals and emission.
+    pub fn textures(&self) -> [Option<Textured>; 4] {
         let Maps { colours, mask, specular, roughness, metallic, emission, normals, heights } = &self.maps;
         let image = |map: &Map| Composition::Image(map.file.clone());
         let base = match mask {
@@ -211,13 +249,15 @@ impl Described {
             specular.as_ref().map(image)
         };
         let bent = normals.as_ref().map(image).or_else(|| heights.as_ref().map(|map| Composition::Heights(map.scalar())));
-        let reading =
-            |maps: [&Option<Map>; 2], is_linear: bool| Reading { is_linear, wrap: [maps.into_iter().flatten().next().map_or(Wrap::Repeat, |map| map.wrap); 2] };
+        let textured = |made_of: Option<Composition>, maps: &[&Option<Map>], is_linear: bool| {
+            let first = maps.iter().find_map(|map| map.as_ref())?;
+            Some(Textured { made_of: made_of?, reading: Reading { is_linear, wrap: [first.wrap; 2] }, place: first.place })
+        };
         [
-            base.map(|made_of| (made_of, reading([colours, mask], false))),
-            facets.map(|made_of| (made_of, reading([roughness, metallic], specular.is_none()))),
-            bent.map(|made_of| (made_of, reading([normals, heights], true))),
-            emission.as_ref().map(|map| (image(map), reading([emission, &None], false))),
+            textured(base, &[colours, mask], false),
+            textured(facets, &[roughness, metallic, specular], specular.is_none()),
+            textured(bent, &[normals, heights], true),
+            textured(emission.as_ref().map(image), &[emission], false),
         ]
     }
 
@@ -257,6 +297,8 @@ enum MapOption {
     Strength,
     Clamp,
     Channel,
+    Offset,
+    Scale,
 }
 
 /// The option of a name without its sign, and the most values that it has, numbers where they may be fewer.
@@ -269,8 +311,9 @@ fn map_option(name: &str) -> Option<(MapOption, usize)> {
         "texres" => (Neutral(&[]), 1),
         "type" => (Neutral(&[]), 1),
         "mm" => (Neutral(&["0", "1"]), 2),
-        "o" | "t" => (Neutral(&["0", "0", "0"]), 3),
-        "s" => (Neutral(&["1", "1", "1"]), 3),
+        "t" => (Neutral(&["0", "0", "0"]), 3),
+        "o" => (Offset, 3),
+        "s" => (Scale, 3),
         "bm" => (Strength, 1),
         "clamp" => (Clamp, 1),
         "imfchan" => (Channel, 1),
@@ -280,7 +323,7 @@ fn map_option(name: &str) -> Option<(MapOption, usize)> {
 
 /// The file of a map and its options, which stand before its name or behind it; names may hold blanks. What is left out is told.
 fn read_map(word: &str, rest: &str, folder: &Path, unread: &mut BTreeSet<String>) -> Option<Map> {
-    let mut map = Map { file: PathBuf::new(), wrap: Wrap::Repeat, channel: None, strength: 1.0 };
+    let mut map = Map { file: PathBuf::new(), wrap: Wrap::Repeat, channel: None, strength: 1.0, place: Place::default() };
     let mut name: Option<&str> = None;
     let mut rest = rest;
     while !rest.is_empty() {
@@ -353,9 +396,19 @@ impl Map {
                 self.channel = Channel::named(value);
                 self.channel.is_some()
             }
+            (MapOption::Offset, values) => numbers_over(&mut self.place.offset, values),
+            (MapOption::Scale, values) => numbers_over(&mut self.place.scale, values),
             _ => false,
         }
     }
+}
+
+/// Puts the first two of some numbers in the place of a pair's; false where there are none. Images have no third coordinate.
+fn numbers_over(pair: &mut Vec2, values: &[&str]) -> bool {
+    let numbers: Vec<f32> = values.iter().filter_map(|value| value.parse().ok()).filter(|number: &f32| number.is_finite()).collect();
+    pair.x = numbers.first().copied().unwrap_or(pair.x);
+    pair.y = numbers.get(1).copied().unwrap_or(pair.y);
+    !numbers.is_empty()
 }
 
 /// A factor beside its map. Many programs write 0 where there is a map.

@@ -69,7 +69,7 @@ fn roughness_and_metal_become_one_image() {
     assert_eq!(texture.texels, [[255, 51, 0, 255], [255, 102, 0, 255], [255, 51, 255, 255], [255, 102, 255, 255]]);
     assert_eq!(scene.materials[0].glossy, Glossy::metallic_roughness(0.5, 1.0));
     let plain = with_material("Pr 1\nmap_Pr r.png\n", &images);
-    let lobe = seen_at(&plain, 0.05, 0.5, true).glossy.unwrap().lobe;
+    let lobe = seen_at(&plain, 0.25, 0.5, true).glossy.unwrap().lobe;
     assert_eq!(lobe.shape, crate::math::lobe::Shape::Microfacets { alpha: 0.2 * 0.2 });
     assert_eq!(plain.textures[0].texels[0], [255, 51, 255, 255]);
 }
@@ -78,7 +78,7 @@ fn roughness_and_metal_become_one_image() {
 fn a_map_of_highlights_multiplies_them() {
     let images = [("s.png", png(RgbImage::from_fn(2, 1, |x, _| Rgb([255, 0, 255 * x as u8]))))];
     let scene = with_material("Kd 0.1 0.1 0.1\nKs 0.5 0.4 0.3\nNs 10\nmap_Ks s.png\n", &images);
-    assert_eq!(seen_at(&scene, 0.1, 0.5, true).glossy.unwrap().lobe.reflectance, Vec3::new(0.5, 0.0, 0.0));
+    assert_eq!(seen_at(&scene, 0.25, 0.5, true).glossy.unwrap().lobe.reflectance, Vec3::new(0.5, 0.0, 0.0));
     assert!(seen_at(&scene, 0.75, 0.5, true).glossy.unwrap().lobe.reflectance.distance(Vec3::new(0.5, 0.0, 0.3)) < 1e-6);
     let by_map = with_material("map_Ks s.png\n", &images);
     assert_eq!(by_map.materials[0].glossy, Some(Glossy::Phong { reflectance: Vec3::ONE, exponent: 0.0 }));
@@ -128,8 +128,8 @@ fn heights_go_on_beyond_their_edges() {
 
 #[test]
 fn normals_go_before_heights() {
-    let normals = png(RgbImage::from_pixel(2, 2, Rgb([218, 128, 218])));
-    let tilted = Vec3::new(1.0, 0.0, 1.0).normalize();
+    let normals = png(RgbImage::from_pixel(2, 2, Rgb([150, 128, 250])));
+    let tilted = Vec3::new(45.0, 0.0, 245.0).normalize();
     let images = [("n.png", normals), ("h.png", grey(4, 4, |x, _| 10 * x as u8))];
     for lines in ["norm n.png\nbump h.png\n", "map_Bump h.png\nnorm n.png\n", "map_Bump -bm 1.0 n.png\n"] {
         let scene = with_material(lines, &images);
@@ -150,6 +150,7 @@ fn options_are_no_names() {
     };
     for line in [
         "map_Kd my map.png",
+        "map_Kd -o 0.5 0.1 -s 2 my map.png",
         "map_Kd -blendu on -blendv on -cc off -boost 0 -mm 0 1 -o 0 0 0 -s 1 1 1 -t 0 0 0 -texres 256 -clamp off my map.png",
         "map_Kd my map.png -s 1.0 1 -clamp on",
         "map_Kd -S 1 my map.png",
@@ -170,5 +171,31 @@ fn options_are_no_names() {
     assert!(scene.textures.len() == 1 && scene.notes[0].contains("option `-unheard` of `map_Kd`"), "{:?}", scene.notes);
     for line in ["map_Kd", "map_Kd -s", "map_Kd -s 1 1 1", "bump -bm", "bump -bm -bm"] {
         assert!(with_material(&format!("{line}\n"), &[]).textures.is_empty(), "{line}");
+    }
+}
+
+/// `-s` and `-o` are about coordinates whose second points up. Of a triangle without an area, and of a repeated one, nothing is left over.
+#[test]
+fn maps_are_scaled_and_moved() {
+    let images = [("c.png", grey(4, 4, |x, y| (60 * x + 9 * y) as u8)), ("e.png", grey(4, 4, |x, y| (60 * y + 9 * x) as u8))];
+    let object = String::from_utf8_lossy(SQUARE).replace("usemtl a", "usemtl a\nf 1/1 2/2 2/2\nf 1/1 2/2 3/3");
+    let load_one = |options: [&str; 2]| {
+        let library = format!("newmtl a\nKd 1 1 1\nmap_Kd {} c.png\nmap_Ke {} e.png\n", options[0], options[1]);
+        let files: [(&str, &[u8]); 4] = [("a.obj", object.as_bytes()), ("a.mtl", library.as_bytes()), ("c.png", &images[0].1), ("e.png", &images[1].1)];
+        load_files(&files).map_err(|(error, _)| error).unwrap()
+    };
+    let seen = |scene: &Scene, x: f32, y: f32| (seen_at(scene, x, y, false).reflectance.x, seen_at(scene, x, y, false).emission.x);
+    let plain = load_one(["", ""]);
+    assert!(plain.charts.is_empty());
+    for (options, charts) in [(["-s 2 2 1 -o 0.25 0.5", ""], 1), (["", "-s 2 2 -o 0.25 0.5"], 1), (["-s 2 2 -o 0.25 0.5"; 2], 0)] {
+        let scene = load_one(options);
+        assert_eq!(scene.charts.len(), charts, "{options:?}");
+        assert!(scene.charts.iter().all(|chart| chart.len() == scene.triangles.len()));
+        // (0.15, 0.05) lies where (0.55, 0.6) lies without, (0.3, 0.2) where (0.85, 0.9) does.
+        for ([x, y], there) in [([0.15, 0.05], [0.55, 0.6]), ([0.3, 0.2], [0.85, 0.9])] {
+            let (here, moved, found) = (seen(&plain, x, y), seen(&plain, there[0], there[1]), seen(&scene, x, y));
+            let expected = (if options[0].is_empty() { here.0 } else { moved.0 }, if options[1].is_empty() { here.1 } else { moved.1 });
+            assert!((found.0 - expected.0).abs() < 1e-5 && (found.1 - expected.1).abs() < 1e-5, "{options:?}: {found:?} instead of {expected:?}");
+        }
     }
 }

@@ -96,7 +96,7 @@ fn all_maps_of_a_gltf_material_are_read() {
 fn triangles_are_lamps_where_their_emission_map_shines() {
     // The first triangle has the lower left, the second the upper right corner: half of all that shines, at the right, is three quarters in the second.
     let scene = all_maps();
-    let mean: Vec<f32> = scene.triangles.iter().map(|triangle| scene.mean_emission(triangle).x).collect();
+    let mean: Vec<f32> = (0..2).map(|triangle| scene.mean_emission(triangle).x).collect();
     assert!((mean.iter().sum::<f32>() - 1.0).abs() < 0.02 && (mean[0].min(mean[1]) - 0.25).abs() < 0.02, "{mean:?}");
 
     let only_below = png(1, 8, |_, y| if y < 7 { [0; 3] } else { [255; 3] });
@@ -150,17 +150,83 @@ fn extensions_say_what_is_reflected_along_the_normal() {
     assert_eq!(lobe(json!({"extensions": glossiness})), facets(Vec3::new(0.5, 0.6, 0.7)));
 }
 
+/// A square of which every texture repeats, with a second set of coordinates that swaps the first.
+fn square_of_two_sets(material: Value, images: &[Vec<u8>]) -> Builder {
+    let mut builder = square(material, images);
+    builder.root["samplers"] = json!([{}]);
+    let swapped = builder.floats(&[[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]);
+    builder.root["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_1"] = json!(swapped);
+    builder
+}
+
+/// What differs in coordinates is seen as if its image had been made for those of the base colour.
 #[test]
-fn a_map_with_coordinates_of_its_own_is_left_out_and_told() {
-    let turned = json!({"index": 1, "extensions": {"KHR_texture_transform": {"scale": [2, 2]}}});
-    let images = [png(2, 2, |_, _| [9, 9, 9]), png(2, 2, |_, _| [128, 128, 255])];
-    let material = |base: Value| json!({"normalTexture": turned.clone(), "pbrMetallicRoughness": {"baseColorTexture": base}});
-    let scene = loaded(material(json!({"index": 0})), &images);
-    assert_eq!(scene.materials[0].maps.normal, None);
-    assert!(scene.notes.iter().any(|note| note.contains("normal maps with texture coordinates of their own")), "{:?}", scene.notes);
-    let alike = json!({"index": 0, "extensions": {"KHR_texture_transform": {"scale": [2, 2]}}});
-    let scene = loaded(material(alike), &images);
-    assert!(scene.materials[0].maps.normal.is_some() && scene.triangles[0].uvs.contains(&Vec2::new(0.0, 2.0)), "{:?}", scene.triangles[0]);
+fn maps_may_have_coordinates_of_their_own() {
+    let colours = |x: u32, y: u32| [40 + 50 * x as u8, 60 + 70 * y as u8, 128 + 30 * ((x + y) % 2) as u8];
+    let base = png(2, 2, |x, y| [200 - 90 * x as u8, 200 - 80 * y as u8, 9]);
+    let material = |own: Value| {
+        let with =
+            |index: u32| [json!({"index": index}).as_object().unwrap().clone(), own.as_object().unwrap().clone()].into_iter().flatten().collect::<Value>();
+        json!({
+            "emissiveFactor": [1, 1, 1], "emissiveTexture": with(1), "normalTexture": with(1),
+            "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, "metallicRoughnessTexture": with(1)},
+        })
+    };
+    let load_one = |own: Value, image: Vec<u8>| {
+        let builder = square_of_two_sets(material(own), &[base.clone(), image]);
+        // As it is, and mirrored by a document.
+        let document = r#"Scene(version: 1, geometry: [File("a.glb"), Place(of: [File("a.glb")], scale: (-1, 1, 1))])"#;
+        let scene = load_files(&[("a.ron", document.as_bytes()), ("a.glb", &builder.finish())]).map_err(|(error, _)| error).unwrap();
+        assert!(!scene.notes.iter().any(|note| note.contains("not read")), "{:?}", scene.notes);
+        expect_sound(&scene);
+        scene
+    };
+    let image = png(3, 2, colours);
+    let half = json!({"extensions": {"KHR_texture_transform": {"scale": [2, 1]}}});
+    let both = json!({"texCoord": 0, "extensions": {"KHR_texture_transform": {"scale": [1, 2], "texCoord": 1}}});
+    for (own, resampled) in
+        [(half, png(6, 2, |x, y| colours(x % 3, y))), (json!({"texCoord": 1}), png(2, 3, |x, y| colours(y, x))), (both, png(4, 3, |x, y| colours(y, x % 2)))]
+    {
+        let (by_chart, expected) = (load_one(own.clone(), image.clone()), load_one(json!({}), resampled));
+        assert_eq!((by_chart.charts.len(), expected.charts.len()), (1, 0), "{own}");
+        for at in 0..100 {
+            let [x, y] = [(at as f32 * 0.618_034).fract() * 2.0 - 1.0, (at as f32 + 0.5) / 100.0];
+            let [found, expected] = [&by_chart, &expected].map(|scene| seen_at(scene, x, y, true));
+            let lobes = [found, expected].map(|surface| surface.glossy.unwrap().lobe);
+            assert!(found.reflectance.distance(expected.reflectance) < 1e-5 && found.emission.distance(expected.emission) < 1e-5, "{own} at {x} {y}");
+            assert!(lobes[0].reflectance.distance(lobes[1].reflectance) < 1e-5, "{own} at {x} {y}: {lobes:?}");
+            // A frame that is turned along with the image turns the normal along: red leans along the second coordinate where that is swapped.
+            if own.get("texCoord").is_none() {
+                assert!(found.normal.distance(expected.normal) < 1e-5, "{own} at {x} {y}: {} {}", found.normal, expected.normal);
+            }
+        }
+    }
+    // The same coordinates, however they are said, are one set.
+    let alike = json!({"extensions": {"KHR_texture_transform": {"scale": [1, 1], "texCoord": 0}}});
+    assert!(load_one(alike, image).charts.is_empty());
+}
+
+/// Red leans along the first coordinate of a map's own set, which here runs down the square.
+#[test]
+fn normals_lean_along_their_own_coordinates() {
+    let images = [png(2, 2, |_, _| [9, 9, 9]), png(2, 2, |_, _| [218, 128, 218])];
+    let material = json!({"normalTexture": {"index": 1, "texCoord": 1}, "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}});
+    let scene = load_files(&[("a.glb", &square_of_two_sets(material, &images).finish())]).map_err(|(error, _)| error).unwrap();
+    let normal = seen_at(&scene, 0.4, 0.3, false).normal;
+    assert!(normal.distance(Vec3::new(0.0, -1.0, 1.0).normalize()) < 0.01, "{normal}");
+}
+
+#[test]
+fn each_file_of_a_document_has_its_own_textures() {
+    let image = |red: u8| png(1, 1, |_, _| [red, 0, 0]);
+    let file = |red: u8| {
+        let images = [image(255), image(red)];
+        let material = json!({"name": format!("m{red}"), "emissiveFactor": [1, 1, 1], "emissiveTexture": {"index": 1}, "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}});
+        square(material, &images).finish()
+    };
+    let document = r#"Scene(version: 1, geometry: [File("a.glb"), Place(of: [File("b.glb")], translate: (2, 0, 0))])"#;
+    let scene = load_files(&[("a.ron", document.as_bytes()), ("a.glb", &file(255)), ("b.glb", &file(0))]).map_err(|(error, _)| error).unwrap();
+    assert_eq!([0.5, 2.5].map(|x| seen_at(&scene, x, 0.4, false).emission.x), [1.0, 0.0]);
 }
 
 #[test]

@@ -27,9 +27,16 @@ impl DaylightOptions {
     pub fn light(&self, scene: &mut Scene, console: &Console) -> Result<(), Failure> {
         let given = Daylight { sky: self.sky.clone(), sun: self.sun };
         given.light(scene).map_err(Failure::input)?;
-        if given == Daylight::default() && scene.is_dark() {
+        if given != Daylight::default() {
+            return Ok(());
+        }
+        if scene.is_dark() {
             console.note("note: the scene has no light: it gets a white overcast sky; --sky and --sun choose another light, --sky none leaves it dark");
             Daylight::OF_DARK_SCENES.light(scene).map_err(Failure::input)?;
+        } else if scene.is_dim() {
+            console.note(
+                "note: the scene's only light is what its own surfaces emit, and that is little: --sky overcast or --sun AZIMUTH,ELEVATION lights all of it",
+            );
         }
         Ok(())
     }

@@ -1,6 +1,7 @@
 //! Light from outside of a scene's file: a sky in place of its own, and the sun.
 
 use super::{error::SceneError, files::Files, image, sky};
+use crate::math::colour::luminance;
 use crate::scene::model::{Environment, Light, LightKind, Scene};
 use glam::{DVec3, Vec3};
 use std::path::PathBuf;
@@ -89,14 +90,32 @@ fn sunlight(sun: Sun) -> Light {
     Light { name: "sun".to_owned(), kind: LightKind::Directional { direction: -sky::toward_sun(azimuth, elevation).as_vec3(), irradiance }, shadows: true }
 }
 
+/// Radiance of white surfaces, had each its share of all light, below which a scene is dim [W m⁻² sr⁻¹].
+const DIM: f64 = 0.05;
+
 impl Scene {
     /// Whether nothing in the scene shines: no surface, no light, no sky.
     pub fn is_dark(&self) -> bool {
+        self.has_lamps_alone() && self.materials.iter().all(|material| !material.emits())
+    }
+
+    /// Whether nothing shines but surfaces, and these so little that the rest of the scene will hardly be seen beside them.
+    pub fn is_dim(&self) -> bool {
+        if !self.has_lamps_alone() {
+            return false;
+        }
+        let area = |triangle: u32| 0.5 * f64::from(self.triangles[triangle as usize].cross().length());
+        let emitted: f64 = self.emitters().into_iter().map(|lamp| area(lamp) * luminance(self.mean_emission(lamp).as_dvec3())).sum();
+        emitted < DIM * (0..self.triangles.len() as u32).map(area).sum::<f64>()
+    }
+
+    /// Whether neither a light nor the sky shines.
+    fn has_lamps_alone(&self) -> bool {
         let black = match &self.environment {
             Environment::Constant(radiance) => *radiance == Vec3::ZERO,
             Environment::LatLong { texels, .. } => texels.iter().all(|texel| *texel == Vec3::ZERO),
         };
-        black && self.lights.iter().all(|light| light.kind.intensity() == Vec3::ZERO) && self.materials.iter().all(|material| !material.emits())
+        black && self.lights.iter().all(|light| light.kind.intensity() == Vec3::ZERO)
     }
 }
 
@@ -126,6 +145,19 @@ mod tests {
         assert!(!room("lights: [Point(position: (0, 1, 0), intensity: (1, 1, 1))]").is_dark());
         assert!(!room("environment: Constant((0, 0, 0.1))").is_dark());
         assert!(!lit(Daylight::OF_DARK_SCENES, "").is_dark());
+    }
+
+    /// A lamp as large as a quarter of all surfaces: the radiance that all would have is a quarter of its own.
+    #[test]
+    fn a_scene_is_dim_where_little_but_its_surfaces_shines() {
+        let with_lamp = |radiance: f32, more: &str| {
+            let lamp = "geometry: [Quad(corners: ((0, 1, 0), (0, 1, 1), (3, 1, 1), (3, 1, 0)), material: \"a\"), Quad(corners: ((0, 0, 0), (0, 0, 1), (1, 0, 1), (1, 0, 0)), material: \"b\")]";
+            let materials = format!("materials: {{\"a\": Diffuse(reflectance: (0, 0, 0)), \"b\": Emitter(radiance: ({radiance}, {radiance}, {radiance}))}}");
+            load_text("room.ron", &format!("Scene(version: 1, {lamp}, {materials}, {more})")).unwrap()
+        };
+        assert!(with_lamp(0.19, "").is_dim() && !with_lamp(0.21, "").is_dim());
+        assert!(!with_lamp(0.19, "environment: Constant((0, 0, 0.1))").is_dim());
+        assert!(!with_lamp(0.19, "lights: [Point(position: (0, 1, 0), intensity: (1, 1, 1))]").is_dim());
     }
 
     #[test]

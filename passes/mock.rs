@@ -43,6 +43,7 @@ impl MockHost {
             materials: Vec::new(),
             textures: Vec::new(),
             charts: Vec::new(),
+            tangents: Vec::new(),
             lights: Vec::new(),
             environment: Environment::Constant(Vec3::ZERO),
             cameras: vec![camera],

@@ -164,6 +164,7 @@ fn scene(case: &Case) -> Result<Scene, Failed> {
         materials: vec![Material::diffuse("grey", Vec3::splat(case.reflectance))],
         textures: vec![],
         charts: vec![],
+        tangents: vec![],
         lights: case.lights.iter().map(light).collect(),
         environment: Environment::Constant(Vec3::ZERO),
         cameras: vec![camera(&case.camera)],

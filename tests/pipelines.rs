@@ -486,6 +486,7 @@ fn scene(shadows: bool) -> Scene {
         materials: vec![Material::diffuse("grey", Vec3::splat(0.5))],
         textures: Vec::new(),
         charts: vec![],
+        tangents: vec![],
         lights: vec![light],
         environment: Environment::Constant(Vec3::ZERO),
         cameras: vec![camera],

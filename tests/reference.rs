@@ -16,6 +16,7 @@ fn scene(triangles: Vec<Triangle>, materials: Vec<Material>) -> Scene {
         materials,
         textures: vec![],
         charts: vec![],
+        tangents: vec![],
         lights: vec![],
         environment: Environment::Constant(Vec3::ZERO),
         cameras: vec![],

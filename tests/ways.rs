@@ -139,6 +139,8 @@ impl Stage {
         }
         let mut chart = || stage.scene.triangles.iter().map(|_| [(); 3].map(|()| Vec2::new(numbers.between(-2.0, 2.0), numbers.between(-2.0, 2.0)))).collect();
         stage.scene.charts = vec![chart(), chart()];
+        let tangent = |(number, triangle): (usize, &Triangle)| if number % 5 == 0 { [Vec3::ZERO; 3] } else { triangle.positions };
+        stage.scene.tangents = stage.scene.triangles.iter().enumerate().map(tangent).collect();
         stage.bvh = Bvh::build(&mut stage.scene);
         stage.needs = Needs::of(&stage.scene);
         Ok(stage)

@@ -31,7 +31,7 @@ struct SceneMaterial {
     specular: vec3f,
     metallic: f32,
     lobe_shape: vec2f,
-    // Where its maps start among the tables, FACETS_MAP, NORMAL_MAP and EMISSION_MAP, then their charts; 0 where it has none.
+    // Where its maps start among the tables, FACETS_MAP, NORMAL_MAP and EMISSION_MAP, then their charts and the tangents; 0 where it has none.
     maps: u32,
     normal_scale: f32,
 }
@@ -64,7 +64,7 @@ struct SceneLamps {
 @group(1) @binding(1) var<storage, read> scene_corners: array<vec4f>;
 // Three normals, with the texture coordinates and the tint of corner 2 in the spare places: four a triangle.
 @group(1) @binding(2) var<storage, read> scene_attributes: array<vec4f>;
-// The hierarchy (lib/hierarchy), then lights, emitters, materials, their maps and charts: one buffer, as WebGPU promises no more than eight a stage.
+// The hierarchy (lib/hierarchy), then lights, emitters, materials, their maps, charts and tangents: one buffer, as WebGPU promises no more than eight a stage.
 @group(1) @binding(3) var<storage, read> scene_tables: array<vec4u>;
 // Those of all textures, one after the other, row by row.
 @group(1) @binding(4) var scene_texels: texture_2d<u32>;
@@ -90,6 +90,8 @@ override TEXTURES: bool = true;
 override NORMAL_MAPS: bool = true;
 // Whether maps lie by other coordinates than the triangles' own.
 override CHARTS: bool = true;
+// Whether the file says how the frames of normal maps lie.
+override TANGENTS: bool = true;
 // Whether corners have colours.
 override TINTS: bool = true;
 override ALPHA_MASKS: bool = true;
@@ -315,7 +317,7 @@ fn bent_normal(material: SceneMaterial, triangle: u32, barycentric: vec2f, norma
         return normal;
     }
     let chart = chart_of(material, NORMAL_MAP);
-    let axes = texture_axes(triangle, chart, normal);
+    let axes = map_axes(material, triangle, barycentric, chart, normal);
     if axes.sign == 0.0 {
         return normal;
     }
@@ -539,6 +541,28 @@ fn texture_axes(triangle: u32, chart: u32, normal: vec3f) -> TextureAxes {
     }
     let x = normalize(tangent);
     return TextureAxes(x, cross(normal, x), sign(turned));
+}
+
+// The axes of a map of normals at a place of a triangle, along the tangents of the file where it has any: as Scene::map_frame.
+fn map_axes(material: SceneMaterial, triangle: u32, barycentric: vec2f, chart: u32, normal: vec3f) -> TextureAxes {
+    let axes = texture_axes(triangle, chart, normal);
+    if !TANGENTS {
+        return axes;
+    }
+    let first = scene_tables[material.maps + 3u].w;
+    if first == 0u || axes.sign == 0.0 {
+        return axes;
+    }
+    let a = bitcast<vec3f>(scene_tables[first + 3u * triangle].xyz);
+    let b = bitcast<vec3f>(scene_tables[first + 3u * triangle + 1u].xyz);
+    let c = bitcast<vec3f>(scene_tables[first + 3u * triangle + 2u].xyz);
+    let tangent = a + (b - a) * barycentric.x + (c - a) * barycentric.y;
+    let along = tangent - normal * dot(normal, tangent);
+    if dot(along, along) <= 1e-6 {
+        return axes;
+    }
+    let x = normalize(along);
+    return TextureAxes(x, cross(normal, x), axes.sign);
 }
 
 // As Triangle::tangent_frame.

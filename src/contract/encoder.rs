@@ -314,6 +314,7 @@ pub fn scene_constants(program: Program, needs: &Needs) -> Program {
         .constant("TEXTURES", needs.textures as u8)
         .constant("NORMAL_MAPS", needs.normal_maps as u8)
         .constant("CHARTS", needs.charts as u8)
+        .constant("TANGENTS", needs.tangents as u8)
         .constant("TINTS", needs.tints as u8)
         .constant("ALPHA_MASKS", needs.alpha_masks as u8)
         .constant("ONE_SIDED", needs.one_sided as u8)

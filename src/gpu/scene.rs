@@ -130,11 +130,15 @@ pub const NO_BASE: u32 = 8;
 /// From this bit on, how the texture is read.
 const READING: u32 = 8;
 
-/// Elements of the maps of a material that has any: of facets, of normals, of emission, and where the charts of these start among the tables.
+/// Elements of the maps of a material that has any: of facets, of normals, of emission, and where the charts of these and the tangents start among
+/// the tables.
 const MAPS: usize = 4;
 
 /// Elements of a triangle's texture coordinates in a chart.
 const CHART: u64 = 2;
+
+/// Elements of a triangle's tangents.
+const TANGENTS: u64 = 3;
 
 /// Of [`SceneLamps`].
 pub const LAMP: u32 = 1 << 31;
@@ -203,6 +207,7 @@ struct Places {
     materials: u64,
     maps: u64,
     charts: u64,
+    tangents: u64,
     end: u64,
 }
 
@@ -215,23 +220,26 @@ impl Places {
         let maps = materials + elements(scene.materials.len(), size_of::<SceneMaterial>());
         let mapped = scene.materials.iter().filter(|material| !material.maps.is_empty()).count();
         let charts = maps + (MAPS * mapped) as u64;
-        let end = charts + CHART * (scene.charts.len() * scene.triangles.len()) as u64;
-        Self { lights, emitters: first_emitter, materials, maps, charts, end }
+        let tangents = charts + CHART * (scene.charts.len() * scene.triangles.len()) as u64;
+        let end = tangents + TANGENTS * scene.tangents.len() as u64;
+        Self { lights, emitters: first_emitter, materials, maps, charts, tangents, end }
     }
 }
 
 /// `materials` are described with their maps from an element on.
 fn tables(scene: &Scene, bvh: &Bvh, emission: &Emission, materials: impl Fn(&Scene, u32) -> Vec<SceneMaterial>) -> Vec<u8> {
     let places = Places::of(scene, scene.emitters().len());
-    let (lights, lamps, materials, maps) = (lights(scene), lamps(emission), materials(scene, places.maps as u32), maps(scene, places.charts as u32));
-    let charts = charts(scene);
+    let (lights, lamps, materials, maps) =
+        (lights(scene), lamps(emission), materials(scene, places.maps as u32), maps(scene, [places.charts, places.tangents].map(|place| place as u32)));
+    let (charts, tangents) = (charts(scene), tangents(scene));
     let mut bytes = cast_slice(&hierarchy::packed(&bvh.nodes(), &bvh.ranges(), &scene.triangles)).to_vec();
-    let tables: [(u64, &[u8]); 5] = [
+    let tables: [(u64, &[u8]); 6] = [
         (places.lights, cast_slice(&lights)),
         (places.emitters, cast_slice(&lamps)),
         (places.materials, cast_slice(&materials)),
         (places.maps, cast_slice(&maps)),
         (places.charts, cast_slice(&charts)),
+        (places.tangents, cast_slice(&tangents)),
     ];
     for (place, table) in tables {
         bytes.resize(place as usize * ELEMENT, 0);
@@ -275,14 +283,14 @@ pub fn contents(scene: &Scene) -> impl Iterator<Item = Vec<u8>> {
             6 => cast_slice(&lights(scene)).to_vec(),
             7 => first_lights(scene),
             8 => environment(scene, &Suns::default()),
-            9 => cast_slice(&maps(scene, 1)).to_vec(),
-            _ => cast_slice(&charts(scene)).to_vec(),
+            9 => cast_slice(&maps(scene, [1, 1])).to_vec(),
+            _ => [cast_slice(&charts(scene)), cast_slice::<_, u8>(&tangents(scene))].concat(),
         };
         bytes.resize(bytes.len().next_multiple_of(ELEMENT).max(LEAST_BYTES), 0);
         bytes
     };
     // Scenes without maps are known by the parts that they had before there were any.
-    (0..9 + usize::from(!maps(scene, 1).is_empty()) + usize::from(!scene.charts.is_empty())).map(part)
+    (0..9 + usize::from(!maps(scene, [1, 1]).is_empty()) + usize::from(!(scene.charts.is_empty() && scene.tangents.is_empty()))).map(part)
 }
 
 fn parameters(scene: &Scene, suns: &Suns) -> SceneParameters {
@@ -332,8 +340,8 @@ fn texel_starts(scene: &Scene) -> Vec<u32> {
 }
 
 /// Of the materials that have any, one after the other: first texel, width, height and reading of each map, zeros where one is missing; then where the chart of
-/// each starts, 0 for the triangles' own coordinates.
-fn maps(scene: &Scene, first_chart: u32) -> Vec<[u32; 4]> {
+/// each starts, 0 for the triangles' own coordinates; and where the tangents start, 0 where there are none.
+fn maps(scene: &Scene, [first_chart, first_tangents]: [u32; 2]) -> Vec<[u32; 4]> {
     let starts = texel_starts(scene);
     let map = |map: Option<u32>| {
         let Some(map) = map else { return [0; 4] };
@@ -342,12 +350,17 @@ fn maps(scene: &Scene, first_chart: u32) -> Vec<[u32; 4]> {
     };
     let mapped = scene.materials.iter().filter(|material| !material.maps.is_empty());
     let chart = |chart: u32| chart.checked_sub(1).map_or(0, |before| first_chart + before * CHART as u32 * scene.triangles.len() as u32);
+    let tangents = if scene.tangents.is_empty() { 0 } else { first_tangents };
     let rows = |Material { maps, .. }: &Material| {
         let Charts { facets, normal, emission } = maps.charts;
         let [facets_chart, normal_chart, emission_chart] = [facets, normal, emission].map(chart);
-        [map(maps.facets), map(maps.normal), map(maps.emission), [facets_chart, normal_chart, emission_chart, 0]]
+        [map(maps.facets), map(maps.normal), map(maps.emission), [facets_chart, normal_chart, emission_chart, tangents]]
     };
     mapped.flat_map(rows).collect()
+}
+
+fn tangents(scene: &Scene) -> Vec<[[f32; 4]; TANGENTS as usize]> {
+    scene.tangents.iter().map(|tangents| tangents.map(|tangent| tangent.extend(0.0).into())).collect()
 }
 
 /// Chart by chart the texture coordinates of all triangles.

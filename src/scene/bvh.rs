@@ -58,6 +58,9 @@ impl Bvh {
         for chart in &mut scene.charts {
             *chart = order.iter().map(|&i| chart[i as usize]).collect();
         }
+        if !scene.tangents.is_empty() {
+            scene.tangents = order.iter().map(|&i| scene.tangents[i as usize]).collect();
+        }
         Self { inner, wide: OnceLock::new(), packets: OnceLock::new() }
     }
 
@@ -230,7 +233,19 @@ pub(super) mod tests {
         let materials = [true, false].map(|two_sided| Material { two_sided, ..Material::diffuse("grey", Vec3::ONE) }).into();
         let environment = Environment::Constant(Vec3::ZERO);
         let (name, origin) = (String::new(), DVec3::ZERO);
-        Scene { name, triangles, materials, textures: vec![], charts: vec![], lights: vec![], environment, cameras: vec![], origin, notes: vec![] }
+        Scene {
+            name,
+            triangles,
+            materials,
+            textures: vec![],
+            charts: vec![],
+            tangents: vec![],
+            lights: vec![],
+            environment,
+            cameras: vec![],
+            origin,
+            notes: vec![],
+        }
     }
 
     /// Distance to a triangle and whether its front is met, in double precision; none near its edges counts for sure.
@@ -250,8 +265,10 @@ pub(super) mod tests {
         let mut number = numbers();
         scene.triangles.iter_mut().for_each(|triangle| triangle.uvs[0].x = number());
         scene.charts = vec![scene.triangles.iter().map(|triangle| triangle.uvs).collect()];
+        scene.tangents = scene.triangles.iter().map(|triangle| triangle.positions).collect();
         Bvh::build(&mut scene);
         assert!(scene.triangles.iter().zip(&scene.charts[0]).all(|(triangle, uvs)| triangle.uvs == *uvs));
+        assert!(scene.triangles.iter().zip(&scene.tangents).all(|(triangle, tangents)| triangle.positions == *tangents));
     }
 
     #[test]

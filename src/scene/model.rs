@@ -25,6 +25,8 @@ pub struct Scene {
     pub textures: Vec<Texture>,
     /// Texture coordinates beside the triangles' own, for maps that lie otherwise than the base colour: each of all triangles, in their order. Mostly none.
     pub charts: Vec<Vec<[Vec2; 3]>>,
+    /// Along the first coordinate of normal maps at the corners of all triangles, in their order, zero where it is that of the triangle; empty where it is everywhere.
+    pub tangents: Vec<[Vec3; 3]>,
     pub lights: Vec<Light>,
     pub environment: Environment,
     /// Never empty: a file without a camera gets one that looks at the whole scene, and a note.
@@ -407,7 +409,7 @@ impl Triangle {
     }
 
     /// The same by any coordinates, and the sign of the second along the bitangent; none where there are none.
-    fn texture_frame(&self, uvs: [Vec2; 3], normal: Vec3) -> Option<(Frame, f32)> {
+    pub fn texture_frame(&self, uvs: [Vec2; 3], normal: Vec3) -> Option<(Frame, f32)> {
         let [a, b, c] = self.positions;
         let [s, t] = [uvs[1] - uvs[0], uvs[2] - uvs[0]];
         let sign = s.perp_dot(t).signum();
@@ -420,9 +422,20 @@ impl Triangle {
         Some((Frame { tangent, bitangent: normal.cross(tangent), normal }, sign))
     }
 
-    /// A unit normal of the front, bent as a texel of a normal map says that lies by these coordinates; unbent without any.
-    pub fn bent(&self, uvs: [Vec2; 3], normal: Vec3, texel: Vec3, scale: f32) -> Vec3 {
-        let Some((frame, sign)) = self.texture_frame(uvs, normal) else { return normal };
+    /// The same with a first axis that runs along a tangent of any length instead, if that is not along the normal.
+    pub fn frame_along(&self, tangent: Vec3, uvs: [Vec2; 3], normal: Vec3) -> Option<(Frame, f32)> {
+        let (frame, sign) = self.texture_frame(uvs, normal)?;
+        let along = tangent - normal * normal.dot(tangent);
+        if along.length_squared() <= 1e-6 {
+            return Some((frame, sign));
+        }
+        let tangent = along.normalize();
+        Some((Frame { tangent, bitangent: normal.cross(tangent), normal }, sign))
+    }
+
+    /// A unit normal of the front, bent as a texel of a normal map says in a frame around it; unbent without one.
+    pub fn bent(frame: Option<(Frame, f32)>, normal: Vec3, texel: Vec3, scale: f32) -> Vec3 {
+        let Some((frame, sign)) = frame else { return normal };
         let local = (2.0 * texel - 1.0) * Vec3::new(scale, -sign * scale, 1.0);
         frame.to_world(local).normalize_or(normal)
     }
@@ -708,10 +721,10 @@ mod tests {
             let triangle = Triangle { positions, normals: [Vec3::Z; 3], uvs, tints: Default::default(), material: 0 };
             let texel = Vec3::new(red, green, 0.9);
             let expected = (right.extend(0.0) * (2.0 * red - 1.0) + up.extend(0.0) * (2.0 * green - 1.0) + Vec3::Z * 0.8).normalize();
-            prop_assert!(triangle.bent(uvs, Vec3::Z, texel, 1.0).distance(expected) < 1e-4);
+            prop_assert!(Triangle::bent(triangle.texture_frame(uvs, Vec3::Z), Vec3::Z, texel, 1.0).distance(expected) < 1e-4);
             // A straight texel bends nothing, whatever the shading normal.
             let normal = Vec3::new(x, y, z).normalize();
-            prop_assert!(triangle.bent(uvs, normal, Vec3::new(0.5, 0.5, 1.0), 2.0).distance(normal) < 1e-5);
+            prop_assert!(Triangle::bent(triangle.texture_frame(uvs, normal), normal, Vec3::new(0.5, 0.5, 1.0), 2.0).distance(normal) < 1e-5);
         }
 
         #[test]

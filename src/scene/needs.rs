@@ -23,6 +23,8 @@ pub struct Needs {
     pub normal_maps: bool,
     /// Whether any map lies on triangles by coordinates of its own.
     pub charts: bool,
+    /// Whether the file says how the frames of normal maps lie.
+    pub tangents: bool,
     /// Whether corners have colours.
     pub tints: bool,
     pub alpha_masks: bool,
@@ -69,6 +71,7 @@ impl Needs {
             textures: materials().any(|m| m.texture.is_some() || !m.maps.is_empty()),
             normal_maps: materials().any(|m| m.maps.normal.is_some()),
             charts: !scene.charts.is_empty(),
+            tangents: !scene.tangents.is_empty(),
             tints: scene.triangles.iter().any(|triangle| triangle.tints != <[Tint; 3]>::default()),
             alpha_masks: materials().any(|m| m.texture.is_some() && m.alpha_cutoff.is_some()),
             one_sided: materials().any(|m| !m.two_sided),
@@ -118,6 +121,7 @@ impl Needs {
             textures: true,
             normal_maps: true,
             charts: true,
+            tangents: true,
             tints: true,
             alpha_masks: true,
             one_sided: true,

@@ -220,6 +220,7 @@ mod tests {
             materials: vec![lamp(false), lamp(true), Material::diffuse("grey", Vec3::splat(0.5))],
             textures: Vec::new(),
             charts: Vec::new(),
+            tangents: Vec::new(),
             lights,
             environment,
             cameras: vec![camera],

@@ -171,7 +171,14 @@ impl Scene {
             return smooth;
         }
         let texel = self.colour(maps.normal, (number, maps.charts.normal), barycentric);
-        reflecting(triangle.bent(self.uvs(number, maps.charts.normal), smooth, texel, maps.normal_scale), smooth)
+        reflecting(Triangle::bent(self.map_frame(number, maps.charts.normal, barycentric, smooth), smooth, texel, maps.normal_scale), smooth)
+    }
+
+    /// The frame of a map of normals at a place of a triangle: along the file's tangents, where it has any.
+    fn map_frame(&self, number: u32, chart: u32, barycentric: Vec2, normal: Vec3) -> Option<(Frame, f32)> {
+        let (triangle, uvs) = (&self.triangles[number as usize], self.uvs(number, chart));
+        let Some(&[a, b, c]) = self.tangents.get(number as usize) else { return triangle.texture_frame(uvs, normal) };
+        triangle.frame_along(a + (b - a) * barycentric.x + (c - a) * barycentric.y, uvs, normal)
     }
 
     /// Radiance that leaves a place of a triangle [W m⁻² sr⁻¹].

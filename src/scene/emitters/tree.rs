@@ -459,6 +459,7 @@ mod tests {
             materials: vec![lamp(false), lamp(true)],
             textures: Vec::new(),
             charts: Vec::new(),
+            tangents: Vec::new(),
             lights: Vec::new(),
             environment: Environment::Constant(Vec3::ZERO),
             cameras: Vec::new(),

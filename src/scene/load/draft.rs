@@ -47,6 +47,8 @@ pub(super) struct Draft {
     pub materials: Vec<Material>,
     /// Texture coordinates beside the faces' own, as [`Scene::charts`]; where one is shorter than the faces, the rest have none.
     pub charts: Vec<Vec<[Vec2; 3]>>,
+    /// Likewise, as [`Scene::tangents`].
+    pub tangents: Vec<[Vec3; 3]>,
     pub textures: Vec<TextureSource>,
     /// Lights and where they stand; the position inside the light is filled in at the end.
     pub lights: Vec<(Light, DVec3)>,
@@ -81,6 +83,14 @@ impl Face {
         let [a, b, c] = self.positions;
         (b - a).cross(c - a)
     }
+}
+
+/// Puts what corners have in its place; what was left out before has none.
+fn put<T: Copy + Default>(all: &mut Vec<[T; 3]>, at: usize, corners: [T; 3]) {
+    if all.len() <= at {
+        all.resize(at + 1, Default::default());
+    }
+    all[at] = corners;
 }
 
 /// Whether an affine map turns the front of triangles to their back, so that two corners are swapped.
@@ -126,11 +136,13 @@ impl Draft {
         if self.charts.len() <= chart {
             self.charts.resize_with(chart + 1, Vec::new);
         }
-        let places = &mut self.charts[chart];
-        if places.len() <= face {
-            places.resize(face + 1, [Vec2::ZERO; 3]);
-        }
-        places[face] = uvs;
+        put(&mut self.charts[chart], face, uvs);
+    }
+
+    /// Says how the frame of the normal map lies at the corners of a face, under an affine map.
+    pub fn place_tangents(&mut self, face: usize, tangents: [Vec3; 3], map: &DMat4) {
+        let [a, b, c] = tangents.map(|tangent| map.transform_vector3(tangent.as_dvec3()).normalize_or_zero().as_vec3());
+        put(&mut self.tangents, face, if mirrors(map) { [a, c, b] } else { [a, b, c] });
     }
 
     /// Refuses `more` triangles before they are made when they would be too many.
@@ -160,7 +172,11 @@ impl Draft {
         let mut triangles: Vec<Triangle> = self.faces.iter().zip(normals).map(|(face, normals)| to_triangle(face, normals, origin)).collect();
         let mut charts = std::mem::take(&mut self.charts);
         charts.iter_mut().for_each(|chart| chart.resize(triangles.len(), [Vec2::ZERO; 3]));
-        clean(&mut triangles, &mut charts, &self.materials, &mut self.notes);
+        let mut tangents = std::mem::take(&mut self.tangents);
+        if !tangents.is_empty() {
+            tangents.resize(triangles.len(), [Vec3::ZERO; 3]);
+        }
+        clean(&mut triangles, (&mut charts, &mut tangents), &self.materials, &mut self.notes);
         if triangles.is_empty() {
             return Err(no_triangles(name, &self.notes));
         }
@@ -173,8 +189,19 @@ impl Draft {
             self.notes.push("the file has no camera: one that sees the whole scene was made".to_owned());
         }
         let environment = self.environment.unwrap_or(Environment::Constant(Vec3::ZERO));
-        let mut scene =
-            Scene { name: name.to_owned(), triangles, materials: self.materials, textures, charts, lights, environment, cameras, origin, notes: self.notes };
+        let mut scene = Scene {
+            name: name.to_owned(),
+            triangles,
+            materials: self.materials,
+            textures,
+            charts,
+            tangents,
+            lights,
+            environment,
+            cameras,
+            origin,
+            notes: self.notes,
+        };
         put_out(&mut scene);
         Ok(scene)
     }
@@ -287,12 +314,13 @@ fn on_front_side(normals: [Vec3; 3], front: Vec3) -> [Vec3; 3] {
     units.map(|n| if (sign * n).dot(front) > 0.0 { sign * n } else { front })
 }
 
-/// Leaves out triangles without an area and repetitions of the same triangle, in their charts, too.
-fn clean(triangles: &mut Vec<Triangle>, charts: &mut [Vec<[Vec2; 3]>], materials: &[Material], notes: &mut Vec<String>) {
+/// Leaves out triangles without an area and repetitions of the same triangle, in their charts and tangents, too.
+fn clean(triangles: &mut Vec<Triangle>, (charts, tangents): (&mut [Vec<[Vec2; 3]>], &mut Vec<[Vec3; 3]>), materials: &[Material], notes: &mut Vec<String>) {
     let before = triangles.len();
     let mut retain = |triangles: &mut Vec<Triangle>, marks: &[bool]| {
         retain_marked(triangles, marks);
         charts.iter_mut().for_each(|chart| retain_marked(chart, marks));
+        retain_marked(tangents, marks);
         marks.len() - triangles.len()
     };
     let with_area: Vec<bool> = triangles.iter().map(has_area).collect();

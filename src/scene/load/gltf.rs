@@ -159,6 +159,8 @@ struct Vertices {
     normals: Vec<Vec3>,
     /// Texture coordinates: their own, then by the charts of the material.
     uvs: Vec<Vec<Vec2>>,
+    /// Of normal maps; none where the material has no such map.
+    tangents: Vec<Vec3>,
     tints: Vec<Tint>,
 }
 
@@ -221,7 +223,7 @@ impl Reader<'_> {
         }
         let Some(positions) = self.positions(primitive) else { return Ok(()) };
         let Some(material) = self.material(&primitive.material())? else { return Ok(()) };
-        let vertices = self.read_vertices(primitive, &positions, self.draft.materials[material as usize].maps.last_chart())?;
+        let vertices = self.read_vertices(primitive, &positions, self.draft.materials[material as usize].maps)?;
         let indices = match primitive.indices() {
             Some(accessor) => self.read_indices(&accessor)?,
             None => (0..vertices.positions.len() as u32).collect(),
@@ -240,6 +242,10 @@ impl Reader<'_> {
             for (chart, [a, b, c]) in uvs.enumerate() {
                 self.draft.place_on_chart(chart, self.draft.faces.len(), if mirrors(map) { [a, c, b] } else { [a, b, c] });
             }
+            if !vertices.tangents.is_empty() {
+                let tangents = corners.map(|i| vertices.tangents.get(i).copied().unwrap_or_default());
+                self.draft.place_tangents(self.draft.faces.len(), tangents, map);
+            }
             self.draft.push(face.transformed(map, &normal_map), || format!("{name} of `{}`", self.path.display()))?;
         }
         Ok(())
@@ -256,18 +262,22 @@ impl Reader<'_> {
         None
     }
 
-    fn read_vertices(&self, primitive: &Primitive, positions: &Accessor, charts: u32) -> Result<Vertices, SceneError> {
+    fn read_vertices(&self, primitive: &Primitive, positions: &Accessor, maps: Maps) -> Result<Vertices, SceneError> {
         let positions = self.read_vectors::<3>(positions)?;
         let normals = primitive.get(&Semantic::Normals).map(|accessor| self.read_vectors::<3>(&accessor)).transpose()?.unwrap_or_default();
         let coordinates = material::coordinates(&primitive.material());
         // Without a texture they still say how lobes lie that a document gives the surface.
         let (own, others) = coordinates.split_first().map_or((Coordinates::default(), &[][..]), |(own, others)| (*own, others));
-        let coordinates = std::iter::once(&own).chain(others.iter().take(charts as usize));
+        let coordinates = std::iter::once(&own).chain(others.iter().take(maps.last_chart() as usize));
+        // Their handedness is that of the texture coordinates. Without normals they count for nothing.
+        let tangents = primitive.get(&Semantic::Tangents).filter(|_| maps.normal.is_some() && !normals.is_empty());
+        let tangents = tangents.map(|accessor| self.read_vectors::<4>(&accessor)).transpose()?.unwrap_or_default();
         let tints = primitive.get(&Semantic::Colors(0)).map(|accessor| self.read_tints(&accessor)).transpose()?.unwrap_or_default();
         Ok(Vertices {
             positions: positions.into_iter().map(|p| Vec3::from(p).as_dvec3()).collect(),
             normals: normals.into_iter().map(Vec3::from).map(|n| if n.is_finite() { n } else { Vec3::ZERO }).collect(),
             uvs: coordinates.map(|coordinates| self.read_uvs(primitive, coordinates)).collect::<Result<_, _>>()?,
+            tangents: tangents.into_iter().map(|[x, y, z, _]| Vec3::new(x, y, z)).map(|t| if t.is_finite() { t } else { Vec3::ZERO }).collect(),
             tints,
         })
     }

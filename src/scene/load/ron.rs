@@ -910,6 +910,9 @@ impl<'a> Reader<'a> {
                 self.draft.place_on_chart(number, first_face + face, if mirrors(map) { [a, c, b] } else { [a, b, c] });
             }
         }
+        for (face, tangents) in file.tangents.into_iter().enumerate() {
+            self.draft.place_tangents(first_face + face, tangents, map);
+        }
         file.faces.into_iter().try_for_each(|face| {
             let face = Face { material: numbers[face.material as usize], ..face.transformed(map, &normal_map) };
             self.draft.push(face, || "a file, moved to its place,".to_owned())

@@ -216,6 +216,49 @@ fn normals_lean_along_their_own_coordinates() {
     assert!(normal.distance(Vec3::new(0.0, -1.0, 1.0).normalize()) < 0.01, "{normal}");
 }
 
+/// Tangents of a file turn the frame, as they are spread between corners; mirroring mirrors them, and what has none keeps that of its triangle.
+#[test]
+fn normals_lean_along_the_tangents_of_a_file() {
+    let material = json!({"normalTexture": {"index": 0}, "pbrMetallicRoughness": {"metallicFactor": 0}});
+    let tilted = png(1, 1, |_, _| [218, 128, 218]);
+    let load_one = |tangents: Option<[[f32; 4]; 4]>, place: &str| {
+        let mut builder = square(material.clone(), std::slice::from_ref(&tilted));
+        let normals = builder.floats(&[[0.0, 0.0, 1.0]; 4]);
+        let tangents = tangents.map(|tangents| builder.floats(&tangents));
+        let attributes = &mut builder.root["meshes"][0]["primitives"][0]["attributes"];
+        attributes["NORMAL"] = json!(normals);
+        attributes["TANGENT"] = json!(tangents);
+        tangents.is_none().then(|| attributes.as_object_mut().unwrap().remove("TANGENT"));
+        let document = format!("Scene(version: 1, geometry: [Place(of: [File(\"a.glb\")]{place})])");
+        let scene = load_files(&[("a.ron", document.as_bytes()), ("a.glb", &builder.finish())]).map_err(|(error, _)| error).unwrap();
+        expect_sound(&scene);
+        scene
+    };
+    let leans = |scene: &Scene, x: f32, y: f32, way: Vec3| {
+        let normal = seen_at(scene, x, y, false).normal;
+        assert!(normal.distance((way.normalize() + Vec3::Z).normalize()) < 0.01, "{normal} at {x} {y} instead of {way}");
+    };
+    let plain = load_one(None, "");
+    assert!(plain.tangents.is_empty());
+    leans(&plain, 0.3, 0.6, Vec3::X);
+    // Turned by an eighth of a circle, and as long as may be.
+    let turned = [[2.0, 2.0, 0.0, 1.0]; 4];
+    for (place, way, x) in
+        [("", Vec3::new(1.0, 1.0, 0.0), 0.3), (", scale: (-1, 1, 1)", Vec3::new(-1.0, 1.0, 0.0), -0.3), (", scale: (1, 2, 1)", Vec3::new(1.0, 2.0, 0.0), 0.3)]
+    {
+        leans(&load_one(Some(turned), place), x, 0.6, way);
+    }
+    // From the upper corners' along x to the lower corners' along y.
+    let spread = [[1.0, 0.0, 0.0, 1.0], [0.0, 1.0, 0.0, 1.0], [0.0, 1.0, 0.0, 1.0], [1.0, 0.0, 0.0, 1.0]];
+    for y in [0.1, 0.5, 0.8] {
+        leans(&load_one(Some(spread), ""), 0.3, y, Vec3::new(y, 1.0 - y, 0.0));
+    }
+    // Along the normal, or none.
+    for useless in [[0.0, 0.0, 1.0, 1.0], [0.0, 0.0, 0.0, 1.0]] {
+        leans(&load_one(Some([useless; 4]), ""), 0.3, 0.6, Vec3::X);
+    }
+}
+
 #[test]
 fn each_file_of_a_document_has_its_own_textures() {
     let image = |red: u8| png(1, 1, |_, _| [red, 0, 0]);

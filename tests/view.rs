@@ -158,6 +158,15 @@ fn dark() -> Outcome {
     check(said.contains("the scene has no light: it gets a white overcast sky") && mean(&place, "out.exr")? > 0.1, || said)?;
     let said = trace(&place, "lit.ron")?;
     check(!said.contains("no light"), || said)?;
+    let glowing = Place::new()?;
+    fs::write(
+        glowing.0.path().join("glow.ron"),
+        scene(&DIFFUSE.replacen("Diffuse(reflectance", "Emitter(radiance", 1).replace("(0.6, 0.5, 0.4)", "(0.01, 0.01, 0.01)"), ""),
+    )?;
+    for (more, told) in [("", true), (" --sky white", false), (" --sky none", false)] {
+        let said = trace(&glowing, &format!("glow.ron{more}"))?;
+        check(said.contains("that is little: --sky overcast or --sun AZIMUTH,ELEVATION") == told, || said)?;
+    }
     let said = trace(&place, "dark.ron --sky none")?;
     check(said.contains("the picture is black") && mean(&place, "out.exr")? == 0.0, || said)
 }

@@ -47,6 +47,12 @@ pub(super) enum Channel {
 }
 
 impl Channel {
+    /// Of an image that is a mask: its alpha where that is not 1 all over.
+    fn of_mask(image: &DynamicImage) -> Self {
+        let is_clear = image.color().has_alpha() && image.to_rgba8().pixels().any(|pixel| pixel.0[3] < u8::MAX);
+        if is_clear { Self::Alpha } else { Self::Luminance }
+    }
+
     /// As MTL names them.
     pub fn named(name: &str) -> Option<Self> {
         match name {
@@ -100,10 +106,10 @@ impl Composition {
             Self::Image(file) => Ok(decoder.open(name, file)?.map(Composed::plain)),
             Self::Masked { colours, mask } => {
                 let colours = colours.as_ref().map(|file| decoder.open(name, file)).transpose()?.flatten().map(DynamicImage::into_rgba8);
-                layered(colours, [(3, mask.read(decoder)?)], name, decoder)
+                layered(colours, [(3, mask.read(Channel::of_mask, decoder)?)], name, decoder)
             }
             Self::Facets { roughness, metallic } => {
-                let mut read = |scalar: &Option<Scalar>| scalar.as_ref().map_or(Ok(None), |scalar| scalar.read(decoder));
+                let mut read = |scalar: &Option<Scalar>| scalar.as_ref().map_or(Ok(None), |scalar| scalar.read(|_| Channel::Luminance, decoder));
                 let layers = [(1, read(roughness)?), (2, read(metallic)?)];
                 layered(None, layers, name, decoder)
             }
@@ -120,16 +126,11 @@ impl Composition {
 }
 
 impl Scalar {
-    /// Of a mask, or of one of the facets.
-    fn read(&self, decoder: &mut Decoder) -> Result<Option<Numbers>, SceneError> {
-        let channel = |image: &DynamicImage| self.channel.unwrap_or(if is_clear(image) { Channel::Alpha } else { Channel::Luminance });
-        Ok(decoder.open(&file_name(&self.file), &self.file)?.map(|image| numbers_of(&image, channel(&image))))
+    /// Its channel, or where none is said that of the image that `usual` tells.
+    fn read(&self, usual: impl Fn(&DynamicImage) -> Channel, decoder: &mut Decoder) -> Result<Option<Numbers>, SceneError> {
+        let image = decoder.open(&file_name(&self.file), &self.file)?;
+        Ok(image.map(|image| numbers_of(&image, self.channel.unwrap_or_else(|| usual(&image)))))
     }
-}
-
-/// Whether an image has an alpha that is not 1 all over.
-fn is_clear(image: &DynamicImage) -> bool {
-    image.color().has_alpha() && image.to_rgba8().pixels().any(|pixel| pixel.0[3] < u8::MAX)
 }
 
 fn numbers_of(image: &DynamicImage, channel: Channel) -> Numbers {

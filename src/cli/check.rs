@@ -22,7 +22,7 @@ pub struct Options {
     /// Change a parameter of a node in all of them; may be repeated
     #[arg(long = "set", value_name = "NODE.PARAM=VALUE")]
     sets: Vec<String>,
-    /// A scene to plan them for: a file .gltf, .glb, .obj or .ron, or the name of one that ships
+    /// A scene to plan them for: a file .gltf, .glb, .obj, .ply or .ron, or the name of one that ships
     #[arg(long, value_name = "FILE")]
     scene: Option<PathBuf>,
     #[command(flatten)]

@@ -20,7 +20,7 @@ const DEFAULT_SIZE: [u32; 2] = [512, 512];
 
 #[derive(Args)]
 pub struct SceneOptions {
-    /// The scene: a file .gltf, .glb, .obj or .ron, or the name of one that ships
+    /// The scene: a file .gltf, .glb, .obj, .ply or .ron, or the name of one that ships
     #[arg(long, value_name = "FILE")]
     scene: PathBuf,
     #[command(flatten)]

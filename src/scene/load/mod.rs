@@ -1,4 +1,4 @@
-//! Loading scenes: glTF, OBJ and this project's own RON documents.
+//! Loading scenes: glTF, OBJ, PLY and this project's own RON documents.
 //!
 //! Every loader gathers a draft in double precision and the file's own coordinates; one place turns it into a
 //! [`Scene`]: recentred, cleaned and in single precision.
@@ -12,6 +12,7 @@ mod generate;
 mod gltf;
 mod image;
 mod obj;
+mod ply;
 mod polygon;
 mod primitives;
 mod ron;
@@ -38,6 +39,9 @@ use std::{
 
 /// The variable that names folders with scenes, separated as in PATH.
 pub const SEARCH_VARIABLE: &str = "HEMISPLAT_SCENES";
+
+/// Reflectance of surfaces whose material the files do not describe.
+const PLAIN: f32 = 0.7;
 
 /// The longest scene document that is read [bytes].
 const MAX_DOCUMENT: u64 = 256 << 20;
@@ -69,7 +73,7 @@ pub fn embedded_scenes() -> impl Iterator<Item = &'static str> {
     EMBEDDED.iter().map(|(name, _)| *name)
 }
 
-/// Loads a scene from a `.gltf`, `.glb`, `.obj` or `.ron` file. A path is looked up as it stands, then among the
+/// Loads a scene from a `.gltf`, `.glb`, `.obj`, `.ply` or `.ron` file. A path is looked up as it stands, then among the
 /// scenes that ship (`scenes/cornell.ron`, `cornell.ron` or `cornell`), then in the search folders.
 ///
 /// # Errors
@@ -116,7 +120,7 @@ fn expect_document(path: &Path) -> Result<(), SceneError> {
         return Ok(());
     }
     let message = format!("the document `{}` is larger than {} MiB, the limit for one", path.display(), MAX_DOCUMENT >> 20);
-    Err(SceneError::new(Problem::TooLarge, message).help("put its triangles into an .obj, .gltf or .glb file, and name that with File(…)"))
+    Err(SceneError::new(Problem::TooLarge, message).help("put its triangles into an .obj, .ply, .gltf or .glb file, and name that with File(…)"))
 }
 
 fn load_document(path: &Path, text: &str, folder: Option<&Path>, files: &Files, options: &LoadOptions) -> Result<Scene, SceneError> {
@@ -128,11 +132,12 @@ fn load_document(path: &Path, text: &str, folder: Option<&Path>, files: &Files, 
 fn load_geometry(path: &Path, files: &Files, draft: &mut Draft, wanted: &dyn Fn(&str) -> bool) -> Result<(), SceneError> {
     match extension(path).as_str() {
         "obj" => obj::read(path, files, draft, wanted),
+        "ply" => ply::read(path, files, draft),
         "gltf" | "glb" => gltf::read(path, files, draft, wanted),
         "ron" => Err(SceneError::new(Problem::Format, format!("`{}` is a document, and a document cannot hold another", path.display()))
-            .help("`File` takes .gltf, .glb and .obj files; copy the other document's geometry")),
+            .help("`File` takes .gltf, .glb, .obj and .ply files; copy the other document's geometry")),
         other => Err(SceneError::new(Problem::Format, format!("`{}`: no scene format has the extension `{other}`", path.display()))
-            .help("scenes are read from .gltf, .glb, .obj and .ron files")),
+            .help("scenes are read from .gltf, .glb, .obj, .ply and .ron files")),
     }
 }
 

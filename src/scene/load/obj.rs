@@ -6,6 +6,7 @@
 mod library;
 
 use super::{
+    PLAIN,
     compose::Composition,
     count_up,
     draft::{Draft, Face},
@@ -13,7 +14,7 @@ use super::{
     files::Files,
     image::{Content, TextureSource},
     list,
-    polygon::{Cut, MAX_CORNERS, MAX_WORK, cut},
+    polygon::{Cut, MAX_WORK, cut},
 };
 use crate::scene::model::{Charts, Maps, Material, Reading, Tint, srgb_to_linear};
 use glam::{DVec3, Vec2, Vec3};
@@ -23,8 +24,6 @@ use std::{
     path::Path,
 };
 
-/// Reflectance of faces whose material the files do not describe.
-const PLAIN: f32 = 0.7;
 /// The name of the material of faces that name none.
 const UNNAMED: &str = "default";
 
@@ -170,10 +169,7 @@ impl<'a, 'd> Reader<'a, 'd> {
         }
         let cut = cut(self.corners.len(), |i| self.corners[i].position, &mut self.work);
         self.unclear += usize::from(cut == Cut::Unclear);
-        match cut {
-            Cut::Triangles(triangles) => triangles.into_iter().try_for_each(|corners| self.push_triangle(corners, material)),
-            Cut::Fan | Cut::Unclear => (1..self.corners.len() - 1).try_for_each(|i| self.push_triangle([0, i, i + 1], material)),
-        }
+        cut.triangles(self.corners.len()).try_for_each(|corners| self.push_triangle(corners, material))
     }
 
     fn push_triangle(&mut self, corners: [usize; 3], material: u32) -> Result<(), SceneError> {
@@ -233,10 +229,7 @@ impl<'a, 'd> Reader<'a, 'd> {
             draft.notes.push(format!("{file}: {slivers} faces have fewer than three corners and were left out"));
         }
         if unclear > 0 {
-            draft.notes.push(format!(
-                "{file}: {unclear} polygons are twisted, cross themselves, have more than {MAX_CORNERS} corners, or are too many of thousands of corners: \
-                 they were filled as fans, which may cover more than the polygon"
-            ));
+            draft.notes.push(format!("{file}: {unclear} {}", Cut::UNCLEAR));
         }
         let described = read_libraries(source.path, files, &libraries, &file, draft)?;
         let mut plain = Vec::new();

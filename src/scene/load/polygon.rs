@@ -23,6 +23,21 @@ pub(super) enum Cut {
     Unclear,
 }
 
+impl Cut {
+    /// What a note says of unclear polygons, after their number.
+    pub const UNCLEAR: &str = "polygons are twisted, cross themselves, have more than 4096 corners, or are too many of thousands of corners: they were filled as fans, \
+                               which may cover more than the polygon";
+
+    /// The numbers of the corners of the triangles of a polygon of so many.
+    pub fn triangles(&self, count: usize) -> impl Iterator<Item = [usize; 3]> + '_ {
+        let (cut, fan) = match self {
+            Self::Triangles(triangles) => (triangles.as_slice(), 0..0),
+            Self::Fan | Self::Unclear => (&[][..], 1..count - 1),
+        };
+        cut.iter().copied().chain(fan.map(|at| [0, at, at + 1]))
+    }
+}
+
 /// Cuts a polygon of `count` corners, which need not lie in a plane: its mean plane decides (Newell). What cutting takes is taken off `work`.
 pub(super) fn cut(count: usize, corner: impl Fn(usize) -> DVec3, work: &mut u64) -> Cut {
     if count <= 3 {

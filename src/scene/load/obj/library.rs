@@ -1,8 +1,9 @@
 //! MTL: what the materials of OBJ files are.
 
-use super::{PLAIN, list, split_word, statement};
+use super::{list, split_word, statement};
 use crate::scene::{
     load::{
+        PLAIN,
         compose::{Channel, Composition, Scalar},
         draft::{Draft, HALF},
         error::{Problem, SceneError},
@@ -20,6 +21,8 @@ use std::{
 const UNREAD: [&str; 10] = ["disp", "decal", "refl", "map_Tr", "map_Ns", "map_Ps", "Ps", "Pc", "aniso", "Tf"];
 /// Those of them that say nothing with a value of 0, and with one of 1.
 const NEUTRAL: ([&str; 3], [&str; 1]) = (["Ps", "Pc", "aniso"], ["Tf"]);
+/// The largest `-bm` that is read: what leans farther lies flat.
+const MOST_STRENGTH: f32 = 1e6;
 const TRANSPARENCY: &str = "transparency (`d` or `Tr`)";
 const BLENDING: &str = "alpha blending (`map_d`): what hides less than half is a hole";
 
@@ -230,7 +233,8 @@ impl Described {
             let glossy = Glossy::MetallicRoughness { metallic, roughness, dielectric: Vec3::splat(DIELECTRIC) };
             return Some(glossy).filter(|glossy| has_map || !glossy.is_plain());
         }
-        let by_map = if maps.specular.is_some() { Vec3::ONE } else { Vec3::ZERO };
+        // A map alone may take what the diffuse part leaves.
+        let by_map = if maps.specular.is_some() { Vec3::ONE - self.material.reflectance } else { Vec3::ZERO };
         let reflectance = self.specular.unwrap_or(by_map);
         (self.illumination >= 2 && reflectance != Vec3::ZERO).then_some(Glossy::Phong { reflectance, exponent: self.exponent })
     }
@@ -387,7 +391,9 @@ impl Map {
                     |(value, neutral): (&&str, &&str)| number(value).map_or(value.eq_ignore_ascii_case(neutral), |value| number(neutral) == Some(value));
                 neutral.is_empty() || values.iter().zip(*neutral).all(alike)
             }
-            (MapOption::Strength, [value]) => number(value).map(|strength| self.strength = strength).is_some(),
+            (MapOption::Strength, [value]) => {
+                number(value).filter(|strength| strength.abs() <= MOST_STRENGTH).map(|strength| self.strength = strength).is_some()
+            }
             (MapOption::Clamp, [value]) => {
                 self.wrap = if value.eq_ignore_ascii_case("on") { Wrap::Clamp } else { Wrap::Repeat };
                 true

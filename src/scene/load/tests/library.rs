@@ -68,6 +68,9 @@ fn roughness_and_metal_become_one_image() {
     assert!(texture.reading.is_linear && (texture.width, texture.height) == (2, 2));
     assert_eq!(texture.texels, [[255, 51, 0, 255], [255, 102, 0, 255], [255, 51, 255, 255], [255, 102, 255, 255]]);
     assert_eq!(scene.materials[0].glossy, Glossy::metallic_roughness(0.5, 1.0));
+    // An alpha is that of a mask alone.
+    let clear = with_material("map_Pr c.png\n", &[("c.png", png(RgbaImage::from_pixel(1, 1, Rgba([51, 51, 51, 9]))))]);
+    assert_eq!(clear.textures[0].texels, [[255, 51, 255, 255]]);
     let plain = with_material("Pr 1\nmap_Pr r.png\n", &images);
     let lobe = seen_at(&plain, 0.25, 0.5, true).glossy.unwrap().lobe;
     assert_eq!(lobe.shape, crate::math::lobe::Shape::Microfacets { alpha: 0.2 * 0.2 });
@@ -80,8 +83,8 @@ fn a_map_of_highlights_multiplies_them() {
     let scene = with_material("Kd 0.1 0.1 0.1\nKs 0.5 0.4 0.3\nNs 10\nmap_Ks s.png\n", &images);
     assert_eq!(seen_at(&scene, 0.25, 0.5, true).glossy.unwrap().lobe.reflectance, Vec3::new(0.5, 0.0, 0.0));
     assert!(seen_at(&scene, 0.75, 0.5, true).glossy.unwrap().lobe.reflectance.distance(Vec3::new(0.5, 0.0, 0.3)) < 1e-6);
-    let by_map = with_material("map_Ks s.png\n", &images);
-    assert_eq!(by_map.materials[0].glossy, Some(Glossy::Phong { reflectance: Vec3::ONE, exponent: 0.0 }));
+    let by_map = with_material("Kd 0.25 0.5 0\nmap_Ks s.png\n", &images);
+    assert_eq!(by_map.materials[0].glossy, Some(Glossy::Phong { reflectance: Vec3::new(0.75, 0.5, 1.0), exponent: 0.0 }));
     let unread = with_material("Pr 0.5\nmap_Ks s.png\n", &images);
     assert!(unread.textures.is_empty() && unread.notes[0].contains("`map_Ks` of surfaces without a highlight"), "{:?}", unread.notes);
 }
@@ -89,7 +92,8 @@ fn a_map_of_highlights_multiplies_them() {
 /// A ramp is a tilted plane: a byte a texel rises 10 of 255 over a texel, times `-bm`, in the units of a texel.
 #[test]
 fn heights_tilt_a_surface_as_they_rise() {
-    let ramps: [(fn(u32, u32) -> u8, Vec3); 4] = [
+    type Ramp = fn(u32, u32) -> u8;
+    let ramps: [(Ramp, Vec3); 4] = [
         (|x, _| 10 * x as u8, -Vec3::X),
         (|x, _| 200 - 10 * x as u8, Vec3::X),
         (|_, y| 10 * y as u8, Vec3::Y),
@@ -164,6 +168,7 @@ fn options_are_no_names() {
         ("map_Kd -bm 2 my map.png", "-bm"),
         ("map_Kd -imfchan m my map.png", "-imfchan"),
         ("map_d -imfchan q my map.png", "-imfchan"),
+        ("map_Kd -bm 1e7 my map.png", "-bm"),
     ] {
         assert!(told(line).contains(&format!("option `{option}` of `{}`", &line[..line.find(' ').unwrap()])), "{line}: {}", told(line));
     }

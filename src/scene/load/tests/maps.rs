@@ -159,6 +159,20 @@ fn square_of_two_sets(material: Value, images: &[Vec<u8>]) -> Builder {
     builder
 }
 
+/// Maps that lie otherwise than the base colour, and tangents.
+pub(super) fn charted() -> Builder {
+    let material = json!({
+        "emissiveFactor": [1, 1, 1], "emissiveTexture": {"index": 1, "texCoord": 1},
+        "normalTexture": {"index": 1, "extensions": {"KHR_texture_transform": {"scale": [2, 1], "offset": [0.5, 0], "rotation": 0.3, "texCoord": 0}}},
+        "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}},
+    });
+    let mut builder = square_of_two_sets(material, &[png(2, 2, |x, y| [90 * x as u8, 90 * y as u8, 9]), png(1, 2, |_, y| [99, 128, 200 + 9 * y as u8])]);
+    let (normals, tangents) = (builder.floats(&[[0.0, 0.0, 1.0]; 4]), builder.floats(&[[1.0, 0.0, 0.0, 1.0]; 4]));
+    let attributes = &mut builder.root["meshes"][0]["primitives"][0]["attributes"];
+    (attributes["NORMAL"], attributes["TANGENT"]) = (json!(normals), json!(tangents));
+    builder
+}
+
 /// What differs in coordinates is seen as if its image had been made for those of the base colour.
 #[test]
 fn maps_may_have_coordinates_of_their_own() {

@@ -9,6 +9,7 @@ mod library;
 mod maps;
 mod materials;
 mod obj;
+mod ply;
 mod sky;
 
 use super::{Files, LoadOptions, Scene, SceneError, load, load_document};

@@ -21,23 +21,11 @@ fn settle(@builtin(global_invocation_id) id: vec3u) {
     let seen = textureLoad(drawn, id.xy, 0).x;
     var triangle = seen & ~FROM_BEHIND;
     if triangle != 0u && is_stray(id.xy, seen) {
-        triangle = traced(pixel_ray(id.xy), triangle - 1u);
+        let ray = pixel_ray(id.xy);
+        let hit = nearest_hit(camera.eye + ray * camera.near, normalize(ray), FAR_AWAY, false);
+        triangle = select(hit.triangle + 1u, 0u, hit.triangle == NO_TRIANGLE);
     }
     textureStore(triangles, id.xy, vec4u(triangle));
-}
-
-// One more than the triangle that a ray sees, 0 for none. Where it is still the one that was drawn, the ray goes along an edge of it: of two triangles
-// that share that edge, the other one is seen.
-fn traced(ray: vec3f, drawn_triangle: u32) -> u32 {
-    let origin = camera.eye + ray * camera.near;
-    let direction = normalize(ray);
-    let first = nearest_hit(origin, direction, FAR_AWAY, false);
-    if first.triangle != drawn_triangle {
-        return select(first.triangle + 1u, 0u, first.triangle == NO_TRIANGLE);
-    }
-    let footprint = 2.0 * camera.half_width / f32(camera.size.x) * first.distance;
-    let other = nearest_other_hit(origin, direction, first.distance + footprint, false, drawn_triangle);
-    return select(other.triangle, drawn_triangle, other.triangle == NO_TRIANGLE) + 1u;
 }
 
 // Whether more of the pixels beside this one see the other side than its own: it lies on an outline, or is alone.

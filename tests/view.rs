@@ -2,9 +2,11 @@
 
 mod place;
 
+use glam::DVec3;
 use hemisplat::measure::{IRRADIANCE, Layers, PICTURE};
 use libtest_mimic::{Arguments, Failed};
 use place::{Case, Outcome, Place, check};
+use std::f64::consts::TAU;
 use std::fs;
 
 fn main() {
@@ -15,6 +17,7 @@ const DRAWN: &[(&str, Case)] = &[
     ("lobes_are_taken_by_their_albedo_where_nothing_renders_them", lobes_by_albedo),
     ("a_png_is_exposed_by_itself", exposed),
     ("samples_cover_what_a_pixel_sees", samples),
+    ("the_outline_of_a_ball_does_not_show_its_far_side", outlines),
 ];
 
 const TRACED: &[(&str, Case)] = &[
@@ -88,6 +91,35 @@ const GLOSSY: &str = "\"floor\": MetallicRoughness(base: (0.6, 0.5, 0.4), metall
                       \"box\": Phong(reflectance: (0, 0, 0), specular: (0.2, 0.4, 0.7), exponent: 30)";
 
 const LAMP: &str = "lights: [Point(position: (1, 3, 1), intensity: (20, 20, 20))], environment: Constant((0.3, 0.4, 0.5)),";
+
+/// Along its outline a ball's normals lead away from its middle. In this view the rasteriser alone has a pixel that shows the far side from within.
+fn outlines() -> Outcome {
+    let angle = TAU * 21.0 / 24.0 + 0.1;
+    let eye = DVec3::new(5.0 * angle.sin(), 0.3 * 21.0 / 24.0, 5.0 * angle.cos());
+    let DVec3 { x, y, z } = eye;
+    let scene = format!(
+        "Scene(version: 1, geometry: [Sphere(centre: (0, 0, 0), radius: 1, subdivisions: 3, material: \"ball\")],
+        materials: {{ \"ball\": Diffuse(reflectance: (0.6, 0.6, 0.6)) }}, environment: Constant((1, 1, 1)),
+        cameras: {{ \"main\": (eye: ({x:.6}, {y:.6}, {z:.6}), target: (0, 0, 0), fov: 26, size: (500, 500)) }})"
+    );
+    let seen =
+        "Pipeline(version: 1, about: \"what is seen\", nodes: [(name: \"gbuffer\", pass: GBuffer()), (name: \"image\", pass: Composite(gbuffer: \"gbuffer\"))],
+        outputs: { \"picture\": \"image\", \"normal\": \"gbuffer.normal\" })";
+    let place = place(&[("ball.ron", scene), ("seen.ron", seen.to_owned())])?;
+    place.succeed("render seen.ron --scene ball.ron -o seen.exr")?;
+    let forward = -eye.normalize();
+    let right = forward.cross(DVec3::Y).normalize();
+    let up = right.cross(forward);
+    let picture = layers(&place, "seen.exr")?;
+    let normals = &picture.layers["normal"].channels;
+    let leads_inwards = |pixel: &u32| {
+        let way = (f64::from(pixel % 500) - 249.5) * right + (249.5 - f64::from(pixel / 500)) * up;
+        let normal = DVec3::from(["X", "Y", "Z"].map(|axis| f64::from(normals[axis][*pixel as usize])));
+        way.length() > 190.0 && normal.dot(way) < 0.0
+    };
+    let inwards: Vec<u32> = (0..250_000).filter(leads_inwards).collect();
+    check(inwards.is_empty(), || format!("the far side at {inwards:?}"))
+}
 
 fn place(files: &[(&str, String)]) -> Result<Place, Failed> {
     let place = Place::new()?;

@@ -14,11 +14,6 @@ fn closest_hit(origin: vec3f, direction: vec3f, distance: f32) -> ClosestHit {
 
 // The nearest surface, of two at the same distance the first in the scene's order; those with one side alone from behind, too, where backs stop light.
 fn nearest_hit(origin: vec3f, direction: vec3f, distance: f32, backs_stop: bool) -> ClosestHit {
-    return nearest_other_hit(origin, direction, distance, backs_stop, NO_TRIANGLE);
-}
-
-// The same as if there were not that triangle.
-fn nearest_other_hit(origin: vec3f, direction: vec3f, distance: f32, backs_stop: bool, but: u32) -> ClosestHit {
     var found = ClosestHit(NO_TRIANGLE, distance);
     if EMPTY {
         return found;
@@ -56,7 +51,7 @@ fn nearest_other_hit(origin: vec3f, direction: vec3f, distance: f32, backs_stop:
         for (var i = triangles.first; i < triangles.end; i++) {
             let met = meeting(i, grid, direction);
             let is_nearer = met.distance < limit || (met.distance == limit && i < found.triangle);
-            if met.distance > 0.0 && is_nearer && i != but && (backs_stop || !ONE_SIDED || met.is_front || is_two_sided(i)) {
+            if met.distance > 0.0 && is_nearer && (backs_stop || !ONE_SIDED || met.is_front || is_two_sided(i)) {
                 limit = met.distance;
                 found = ClosestHit(i, limit * grid.unit);
             }

@@ -2,9 +2,9 @@
 
 use crate::contract::port;
 use crate::math::weight::{Record, Rule, Weighting};
-use crate::scene::{Camera, Environment, FieldOfView, Scene, Triangle, bvh::Bvh, emitters::Emission};
+use crate::scene::{Camera, FieldOfView, Scene, Triangle, bvh::Bvh, emitters::Emission};
 use crate::schedule::*;
-use glam::{DVec3, Vec3, Vec4};
+use glam::{Vec3, Vec4};
 use std::any::Any;
 use std::collections::HashMap;
 use std::sync::OnceLock;
@@ -37,19 +37,7 @@ impl MockHost {
             size: None,
             sample: Default::default(),
         };
-        let mut scene = Scene {
-            name: String::new(),
-            triangles,
-            materials: Vec::new(),
-            textures: Vec::new(),
-            charts: Vec::new(),
-            tangents: Vec::new(),
-            lights: Vec::new(),
-            environment: Environment::Constant(Vec3::ZERO),
-            cameras: vec![camera],
-            origin: DVec3::ZERO,
-            notes: Vec::new(),
-        };
+        let mut scene = Scene { triangles, cameras: vec![camera], ..Scene::default() };
         let bvh = Bvh::build(&mut scene);
         Self {
             variables: HashMap::new(),

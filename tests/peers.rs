@@ -162,14 +162,9 @@ fn scene(case: &Case) -> Result<Scene, Failed> {
         name: case.obj.clone(),
         triangles: triangles.collect(),
         materials: vec![Material::diffuse("grey", Vec3::splat(case.reflectance))],
-        textures: vec![],
-        charts: vec![],
-        tangents: vec![],
         lights: case.lights.iter().map(light).collect(),
-        environment: Environment::Constant(Vec3::ZERO),
         cameras: vec![camera(&case.camera)],
-        origin: DVec3::ZERO,
-        notes: vec![],
+        ..Scene::default()
     })
 }
 

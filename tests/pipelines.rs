@@ -4,7 +4,7 @@ use hemisplat::contract::encoder::Setting;
 use hemisplat::contract::*;
 use hemisplat::passes::REGISTRY;
 use hemisplat::pipeline::{Format, Loop, Pipeline, Plan, Problems, embedded, embedded::EMBEDDED, export, load, plan};
-use hemisplat::scene::{Camera, Environment, FieldOfView, Light, LightKind, Material, Scene, Triangle, load as scenes, needs::Needs};
+use hemisplat::scene::{Camera, FieldOfView, Light, LightKind, Material, Scene, Triangle, load as scenes, needs::Needs};
 use hemisplat::schedule::*;
 use miette::{GraphicalReportHandler, GraphicalTheme};
 use rayon::prelude::*;
@@ -468,7 +468,7 @@ fn nodes_run_after_their_sources_and_otherwise_in_the_documents_order() {
 
 /// One triangle, lit by one point light.
 fn scene(shadows: bool) -> Scene {
-    use glam::{DVec3, Vec2, Vec3};
+    use glam::{Vec2, Vec3};
     let positions = [Vec3::ZERO, Vec3::X, Vec3::Y];
     let light = Light { name: "lamp".into(), kind: LightKind::Point { position: Vec3::Z, intensity: Vec3::ONE }, shadows };
     let camera = Camera {
@@ -484,14 +484,9 @@ fn scene(shadows: bool) -> Scene {
         name: "triangle".into(),
         triangles: vec![Triangle { positions, normals: [Vec3::Z; 3], uvs: [Vec2::ZERO; 3], tints: Default::default(), material: 0 }],
         materials: vec![Material::diffuse("grey", Vec3::splat(0.5))],
-        textures: Vec::new(),
-        charts: vec![],
-        tangents: vec![],
         lights: vec![light],
-        environment: Environment::Constant(Vec3::ZERO),
         cameras: vec![camera],
-        origin: DVec3::ZERO,
-        notes: Vec::new(),
+        ..Scene::default()
     }
 }
 

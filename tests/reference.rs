@@ -10,19 +10,7 @@ use std::f64::consts::PI;
 
 /// A scene in code: no lights, a black sky.
 fn scene(triangles: Vec<Triangle>, materials: Vec<Material>) -> Scene {
-    Scene {
-        name: "test".into(),
-        triangles,
-        materials,
-        textures: vec![],
-        charts: vec![],
-        tangents: vec![],
-        lights: vec![],
-        environment: Environment::Constant(Vec3::ZERO),
-        cameras: vec![],
-        origin: DVec3::ZERO,
-        notes: vec![],
-    }
+    Scene { name: "test".into(), triangles, materials, ..Scene::default() }
 }
 
 fn triangle(positions: [Vec3; 3], material: u32) -> Triangle {

@@ -301,13 +301,18 @@ fn tint(bits: u32) -> vec3f {
 
 // Radiance that leaves a place of a triangle: as Scene::emission.
 fn emission_at(material: SceneMaterial, triangle: u32, barycentric: vec2f) -> vec3f {
+    return material.emission * map_at(material, EMISSION_MAP, triangle, barycentric);
+}
+
+// What a map of a material has at a place of a triangle; white where it has none of the kind.
+fn map_at(material: SceneMaterial, kind: u32, triangle: u32, barycentric: vec2f) -> vec3f {
     if TEXTURES && material.maps != 0u {
-        let image = map_image(material, EMISSION_MAP);
+        let image = map_image(material, kind);
         if image.width != 0u {
-            return material.emission * texture_at(image, uv_at(triangle, barycentric, chart_of(material, EMISSION_MAP))).rgb;
+            return texture_at(image, uv_at(triangle, barycentric, chart_of(material, kind))).rgb;
         }
     }
-    return material.emission;
+    return vec3f(1.0);
 }
 
 // A unit normal of the front, as a normal map bends it, seen from along a way of any length: as Scene::normal.
@@ -487,17 +492,6 @@ fn facing(direction: vec3f) -> vec3f {
     return select(normalize(vec3f(direction.xy, 0.01)), direction, direction.z > 0.0);
 }
 
-// What multiplies the lobe: of microfacets roughness by green and metallic by blue, of others the reflectance.
-fn facets_at(material: SceneMaterial, triangle: u32, barycentric: vec2f) -> vec3f {
-    if TEXTURES && material.maps != 0u {
-        let image = map_image(material, FACETS_MAP);
-        if image.width != 0u {
-            return texture_at(image, uv_at(triangle, barycentric, chart_of(material, FACETS_MAP))).rgb;
-        }
-    }
-    return vec3f(1.0);
-}
-
 // As Material::reflection_with.
 fn with_lobe(plain: Surface, material: SceneMaterial, triangle: u32, barycentric: vec2f, direction: vec3f) -> Surface {
     var surface = plain;
@@ -509,7 +503,8 @@ fn with_lobe(plain: Surface, material: SceneMaterial, triangle: u32, barycentric
     surface.bitangent = axes[1];
     let toward = -normalize(direction);
     surface.outgoing = facing(vec3f(dot(toward, axes[0]), dot(toward, axes[1]), dot(toward, surface.normal)));
-    let facets = facets_at(material, triangle, barycentric);
+    // Of microfacets roughness is multiplied by green and metallic by blue, of others the reflectance.
+    let facets = map_at(material, FACETS_MAP, triangle, barycentric);
     if material.lobe == MICROFACETS {
         let metallic = material.metallic * facets.z;
         surface.lobe_shape = material.lobe_shape * facets.y * facets.y;

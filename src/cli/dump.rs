@@ -22,8 +22,7 @@ const SKY: f32 = 1e29;
 
 /// Writes the ports of a node, or one port, to files named after `beside`: `out.exr` gives `out.records.csv`.
 pub fn write(name: &str, plan: &Plan, run: &Run<'_>, beside: &Path) -> Result<(), Failure> {
-    let mine = |port: &str| port == name || port.split_once('.').is_some_and(|(node, _)| node == name);
-    let ports: Vec<_> = plan.ports.iter().filter(|(port, _)| mine(port)).collect();
+    let ports: Vec<_> = plan.ports_of(name).chain(plan.ports.get_key_value(name)).collect();
     if ports.is_empty() {
         let known = plan.ports.keys().cloned().collect::<Vec<_>>().join(", ");
         return Err(Failure::input(CommandError::UnknownDump { name: name.into(), known }));

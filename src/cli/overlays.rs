@@ -23,8 +23,7 @@ fn caches<'p>(run: &Run<'p>) -> Vec<(&'p str, port::RecordCache)> {
     let plan = run.plan();
     let mut found: Vec<(&str, port::RecordCache)> = Vec::new();
     for (node, _) in &plan.resolved {
-        let of_node = plan.ports.iter().filter(|(port, _)| port.split_once('.').is_some_and(|(owner, _)| owner == node));
-        for port in of_node.map(|(_, port)| port) {
+        for (_, port) in plan.ports_of(node) {
             if let Port::RecordCache(cache) = port
                 && found.iter().all(|(_, other)| other.count != cache.count)
             {

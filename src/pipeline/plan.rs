@@ -695,6 +695,11 @@ fn refused(node: &Node, refusal: Refusal) -> Problem {
 }
 
 impl Plan {
+    /// The ports of a node, each with its whole name.
+    pub fn ports_of<'p>(&'p self, node: &'p str) -> impl Iterator<Item = (&'p String, &'p Port)> {
+        self.ports.iter().filter(move |(port, _)| port.split_once('.').is_some_and(|(owner, _)| owner == node))
+    }
+
     /// What was kept, dropped and why, where memory goes, and every resource and command.
     pub fn explain(&self) -> String {
         let mut text = format!("pipeline {}: {}\n", self.pipeline, self.about);

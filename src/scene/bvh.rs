@@ -194,9 +194,8 @@ pub(super) mod tests {
     use super::*;
     use crate::scene::{
         load::{LoadOptions, embedded_scenes, load},
-        model::{Environment, Scene},
+        model::Scene,
     };
-    use glam::DVec3;
     use obvhs::{BvhBuildParams, bvh2::builder::build_bvh2};
     use std::{
         path::Path,
@@ -231,21 +230,7 @@ pub(super) mod tests {
             triangles.extend(vec![triangle; 1 + (k % 11 == 0) as usize]);
         }
         let materials = [true, false].map(|two_sided| Material { two_sided, ..Material::diffuse("grey", Vec3::ONE) }).into();
-        let environment = Environment::Constant(Vec3::ZERO);
-        let (name, origin) = (String::new(), DVec3::ZERO);
-        Scene {
-            name,
-            triangles,
-            materials,
-            textures: vec![],
-            charts: vec![],
-            tangents: vec![],
-            lights: vec![],
-            environment,
-            cameras: vec![],
-            origin,
-            notes: vec![],
-        }
+        Scene { triangles, materials, ..Scene::default() }
     }
 
     /// Distance to a triangle and whether its front is met, in double precision; none near its edges counts for sure.

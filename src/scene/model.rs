@@ -14,8 +14,8 @@ pub const MAX_SIDE: u32 = 16384;
 /// Linear Rec. 709 colour or spectrum: red, green, blue.
 pub type Rgb = Vec3;
 
-/// Everything that light transport needs to know about a place.
-#[derive(Debug, Clone)]
+/// Everything that light transport needs to know about a place. The default is empty and black, for scenes that are made in code.
+#[derive(Debug, Clone, Default)]
 pub struct Scene {
     /// Name for reports: the file's stem.
     pub name: String,
@@ -245,6 +245,12 @@ pub enum Environment {
     /// Latitude-longitude radiance: rows from +y down to −y; columns by azimuth φ = atan2(x, −z) with the middle
     /// column at −z, turning towards +x; linear texels, bilinear lookup.
     LatLong { width: u32, height: u32, texels: Vec<Rgb> },
+}
+
+impl Default for Environment {
+    fn default() -> Self {
+        Self::Constant(Vec3::ZERO)
+    }
 }
 
 /// A pinhole camera.

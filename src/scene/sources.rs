@@ -215,17 +215,12 @@ mod tests {
         let lights = lights.into_iter().map(|kind| Light { name: String::new(), kind, shadows: true }).collect();
         let lamp = |two_sided| Material { emission: Vec3::new(1.0, 2.0, 3.0), two_sided, ..Material::diffuse("lamp", Vec3::ONE) };
         Scene {
-            name: String::new(),
             triangles,
             materials: vec![lamp(false), lamp(true), Material::diffuse("grey", Vec3::splat(0.5))],
-            textures: Vec::new(),
-            charts: Vec::new(),
-            tangents: Vec::new(),
             lights,
             environment,
             cameras: vec![camera],
-            origin: DVec3::ZERO,
-            notes: Vec::new(),
+            ..Scene::default()
         }
     }
 

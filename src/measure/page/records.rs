@@ -64,7 +64,8 @@ impl RecordSet {
 impl Overlay {
     /// Those records of a cache that this camera may see; what hides them is not asked.
     pub fn new(cache: String, rule: &Rule, records: &[Record], camera: &Camera, size: [u32; 2]) -> Self {
-        Self { cache, outlines: records.iter().filter_map(|record| outline(record, rule, camera, size)).collect() }
+        let view = View::new(camera, size);
+        Self { cache, outlines: records.iter().filter_map(|record| outline(record, rule, &view)).collect() }
     }
 
     /// As many as are allowed, evenly out of all.
@@ -98,8 +99,7 @@ fn columns(outlines: &[&Outline], limits: &[&str]) -> Vec<u8> {
 }
 
 /// None of a record that is out of view. A disc far away is an ellipse; one that is close is drawn as the ellipse that it is about its middle.
-fn outline(record: &Record, rule: &Rule, camera: &Camera, size: [u32; 2]) -> Option<Outline> {
-    let view = View::new(camera, size);
+fn outline(record: &Record, rule: &Rule, view: &View) -> Option<Outline> {
     let (position, normal) = (record.position.as_dvec3(), record.normal);
     let centre = view.share(position).filter(|centre| centre.cmpge(DVec2::ZERO).all() && centre.cmple(DVec2::ONE).all())?;
     let [reach, longest] = [rule.validity_radius(record), rule.longest_validity_radius(record)];
@@ -164,18 +164,12 @@ mod tests {
         Camera { name: "side".into(), eye: Vec3::ZERO, direction: Vec3::X, up: Vec3::Z, field_of_view, size: None, sample: Sample::default() }
     }
 
+    fn view() -> View {
+        View::new(&camera(), SIZE)
+    }
+
     fn rule() -> Rule {
-        let limits = Rule {
-            weighting: Weighting::Compact,
-            accuracy: 0.2,
-            spacing: [0.0, 1e9],
-            nearest: 1e9,
-            change: 1e9,
-            overlap: 0.0,
-            contrast: 1e9,
-            finest_spacing: 0.0,
-        };
-        Rule { spacing: [1.0, 8.0], ..limits }
+        Rule { weighting: Weighting::Compact, accuracy: 0.2, spacing: [1.0, 8.0], nearest: 1e9, change: 1e9, overlap: 0.0, contrast: 1e9, finest_spacing: 0.0 }
     }
 
     fn record(position: Vec3) -> Record {
@@ -199,7 +193,7 @@ mod tests {
     #[test]
     fn a_disc_that_faces_the_eye_is_a_circle_of_its_reach() {
         // 4 ahead, 1 to the left (y), 1 up: 50 / 4 pixels a unit, and it reaches 0.2 · 2.
-        let found = outline(&record(Vec3::new(4.0, 1.0, 1.0)), &rule(), &camera(), SIZE).unwrap();
+        let found = outline(&record(Vec3::new(4.0, 1.0, 1.0)), &rule(), &view()).unwrap();
         assert!(found.centre.distance(DVec2::new(0.5 - 12.5 / 200.0, 0.5 - 12.5 / 100.0)) < 1e-6, "{found:?}");
         assert!(
             found.half_diameters.iter().all(|half| (half.length() - 0.4 * 12.5).abs() < 1e-4)
@@ -213,7 +207,7 @@ mod tests {
     fn a_stretched_one_reaches_farther_along_its_axis() {
         // √(1 − (1/2)²) upwards: twice as far.
         let stretched = Record { stretch: Vec3::Z * 0.75f32.sqrt(), ..record(Vec3::new(4.0, 0.0, 0.0)) };
-        let [long, short] = outline(&stretched, &rule(), &camera(), SIZE).unwrap().half_diameters;
+        let [long, short] = outline(&stretched, &rule(), &view()).unwrap().half_diameters;
         assert!((long.y.abs() - 10.0).abs() < 1e-3 && long.x.abs() < 1e-3 && (short.x.abs() - 5.0).abs() < 1e-3, "{long} {short}");
     }
 
@@ -221,14 +215,14 @@ mod tests {
     fn a_floor_is_seen_shorter_than_it_is_wide() {
         // Down and ahead by 4: ∂y/∂x = 50 · 4 / 4².
         let floor = Record { normal: Vec3::Z, stretch: Vec3::X * 1e-3, ..record(Vec3::new(4.0, 0.0, -3.9)) };
-        let [ahead, across] = outline(&floor, &rule(), &camera(), SIZE).unwrap().half_diameters;
+        let [ahead, across] = outline(&floor, &rule(), &view()).unwrap().half_diameters;
         assert!((ahead.length() - 0.4 * 50.0 * 3.9 / 16.0).abs() < 1e-3 && (across.length() - 5.0).abs() < 1e-3, "{ahead} {across}");
     }
 
     #[test]
     fn what_is_behind_or_beside_is_left_out() {
         let places = [Vec3::new(-1.0, 0.0, 0.0), Vec3::ZERO, Vec3::new(1.0, 2.1, 0.0), Vec3::new(1.0, 0.0, -1.1)];
-        assert!(places.iter().all(|place| outline(&record(*place), &rule(), &camera(), SIZE).is_none()));
+        assert!(places.iter().all(|place| outline(&record(*place), &rule(), &view()).is_none()));
     }
 
     #[test]

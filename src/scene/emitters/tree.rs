@@ -433,9 +433,9 @@ fn cone([first, second]: [(Vec3, f32); 2]) -> (Vec3, f32) {
 mod tests {
     use super::*;
     use crate::math::random::{hash, unit};
-    use crate::scene::{Environment, Material};
+    use crate::scene::Material;
     use fearless_simd::{Level, dispatch};
-    use glam::{DVec3, Vec2};
+    use glam::Vec2;
 
     fn number(at: u32) -> f32 {
         2.0 * unit(hash(at)) - 1.0
@@ -453,19 +453,7 @@ mod tests {
             Triangle { positions, normals: [Vec3::Z; 3], uvs: [Vec2::ZERO; 3], tints: Default::default(), material: at % 2 }
         };
         let lamp = |two_sided| Material { emission: Vec3::new(3.0, 2.0, 1.0), two_sided, ..Material::diffuse("lamp", Vec3::ONE) };
-        Scene {
-            name: String::new(),
-            triangles: (0..count).map(triangle).collect(),
-            materials: vec![lamp(false), lamp(true)],
-            textures: Vec::new(),
-            charts: Vec::new(),
-            tangents: Vec::new(),
-            lights: Vec::new(),
-            environment: Environment::Constant(Vec3::ZERO),
-            cameras: Vec::new(),
-            origin: DVec3::ZERO,
-            notes: Vec::new(),
-        }
+        Scene { triangles: (0..count).map(triangle).collect(), materials: vec![lamp(false), lamp(true)], ..Scene::default() }
     }
 
     /// What a point of a lamp gives to a surface.

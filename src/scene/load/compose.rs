@@ -1,12 +1,12 @@
 //! Textures that are made out of other images at loading: masks, roughness with metallic, normals of heights.
 
-use super::{error::SceneError, image::Decoder};
+use super::{error::SceneError, files::file_name, image::Decoder};
 use crate::scene::model::Wrap;
 use ::image::{
     DynamicImage, ImageBuffer, Luma, Pixel, Rgba, RgbaImage,
     imageops::{FilterType, resize},
 };
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Numbers of 0 to 1 in 16 bits.
 type Numbers = ImageBuffer<Luma<u16>, Vec<u16>>;
@@ -77,10 +77,6 @@ impl Composed {
     pub fn plain(image: impl Into<DynamicImage>) -> Self {
         Self { image: image.into().into_rgba8(), lean: 1.0 }
     }
-}
-
-pub(super) fn file_name(path: &Path) -> String {
-    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
 impl Composition {

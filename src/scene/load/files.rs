@@ -16,6 +16,11 @@ const MAX_FILE: u64 = 4 << 30;
 /// What all files of a scene may take [bytes].
 const MAX_TOTAL: u64 = 8 << 30;
 
+/// What messages call a file.
+pub(super) fn file_name(path: &Path) -> String {
+    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
+
 /// Reads a whole regular file of at most so many bytes.
 ///
 /// # Errors

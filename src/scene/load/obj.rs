@@ -11,7 +11,7 @@ use super::{
     count_up,
     draft::{Draft, Face},
     error::{Problem, SceneError, SourceText},
-    files::Files,
+    files::{Files, file_name},
     image::{Content, TextureSource},
     list,
     polygon::{Cut, MAX_WORK, cut},
@@ -224,7 +224,7 @@ impl<'a, 'd> Reader<'a, 'd> {
     /// Fills in the materials from their libraries, and says what was missing.
     fn finish(self, files: &Files, wanted: &dyn Fn(&str) -> bool) -> Result<(), SceneError> {
         let Self { source, draft, first_face, libraries, materials, slivers, unclear, mut unread, .. } = self;
-        let file = source.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let file = file_name(source.path);
         if slivers > 0 {
             draft.notes.push(format!("{file}: {slivers} faces have fewer than three corners and were left out"));
         }

@@ -6,7 +6,7 @@ use super::{
     MAX_TRIANGLES, PLAIN, count_up,
     draft::{Draft, Face},
     error::{Problem, SceneError},
-    files::Files,
+    files::{Files, file_name},
     polygon::{Cut, MAX_WORK, cut},
 };
 use crate::scene::model::{Material, Tint, srgb_to_linear};
@@ -43,7 +43,7 @@ pub(super) fn read(path: &Path, files: &Files, draft: &mut Draft) -> Result<(), 
             }
         }
     }
-    mesh.tell(&mut draft.notes, &path.file_name().unwrap_or_default().to_string_lossy());
+    mesh.tell(&mut draft.notes, &file_name(path));
     if !unread.is_empty() {
         draft.notes.push(format!("not read from the PLY file: {}", count_up(&unread)));
     }

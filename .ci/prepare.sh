@@ -52,6 +52,11 @@ find_scenes() {
     done
 }
 
+# Where Debian has a compiler for browsers beside that of rustup, which may have none; std is built from its source there.
+debian_builds_for_browsers() {
+    [ -x /usr/bin/cargo ] && [ -x /usr/bin/rustc ] && [ -d /usr/lib/rustlib/src/rust/library ]
+}
+
 # What tests can be required to find, as in HEMISPLAT_REQUIRE.
 what_is_here() {
     local here=gpu
@@ -63,12 +68,31 @@ what_is_here() {
     echo "$here"
 }
 
+# Type-checks the library as a browser's page builds it in.
+check_for_browsers() {
+    local target=wasm32-unknown-unknown
+    local command=(check --locked --lib --no-default-features --target "$target")
+    if [ -d "$(rustc --print sysroot)/lib/rustlib/$target" ]; then
+        cargo "${command[@]}"
+    elif debian_builds_for_browsers; then
+        # Only what is told that it may builds std; nothing of it runs.
+        command+=(-Zbuild-std=std,panic_abort --config 'profile.dev.package."*".opt-level=0' --config profile.dev.opt-level=0)
+        RUSTC=/usr/bin/rustc RUSTC_BOOTSTRAP=1 CARGO_TARGET_DIR="${CARGO_TARGET_DIR:-target}/browsers" /usr/bin/cargo "${command[@]}"
+    elif [[ ",${HEMISPLAT_REQUIRE:-}," == *,wasm,* ]]; then
+        echo "wasm is required: no compiler for $target" >&2
+        return 1
+    else
+        echo "SKIPPED: the library in a browser: no compiler for $target [wasm]"
+    fi
+}
+
 # How to have what a test lacks.
 how_to_have() {
     case "$1" in
     gpu) echo "a Vulkan driver, such as Debian's mesa-vulkan-drivers" ;;
     scenes) echo "HEMISPLAT_SCENES names a folder with sibenik/sibenik.obj and sponza/sponza.obj" ;;
     browser) echo "Debian's chromium" ;;
+    wasm) echo "rustup target add wasm32-unknown-unknown, or Debian's rustc-web, cargo-web, rust-web-src and lld-22" ;;
     peers) echo "./bench peers, beside the scenes" ;;
     tools) echo "the programs that the lines name; limits of threads need a folder that every user may read" ;;
     adapter) echo "another adapter (WGPU_ADAPTER_NAME)" ;;
@@ -92,5 +116,6 @@ tell_skipped() {
     # Counted by the tests' own sums, so that what is ignored in silence shows here.
     local ignored
     ignored="$(sed -nE 's/^test result: .* ([0-9]+) ignored;.*/\1/p' "$1" | awk '{ sum += $1 } END { print sum + 0 }')"
-    echo "too long for every run: $((ignored - $(grep -c . <<<"$lines" || true))) (cargo test -- --ignored)"
+    # What a browser lacks is no test.
+    echo "too long for every run: $((ignored - $(grep . <<<"$lines" | grep -cv '\[wasm\]$' || true))) (cargo test -- --ignored)"
 }

@@ -7,20 +7,21 @@
 
 use clap::Parser;
 use hemisplat::{
+    block_on,
     contract::encoder::Setting,
     gpu::{Gpu, Pace, scene::kind},
     measure::run::{FrameReport, Run},
     passes::REGISTRY,
     pipeline::{Plan, load as load_pipeline, plan},
     scene::{
-        Scene,
-        bvh::Bvh,
         load::{LoadOptions, load},
         needs::Needs,
+        stage,
     },
 };
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Shape and way of every kind of tile.
 const TILES: [(&str, &str); 8] = [
@@ -43,7 +44,7 @@ const LARGE: u32 = 1000;
 const SPLATS: [(u32, &str, &str); 4] = [(100, "3", "2"), (1000, "1", "2"), (4000, "0.4", "2"), (100_000, "0.05", "0.5")];
 
 type Failure = Box<dyn std::error::Error>;
-type Measure<'s> = Box<dyn Fn(&Gpu) -> Result<f64, Failure> + 's>;
+type Measure<'s> = Box<dyn Fn(&Arc<Gpu>) -> Result<f64, Failure> + 's>;
 
 #[derive(Parser)]
 struct Options {
@@ -61,32 +62,28 @@ struct Options {
     bench: bool,
 }
 
-struct Stage {
-    scene: Scene,
-    bvh: Bvh,
-}
+struct Stage(Arc<stage::Stage>);
 
 impl Stage {
     fn open(name: &str, triangles: Option<u32>) -> Result<Self, Failure> {
         let overrides = triangles.map(|count| ("triangles".to_owned(), count.to_string())).into_iter().collect();
         let options = LoadOptions { overrides, ..Default::default() }.with_environment();
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("scenes/{name}.ron"));
-        let mut scene = load(&path, &options).map_err(|e| e.to_string())?;
-        let bvh = Bvh::build(&mut scene);
-        Ok(Self { scene, bvh })
+        let scene = load(&path, &options).map_err(|e| e.to_string())?;
+        Ok(Self(Arc::new(stage::Stage::new(scene))))
     }
 
-    fn plan(&self, sets: &[String], edge: u32) -> Result<Plan, Failure> {
+    fn plan(&self, sets: &[String], edge: u32) -> Result<Arc<Plan>, Failure> {
         let pipeline = load_pipeline("irradiance", sets, REGISTRY, &mut |path| std::fs::read_to_string(path)).map_err(|e| e.to_string())?;
-        let needs = Needs::of(&self.scene);
-        let setting = Setting { scene: &self.scene, needs: &needs, device: hemisplat::gpu::expected_device(), size: [edge, edge], tables: None };
-        Ok(plan(&pipeline, setting, &[], &|data| kind(&self.scene, data)).map_err(|e| e.to_string())?)
+        let needs = Needs::of(&self.0.scene);
+        let setting = Setting { scene: &self.0.scene, needs: &needs, device: hemisplat::gpu::expected_device(), size: [edge, edge], tables: None };
+        Ok(plan(&pipeline, setting, &[], &|data| kind(&self.0.scene, data)).map_err(|e| e.to_string())?)
     }
 
     /// Reports of this many frames of one run, each after what the one before it left.
-    fn frames(&self, gpu: &Gpu, plan: &Plan, edge: u32, count: usize) -> Result<Vec<FrameReport>, Failure> {
-        let mut run = Run::new(gpu, &self.scene, &self.bvh, plan, &self.scene.cameras[0], [edge, edge])?;
-        (0..count).map(|_| Ok(run.frame(&|| Pace::GoOn)?)).collect()
+    fn frames(&self, gpu: &Arc<Gpu>, plan: &Arc<Plan>, edge: u32, count: usize) -> Result<Vec<FrameReport>, Failure> {
+        let mut run = block_on(Run::new(gpu, &self.0, plan, &self.0.scene.cameras[0], [edge, edge]))?;
+        (0..count).map(|_| Ok(block_on(run.frame(&|| Pace::GoOn))?)).collect()
     }
 }
 
@@ -113,8 +110,8 @@ fn way(node: &str, way: &str) -> String {
 fn tile_case<'s>(stage: &'s Stage, (shape, by): (&str, &str)) -> Result<Case<'s>, Failure> {
     let shaped = if shape == "Plane" { "Plane(fov: 126.87)" } else { shape };
     let plan = stage.plan(&[format!("tiles.shape={shaped}"), way("tiles", by)], SMALL)?;
-    let triangles = stage.scene.triangles.len();
-    let measure = move |gpu: &Gpu| {
+    let triangles = stage.0.scene.triangles.len();
+    let measure = move |gpu: &Arc<Gpu>| {
         let report = stage.frames(gpu, &plan, SMALL, 1)?.remove(0);
         Ok(f64::from(report.records.irradiance.unwrap_or(0)) / seconds(&report, "tiles"))
     };
@@ -136,10 +133,10 @@ fn splat_case<'s>(stage: &'s Stage, by: &str, (records, accuracy, spacing): (u32
         format!("cache.minimum_spacing={spacing}"),
     ];
     let plan = stage.plan(&sets, LARGE)?;
-    let measure = move |gpu: &Gpu| Ok(stage.frames(gpu, &plan, LARGE, 2)?.last().map_or(0.0, |report| seconds(report, "splats")));
+    let measure = move |gpu: &Arc<Gpu>| Ok(stage.frames(gpu, &plan, LARGE, 2)?.last().map_or(0.0, |report| seconds(report, "splats")));
     Ok(Case {
         name: format!("splats {by} {records}"),
-        facts: json!({ "by": by, "records": records, "triangles": stage.scene.triangles.len(), "size": [LARGE, LARGE] }),
+        facts: json!({ "by": by, "records": records, "triangles": stage.0.scene.triangles.len(), "size": [LARGE, LARGE] }),
         unit: "seconds",
         measure: Box::new(measure),
     })
@@ -170,7 +167,7 @@ fn median(mut values: Vec<f64>) -> f64 {
 
 fn main() -> Result<(), Failure> {
     let options = Options::parse();
-    let gpu = Gpu::open()?;
+    let gpu = block_on(Gpu::open())?;
     let mut stages = Vec::new();
     for (name, triangles) in SCENES {
         match Stage::open(name, triangles) {

@@ -40,6 +40,7 @@ impl Pass for Composite {
         // Direct light that is absent is bound to any image and never read.
         let program = Program::new("composite")
             .constant("TEXTURES", e.setting.needs.textures as u8)
+            .constant("MIPMAPS", e.setting.needs.mipmaps as u8)
             .constant("GLOSSY", e.setting.needs.lobes as u8)
             .constant("HAS_DIRECT", direct.is_some() as u8)
             .bind("triangles", gbuffer.triangles)

@@ -24,8 +24,12 @@ pub fn bind(program: Program, field: &IrradianceField) -> Program {
                 .constant("INDEX_RECORDS", layout.records as u32)
                 .constant("NEAR_HEADER", layout.near.header as u32)
                 .constant("NEAR_ENTRIES", layout.near.entries as u32)
+                .constant("INDEX_ACCURACY", index.rule.accuracy)
+                .constant("INDEX_MINIMUM_SPACING", index.rule.spacing[0])
+                .constant("INDEX_MAXIMUM_SPACING", index.rule.spacing[1])
+                .constant("INDEX_NEAREST", index.rule.nearest)
+                .constant("INDEX_CHANGE", index.rule.change)
                 .bind("record_index", index.data)
-                .bind("index_weighting", index.weighting)
         }
         IrradianceField::Photons(density) => program
             .import("IRRADIANCE_FIELD", "lib/irradiance_field/photons")

@@ -14,7 +14,7 @@ pub struct MockHost {
     /// A whole number of 16 bytes each.
     pub contents: HashMap<Resource, Vec<Vec4>>,
     pub draws: HashMap<Resource, Vec<Draw>>,
-    pub states: HashMap<Resource, Option<Box<dyn Any + Send>>>,
+    pub states: HashMap<Resource, Option<Box<dyn Any + Send + Sync>>>,
     pub is_last_round: bool,
     pub is_timed: bool,
     pub cut_short: Option<(Variable, Shortfall)>,
@@ -86,7 +86,7 @@ impl HostContext for MockHost {
         self.draws.entry(resource).or_default()
     }
 
-    fn state(&mut self, resource: Resource) -> &mut Option<Box<dyn Any + Send>> {
+    fn state(&mut self, resource: Resource) -> &mut Option<Box<dyn Any + Send + Sync>> {
         self.states.entry(resource).or_default()
     }
 

@@ -130,7 +130,7 @@ fn walked(scene: &Scene, bvh: &Bvh, extent: f32, start: Vertex, number: u32, leg
         let direction = cosine_direction(at.normal, [unit(hash(seed)), unit(hash(seed ^ 0x5bd1_e995))]);
         let origin = at.position + at.normal * surface_offset(extent, at.position);
         let Some(hit) = bvh.closest_hit(scene, origin, direction, f32::INFINITY) else { break };
-        let surface = scene.diffuse_surface(hit.triangle, hit.barycentric, Ray { origin, direction });
+        let surface = scene.diffuse_surface(hit.triangle, hit.barycentric, Ray::new(origin, direction));
         at = Vertex { position: surface.position, normal: surface.normal };
         vertices.push(at);
     }

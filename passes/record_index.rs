@@ -69,8 +69,7 @@ impl Pass for RecordIndex {
         let rule = rule(e);
         let layout = Layout::of(new.capacity as usize);
         let data = e.buffer("data", 4 * layout.words as u64);
-        let weighting = e.constant_buffer("weighting", bytemuck::bytes_of(&Weighting::from(&rule)));
-        let index = port::RecordIndex { data, weighting, rule, capacity: new.capacity, asked: e.state("asked") };
+        let index = port::RecordIndex { data, rule, capacity: new.capacity, asked: e.state("asked") };
         let growth = Growth { settled: e.variable("settled", false), sums: e.state("sums"), remaining: e.arguments.float("remaining") };
         let forget = move |host: &mut dyn HostContext| {
             *host.state(growth.sums) = None;
@@ -111,6 +110,7 @@ fn build_on_host(e: &mut Encoder<'_>, new: port::Records, index: port::RecordInd
 /// As shaders/record_index.wgsl does it. Lists are kept as on the host.
 fn build_on_device(e: &mut Encoder<'_>, new: port::Records, index: port::RecordIndex, growth: Growth) {
     let layout = Layout::of(index.capacity as usize);
+    let weighting = e.constant_buffer("weighting", bytemuck::bytes_of(&Weighting::from(&index.rule)));
     let light = e.buffer("light", 16);
     let [lists, listed] = ["lists", "listed"].map(|name| e.variable(name, false));
     if new.is_steady {
@@ -130,7 +130,7 @@ fn build_on_device(e: &mut Encoder<'_>, new: port::Records, index: port::RecordI
     let program = Program::new("record_index")
         .constant("INDEX_RECORDS", layout.records as u32)
         .constant("STEEPEST", steepest(index.rule.accuracy))
-        .bind("weighting", index.weighting)
+        .bind("weighting", weighting)
         .bind("records", new.records)
         .bind("words", index.data)
         .bind("light", light);

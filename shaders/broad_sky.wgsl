@@ -1,5 +1,5 @@
 #import lib/light
-#import lib/camera
+#import lib/pixel
 #import lib/beside
 #import lib/colour
 
@@ -35,7 +35,7 @@ fn see(@builtin(global_invocation_id) id: vec3u) {
     var light = vec4f(0.0);
     var reflectance = vec3f(0.0);
     if triangle != 0u {
-        let surface = surface_seen(triangle - 1u, camera.eye, pixel_ray(id.xy));
+        let surface = surface_in_pixel(triangle - 1u, id.xy);
         light = broad_sky(surface, combine(id.x, id.y));
         reflectance = surface.reflectance;
     }

@@ -1,5 +1,5 @@
 #import lib/lobe
-#import lib/camera
+#import lib/pixel
 
 // Pixels that see a surface of one kind; at the others nothing is seen.
 
@@ -51,7 +51,7 @@ fn keep_glossy(@builtin(global_invocation_id) id: vec3u) {
     if triangle != 0u {
         let of_material = tables[material_of(triangle - 1u)];
         if of_material.count > 0u {
-            let surface = surface_seen(triangle - 1u, camera.eye, pixel_ray(id.xy));
+            let surface = surface_in_pixel(triangle - 1u, id.xy);
             if SHARP_TOO || !is_sharp(lobe_of(surface)) {
                 let frame = frame_around(surface.normal, 0.0);
                 let azimuth = fract(atan2(dot(surface.tangent, frame[1]), dot(surface.tangent, frame[0])) / (2.0 * PI));
@@ -72,7 +72,7 @@ fn keep_sharp(@builtin(global_invocation_id) id: vec3u) {
     let triangle = textureLoad(triangles, id.xy, 0).x;
     var place = vec4f(0.0);
     if triangle != 0u {
-        let surface = surface_seen(triangle - 1u, camera.eye, pixel_ray(id.xy));
+        let surface = surface_in_pixel(triangle - 1u, id.xy);
         if surface.lobe != 0u && is_sharp(lobe_of(surface)) {
             place = textureLoad(position, id.xy, 0);
         }

@@ -1,5 +1,4 @@
-#import lib/scene
-#import lib/camera
+#import lib/pixel
 
 // The picture: reflected light, what surfaces emit toward the camera, and the sky.
 
@@ -19,11 +18,10 @@ fn composite(@builtin(global_invocation_id) id: vec3u) {
 
 fn radiance_toward_camera(pixel: vec2u) -> vec3f {
     let triangle = textureLoad(triangles, pixel, 0).x;
-    let ray = pixel_ray(pixel);
     if triangle == 0u {
-        return environment_radiance(normalize(ray));
+        return environment_radiance(normalize(pixel_ray(pixel)));
     }
-    var radiance = surface_seen(triangle - 1u, camera.eye, ray).emission + textureLoad(indirect, pixel, 0).rgb;
+    var radiance = surface_in_pixel(triangle - 1u, pixel).emission + textureLoad(indirect, pixel, 0).rgb;
     if HAS_DIRECT {
         radiance += textureLoad(direct, pixel, 0).rgb;
     }

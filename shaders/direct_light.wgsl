@@ -1,5 +1,5 @@
 #import lib/light
-#import lib/camera
+#import lib/pixel
 #import EMITTERS
 
 // Light that reaches the visible surfaces without touching another.
@@ -19,7 +19,7 @@ fn shade(@builtin(global_invocation_id) id: vec3u) {
     let triangle = textureLoad(triangles, id.xy, 0).x;
     var light = vec3f(0.0);
     if triangle != 0u {
-        let surface = surface_seen(triangle - 1u, camera.eye, pixel_ray(id.xy));
+        let surface = surface_in_pixel(triangle - 1u, id.xy);
         let seed = combine(id.x, id.y);
         light = punctual_reflected(surface, seed) + emitters_reflected(surface, seed, id.y * textureDimensions(triangles).x + id.x);
         if HAS_SKY {

@@ -1,5 +1,4 @@
-#import lib/scene
-#import lib/camera
+#import lib/pixel
 
 // The triangle at each pixel's centre, then what the pixel sees of it.
 
@@ -47,7 +46,7 @@ fn resolve(@builtin(global_invocation_id) id: vec3u) {
         textureStore(reflectance, id.xy, vec4f(0.0));
         return;
     }
-    let surface = surface_seen(triangle - 1u, camera.eye, pixel_ray(id.xy));
+    let surface = surface_in_pixel(triangle - 1u, id.xy);
     let depth = dot(surface.position - camera.eye, camera.forward);
     let footprint = depth * 2.0 * camera.half_width / f32(camera.size.x);
     textureStore(position, id.xy, vec4f(surface.position, footprint));

@@ -22,7 +22,7 @@ const RUN = 16u;
 var<workgroup> lane_counts: array<u32, 4096>;
 
 fn digit_of(pair: vec2u) -> u32 {
-    return pair.x >> SHIFT & (DIGITS - 1u);
+    return (pair.x >> SHIFT) & (DIGITS - 1u);
 }
 
 fn count_run(block: u32, lane: u32) {

@@ -1,7 +1,11 @@
 //! Global illumination on the GPU by caching irradiance; every method is a pipeline of passes, wired in RON.
+//!
+//! [`Engine`] is the way in for other programs: `examples/embed` and `examples/own_pass` show it at work.
 
+#[cfg(feature = "cli")]
 pub mod cli;
 pub mod contract;
+pub mod engine;
 pub mod gpu;
 pub mod math;
 pub mod measure;
@@ -12,3 +16,17 @@ pub mod schedule;
 
 #[path = "../passes/mod.rs"]
 pub mod passes;
+
+pub use engine::{ChangeError, Engine, Renewed};
+#[cfg(not(target_arch = "wasm32"))]
+pub use gpu::block_on;
+pub use gpu::{GpuError, Pace};
+pub use measure::run::{FrameReport, Run, RunError};
+pub use pipeline::{Pipeline, Plan, Problems};
+pub use scene::{
+    Camera, Scene,
+    stage::{Change, Stage, Unchangeable},
+};
+
+/// Its types are part of the interface: a program that lends its device has to have them from here, or the same version.
+pub use wgpu;

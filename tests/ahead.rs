@@ -5,6 +5,7 @@
 mod skips;
 
 use hemisplat::{
+    block_on,
     contract::encoder::Setting,
     gpu::{Gpu, Pace, scene::kind},
     measure::{
@@ -13,7 +14,7 @@ use hemisplat::{
     },
     passes::REGISTRY,
     pipeline::{Plan, load, plan},
-    scene::{Camera, Scene, bvh::Bvh, load as scenes, needs::Needs},
+    scene::{Camera, Scene, load as scenes, needs::Needs, stage::Stage},
     schedule::{Device, Driver, Step},
 };
 use libtest_mimic::{Arguments, Failed};
@@ -48,37 +49,37 @@ const CASES: [Case; 7] = [
 ];
 
 fn main() {
-    let gpu = Gpu::open().map(Arc::new).map_err(|error| error.to_string());
+    let gpu = block_on(Gpu::open()).map_err(|error| error.to_string());
     let missing = gpu.as_ref().err().map(|reason| Missing::new("gpu", reason));
     let trial = |case: &'static Case| {
         let gpu = gpu.clone();
-        skips::trial(case.name, missing.as_ref(), move || agrees(&*gpu?, case))
+        skips::trial(case.name, missing.as_ref(), move || agrees(&gpu?, case))
     };
     libtest_mimic::run(&Arguments::from_args(), CASES.iter().map(trial).collect()).exit()
 }
 
-fn agrees(gpu: &Gpu, case: &Case) -> Outcome {
+fn agrees(gpu: &Arc<Gpu>, case: &Case) -> Outcome {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("scenes/{}.ron", case.scene));
-    let mut scene = scenes::load(&path, &scenes::LoadOptions::default()).map_err(|error| error.to_string())?;
-    let bvh = Bvh::build(&mut scene);
-    let plan = planned(case, &scene)?;
+    let stage = Arc::new(Stage::new(scenes::load(&path, &scenes::LoadOptions::default()).map_err(|error| error.to_string())?));
+    let scene = &stage.scene;
+    let plan = planned(case, scene)?;
     let loops = plan.schedule.steps.iter().filter_map(|step| if let Step::Repeat(repeat) = step { Some(repeat) } else { None });
     let by_host: Vec<&str> = loops.filter(|repeat| repeat.driver == Driver::Host).map(|repeat| &repeat.name[..]).collect();
     check(by_host.is_empty(), || format!("the host drives {by_host:?}: {:?}", plan.remarks))?;
     let frames = |pace: Pace| -> Result<Vec<(FrameReport, Layers)>, Failed> {
-        let mut run = Run::new(gpu, &scene, &bvh, &plan, &scene.cameras[0], case.size).map_err(|error| error.to_string())?;
+        let mut run = block_on(Run::new(gpu, &stage, &plan, &scene.cameras[0], case.size)).map_err(|error| error.to_string())?;
         let mut moved = scene.cameras[0].clone();
         moved.eye += 0.05 * moved.direction;
         let mut frame = |number: usize| {
             if number + 1 == FRAMES {
                 run.set_camera(&moved);
             }
-            let report = run.frame(&|| pace)?;
-            Ok((report, run.picture()?))
+            let report = block_on(run.frame(&|| pace))?;
+            Ok((report, block_on(run.picture())?))
         };
         let frames = (0..FRAMES).map(|number| frame(number).map_err(|error: hemisplat::measure::run::RunError| error.to_string().into())).collect();
         if pace == Pace::GoOn {
-            notices_a_change(&mut run, &scene)?;
+            notices_a_change(&mut run, scene)?;
         }
         frames
     };
@@ -107,15 +108,15 @@ fn agrees(gpu: &Gpu, case: &Case) -> Outcome {
 }
 
 /// A frame that takes a picture for still that is not is drawn all the same, or tells why it is not whole.
-fn notices_a_change(run: &mut Run<'_>, scene: &Scene) -> Outcome {
+fn notices_a_change(run: &mut Run, scene: &Scene) -> Outcome {
     let camera = &scene.cameras[0];
     run.set_camera(&Camera { eye: camera.eye + 0.1 * scene.extent() * camera.direction, ..camera.clone() });
     run.assume_still();
-    let report = run.frame(&|| Pace::GoOn).map_err(|error| error.to_string())?;
+    let report = block_on(run.frame(&|| Pace::GoOn)).map_err(|error| error.to_string())?;
     check(report.waits > 0 && (report.complete || !report.unfinished.is_empty()), || format!("{report:?}"))
 }
 
-fn planned(case: &Case, scene: &Scene) -> Result<Plan, Failed> {
+fn planned(case: &Case, scene: &Scene) -> Result<Arc<Plan>, Failed> {
     let set: Vec<String> = case.set.iter().map(|set| (*set).to_owned()).collect();
     let pipeline = load(case.pipeline, &set, REGISTRY, &mut |path| fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(path)))
         .map_err(|problems| format!("{problems:?}"))?;

@@ -9,12 +9,14 @@ use glam::{DVec3, Vec3};
 mod skips;
 
 use hemisplat::{
+    block_on,
     contract::{Port, encoder::Setting},
     gpu::{Gpu, Pace, scene::kind},
     measure::{Layers, run::Run},
     passes::{REGISTRY, record::Record},
     pipeline::{Plan, load, plan},
-    scene::{Glossy, Maps, Reading, Scene, Texture, Tint, Wrap, bvh::Bvh, load as scene_load, needs::Needs},
+    reference::{self, Bounces, Pixels, Stop},
+    scene::{Glossy, Maps, Reading, Scene, Texture, Tint, Wrap, load as scene_load, needs::Needs, stage::Stage},
 };
 use libtest_mimic::{Arguments, Failed};
 use skips::Missing;
@@ -28,16 +30,16 @@ use std::{
 type Outcome = Result<(), Failed>;
 
 fn main() {
-    let gpu = Gpu::open().map(Arc::new).map_err(|e| e.to_string());
+    let gpu = block_on(Gpu::open()).map_err(|e| e.to_string());
     let missing = gpu.as_ref().err().map(|reason| Missing::new("gpu", reason));
     let trials = cases().into_iter().map(|(name, case)| {
         let gpu = gpu.clone();
-        skips::trial(name, missing.as_ref(), move || case(&*gpu?))
+        skips::trial(name, missing.as_ref(), move || case(&gpu?))
     });
     libtest_mimic::run(&Arguments::from_args(), trials.collect()).exit();
 }
 
-type Case = Box<dyn FnOnce(&Gpu) -> Outcome + Send>;
+type Case = Box<dyn FnOnce(&Arc<Gpu>) -> Outcome + Send>;
 
 fn cases() -> Vec<(String, Case)> {
     let mut cases: Vec<(String, Case)> = Vec::new();
@@ -66,7 +68,7 @@ fn cases() -> Vec<(String, Case)> {
         cases.push((format!("no_light_comes_through_a_wall {pipeline}"), Box::new(move |gpu| no_light_comes_through_a_wall(gpu, pipeline))));
     }
     for (pipeline, place) in [("irradiance-bounces", "Host"), ("irradiance-bounces", "Device"), ("photon", "Host"), ("photon-gather", "Host")] {
-        let both = move |gpu: &Gpu| no_light_comes_past_a_wall_that_both_sides_are_seen_of(gpu, pipeline, place);
+        let both = move |gpu: &Arc<Gpu>| no_light_comes_past_a_wall_that_both_sides_are_seen_of(gpu, pipeline, place);
         cases.push((format!("no_light_comes_past_a_wall_that_both_sides_are_seen_of {pipeline} {place}"), Box::new(both)));
     }
     for pipeline in ["radiance", "radiance-bounces"] {
@@ -77,6 +79,7 @@ fn cases() -> Vec<(String, Case)> {
         cases.push((format!("maps_of_one_value_are_factors {place}"), Box::new(move |gpu| maps_of_one_value_are_factors(gpu, place))));
         cases.push((format!("an_emission_map_makes_a_smaller_lamp {place}"), Box::new(move |gpu| an_emission_map_makes_a_smaller_lamp(gpu, place))));
     }
+    cases.push(("squares_finer_than_pixels_are_grey".into(), Box::new(squares_finer_than_pixels_are_grey)));
     cases.push(("the_formulas_hold".into(), Box::new(formulas_hold)));
     cases.push(("small_pictures_are_whole".into(), Box::new(small_pictures_are_whole)));
     cases.push(("mistakes_are_refused".into(), Box::new(mistakes_are_refused)));
@@ -87,8 +90,7 @@ fn cases() -> Vec<(String, Case)> {
 
 /// A scene, ready to be rendered.
 struct Room {
-    scene: Scene,
-    bvh: Bvh,
+    stage: Arc<Stage>,
     needs: Needs,
 }
 
@@ -101,10 +103,10 @@ impl Room {
         Ok(Self::of(scene))
     }
 
-    fn of(mut scene: Scene) -> Self {
-        let bvh = Bvh::build(&mut scene);
-        let needs = Needs::of(&scene);
-        Self { scene, bvh, needs }
+    fn of(scene: Scene) -> Self {
+        let stage = Stage::new(scene);
+        let needs = Needs::of(&stage.scene);
+        Self { stage: Arc::new(stage), needs }
     }
 }
 
@@ -113,32 +115,33 @@ const EDGE: u32 = 8;
 
 /// What a pipeline's first frame of a room leaves, once every pixel is covered.
 fn rendered<T>(
-    gpu: &Gpu,
+    gpu: &Arc<Gpu>,
     room: &Room,
     size: [u32; 2],
     (pipeline, sets): (&str, &[String]),
-    look: impl Fn(&Run<'_>, &Plan) -> Result<T, Failed>,
+    look: impl Fn(&Run, &Plan) -> Result<T, Failed>,
 ) -> Result<T, Failed> {
-    let Room { scene, bvh, needs } = room;
+    let Room { stage, needs } = room;
+    let scene = &stage.scene;
     let told = |e| format!("{:?}", miette::Report::new(e));
     let pipeline = load(pipeline, sets, REGISTRY, &mut |path| fs::read_to_string(path)).map_err(told)?;
     let plan = plan(&pipeline, Setting { scene, needs, device: gpu.adapter.device(), size, tables: None }, &[], &|data| kind(scene, data)).map_err(told)?;
-    let mut run = Run::new(gpu, scene, bvh, &plan, &scene.cameras[0], size).map_err(|e| e.to_string())?;
-    let report = run.frame(&|| Pace::GoOn).map_err(|e| e.to_string())?;
+    let mut run = block_on(Run::new(gpu, stage, &plan, &scene.cameras[0], size)).map_err(|e| e.to_string())?;
+    let report = block_on(run.frame(&|| Pace::GoOn)).map_err(|e| e.to_string())?;
     check(report.complete && report.uncovered_pixels.unwrap_or(0) == 0, || format!("{report:?}"))?;
     look(&run, &plan)
 }
 
 /// The records that a pipeline makes of a room, one a pixel: each reaches a tenth of a pixel.
-fn lit(gpu: &Gpu, room: &Room, edge: u32, sets: &[String]) -> Result<Vec<Record>, Failed> {
+fn lit(gpu: &Arc<Gpu>, room: &Room, edge: u32, sets: &[String]) -> Result<Vec<Record>, Failed> {
     let reach = ["cache.minimum_spacing=0.1", "cache.maximum_spacing=0.1"].map(String::from);
     rendered(gpu, room, [edge, edge], ("irradiance-one-rate", &[&reach, sets].concat()), |run, plan| {
         let Some(Port::RecordCache(cache)) = plan.ports.get("cache.cache") else { return Err("no cache".into()) };
         let count = run.variable(cache.count);
         check(count == edge * edge, || format!("{count} records"))?;
-        let bytes = run.bytes(cache.records).map_err(|e| e.to_string())?;
+        let bytes = block_on(run.bytes(cache.records)).map_err(|e| e.to_string())?;
         let records: Vec<Record> = bytemuck::pod_collect_to_vec(&bytes[..count as usize * size_of::<Record>()]);
-        pixels_show(&run.picture().map_err(|e| e.to_string())?, &records)?;
+        pixels_show(&block_on(run.picture()).map_err(|e| e.to_string())?, &records)?;
         Ok(records)
     })
 }
@@ -160,7 +163,7 @@ fn check(holds: bool, what: impl FnOnce() -> String) -> Outcome {
 
 /// Records are the same to the bit, whether triangles between their samples are dropped before they are drawn or not: where a few of
 /// them are seen, and where so many that a view draws them all the same.
-fn sift_loses_nothing(gpu: &Gpu) -> Outcome {
+fn sift_loses_nothing(gpu: &Arc<Gpu>) -> Outcome {
     for (scale, offset, resolutions) in [(1.0, 0.0, &[4, 16, 40][..]), (1e-3, 0.0, &[16]), (1e4, 0.0, &[16]), (1.0, 3e4, &[16])] {
         let room = Room::new(&balls(scale, offset))?;
         for shape in ["Plane(fov: 126.87)", "Hemicube"] {
@@ -174,7 +177,7 @@ fn sift_loses_nothing(gpu: &Gpu) -> Outcome {
     sift_changes_nothing(gpu, &Room::new(&shells())?, "Plane(fov: 126.87)", 8)
 }
 
-fn sift_changes_nothing(gpu: &Gpu, room: &Room, shape: &str, resolution: u32) -> Outcome {
+fn sift_changes_nothing(gpu: &Arc<Gpu>, room: &Room, shape: &str, resolution: u32) -> Outcome {
     let records = |by: &str| {
         let sets = [format!("tiles.shape={shape}"), format!("tiles.by={by}"), format!("tiles.resolution={resolution}")];
         lit(gpu, room, 12, &sets)
@@ -449,7 +452,7 @@ const BLUE: usize = 2;
 
 /// The furnace is claimed by all; the ceiling, which lies within the plane's window whatever its turn, by all; the wall,
 /// which reaches below the window, by those who see or stand for the whole hemisphere.
-fn cube_of_lamps(gpu: &Gpu, view: &View) -> Outcome {
+fn cube_of_lamps(gpu: &Arc<Gpu>, view: &View) -> Outcome {
     let room = Room::new(LAMPS)?;
     for sum in SUMS {
         let records = lit(gpu, &room, EDGE, &see_lamps(view.sets(RESOLUTION, sum)))?;
@@ -459,7 +462,7 @@ fn cube_of_lamps(gpu: &Gpu, view: &View) -> Outcome {
 }
 
 /// The same for all sizes of tiles: limits shrink with the samples.
-fn tiles_of_all_sizes(gpu: &Gpu, view: &View) -> Outcome {
+fn tiles_of_all_sizes(gpu: &Arc<Gpu>, view: &View) -> Outcome {
     let room = Room::new(LAMPS)?;
     for resolution in [4, 8, 16, 32, 128, 512] {
         let edge = if resolution < 512 { EDGE } else { EDGE / 2 };
@@ -561,7 +564,7 @@ const RIGHT: Polygon = [DVec3::ZERO, DVec3::X, DVec3::new(1.0, 1.0, 0.0), DVec3:
 
 /// A wall of reflectance ρ under the irradiance E_d sends ρ E_d / π: the floor receives that times the wall's moment, in
 /// one bounce, and nothing of its own.
-fn coloured_corner(gpu: &Gpu, view: &View) -> Outcome {
+fn coloured_corner(gpu: &Arc<Gpu>, view: &View) -> Outcome {
     let records = lit(gpu, &Room::new(CORNER)?, EDGE, &view.sets(RESOLUTION, SUMS[0]))?;
     let direct = 3.0 / 3f64.sqrt();
     let radiance = [DVec3::new(0.8, 0.4, 0.0), DVec3::new(0.0, 0.4, 0.6)].map(|reflectance| reflectance * direct / PI);
@@ -581,7 +584,7 @@ const BALL: &str = r#"Scene(version: 1, geometry: [Sphere(centre: (0, 0, 0), rad
 
 /// All is at the distance of the radius, less a face's depth (its corners are 1.5° from its middle at most) and the
 /// way to the centre.
-fn centre_of_a_sphere(gpu: &Gpu, view: &View) -> Outcome {
+fn centre_of_a_sphere(gpu: &Arc<Gpu>, view: &View) -> Outcome {
     let records = lit(gpu, &Room::new(BALL)?, EDGE, &see_lamps(view.sets(RESOLUTION, SUMS[0])))?;
     furnace(view, RESOLUTION, &records)?;
     for record in &records {
@@ -602,7 +605,7 @@ const FENCE: &str = r#"Scene(version: 1, geometry: [
 const BLACK: Polygon = [DVec3::new(1.0, 0.0, -1.0), DVec3::new(1.0, 0.0, 2.0), DVec3::new(1.0, 0.8, 2.0), DVec3::new(1.0, 0.8, -1.0)];
 
 /// π less what the wall hides. A plane takes what lies low for sky where its window ends above the wall, and claims nothing.
-fn wall_before_the_sky(gpu: &Gpu, view: &View) -> Outcome {
+fn wall_before_the_sky(gpu: &Arc<Gpu>, view: &View) -> Outcome {
     let records = lit(gpu, &Room::new(FENCE)?, EDGE, &see_lamps(view.sets(RESOLUTION, SUMS[0])))?;
     let mut sky = Comparison::default();
     for record in &records {
@@ -619,7 +622,7 @@ const OVEN: &str = r#"Scene(version: 1, geometry: [Box(min: (0, 0, 0), max: (1, 
 /// Every wall receives π (1 − ρ) and sends on ρ (1 − ρ): one bounce is π ρ (1 − ρ), and would be π in the end. The direct
 /// light of what records see is sampled by single rays: the mean must lie within four of its own standard errors, which
 /// must be small.
-fn one_bounce_in_an_oven(gpu: &Gpu) -> Outcome {
+fn one_bounce_in_an_oven(gpu: &Arc<Gpu>) -> Outcome {
     let records = lit(gpu, &Room::new(OVEN)?, EDGE, &[])?;
     let count = records.len() as f64;
     let mean = records.iter().map(|record| f64::from(record.irradiance[0])).sum::<f64>() / count;
@@ -631,7 +634,7 @@ fn one_bounce_in_an_oven(gpu: &Gpu) -> Outcome {
 }
 
 /// Walls that emit 1 − ρ and reflect ρ receive π of each other, of which π ρ have been reflected, and π ρ (1 − ρ^b) by b bounces at most.
-fn all_bounces_in_an_oven(gpu: &Gpu) -> Outcome {
+fn all_bounces_in_an_oven(gpu: &Arc<Gpu>) -> Outcome {
     let all = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("pipelines/irradiance-bounces.ron")).map_err(|e| e.to_string())?;
     let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
     let counted = |rounds: u32| -> Result<String, Failed> {
@@ -659,23 +662,23 @@ fn oven(reflectance: f64) -> Result<Room, Failed> {
 }
 
 /// Of a square picture, in red.
-fn mean_irradiance(gpu: &Gpu, room: &Room, edge: u32, pipeline: (&str, &[String])) -> Result<f64, Failed> {
+fn mean_irradiance(gpu: &Arc<Gpu>, room: &Room, edge: u32, pipeline: (&str, &[String])) -> Result<f64, Failed> {
     rendered(gpu, room, [edge, edge], pipeline, |run, _| {
-        let picture = run.picture().map_err(|e| e.to_string())?;
+        let picture = block_on(run.picture()).map_err(|e| e.to_string())?;
         let [red, ..] = picture.rgb("irradiance").map_err(|e| e.to_string())?;
         Ok(red.iter().map(|value| f64::from(*value)).sum::<f64>() / red.len() as f64)
     })
 }
 
 /// Walls that emit 1 and reflect half light each other directly by a half, wherever: lamps that touch what they light. Of one bounce more there is π/2.
-fn walls_that_shine_and_reflect(gpu: &Gpu, place: &str) -> Outcome {
+fn walls_that_shine_and_reflect(gpu: &Arc<Gpu>, place: &str) -> Outcome {
     let room = Room::new(
         r#"Scene(version: 1, geometry: [Box(min: (-1, -1, -1), max: (1, 1, 1))], materials: { "*": Emitter(radiance: (1, 1, 1), reflectance: (0.5, 0.5, 0.5)) },
         cameras: { "main": (eye: (-0.6, 0.3, 0.9), target: (0.2, -0.2, -0.4), fov: 75) })"#,
     )?;
     let sets = ["direct", "tiles", "detail_tiles"].map(|node| format!("{node}.place={place}"));
     rendered(gpu, &room, [48, 48], ("irradiance", &sets), |run, _| {
-        let picture = run.picture().map_err(|e| e.to_string())?;
+        let picture = block_on(run.picture()).map_err(|e| e.to_string())?;
         let [direct, irradiance] = ["direct", "irradiance"].map(|layer| picture.rgb(layer).map(|[red, ..]| red.to_vec()));
         for (layer, found, known) in [("direct", direct, 0.5), ("irradiance", irradiance, PI / 2.0)] {
             let found: Vec<f64> = found.map_err(|e| e.to_string())?.into_iter().map(f64::from).collect();
@@ -688,7 +691,7 @@ fn walls_that_shine_and_reflect(gpu: &Gpu, place: &str) -> Outcome {
 }
 
 /// The same by photons, of which a white wall keeps many: where there is no room for all, fewer are sent out.
-fn photons_in_an_oven(gpu: &Gpu, pipeline: &str, limit: f64) -> Outcome {
+fn photons_in_an_oven(gpu: &Arc<Gpu>, pipeline: &str, limit: f64) -> Outcome {
     let many = ["cache.minimum_spacing=0.1", "cache.maximum_spacing=0.1"].map(String::from);
     let sets: &[String] = if pipeline.starts_with("photon-gather") { &many } else { &[] };
     [0.2, 0.5, 0.8].into_iter().try_for_each(|reflectance| {
@@ -704,7 +707,7 @@ const ROOMS: &str = r#"Scene(version: 1, geometry: [Box(min: (0, 0, 0), max: (8,
     cameras: { "main": (eye: (EYE, 1.7, 3.6), target: (4, 1.2, 1), fov: 80) })"#;
 
 /// In the room without a light there is none, however often light is reflected.
-fn no_light_comes_through_a_wall(gpu: &Gpu, pipeline: &str) -> Outcome {
+fn no_light_comes_through_a_wall(gpu: &Arc<Gpu>, pipeline: &str) -> Outcome {
     let light = |eye: &str| mean_irradiance(gpu, &Room::new(&ROOMS.replace("EYE", eye))?, 48, (pipeline, &[]));
     let [lit, dark] = [light("3")?, light("5")?];
     check(lit > 0.0, || "the lit room is dark".into())?;
@@ -720,13 +723,13 @@ const COURTS: &str = r#"Scene(version: 1, geometry: [
     cameras: { "main": (eye: (4, 9, 2), direction: (0, -1, 0), up: (0, 0, 1), fov: 55) })"#;
 
 /// Nor is there any where paths from the camera come into both rooms, but for three pixels beside the wall: so far do the picture's own records reach.
-fn no_light_comes_past_a_wall_that_both_sides_are_seen_of(gpu: &Gpu, pipeline: &str, place: &str) -> Outcome {
+fn no_light_comes_past_a_wall_that_both_sides_are_seen_of(gpu: &Arc<Gpu>, pipeline: &str, place: &str) -> Outcome {
     // Where fewer records stand, each reaches farther.
     let places = ["tiles", "detail_tiles", "deep_tiles"].map(|tiles| format!("{tiles}.place={place}"));
     let fewer: Vec<String> = places.into_iter().chain(["deep_places.records=2048".into()]).collect();
     let sets = if pipeline == "irradiance-bounces" { &fewer[..] } else { &[] };
     let halves = rendered(gpu, &Room::new(COURTS)?, [64, 64], (pipeline, sets), |run, _| {
-        let picture = run.picture().map_err(|e| e.to_string())?;
+        let picture = block_on(run.picture()).map_err(|e| e.to_string())?;
         let [red, ..] = picture.rgb("irradiance").map_err(|e| e.to_string())?;
         let within =
             |columns: std::ops::Range<usize>| (0..).zip(red).filter(|(at, _)| columns.contains(&(at % 64))).map(|(_, light)| f64::from(*light)).sum::<f64>();
@@ -775,13 +778,13 @@ fn by_image_of_light(share: f64) -> f64 {
 }
 
 /// Where the light is in a mirror, it lights the floor as much as the mirror does.
-fn a_mirror_lights_a_floor(gpu: &Gpu, pipeline: &str) -> Outcome {
+fn a_mirror_lights_a_floor(gpu: &Arc<Gpu>, pipeline: &str) -> Outcome {
     let found = mean_irradiance(gpu, &mirror(Some(0.8), &[MIRRORING])?, 24, (pipeline, &[]))?;
     at_most("light by the mirror", (found / by_image_of_light(0.8) - 1.0).abs(), 0.02)
 }
 
 /// With a mirror that reflects all there is as much light, of any number of bounces, as with the image of all that is before it.
-fn a_mirror_is_as_good_as_the_image(gpu: &Gpu) -> Outcome {
+fn a_mirror_is_as_good_as_the_image(gpu: &Arc<Gpu>) -> Outcome {
     let light = |room: Room| mean_irradiance(gpu, &room, 24, ("radiance-bounces", &[]));
     let found = light(mirror(Some(1.0), &[MIRRORING, SCREEN])?)? - by_image_of_light(1.0);
     let image = light(mirror(None, &[SCREEN, ITS_IMAGE])?)?;
@@ -805,14 +808,14 @@ const METAL: &str = r#"Scene(version: 1, geometry: [
 /// An image without colour whose texels are a number, as it stands.
 fn grey(width: u32, texel: impl Fn(u32) -> [u8; 3]) -> Texture {
     let texels = (0..width).map(texel).map(|[r, g, b]| [r, g, b, 255]).collect();
-    let reading = Reading { is_linear: true, wrap: [Wrap::Clamp; 2] };
-    Texture { name: "map".into(), width, height: 1, texels, reading }
+    let reading = Reading { is_linear: true, wrap: [Wrap::Clamp; 2], ..Default::default() };
+    Texture { width, height: 1, texels, reading, ..Default::default() }
 }
 
 /// The mean of a layer over the picture.
-fn mean_of(gpu: &Gpu, room: &Room, (pipeline, sets): (&str, &[String]), layer: &str) -> Result<f64, Failed> {
+fn mean_of(gpu: &Arc<Gpu>, room: &Room, (pipeline, sets): (&str, &[String]), layer: &str) -> Result<f64, Failed> {
     rendered(gpu, room, [16, 16], (pipeline, sets), |run, _| {
-        let picture = run.picture().map_err(|e| e.to_string())?;
+        let picture = block_on(run.picture()).map_err(|e| e.to_string())?;
         let planes = picture.rgb(layer).map_err(|e| e.to_string())?;
         let values = planes.concat();
         Ok(values.iter().map(|value| f64::from(*value)).sum::<f64>() / values.len() as f64)
@@ -820,10 +823,10 @@ fn mean_of(gpu: &Gpu, room: &Room, (pipeline, sets): (&str, &[String]), layer: &
 }
 
 /// A texture or a tint that is the same all over does what the factor does, in direct light, in lobes and in what records see.
-fn maps_of_one_value_are_factors(gpu: &Gpu, place: &str) -> Outcome {
+fn maps_of_one_value_are_factors(gpu: &Arc<Gpu>, place: &str) -> Outcome {
     let sets = [format!("direct.place={place}"), format!("tiles.place={place}"), format!("detail_tiles.place={place}"), format!("glossy_tiles.place={place}")];
     let plain = Room::new(METAL)?;
-    let mut scene = plain.scene.clone();
+    let mut scene = plain.stage.scene.clone();
     scene.textures = vec![grey(1, |_| [0, 153, 204]), grey(1, |_| [51, 51, 51]), grey(1, |_| [128, 128, 255])];
     let [floor, metal, lamp] = ["floor", "metal", "lamp"].map(|name| scene.materials.iter().position(|m| m.name == name).unwrap_or_default());
     scene.materials[metal].maps = Maps { facets: Some(0), ..Maps::default() };
@@ -848,9 +851,9 @@ fn maps_of_one_value_are_factors(gpu: &Gpu, place: &str) -> Outcome {
 }
 
 /// A lamp whose right half is black lights as the left half alone, in direct light and as records see it.
-fn an_emission_map_makes_a_smaller_lamp(gpu: &Gpu, place: &str) -> Outcome {
+fn an_emission_map_makes_a_smaller_lamp(gpu: &Arc<Gpu>, place: &str) -> Outcome {
     let half = Room::new(&METAL.replace("(1, 2, -1), (1, 2, 0)", "(0, 2, -1), (0, 2, 0)"))?;
-    let mut scene = Room::new(METAL)?.scene;
+    let mut scene = Room::new(METAL)?.stage.scene.clone();
     scene.textures = vec![grey(64, |x| if x < 32 { [255; 3] } else { [0; 3] })];
     let lamp = scene.materials.iter().position(|material| material.name == "lamp").unwrap_or_default();
     scene.materials[lamp].maps = Maps { emission: Some(0), ..Maps::default() };
@@ -868,6 +871,47 @@ fn an_emission_map_makes_a_smaller_lamp(gpu: &Gpu, place: &str) -> Outcome {
         let (found, expected) = (found?, expected?);
         check(expected > 0.0, || format!("{pipeline}: dark"))?;
         at_most(&format!("{layer} of {pipeline}"), (found / expected - 1.0).abs(), 0.03)?;
+    }
+    Ok(())
+}
+
+/// A floor of black and white squares, each a texel, under parallel light that makes white ones 1.
+fn squares() -> Result<Room, Failed> {
+    let mut scene = Room::new(
+        r#"Scene(version: 1, geometry: [Quad(corners: ((-400, 0, -400), (-400, 0, 400), (400, 0, 400), (400, 0, -400)))], materials: { "*": Diffuse(reflectance: (1, 1, 1)) },
+            normals: Face, lights: [Directional(direction: (0, -1, 0), irradiance: (3.1415927, 3.1415927, 3.1415927), shadows: false)], environment: Constant((0, 0, 0)),
+            cameras: { "main": (eye: (0.3, 1.5, 0.2), target: (1.3, 0.7, -10), fov: 60) })"#,
+    )?
+    .stage
+    .scene
+    .clone();
+    let texels = (0..64u32).map(|at| [if (at + at / 8) % 2 == 0 { 0 } else { 255 }; 4]).collect();
+    scene.textures = vec![Texture { width: 8, height: 8, texels, ..Default::default() }.with_levels(None)];
+    scene.materials.iter_mut().for_each(|material| material.texture = Some(0));
+    scene.triangles.iter_mut().for_each(|triangle| triangle.uvs = triangle.positions.map(|p| glam::Vec2::new(p.x, p.z) * 0.5));
+    Ok(Room::of(scene))
+}
+
+/// Pixels that many squares fall into are half of white, as the host, the device and the reference have it; the mean of all is, too.
+fn squares_finer_than_pixels_are_grey(gpu: &Arc<Gpu>) -> Outcome {
+    let (room, size) = (squares()?, [96, 64]);
+    let settings = reference::Settings { size, pixels: Pixels::Every(1), bounces: Bounces::Count(1), stop: Stop::Samples(2), seed: 1 };
+    let truth = reference::render(&room.stage.scene, &room.stage.bvh, &room.stage.scene.cameras[0], &settings, &|_| true).map_err(|e| e.to_string())?;
+    for place in ["Host", "Device"] {
+        let sets = [format!("direct.place={place}")];
+        let found = rendered(gpu, &room, size, ("irradiance", &sets), |run, _| {
+            Ok(block_on(run.picture()).map_err(|e| e.to_string())?.rgb("direct").map_err(|e| e.to_string())?[0].to_vec())
+        })?;
+        let floor: Vec<usize> = (0..found.len()).filter(|pixel| truth.depth[*pixel] > 0.0).collect();
+        let mean = floor.iter().map(|pixel| f64::from(found[*pixel])).sum::<f64>() / floor.len() as f64;
+        at_most(&format!("mean by {place}"), (mean / 0.5 - 1.0).abs(), 0.005)?;
+        for pixel in floor {
+            at_most(&format!("pixel {pixel} by {place}, off the reference"), f64::from((found[pixel] - truth.direct[pixel].x).abs()), 2e-3)?;
+            // From there on a pixel is four squares wide or more.
+            if truth.depth[pixel] > 80.0 {
+                at_most(&format!("pixel {pixel} by {place}, off grey"), f64::from((found[pixel] - 0.5).abs()), 0.01)?;
+            }
+        }
     }
     Ok(())
 }
@@ -923,7 +967,7 @@ fn passes_screen(place: DVec3, way: DVec3) -> Option<bool> {
 
 /// Each kind of light on the floor, through the shadow maps: spot lights with a map of their own, with a cube, and where one
 /// becomes the other; alone and all together, with maps whose rows are padded, and with maps too large for a buffer.
-fn shadow_of_a_screen(gpu: &Gpu) -> Outcome {
+fn shadow_of_a_screen(gpu: &Arc<Gpu>) -> Outcome {
     let high = DVec3::new(0.1, 2.0, 0.2);
     let lamps = [
         Lamp::Point(high),
@@ -938,7 +982,7 @@ fn shadow_of_a_screen(gpu: &Gpu) -> Outcome {
         let lights: String = lamps.iter().map(Lamp::written).collect();
         let room = Room::new(&STAGE.replace("LIGHTS", &lights))?;
         let (size, sets) = ([64, 64], ["cache.accuracy=5".to_owned(), format!("shadow.resolution={resolution}")]);
-        let picture = rendered(gpu, &room, size, ("irradiance-one-rate", &sets), |run, _| run.picture().map_err(|e| e.to_string().into()))?;
+        let picture = rendered(gpu, &room, size, ("irradiance-one-rate", &sets), |run, _| block_on(run.picture()).map_err(|e| e.to_string().into()))?;
         let red = &picture.rgb("direct").map_err(|e| e.to_string())?[0];
         let mut shadowed = 0;
         for (pixel, found) in red.iter().enumerate() {
@@ -957,7 +1001,7 @@ fn shadow_of_a_screen(gpu: &Gpu) -> Outcome {
 // What proves the rest
 
 /// This file's own formulas, against published numbers and against each other.
-fn formulas_hold(_: &Gpu) -> Outcome {
+fn formulas_hold(_: &Arc<Gpu>) -> Outcome {
     let near = |found: f64, truth: f64, tolerance: f64| check((found - truth).abs() <= tolerance, || format!("{found}, not {truth}"));
     let (middle, corner) = (DVec3::new(0.5, 0.0, 0.5), DVec3::new(1e-9, 0.0, 1e-9));
     for (point, face, factor) in [(middle, &CEILING, 0.23946), (middle, &WALL, 0.1901), (corner, &CEILING, 0.13853), (corner, &WALL, 0.05573)] {
@@ -974,7 +1018,7 @@ fn formulas_hold(_: &Gpu) -> Outcome {
 }
 
 /// Searches that find nothing at first end no fill, however few the pixels are.
-fn small_pictures_are_whole(gpu: &Gpu) -> Outcome {
+fn small_pictures_are_whole(gpu: &Arc<Gpu>) -> Outcome {
     let room = Room::new(LAMPS)?;
     (1..=4).try_for_each(|edge| lit(gpu, &room, edge, &see_lamps(views()[0].sets(8, SUMS[0]))).map(drop))
 }
@@ -983,7 +1027,7 @@ fn small_pictures_are_whole(gpu: &Gpu) -> Outcome {
 type Mistake = fn(&mut Record);
 
 /// Small mistakes, each made in all records: one that the forms let pass would prove nothing.
-fn mistakes_are_refused(gpu: &Gpu) -> Outcome {
+fn mistakes_are_refused(gpu: &Arc<Gpu>) -> Outcome {
     let view = View { shape: "Hemicube", way: "Device", method: "None" };
     let records = lit(gpu, &Room::new(LAMPS)?, EDGE, &see_lamps(view.sets(RESOLUTION, SUMS[0])))?;
     cube_forms(&view, RESOLUTION, &records)?;

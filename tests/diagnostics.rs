@@ -12,7 +12,7 @@ use std::fs;
 use std::path::Path;
 
 /// Codes that no input brings about on every machine.
-const BEYOND_INPUT: [(&str, &str); 30] = [
+const BEYOND_INPUT: [(&str, &str); 35] = [
     ("cli::fault", "a fault of the program"),
     ("cli::few_threads", "needs a limit of the system; tests/limits.rs sets one"),
     ("cli::interrupted", "needs Ctrl-C at the right moment"),
@@ -34,6 +34,7 @@ const BEYOND_INPUT: [(&str, &str); 30] = [
     ("gpu::out_of_memory", "depends on the machine"),
     ("gpu::shader", "shaders ship with the program, and tests validate them"),
     ("gpu::unknown_adapter", "lists the machine's adapters"),
+    ("run::output", "no command copies pictures to textures; tests/engine.rs brings it about"),
     ("study::unexpected", "what is measured decides it; tests/study.rs brings it about"),
     ("measure::encoding", "what is written was made here"),
     ("measure::unwritable", "the disk decides it; a command names the file as for every other write"),
@@ -42,6 +43,10 @@ const BEYOND_INPUT: [(&str, &str); 30] = [
     ("reference::stopped", "needs Ctrl-C at the right moment"),
     ("render::non_finite", "a fault of a pass"),
     ("render::unknown_dump", "plans refuse it first"),
+    ("stage::overlap", "no command moves objects"),
+    ("stage::place", "no command moves objects; tests/changes.rs brings it about"),
+    ("stage::unknown", "no command changes a scene; tests/changes.rs brings it about"),
+    ("stage::value", "no command changes a scene; tests/changes.rs brings it about"),
     ("scene::unreadable", "a file that is there but cannot be read; as the super-user all can"),
 ];
 
@@ -156,7 +161,7 @@ fn files() -> BTreeMap<&'static str, Vec<u8>> {
 
 /// Code and arguments, one case each, and whether a GPU is needed.
 #[rustfmt::skip]
-const CASES: [(&str, &str, bool); 74] = [
+const CASES: [(&str, &str, bool); 75] = [
     ("plan::coarsest", "check irradiance --scene white.ron --set misses.by=Grid(coarsest:3)", false),
     ("plan::finest", "check irradiance --scene white.ron --set misses.by=Grid(finest:3)", false),
     ("plan::light_of_sources", "check photon --scene white.ron --set direct.emitters=Records", false),
@@ -230,6 +235,7 @@ const CASES: [(&str, &str, bool); 74] = [
     ("render::cache", "render irradiance --scene white.ron --quiet -o out.exr --cache records", true),
     ("render::no_records", "render direct.ron --scene white.ron --quiet -o out.exr --cache new", true),
     ("render::incomplete", "render irradiance --scene white.ron --quiet -o out.exr --strict --set misses.at_most=1", true),
+    ("cli::nothing_to_watch", "render irradiance --scene cornell --watch --quiet -o out.exr", false),
     ("render::other_plan", "render irradiance --scene white.ron --quiet -o out.exr --set-frames tiles.resolution=8,16", false),
 ];
 

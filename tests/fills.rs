@@ -9,6 +9,7 @@ mod skips;
 
 use glam::{DVec3, Vec3};
 use hemisplat::{
+    block_on,
     contract::encoder::Setting,
     gpu::{Gpu, Pace, scene::kind},
     measure::{
@@ -19,9 +20,9 @@ use hemisplat::{
     pipeline::{Plan, load, plan},
     scene::{
         Camera, FieldOfView, Scene,
-        bvh::Bvh,
         load::{LoadOptions, load as load_scene},
         needs::Needs,
+        stage::Stage,
     },
 };
 use libtest_mimic::{Arguments, Failed};
@@ -61,14 +62,14 @@ const BESIDE: f64 = 0.01;
 
 fn main() {
     let arguments = Arguments::from_args();
-    let gpu = Gpu::open().map(Arc::new).map_err(|error| error.to_string());
+    let gpu = block_on(Gpu::open()).map_err(|error| error.to_string());
     let mut trials = Vec::new();
     for (name, geometry) in OWN.map(|name| (name, None)).into_iter().chain(FOREIGN.map(|name| (name, Missing::scenes()))) {
         let missing = gpu.as_ref().err().map(|reason| Missing::new("gpu", reason)).or(geometry);
         for (views, is_long) in [(6, false), (100, true)] {
             let test = format!("{views}_views_of_{}", name.split('/').next_back().unwrap_or(name).trim_end_matches(".obj"));
             let gpu = gpu.clone();
-            let run = move || look_around(&*gpu?, name, views);
+            let run = move || look_around(&gpu?, name, views);
             trials.push(if is_long { skips::long(test, missing.as_ref(), run) } else { skips::trial(test, missing.as_ref(), run) });
         }
     }
@@ -136,7 +137,7 @@ fn scene(name: &str) -> Result<Scene, Failed> {
     Ok(load_scene(&path, &options).map_err(shown)?)
 }
 
-fn planned(gpu: &Gpu, scene: &Scene, size: [u32; 2]) -> Result<Plan, Failed> {
+fn planned(gpu: &Arc<Gpu>, scene: &Scene, size: [u32; 2]) -> Result<Arc<Plan>, Failed> {
     let own = "fills.ron";
     let mut read = |path: &Path| if path == Path::new(own) { Ok(PIPELINE.to_owned()) } else { Err(io::ErrorKind::NotFound.into()) };
     let pipeline = load(own, &[], REGISTRY, &mut read).map_err(|problems| format!("{problems:?}"))?;
@@ -146,23 +147,23 @@ fn planned(gpu: &Gpu, scene: &Scene, size: [u32; 2]) -> Result<Plan, Failed> {
 }
 
 /// Looks at the views of one size after the other.
-fn look_around(gpu: &Gpu, name: &str, views: usize) -> Outcome {
-    let mut scene = scene(name)?;
-    let bvh = Bvh::build(&mut scene);
+fn look_around(gpu: &Arc<Gpu>, name: &str, views: usize) -> Outcome {
+    let stage = Arc::new(Stage::new(scene(name)?));
+    let scene = &stage.scene;
     let alone = env::var("HEMISPLAT_VIEW").ok();
     let chosen = |number: usize| alone.as_ref().is_none_or(|alone| *alone == format!("{name} {number}"));
     let mut wrong = Vec::new();
     for (index, size) in SIZES.into_iter().enumerate() {
-        let plan = planned(gpu, &scene, size)?;
-        let mut run = Run::new(gpu, &scene, &bvh, &plan, &scene.cameras[0], size).map_err(|error| error.to_string())?;
+        let plan = planned(gpu, scene, size)?;
+        let mut run = block_on(Run::new(gpu, &stage, &plan, &scene.cameras[0], size)).map_err(|error| error.to_string())?;
         for number in (index..views).step_by(SIZES.len()).filter(|number| chosen(*number)) {
-            let camera = camera(&scene, number);
-            run.reset().map_err(|error| error.to_string())?;
+            let camera = camera(scene, number);
+            block_on(run.reset()).map_err(|error| error.to_string())?;
             run.set_camera(&camera);
             let start = Instant::now();
-            let report = run.frame(&|| Pace::GoOn).map_err(|error| format!("{name} {number}: {error}"))?;
+            let report = block_on(run.frame(&|| Pace::GoOn)).map_err(|error| format!("{name} {number}: {error}"))?;
             let seconds = start.elapsed().as_secs_f64();
-            let picture = run.picture().map_err(|error| error.to_string())?;
+            let picture = block_on(run.picture()).map_err(|error| error.to_string())?;
             let found = faults(&report, seconds, &picture).into_iter().chain(beside(&picture, &camera)?);
             wrong.extend(found.map(|fault| format!("{name} {number}, {}x{}: {fault}", size[0], size[1])));
         }

@@ -7,6 +7,7 @@ mod skips;
 
 use assert_cmd::Command;
 use hemisplat::{
+    block_on,
     contract::encoder::Setting,
     gpu::{AskPace, Gpu, Pace, scene::kind},
     measure::{
@@ -15,15 +16,18 @@ use hemisplat::{
     },
     passes::REGISTRY,
     pipeline,
-    scene::{Camera, bvh::Bvh, load, needs::Needs},
+    scene::{Camera, load, needs::Needs, stage::Stage},
 };
 use libtest_mimic::{Arguments, Failed};
 use serde_json::Value;
 use skips::Missing;
 use std::{
-    cell::Cell,
     fs, io,
     path::{Path, PathBuf},
+    sync::{
+        Arc,
+        atomic::{AtomicU32, Ordering},
+    },
     time::Duration,
 };
 use tempfile::TempDir;
@@ -111,25 +115,25 @@ fn frames(scene: &str, text: &str, count: u32) -> Result<Vec<Vec<f32>>, Failed> 
 }
 
 /// What a frame reports, and its layer `picture`.
-fn frame(run: &mut Run<'_>, pace: AskPace) -> Result<(FrameReport, Vec<f32>), Failed> {
-    let report = run.frame(pace).map_err(failed)?;
-    Ok((report, run.picture().map_err(failed)?.rgb("picture").map_err(failed)?.concat()))
+fn frame(run: &mut Run, pace: AskPace) -> Result<(FrameReport, Vec<f32>), Failed> {
+    let report = block_on(run.frame(pace)).map_err(failed)?;
+    Ok((report, block_on(run.picture()).map_err(failed)?.rgb("picture").map_err(failed)?.concat()))
 }
 
 /// Works with a pipeline on a scene that ships.
-fn made_ready<T>(scene: &str, text: &str, work: impl FnOnce(&mut Run<'_>, &Camera) -> Result<T, Failed>) -> Result<T, Failed> {
+fn made_ready<T>(scene: &str, text: &str, work: impl FnOnce(&mut Run, &Camera) -> Result<T, Failed>) -> Result<T, Failed> {
     let mut read = |path: &Path| if path == Path::new("test.ron") { Ok(text.to_owned()) } else { Err(io::Error::from(io::ErrorKind::NotFound)) };
     let pipeline = pipeline::load("test.ron", &[], REGISTRY, &mut read).map_err(failed)?;
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(scene);
     let overrides = if scene == "hall.ron" { vec![("triangles".into(), "1000".into())] } else { Vec::new() };
-    let mut scene = load::load(&path, &load::LoadOptions { overrides, ..Default::default() }).map_err(failed)?;
-    let bvh = Bvh::build(&mut scene);
-    let needs = Needs::of(&scene);
-    let setting = Setting { scene: &scene, needs: &needs, device: hemisplat::gpu::expected_device(), size: SIZE, tables: None };
-    let plan = pipeline::plan(&pipeline, setting, &[], &|data| kind(&scene, data)).map_err(failed)?;
-    let gpu = Gpu::open().map_err(failed)?;
+    let stage = Arc::new(Stage::new(load::load(&path, &load::LoadOptions { overrides, ..Default::default() }).map_err(failed)?));
+    let scene = &stage.scene;
+    let needs = Needs::of(scene);
+    let setting = Setting { scene, needs: &needs, device: hemisplat::gpu::expected_device(), size: SIZE, tables: None };
+    let plan = pipeline::plan(&pipeline, setting, &[], &|data| kind(scene, data)).map_err(failed)?;
+    let gpu = block_on(Gpu::open()).map_err(failed)?;
     let camera = &scene.cameras[0];
-    work(&mut Run::new(&gpu, &scene, &bvh, &plan, camera, SIZE).map_err(failed)?, camera)
+    work(&mut block_on(Run::new(&gpu, &stage, &plan, camera, SIZE)).map_err(failed)?, camera)
 }
 
 /// The light that the sums add up: every pixel of the furnace emits 1.
@@ -193,7 +197,7 @@ fn shadow_maps_once() -> Outcome {
         (name: \"direct\", pass: DirectLight(gbuffer: \"gbuffer\", shadow: \"shadow\")),
         (name: \"image\", pass: Composite(gbuffer: \"gbuffer\", direct: \"direct\"))";
     made_ready("hall.ron", &document(nodes, "image"), |run, camera| {
-        let drawn = |run: &mut Run<'_>| {
+        let drawn = |run: &mut Run| {
             let (report, picture) = frame(run, &|| Pace::GoOn)?;
             let runs = report.passes.iter().find(|pass| pass.node == "shadow").map(|pass| pass.runs);
             Ok::<_, Failed>((runs, picture))
@@ -201,7 +205,7 @@ fn shadow_maps_once() -> Outcome {
         let first = drawn(run)?;
         run.set_camera(&Camera { eye: camera.eye + 0.2, ..camera.clone() });
         let (later, still) = (drawn(run)?, drawn(run)?);
-        run.reset().map_err(failed)?;
+        block_on(run.reset()).map_err(failed)?;
         let anew = drawn(run)?;
         check([first.0, later.0, still.0, anew.0] == [1, 0, 0, 1].map(Some), || format!("{:?}", [first.0, later.0, still.0, anew.0]))?;
         check(first.1 != later.1 && later.1 == still.1 && later.1 == anew.1, || "frames differ".into())
@@ -606,9 +610,9 @@ fn rounds_in_time() -> Outcome {
         let mean = whole.iter().sum::<f32>() / whole.len() as f32;
         let error = |found: &[f32]| (found.iter().zip(&whole).map(|(a, b)| (a - b).powi(2)).sum::<f32>() / whole.len() as f32).sqrt() / mean;
         let with_rounds = |rounds: u32| {
-            run.reset().map_err(failed)?;
-            let asked = Cell::new(0);
-            let pace = || Pace::Within(Duration::from_secs(if asked.replace(asked.get() + 1) < rounds { 3600 } else { 0 }));
+            block_on(run.reset()).map_err(failed)?;
+            let asked = AtomicU32::new(0);
+            let pace = || Pace::Within(Duration::from_secs(if asked.fetch_add(1, Ordering::Relaxed) < rounds { 3600 } else { 0 }));
             let (report, found) = frame(run, &pace)?;
             Ok((report.coarse_pixels.ok_or("no number of pixels")?, error(&found)))
         };

@@ -9,6 +9,7 @@ mod broken;
 mod skips;
 
 use broken::Broken;
+use hemisplat::block_on;
 use hemisplat::measure::{DIRECT, Errors, Layer, Layers, PICTURE, compare};
 use libtest_mimic::{Arguments, Failed, Trial};
 use skips::Missing;
@@ -1030,7 +1031,7 @@ fn notices(broken: &Broken, goldens: &[Golden], missing: Option<&Missing>) -> Tr
     let (broken, golden) = (broken.clone(), goldens.iter().find(|golden| golden.name() == broken.falls).cloned());
     let is_quick = broken.always && broken.is_shader() && cfg!(debug_assertions);
     let is_of_large = golden.as_ref().is_some_and(|golden| ["hall", "balls"].contains(&golden.scene));
-    let is_drawn_anew = hemisplat::gpu::device::adapters().first().is_some_and(|adapter| !has_drawn(&adapter.name));
+    let is_drawn_anew = block_on(hemisplat::gpu::device::adapters()).first().is_some_and(|adapter| !has_drawn(&adapter.name));
     let other = (is_of_large && is_drawn_anew).then(|| Missing::new("adapter", "limits that notice this hold where the kept pictures were drawn"));
     let missing = missing.or(other.as_ref());
     let test = move || match golden {

@@ -9,6 +9,7 @@
 mod skips;
 
 use hemisplat::{
+    block_on,
     contract::{Port, encoder::Setting},
     gpu::{Gpu, Pace, scene::kind},
     measure::{
@@ -19,9 +20,9 @@ use hemisplat::{
     pipeline::{Plan, load, plan},
     scene::{
         Scene,
-        bvh::Bvh,
         load::{LoadOptions, load as load_scene},
         needs::Needs,
+        stage::Stage,
     },
     schedule::Device,
 };
@@ -332,36 +333,36 @@ const ASKED: [(&str, f64); 8] =
     [("sibenik", 0.0), ("sponza", 0.0), ("arcade", 0.0), ("wall-lamp", 0.0), ("low-sun", 0.0), ("globes", 0.0), ("metal", 0.0), ("door", 0.035)];
 
 fn main() {
-    let gpu = Gpu::open().map(Arc::new).map_err(|error| error.to_string());
+    let gpu = block_on(Gpu::open()).map_err(|error| error.to_string());
     let missing = gpu.as_ref().err().map(|reason| Missing::new("gpu", reason)).or_else(Missing::scenes);
     let mut trials = Vec::new();
     for hall in &HALLS {
         for way in WAYS {
             let gpu = gpu.clone();
-            trials.push(skips::trial(format!("{}_{}", hall.name, way.0), missing.as_ref(), move || of_hall(&*gpu?, hall, way)));
+            trials.push(skips::trial(format!("{}_{}", hall.name, way.0), missing.as_ref(), move || of_hall(&gpu?, hall, way)));
         }
     }
     let no_gpu = gpu.as_ref().err().map(|reason| Missing::new("gpu", reason));
     for (name, limits) in HARD {
         let gpu = gpu.clone();
-        trials.push(skips::trial(name.to_owned(), no_gpu.as_ref(), move || under_hard_light(&*gpu?, name, limits)));
+        trials.push(skips::trial(name.to_owned(), no_gpu.as_ref(), move || under_hard_light(&gpu?, name, limits)));
     }
     let glossy = gpu.clone();
-    trials.push(skips::trial("metal".to_owned(), no_gpu.as_ref(), move || of_glossy_light(&*glossy?)));
+    trials.push(skips::trial("metal".to_owned(), no_gpu.as_ref(), move || of_glossy_light(&glossy?)));
     for (name, floor) in ASKED {
         let (gpu, is_hall) = (gpu.clone(), HALLS.iter().any(|hall| hall.name == name));
         let missing = if is_hall { missing.as_ref() } else { no_gpu.as_ref() };
-        trials.push(skips::trial(format!("{name}_is_as_exact_as_asked"), missing, move || is_as_exact_as_asked(&*gpu?, name, floor)));
+        trials.push(skips::trial(format!("{name}_is_as_exact_as_asked"), missing, move || is_as_exact_as_asked(&gpu?, name, floor)));
     }
     for name in CALIBRATED {
         let (gpu, is_hall) = (gpu.clone(), HALLS.iter().any(|hall| hall.name == name));
         let missing = if is_hall { missing.as_ref() } else { no_gpu.as_ref() };
-        trials.push(skips::trial(format!("{name}_knows_its_errors"), missing, move || knows_its_errors(&*gpu?, name)));
+        trials.push(skips::trial(format!("{name}_knows_its_errors"), missing, move || knows_its_errors(&gpu?, name)));
     }
     libtest_mimic::run(&Arguments::from_args(), trials).exit()
 }
 
-fn of_hall(gpu: &Gpu, hall: &Hall, (way, pipeline, device, one_core): (&str, &str, Option<Device>, bool)) -> Outcome {
+fn of_hall(gpu: &Arc<Gpu>, hall: &Hall, (way, pipeline, device, one_core): (&str, &str, Option<Device>, bool)) -> Outcome {
     let (picture, report, bytes) = drawn(gpu, hall.name, pipeline, device, one_core)?;
     let by_device = device == Some(Device::ABLE) || pipeline == "irradiance-device";
     let mut wrong = costs(hall, &report, bytes, by_device);
@@ -369,7 +370,7 @@ fn of_hall(gpu: &Gpu, hall: &Hall, (way, pipeline, device, one_core): (&str, &st
     if wrong.is_empty() { Ok(()) } else { Err(format!("{} {way}: {}", hall.name, wrong.join("; ")).into()) }
 }
 
-fn under_hard_light(gpu: &Gpu, name: &str, limits: Limits) -> Outcome {
+fn under_hard_light(gpu: &Arc<Gpu>, name: &str, limits: Limits) -> Outcome {
     let (picture, report, _) = drawn(gpu, name, "irradiance", None, false)?;
     let mut wrong = errors(name, (&LAYERS, limits), &picture)?;
     wrong.extend((!report.complete).then(|| "it is not complete".to_owned()));
@@ -377,7 +378,7 @@ fn under_hard_light(gpu: &Gpu, name: &str, limits: Limits) -> Outcome {
 }
 
 /// Sharp lobes, on balls and on a block.
-fn of_glossy_light(gpu: &Gpu) -> Outcome {
+fn of_glossy_light(gpu: &Arc<Gpu>) -> Outcome {
     let (picture, report, _) = drawn(gpu, "metal", "radiance", None, false)?;
     let mut wrong = errors("metal", (&["glossy", "irradiance", "picture"], METAL), &picture)?;
     wrong.extend((!report.complete).then(|| "it is not complete".to_owned()));
@@ -385,7 +386,7 @@ fn of_glossy_light(gpu: &Gpu) -> Outcome {
 }
 
 /// Half of the blocks are as exact as `quality` asks, the truth's own noise taken off, and what is less exact takes less work.
-fn is_as_exact_as_asked(gpu: &Gpu, name: &str, floor: f64) -> Outcome {
+fn is_as_exact_as_asked(gpu: &Arc<Gpu>, name: &str, floor: f64) -> Outcome {
     let pipeline = if name == "metal" { "radiance" } else { "irradiance" };
     let mut wrong = Vec::new();
     let mut before = 0;
@@ -405,7 +406,7 @@ fn is_as_exact_as_asked(gpu: &Gpu, name: &str, floor: f64) -> Outcome {
 }
 
 /// Two standard errors of a record's irradiance and of its truth's, a tile of fifty times as many rays at the same place, hold the difference of the two.
-fn knows_its_errors(gpu: &Gpu, name: &str) -> Outcome {
+fn knows_its_errors(gpu: &Arc<Gpu>, name: &str) -> Outcome {
     let found = records(gpu, name, &[])?;
     let truth = records(gpu, name, &["tiles.resolution=256", "tiles.quality=1e6"].map(String::from))?;
     let lit = || found.iter().zip(&truth).filter(|(_, truth)| truth.irradiance[1] > 0.0);
@@ -419,42 +420,44 @@ fn knows_its_errors(gpu: &Gpu, name: &str) -> Outcome {
 }
 
 /// Of tests/halls/calibration.ron.
-fn records(gpu: &Gpu, name: &str, sets: &[String]) -> Result<Vec<Record>, Failed> {
+fn records(gpu: &Arc<Gpu>, name: &str, sets: &[String]) -> Result<Vec<Record>, Failed> {
     let told = |error: hemisplat::measure::run::RunError| error.to_string();
-    let mut scene = load_scene(Path::new(name), &LoadOptions::default().with_environment()).map_err(|error| format!("{:?}", miette::Report::new(error)))?;
-    let bvh = Bvh::build(&mut scene);
+    let stage = Arc::new(Stage::new(
+        load_scene(Path::new(name), &LoadOptions::default().with_environment()).map_err(|error| format!("{:?}", miette::Report::new(error)))?,
+    ));
+    let scene = &stage.scene;
     let text = include_str!("halls/calibration.ron");
     let pipeline = load("calibration.ron", sets, REGISTRY, &mut |_| Ok(text.to_owned())).map_err(|problems| format!("{problems:?}"))?;
-    let needs = Needs::of(&scene);
-    let setting = Setting { scene: &scene, needs: &needs, device: gpu.adapter.device(), size: SIZE, tables: None };
-    let plan = plan(&pipeline, setting, &["records".into()], &|data| kind(&scene, data)).map_err(|problems| format!("{problems:?}"))?;
+    let needs = Needs::of(scene);
+    let setting = Setting { scene, needs: &needs, device: gpu.adapter.device(), size: SIZE, tables: None };
+    let plan = plan(&pipeline, setting, &["records".into()], &|data| kind(scene, data)).map_err(|problems| format!("{problems:?}"))?;
     let Some(Port::Records(made)) = plan.ports.get("records").or_else(|| plan.ports.get("records.records")) else { return Err("no records".into()) };
-    let mut run = Run::new(gpu, &scene, &bvh, &plan, &scene.cameras[0], SIZE).map_err(told)?;
-    run.frame(&|| Pace::GoOn).map_err(told)?;
+    let mut run = block_on(Run::new(gpu, &stage, &plan, &scene.cameras[0], SIZE)).map_err(told)?;
+    block_on(run.frame(&|| Pace::GoOn)).map_err(told)?;
     let count = run.latest(made.count) as usize;
-    Ok(bytemuck::pod_collect_to_vec::<u8, Record>(&run.bytes(made.records).map_err(told)?)[..count].to_vec())
+    Ok(bytemuck::pod_collect_to_vec::<u8, Record>(&block_on(run.bytes(made.records)).map_err(told)?)[..count].to_vec())
 }
 
 /// A picture, how it was made, and the bytes that it took on the device.
-fn drawn(gpu: &Gpu, name: &str, pipeline: &str, device: Option<Device>, one_core: bool) -> Result<(Layers, FrameReport, u64), Failed> {
+fn drawn(gpu: &Arc<Gpu>, name: &str, pipeline: &str, device: Option<Device>, one_core: bool) -> Result<(Layers, FrameReport, u64), Failed> {
     drawn_with(gpu, name, (pipeline, &[]), device, one_core)
 }
 
 /// The same, with parameters set.
-fn drawn_with(gpu: &Gpu, name: &str, pipeline: (&str, &[String]), device: Option<Device>, one_core: bool) -> Result<(Layers, FrameReport, u64), Failed> {
+fn drawn_with(gpu: &Arc<Gpu>, name: &str, pipeline: (&str, &[String]), device: Option<Device>, one_core: bool) -> Result<(Layers, FrameReport, u64), Failed> {
     let told = |error: hemisplat::measure::run::RunError| error.to_string();
     let options = LoadOptions::default().with_environment();
-    let mut scene = load_scene(Path::new(name), &options).map_err(|error| format!("{:?}", miette::Report::new(error)))?;
-    let bvh = Bvh::build(&mut scene);
-    let plan = planned(pipeline, &scene, device.unwrap_or(gpu.adapter.device()))?;
-    let mut run = Run::new(gpu, &scene, &bvh, &plan, &scene.cameras[0], SIZE).map_err(told)?;
+    let stage = Arc::new(Stage::new(load_scene(Path::new(name), &options).map_err(|error| format!("{:?}", miette::Report::new(error)))?));
+    let scene = &stage.scene;
+    let plan = planned(pipeline, scene, device.unwrap_or(gpu.adapter.device()))?;
+    let mut run = block_on(Run::new(gpu, &stage, &plan, &scene.cameras[0], SIZE)).map_err(told)?;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(usize::from(one_core)).build().map_err(|error| error.to_string())?;
-    let report = pool.install(|| run.frame(&|| Pace::GoOn)).map_err(told)?;
-    let picture = run.picture().map_err(told)?.with_attribute("bounces", 1);
+    let report = pool.install(|| block_on(run.frame(&|| Pace::GoOn))).map_err(told)?;
+    let picture = block_on(run.picture()).map_err(told)?.with_attribute("bounces", 1);
     Ok((picture, report, run.gpu_bytes()))
 }
 
-fn planned((pipeline, sets): (&str, &[String]), scene: &Scene, device: Device) -> Result<Plan, Failed> {
+fn planned((pipeline, sets): (&str, &[String]), scene: &Scene, device: Device) -> Result<Arc<Plan>, Failed> {
     let pipeline = load(pipeline, sets, REGISTRY, &mut |_| Err(io::ErrorKind::NotFound.into())).map_err(|problems| format!("{problems:?}"))?;
     let needs = Needs::of(scene);
     let setting = Setting { scene, needs: &needs, device, size: SIZE, tables: None };

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// What each module may name of the crate, beside itself. Mathematics and the scene are ground that all others stand on.
-const MAY_NAME: [(&str, &[&str]); 10] = [
+const MAY_NAME: [(&str, &[&str]); 11] = [
     ("math", &[]),
     ("scene", &["math"]),
     ("reference", &["math", "scene"]),
@@ -14,20 +14,27 @@ const MAY_NAME: [(&str, &[&str]); 10] = [
     ("passes", &["contract", "schedule", "math", "scene"]),
     ("gpu", &["schedule", "math", "scene"]),
     ("measure", &["pipeline", "contract", "schedule", "gpu", "math", "scene"]),
+    ("engine", &["measure", "passes", "pipeline", "contract", "schedule", "gpu", "math", "scene"]),
     ("cli", &["math", "scene", "reference", "schedule", "contract", "pipeline", "passes", "gpu", "measure"]),
 ];
 
-/// Where files may be read and threads be started; everything else has to run in a browser too. Shaders are built, tiles of rays
+/// Where files may be read: by the program, and for scenes behind one trait. Shaders in a folder are read while developing only.
+const MAY_READ_FILES: [&str; 3] = ["src/cli/", "src/scene/load/disk.rs", "src/gpu/shader.rs"];
+
+/// What files are called.
+const FILES: [&str; 8] = ["std::fs", "File::open", "File::create", "tempfile", "fs::", ".canonicalize(", ".is_file()", ".exists()"];
+
+/// Where the work is divided among threads; everything else has to run in a browser too. Images are decoded, shaders are built, tiles of rays
 /// cast, summed and projected, records added, filtered and splatted, their gaps closed, paths walked, misses looked for, skies turned, photons followed, sorted, gathered and walked through, obstacles looked for, blocks of files compressed side by side,
-/// where rayon has threads to do it. Shaders in a folder are read while developing only.
-const MAY_TOUCH_THE_SYSTEM: [&str; 32] = [
+/// where rayon has threads to do it.
+const MAY_HAVE_THREADS: [&str; 32] = [
     "src/cli/",
-    "src/scene/load",
+    "src/scene/load/image.rs",
     "src/scene/packets/mod.rs",
+    "src/scene/parts.rs",
     "src/reference/",
-    "src/gpu/pipelines.rs",
+    "src/gpu/cores.rs",
     "src/gpu/shaders.rs",
-    "src/gpu/shader.rs",
     "src/measure/blocks.rs",
     "passes/add_irradiance.rs",
     "passes/add_records.rs",
@@ -55,8 +62,14 @@ const MAY_TOUCH_THE_SYSTEM: [&str; 32] = [
     "passes/radiance_projection/host.rs",
 ];
 
-/// What files and threads are called.
-const SYSTEM: [&str; 7] = ["std::fs", "std::thread", "rayon", "File::open", "File::create", "tempfile", "fs::"];
+/// What threads are called.
+const THREADS: [&str; 2] = ["std::thread", "rayon"];
+
+/// Where a thread may wait for the device: the program's own, and one of many that build shaders. A browser's must not.
+const MAY_BLOCK: [&str; 6] = ["src/cli/", "src/lib.rs", "src/measure/stability/", "src/gpu/cores.rs", "src/gpu/device.rs", "src/gpu/mod.rs"];
+
+/// How a thread waits.
+const BLOCKING: [&str; 4] = ["block_on", "mpsc", "Condvar", "sleep("];
 
 struct Source {
     /// From the crate's root, with slashes.
@@ -169,13 +182,40 @@ fn wrong_passes(sources: &[Source]) -> Vec<String> {
 
 /// Files and threads where a browser has none.
 fn wrong_system(sources: &[Source]) -> Vec<String> {
-    let bound = sources.iter().filter(|source| !MAY_TOUCH_THE_SYSTEM.iter().any(|place| source.path.starts_with(place)));
-    bound
-        .flat_map(|source| {
+    let uses = |allowed: &[&str], names: &[&str]| -> Vec<String> {
+        let bound = sources.iter().filter(|source| !source.path.contains("/tests/") && !allowed.iter().any(|place| source.path.starts_with(place)));
+        let used = bound.flat_map(|source| {
             let code = without_tests(&source.code);
-            SYSTEM.iter().filter(|name| code.contains(**name)).map(|name| format!("{} uses {name}", source.path))
-        })
-        .collect()
+            names.iter().filter(|name| code.contains(**name)).map(|name| format!("{} uses {name}", source.path)).collect::<Vec<_>>()
+        });
+        used.collect()
+    };
+    [uses(&MAY_READ_FILES, &FILES), uses(&MAY_HAVE_THREADS, &THREADS)].concat()
+}
+
+/// Threads that wait, and clocks of the system, where a browser has neither. The program may have both.
+fn wrong_waiting(sources: &[Source]) -> Vec<String> {
+    let mut wrong = Vec::new();
+    for source in sources.iter().filter(|source| !source.path.starts_with("src/cli/") && !source.path.contains("/tests/")) {
+        let code = without_tests(&source.code);
+        if !MAY_BLOCK.iter().any(|place| source.path.starts_with(place)) {
+            wrong.extend(BLOCKING.iter().filter(|name| code.contains(**name)).map(|name| format!("{} uses {name}", source.path)));
+        }
+        if code.contains("Instant") && !code.contains("web_time::") {
+            wrong.push(format!("{} uses a clock that is not web_time's", source.path));
+        }
+    }
+    wrong
+}
+
+#[test]
+fn nothing_waits_where_a_browser_must_not() {
+    let wrong = wrong_waiting(&sources());
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+    let source = |path: &str, code: &str| Source { path: path.into(), code: code.into() };
+    let broken =
+        [source("src/gpu/frame.rs", "block_on(x)"), source("src/gpu/frame.rs", "use std::{io, time::Instant};"), source("src/cli/a.rs", "block_on(x)")];
+    assert_eq!(wrong_waiting(&broken).len(), 2);
 }
 
 #[test]

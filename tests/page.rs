@@ -364,7 +364,7 @@ fn records(browser: &mut Browser) -> Outcome {
     browser.until("location.hash.includes('records=error.cache')")?;
     let file = page.path().join("page.html");
     browser.open(Path::new("/dev/null"))?;
-    browser.open(Path::new(&format!("{}#records=limit.glossy_cache", file.display())))?;
+    browser.open_at(&file, "records=limit.glossy_cache")?;
     equals(browser, "document.querySelector('#records').value", "limit glossy_cache")
 }
 
@@ -383,11 +383,11 @@ fn link(browser: &mut Browser) -> Outcome {
     let (hash, before) = (browser.evaluate("location.hash")?, browser.evaluate(state)?);
     browser.open(Path::new("/dev/null"))?;
     let file = page.path().join("page.html");
-    browser.open(Path::new(&format!("{}{}", file.display(), hash.as_str().unwrap_or_default())))?;
+    browser.open_at(&file, hash.as_str().unwrap_or_default().trim_start_matches('#'))?;
     equals(browser, state, before)?;
     // What makes no sense is as if it were not there.
     browser.open(Path::new("/dev/null"))?;
-    browser.open(Path::new(&format!("{}#left=Z&right=__proto__&show=x&view=1&x=1e9&zoom=NaN&pins=a.b_9999.3&stops=%F0&gamma=-1", file.display())))?;
+    browser.open_at(&file, "left=Z&right=__proto__&show=x&view=1&x=1e9&zoom=NaN&pins=a.b_9999.3&stops=%F0&gamma=-1")?;
     equals(browser, "document.querySelector('#left').value + document.querySelector('#right').value", "01")?;
     equals(browser, "document.querySelectorAll('#insets li').length", 0)?;
     shows(browser, 0.75, 1)

@@ -11,6 +11,7 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::io;
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Instant;
 
 // Passes that only have what these tests need.
@@ -490,17 +491,17 @@ fn scene(shadows: bool) -> Scene {
     }
 }
 
-fn plan_for(pipeline: &Pipeline, scene: &Scene, dumps: &[&str]) -> Result<Plan, Problems> {
+fn plan_for(pipeline: &Pipeline, scene: &Scene, dumps: &[&str]) -> Result<Arc<Plan>, Problems> {
     plan_on(Device::ABLE, pipeline, scene, dumps)
 }
 
-fn plan_on(device: Device, pipeline: &Pipeline, scene: &Scene, dumps: &[&str]) -> Result<Plan, Problems> {
+fn plan_on(device: Device, pipeline: &Pipeline, scene: &Scene, dumps: &[&str]) -> Result<Arc<Plan>, Problems> {
     let needs = Needs::of(scene);
     let dumps: Vec<String> = dumps.iter().map(|dump| dump.to_string()).collect();
     plan(pipeline, Setting { scene, needs: &needs, device, size: [64, 48], tables: None }, &dumps, &|_| ResourceKind::Buffer { bytes: 1024 })
 }
 
-fn planned(text: &str, shadows: bool) -> Plan {
+fn planned(text: &str, shadows: bool) -> Arc<Plan> {
     let pipeline = load_text(text).unwrap_or_else(|e| panic!("{}", rendered(&e)));
     plan_for(&pipeline, &scene(shadows), &[]).unwrap_or_else(|e| panic!("{}", rendered(&e)))
 }
@@ -722,7 +723,7 @@ fn shipped(scene: &str) -> Scene {
     scenes::load(Path::new(scene), &scenes::LoadOptions::default()).unwrap()
 }
 
-fn planned_for(file: &str, scene: &Scene, device: Device) -> Plan {
+fn planned_for(file: &str, scene: &Scene, device: Device) -> Arc<Plan> {
     let pipeline = load_files(file, &[], &[], REGISTRY).unwrap_or_else(|e| panic!("{}", rendered(&e)));
     plan_on(device, &pipeline, scene, &[]).unwrap_or_else(|e| panic!("{}", rendered(&e)))
 }

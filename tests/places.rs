@@ -2,6 +2,7 @@
 //!
 //! The device draws a picture, and what each node hands on is noted. Then the host draws it, as far as it can; what each of its nodes hands on is compared
 //! with what was noted and replaced by it, so that the next node starts from the same. A pass with two bodies is in this test by having them.
+//! Those few pipelines that do most of what there is run every time; the others are long cases, which `--include-ignored` runs too.
 //!
 //! Needs a GPU adapter, a software one will do.
 
@@ -9,6 +10,7 @@ mod skips;
 
 use glam::Vec3;
 use hemisplat::{
+    block_on,
     contract::{PLACE, Port, encoder::Setting, port, tables::Remembered},
     gpu::{Gpu, Pace, Session, scene::kind},
     math::morton::Cube,
@@ -18,12 +20,13 @@ use hemisplat::{
         record::{RECORD_BYTES, REQUEST_BYTES, Request},
     },
     pipeline::{self, Pipeline, Plan, Problems, embedded::EMBEDDED, load, plan},
-    scene::{Scene, bvh::Bvh, load as scenes, needs::Needs},
+    scene::{load as scenes, needs::Needs, stage},
     schedule::{self, *},
 };
 use libtest_mimic::{Arguments, Failed};
 use skips::Missing;
 use std::{
+    cmp::Reverse,
     collections::{BTreeMap, BTreeSet, VecDeque},
     io,
     path::Path,
@@ -43,14 +46,46 @@ const ALIKE: f32 = 2e-3;
 const APART: f64 = 0.01;
 
 fn main() {
-    let gpu = Gpu::open().map(Arc::new).map_err(|error| error.to_string());
+    let gpu = block_on(Gpu::open()).map_err(|error| error.to_string());
     let missing = gpu.as_ref().err().map(|reason| Missing::new("gpu", reason));
     let cases = EMBEDDED.iter().map(|(file, _)| (*file, KINDS)).chain([("irradiance.ron", HALL)]);
+    let enough = enough(EMBEDDED.iter().map(|(file, _)| *file));
     let trials = cases.map(|(file, (name, scene))| {
-        let gpu = gpu.clone();
-        skips::trial(format!("{} of {name}", file.trim_end_matches(".ron")), missing.as_ref(), move || agree(&*gpu?, file, scene))
+        let (gpu, title) = (gpu.clone(), format!("{} of {name}", file.trim_end_matches(".ron")));
+        let test = move || agree(&gpu?, file, scene);
+        let is_short = name == HALL.0 || enough.contains(file);
+        if is_short { skips::trial(title, missing.as_ref(), test) } else { skips::long(title, missing.as_ref(), test) }
     });
     libtest_mimic::run(&Arguments::from_args(), trials.collect()).exit()
+}
+
+/// Pipelines that run every time. Drivers on the processor compile for a minute or two for each, unless they remember.
+const SHORT: usize = 8;
+
+/// Files that together hold most of what is done by nodes of both, those with the most of it first.
+fn enough(files: impl Iterator<Item = &'static str>) -> BTreeSet<&'static str> {
+    let mut left: BTreeMap<&str, BTreeSet<String>> = files.map(|file| (file, done_by(file))).collect();
+    let mut enough = BTreeSet::new();
+    while enough.len() < SHORT
+        && let Some((file, done)) = left.iter().max_by_key(|(file, done)| (done.len(), Reverse(**file))).filter(|(_, done)| !done.is_empty())
+    {
+        let (file, done) = (*file, done.clone());
+        enough.insert(file);
+        left.values_mut().for_each(|others| others.retain(|work| !done.contains(work)));
+    }
+    enough
+}
+
+/// What a pipeline's nodes of both do: the pass, its parameters, and what it works on.
+fn done_by(file: &str) -> BTreeSet<String> {
+    let pipeline = load(file, &[], REGISTRY, &mut |_| Err(io::ErrorKind::NotFound.into())).unwrap_or_else(|problems| panic!("{problems:?}"));
+    let nodes = all(&pipeline.nodes);
+    let passes: BTreeMap<&str, &str> = nodes.iter().map(|node| (&*node.name, node.description().name)).collect();
+    let works = nodes.iter().filter(|node| is_of_both(node)).map(|node| {
+        let inputs: Vec<_> = node.inputs.iter().map(|edge| (edge.input, passes.get(&*edge.from.node), edge.from.output)).collect();
+        format!("{} {:?} {inputs:?}", node.description().name, node.arguments)
+    });
+    works.collect()
 }
 
 /// All nodes, those inside loops too.
@@ -66,8 +101,7 @@ fn is_of_both(node: &pipeline::Node) -> bool {
 /// A pipeline that ships, and a scene.
 struct Stage {
     file: &'static str,
-    scene: Scene,
-    bvh: Bvh,
+    ready: Arc<stage::Stage>,
     tables: Remembered,
     /// A driver on the cores of the host, that blends what the adapter blends.
     device: Device,
@@ -79,7 +113,7 @@ impl Stage {
     }
 
     /// A plan in which these nodes are done at this place.
-    fn plan(&self, nodes_there: &BTreeSet<String>, place: &str) -> Result<Plan, Problems> {
+    fn plan(&self, nodes_there: &BTreeSet<String>, place: &str) -> Result<Arc<Plan>, Problems> {
         let unset = self.pipeline(&[])?;
         // A driver on the processor takes half a minute for finer tables.
         let lobes = all(&unset.nodes).into_iter().filter(|node| node.description().name == "LobeCoefficients");
@@ -91,13 +125,13 @@ impl Stage {
         let tiles = all(&unset.nodes).into_iter().filter(|node| node.description().name == "HemisphereTiles");
         let even = tiles.map(|node| format!("{}.quality=1e6", node.name));
         let sets: Vec<String> = nodes_there.iter().map(|node| format!("{node}.place={place}")).chain(coarse).chain(few).chain(even).collect();
-        let needs = Needs::of(&self.scene);
-        let setting = Setting { scene: &self.scene, needs: &needs, device: self.device, size: SIZE, tables: Some(&self.tables) };
-        plan(&self.pipeline(&sets)?, setting, &[], &|data| kind(&self.scene, data))
+        let needs = Needs::of(&self.ready.scene);
+        let setting = Setting { scene: &self.ready.scene, needs: &needs, device: self.device, size: SIZE, tables: Some(&self.tables) };
+        plan(&self.pipeline(&sets)?, setting, &[], &|data| kind(&self.ready.scene, data))
     }
 
     /// A plan in which as many of the nodes as can are done at a place, and their names.
-    fn plan_of_most(&self, nodes: &[String], place: &str) -> Result<(Plan, BTreeSet<String>), Failed> {
+    fn plan_of_most(&self, nodes: &[String], place: &str) -> Result<(Arc<Plan>, BTreeSet<String>), Failed> {
         let mut there: BTreeSet<String> = nodes.iter().cloned().collect();
         loop {
             let problems = match self.plan(&there, place) {
@@ -114,26 +148,26 @@ impl Stage {
         }
     }
 
-    fn draw(&self, gpu: &Gpu, plan: &Plan) -> Outcome {
+    fn draw(&self, gpu: &Arc<Gpu>, plan: &Plan) -> Outcome {
         let placement = Placement::of(&plan.schedule, &Lifetimes::of(&plan.schedule, &[]));
-        let camera = &self.scene.cameras[0];
-        let mut session = Session::new(gpu, &self.scene, &self.bvh, &plan.schedule, &placement, camera, SIZE).map_err(|error| error.to_string())?;
-        session.frame(&|| Pace::GoOn).map_err(|error| error.to_string())?;
+        let camera = &self.ready.scene.cameras[0];
+        let mut session = block_on(Session::new(gpu, &self.ready, &plan.schedule, &placement, camera, SIZE)).map_err(|error| error.to_string())?;
+        block_on(session.frame(&|| Pace::GoOn)).map_err(|error| error.to_string())?;
         Ok(())
     }
 }
 
-fn agree(gpu: &Gpu, file: &'static str, scene: &str) -> Outcome {
+fn agree(gpu: &Arc<Gpu>, file: &'static str, scene: &str) -> Outcome {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(scene);
-    let mut scene = scenes::load(&path, &scenes::LoadOptions::default()).map_err(|error| error.to_string())?;
-    let bvh = Bvh::build(&mut scene);
-    let stage = Stage { file, scene, bvh, tables: Remembered::default(), device: Device { is_software: true, ..gpu.adapter.device() } };
+    let scene = scenes::load(&path, &scenes::LoadOptions::default()).map_err(|error| error.to_string())?;
+    let ready = Arc::new(stage::Stage::new(scene));
+    let stage = Stage { file, ready, tables: Remembered::default(), device: Device { is_software: true, ..gpu.adapter.device() } };
     let pipeline = stage.pipeline(&[]).map_err(|problems| format!("{problems:?}"))?;
     let nodes: Vec<String> = all(&pipeline.nodes).into_iter().filter(|node| is_of_both(node)).map(|node| node.name.clone()).collect();
     let log = Arc::new(Mutex::new(Log::default()));
     let drawn = |place: &str, step: Step| {
         let (mut plan, there) = stage.plan_of_most(&nodes, place)?;
-        watch(&mut plan, &log, step);
+        watch(Arc::get_mut(&mut plan).ok_or("someone else has the plan")?, &log, step);
         stage.draw(gpu, &plan).map(|()| (plan, there))
     };
     let (_, on_device) = drawn("Device", note)?;
@@ -271,7 +305,7 @@ type Step = fn(&mut Log, &str, &[Part], &[Variable], &mut dyn HostContext);
 /// Has a step after each node look at each of its ports.
 fn watch(plan: &mut Plan, log: &Arc<Mutex<Log>>, step: Step) {
     let last: BTreeMap<String, usize> = plan.schedule.nodes().iter().enumerate().map(|(at, node)| (node.name.clone(), at)).collect();
-    let mut steps = std::mem::take(&mut plan.schedule.steps);
+    let mut steps = std::mem::take(&mut Arc::get_mut(&mut plan.schedule).expect("no session runs it").steps);
     let mut at = 0;
     for_nodes(&mut steps, &mut |node| {
         if last.get(&node.name) == Some(&at) {
@@ -281,7 +315,7 @@ fn watch(plan: &mut Plan, log: &Arc<Mutex<Log>>, step: Step) {
         }
         at += 1;
     });
-    plan.schedule.steps = steps;
+    Arc::get_mut(&mut plan.schedule).expect("no session runs it").steps = steps;
 }
 
 fn for_nodes(steps: &mut [schedule::Step], see: &mut dyn FnMut(&mut Node)) {

@@ -348,7 +348,7 @@ fn alpha_masks_leave_holes() {
     let material = Material { texture: Some(0), alpha_cutoff: Some(0.5), ..grey(0.0) };
     let mut lid = scene(quad(Vec3::new(-1.0, 1.0, 1.0), Vec3::X * 2.0, Vec3::NEG_Z * 2.0, 0), vec![material]);
     let texels = (0..64).map(|i| [255, 255, 255, if i % 8 < 4 { 0 } else { 255 }]).collect();
-    lid.textures.push(Texture { name: "mask".into(), width: 8, height: 8, texels, reading: Default::default() });
+    lid.textures.push(Texture { name: "mask".into(), width: 8, height: 8, texels, ..Default::default() });
     lid.lights.push(point_light(Vec3::new(-1.0, 2.0, 0.0), 1.0));
     let bvh = Bvh::build(&mut lid);
     let tracer = Tracer::new(&lid, &bvh);
@@ -363,7 +363,7 @@ fn emitters_do_not_shine_from_their_holes() {
         let material = Material { texture: Some(0), alpha_cutoff, ..emitter(1.0) };
         let mut lid = scene(quad(Vec3::new(-1.0, 1.0, 1.0), Vec3::X * 2.0, Vec3::NEG_Z * 2.0, 0), vec![material]);
         let texels = (0..64 * 64).map(|i| [255, 255, 255, if i % 64 < 32 { 0 } else { 255 }]).collect();
-        lid.textures.push(Texture { name: "mask".into(), width: 64, height: 64, texels, reading: Default::default() });
+        lid.textures.push(Texture { name: "mask".into(), width: 64, height: 64, texels, ..Default::default() });
         direct_at(lid, Vec3::ZERO, Vec3::Y, 16384)
     };
     assert_close(half_lit(Some(0.5)), half_lit(None) / 2.0, 0.01);
@@ -374,7 +374,7 @@ fn textures_colour_the_reflected_light() {
     let far = 500.0;
     let material = Material { texture: Some(0), ..grey(0.5) };
     let mut floor = scene(quad(Vec3::new(-far, 0.0, -far), Vec3::Z * 2.0 * far, Vec3::X * 2.0 * far, 0), vec![material]);
-    floor.textures.push(Texture { name: "red".into(), width: 1, height: 1, texels: vec![[255, 0, 188, 255]], reading: Default::default() });
+    floor.textures.push(Texture { name: "red".into(), width: 1, height: 1, texels: vec![[255, 0, 188, 255]], ..Default::default() });
     floor.lights.push(sun());
     let bvh = Bvh::build(&mut floor);
     let found = Tracer::new(&floor, &bvh).gather(Vec3::Y, Vec3::NEG_Y, Bounces::Count(1), 1024, 1).irradiance;

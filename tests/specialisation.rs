@@ -17,7 +17,7 @@ fn loaded(name: &str, text: &str) -> Result<Pipeline, Problems> {
     load(name, &[], REGISTRY, &mut |path| if path == Path::new("test.ron") { Ok(text.to_owned()) } else { Err(io::ErrorKind::NotFound.into()) })
 }
 
-fn planned(pipeline: &str, scene: &str) -> Plan {
+fn planned(pipeline: &str, scene: &str) -> std::sync::Arc<Plan> {
     let scene = scenes::load(Path::new(scene), &scenes::LoadOptions::default()).unwrap();
     let needs = Needs::of(&scene);
     let setting = Setting { scene: &scene, needs: &needs, device: hemisplat::schedule::Device::ABLE, size: [64, 48], tables: None };
@@ -48,8 +48,8 @@ fn nothing_is_left_out_for_a_scene() {
 }
 
 /// What a scene's needs decide, as shaders call it. The scenes above lack some of it.
-const DECIDED: [&str; 11] =
-    ["TEXTURES", "NORMAL_MAPS", "TINTS", "ALPHA_MASKS", "ONE_SIDED", "SMOOTH", "GLOSSY", "ANISOTROPIC", "LIGHTS", "AREA_SAMPLES", "SKY_SAMPLES"];
+const DECIDED: [&str; 12] =
+    ["TEXTURES", "MIPMAPS", "NORMAL_MAPS", "TINTS", "ALPHA_MASKS", "ONE_SIDED", "SMOOTH", "GLOSSY", "ANISOTROPIC", "LIGHTS", "AREA_SAMPLES", "SKY_SAMPLES"];
 
 #[test]
 fn programs_are_the_same_for_every_scene() {

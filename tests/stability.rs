@@ -6,6 +6,7 @@
 mod skips;
 
 use hemisplat::{
+    block_on,
     gpu::Gpu,
     measure::stability::{Bench, CASES, Case, Verdict},
     passes::REGISTRY,
@@ -17,12 +18,14 @@ use std::{io, sync::Arc};
 
 type Outcome = Result<(), Failed>;
 
+type Test = Box<dyn FnOnce(&Arc<Gpu>) -> Outcome + Send>;
+
 fn main() {
-    let gpu = Gpu::open().map(Arc::new).map_err(|e| e.to_string());
+    let gpu = block_on(Gpu::open()).map_err(|e| e.to_string());
     let missing = gpu.as_ref().err().map(|reason| Missing::new("gpu", reason));
-    let drawn = |name: String, is_long: bool, test: Box<dyn FnOnce(&Gpu) -> Outcome + Send>| {
+    let drawn = |name: String, is_long: bool, test: Test| {
         let gpu = gpu.clone();
-        let run = move || test(&*gpu?);
+        let run = move || test(&gpu?);
         if is_long { skips::long(name, missing.as_ref(), run) } else { skips::trial(name, missing.as_ref(), run) }
     };
     let mut trials = vec![
@@ -51,7 +54,7 @@ fn told(problems: Problems) -> Failed {
 }
 
 /// No case whose name starts so may fail.
-fn all_hold(gpu: &Gpu, name: &str, only: &str, at_length: bool) -> Outcome {
+fn all_hold(gpu: &Arc<Gpu>, name: &str, only: &str, at_length: bool) -> Outcome {
     let load = |sets: &[String]| loaded(name, sets);
     let bench = Bench::new(gpu, &load).map_err(told)?;
     let outcomes = CASES.iter().filter(|case| case.is_long == at_length && case.name.starts_with(only)).map(|case| case.run(&bench));
@@ -65,7 +68,7 @@ fn case(name: &str) -> Result<&'static Case, Failed> {
 }
 
 /// Pipelines that are wrong, each with a case that must fail: one that let them pass would prove nothing.
-fn mistakes_are_seen(gpu: &Gpu) -> Outcome {
+fn mistakes_are_seen(gpu: &Arc<Gpu>) -> Outcome {
     let mistakes = [
         // A loop that ends before every pixel is covered.
         ("furnace", "details.max_rounds=1"),

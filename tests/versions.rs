@@ -5,12 +5,13 @@
 mod skips;
 
 use hemisplat::{
+    block_on,
     contract::{Port, encoder::Setting},
     gpu::{Gpu, Pace, scene::kind, shader::Shader},
     measure::{layers::Layers, run::Run},
     passes::REGISTRY,
     pipeline::{Edge, Node, Plan, Problems, embedded::EMBEDDED, load, plan},
-    scene::{Scene, bvh::Bvh, load as scenes, needs::Needs},
+    scene::{Scene, load as scenes, needs::Needs, stage::Stage},
     schedule::{Command, Device, Resource},
 };
 use libtest_mimic::{Arguments, Failed};
@@ -27,7 +28,7 @@ type Outcome = Result<(), Failed>;
 const SIZE: [u32; 2] = [40, 30];
 
 fn main() {
-    let gpu = Gpu::open().map(Arc::new).map_err(|error| error.to_string());
+    let gpu = block_on(Gpu::open()).map_err(|error| error.to_string());
     let missing = gpu.as_ref().err().map(|reason| Missing::new("gpu", reason));
     let mut trials = vec![
         skips::trial("plans_are_the_same_in_any_order", None, plans_are_the_same),
@@ -36,7 +37,7 @@ fn main() {
     ];
     for (file, text) in written_out() {
         let gpu = gpu.clone();
-        trials.push(skips::trial(format!("pictures_of_{}", file.trim_end_matches(".ron")), missing.as_ref(), move || pictures_are_the_same(&*gpu?, text)));
+        trials.push(skips::trial(format!("pictures_of_{}", file.trim_end_matches(".ron")), missing.as_ref(), move || pictures_are_the_same(&gpu?, text)));
     }
     libtest_mimic::run(&Arguments::from_args(), trials).exit()
 }
@@ -50,10 +51,10 @@ fn plans_are_the_same() -> Outcome {
     let scene = scene()?;
     for (file, text) in written_out() {
         for device in [Device::ABLE, Device::SOFTWARE] {
-            let kept = told(&planned(text, &scene, device)?);
+            let kept = told(&*planned(text, &scene, device)?);
             for seed in 1..9 {
                 let shuffled = shuffled(text, &mut Numbers(seed));
-                let other = told(&planned(&shuffled, &scene, device)?);
+                let other = told(&*planned(&shuffled, &scene, device)?);
                 check(kept == other, || format!("{file} is another plan as\n{shuffled}\n{:?}", kept.symmetric_difference(&other).collect::<Vec<_>>()))?;
             }
         }
@@ -109,15 +110,15 @@ fn written(command: &Command) -> Result<Vec<Resource>, Failed> {
     Ok(written)
 }
 
-fn pictures_are_the_same(gpu: &Gpu, text: &str) -> Outcome {
-    let mut scene = scene()?;
-    let bvh = Bvh::build(&mut scene);
+fn pictures_are_the_same(gpu: &Arc<Gpu>, text: &str) -> Outcome {
+    let stage = Arc::new(Stage::new(scene()?));
+    let scene = &stage.scene;
     let drawn = |text: &str| -> Result<Layers, Failed> {
-        let plan = planned(text, &scene, gpu.adapter.device())?;
+        let plan = planned(text, scene, gpu.adapter.device())?;
         let told = |error: hemisplat::measure::run::RunError| error.to_string();
-        let mut run = Run::new(gpu, &scene, &bvh, &plan, &scene.cameras[0], SIZE).map_err(told)?;
-        run.frame(&|| Pace::GoOn).map_err(told)?;
-        Ok(run.picture().map_err(told)?)
+        let mut run = block_on(Run::new(gpu, &stage, &plan, &scene.cameras[0], SIZE)).map_err(told)?;
+        block_on(run.frame(&|| Pace::GoOn)).map_err(told)?;
+        Ok(block_on(run.picture()).map_err(told)?)
     };
     let kept = drawn(text)?;
     for seed in [3, 4] {
@@ -153,7 +154,7 @@ fn scene() -> Result<Scene, Failed> {
     Ok(scenes::load(&path, &scenes::LoadOptions::default()).map_err(|error| error.to_string())?)
 }
 
-fn planned(text: &str, scene: &Scene, device: Device) -> Result<Plan, Failed> {
+fn planned(text: &str, scene: &Scene, device: Device) -> Result<Arc<Plan>, Failed> {
     let told = |problems: Problems| format!("{problems:?}");
     let pipeline = load("shuffled.ron", &[], REGISTRY, &mut |_| Ok(text.to_owned())).map_err(told)?;
     let needs = Needs::of(scene);

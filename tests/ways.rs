@@ -8,6 +8,7 @@ mod skips;
 
 use glam::{Vec2, Vec3};
 use hemisplat::{
+    block_on,
     contract::{Arguments as Given, Encoder, ParameterKind, Place, Port, Value, encoder::Reported, encoder::Setting, find, port},
     gpu::{Gpu, Pace, Session, scene as scene_data, shader},
     math::{
@@ -21,7 +22,7 @@ use hemisplat::{
         photons::{Photon, SLOTS_BEFORE},
         record::{Radius, Record, Request, Weighting, summed_record},
     },
-    scene::{bvh::Bvh, load, model::*, needs::Needs},
+    scene::{load, model::*, needs::Needs, stage},
     schedule::*,
 };
 use libtest_mimic::{Arguments, Failed};
@@ -69,55 +70,59 @@ fn main() {
 
 /// A device, and a scene of some thousand triangles and two lights.
 struct Stage {
-    gpu: Gpu,
-    scene: Scene,
-    bvh: Bvh,
+    gpu: Arc<Gpu>,
+    ready: Arc<stage::Stage>,
     needs: Needs,
+}
+
+/// A hall of some thousand triangles.
+fn hall() -> Result<Scene, String> {
+    let options = load::LoadOptions { overrides: vec![("triangles".into(), "1000".into())], ..Default::default() };
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/hall.ron");
+    load::load(&path, &options).map_err(|e| e.to_string())
 }
 
 impl Stage {
     fn open() -> Result<Self, String> {
-        let gpu = Gpu::open().map_err(|e| e.to_string())?;
-        let options = load::LoadOptions { overrides: vec![("triangles".into(), "1000".into())], ..Default::default() };
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/hall.ron");
-        let mut scene = load::load(&path, &options).map_err(|e| e.to_string())?;
-        let bvh = Bvh::build(&mut scene);
+        Self::of(hall()?)
+    }
+
+    fn of(scene: Scene) -> Result<Self, String> {
+        let gpu = block_on(Gpu::open()).map_err(|e| e.to_string())?;
         let needs = Needs::of(&scene);
-        Ok(Self { gpu, scene, bvh, needs })
+        Ok(Self { gpu, ready: Arc::new(stage::Stage::new(scene)), needs })
     }
 
     /// The same with holes in a third of the hall's coloured surfaces, and another third that shines and is seen from one side only.
     fn with_holes() -> Result<Self, String> {
-        let mut stage = Self::open()?;
+        let mut scene = hall()?;
         let texels = (0..64u32).map(|texel| if (texel % 8 + texel / 8) % 2 == 0 { [200, 130, 60, 255] } else { [255, 255, 255, 0] }).collect();
-        stage.scene.textures.push(Texture { name: "holes".into(), width: 8, height: 8, texels, reading: Default::default() });
-        let first = stage.scene.materials.len() as u32;
-        let plain = stage.scene.materials[0].clone();
-        stage.scene.materials.push(Material { texture: Some(stage.scene.textures.len() as u32 - 1), alpha_cutoff: Some(0.5), ..plain.clone() });
-        stage.scene.materials.push(Material { two_sided: false, emission: Vec3::new(0.5, 0.2, 0.0), ..plain });
-        for (number, triangle) in stage.scene.triangles.iter_mut().enumerate() {
+        scene.textures.push(Texture { name: "holes".into(), width: 8, height: 8, texels, ..Default::default() }.with_levels(Some(0.5)));
+        let first = scene.materials.len() as u32;
+        let plain = scene.materials[0].clone();
+        scene.materials.push(Material { texture: Some(scene.textures.len() as u32 - 1), alpha_cutoff: Some(0.5), ..plain.clone() });
+        scene.materials.push(Material { two_sided: false, emission: Vec3::new(0.5, 0.2, 0.0), ..plain });
+        for (number, triangle) in scene.triangles.iter_mut().enumerate() {
             triangle.uvs = [Vec2::ZERO, Vec2::X, Vec2::Y];
             triangle.material = if number % 3 == 0 { triangle.material } else { first + number as u32 % 2 };
         }
-        stage.bvh = Bvh::build(&mut stage.scene);
-        stage.needs = Needs::of(&stage.scene);
-        Ok(stage)
+        Self::of(scene)
     }
 
     /// The same with maps of all kinds on half of the hall's surfaces, which are glossy and shine, and with tints on a third.
     fn with_maps() -> Result<Self, String> {
-        let mut stage = Self::open()?;
-        let first = stage.scene.textures.len() as u32;
+        let mut scene = hall()?;
+        let first = scene.textures.len() as u32;
         let mut numbers = Numbers(3);
         for (size, is_linear, wrap) in
             [([8, 4], false, [Wrap::Repeat, Wrap::Mirror]), ([5, 7], true, [Wrap::Clamp, Wrap::Repeat]), ([4, 4], false, [Wrap::Mirror, Wrap::Clamp])]
         {
             let texels = (0..size[0] * size[1]).map(|_| [0; 4].map(|_: u8| numbers.between(90.0, 255.0) as u8)).collect();
-            let reading = Reading { is_linear, wrap };
-            stage.scene.textures.push(Texture { name: "map".into(), width: size[0], height: size[1], texels, reading });
+            let reading = Reading { is_linear, wrap, ..Default::default() };
+            scene.textures.push(Texture { width: size[0], height: size[1], texels, reading, ..Default::default() }.with_levels(None));
         }
-        let mapped = stage.scene.materials.len() as u32;
-        stage.scene.materials.push(Material {
+        let mapped = scene.materials.len() as u32;
+        scene.materials.push(Material {
             texture: Some(first),
             maps: Maps {
                 facets: Some(first + 1),
@@ -128,22 +133,20 @@ impl Stage {
             },
             emission: Vec3::new(0.5, 0.2, 0.4),
             glossy: Glossy::metallic_roughness(0.7, 0.9),
-            ..stage.scene.materials[0].clone()
+            ..scene.materials[0].clone()
         });
-        for (number, triangle) in stage.scene.triangles.iter_mut().enumerate() {
+        for (number, triangle) in scene.triangles.iter_mut().enumerate() {
             triangle.uvs = [Vec2::new(-0.4, 0.3), Vec2::new(2.7, 0.1), Vec2::new(0.2, -3.1)];
             triangle.material = if number % 2 == 0 { triangle.material } else { mapped };
             if number % 3 == 0 {
                 triangle.tints = [Vec3::X, Vec3::Y, Vec3::new(0.2, 0.4, 0.9)].map(Tint::new);
             }
         }
-        let mut chart = || stage.scene.triangles.iter().map(|_| [(); 3].map(|()| Vec2::new(numbers.between(-2.0, 2.0), numbers.between(-2.0, 2.0)))).collect();
-        stage.scene.charts = vec![chart(), chart()];
+        let mut chart = || scene.triangles.iter().map(|_| [(); 3].map(|()| Vec2::new(numbers.between(-2.0, 2.0), numbers.between(-2.0, 2.0)))).collect();
+        scene.charts = vec![chart(), chart()];
         let tangent = |(number, triangle): (usize, &Triangle)| if number % 5 == 0 { [Vec3::ZERO; 3] } else { triangle.positions };
-        stage.scene.tangents = stage.scene.triangles.iter().enumerate().map(tangent).collect();
-        stage.bvh = Bvh::build(&mut stage.scene);
-        stage.needs = Needs::of(&stage.scene);
-        Ok(stage)
+        scene.tangents = scene.triangles.iter().enumerate().map(tangent).collect();
+        Self::of(scene)
     }
 
     /// The ways of splatting that the adapter has.
@@ -158,7 +161,7 @@ impl Stage {
 struct Graph<'a> {
     stage: &'a Stage,
     size: [u32; 2],
-    schedule: Schedule,
+    schedule: Arc<Schedule>,
     ports: BTreeMap<String, Port>,
     reports: Vec<(&'static str, Reported)>,
     /// Records a round and whether the loop is sequential, while one is open.
@@ -171,22 +174,22 @@ impl<'a> Graph<'a> {
         let mut schedule = Schedule::default();
         let mut declare = |name: &str, kind, lifetime| schedule.resources.push(ResourceDescription { name: name.into(), kind, lifetime });
         for data in SceneData::ALL {
-            declare(data.name(), scene_data::kind(&stage.scene, data), Lifetime::Scene(data));
+            declare(data.name(), scene_data::kind(&stage.ready.scene, data), Lifetime::Scene(data));
         }
         declare("camera", ResourceKind::Buffer { bytes: 256 }, Lifetime::Frame);
-        Self { stage, size, schedule, ports: BTreeMap::new(), reports: Vec::new(), batch: None, looped: Vec::new() }
+        Self { stage, size, schedule: Arc::new(schedule), ports: BTreeMap::new(), reports: Vec::new(), batch: None, looped: Vec::new() }
     }
 
     /// A buffer with these contents.
     fn buffer(&mut self, name: &str, contents: &[u8]) -> Resource {
         let kind = ResourceKind::Buffer { bytes: contents.len() as u64 };
-        self.schedule.resources.push(ResourceDescription { name: name.into(), kind, lifetime: Lifetime::Constant(contents.into()) });
+        self.schedule().resources.push(ResourceDescription { name: name.into(), kind, lifetime: Lifetime::Constant(contents.into()) });
         Resource(self.schedule.resources.len() as u32 - 1)
     }
 
     /// A variable that the test sets.
     fn variable(&mut self, name: &str) -> Variable {
-        self.schedule.variables.push(VariableDescription { name: name.into(), history: true });
+        self.schedule().variables.push(VariableDescription { name: name.into(), history: true });
         Variable(self.schedule.variables.len() as u32 - 1)
     }
 
@@ -197,8 +200,8 @@ impl<'a> Graph<'a> {
         let given = arguments(description.parameters, values);
         let join = |input: &str| inputs.iter().find(|i| i.0 == input).and_then(|i| self.ports.get(i.1)).cloned();
         let joined: BTreeMap<_, _> = description.inputs.iter().filter_map(|i| Some((i.name, vec![join(i.name)?]))).collect();
-        let setting = Setting { scene: &self.stage.scene, needs: &self.stage.needs, device: Device::ABLE, size: self.size, tables: None };
-        let mut encoder = Encoder::new(name, &given, setting, &joined, &mut self.schedule);
+        let setting = Setting { scene: &self.stage.ready.scene, needs: &self.stage.needs, device: Device::ABLE, size: self.size, tables: None };
+        let mut encoder = Encoder::new(name, &given, setting, &joined, Arc::get_mut(&mut self.schedule).expect("no session runs it"));
         if let Some((batch, sequential)) = self.batch {
             encoder = encoder.in_loop(batch, sequential);
         }
@@ -216,11 +219,11 @@ impl<'a> Graph<'a> {
             commands.iter_mut().for_each(Command::drop_twin);
             Step::Node(Node { name: name.into(), pass: description.name, commands, once: false })
         };
-        self.schedule.steps.push(step(encoded.prologue));
+        self.schedule().steps.push(step(encoded.prologue));
         if self.batch.is_some() {
             self.looped.push(step(encoded.commands))
         } else {
-            self.schedule.steps.push(step(encoded.commands))
+            self.schedule().steps.push(step(encoded.commands))
         }
         Ok(())
     }
@@ -231,7 +234,7 @@ impl<'a> Graph<'a> {
         let until = *until;
         let round = self.variable("round");
         let steps = std::mem::take(&mut self.looped);
-        self.schedule.steps.push(Step::Repeat(Repeat {
+        self.schedule().steps.push(Step::Repeat(Repeat {
             name: "fill".into(),
             until: Some(until),
             round,
@@ -252,16 +255,20 @@ impl<'a> Graph<'a> {
         }
     }
 
-    fn session(&'a self, kept: &[Resource]) -> Result<Session<'a>, Failed> {
+    fn schedule(&mut self) -> &mut Schedule {
+        Arc::get_mut(&mut self.schedule).expect("no session runs it")
+    }
+
+    fn session(&self, kept: &[Resource]) -> Result<Session, Failed> {
         let reported = self.reports.iter().filter_map(|r| if let Reported::Buffer(buffer, _) = r.1 { Some(buffer) } else { None });
         let kept: Vec<_> = kept.iter().copied().chain(reported).collect();
-        let Stage { gpu, scene, bvh, .. } = self.stage;
+        let Stage { gpu, ready, .. } = self.stage;
         let placement = Placement::of(&self.schedule, &Lifetimes::of(&self.schedule, &kept));
-        Ok(Session::new(gpu, scene, bvh, &self.schedule, &placement, &scene.cameras[0], self.size).map_err(|e| e.to_string())?)
+        Ok(block_on(Session::new(gpu, ready, &self.schedule, &placement, &ready.scene.cameras[0], self.size)).map_err(|e| e.to_string())?)
     }
 
     /// The number that a node reports.
-    fn report(&self, session: &Session<'_>, name: &str) -> Result<u32, Failed> {
+    fn report(&self, session: &Session, name: &str) -> Result<u32, Failed> {
         match self.reports.iter().find(|r| r.0 == name).ok_or("no such report")?.1 {
             Reported::Variable(variable) => Ok(session.variable(variable)),
             Reported::Buffer(buffer, index) => Ok(read::<u32>(session, buffer)?[index as usize]),
@@ -290,8 +297,8 @@ fn undeclared_is_refused(stage: &Stage) -> Outcome {
                 Ok(())
             };
             let commands = vec![Command::Host(Host::new(name, reads, writes, run))];
-            graph.schedule.steps.push(hemisplat::schedule::Step::Node(Node { name: "node".into(), pass: "Test", commands, once: false }));
-            let told = graph.session(&[])?.frame(&|| Pace::GoOn).err().map(|error| error.to_string());
+            graph.schedule().steps.push(hemisplat::schedule::Step::Node(Node { name: "node".into(), pass: "Test", commands, once: false }));
+            let told = block_on(graph.session(&[])?.frame(&|| Pace::GoOn)).err().map(|error| error.to_string());
             let expected = (!is_declared).then(|| format!("node: `{name}` touches someone.numbers, which it does not declare"));
             check(told == expected, || format!("{told:?}, not {expected:?}"))?;
         }
@@ -327,8 +334,8 @@ fn arguments(parameters: &'static [hemisplat::contract::Parameter], values: &[(&
     given
 }
 
-fn read<T: bytemuck::Pod>(session: &Session<'_>, resource: Resource) -> Result<Vec<T>, Failed> {
-    Ok(bytemuck::pod_collect_to_vec(&session.read(resource).map_err(|e| e.to_string())?))
+fn read<T: bytemuck::Pod>(session: &Session, resource: Resource) -> Result<Vec<T>, Failed> {
+    Ok(bytemuck::pod_collect_to_vec(&block_on(session.read(resource)).map_err(|e| e.to_string())?))
 }
 
 fn check(holds: bool, what: impl FnOnce() -> String) -> Outcome {
@@ -398,7 +405,7 @@ fn requests() -> [Request; TILES] {
 fn summed(stage: &Stage, table: &Arc<Table>, shape: (Shape, u32), by: &str, radius: Radius) -> Result<Vec<Record>, Failed> {
     // More tiles than are asked for, in an atlas of two columns.
     let (capacity, size) = (TILES + 3, table.samples.len());
-    let mut samples: Vec<[f32; 4]> = tiles(table, stage.scene.extent()).concat();
+    let mut samples: Vec<[f32; 4]> = tiles(table, stage.ready.scene.extent()).concat();
     samples.resize(capacity * size, [f32::NAN; 4]);
     let mut places = requests().to_vec();
     places.resize(capacity, bytemuck::Zeroable::zeroed());
@@ -429,7 +436,7 @@ fn summed(stage: &Stage, table: &Arc<Table>, shape: (Shape, u32), by: &str, radi
     session.set_variable(requests.count, TILES as u32);
     let mut frames = Vec::new();
     for _ in 0..2 {
-        session.frame(&|| Pace::GoOn).map_err(|e| e.to_string())?;
+        block_on(session.frame(&|| Pace::GoOn)).map_err(|e| e.to_string())?;
         frames.push(read::<Record>(&session, *records)?[..TILES].to_vec());
     }
     check(bytemuck::cast_slice::<_, u8>(&frames[0]) == bytemuck::cast_slice::<_, u8>(&frames[1]), || format!("{by} does not repeat"))?;
@@ -482,7 +489,7 @@ fn table(shape: (Shape, u32)) -> Result<Arc<Table>, Failed> {
 fn sums_agree(stage: &Stage) -> Outcome {
     for shape in SHAPES {
         let table = table(shape)?;
-        let expected = expected(&table, stage.scene.extent(), Radius::HarmonicMean)?;
+        let expected = expected(&table, stage.ready.scene.extent(), Radius::HarmonicMean)?;
         for by in SUMS {
             let found = summed(stage, &table, shape, by, Radius::HarmonicMean)?;
             let errors: Vec<f32> = found.iter().zip(&expected).map(|(f, (e, scales))| error(f, e, *scales)).collect();
@@ -497,7 +504,7 @@ fn sums_agree(stage: &Stage) -> Outcome {
 fn curvatures_agree(stage: &Stage) -> Outcome {
     for shape in SHAPES {
         let table = table(shape)?;
-        let expected = expected(&table, stage.scene.extent(), Radius::Curvature)?;
+        let expected = expected(&table, stage.ready.scene.extent(), Radius::Curvature)?;
         for by in SUMS {
             let found = summed(stage, &table, shape, by, Radius::Curvature)?;
             for (found, (expected, _)) in found.iter().zip(&expected) {
@@ -518,7 +525,7 @@ fn curvatures_agree(stage: &Stage) -> Outcome {
 fn half_sums_are_bounded(stage: &Stage) -> Outcome {
     for shape in SHAPES {
         let table = table(shape)?;
-        let expected = expected(&table, stage.scene.extent(), Radius::HarmonicMean)?;
+        let expected = expected(&table, stage.ready.scene.extent(), Radius::HarmonicMean)?;
         for by in ["MipmapChain:F16", "PingPong:F16"] {
             let found = summed(stage, &table, shape, by, Radius::HarmonicMean)?;
             let mild = error(&found[0], &expected[0].0, expected[0].1);
@@ -537,7 +544,7 @@ fn half_sums_are_bounded(stage: &Stage) -> Outcome {
 /// What tiles above some triangles see, sample by sample, as the way says: radiance and distance.
 fn seen(stage: &Stage, shape: &str, by: &str) -> Result<Vec<[f32; 4]>, Failed> {
     let above = |triangle: &Triangle| Request::new(triangle.positions.iter().sum::<Vec3>() / 3.0, 0.01, triangle.face_normal(), 0.7);
-    let places: Vec<Request> = stage.scene.triangles.iter().step_by(40).map(above).collect();
+    let places: Vec<Request> = stage.ready.scene.triangles.iter().step_by(40).map(above).collect();
     let mut graph = Graph::new(stage, [16, 16]);
     let requests = port::Requests {
         places: graph.buffer("places", bytemuck::cast_slice(&places)),
@@ -552,7 +559,7 @@ fn seen(stage: &Stage, shape: &str, by: &str) -> Result<Vec<[f32; 4]>, Failed> {
     let Some(Port::Tiles(tiles)) = graph.ports.get("tiles").cloned() else { return Err("no tiles".into()) };
     let mut session = graph.session(&[tiles.samples])?;
     session.set_variable(requests.count, places.len() as u32);
-    session.frame(&|| Pace::GoOn).map_err(|e| e.to_string())?;
+    block_on(session.frame(&|| Pace::GoOn)).map_err(|e| e.to_string())?;
     read(&session, tiles.samples)
 }
 
@@ -592,7 +599,7 @@ fn odd_tiles_are_refused(stage: &Stage) -> Outcome {
     check(refused.contains("22×22"), || format!("a mipmap chain of 22×22 samples was not refused: {refused}"))?;
     for shape in [(Shape::Cosine, 22), (Shape::Cosine, 21), (Shape::Concentric, 7), (Shape::Hemispherical, 5), (Shape::Plane { fov_degrees: 90.0 }, 33)] {
         let table = self::table(shape)?;
-        let expected = expected(&table, stage.scene.extent(), Radius::HarmonicMean)?;
+        let expected = expected(&table, stage.ready.scene.extent(), Radius::HarmonicMean)?;
         for by in ["PingPong:F32", "WorkgroupTree", "CpuReadback"] {
             let found = summed(stage, &table, shape, by, Radius::HarmonicMean)?;
             let errors: Vec<f32> = found.iter().zip(&expected).map(|(f, (e, scales))| error(f, e, *scales)).collect();
@@ -670,9 +677,9 @@ fn splatted(stage: &Stage, records: &[Record], rule: Rule, size: [u32; 2], (by, 
     let mut seconds = 0.0;
     for _ in 0..repeats {
         let start = Instant::now();
-        session.frame(&|| Pace::GoOn).map_err(|e| e.to_string())?;
+        block_on(session.frame(&|| Pace::GoOn)).map_err(|e| e.to_string())?;
         seconds = start.elapsed().as_secs_f64();
-        frames.push((session.read(sums).map_err(|e| e.to_string())?, read(&session, counts)?));
+        frames.push((block_on(session.read(sums)).map_err(|e| e.to_string())?, read(&session, counts)?));
     }
     check(frames.iter().all(|frame| *frame == frames[0]), || format!("{by} does not repeat"))?;
     let (sums, counts) = frames.swap_remove(0);
@@ -701,7 +708,7 @@ const WEIGHTINGS: [weight::Weighting; 3] = [weight::Weighting::Ward, weight::Wei
 fn splats_agree(stage: &Stage) -> Outcome {
     // No multiple of a tile of 16 pixels.
     let size = [100, 75];
-    let records = records(&stage.scene, size, 3000);
+    let records = records(&stage.ready.scene, size, 3000);
     for weighting in WEIGHTINGS {
         for of in ["Estimate", "StandardError"] {
             let host = splatted(stage, &records, rule(weighting, 40.0), size, ("Host", of), 2)?;
@@ -717,7 +724,7 @@ fn splats_agree(stage: &Stage) -> Outcome {
 /// Records that reach some others, with errors that explain some of what they differ by.
 fn filters_agree(stage: &Stage) -> Outcome {
     let size = [100, 75];
-    let records = records(&stage.scene, size, 3000);
+    let records = records(&stage.ready.scene, size, 3000);
     let found = ["Host", "Device"].map(|place| filtered(stage, &records, size, place));
     let [host, device] = found.into_iter().collect::<Result<Vec<_>, _>>()?.try_into().expect("two");
     let mut changed = 0;
@@ -750,14 +757,14 @@ fn filtered(stage: &Stage, records: &[Record], size: [u32; 2], place: &str) -> R
     let Some(Port::RecordCache(port::RecordCache { records: filtered, .. })) = graph.ports.get("filtered").cloned() else { return Err("no cache".into()) };
     let mut session = graph.session(&[filtered])?;
     session.set_variable(cache.count, records.len() as u32);
-    session.frame(&|| Pace::GoOn).map_err(|e| e.to_string())?;
+    block_on(session.frame(&|| Pace::GoOn)).map_err(|e| e.to_string())?;
     Ok(read::<Record>(&session, filtered)?[..records.len()].to_vec())
 }
 
 /// As many records as the largest cache holds: 800,000, 128 MB; the tiles' masks take 32 MiB at most.
 fn many_records(stage: &Stage) -> Outcome {
     let size = [512, 384];
-    let records = records(&stage.scene, size, 800_000);
+    let records = records(&stage.ready.scene, size, 800_000);
     let found = stage.splats().into_iter().map(|by| {
         let found = splatted(stage, &records, rule(weight::Weighting::Compact, 3.0), size, (by, "Estimate"), 1)?;
         println!("{by}: {:.2} s", found.seconds);
@@ -815,13 +822,13 @@ fn filled(stage: &Stage, fill: Fill, [splat, misses, sum, add]: [&str; 4]) -> Re
     graph.node("indirect", "Normalize", &[], &[("splats", "splats"), ("gbuffer", "gbuffer")])?;
     let irradiance = graph.texture("indirect.irradiance")?;
     let mut session = graph.session(&[irradiance, cache.records])?;
-    let frame = session.frame(&|| Pace::GoOn).map_err(|e| e.to_string())?;
+    let frame = block_on(session.frame(&|| Pace::GoOn)).map_err(|e| e.to_string())?;
     check(frame.unfinished.is_empty(), || "the fill did not end".into())?;
     let names = ["records", "new_records", "surplus_records", "uncovered_pixels", "non_finite_pixels"];
     let reports: Reports = names.into_iter().map(|name| Ok((name, graph.report(&session, name)?))).collect::<Result<_, Failed>>()?;
     let mut records: Vec<Record> = read(&session, cache.records)?;
     records.truncate(reports["records"] as usize);
-    Ok(Filled { irradiance: session.read(irradiance).map_err(|e| e.to_string())?, reports, records })
+    Ok(Filled { irradiance: block_on(session.read(irradiance)).map_err(|e| e.to_string())?, reports, records })
 }
 
 /// A fill that covers everything, twice with the same bits; its irradiance and its reports.
@@ -908,9 +915,9 @@ fn batches_serve_each_cell_once(stage: &Stage) -> Outcome {
     graph.node("added", "AddRecords", &[], &[("to", "cache"), ("records", "records")])?;
     graph.end_loop("misses.none")?;
     let mut session = graph.session(&[cache.records])?;
-    session.frame(&|| Pace::GoOn).map_err(|e| e.to_string())?;
+    block_on(session.frame(&|| Pace::GoOn)).map_err(|e| e.to_string())?;
     let records: Vec<Record> = read(&session, cache.records)?;
-    let camera = &stage.scene.cameras[0];
+    let camera = &stage.ready.scene.cameras[0];
     let cell = |record: &Record| {
         let d = Vec3::from(record.position) - camera.eye;
         let half = camera.half_extent(SIZE) * d.dot(camera.direction);
@@ -954,7 +961,7 @@ fn twin(@builtin(global_invocation_id) id: vec3u) {
 const PAIRS: usize = 64 * 256;
 
 fn weights_agree(stage: &Stage) -> Outcome {
-    let records = records(&stage.scene, [512, 384], PAIRS);
+    let records = records(&stage.ready.scene, [512, 384], PAIRS);
     let mut numbers = Numbers(5);
     let places: Vec<[f32; 8]> = records
         .iter()
@@ -1024,7 +1031,7 @@ fn run_twin(gpu: &Gpu, records: &[Record], places: &[[f32; 8]]) -> Result<Vec<[f
     encoder.copy_buffer_to_buffer(&values, 0, &staging, 0, bytes);
     gpu.queue.submit([encoder.finish()]);
     staging.map_async(wgpu::MapMode::Read, .., |_| ());
-    gpu.wait("comparing host and device").map_err(|e| e.to_string())?;
+    block_on(gpu.wait("comparing host and device")).map_err(|e| e.to_string())?;
     let view = staging.get_mapped_range(..).map_err(|e| e.to_string())?;
     Ok(bytemuck::pod_collect_to_vec(&view))
 }
@@ -1034,7 +1041,7 @@ fn run_twin(gpu: &Gpu, records: &[Record], places: &[[f32; 8]]) -> Result<Vec<[f
 /// Of many records, few and one; with more hashes than a block of sums has, and with more blocks than a workgroup adds at once.
 fn indices_agree(stage: &Stage) -> Outcome {
     for (count, capacity) in [(3000, 3500), (3000, 140_000), (70, 3500), (1, 3500), (0, 3500)] {
-        let records = records(&stage.scene, [512, 384], count);
+        let records = records(&stage.ready.scene, [512, 384], count);
         let mut graph = Graph::new(stage, [8, 8]);
         let held = if records.is_empty() { vec![0; size_of::<Record>()] } else { bytemuck::cast_slice(&records).to_vec() };
         let buffer = graph.buffer("records", &held);
@@ -1051,7 +1058,7 @@ fn indices_agree(stage: &Stage) -> Outcome {
         let [by_host, by_device] = [index("by_host")?, index("by_device")?];
         let mut session = graph.session(&[by_host.data, by_device.data])?;
         session.set_variable(counted, count as u32);
-        session.frame(&|| Pace::GoOn).map_err(|e| e.to_string())?;
+        block_on(session.frame(&|| Pace::GoOn)).map_err(|e| e.to_string())?;
         let layout = Layout::of(capacity as usize);
         let all: Vec<weight::Record> = records.iter().map(weight::Record::from).collect();
         let words = [read::<u32>(&session, by_host.data)?, read::<u32>(&session, by_device.data)?];
@@ -1093,7 +1100,7 @@ fn photons_fit(stage: &Stage) -> Outcome {
             graph.node("map", "PhotonMap", &[("place", place), ("photons", photons), ("kept", kept)], &[])?;
             let Some(Port::PhotonMap(map)) = graph.ports.get("map").cloned() else { return Err("no map".into()) };
             let mut session = graph.session(&[map.data])?;
-            session.frame(&|| Pace::GoOn).map_err(|e| e.to_string())?;
+            block_on(session.frame(&|| Pace::GoOn)).map_err(|e| e.to_string())?;
             let told = ["photons_emitted", "photons", "photons_cut_off"].map(|name| graph.report(&session, name));
             let [emitted, count, cut_off] = told.map(|number| number.unwrap_or(u32::MAX));
             let held: Vec<Photon> = read(&session, map.data)?;

@@ -1,4 +1,4 @@
-//! What ships runs on every adapter that WebGPU admits: each pipeline is encoded for scenes of all kinds and held against the limits that are
+//! What ships runs on every adapter that WebGPU admits, and on lavapipe: each pipeline is encoded for scenes of all kinds and held against the limits that are
 //! granted everywhere, without a device.
 
 use hemisplat::{
@@ -12,8 +12,11 @@ use hemisplat::{
 use rayon::prelude::*;
 use std::path::Path;
 
-/// Between them: punctual lights of all kinds, lamps, skies, lobes that depend on the azimuth, smooth normals, textures.
-const SCENES: [&str; 4] = ["cornell", "balls", "hall", "castle"];
+/// Between them: punctual lights of all kinds, lamps, skies, lobes that depend on the azimuth, smooth normals, textures; and all of it in one.
+const SCENES: [&str; 5] = ["scenes/cornell", "scenes/balls", "scenes/hall", "scenes/castle", "tests/places/kinds"];
+
+/// WebGPU grants more, but where a branch looks at the fourth the lavapipe of Mesa 22 writes past its tables and dies.
+const MOST_UNIFORMS: u32 = 3;
 
 /// Pipelines whose point is a feature that WebGPU leaves to the adapter: they splat by blending.
 const BLENDING: [&str; 1] = ["radiance-blend.ron"];
@@ -40,7 +43,7 @@ fn what_is_too_much_is_named_with_its_node() {
         (|limits| limits.max_texture_dimension_2d = 32, "texels along an edge"),
         (|limits| limits.max_color_attachment_bytes_per_sample = 0, "bytes a sample of its colour attachments"),
     ];
-    let (scene, needs) = scene("corner");
+    let (scene, needs) = scene("scenes/corner");
     let pipeline = load("irradiance-device", &[], REGISTRY, &mut |_| Err(std::io::ErrorKind::NotFound.into())).unwrap();
     let setting = Setting { scene: &scene, needs: &needs, device: Device::ABLE, size: [64, 64], tables: None };
     let plan = plan(&pipeline, setting, &[], &|data| scene_data::kind(&scene, data)).unwrap();
@@ -53,7 +56,7 @@ fn what_is_too_much_is_named_with_its_node() {
 }
 
 fn scene(name: &str) -> (Scene, Needs) {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("scenes/{name}.ron"));
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("{name}.ron"));
     let mut scene = scenes::load(&path, &scenes::LoadOptions::default()).unwrap();
     Bvh::build(&mut scene);
     let needs = Needs::of(&scene);
@@ -62,7 +65,8 @@ fn scene(name: &str) -> (Scene, Needs) {
 
 fn complaints(name: &str) -> Vec<String> {
     let (scene, needs) = scene(name);
-    let (granted, tables) = (wgpu::Limits::default(), Remembered::default());
+    let granted = wgpu::Limits { max_uniform_buffers_per_shader_stage: MOST_UNIFORMS, ..Default::default() };
+    let tables = Remembered::default();
     let mut complaints = Vec::new();
     for ((file, _), device) in EMBEDDED.iter().flat_map(|ships| [Device::ABLE, Device::SOFTWARE].map(|device| (ships, Device { blends: false, ..device }))) {
         let pipeline = load(file, &[], REGISTRY, &mut |_| Err(std::io::ErrorKind::NotFound.into())).unwrap_or_else(|_| panic!("{file}"));

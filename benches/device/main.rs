@@ -13,6 +13,7 @@ mod peak;
 
 use clap::Parser;
 use hemisplat::{
+    block_on,
     contract::encoder::Setting,
     gpu::{Gpu, Pace, scene::kind},
     measure::{
@@ -23,10 +24,9 @@ use hemisplat::{
     passes::REGISTRY,
     pipeline::{Plan, load as load_pipeline, plan},
     scene::{
-        Scene,
-        bvh::Bvh,
         load::{LoadOptions, load},
         needs::Needs,
+        stage,
     },
     schedule::{Command, Draws, Schedule},
 };
@@ -38,6 +38,7 @@ use std::{
     fmt::Write,
     path::{Path, PathBuf},
     process::ExitCode,
+    sync::Arc,
 };
 
 type Failure = Box<dyn std::error::Error>;
@@ -136,10 +137,7 @@ struct Interactive {
     moving: f64,
 }
 
-struct Stage {
-    scene: Scene,
-    bvh: Bvh,
-}
+struct Stage(Arc<stage::Stage>);
 
 const PIPELINE: &str = "irradiance";
 const STILL: u32 = 1000;
@@ -207,39 +205,38 @@ const PICTURES: [Pictured; 9] = [
 
 impl Stage {
     fn open(name: &str) -> Result<Self, Failure> {
-        let mut scene = load(&machine::root().join(format!("scenes/{name}.ron")), &LoadOptions::default().with_environment()).map_err(|e| e.to_string())?;
-        let bvh = Bvh::build(&mut scene);
-        Ok(Self { scene, bvh })
+        let scene = load(&machine::root().join(format!("scenes/{name}.ron")), &LoadOptions::default().with_environment()).map_err(|e| e.to_string())?;
+        Ok(Self(Arc::new(stage::Stage::new(scene))))
     }
 
-    fn plan(&self, sets: &[String], edge: u32) -> Result<Plan, Failure> {
+    fn plan(&self, sets: &[String], edge: u32) -> Result<Arc<Plan>, Failure> {
         self.plan_of(PIPELINE, sets, edge)
     }
 
-    fn plan_of(&self, pipeline: &str, sets: &[String], edge: u32) -> Result<Plan, Failure> {
+    fn plan_of(&self, pipeline: &str, sets: &[String], edge: u32) -> Result<Arc<Plan>, Failure> {
         let pipeline = load_pipeline(pipeline, sets, REGISTRY, &mut |path| std::fs::read_to_string(path)).map_err(|e| e.to_string())?;
-        let needs = Needs::of(&self.scene);
-        let setting = Setting { scene: &self.scene, needs: &needs, device: hemisplat::gpu::expected_device(), size: [edge, edge], tables: None };
-        Ok(plan(&pipeline, setting, &[], &|data| kind(&self.scene, data)).map_err(|e| e.to_string())?)
+        let needs = Needs::of(&self.0.scene);
+        let setting = Setting { scene: &self.0.scene, needs: &needs, device: hemisplat::gpu::expected_device(), size: [edge, edge], tables: None };
+        Ok(plan(&pipeline, setting, &[], &|data| kind(&self.0.scene, data)).map_err(|e| e.to_string())?)
     }
 
-    fn run<'a>(&'a self, gpu: &'a Gpu, plan: &'a Plan, edge: u32) -> Result<Run<'a>, Failure> {
-        Ok(Run::new(gpu, &self.scene, &self.bvh, plan, &self.scene.cameras[0], [edge, edge])?)
+    fn run(&self, gpu: &Arc<Gpu>, plan: &Arc<Plan>, edge: u32) -> Result<Run, Failure> {
+        Ok(block_on(Run::new(gpu, &self.0, plan, &self.0.scene.cameras[0], [edge, edge]))?)
     }
 
     /// Pictures from empty caches; the first one compiles and does not count.
-    fn pictures(&self, gpu: &Gpu, plan: &Plan, edge: u32, runs: u32) -> Result<Vec<FrameReport>, Failure> {
+    fn pictures(&self, gpu: &Arc<Gpu>, plan: &Arc<Plan>, edge: u32, runs: u32) -> Result<Vec<FrameReport>, Failure> {
         let mut run = self.run(gpu, plan, edge)?;
         let mut reports = Vec::new();
         for _ in 0..=runs {
-            run.reset()?;
-            reports.push(run.frame(&|| Pace::GoOn)?);
+            block_on(run.reset())?;
+            reports.push(block_on(run.frame(&|| Pace::GoOn))?);
         }
         reports.remove(0);
         Ok(reports)
     }
 
-    fn interactive(&self, gpu: &Gpu) -> Result<Interactive, Failure> {
+    fn interactive(&self, gpu: &Arc<Gpu>) -> Result<Interactive, Failure> {
         let set: Vec<String> = INTERACTIVE.map(String::from).into();
         let bounded: Vec<String> = set.iter().cloned().chain([format!("misses.at_most={ADDED}")]).collect();
         let (whole, bounded) = (self.plan(&set, SMALL)?, self.plan(&bounded, SMALL)?);
@@ -251,29 +248,29 @@ impl Stage {
     }
 
     /// Frames while the camera moves; those of the first view do not count.
-    fn moving_frames(&self, gpu: &Gpu, plan: &Plan) -> Result<Vec<FrameReport>, Failure> {
+    fn moving_frames(&self, gpu: &Arc<Gpu>, plan: &Arc<Plan>) -> Result<Vec<FrameReport>, Failure> {
         let mut run = self.run(gpu, plan, SMALL)?;
-        (0..2).try_for_each(|_| run.frame(&|| Pace::GoOn).map(drop))?;
-        let mut camera = self.scene.cameras[0].clone();
-        let step = STEP * self.scene.extent() * camera.direction;
+        (0..2).try_for_each(|_| block_on(run.frame(&|| Pace::GoOn)).map(drop))?;
+        let mut camera = self.0.scene.cameras[0].clone();
+        let step = STEP * self.0.scene.extent() * camera.direction;
         let mut frame = |_| {
             camera.eye += step;
             run.set_camera(&camera);
-            Ok(run.frame(&|| Pace::GoOn)?)
+            Ok(block_on(run.frame(&|| Pace::GoOn))?)
         };
         (0..FRAMES).map(&mut frame).collect()
     }
 
     /// Frames of one view, one after another; the first one compiles and does not count.
-    fn frames(&self, gpu: &Gpu, plan: &Plan) -> Result<Vec<FrameReport>, Failure> {
+    fn frames(&self, gpu: &Arc<Gpu>, plan: &Arc<Plan>) -> Result<Vec<FrameReport>, Failure> {
         let mut run = self.run(gpu, plan, SMALL)?;
-        run.frame(&|| Pace::GoOn)?;
-        (0..FRAMES).map(|_| Ok(run.frame(&|| Pace::GoOn)?)).collect()
+        block_on(run.frame(&|| Pace::GoOn))?;
+        (0..FRAMES).map(|_| Ok(block_on(run.frame(&|| Pace::GoOn))?)).collect()
     }
 }
 
 /// Each scene is loaded once.
-fn pictures(gpu: &Gpu, runs: u32) -> Result<Vec<Picture>, Failure> {
+fn pictures(gpu: &Arc<Gpu>, runs: u32) -> Result<Vec<Picture>, Failure> {
     let scenes: BTreeSet<&str> = PICTURES.iter().flat_map(|(scenes, ..)| scenes.iter().copied()).collect();
     let mut made = Vec::new();
     for scene in scenes {
@@ -346,7 +343,7 @@ fn pass(reports: &[FrameReport], index: usize, plan: &Plan, peak: &Peak) -> Resu
 
 fn measure(options: &Options) -> Result<Report, Failure> {
     let (commit, changes) = (machine::clean_commit()?, machine::changes()?);
-    let gpu = Gpu::open()?;
+    let gpu = block_on(Gpu::open())?;
     let stage = Stage::open("sibenik")?;
     let peak = Peak::measure(&gpu)?;
     let still = stage.plan(&[], STILL)?;
@@ -363,8 +360,8 @@ fn measure(options: &Options) -> Result<Report, Failure> {
         adapter: gpu.adapter.clone(),
         cores: std::thread::available_parallelism().map_or(1, |count| count.get()),
         peak,
-        scene: stage.scene.name.clone(),
-        triangles: stage.scene.triangles.len(),
+        scene: stage.0.scene.name.clone(),
+        triangles: stage.0.scene.triangles.len(),
         still: work(&stills, STILL, &[]),
         few: work(&fews, STILL, &set),
         passes,

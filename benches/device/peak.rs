@@ -1,6 +1,7 @@
 //! What the adapter can do at best: bytes copied and numbers multiplied a second, by kernels that do nothing else.
 
 use crate::{Failure, median};
+use hemisplat::block_on;
 use hemisplat::gpu::Gpu;
 use serde::Serialize;
 use std::time::Instant;
@@ -79,7 +80,7 @@ impl Peak {
                 pass.dispatch_workgroups(invocations / 64 / 64, 64, 1);
                 drop(pass);
                 gpu.queue.submit([encoder.finish()]);
-                gpu.wait("measuring the device")?;
+                block_on(gpu.wait("measuring the device"))?;
                 Ok(start.elapsed().as_secs_f64())
             };
             once()?;

@@ -9,7 +9,7 @@ use crate::scene::{
     bvh::Bvh,
     emitters::Emitters,
     packets::{RAYS, ShadowRays, ToDo},
-    surface::{Ray, Surface},
+    surface::Surface,
 };
 use crate::schedule::*;
 use fearless_simd::{Level, dispatch};
@@ -48,8 +48,7 @@ pub(super) fn encode(e: &mut Encoder<'_>, gbuffer: &port::GBuffer, by: By) -> Re
         let [width, height] = size;
         let surface = |[x, y]: [u32; 2]| {
             let triangle = seen[(y * width + x) as usize].checked_sub(1)?;
-            let ray = Ray { origin: camera.eye, direction: camera.pixel_ray(size, [x, y]) };
-            Some(scene.seen(triangle, ray, !by_albedo))
+            Some(scene.seen(triangle, camera.ray(size, [x, y]), !by_albedo))
         };
         let mut sums = vec![Vec4::ZERO; seen.len()];
         let bands = sums.par_chunks_mut((EDGE * width) as usize).enumerate();

@@ -75,6 +75,7 @@ pub(super) fn cull(e: &mut Encoder<'_>, work: &Work, writes: &[Resource], then: 
 /// The scene's hierarchy with the range of triangles below each node.
 struct Tree {
     nodes: Vec<Node>,
+    roots: Vec<usize>,
     ranges: Vec<[u32; 2]>,
     /// Longest edge of a triangle below each node.
     longest: Vec<f32>,
@@ -82,11 +83,11 @@ struct Tree {
 
 impl Tree {
     fn new(host: &dyn HostContext) -> Self {
-        let (nodes, ranges) = (host.bvh().nodes(), host.bvh().ranges());
+        let (nodes, roots, ranges) = (host.bvh().nodes().to_vec(), host.bvh().roots(), host.bvh().ranges());
         let edge = |t: &Triangle| (0..3).map(|i| t.positions[i].distance(t.positions[(i + 1) % 3])).fold(0.0f32, f32::max);
         let longest =
             ranges.iter().map(|[a, b]| host.scene().triangles[*a as usize..*b as usize].iter().take(CLUSTER as usize).map(edge).fold(0.0, f32::max)).collect();
-        Self { nodes, ranges, longest }
+        Self { nodes, roots, ranges, longest }
     }
 
     fn draw(&self, place: &Request, view: &View, instance: u32, rectangle: [u32; 4], list: &mut Vec<Draw>) {
@@ -94,7 +95,7 @@ impl Tree {
         let planes = planes(&frame, view);
         let origin = Vec3::from(place.position);
         let mut ranges = Ranges { first: list.len(), list, instance, rectangle, clipped: None };
-        let mut stack = if self.nodes.is_empty() { Vec::new() } else { vec![0usize] };
+        let mut stack = self.roots.clone();
         while let Some(index) = stack.pop() {
             let node = &self.nodes[index];
             let part = part(node, origin, &planes);

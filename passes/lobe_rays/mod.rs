@@ -171,8 +171,7 @@ impl Work {
             for pixels in pixels.chunks(TOGETHER.div_ceil(rays as usize)) {
                 let fans = pixels.par_iter().map(|pixel| {
                     let at = [*pixel as u32 % gbuffer.size[0], *pixel as u32 / gbuffer.size[0]];
-                    let ray = Ray { origin: camera.eye, direction: camera.pixel_ray(gbuffer.size, at) };
-                    Fan::new(scene, (triangles[*pixel] - 1, ray), combine(at[0], at[1]), rays)
+                    Fan::new(scene, (triangles[*pixel] - 1, camera.ray(gbuffer.size, at)), combine(at[0], at[1]), rays)
                 });
                 let fans: Vec<Fan> = fans.collect();
                 let places: Vec<Request> = fans.iter().map(Fan::place).collect();
@@ -277,7 +276,7 @@ mod tests {
         let mut host = MockHost::new(vec![floor], [4, 4]);
         host.scene.materials = vec![Material { glossy: Some(glossy), ..Material::diffuse("floor", Vec3::ZERO) }];
         let outgoing = around(cosine, 0.7);
-        (host, Ray { origin: outgoing, direction: -outgoing })
+        (host, Ray::new(outgoing, -outgoing))
     }
 
     /// The share of light from all sides alike that a lobe reflects.

@@ -62,7 +62,7 @@ impl<'a> Tracer<'a> {
     /// Whether the surface that a photon meets first has a narrow lobe.
     fn meets_lobe(&self, start: Start) -> bool {
         let Some(emitted) = self.sources.emit(self.scene, start) else { return false };
-        let ray = Ray { origin: emitted.origin, direction: emitted.direction };
+        let ray = Ray::new(emitted.origin, emitted.direction);
         let Some(hit) = self.bvh.closest_blocker(self.scene, ray.origin, ray.direction) else { return false };
         self.scene.lit_surface(hit.triangle, hit.barycentric, ray).glossy.is_some_and(|gloss| gloss.lobe.shape.is_narrow())
     }
@@ -72,7 +72,7 @@ impl<'a> Tracer<'a> {
         let mut path = Path::default();
         let (start, density) = self.guide.as_ref().map_or((start(number), 1.0), |guide| guide.start(number));
         let Some(emitted) = self.sources.emit(self.scene, start) else { return path };
-        let (mut ray, mut flux) = (Ray { origin: emitted.origin, direction: emitted.direction }, emitted.flux / density);
+        let (mut ray, mut flux) = (Ray::new(emitted.origin, emitted.direction), emitted.flux / density);
         for leg in 0..self.legs {
             let Some(hit) = self.bvh.closest_blocker(self.scene, ray.origin, ray.direction) else { return path };
             let surface = match self.reflects {
@@ -96,7 +96,7 @@ impl<'a> Tracer<'a> {
                 return path;
             }
             flux *= share / survival;
-            ray = Ray { origin: surface.start(self.extent), direction };
+            ray = Ray::new(surface.start(self.extent), direction);
         }
         path.is_cut_off = true;
         path

@@ -63,7 +63,7 @@ impl Shading<'_> {
     fn seen_from(&self, at: &Surface, direction: Vec3) -> Option<Surface> {
         let origin = at.start(self.extent);
         let hit = self.bvh.closest_hit(self.scene, origin, direction, f32::INFINITY)?;
-        Some(self.scene.surface(hit.triangle, hit.barycentric, Ray { origin, direction }))
+        Some(self.scene.surface(hit.triangle, hit.barycentric, Ray::new(origin, direction)))
     }
 
     /// What a surface reflects of direct light.

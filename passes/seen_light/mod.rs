@@ -355,7 +355,7 @@ impl Shading<'_> {
         let mut others = Box::new([Other::NONE; RAYS]);
         for (index, other) in others.iter_mut().enumerate() {
             let Some(number) = hits.triangles[index].checked_sub(1).filter(|_| hits.samples[index] != u32::MAX) else { continue };
-            let ray = Ray { origin: hits.origin, direction: hits.directions[index] };
+            let ray = Ray::new(hits.origin, hits.directions[index]);
             let surface = self.scene.seen(number, ray, self.lighting.lobes);
             let seed = combine(self.places[hits.view].turn.to_bits(), hits.samples[index]);
             let emitted = if self.lighting.sees.emission { self.emitted(number, &surface, ray.direction) } else { Vec3::ZERO };
@@ -741,8 +741,8 @@ mod tiles {
         ];
         let texels = vec![[255, 0, 0, 255], [0, 255, 0, 255], [0, 0, 255, 255], [200, 100, 50, 255]];
         let normals = vec![[128, 128, 255, 255], [200, 90, 220, 255], [60, 180, 200, 255], [100, 255, 130, 255]];
-        let texture = |texels, reading| Texture { name: String::new(), width: 2, height: 2, texels, reading };
-        let reading = Reading { is_linear: true, wrap: [Wrap::Mirror, Wrap::Clamp] };
+        let texture = |texels, reading| Texture { width: 2, height: 2, texels, reading, ..Default::default() };
+        let reading = Reading { is_linear: true, wrap: [Wrap::Mirror, Wrap::Clamp], ..Default::default() };
         host.scene.textures = vec![texture(texels, Reading::default()), texture(normals, reading)];
         host.scene.charts = vec![host.scene.triangles.iter().map(|triangle| triangle.uvs.map(|uv| Vec2::new(1.0 - 2.0 * uv.y, uv.x))).collect()];
         let kinds = [
@@ -825,7 +825,7 @@ mod tiles {
             };
             let origin = view.position + view.frame.normal * surface_offset(extent, view.position);
             let seed = combine(places[index / fan.samples].turn.to_bits(), sample as u32);
-            let expected = seen(host, lighting, (Ray { origin, direction }, triangle, seed));
+            let expected = seen(host, lighting, (Ray::new(origin, direction), triangle, seed));
             met += 1;
             others += u32::from((found - expected).abs().max_element() > 2e-3 * expected.max_element());
         }

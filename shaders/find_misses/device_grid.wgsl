@@ -73,7 +73,7 @@ fn in_cell(i: u32) -> vec2u {
 // Order in which the misses of a cell are served: from its middle outwards. 0 is first; the low bits say where.
 fn rank(local: vec2u) -> u32 {
     let d = vec2i(2u * local + 1u) - i32(grid.cell);
-    return u32(d.x * d.x + d.y * d.y) << 12u | local.y << 6u | local.x;
+    return (u32(d.x * d.x + d.y * d.y) << 12u) | (local.y << 6u) | local.x;
 }
 
 fn is_thin(pixel: vec2u) -> bool {
@@ -119,7 +119,7 @@ fn search(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: 
     }
     if lane == 0u && block < count.x * count.y {
         let first = best[0];
-        let pixel = cell * grid.cell + vec2u(first & 63u, first >> 6u & 63u);
+        let pixel = cell * grid.cell + vec2u(first & 63u, (first >> 6u) & 63u);
         note(block, select(candidate_of(pixel), 0u, first == NONE));
     }
 }

@@ -17,7 +17,7 @@ const COVERED = vec2u(32u, 16u);
 
 // Where a lane's packet stands among those of its workgroup: eight lanes after another are 2×4 packets, 8×8 samples.
 fn packet_of(lane: u32) -> vec2u {
-    return vec2u((lane & 1u) | (lane >> 2u & 6u), (lane >> 1u & 3u) | (lane >> 3u & 4u));
+    return vec2u((lane & 1u) | ((lane >> 2u) & 6u), ((lane >> 1u) & 3u) | ((lane >> 3u) & 4u));
 }
 
 fn is_sample(at: vec2u) -> bool {

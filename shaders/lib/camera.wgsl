@@ -12,7 +12,8 @@ struct FrameCamera {
     size: vec2u,
     shift: vec2f,
     sample: u32,
-    padding: u32,
+    // How wide the part of a pixel is that a sample stands for [pixels].
+    width: f32,
     end: vec2u,
 }
 
@@ -22,6 +23,12 @@ struct FrameCamera {
 fn pixel_ray(pixel: vec2u) -> vec3f {
     let at = (vec2f(pixel) + 0.5 + camera.shift) / vec2f(camera.size) * 2.0 - 1.0;
     return camera.forward + camera.right * (at.x * camera.half_width) - camera.up * (at.y * camera.half_height);
+}
+
+// What that changes by over what a sample stands for, to the right and down.
+fn pixel_sides() -> mat2x3f {
+    let scale = 2.0 * camera.width / vec2f(camera.size);
+    return mat2x3f(camera.right * (camera.half_width * scale.x), -camera.up * (camera.half_height * scale.y));
 }
 
 // Clip position of a point, reverse Z with the far plane at infinity.

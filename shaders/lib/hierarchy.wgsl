@@ -29,7 +29,7 @@ struct Triangles {
 // None of `NO_NODE`.
 fn triangles_of(leaf: u32) -> Triangles {
     let first = leaf & 0x03ffffffu;
-    return Triangles(first, first + select(leaf >> 26u & 31u, 0u, leaf == NO_NODE));
+    return Triangles(first, first + select((leaf >> 26u) & 31u, 0u, leaf == NO_NODE));
 }
 
 // The grid as seen from a point.

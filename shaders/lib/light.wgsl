@@ -87,7 +87,7 @@ fn known(light: SceneLight, index: u32) -> SceneLight {
         let bits = LIGHT_KINDS >> (4u * index);
         same.kind = bits & 3u;
         let maps = array<u32, 4>(0u, 1u, 6u, light.shadow_layers);
-        same.shadow_layers = maps[bits >> 2u & 3u];
+        same.shadow_layers = maps[(bits >> 2u) & 3u];
     }
     return same;
 }

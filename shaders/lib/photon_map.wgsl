@@ -64,14 +64,14 @@ fn fair_share(zone: Zone, count: u32) -> f32 {
 }
 
 fn spread_bits(bits: u32) -> u32 {
-    let a = (bits | bits << 16u) & 0x030000ffu;
-    let b = (a | a << 8u) & 0x0300f00fu;
-    let c = (b | b << 4u) & 0x030c30c3u;
-    return (c | c << 2u) & 0x09249249u;
+    let a = (bits | (bits << 16u)) & 0x030000ffu;
+    let b = (a | (a << 8u)) & 0x0300f00fu;
+    let c = (b | (b << 4u)) & 0x030c30c3u;
+    return (c | (c << 2u)) & 0x09249249u;
 }
 
 fn cell_code(cell: vec3u) -> u32 {
-    return spread_bits(cell.x) | spread_bits(cell.y) << 1u | spread_bits(cell.z) << 2u;
+    return spread_bits(cell.x) | (spread_bits(cell.y) << 1u) | (spread_bits(cell.z) << 2u);
 }
 
 // The cell that a place is in, as a code.
@@ -113,7 +113,7 @@ fn photons_of(head: MapHead, position: vec3f, level: u32, number: u32, normal: v
     let last = (1 << (BITS - level)) - 1;
     let place = (position - head.corner) * head.cells_per_unit;
     let base = vec3i(floor(place / f32(1u << level) - 0.5));
-    let cell = base + vec3i(vec3u(number & 1u, number >> 1u & 1u, number >> 2u));
+    let cell = base + vec3i(vec3u(number & 1u, (number >> 1u) & 1u, number >> 2u));
     if any(cell < vec3i(0)) || any(cell > vec3i(last)) {
         return vec2u(0u);
     }
@@ -143,11 +143,11 @@ fn packed_way(way: vec3f) -> u32 {
     let flat = way / max(dot(abs(way), vec3f(1.0)), 1e-37);
     let folded = select(flat.xy, vec2f(fold(flat.x, flat.y), fold(flat.y, flat.x)), flat.z < 0.0);
     let at = vec2u(clamp(folded * 127.0 + 127.5, vec2f(0.0), vec2f(254.0)));
-    return at.x | at.y << 8u;
+    return at.x | (at.y << 8u);
 }
 
 fn unpacked_way(bits: u32) -> vec3f {
-    let at = vec2f(vec2u(bits & 255u, bits >> 8u & 255u)) / 127.0 - 1.0;
+    let at = vec2f(vec2u(bits & 255u, (bits >> 8u) & 255u)) / 127.0 - 1.0;
     let z = 1.0 - abs(at.x) - abs(at.y);
     return normalize(select(vec3f(at, z), vec3f(fold(at.x, at.y), fold(at.y, at.x), z), z < 0.0));
 }

@@ -87,6 +87,8 @@ const FAR_AWAY = 1e30;
 
 // Whether the plan found textures, alpha masks, one-sided surfaces in the scene.
 override TEXTURES: bool = true;
+// Whether any texture has coarser levels.
+override MIPMAPS: bool = true;
 override NORMAL_MAPS: bool = true;
 // Whether maps lie by other coordinates than the triangles' own.
 override CHARTS: bool = true;
@@ -191,8 +193,11 @@ const FACETS_MAP = 0u;
 const NORMAL_MAP = 1u;
 const EMISSION_MAP = 2u;
 
-// Of a reading: whether colours are numbers as they stand, then two bits each for what lies beyond the edges, across and down.
+// Of a reading: whether colours are numbers as they stand, then two bits each for what lies beyond the edges, across and down, whether coarser levels follow,
+// and whether it is one of them.
 const IS_LINEAR = 1u;
+const HAS_LEVELS = 32u;
+const IS_COARSE = 64u;
 const MIRROR = 1u;
 const CLAMP = 2u;
 
@@ -212,11 +217,21 @@ fn map_image(material: SceneMaterial, kind: u32) -> Image {
 fn texel(image: Image, column: u32, row: u32) -> vec4f {
     let place = image.start + row * image.width + column;
     let texels_a_row = textureDimensions(scene_texels).x;
-    let value = unpack4x8unorm(textureLoad(scene_texels, vec2u(place % texels_a_row, place / texels_a_row), 0).x);
+    let bits = textureLoad(scene_texels, vec2u(place % texels_a_row, place / texels_a_row), 0).x;
+    if MIPMAPS && (image.reading & IS_COARSE) != 0u {
+        return vec4f(coarse_texel(bits, image.reading), 1.0);
+    }
+    let value = unpack4x8unorm(bits);
     if (image.reading & IS_LINEAR) != 0u {
         return value;
     }
     return vec4f(srgb_to_linear(value.rgb), value.a);
+}
+
+// As scene::mipmaps::unpacked.
+fn coarse_texel(bits: u32, reading: u32) -> vec3f {
+    let value = vec3f(f32(bits & 2047u), f32((bits >> 11u) & 2047u), f32(bits >> 22u)) / vec3f(2047.0, 2047.0, 1023.0);
+    return select(value * value, value, (reading & IS_LINEAR) != 0u);
 }
 
 // The two texels of a line around a texture coordinate, and how far it is from the first to the second: as Wrap::nearest.
@@ -256,6 +271,93 @@ fn texture_at(image: Image, uv: vec2f) -> vec4f {
     let top = mix(texel(image, x.first, y.first), texel(image, x.second, y.first), x.share);
     let bottom = mix(texel(image, x.first, y.second), texel(image, x.second, y.second), x.share);
     return mix(top, bottom, y.share);
+}
+
+// The level after one of an image: as Level::next.
+fn next_level(image: Image) -> Image {
+    return Image(image.start + image.width * image.height, max(image.width / 2u, 1u), max(image.height / 2u, 1u), image.reading | IS_COARSE);
+}
+
+fn level_of(image: Image, number: u32) -> Image {
+    var level = image;
+    for (var at = 0u; at < number; at++) {
+        level = next_level(level);
+    }
+    return level;
+}
+
+// Looks along the longer axis of a footprint at most.
+const MOST_LOOKS = 8.0;
+
+// How wide a pixel is on a texture [texels]: as scene::mipmaps::Footprint.
+struct Footprint {
+    width: f32,
+    looks: f32,
+    step: vec2f,
+}
+
+fn footprint_of(a: vec2f, b: vec2f) -> Footprint {
+    let squares = a * a + b * b;
+    let sum = min(squares.x + squares.y, 1e30);
+    let area = min(abs(a.x * b.y - a.y * b.x), 1e30);
+    let longer = 0.5 * (sqrt(sum + 2.0 * area) + sqrt(max(sum - 2.0 * area, 0.0)));
+    let shorter = max(area / max(longer, 1.0), 1.0);
+    let looks = clamp(floor(longer / shorter + 0.5), 1.0, MOST_LOOKS);
+    let square = longer * longer;
+    let mixed = a.x * a.y + b.x * b.y;
+    let axis = select(vec2f(mixed, square - squares.x), vec2f(square - squares.y, mixed), squares.x >= squares.y);
+    return Footprint(max(shorter, longer / looks), looks, axis / max(length(axis), 1e-37) * (longer / looks));
+}
+
+// The mean colour over a parallelogram of these sides around a texture coordinate: as Texture::sample_over.
+fn texture_over(image: Image, uv: vec2f, sides: mat2x2f) -> vec3f {
+    let size = vec2f(f32(image.width), f32(image.height));
+    let footprint = footprint_of(sides[0] * size, sides[1] * size);
+    if (image.reading & HAS_LEVELS) == 0u || !(footprint.width > 1.0 || footprint.looks > 1.0) {
+        return texture_at(image, uv).rgb;
+    }
+    let level = log2(footprint.width);
+    let last = firstLeadingBit(max(image.width, image.height));
+    if level >= f32(last) {
+        return texture_at(level_of(image, last), uv).rgb;
+    }
+    let fine = level_of(image, u32(level));
+    let coarse = next_level(fine);
+    let step = footprint.step / size;
+    let first = uv - step * (0.5 * (footprint.looks - 1.0));
+    var sum = vec3f(0.0);
+    for (var look = 0u; look < u32(footprint.looks); look++) {
+        let at = first + step * f32(look);
+        sum += mix(texture_at(fine, at).rgb, texture_at(coarse, at).rgb, fract(level));
+    }
+    return sum / footprint.looks;
+}
+
+// Where a ray meets a triangle: barycentric weights, and what they change by over a pixel, to the right and down; zero of a single point.
+struct Spot {
+    barycentric: vec2f,
+    sides: mat2x2f,
+}
+
+fn point_spot(barycentric: vec2f) -> Spot {
+    return Spot(barycentric, mat2x2f(vec2f(0.0), vec2f(0.0)));
+}
+
+// Sides of a ray that stands for itself alone.
+fn no_sides() -> mat2x3f {
+    return mat2x3f(vec3f(0.0), vec3f(0.0));
+}
+
+// What an image has at a place of a triangle.
+fn image_on(image: Image, triangle: u32, chart: u32, spot: Spot) -> vec3f {
+    let uvs = uvs_of(triangle, chart);
+    let s = uvs[1] - uvs[0];
+    let t = uvs[2] - uvs[0];
+    let uv = uvs[0] + s * spot.barycentric.x + t * spot.barycentric.y;
+    if MIPMAPS && any(abs(spot.sides[0]) + abs(spot.sides[1]) > vec2f(0.0)) {
+        return texture_over(image, uv, mat2x2f(s * spot.sides[0].x + t * spot.sides[0].y, s * spot.sides[1].x + t * spot.sides[1].y));
+    }
+    return texture_at(image, uv).rgb;
 }
 
 // Where the chart of a material's map starts among the tables; 0 for the triangles' own coordinates.
@@ -301,32 +403,32 @@ fn tint(bits: u32) -> vec3f {
 
 // Radiance that leaves a place of a triangle: as Scene::emission.
 fn emission_at(material: SceneMaterial, triangle: u32, barycentric: vec2f) -> vec3f {
-    return material.emission * map_at(material, EMISSION_MAP, triangle, barycentric);
+    return material.emission * map_on(material, EMISSION_MAP, triangle, point_spot(barycentric));
 }
 
 // What a map of a material has at a place of a triangle; white where it has none of the kind.
-fn map_at(material: SceneMaterial, kind: u32, triangle: u32, barycentric: vec2f) -> vec3f {
+fn map_on(material: SceneMaterial, kind: u32, triangle: u32, spot: Spot) -> vec3f {
     if TEXTURES && material.maps != 0u {
         let image = map_image(material, kind);
         if image.width != 0u {
-            return texture_at(image, uv_at(triangle, barycentric, chart_of(material, kind))).rgb;
+            return image_on(image, triangle, chart_of(material, kind), spot);
         }
     }
     return vec3f(1.0);
 }
 
 // A unit normal of the front, as a normal map bends it, seen from along a way of any length: as Scene::normal.
-fn bent_normal(material: SceneMaterial, triangle: u32, barycentric: vec2f, normal: vec3f, toward: vec3f) -> vec3f {
+fn bent_normal(material: SceneMaterial, triangle: u32, spot: Spot, normal: vec3f, toward: vec3f) -> vec3f {
     let image = map_image(material, NORMAL_MAP);
     if image.width == 0u {
         return normal;
     }
     let chart = chart_of(material, NORMAL_MAP);
-    let axes = map_axes(material, triangle, barycentric, chart, normal);
+    let axes = map_axes(material, triangle, spot.barycentric, chart, normal);
     if axes.sign == 0.0 {
         return normal;
     }
-    let local = (2.0 * texture_at(image, uv_at(triangle, barycentric, chart)).xyz - 1.0) * vec3f(material.normal_scale, -axes.sign * material.normal_scale, 1.0);
+    let local = (2.0 * image_on(image, triangle, chart, spot) - 1.0) * vec3f(material.normal_scale, -axes.sign * material.normal_scale, 1.0);
     let bent = axes.tangent * local.x + axes.bitangent * local.y + normal * local.z;
     let bent_length = length(bent);
     let unit_bent = select(normal, bent / max(bent_length, 1e-37), bent_length > 1e-30);
@@ -427,7 +529,12 @@ fn nearest_of_edge(corner: vec3f, edge: vec3f, origin: vec3f, direction: vec3f) 
 
 // The surface that a ray, known to meet the triangle, sees.
 fn surface_seen(triangle: u32, origin: vec3f, direction: vec3f) -> Surface {
-    var surface = lit_surface(triangle, origin, direction);
+    return surface_seen_over(triangle, origin, direction, no_sides());
+}
+
+// The same of a ray through a pixel, whose direction changes by `sides` to the next, to the right and down: maps are seen as wide as that.
+fn surface_seen_over(triangle: u32, origin: vec3f, direction: vec3f, sides: mat2x3f) -> Surface {
+    var surface = lit_surface_over(triangle, origin, direction, sides);
     if GLOSSY && surface.lobe == MICROFACETS {
         surface.reflectance *= facets_leave(surface.specular, surface.outgoing.z);
     }
@@ -437,6 +544,10 @@ fn surface_seen(triangle: u32, origin: vec3f, direction: vec3f) -> Surface {
 // The same for light that arrives along the ray: the lobe takes its share of the diffuse part by where light leaves to, which is left to do. What rounding
 // puts outside is moved to the edge.
 fn lit_surface(triangle: u32, origin: vec3f, direction: vec3f) -> Surface {
+    return lit_surface_over(triangle, origin, direction, no_sides());
+}
+
+fn lit_surface_over(triangle: u32, origin: vec3f, direction: vec3f, sides: mat2x3f) -> Surface {
     let hit = intersect_plane(triangle, origin, direction);
     var b = clamp(hit.barycentric, vec2f(0.0), vec2f(1.0));
     b = b / max(b.x + b.y, 1.0);
@@ -448,6 +559,11 @@ fn lit_surface(triangle: u32, origin: vec3f, direction: vec3f) -> Surface {
     let material = scene_material(bitcast<u32>(a.w));
     var surface: Surface;
     surface.position = place(a.xyz, e1, e2, b, origin, direction);
+    surface.distance = distance(surface.position, origin) / max(length(direction), 1e-37);
+    var spot = point_spot(b);
+    if MIPMAPS && TEXTURES {
+        spot.sides = spot_sides(e1, e2, direction, surface.distance, sides);
+    }
     surface.face_normal = plane * (side / max(length(plane), 1e-37));
     surface.normal = surface.face_normal;
     if SMOOTH {
@@ -462,22 +578,30 @@ fn lit_surface(triangle: u32, origin: vec3f, direction: vec3f) -> Surface {
         surface.normal = reflecting(surface.normal, surface.face_normal, -direction / max(length(direction), 1e-37));
     }
     if NORMAL_MAPS && material.maps != 0u {
-        surface.normal = side * bent_normal(material, triangle, b, side * surface.normal, -side * direction);
+        surface.normal = side * bent_normal(material, triangle, spot, side * surface.normal, -side * direction);
     }
     surface.reflectance = material.reflectance;
     let is_base = (material.flags & NO_BASE) == 0u;
     if TEXTURES && (material.flags & TEXTURED) != 0u {
-        surface.reflectance *= texture_at(base_image(material), uv_at(triangle, b, 0u)).rgb;
+        surface.reflectance *= image_on(base_image(material), triangle, 0u, spot);
     }
     if TINTS && is_base {
         surface.reflectance *= tint_at(triangle, b);
     }
-    surface.emission = select(vec3f(0.0), emission_at(material, triangle, b), side > 0.0 || (material.flags & TWO_SIDED) != 0u);
-    surface.distance = distance(surface.position, origin) / max(length(direction), 1e-37);
+    surface.emission = select(vec3f(0.0), material.emission * map_on(material, EMISSION_MAP, triangle, spot), side > 0.0 || (material.flags & TWO_SIDED) != 0u);
     if GLOSSY && material.lobe != 0u {
-        return with_lobe(surface, material, triangle, b, direction);
+        return with_lobe(surface, material, triangle, spot, direction);
     }
     return surface;
+}
+
+// What the barycentric weights of a triangle change by where a ray's direction changes by `sides`: as Triangle::spot.
+fn spot_sides(e1: vec3f, e2: vec3f, direction: vec3f, distance: f32, sides: mat2x3f) -> mat2x2f {
+    let p = cross(direction, e2);
+    let q = cross(e1, direction);
+    let determinant = dot(e1, p);
+    let scale = select(distance / determinant, 0.0, determinant == 0.0);
+    return mat2x2f(scale * vec2f(dot(sides[0], p), dot(sides[0], q)), scale * vec2f(dot(sides[1], p), dot(sides[1], q)));
 }
 
 // The share of the light toward a direction of this cosine that microfacets leave to the diffuse part: as Lobe::leaves.
@@ -493,7 +617,7 @@ fn facing(direction: vec3f) -> vec3f {
 }
 
 // As Material::reflection_with.
-fn with_lobe(plain: Surface, material: SceneMaterial, triangle: u32, barycentric: vec2f, direction: vec3f) -> Surface {
+fn with_lobe(plain: Surface, material: SceneMaterial, triangle: u32, spot: Spot, direction: vec3f) -> Surface {
     var surface = plain;
     surface.lobe = material.lobe;
     surface.lobe_shape = material.lobe_shape;
@@ -504,7 +628,7 @@ fn with_lobe(plain: Surface, material: SceneMaterial, triangle: u32, barycentric
     let toward = -normalize(direction);
     surface.outgoing = facing(vec3f(dot(toward, axes[0]), dot(toward, axes[1]), dot(toward, surface.normal)));
     // Of microfacets roughness is multiplied by green and metallic by blue, of others the reflectance.
-    let facets = map_at(material, FACETS_MAP, triangle, barycentric);
+    let facets = map_on(material, FACETS_MAP, triangle, spot);
     if material.lobe == MICROFACETS {
         let metallic = material.metallic * facets.z;
         surface.lobe_shape = material.lobe_shape * facets.y * facets.y;

@@ -39,7 +39,7 @@ fn square_direction(square: u32, number: u32) -> vec3f {
 const NUMBER_BITS = 8u;
 
 fn listed_ray(square: u32, number: u32) -> u32 {
-    return square << NUMBER_BITS | number;
+    return (square << NUMBER_BITS) | number;
 }
 
 fn square_of_listed(listed: u32) -> u32 {

@@ -1,4 +1,4 @@
-#import lib/camera
+#import lib/pixel
 #import lib/colour
 #import lib/frame
 #import lib/reflected
@@ -111,7 +111,7 @@ fn trace(@builtin(global_invocation_id) id: vec3u) {
     let triangle = textureLoad(triangles, id.xy, 0).x;
     var light = Traced(vec3f(0.0), 0.0, vec3f(0.0));
     if triangle != 0u && textureLoad(position, id.xy, 0).w > 0.0 {
-        let surface = surface_seen(triangle - 1u, camera.eye, pixel_ray(id.xy));
+        let surface = surface_in_pixel(triangle - 1u, id.xy);
         if surface.lobe != 0u {
             light = traced(surface, combine(id.x, id.y));
         }

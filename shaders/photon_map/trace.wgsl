@@ -103,7 +103,7 @@ fn walk(number: u32, keeps: bool, slot: u32) -> u32 {
         flux *= by_shading(surface, direction);
         if leg > 0u {
             if keeps {
-                let ways = packed_way(surface.face_normal) | packed_way(-direction) << 16u;
+                let ways = packed_way(surface.face_normal) | (packed_way(-direction) << 16u);
                 photons[slot + count] = Photon(surface.position, hit.distance, flux / f32(totals.emitted), ways);
             }
             count += 1u;

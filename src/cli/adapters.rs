@@ -3,7 +3,7 @@
 use super::console::Console;
 use super::failure::Failure;
 use crate::gpu::limits::Most;
-use crate::gpu::{GpuError, device};
+use crate::gpu::{GpuError, block_on, device};
 use crate::passes::record::RECORD_BYTES;
 use clap::Args;
 
@@ -18,7 +18,7 @@ The environment variable WGPU_ADAPTER_NAME picks another by a part of its name. 
 pub struct Options {}
 
 pub fn run(_: &Options, console: &Console) -> Result<(), Failure> {
-    let adapters = device::adapters();
+    let adapters = block_on(device::adapters());
     let mut text = String::new();
     for adapter in &adapters {
         let lacks = if adapter.lacks.is_empty() { "usable".into() } else { format!("lacks {}", adapter.lacks.join(", ")) };

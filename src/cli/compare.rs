@@ -13,7 +13,7 @@ use super::progress::Progress;
 use super::resources::expect_memory;
 use super::scene::{SceneOptions, View};
 use super::truth::{FILES, Shorter, Truth, TruthOptions};
-use crate::gpu::{Gpu, Pace, expected_device};
+use crate::gpu::{Gpu, Pace, block_on, expected_device};
 use crate::measure::Layers;
 use crate::measure::compare::{self, About, Comparison, Contender, Cut, GivenPicture, StartUp, VariantErrors};
 use crate::measure::page::Gallery;
@@ -23,6 +23,7 @@ use crate::measure::told::comparison;
 use crate::pipeline::{Pipeline, Plan, Problems};
 use clap::Args;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// Most runs of each variant: the test of significance is exact, and its work grows with their third power.
@@ -88,7 +89,7 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     let shorter_keepers = options.truth.shorter_keepers(&view, plans.iter().map(|(plan, _)| plan), judged)?;
     expect_memory(plans.iter().map(|(plan, _)| plan), &view)?;
     warn_of_few_runs(options, console);
-    let (gpu, device_seconds) = timed(|| Gpu::open().map_err(Failure::work))?;
+    let (gpu, device_seconds) = timed(|| block_on(Gpu::open()).map_err(Failure::work))?;
     let runs = plans.iter().map(|(plan, _)| timed(|| ready(&gpu, &view, plan))).collect::<Result<Vec<_>, _>>()?;
     let (traced, traced_seconds) = timed(|| keeper.map(|keeper| keeper.obtain(&view, console)).transpose())?;
     let truth = given.or(traced);
@@ -190,12 +191,12 @@ pub(super) fn all<T>(results: impl Iterator<Item = Result<T, Problems>>) -> Resu
 }
 
 /// Every plan, and the seconds that it took.
-fn plan_all(pipelines: &[Pipeline], view: &View, console: &Console) -> Result<Vec<(Plan, f64)>, Failure> {
+fn plan_all(pipelines: &[Pipeline], view: &View, console: &Console) -> Result<Vec<(Arc<Plan>, f64)>, Failure> {
     all(pipelines.iter().map(|pipeline| timed(|| plan_view(pipeline, view, expected_device(), &[], console))))
 }
 
-fn ready<'a>(gpu: &'a Gpu, view: &'a View, plan: &'a Plan) -> Result<Run<'a>, Failure> {
-    Run::new(gpu, &view.scene, &view.bvh, plan, &view.camera, view.size).map_err(Failure::work)
+fn ready(gpu: &Arc<Gpu>, view: &View, plan: &Arc<Plan>) -> Result<Run, Failure> {
+    block_on(Run::new(gpu, &view.stage, plan, &view.camera, view.size)).map_err(Failure::work)
 }
 
 /// What the work makes, and the seconds that it took.
@@ -224,13 +225,13 @@ pub(super) fn warn_of_unstated_bounces(truth: Option<&Truth>, console: &Console)
 }
 
 /// The variants as they run.
-struct Contest<'t, 'a> {
+struct Contest<'t> {
     truth: Option<&'t Truth>,
     /// Truths of fewer bounces.
     shorter: &'t [Shorter],
     /// Where a page is wanted.
     gallery: Option<Gallery<'t>>,
-    entries: Vec<(Contender<'a>, About)>,
+    entries: Vec<(Contender, About)>,
     rounds: usize,
     /// Of each variant, so many runs are ended early.
     cuts: usize,
@@ -238,14 +239,14 @@ struct Contest<'t, 'a> {
     shelter: Option<Shelter>,
 }
 
-impl<'a> Contest<'_, 'a> {
+impl Contest<'_> {
     /// Warms each variant up and judges its picture, then holds the rounds.
-    fn hold(&mut self, runs: Vec<((Run<'a>, f64), About)>, view: &View, progress: &Progress) -> Result<(), Failure> {
+    fn hold(&mut self, runs: Vec<((Run, f64), About)>, view: &View, progress: &Progress) -> Result<(), Failure> {
         let variants = runs.len();
         let steps = (variants * (self.rounds + self.cuts + 1)) as f32;
         let pace = |done: usize| move || if progress.report(done as f32 / steps) { Pace::GoOn } else { Pace::Stop };
         for ((run, shaders_seconds), about) in runs {
-            let (contender, picture) = Contender::warm_up(run, &pace(self.entries.len())).map_err(Failure::of_run)?;
+            let (contender, picture) = block_on(Contender::warm_up(run, &pace(self.entries.len()))).map_err(Failure::of_run)?;
             self.exhibit(&picture)?;
             if let Some(gallery) = &mut self.gallery {
                 gallery.overlay(overlays(contender.run(), view)?);
@@ -261,7 +262,7 @@ impl<'a> Contest<'_, 'a> {
                 if pace() == Pace::Stop {
                     return Err(Failure::interrupted(&[]));
                 }
-                self.entries[variant].0.measure(&pace).map_err(Failure::of_run)?;
+                block_on(self.entries[variant].0.measure(&pace)).map_err(Failure::of_run)?;
             }
             self.shelter.get_or_insert_with(Shelter::new);
         }
@@ -273,13 +274,13 @@ impl<'a> Contest<'_, 'a> {
     }
 
     /// Runs a variant in ever less of its time; `report` takes how many of these runs are done, and is false once the user asked to stop.
-    fn cut(&mut self, variant: usize, report: &dyn Fn(usize) -> bool) -> Result<(), Failure> {
+    fn cut(&mut self, variant: usize, report: &(dyn Fn(usize) -> bool + Sync)) -> Result<(), Failure> {
         let (contender, about) = &mut self.entries[variant];
         let (Some(truth), Some(median)) = (self.truth, contender.median_seconds()) else { return Ok(()) };
         for cut in 0..self.cuts {
             let within = Duration::from_secs_f64(median / f64::from(2 << cut));
             let pace = || if report(cut) { Pace::GoOn } else { Pace::Stop };
-            let (seconds, picture) = contender.cut(within, &pace).map_err(Failure::of_run)?;
+            let (seconds, picture) = block_on(contender.cut(within, &pace)).map_err(Failure::of_run)?;
             about.cuts.insert(0, Cut { within_seconds: within.as_secs_f64(), seconds, errors: truth.judge(picture)? });
         }
         Ok(())
@@ -297,8 +298,8 @@ impl<'a> Contest<'_, 'a> {
         let variants = entries.map(|(index, (contender, about))| contender.report(compare::letters(index), about, whole)).collect::<Option<Vec<_>>>()?;
         Some(Comparison {
             schema: 1,
-            scene: view.scene.name.clone(),
-            triangles: view.scene.triangles.len(),
+            scene: view.stage.scene.name.clone(),
+            triangles: view.stage.scene.triangles.len(),
             camera: view.camera.name.clone(),
             size: view.size,
             adapter: (&gpu.adapter).into(),

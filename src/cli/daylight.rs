@@ -3,7 +3,7 @@
 use super::console::Console;
 use super::failure::Failure;
 use crate::scene::Scene;
-use crate::scene::load::{Daylight, Sky, Sun};
+use crate::scene::load::{Daylight, FileSystem, Sky, Sun};
 use clap::Args;
 use std::path::PathBuf;
 
@@ -24,15 +24,15 @@ impl DaylightOptions {
     }
 
     /// Lights the scene as the options say, or by default where it has no light at all.
-    pub fn light(&self, scene: &mut Scene, console: &Console) -> Result<(), Failure> {
+    pub fn light(&self, scene: &mut Scene, files: &dyn FileSystem, console: &Console) -> Result<(), Failure> {
         let given = Daylight { sky: self.sky.clone(), sun: self.sun };
-        given.light(scene).map_err(Failure::input)?;
+        given.light(scene, files).map_err(Failure::input)?;
         if given != Daylight::default() {
             return Ok(());
         }
         if scene.is_dark() {
             console.note("note: the scene has no light: it gets a white overcast sky; --sky and --sun choose another light, --sky none leaves it dark");
-            Daylight::OF_DARK_SCENES.light(scene).map_err(Failure::input)?;
+            Daylight::OF_DARK_SCENES.light(scene, files).map_err(Failure::input)?;
         } else if scene.is_dim() {
             console.note(
                 "note: the scene's only light is what its own surfaces emit, and that is little: --sky overcast or --sun AZIMUTH,ELEVATION lights all of it",

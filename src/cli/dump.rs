@@ -4,6 +4,7 @@
 use super::failure::{CommandError, Failure};
 use super::output::Target;
 use crate::contract::{Port, port};
+use crate::gpu::block_on;
 use crate::math::{
     harmonics::reflection::{PARTS, quads, table_fours},
     weight,
@@ -21,7 +22,7 @@ use std::path::{Path, PathBuf};
 const SKY: f32 = 1e29;
 
 /// Writes the ports of a node, or one port, to files named after `beside`: `out.exr` gives `out.records.csv`.
-pub fn write(name: &str, plan: &Plan, run: &Run<'_>, beside: &Path) -> Result<(), Failure> {
+pub fn write(name: &str, plan: &Plan, run: &Run, beside: &Path) -> Result<(), Failure> {
     let ports: Vec<_> = plan.ports_of(name).chain(plan.ports.get_key_value(name)).collect();
     if ports.is_empty() {
         let known = plan.ports.keys().cloned().collect::<Vec<_>>().join(", ");
@@ -30,7 +31,7 @@ pub fn write(name: &str, plan: &Plan, run: &Run<'_>, beside: &Path) -> Result<()
     ports.into_iter().try_for_each(|(name, port)| write_port(name, port, plan, run, beside))
 }
 
-fn write_port(name: &str, port: &Port, plan: &Plan, run: &Run<'_>, beside: &Path) -> Result<(), Failure> {
+fn write_port(name: &str, port: &Port, plan: &Plan, run: &Run, beside: &Path) -> Result<(), Failure> {
     match port {
         Port::Requests(requests) => {
             let items: Vec<Request> = items(run, requests.places, run.latest(requests.count))?;
@@ -39,7 +40,7 @@ fn write_port(name: &str, port: &Port, plan: &Plan, run: &Run<'_>, beside: &Path
         Port::Records(records) => write_records(&items(run, records.records, run.latest(records.count))?, None, name, beside),
         Port::RecordCache(cache) => write_records(&items(run, cache.records, run.variable(cache.count))?, Some(cache.rule), name, beside),
         Port::IrradianceField(port::IrradianceField::Records(index)) => {
-            write_records(&indexed(index, &run.bytes(index.data).map_err(Failure::work)?), Some(index.rule), name, beside)
+            write_records(&indexed(index, &block_on(run.bytes(index.data)).map_err(Failure::work)?), Some(index.rule), name, beside)
         }
         Port::PhotonMap(map) | Port::IrradianceField(port::IrradianceField::Photons(port::PhotonDensity { map, .. })) => {
             write_photons(&items(run, map.data, run.variable(map.slots))?[SLOTS_BEFORE as usize..], name, beside)
@@ -50,9 +51,9 @@ fn write_port(name: &str, port: &Port, plan: &Plan, run: &Run<'_>, beside: &Path
         Port::Flag(flag) => file(beside, name, "csv")?.write(format!("value\n{}\n", run.variable(*flag)).as_bytes()),
         Port::GBuffer(surfaces) => write_layers(surfaces_picture(surfaces, plan, run)?, name, beside),
         Port::Lobes(lobes) => write_layers(lobes_picture(lobes, run)?, name, beside),
-        Port::VisibleLobes(_) | Port::Image(_) | Port::DirectLight(_) | Port::Splats(_) => {
+        Port::VisibleLobes(_) | Port::Image(_) | Port::DirectLight(_) | Port::Splats(_) | Port::Own(_) => {
             let Some(image) = image(port) else { return Ok(()) };
-            let layer = run.layer(name, image).map_err(Failure::work)?;
+            let layer = block_on(run.layer(name, image)).map_err(Failure::work)?;
             let ResourceKind::Texture { size, .. } = plan.schedule.resource(image.texture).kind else { return Ok(()) };
             write_layers(Layers::new(size[0], size[1]).with("dump", layer), name, beside)
         }
@@ -72,8 +73,8 @@ fn write_layers(picture: Layers, name: &str, beside: &Path) -> Result<(), Failur
 }
 
 /// A layer a table: a row for each outgoing direction, a column for each coefficient of both parts, 0 beyond the table's own order.
-fn lobes_picture(lobes: &port::Lobes, run: &Run<'_>) -> Result<Layers, Failure> {
-    let values: Vec<f32> = bytemuck::pod_collect_to_vec(&run.bytes(lobes.values).map_err(Failure::work)?);
+fn lobes_picture(lobes: &port::Lobes, run: &Run) -> Result<Layers, Failure> {
+    let values: Vec<f32> = bytemuck::pod_collect_to_vec(&block_on(run.bytes(lobes.values)).map_err(Failure::work)?);
     let (edge, widest) = (lobes.edge as usize, 4 * quads(lobes.order() as usize));
     let mut picture = Layers::new((PARTS * widest) as u32, (edge * edge) as u32);
     let mut rest = &values[..];
@@ -88,8 +89,8 @@ fn lobes_picture(lobes: &port::Lobes, run: &Run<'_>) -> Result<Layers, Failure> 
 }
 
 /// So many items of a buffer.
-pub(super) fn items<T: bytemuck::AnyBitPattern + bytemuck::NoUninit>(run: &Run<'_>, buffer: Resource, count: u32) -> Result<Vec<T>, Failure> {
-    let mut items: Vec<T> = bytemuck::pod_collect_to_vec(&run.bytes(buffer).map_err(Failure::work)?);
+pub(super) fn items<T: bytemuck::AnyBitPattern + bytemuck::NoUninit>(run: &Run, buffer: Resource, count: u32) -> Result<Vec<T>, Failure> {
+    let mut items: Vec<T> = bytemuck::pod_collect_to_vec(&block_on(run.bytes(buffer)).map_err(Failure::work)?);
     items.truncate(count as usize);
     Ok(items)
 }
@@ -135,8 +136,8 @@ fn write_records(records: &[Record], rule: Option<port::Rule>, name: &str, besid
 }
 
 /// The batch's tiles as they lie in the atlas: radiance as the picture, distance (0 for sky) as a layer.
-fn tiles_picture(tiles: &port::Tiles, run: &Run<'_>) -> Result<Layers, Failure> {
-    let samples: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&run.bytes(tiles.samples).map_err(Failure::work)?);
+fn tiles_picture(tiles: &port::Tiles, run: &Run) -> Result<Layers, Failure> {
+    let samples: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&block_on(run.bytes(tiles.samples)).map_err(Failure::work)?);
     let count = run.latest(tiles.requests.count);
     let (tile_width, tile_height) = (tiles.table.width, tiles.table.height);
     let (width, height) = (tiles.tiles_per_row.min(count.max(1)) * tile_width, count.div_ceil(tiles.tiles_per_row).max(1) * tile_height);
@@ -152,20 +153,20 @@ fn tiles_picture(tiles: &port::Tiles, run: &Run<'_>) -> Result<Layers, Failure> 
 }
 
 /// What is seen, one layer each.
-fn surfaces_picture(surfaces: &port::GBuffer, plan: &Plan, run: &Run<'_>) -> Result<Layers, Failure> {
+fn surfaces_picture(surfaces: &port::GBuffer, plan: &Plan, run: &Run) -> Result<Layers, Failure> {
     use port::Channels::{Colour, Vector};
     let ResourceKind::Texture { size: [width, height], .. } = plan.schedule.resource(surfaces.position).kind else {
         return Ok(Layers::new(1, 1));
     };
     let images = [("position", surfaces.position, Vector), ("normal", surfaces.normal, Vector), ("reflectance", surfaces.reflectance, Colour)];
     images.into_iter().try_fold(Layers::new(width, height), |picture, (name, texture, channels)| {
-        Ok(picture.with(name, run.layer(name, port::Image { texture, channels }).map_err(Failure::work)?))
+        Ok(picture.with(name, block_on(run.layer(name, port::Image { texture, channels })).map_err(Failure::work)?))
     })
 }
 
 /// All maps below each other, reverse Z.
-fn maps_picture(maps: &port::ShadowMaps, run: &Run<'_>) -> Result<Layers, Failure> {
-    let texels: Vec<f32> = bytemuck::pod_collect_to_vec(&run.bytes(maps.depth).map_err(Failure::work)?);
+fn maps_picture(maps: &port::ShadowMaps, run: &Run) -> Result<Layers, Failure> {
+    let texels: Vec<f32> = bytemuck::pod_collect_to_vec(&block_on(run.bytes(maps.depth)).map_err(Failure::work)?);
     let rows = texels.chunks_exact(maps.pitch.unwrap_or(maps.resolution) as usize);
     let height = rows.len() as u32;
     let values = rows.flat_map(|row| &row[..maps.resolution as usize]).copied().collect();

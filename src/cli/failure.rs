@@ -104,6 +104,9 @@ pub enum CommandError {
     #[error("a case fails: {}", failed.join("; "))]
     #[diagnostic(code(cli::unstable), help("the table says what was seen and what had to hold; --only CASE --json FILE looks closer"))]
     Unstable { failed: Vec<String> },
+    #[error("no change can come: the pipeline and the scene are of those that ship with the program")]
+    #[diagnostic(code(cli::nothing_to_watch), help("`hemisplat pipelines NAME > mine.ron` and `hemisplat scenes NAME > room.ron` make files to edit"))]
+    NothingToWatch,
     #[error("the scene has no camera `{name}`")]
     #[diagnostic(code(cli::unknown_camera), help("its cameras: {known}"))]
     UnknownCamera { name: String, known: String },

@@ -2,7 +2,7 @@
 
 use super::console::Console;
 use super::failure::CommandError;
-use std::any::Any;
+use crate::gpu::panic_message;
 use std::panic::{AssertUnwindSafe, catch_unwind, set_hook, take_hook};
 
 /// Runs the program; None where it came upon a fault of its own, which is told.
@@ -10,15 +10,10 @@ pub fn guard<T>(console: &Console, run: impl FnOnce() -> T) -> Option<T> {
     let (console, usual) = (*console, take_hook());
     set_hook(Box::new(move |info| {
         let place = info.location().map_or_else(|| "an unknown place".to_owned(), ToString::to_string);
-        console.report(&CommandError::Fault { message: message(info.payload()), place });
+        console.report(&CommandError::Fault { message: panic_message(info.payload()).to_owned(), place });
         if std::env::var_os("RUST_BACKTRACE").is_some() {
             usual(info);
         }
     }));
     catch_unwind(AssertUnwindSafe(run)).ok()
-}
-
-fn message(payload: &(dyn Any + Send)) -> String {
-    let text = payload.downcast_ref::<&str>().map(ToString::to_string).or_else(|| payload.downcast_ref::<String>().cloned());
-    text.unwrap_or_else(|| "without a message".to_owned())
 }

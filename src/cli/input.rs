@@ -1,13 +1,21 @@
 //! Files in, none longer than memory is meant to hold.
 
-pub use crate::scene::load::read_file;
-
 use super::failure::{CommandError, Failure};
 use crate::measure::{Layers, MAX_SAMPLES};
+use crate::scene::load::{Disk, FileSystem};
+use std::io;
 use std::path::{Path, PathBuf};
 
 /// The longest picture file that is read: as many floats as a picture may have, and a header.
 pub const MOST_PICTURE_BYTES: u64 = 4 * MAX_SAMPLES as u64 + (1 << 20);
+
+/// Reads a whole regular file of at most so many bytes.
+///
+/// # Errors
+/// As those of [`FileSystem::read`].
+pub fn read_file(path: &Path, most: u64) -> io::Result<Vec<u8>> {
+    Disk.read(path, most)
+}
 
 /// Reads a picture file of any kind.
 pub fn read_picture(path: &Path) -> Result<Layers, Failure> {

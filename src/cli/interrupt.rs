@@ -5,7 +5,7 @@ use std::io::{self, Write};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-static STATE: Mutex<State> = Mutex::new(State { shelters: 0, requested: None });
+static STATE: Mutex<State> = Mutex::new(State { shelters: 0, requested: None, told: "interrupted; nothing was written" });
 
 /// Some wrappers send one interruption twice: to the program and to its group.
 const ECHO: Duration = Duration::from_millis(500);
@@ -14,6 +14,8 @@ struct State {
     /// How many pieces of work have something to keep.
     shelters: u32,
     requested: Option<Instant>,
+    /// What an interruption of work without a shelter says.
+    told: &'static str,
 }
 
 /// Work that an interruption must not tear apart, while this lives. It has to look at [`requested`], or be short.
@@ -46,12 +48,17 @@ fn interrupted() {
     let mut state = state();
     if state.shelters == 0 {
         // A closed stderr leaves nobody to tell.
-        let _ = writeln!(io::stderr(), "interrupted; nothing was written");
+        let _ = writeln!(io::stderr(), "{}", state.told);
         std::process::exit(130);
     }
     if state.requested.get_or_insert_with(Instant::now).elapsed() > ECHO {
         std::process::exit(130);
     }
+}
+
+/// From now on, what earlier rounds of the work have written is there.
+pub fn keep_earlier() {
+    state().told = "interrupted; what earlier rounds wrote is whole";
 }
 
 /// Whether the user asked to stop.

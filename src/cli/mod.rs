@@ -21,6 +21,7 @@ mod interrupt;
 mod judge;
 mod kept;
 mod legible;
+mod lookups;
 mod new;
 mod output;
 mod overlays;
@@ -43,6 +44,7 @@ mod survey;
 mod sweep;
 mod timeline;
 mod truth;
+mod watch;
 
 use clap::{Arg, ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
 use console::{Console, ConsoleOptions};

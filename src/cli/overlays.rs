@@ -10,7 +10,7 @@ use crate::measure::run::Run;
 use crate::passes::record::Record;
 
 /// One for each cache that pixels are lit from, with its records as they were made: before any filter.
-pub(super) fn overlays(run: &Run<'_>, view: &View) -> Result<Vec<Overlay>, Failure> {
+pub(super) fn overlays(run: &Run, view: &View) -> Result<Vec<Overlay>, Failure> {
     let overlay = |(node, cache): (&str, port::RecordCache)| {
         let records: Vec<weight::Record> = items::<Record>(run, cache.records, run.variable(cache.count))?.iter().map(weight::Record::from).collect();
         Ok(Overlay::new(node.to_owned(), &cache.rule, &records, &view.camera, view.size))
@@ -19,7 +19,7 @@ pub(super) fn overlays(run: &Run<'_>, view: &View) -> Result<Vec<Overlay>, Failu
 }
 
 /// Each cache with the node that keeps it: the first that hands it on.
-fn caches<'p>(run: &Run<'p>) -> Vec<(&'p str, port::RecordCache)> {
+fn caches(run: &Run) -> Vec<(&str, port::RecordCache)> {
     let plan = run.plan();
     let mut found: Vec<(&str, port::RecordCache)> = Vec::new();
     for (node, _) in &plan.resolved {

@@ -3,6 +3,7 @@
 use super::console::Console;
 use super::failure::Failure;
 use super::input::read_file;
+use super::lookups::Lookups;
 use super::scene::View;
 use super::stored::Stored;
 use super::truth::cache_folder;
@@ -17,6 +18,7 @@ use crate::schedule::Device;
 use std::collections::BTreeSet;
 use std::io;
 use std::path::Path;
+use std::sync::Arc;
 
 /// The longest pipeline file that is read.
 const MOST_PIPELINE_BYTES: u64 = 16 << 20;
@@ -24,6 +26,15 @@ const MOST_PIPELINE_BYTES: u64 = 16 << 20;
 /// Reads and checks a pipeline: a path, or one that ships; `sets` are `NODE.PARAM=VALUE`.
 pub fn load_pipeline(name: &str, sets: &[String]) -> Result<Pipeline, Failure> {
     check_pipeline(name, sets).map_err(Failure::input)
+}
+
+/// The same; every file that is looked for is noted.
+pub fn load_noting(name: &str, sets: &[String], lookups: &Lookups) -> Result<Pipeline, Failure> {
+    let mut read = |path: &Path| {
+        lookups.note(path);
+        read_pipeline(path)
+    };
+    load(name, sets, REGISTRY, &mut read).map_err(Failure::input)
 }
 
 /// The same, for those who collect problems.
@@ -74,8 +85,8 @@ pub fn expect_exact(plan: &Plan) -> Result<(), Problems> {
 }
 
 /// Plans a pipeline for a view of a scene and a device; `dumps` stay whole after the frame.
-pub fn plan_view(pipeline: &Pipeline, view: &View, device: Device, dumps: &[String], console: &Console) -> Result<Plan, Problems> {
-    let (needs, stored) = (Needs::of(&view.scene), Stored::new(cache_folder(), console));
-    let setting = Setting { scene: &view.scene, needs: &needs, device, size: view.size, tables: Some(&stored) };
-    plan(pipeline, setting, dumps, &|data| kind(&view.scene, data))
+pub fn plan_view(pipeline: &Pipeline, view: &View, device: Device, dumps: &[String], console: &Console) -> Result<Arc<Plan>, Problems> {
+    let (needs, stored) = (Needs::of(&view.stage.scene), Stored::new(cache_folder(), console));
+    let setting = Setting { scene: &view.stage.scene, needs: &needs, device, size: view.size, tables: Some(&stored) };
+    plan(pipeline, setting, dumps, &|data| kind(&view.stage.scene, data))
 }

@@ -15,6 +15,7 @@ use crate::pipeline::diagnostics::known;
 use crate::pipeline::syntax::Word;
 use crate::pipeline::{Pipeline, Plan, Problem, Problems};
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// More points make no figure that anybody can read, and take their time to be planned.
 const MAX_POINTS: usize = 1000;
@@ -60,7 +61,7 @@ fn expect_nodes<'w>(nodes: impl Iterator<Item = &'w Word>, pipelines: &[Pipeline
 }
 
 /// The plan of a point; a point without one is refused.
-pub(super) fn planned(pipeline: &Pipeline, view: &View, point: &mut Point, console: &Console) -> Option<Plan> {
+pub(super) fn planned(pipeline: &Pipeline, view: &View, point: &mut Point, console: &Console) -> Option<Arc<Plan>> {
     plan_view(pipeline, view, expected_device(), &[], console).map_err(|problems| point.outcome = Outcome::Refused { because: told(&problems) }).ok()
 }
 
@@ -70,7 +71,7 @@ fn told(problems: &Problems) -> String {
 }
 
 /// What the nodes of each plan move.
-pub(super) fn weigh(moved: &[Word], plans: &[Option<Plan>], points: &mut [Point]) -> Result<(), Failure> {
+pub(super) fn weigh(moved: &[Word], plans: &[Option<Arc<Plan>>], points: &mut [Point]) -> Result<(), Failure> {
     let nodes: Vec<&str> = moved.iter().map(|node| node.text.as_str()).collect();
     for (plan, point) in plans.iter().zip(points).filter(|_| !nodes.is_empty()) {
         point.traffic = plan.as_ref().map(|plan| traffic(plan, &nodes)).transpose().map_err(Failure::work)?.flatten();
@@ -78,8 +79,8 @@ pub(super) fn weigh(moved: &[Word], plans: &[Option<Plan>], points: &mut [Point]
     Ok(())
 }
 
-pub(super) fn listed(points: &[Point], plans: &[Option<Plan>], over: &[Axis]) -> String {
-    let line = |(point, plan): (&Point, &Option<Plan>)| {
+pub(super) fn listed(points: &[Point], plans: &[Option<Arc<Plan>>], over: &[Axis]) -> String {
+    let line = |(point, plan): (&Point, &Option<Arc<Plan>>)| {
         let what = match (&point.outcome, plan) {
             (Outcome::Refused { because }, _) => format!(", refused: {because}"),
             (_, Some(plan)) => format!(", {:.1} MiB on the device", plan.memory().total() as f64 / f64::from(1 << 20)),

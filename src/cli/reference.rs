@@ -57,13 +57,13 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     let _shelter = Shelter::new();
     let result = {
         let progress = Progress::new(console, "tracing paths");
-        render(&view.scene, &view.bvh, &view.camera, &settings, &|share| progress.report(share))
+        render(&view.stage.scene, &view.stage.bvh, &view.camera, &settings, &|share| progress.report(share))
     };
     if interrupt::requested() && result.is_err() {
         return Err(Failure::interrupted(&[]));
     }
     let reference = result.map_err(Failure::input)?;
-    let picture = layers(&reference, attributes(options, &view, &reference)).seen_through(&view.camera, &view.scene, view.size);
+    let picture = layers(&reference, attributes(options, &view, &reference)).seen_through(&view.camera, &view.stage.scene, view.size);
     let exposure = Exposure::new(&options.exposure, console).of(&picture, &targets)?;
     targets.iter().try_for_each(|target| target.write(&picture, exposure))?;
     warn_of_nothing(&picture, console);

@@ -7,12 +7,13 @@ use super::failure::{CommandError, Failure};
 use super::input::{peak_host_bytes, read_file};
 use super::interrupt::{self, Shelter};
 use super::output::{PictureTarget, Target, expect_distinct, warn_of_nothing};
-use super::pipeline::{expect_exact, judged_bounces, load_pipeline, note_approximations, note_idle, note_names};
+use super::pipeline::{expect_exact, judged_bounces, load_noting, note_approximations, note_idle, note_names};
 use super::progress::Progress;
 use super::resources::expect_memory;
 use super::scene::{SceneOptions, View};
 use super::timeline::{Frame, Plans, Timeline, TimelineOptions, camera_of_frame};
-use crate::gpu::{Gpu, GpuError, Pace};
+use super::watch::{self, Kept, Ready, timed};
+use crate::gpu::{Gpu, GpuError, Pace, block_on};
 use crate::math::bounces::Bounces;
 use crate::math::pixel_filter::PixelFilter;
 use crate::measure::average::Average;
@@ -27,11 +28,12 @@ use crate::schedule::Device;
 use clap::{Args, ValueEnum};
 use glam::DVec2;
 use serde_json::{Value, json};
-use std::cell::Cell;
 use std::collections::BTreeMap;
-use std::panic::resume_unwind;
 use std::path::{Path, PathBuf};
-use std::thread;
+use std::sync::{
+    Arc,
+    atomic::{AtomicU32, Ordering},
+};
 use std::time::{Duration, Instant};
 
 /// Render a scene with a pipeline
@@ -72,6 +74,9 @@ pub struct Options {
     /// Writes what this node, or node.output, made, beside the first output; may be repeated
     #[arg(long, value_name = "NODE")]
     dump: Vec<String>,
+    /// Render again each time that a file changes which the pipeline or the scene is made of, until Ctrl-C
+    #[arg(long, conflicts_with = "cache")]
+    watch: bool,
     #[arg(long = "spp", hide = true, value_name = "N", value_parser = no_samples)]
     _spp: Option<String>,
     #[arg(long = "bounces", hide = true, value_name = "N", value_parser = no_bounces)]
@@ -129,57 +134,80 @@ struct StartUp {
 }
 
 pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
-    let written: Vec<&Path> = options.output.iter().chain(&options.stats).chain(&options.cache).map(PathBuf::as_path).collect();
-    expect_distinct(&written, &[options.scene.path(), Path::new(&options.pipeline)])?;
-    let timeline = options.timeline.timeline(options.scene.named_cameras())?;
-    let targets = timeline.frames.iter().map(|frame| Targets::new(options, &timeline, frame)).collect::<Result<Vec<_>, _>>()?;
-    let stats = options.stats.as_deref().map(Target::new).transpose()?;
-    let records = options.cache.as_deref().map(RecordsFile::open).transpose()?;
-
-    // Anything wrong with the pipeline is told before a large scene is loaded.
-    note_names([&load_pipeline(&options.pipeline, &timeline.frames[0].sets)?], console);
-    let ((gpu, device), (view, load)) = thread::scope(|scope| {
-        let gpu = scope.spawn(|| timed(Gpu::open));
-        let view = timed(|| options.scene.load_timeline(console));
-        (gpu.join().unwrap_or_else(|panic| resume_unwind(panic)), view)
-    });
-    let view = view?;
-    let (plans, planned) =
-        timed(|| Plans::of(&options.pipeline, &timeline, &view, gpu.as_ref().map_or(Device::ABLE, |gpu| gpu.adapter.device()), &options.dump, console));
-    let plans = plans?;
-    if options.strict {
-        expect_exact(plans.first()).map_err(Failure::input)?;
+    let job = Job::new(options)?;
+    if options.watch {
+        return watch::rounds(&job.written(), console, |kept| job.round(kept, console));
     }
-    note_approximations(plans.first(), console);
-    note_idle(plans.first(), &timeline.frames[0].sets, console);
-    let gpu = gpu.map_err(Failure::work)?;
-    expect_memory([plans.first()], &view)?;
-    let start = Instant::now();
-    let mut run = Run::new(&gpu, &view.scene, &view.bvh, plans.first(), &view.camera, view.size).map_err(Failure::work)?;
-    if let Some(records) = &records {
-        records.load(&mut run, &view)?;
-    }
-    let start_up = StartUp { load, plan: planned, device, shaders: start.elapsed().as_secs_f64() };
-
-    let _shelter = Shelter::new();
-    let exposure = Exposure::new(&options.exposure, console);
-    let mut film = Film { options, console, view: &view, exposure, frames: Vec::new(), gaps: Vec::new(), is_faulty: false, kept: Vec::new(), left_out: None };
-    let result = timeline.frames.iter().zip(&targets).try_for_each(|(frame, targets)| film.expose(frame, targets, &plans, &mut run));
-    let is_interrupted = result.as_ref().is_err_and(|failure| failure.status == 130);
-    let finished = film.finish(&run, records.as_ref(), stats.as_ref(), &start_up, &gpu, result.is_ok());
-    if is_interrupted {
-        return finished.and(Err(Failure::interrupted(&film.kept)));
-    }
-    // What went wrong first is the cause.
-    result.and(finished)?;
-    film.refuse_gaps()
+    job.round(&mut Kept::default(), console)
 }
 
-/// What a step makes, and how long it takes [seconds].
-fn timed<T>(step: impl FnOnce() -> T) -> (T, f64) {
-    let start = Instant::now();
-    let made = step();
-    (made, start.elapsed().as_secs_f64())
+/// What is asked for, as far as no file that is read decides it.
+struct Job<'o> {
+    options: &'o Options,
+    timeline: Timeline,
+    /// Of each frame.
+    targets: Vec<Targets>,
+    stats: Option<Target>,
+    records: Option<RecordsFile>,
+}
+
+impl<'o> Job<'o> {
+    fn new(options: &'o Options) -> Result<Self, Failure> {
+        let written: Vec<&Path> = options.output.iter().chain(&options.stats).chain(&options.cache).map(PathBuf::as_path).collect();
+        expect_distinct(&written, &[options.scene.path(), Path::new(&options.pipeline)])?;
+        let timeline = options.timeline.timeline(options.scene.named_cameras())?;
+        let targets = timeline.frames.iter().map(|frame| Targets::new(options, &timeline, frame)).collect::<Result<_, _>>()?;
+        let stats = options.stats.as_deref().map(Target::new).transpose()?;
+        let records = options.cache.as_deref().map(RecordsFile::open).transpose()?;
+        Ok(Self { options, timeline, targets, stats, records })
+    }
+
+    /// The files that it leaves.
+    fn written(&self) -> Vec<&Path> {
+        self.targets.iter().flat_map(|targets| &targets.0).map(PictureTarget::path).chain(self.stats.as_ref().map(Target::path)).collect()
+    }
+
+    /// Reads the documents and renders all frames.
+    fn round(&self, kept: &mut Kept, console: &Console) -> Result<(), Failure> {
+        let Self { options, timeline, .. } = self;
+        let sets = &timeline.frames[0].sets;
+        // Anything wrong with the pipeline is told before a large scene is loaded.
+        note_names([&load_noting(&options.pipeline, sets, &kept.pipeline_files)?], console);
+        let Ready { gpu, view, device, load } = kept.ready(&options.scene, console)?;
+        let able = gpu.as_ref().map_or(Device::ABLE, |gpu| gpu.adapter.device());
+        let (plans, planned) = timed(|| Plans::of(&options.pipeline, timeline, view, able, &options.dump, console));
+        let plans = plans?;
+        if options.strict {
+            expect_exact(plans.first()).map_err(Failure::input)?;
+        }
+        note_approximations(plans.first(), console);
+        note_idle(plans.first(), sets, console);
+        self.render(gpu?, view, &plans, StartUp { load, plan: planned, device, shaders: 0.0 }, console)
+    }
+
+    fn render(&self, gpu: &Arc<Gpu>, view: &View, plans: &Plans, start_up: StartUp, console: &Console) -> Result<(), Failure> {
+        let Self { options, timeline, targets, stats, records } = self;
+        expect_memory([plans.first()], view)?;
+        let start = Instant::now();
+        let mut run = block_on(Run::new(gpu, &view.stage, plans.first(), &view.camera, view.size)).map_err(Failure::work)?;
+        if let Some(records) = records {
+            records.load(&mut run, view)?;
+        }
+        let start_up = StartUp { shaders: start.elapsed().as_secs_f64(), ..start_up };
+
+        let _shelter = Shelter::new();
+        let exposure = Exposure::new(&options.exposure, console);
+        let mut film = Film { options, console, view, exposure, frames: Vec::new(), gaps: Vec::new(), is_faulty: false, kept: Vec::new(), left_out: None };
+        let result = timeline.frames.iter().zip(targets).try_for_each(|(frame, targets)| film.expose(frame, targets, plans, &mut run));
+        let is_interrupted = result.as_ref().is_err_and(|failure| failure.status == 130);
+        let finished = film.finish(&run, records.as_ref(), stats.as_ref(), &start_up, gpu, result.is_ok());
+        if is_interrupted {
+            return finished.and(Err(Failure::interrupted(&film.kept)));
+        }
+        // What went wrong first is the cause.
+        result.and(finished)?;
+        film.refuse_gaps()
+    }
 }
 
 /// The file that keeps records between runs.
@@ -196,15 +224,15 @@ impl RecordsFile {
         Ok(Self { target, contents })
     }
 
-    fn load(&self, run: &mut Run<'_>, view: &View) -> Result<(), Failure> {
+    fn load(&self, run: &mut Run, view: &View) -> Result<(), Failure> {
         if run.plan().persistent.is_empty() {
             return Err(Failure::input(CommandError::NoRecords { path: self.target.path().to_owned() }));
         }
-        self.contents.iter().try_for_each(|contents| cache::load(run, &view.scene, contents)).map_err(Failure::input)
+        self.contents.iter().try_for_each(|contents| cache::load(run, &view.stage.scene, contents)).map_err(Failure::input)
     }
 
-    fn save(&self, run: &Run<'_>, view: &View) -> Result<(), Failure> {
-        self.target.write(&cache::save(run, &view.scene).map_err(Failure::work)?)
+    fn save(&self, run: &Run, view: &View) -> Result<(), Failure> {
+        self.target.write(&block_on(cache::save(run, &view.stage.scene)).map_err(Failure::work)?)
     }
 }
 
@@ -227,7 +255,7 @@ struct Film<'o> {
 
 impl<'o> Film<'o> {
     /// Renders a frame and writes its pictures.
-    fn expose<'p>(&mut self, frame: &Frame, targets: &'o Targets, plans: &'p Plans, run: &mut Run<'p>) -> Result<(), Failure> {
+    fn expose<'p>(&mut self, frame: &Frame, targets: &'o Targets, plans: &'p Plans, run: &mut Run) -> Result<(), Failure> {
         if interrupt::requested() {
             return Err(Failure::interrupted(&[]));
         }
@@ -255,19 +283,19 @@ impl<'o> Film<'o> {
             return *found;
         }
         let Bounces::Count(counted) = plan.bounces else { return None };
-        let found = left_out(&self.view.scene, &self.view.bvh, camera, self.view.size, counted);
+        let found = left_out(&self.view.stage.scene, &self.view.stage.bvh, camera, self.view.size, counted);
         self.left_out = Some((camera.clone(), found));
         found
     }
 
     /// The frame's numbers and layers, all of them finite, and where its pixels are.
-    fn draw(&self, frame: &Frame, camera: &Camera, run: &mut Run<'_>) -> Result<(FrameReport, Layers), RunError> {
+    fn draw(&self, frame: &Frame, camera: &Camera, run: &mut Run) -> Result<(FrameReport, Layers), RunError> {
         let start = Instant::now();
         let progress = Progress::open_ended(self.console, &format!("frame {}", frame.number));
-        let rounds = Cell::new(0);
+        let rounds = AtomicU32::new(0);
         let pace = || {
-            progress.tell(|| format!("round {}", rounds.get()));
-            rounds.set(rounds.get() + 1);
+            let round = rounds.fetch_add(1, Ordering::Relaxed);
+            progress.tell(|| format!("round {round}"));
             match self.options.time {
                 _ if interrupt::requested() => Pace::Stop,
                 Some(time) => Pace::Within(time.saturating_sub(start.elapsed())),
@@ -275,10 +303,10 @@ impl<'o> Film<'o> {
             }
         };
         let mut shoot = |number: usize, offset: &DVec2| {
-            let sample = Sample { number: number as u32, shift: offset.as_vec2() };
+            let sample = Sample { number: number as u32, shift: offset.as_vec2(), width: (self.options.samples as f32).sqrt().recip() };
             run.set_camera(&Camera { sample, ..camera.clone() });
-            let report = run.frame(&pace)?;
-            Ok::<_, RunError>((report, run.picture()?.seen_through(camera, &self.view.scene, self.view.size)))
+            let report = block_on(run.frame(&pace))?;
+            Ok::<_, RunError>((report, block_on(run.picture())?.seen_through(camera, &self.view.stage.scene, self.view.size)))
         };
         let offsets = self.options.filter.offsets(self.options.samples);
         let (mut report, first) = shoot(0, &offsets[0])?;
@@ -318,7 +346,7 @@ impl<'o> Film<'o> {
     /// Saves the records and what was measured, also of frames before one that failed.
     fn finish(
         &mut self,
-        run: &Run<'_>,
+        run: &Run,
         records: Option<&'o RecordsFile>,
         stats: Option<&'o Target>,
         start_up: &StartUp,
@@ -388,7 +416,7 @@ impl Targets {
         options.output.iter().map(|path| PictureTarget::new(&numbered(path, number))).collect::<Result<_, _>>().map(Self)
     }
 
-    fn write(&self, options: &Options, view: &View, run: &Run<'_>, frame: &Frame, picture: Layers, exposure: f32) -> Result<(), Failure> {
+    fn write(&self, options: &Options, view: &View, run: &Run, frame: &Frame, picture: Layers, exposure: f32) -> Result<(), Failure> {
         let picture = Layers { attributes: attributes(options, view, run.plan(), frame), ..picture };
         self.0.iter().try_for_each(|target| target.write(&picture, exposure))?;
         let Some(first) = self.0.first() else { return Ok(()) };
@@ -451,13 +479,13 @@ fn text(options: &Options, frame: u32, report: &FrameReport) -> String {
     text
 }
 
-fn statistics(film: &Film<'_>, run: &Run<'_>, gpu: &Gpu, start_up: &StartUp, complete: bool) -> Value {
+fn statistics(film: &Film<'_>, run: &Run, gpu: &Gpu, start_up: &StartUp, complete: bool) -> Value {
     let (plan, view) = (run.plan(), film.view);
     json!({
         "schema": 1,
         "pipeline": plan.pipeline,
-        "scene": view.scene.name,
-        "triangles": view.scene.triangles.len(),
+        "scene": view.stage.scene.name,
+        "triangles": view.stage.scene.triangles.len(),
         "adapter": AdapterReport::from(&gpu.adapter),
         "size": view.size,
         "samples": film.options.samples,

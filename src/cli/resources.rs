@@ -6,7 +6,7 @@ use crate::pipeline::Plan;
 use rayon::ThreadPoolBuilder;
 use std::fs;
 use std::num::NonZero;
-use std::sync::Mutex;
+use std::sync::{Arc, Mutex};
 use std::thread;
 
 /// What a command needs.
@@ -59,10 +59,10 @@ pub fn prepare(need: Need) -> Result<(), Failure> {
 }
 
 /// Refuses plans that need more memory than a limit leaves. Without a limit, drivers say themselves what they lack.
-pub fn expect_memory<'p>(plans: impl IntoIterator<Item = &'p Plan>, view: &View) -> Result<(), Failure> {
+pub fn expect_memory<'p>(plans: impl IntoIterator<Item = &'p Arc<Plan>>, view: &View) -> Result<(), Failure> {
     let on_device: u64 = plans.into_iter().map(|plan| plan.memory().total()).sum();
     let [width, height] = view.size.map(u64::from);
-    expect_limit(LEAST_MEMORY + on_device * 6 / 5 + 200 * width * height + 1000 * view.scene.triangles.len() as u64)
+    expect_limit(LEAST_MEMORY + on_device * 6 / 5 + 200 * width * height + 1000 * view.stage.scene.triangles.len() as u64)
 }
 
 fn expect_limit(wanted: u64) -> Result<(), Failure> {

@@ -4,16 +4,18 @@ use super::camera::{CameraOptions, to_ron};
 use super::console::Console;
 use super::daylight::DaylightOptions;
 use super::failure::{CommandError, Failure};
+use super::lookups::Lookups;
 use crate::gpu::expected_adapter;
 use crate::gpu::limits::Most;
 use crate::measure::cache::fingerprint;
 use crate::measure::metrics::SCENE_CHECKSUM;
-use crate::scene::bvh::Bvh;
 use crate::scene::load::{LoadOptions, load};
+use crate::scene::stage::Stage;
 use crate::scene::{Camera, MAX_SIDE, Scene};
 use clap::Args;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// The size of a picture where neither the user nor the scene says one [pixels].
 const DEFAULT_SIZE: [u32; 2] = [512, 512];
@@ -50,8 +52,7 @@ pub struct ViewOptions {
 
 /// A scene that is ready for rays, and the view of it.
 pub struct View {
-    pub scene: Scene,
-    pub bvh: Bvh,
+    pub stage: Arc<Stage>,
     pub camera: Camera,
     /// Those that were named, or else all of the scene.
     pub cameras: Vec<Camera>,
@@ -80,7 +81,7 @@ impl SceneOptions {
     /// Loads the scene, says what loading had to mend, and picks the view.
     pub fn load(&self, console: &Console) -> Result<View, Failure> {
         self.expect_one_camera()?;
-        self.load_timeline(console)
+        self.load_timeline(&Lookups::default(), console)
     }
 
     /// The scene as it was named.
@@ -93,15 +94,15 @@ impl SceneOptions {
         self.view.cameras.len()
     }
 
-    /// The same where several cameras may be named.
-    pub fn load_timeline(&self, console: &Console) -> Result<View, Failure> {
-        self.view(console, expect_room)
+    /// The same where several cameras may be named; every file that is looked for is noted.
+    pub fn load_timeline(&self, lookups: &Lookups, console: &Console) -> Result<View, Failure> {
+        self.view(lookups, console, expect_room)
     }
 
     /// The scene and the one view of it, for work that no device does.
     pub fn load_for_host(&self, console: &Console) -> Result<View, Failure> {
         self.expect_one_camera()?;
-        self.view(console, |_| Ok(()))
+        self.view(&Lookups::default(), console, |_| Ok(()))
     }
 
     fn expect_one_camera(&self) -> Result<(), Failure> {
@@ -112,20 +113,19 @@ impl SceneOptions {
     }
 
     /// `expect` refuses scenes before a hierarchy is built over them.
-    fn view(&self, console: &Console, expect: impl FnOnce(&Scene) -> Result<(), Failure>) -> Result<View, Failure> {
-        let options = LoadOptions { search: self.view.search.clone(), overrides: self.view.set.clone() }.with_environment();
+    fn view(&self, lookups: &Lookups, console: &Console, expect: impl FnOnce(&Scene) -> Result<(), Failure>) -> Result<View, Failure> {
+        let options = LoadOptions { search: self.view.search.clone(), overrides: self.view.set.clone(), files: Arc::new(lookups.clone()) }.with_environment();
         let mut scene = load(&self.scene, &options).map_err(Failure::input)?;
         expect(&scene)?;
         scene.notes.iter().for_each(|note| console.note(&format!("note: {note}")));
-        self.view.daylight.light(&mut scene, console)?;
+        self.view.daylight.light(&mut scene, lookups, console)?;
         let cameras = self.pick_cameras(&scene)?;
         let camera = cameras[0].clone();
         let size = self.view.size.or(camera.size).unwrap_or(DEFAULT_SIZE);
         if self.view.camera.print_camera {
             cameras.iter().try_for_each(|camera| console.print(&to_ron(&scene, camera, size)))?;
         }
-        let bvh = Bvh::build(&mut scene);
-        Ok(View { scene, bvh, camera, cameras, size })
+        Ok(View { stage: Arc::new(Stage::new(scene)), camera, cameras, size })
     }
 
     /// What is needed to make the view again, for a picture's attributes.
@@ -136,7 +136,7 @@ impl SceneOptions {
             ("program", format!("hemisplat {}", env!("CARGO_PKG_VERSION"))),
             ("scene", self.scene.display().to_string()),
             ("scene-set", set.join(" ")),
-            (SCENE_CHECKSUM, fingerprint(&view.scene)),
+            (SCENE_CHECKSUM, fingerprint(&view.stage.scene)),
             ("camera", camera.name.clone()),
             ("size", format!("{width}x{height}")),
         ];

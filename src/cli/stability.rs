@@ -5,7 +5,7 @@ use super::failure::{CommandError, Failure};
 use super::output::Target;
 use super::pipeline::{check_pipeline, load_pipeline};
 use super::progress::Progress;
-use crate::gpu::{Adapter, Gpu};
+use crate::gpu::{Adapter, Gpu, block_on};
 use crate::measure::stability::{Bench, CASES, Case, Outcome, Verdict};
 use crate::pipeline::embedded::EMBEDDED;
 use clap::Args;
@@ -54,7 +54,7 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
         load_pipeline(name, &options.sets)?;
     }
     let cases: Vec<&Case> = CASES.iter().filter(|case| options.only.is_empty() || options.only.iter().any(|only| only == case.name)).collect();
-    let gpu = Gpu::open().map_err(Failure::work)?;
+    let gpu = block_on(Gpu::open()).map_err(Failure::work)?;
     let progress = Progress::new(console, "stability");
     let mut pipelines = Vec::new();
     for (index, name) in names.iter().enumerate() {

@@ -16,7 +16,7 @@ use super::resources::expect_memory;
 use super::scene::{SceneOptions, View};
 use super::truth::{Shorter, Truth, TruthOptions, content};
 use crate::gpu::limits::hold;
-use crate::gpu::{AskPace, Gpu, Pace};
+use crate::gpu::{AskPace, Gpu, Pace, block_on};
 use crate::measure::Layers;
 use crate::measure::cache::Checksum;
 use crate::measure::compare::{self, About, Contender, ErrorParts, ReferenceReport, VariantErrors, approximations};
@@ -30,6 +30,7 @@ use crate::pipeline::{Pipeline, Plan};
 use clap::Args;
 use miette::Diagnostic;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// The longest program file that is read.
 const MOST_PROGRAM_BYTES: u64 = 4 << 30;
@@ -82,7 +83,7 @@ pub(super) fn run(survey: &Survey, scene: &SceneOptions, reference: &Reference, 
     let (mut points, pipelines) = check(survey)?;
     note_names(&pipelines, console);
     let view = scene.load(console)?;
-    let plans: Vec<Option<Plan>> = pipelines.iter().zip(&mut points).map(|(pipeline, point)| planned(pipeline, &view, point, console)).collect();
+    let plans: Vec<Option<Arc<Plan>>> = pipelines.iter().zip(&mut points).map(|(pipeline, point)| planned(pipeline, &view, point, console)).collect();
     plans.iter().flatten().try_for_each(|plan| expect_memory([plan], &view))?;
     weigh(&survey.moved, &plans, &mut points)?;
     let axes = survey.axes();
@@ -95,7 +96,7 @@ pub(super) fn run(survey: &Survey, scene: &SceneOptions, reference: &Reference, 
     let given = outside.given(&view, judged)?;
     let keeper = outside.keeper(&view, judged)?;
     let shorter_keepers = outside.shorter_keepers(&view, plans.iter().flatten(), judged)?;
-    let gpu = Gpu::open().map_err(Failure::work)?;
+    let gpu = block_on(Gpu::open()).map_err(Failure::work)?;
     // What does not fit is told before a reference is traced.
     plans.iter().flatten().try_for_each(|plan| hold(&plan.schedule, &gpu.limits, gpu.features, &gpu.adapter.name)).map_err(Failure::work)?;
     let truth = given.map_or_else(|| keeper.map(|keeper| keeper.obtain(&view, console)).transpose(), |given| Ok(Some(given)))?;
@@ -113,7 +114,7 @@ pub(super) fn run(survey: &Survey, scene: &SceneOptions, reference: &Reference, 
         result?;
     }
     let (points, judge, _shelter) = (work.points, work.judge, work.shelter);
-    let mut sweep = sweep(survey, &view, &gpu, judge.report(), approximations(plans.iter().flatten().map(Plan::approximated)), points);
+    let mut sweep = sweep(survey, &view, &gpu, judge.report(), approximations(plans.iter().flatten().map(|plan| plan.approximated())), points);
     sweep.expected = expectation::judge(&survey.expected, &sweep, &survey.cost);
     told::sweep::warnings(&sweep, survey).iter().for_each(|warning| console.note(warning));
     console.print(&[told::sweep::text(&sweep, survey), tables::markdown(&sweep, survey)].join("\n"))?;
@@ -199,9 +200,9 @@ fn tell_what_is_there(points: &[Point], found: usize, folder: &Folder, console: 
 
 /// A survey as it is measured.
 struct Work<'a> {
-    gpu: &'a Gpu,
+    gpu: &'a Arc<Gpu>,
     view: &'a View,
-    plans: &'a [Option<Plan>],
+    plans: &'a [Option<Arc<Plan>>],
     keys: &'a [String],
     judge: Judge,
     folder: &'a Folder,
@@ -212,9 +213,9 @@ struct Work<'a> {
 }
 
 /// A point of the group that is in memory.
-struct Entry<'a> {
+struct Entry {
     index: usize,
-    contender: Contender<'a>,
+    contender: Contender,
     /// Of the warm-up, as it is kept.
     picture: Layers,
     errors: VariantErrors,
@@ -225,7 +226,7 @@ impl<'a> Work<'a> {
     /// Measures what is open, group by group; the points of a group are kept when it is done.
     fn measure(&mut self, together: usize, console: &Console) -> Result<(), Failure> {
         let planned = self.points.iter().zip(self.plans).enumerate().filter_map(|(index, (point, plan))| Some((index, point, plan.as_ref()?)));
-        let open: Vec<(usize, &Plan)> = planned.filter(|(_, point, _)| point.outcome == Outcome::Open).map(|(index, _, plan)| (index, plan)).collect();
+        let open: Vec<(usize, &Arc<Plan>)> = planned.filter(|(_, point, _)| point.outcome == Outcome::Open).map(|(index, _, plan)| (index, plan)).collect();
         let progress = Progress::new(console, "sweeping");
         let mut done = 0;
         for group in open.chunks(together) {
@@ -239,11 +240,11 @@ impl<'a> Work<'a> {
     }
 
     /// `report` takes the share of the group that is done, and is false once the user asked to stop.
-    fn measure_group(&mut self, group: &[(usize, &'a Plan)], report: &dyn Fn(f32) -> bool) -> Result<(), Failure> {
+    fn measure_group(&mut self, group: &[(usize, &Arc<Plan>)], report: &(dyn Fn(f32) -> bool + Sync)) -> Result<(), Failure> {
         let runs = usize::from(self.survey.runs);
         let steps = (group.len() * (runs + 1)) as f32;
         let pace = |done: usize| move || if report(done as f32 / steps) { Pace::GoOn } else { Pace::Stop };
-        let mut entries: Vec<Entry<'a>> = Vec::new();
+        let mut entries: Vec<Entry> = Vec::new();
         for (place, (index, plan)) in group.iter().enumerate() {
             match self.warm_up(plan, &pace(place)) {
                 Ok((contender, picture)) => {
@@ -263,15 +264,17 @@ impl<'a> Work<'a> {
                 if pace() == Pace::Stop {
                     return Err(Failure::interrupted(&[]));
                 }
-                entries[entry].contender.measure(&pace).map_err(Failure::of_run)?;
+                block_on(entries[entry].contender.measure(&pace)).map_err(Failure::of_run)?;
             }
         }
         entries.into_iter().try_for_each(|entry| self.keep(entry))
     }
 
-    fn warm_up(&self, plan: &'a Plan, pace: AskPace) -> Result<(Contender<'a>, Layers), RunError> {
-        let run = Run::new(self.gpu, &self.view.scene, &self.view.bvh, plan, &self.view.camera, self.view.size)?;
-        Contender::warm_up(run, pace)
+    fn warm_up(&self, plan: &Arc<Plan>, pace: AskPace) -> Result<(Contender, Layers), RunError> {
+        block_on(async {
+            let run = Run::new(self.gpu, &self.view.stage, plan, &self.view.camera, self.view.size).await?;
+            Contender::warm_up(run, pace).await
+        })
     }
 
     /// What of a point's error is of the bounces that it leaves out, and what is its method's.
@@ -311,7 +314,7 @@ impl<'a> Work<'a> {
         Ok(())
     }
 
-    fn keep(&mut self, Entry { index, contender, picture, errors, error_parts }: Entry<'a>) -> Result<(), Failure> {
+    fn keep(&mut self, Entry { index, contender, picture, errors, error_parts }: Entry) -> Result<(), Failure> {
         let point = &mut self.points[index];
         let about = About { name: point.name(&[]), set: point.set.clone(), errors, error_parts, ..About::default() };
         if let Some(report) = contender.report(point.id.clone(), about, usize::from(self.survey.runs)) {
@@ -336,8 +339,8 @@ fn sweep(survey: &Survey, view: &View, gpu: &Gpu, reference: Option<ReferenceRep
     mark_front(&mut points, &survey.metric, &survey.cost);
     Sweep {
         schema: 1,
-        scene: view.scene.name.clone(),
-        triangles: view.scene.triangles.len(),
+        scene: view.stage.scene.name.clone(),
+        triangles: view.stage.scene.triangles.len(),
         camera: view.camera.name.clone(),
         size: view.size,
         adapter: (&gpu.adapter).into(),

@@ -9,6 +9,7 @@ use crate::scene::Camera;
 use crate::schedule::Device;
 use clap::Args;
 use std::ops::Range;
+use std::sync::Arc;
 
 #[derive(Args)]
 pub struct TimelineOptions {
@@ -52,13 +53,13 @@ impl TimelineOptions {
 
 /// The plans of a timeline: one for all frames whose parameters are the same.
 pub struct Plans {
-    plans: Vec<(Vec<String>, Plan)>,
+    plans: Vec<(Vec<String>, Arc<Plan>)>,
 }
 
 impl Plans {
     /// Plans every frame; all must be able to share memory and shaders, so that the records of one are there for the next.
     pub fn of(pipeline: &str, timeline: &Timeline, view: &View, device: Device, dumps: &[String], console: &Console) -> Result<Self, Failure> {
-        let mut plans: Vec<(Vec<String>, Plan)> = Vec::new();
+        let mut plans: Vec<(Vec<String>, Arc<Plan>)> = Vec::new();
         for frame in &timeline.frames {
             if plans.iter().any(|(sets, _)| *sets == frame.sets) {
                 continue;
@@ -73,12 +74,12 @@ impl Plans {
     }
 
     /// The plan of the first frame.
-    pub fn first(&self) -> &Plan {
+    pub fn first(&self) -> &Arc<Plan> {
         &self.plans[0].1
     }
 
     /// The plan of a frame of the timeline.
-    pub fn of_frame(&self, frame: &Frame) -> &Plan {
+    pub fn of_frame(&self, frame: &Frame) -> &Arc<Plan> {
         self.plans.iter().find(|(sets, _)| *sets == frame.sets).map_or(self.first(), |(_, plan)| plan)
     }
 }

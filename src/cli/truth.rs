@@ -24,6 +24,7 @@ use crate::reference::{Bounces, MAX_SAMPLES, Pixels, Settings, Stop, VERSION, ch
 use clap::{ArgGroup, Args};
 use etcetera::BaseStrategy;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// The noise down to which a reference is traced where nobody says: a third of the smallest `rmse_over_mean` that the pipelines of this project usually
 /// have, and less than the difference of 5 % of it that runs are recommended for, once some thousand pixels average it.
@@ -158,7 +159,7 @@ impl TruthOptions {
     ///
     /// # Errors
     /// Where plans make different ones and none are asked for.
-    pub fn judged<'p>(&self, plans: impl Iterator<Item = &'p Plan>) -> Result<Judged, Failure> {
+    pub fn judged<'p>(&self, plans: impl Iterator<Item = &'p Arc<Plan>>) -> Result<Judged, Failure> {
         if let Some(bounces) = self.bounces {
             return Ok(Judged { bounces, any: true });
         }
@@ -204,9 +205,9 @@ impl TruthOptions {
 
     /// What tells the error of a method from that of the bounces which it leaves out: the truth of each number of bounces that plans make and that is less than
     /// asked for. None where the reference is read from a file, of which there is no other.
-    pub fn shorter_keepers<'p>(&self, view: &View, plans: impl Iterator<Item = &'p Plan>, judged: Judged) -> Result<Vec<Keeper>, Failure> {
+    pub fn shorter_keepers<'p>(&self, view: &View, plans: impl Iterator<Item = &'p Arc<Plan>>, judged: Judged) -> Result<Vec<Keeper>, Failure> {
         let mut made: Vec<Bounces> = Vec::new();
-        plans.map(judged_bounces).filter(|bounces| bounces.are_fewer_than(judged.bounces)).for_each(|bounces| {
+        plans.map(|plan| judged_bounces(plan)).filter(|bounces| bounces.are_fewer_than(judged.bounces)).for_each(|bounces| {
             made.extend(Some(bounces).filter(|bounces| !made.contains(bounces)));
         });
         let keepers = made.into_iter().map(|bounces| self.keeper(view, Judged { bounces, any: true }));
@@ -234,9 +235,9 @@ pub fn cache_folder() -> Option<PathBuf> {
 
 /// Refuses a picture that says that it shows another scene, camera or light.
 pub fn expect_shown(view: &View, picture: &Layers, path: &Path) -> Result<(), Failure> {
-    let own = Layers { projection: Some(Projection::of(&view.camera, view.scene.origin, view.size)), ..Layers::default() }
-        .with_attribute("scene", &view.scene.name)
-        .with_attribute(SCENE_CHECKSUM, fingerprint(&view.scene))
+    let own = Layers { projection: Some(Projection::of(&view.camera, view.stage.scene.origin, view.size)), ..Layers::default() }
+        .with_attribute("scene", &view.stage.scene.name)
+        .with_attribute(SCENE_CHECKSUM, fingerprint(&view.stage.scene))
         .with_attribute("camera", &view.camera.name);
     let differences = other_view(&own, picture);
     if differences.is_empty() {
@@ -259,8 +260,8 @@ fn key(view: &View, settings: &Settings) -> String {
 /// What a view shows, whatever its files are called: scene, camera and size.
 pub fn content(view: &View) -> String {
     let [width, height] = view.size;
-    let camera = Checksum::of(bytemuck::bytes_of(&camera(&view.camera, view.size, view.scene.extent(), 0)));
-    let scene = fingerprint(&view.scene);
+    let camera = Checksum::of(bytemuck::bytes_of(&camera(&view.camera, view.size, view.stage.scene.extent(), 0)));
+    let scene = fingerprint(&view.stage.scene);
     format!("scene {scene}, camera {camera}, size {width}x{height}")
 }
 
@@ -310,7 +311,7 @@ impl Keeper {
         console.note(&format!("tracing the reference, which is kept in {}", self.target.path().display()));
         let result = {
             let progress = Progress::new(console, "tracing the reference");
-            render(&view.scene, &view.bvh, &view.camera, &self.settings, &|share| progress.report(share))
+            render(&view.stage.scene, &view.stage.bvh, &view.camera, &self.settings, &|share| progress.report(share))
         };
         if interrupt::requested() {
             return Err(Failure::interrupted(&[]));
@@ -324,7 +325,7 @@ impl Keeper {
             asked,
             ("noise", reference.noise.to_string()),
             ("program", format!("hemisplat {}", env!("CARGO_PKG_VERSION"))),
-            ("scene", view.scene.name.clone()),
+            ("scene", view.stage.scene.name.clone()),
             ("camera", view.camera.name.clone()),
             ("bounces", reference.bounces.to_string()),
             ("stride", reference.stride.to_string()),

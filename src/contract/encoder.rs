@@ -306,12 +306,13 @@ macro_rules! typed_inputs {
         }
     };
 }
-typed_inputs!(g_buffer: GBuffer, shadow_maps: ShadowMaps, image_port: Image, splats: Splats, requests: Requests, tiles: Tiles, weighted_tiles: WeightedTiles, records: Records, record_cache: RecordCache, irradiance_field: IrradianceField, photon_map: PhotonMap, direct_light: DirectLight, lobes: Lobes, visible_lobes: VisibleLobes);
+typed_inputs!(g_buffer: GBuffer, shadow_maps: ShadowMaps, image_port: Image, splats: Splats, requests: Requests, tiles: Tiles, weighted_tiles: WeightedTiles, records: Records, record_cache: RecordCache, irradiance_field: IrradianceField, photon_map: PhotonMap, direct_light: DirectLight, own: Own, lobes: Lobes, visible_lobes: VisibleLobes);
 
 /// Specialises a program to what the scene has: textures, alpha masks, one-sided surfaces.
 pub fn scene_constants(program: Program, needs: &Needs) -> Program {
     program
         .constant("TEXTURES", needs.textures as u8)
+        .constant("MIPMAPS", needs.mipmaps as u8)
         .constant("NORMAL_MAPS", needs.normal_maps as u8)
         .constant("CHARTS", needs.charts as u8)
         .constant("TANGENTS", needs.tangents as u8)

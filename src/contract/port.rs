@@ -29,6 +29,8 @@ pub enum PortKind {
     Lobes,
     VisibleLobes,
     Flag,
+    /// Of passes of another program: what flows between them, with its article, such as "a map of edges".
+    Own(&'static str),
 }
 
 impl PortKind {
@@ -50,6 +52,7 @@ impl PortKind {
             Self::Lobes => "coefficients of lobes",
             Self::VisibleLobes => "the lobes of visible surfaces",
             Self::Flag => "a flag",
+            Self::Own(phrase) => phrase,
         }
     }
 }
@@ -72,6 +75,7 @@ pub enum Port {
     Lobes(Lobes),
     VisibleLobes(VisibleLobes),
     Flag(Variable),
+    Own(Own),
 }
 
 impl Port {
@@ -92,6 +96,7 @@ impl Port {
             Self::Lobes(_) => PortKind::Lobes,
             Self::VisibleLobes(_) => PortKind::VisibleLobes,
             Self::Flag(_) => PortKind::Flag,
+            Self::Own(own) => PortKind::Own(own.kind),
         }
     }
 
@@ -113,6 +118,7 @@ impl Port {
             Self::Lobes(p) => vec![p.values],
             Self::VisibleLobes(p) => p.resources().to_vec(),
             Self::Flag(_) => Vec::new(),
+            Self::Own(own) => own.resources.clone(),
         }
     }
 
@@ -144,9 +150,22 @@ impl Port {
             Self::Lobes(p) => p.over(memory),
             Self::VisibleLobes(p) => p.over(memory),
             Self::Flag(variable) => *variable = memory.variable(*variable),
+            Self::Own(own) => {
+                own.resources.iter_mut().for_each(|r| replace(r, memory));
+                own.variables.iter_mut().for_each(|variable| *variable = memory.variable(*variable));
+            }
         }
         port
     }
+}
+
+/// What passes of another program hand to each other: the kind says what it is, and which resource and variable is what.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Own {
+    /// As in [`PortKind::Own`].
+    pub kind: &'static str,
+    pub resources: Vec<Resource>,
+    pub variables: Vec<Variable>,
 }
 
 /// Other memory for a port: see [`Port::over`].
@@ -316,8 +335,6 @@ pub enum IrradianceField {
 pub struct RecordIndex {
     /// Buffer of words, laid out as [`crate::math::record_index::Layout`] of the capacity says.
     pub data: Resource,
-    /// The rule as a uniform buffer.
-    pub weighting: Resource,
     pub rule: Rule,
     /// Most records.
     pub capacity: u32,
@@ -469,7 +486,7 @@ impl IrradianceField {
 
     fn over(&mut self, memory: &mut dyn Memory) {
         match self {
-            Self::Records(index) => [&mut index.data, &mut index.weighting].into_iter().for_each(|r| replace(r, memory)),
+            Self::Records(index) => replace(&mut index.data, memory),
             Self::Photons(density) => density.map.over(memory),
         }
     }

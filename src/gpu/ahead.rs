@@ -44,34 +44,51 @@ struct Progress {
     shortfall: Option<Shortfall>,
 }
 
-impl Session<'_> {
+impl Session {
     /// Runs a loop whose first node has the index `first`; how many rounds there were.
-    pub(super) fn run_ahead(&mut self, repeat: &Repeat, sizes: Resource, first: usize, pending: &mut Pending, pace: AskPace) -> Result<u32, GpuError> {
+    pub(super) async fn run_ahead(
+        &mut self,
+        repeat: &Repeat,
+        sizes: Resource,
+        first: usize,
+        pending: &mut Pending,
+        pace: AskPace<'_>,
+    ) -> Result<u32, GpuError> {
         if self.speculation.is_some() {
-            return self.run_unseen(repeat, sizes, first, pending);
+            return self.run_unseen(repeat, sizes, first, pending).await;
         }
         self.bring_variables();
         // As many as the last time, and one that finds the end.
         let mut together = self.rounds_before.get(&repeat.round).map_or(FIRST, |rounds| rounds + 1).min(MOST);
-        let mut submit = |session: &mut Self, together: u32| {
-            (0..together).try_for_each(|_| session.encode_round(repeat, sizes, first, pending))?;
-            Ok(session.ask_for_variables(pending))
-        };
-        let mut under_way = submit(self, together)?;
+        let mut under_way = self.submit_rounds(together, repeat, sizes, first, pending).await?;
         let rounds = loop {
             if pace() == Pace::Stop {
                 return Err(GpuError::Interrupted);
             }
             together = (2 * together).min(MOST);
-            let next = submit(self, together)?;
-            let progress = self.see_progress(std::mem::replace(&mut under_way, next))?;
+            let next = self.submit_rounds(together, repeat, sizes, first, pending).await?;
+            let progress = self.see_progress(std::mem::replace(&mut under_way, next)).await?;
             if progress.is_over || self.is_done(repeat, progress.rounds) || progress.rounds == repeat.at_most {
-                break self.end_of_loop(repeat, under_way)?;
+                break self.end_of_loop(repeat, under_way).await?;
             }
         };
         self.rounds_before.insert(repeat.round, rounds);
         self.nodes[first + 1..first + repeat.steps.len()].iter_mut().for_each(|node| node.runs += rounds);
         Ok(rounds)
+    }
+
+    async fn submit_rounds(
+        &mut self,
+        together: u32,
+        repeat: &Repeat,
+        sizes: Resource,
+        first: usize,
+        pending: &mut Pending,
+    ) -> Result<LookAtVariables, GpuError> {
+        for _ in 0..together {
+            self.encode_round(repeat, sizes, first, pending).await?;
+        }
+        Ok(self.ask_for_variables(pending))
     }
 
     /// Brings the variables to the device, as a loop starts.
@@ -85,7 +102,7 @@ impl Session<'_> {
         found.map_or_else(|| unreachable!("such loops have variables on the device"), |index| Resource(index as u32))
     }
 
-    pub(super) fn encode_round(&mut self, repeat: &Repeat, sizes: Resource, first: usize, pending: &mut Pending) -> Result<(), GpuError> {
+    pub(super) async fn encode_round(&mut self, repeat: &Repeat, sizes: Resource, first: usize, pending: &mut Pending) -> Result<(), GpuError> {
         [BEGIN, SIZE].into_iter().for_each(|own| self.encode_own(repeat, first, own, pending));
         let nodes = repeat.steps.iter().filter_map(|step| if let Step::Node(node) = step { Some(node) } else { None });
         let mut next_size = 0;
@@ -94,7 +111,7 @@ impl Session<'_> {
             for (position, command) in node.commands.iter().enumerate() {
                 self.catch_up_all(command, pending);
                 if !self.timing.as_ref().is_some_and(Timing::waits) {
-                    self.begin_timing(&mut open, index, pending)?;
+                    self.begin_timing(&mut open, index, pending).await?;
                 }
                 next_size += self.encode_sized(command, &self.programs[index][position], (sizes, next_size), pending);
                 // What a host step's twin has counted changes the sizes of what follows.
@@ -102,7 +119,7 @@ impl Session<'_> {
                     self.encode_own(repeat, first, SIZE, pending);
                 }
             }
-            self.end_timing(&mut open, pending)?;
+            self.end_timing(&mut open, pending).await?;
         }
         pending.empty = false;
         Ok(())
@@ -133,17 +150,17 @@ impl Session<'_> {
     }
 
     /// What the rounds behind a loop's end leave as it was; how many there were before it.
-    fn end_of_loop(&mut self, repeat: &Repeat, under_way: LookAtVariables) -> Result<u32, GpuError> {
+    async fn end_of_loop(&mut self, repeat: &Repeat, under_way: LookAtVariables) -> Result<u32, GpuError> {
         self.waits += 1;
-        let progress = self.see_progress(under_way)?;
+        let progress = self.see_progress(under_way).await?;
         self.is_last_round = progress.is_last_round;
         self.cut_short.extend(repeat.until.zip(progress.shortfall));
         Ok(progress.rounds)
     }
 
     /// Waits for what was encoded before the look, and takes the variables over.
-    fn see_progress(&mut self, look: LookAtVariables) -> Result<Progress, GpuError> {
-        let Words { progress, values, latest, .. } = self.see_variables(look)?;
+    async fn see_progress(&mut self, look: LookAtVariables) -> Result<Progress, GpuError> {
+        let Words { progress, values, latest, .. } = self.see_variables(look).await?;
         (self.variables, self.latest) = (values, latest);
         Ok(progress)
     }
@@ -151,16 +168,17 @@ impl Session<'_> {
     /// Submits all that was encoded, and asks what the variables are then.
     pub(super) fn ask_for_variables(&mut self, pending: &mut Pending) -> LookAtVariables {
         let variables = self.variables_on_device();
-        let staging = self.idle_staging.pop().unwrap_or_else(|| readback::staging(self.gpu, self.schedule.resource(variables).kind.bytes()));
+        let staging = self.idle_staging.pop().unwrap_or_else(|| readback::staging(&self.gpu, self.schedule.resource(variables).kind.bytes()));
         let bytes = self.copy_out(pending, Read::whole(variables), &staging);
         let submission = self.submit(pending);
         LookAtVariables { look: Look::ask(staging, bytes), submission }
     }
 
     /// Waits for what was encoded before the look.
-    pub(super) fn see_variables(&mut self, LookAtVariables { look, submission }: LookAtVariables) -> Result<Words, GpuError> {
-        let words: Vec<u32> = look.see(self.gpu, Some(submission), bytemuck::pod_collect_to_vec)?;
-        self.idle_staging.push(look.staging);
+    pub(super) async fn see_variables(&mut self, LookAtVariables { look, submission }: LookAtVariables) -> Result<Words, GpuError> {
+        let arrived = look.arrive(&self.gpu, Some(submission)).await?;
+        let words: Vec<u32> = arrived.see(&self.gpu, bytemuck::pod_collect_to_vec)?;
+        self.idle_staging.push(arrived.staging);
         let (before, numbers) = words.split_at(VARIABLES_BEFORE as usize);
         let count = self.variables.len();
         let progress = Progress { rounds: before[0], is_over: before[1] != 0, is_last_round: before[2] != 0, shortfall: Shortfall::of_code(before[3]) };

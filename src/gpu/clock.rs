@@ -1,7 +1,7 @@
 //! How the time that is given to a frame is shared out among its loops.
 
 use crate::schedule::TimeShare;
-use std::time::{Duration, Instant};
+use web_time::{Duration, Instant};
 
 /// What comes after the loops, as a share of the time before them: to close gaps, divide and add up against G-buffer, shadows and direct light. Without gaps
 /// it was 0.2 to 0.3.

@@ -4,7 +4,7 @@ use super::copies::HostCopy;
 use super::device::GpuError;
 use super::encode::Pending;
 use super::memory::Physical;
-use super::readback;
+use super::readback::{self, Arrived};
 use super::session::Session;
 use crate::schedule::*;
 use std::collections::HashMap;
@@ -16,10 +16,10 @@ pub(super) struct Contents {
     pub own: Option<HostCopy>,
 }
 
-impl Session<'_> {
+impl Session {
     /// Contents of a buffer, or of a texture as rows without padding.
-    pub fn read(&self, resource: Resource) -> Result<Vec<u8>, GpuError> {
-        self.reader().look(resource, <[u8]>::to_vec)
+    pub async fn read(&self, resource: Resource) -> Result<Vec<u8>, GpuError> {
+        self.reader().look(resource, <[u8]>::to_vec).await
     }
 
     /// To read one resource after the other.
@@ -28,7 +28,7 @@ impl Session<'_> {
     }
 
     /// What a host step reads: bytes of each resource, and the contents of those that it shares with no other.
-    pub(super) fn read_back(&mut self, host: &Host, pending: &mut Pending) -> Result<HashMap<Resource, Contents>, GpuError> {
+    pub(super) async fn read_back(&mut self, host: &Host, pending: &mut Pending) -> Result<HashMap<Resource, Contents>, GpuError> {
         let mut contents = HashMap::new();
         let mut copies = Vec::new();
         for read in &host.reads {
@@ -47,10 +47,11 @@ impl Session<'_> {
             self.submit(pending);
         }
         for (read, bytes, staging) in copies {
+            let arrived = if bytes > 0 { Some(readback::arrive(&self.gpu, &staging, bytes).await?) } else { None };
             let own = contents.get_mut(&read.resource).and_then(|contents| contents.own.as_mut());
             let mut copies = std::mem::take(&mut self.copies);
             let copy = own.unwrap_or_else(|| copies.entry(read.resource));
-            let result = copy.look(self.wanted_bytes(read), |into| self.finish_read(read, &staging, bytes, into));
+            let result = copy.look(self.wanted_bytes(read), |into| self.finish_read(read, arrived.as_ref(), into));
             self.copies = copies;
             result?;
         }
@@ -112,7 +113,7 @@ impl Session<'_> {
     /// The staging buffer that host steps read a resource through, made once.
     pub(super) fn kept_staging(&mut self, resource: Resource) -> wgpu::Buffer {
         let whole = self.whole_bytes(resource);
-        let gpu = self.gpu;
+        let gpu = &self.gpu;
         self.staging.entry(resource).or_insert_with(|| readback::staging(gpu, whole)).clone()
     }
 
@@ -128,11 +129,10 @@ impl Session<'_> {
         bytes
     }
 
-    fn finish_read(&self, read: Read, staging: &wgpu::Buffer, bytes: u64, into: &mut [u8]) -> Result<(), GpuError> {
-        if bytes == 0 {
-            return Ok(());
-        }
-        readback::look(self.gpu, staging, bytes, |contents| match &self.physical[read.resource.0 as usize] {
+    /// Takes over what arrived; nothing does of what is empty.
+    fn finish_read(&self, read: Read, arrived: Option<&Arrived>, into: &mut [u8]) -> Result<(), GpuError> {
+        let Some(arrived) = arrived else { return Ok(()) };
+        arrived.see(&self.gpu, |contents| match &self.physical[read.resource.0 as usize] {
             Physical::Texture { texture, format } => readback::unpad(contents, texture.width(), *format, into),
             _ => into.copy_from_slice(&contents[..into.len()]),
         })
@@ -141,14 +141,14 @@ impl Session<'_> {
 
 /// Reads resources between frames, all through the same memory.
 pub struct Reader<'s> {
-    session: &'s Session<'s>,
+    session: &'s Session,
     staging: Option<wgpu::Buffer>,
     contents: Vec<u8>,
 }
 
 impl Reader<'_> {
     /// Looks at the contents of a buffer, or of a texture as rows without padding: where they lie, if they have none there.
-    pub fn look<T>(&mut self, resource: Resource, look: impl FnOnce(&[u8]) -> T) -> Result<T, GpuError> {
+    pub async fn look<T>(&mut self, resource: Resource, look: impl FnOnce(&[u8]) -> T) -> Result<T, GpuError> {
         let (session, unpadded) = (self.session, self.session.unpadded_bytes(resource));
         if let Some(known) = session.copies.get(resource).and_then(|copy| copy.known(unpadded)) {
             return Ok(look(known));
@@ -156,16 +156,18 @@ impl Reader<'_> {
         session.upload_ahead(resource);
         let whole = session.whole_bytes(resource);
         let kept = self.staging.take().filter(|staging| staging.size() >= whole);
-        let staging = kept.unwrap_or_else(|| readback::staging(session.gpu, whole));
+        let staging = kept.unwrap_or_else(|| readback::staging(&session.gpu, whole));
         let (mut pending, read) = (session.pending(), Read::whole(resource));
         let bytes = session.copy_out(&mut pending, read, &staging);
         session.submit(&mut pending);
-        let seen = if bytes == unpadded as u64 && bytes > 0 {
-            readback::look(session.gpu, &staging, bytes, look)?
-        } else {
-            self.contents.resize(unpadded, 0);
-            session.finish_read(read, &staging, bytes, &mut self.contents)?;
-            look(&self.contents)
+        let arrived = if bytes > 0 { Some(readback::arrive(&session.gpu, &staging, bytes).await?) } else { None };
+        let seen = match &arrived {
+            Some(arrived) if bytes == unpadded as u64 => arrived.see(&session.gpu, look)?,
+            _ => {
+                self.contents.resize(unpadded, 0);
+                session.finish_read(read, arrived.as_ref(), &mut self.contents)?;
+                look(&self.contents)
+            }
         };
         self.staging = Some(staging);
         Ok(seen)

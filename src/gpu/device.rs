@@ -1,8 +1,14 @@
 //! Adapters and devices.
 
 use crate::schedule::Device;
+use futures_channel::oneshot;
 use miette::Diagnostic;
-use std::sync::{Arc, Mutex, OnceLock};
+use std::future::poll_fn;
+use std::pin::pin;
+use std::sync::{
+    Arc, Mutex,
+    atomic::{AtomicU64, Ordering},
+};
 use thiserror::Error;
 
 /// What helps where memory or a limit does not suffice.
@@ -82,8 +88,17 @@ pub struct Gpu {
     pub features: wgpu::Features,
     /// Nanoseconds a timestamp tick; None where the adapter has no timestamps.
     pub tick: Option<f32>,
-    errors: Arc<Mutex<Vec<wgpu::Error>>>,
+    complaints: Arc<Mutex<Vec<Complaint>>>,
     lost: Arc<Mutex<Option<String>>>,
+    /// Whether errors are told by scopes: where the device is another program's, which looks after errors of its own, and in a browser, which tells them late.
+    has_scopes: bool,
+    pub(super) to_host: AtomicU64,
+}
+
+/// What a driver said, as a value that any thread may have.
+enum Complaint {
+    OutOfMemory,
+    Other(String),
 }
 
 /// What is made use of where it is there; no pipeline needs it but one that says `by: RasterBlend`.
@@ -93,21 +108,22 @@ const WANTED: wgpu::Features = wgpu::Features::FLOAT32_BLENDABLE
     .union(wgpu::Features::TEXTURE_ADAPTER_SPECIFIC_FORMAT_FEATURES);
 
 /// All adapters that the machine shows, the one that [`Gpu::open`] takes first.
-pub fn adapters() -> Vec<Adapter> {
-    let instance = instance();
-    let mut adapters: Vec<_> = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY)).iter().map(describe).collect();
+pub async fn adapters() -> Vec<Adapter> {
+    let mut adapters: Vec<_> = instance().enumerate_adapters(wgpu::Backends::PRIMARY).await.iter().map(describe).collect();
     adapters.sort_by_key(rank);
     adapters
 }
 
 /// What [`Gpu::open`] would open; None where there is nothing.
+#[cfg(not(target_arch = "wasm32"))]
 pub fn expected_adapter() -> Option<&'static Adapter> {
-    static FOUND: OnceLock<Option<Adapter>> = OnceLock::new();
+    static FOUND: std::sync::OnceLock<Option<Adapter>> = std::sync::OnceLock::new();
     let wanted = wanted();
-    FOUND.get_or_init(|| adapters().into_iter().find(|adapter| is_wanted(&adapter.name, wanted.as_deref()))).as_ref()
+    FOUND.get_or_init(|| super::block_on(adapters()).into_iter().find(|adapter| is_wanted(&adapter.name, wanted.as_deref()))).as_ref()
 }
 
 /// What [`Gpu::open`] would run shaders on, without opening it; hardware where there is nothing.
+#[cfg(not(target_arch = "wasm32"))]
 pub fn expected_device() -> Device {
     expected_adapter().map_or(Device::ABLE, Adapter::device)
 }
@@ -134,9 +150,16 @@ fn rank(adapter: &Adapter) -> (bool, Option<usize>) {
 }
 
 /// The program's only one, for as long as it runs: where a driver's library is unloaded, threads that have used it crash as they end.
-fn instance() -> &'static wgpu::Instance {
-    static INSTANCE: OnceLock<wgpu::Instance> = OnceLock::new();
-    INSTANCE.get_or_init(new_instance)
+#[cfg(not(target_arch = "wasm32"))]
+fn instance() -> wgpu::Instance {
+    static INSTANCE: std::sync::OnceLock<wgpu::Instance> = std::sync::OnceLock::new();
+    INSTANCE.get_or_init(new_instance).clone()
+}
+
+/// Of a browser, where nothing is loaded.
+#[cfg(target_arch = "wasm32")]
+fn instance() -> wgpu::Instance {
+    new_instance()
 }
 
 fn new_instance() -> wgpu::Instance {
@@ -160,9 +183,7 @@ fn describe(adapter: &wgpu::Adapter) -> Adapter {
     if !adapter.get_downlevel_capabilities().is_webgpu_compliant() {
         lacks.push("WebGPU compliance".to_string());
     }
-    wgpu::Limits::default().check_limits_with_fail_fn(&limits, false, |name, promised, granted| {
-        lacks.push(format!("{name} of {promised}, which WebGPU promises (it has {granted})"));
-    });
+    lacks.extend(lacking(&limits));
     Adapter {
         name: info.name,
         backend: info.backend.to_string(),
@@ -175,15 +196,41 @@ fn describe(adapter: &wgpu::Adapter) -> Adapter {
     }
 }
 
-impl Gpu {
-    /// Opens the adapter that `WGPU_ADAPTER_NAME` names, otherwise the fastest kind there is.
-    pub fn open() -> Result<Self, GpuError> {
-        pollster::block_on(Self::open_async())
+/// Limits below those that WebGPU promises.
+fn lacking(limits: &wgpu::Limits) -> Vec<String> {
+    let mut lacks = Vec::new();
+    wgpu::Limits::default().check_limits_with_fail_fn(limits, false, |name, promised, granted| {
+        lacks.push(format!("{name} of {promised}, which WebGPU promises (it has {granted})"));
+    });
+    lacks
+}
+
+/// Nanoseconds a timestamp tick, where there are timestamps.
+fn tick(features: wgpu::Features, queue: &wgpu::Queue) -> Option<f32> {
+    let timed = features.contains(wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::TIMESTAMP_QUERY_INSIDE_ENCODERS);
+    timed.then(|| queue.get_timestamp_period())
+}
+
+impl Complaint {
+    fn of(error: &wgpu::Error) -> Self {
+        match error {
+            wgpu::Error::OutOfMemory { .. } => Self::OutOfMemory,
+            error => Self::Other(error.to_string()),
+        }
     }
 
-    async fn open_async() -> Result<Self, GpuError> {
-        let instance = instance();
-        let all = instance.enumerate_adapters(wgpu::Backends::PRIMARY).await;
+    fn while_doing(self, doing: &str) -> GpuError {
+        match self {
+            Self::OutOfMemory => GpuError::OutOfMemory { doing: doing.into() },
+            Self::Other(reason) => GpuError::Driver { doing: doing.into(), reason },
+        }
+    }
+}
+
+impl Gpu {
+    /// Opens the adapter that `WGPU_ADAPTER_NAME` names, otherwise the fastest kind there is.
+    pub async fn open() -> Result<Arc<Self>, GpuError> {
+        let all = instance().enumerate_adapters(wgpu::Backends::PRIMARY).await;
         let known: Vec<String> = all.iter().map(|adapter| adapter.get_info().name).collect();
         let wanted = wanted();
         let found = all.into_iter().filter(|adapter| is_wanted(&adapter.get_info().name, wanted.as_deref()));
@@ -195,7 +242,7 @@ impl Gpu {
         if let Some(feature) = description.lacks.first() {
             return Err(GpuError::MissingFeature { adapter: description.name, feature: feature.clone(), way: "update its driver".into() });
         }
-        Self::open_adapter(adapter, description).await
+        Self::open_adapter(adapter, description).await.map(Arc::new)
     }
 
     async fn open_adapter(adapter: wgpu::Adapter, description: Adapter) -> Result<Self, GpuError> {
@@ -211,11 +258,11 @@ impl Gpu {
         };
         let refused = |e: wgpu::RequestDeviceError| GpuError::NoDevice { adapter: description.name.clone(), reason: e.to_string() };
         let (device, queue) = adapter.request_device(&descriptor).await.map_err(refused)?;
-        let (errors, lost) = (Arc::new(Mutex::new(Vec::new())), Arc::new(Mutex::new(None)));
-        let sink = errors.clone();
+        let (complaints, lost) = (Arc::new(Mutex::new(Vec::new())), Arc::new(Mutex::new(None)));
+        let sink = complaints.clone();
         device.on_uncaptured_error(Arc::new(move |error| {
-            if let Ok(mut errors) = sink.lock() {
-                errors.push(error);
+            if let Ok(mut complaints) = sink.lock() {
+                complaints.push(Complaint::of(&error));
             }
         }));
         let sink = lost.clone();
@@ -224,9 +271,60 @@ impl Gpu {
                 *lost = Some(reason);
             }
         });
-        let timed = features.contains(wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::TIMESTAMP_QUERY_INSIDE_ENCODERS);
-        let tick = timed.then(|| queue.get_timestamp_period());
-        Ok(Self { device, queue, adapter: description, limits, features, tick, errors, lost })
+        let tick = tick(features, &queue);
+        let has_scopes = cfg!(target_arch = "wasm32");
+        Ok(Self { device, queue, adapter: description, limits, features, tick, complaints, lost, has_scopes, to_host: AtomicU64::new(0) })
+    }
+
+    /// On a device that another program has opened, with whatever features and limits it asked for.
+    ///
+    /// # Errors
+    /// Where it has less than WebGPU promises.
+    pub fn lent(adapter: &wgpu::Adapter, device: wgpu::Device, queue: wgpu::Queue) -> Result<Arc<Self>, GpuError> {
+        let (limits, features) = (device.limits(), device.features());
+        let adapter = Adapter { blends: features.contains(wgpu::Features::FLOAT32_BLENDABLE), ..describe(adapter) };
+        if let Some(feature) = adapter.lacks.first().cloned().or_else(|| lacking(&limits).into_iter().next()) {
+            let way = "open the device with `wgpu::Limits::default()` or more".into();
+            return Err(GpuError::MissingFeature { adapter: adapter.name, feature, way });
+        }
+        let tick = tick(features, &queue);
+        Ok(Arc::new(Self {
+            device,
+            queue,
+            adapter,
+            limits,
+            features,
+            tick,
+            complaints: Arc::default(),
+            lost: Arc::default(),
+            has_scopes: true,
+            to_host: AtomicU64::new(0),
+        }))
+    }
+
+    /// Work on the device whose errors are told here, whoever looks after those of a device that is lent.
+    ///
+    /// Scopes belong to a thread, in a browser to a device that others use too: they are there while the work runs, and gone while it waits.
+    pub async fn told<T>(&self, doing: &str, work: impl Future<Output = Result<T, GpuError>>) -> Result<T, GpuError> {
+        if !self.has_scopes {
+            return work.await;
+        }
+        let (mut work, mut found) = (pin!(work), Vec::new());
+        let filters = [wgpu::ErrorFilter::Internal, wgpu::ErrorFilter::OutOfMemory, wgpu::ErrorFilter::Validation];
+        let result = poll_fn(|context| {
+            let scopes = filters.map(|filter| self.device.push_error_scope(filter));
+            let polled = work.as_mut().poll(context);
+            found.extend(scopes.into_iter().rev().map(wgpu::ErrorScopeGuard::pop));
+            polled
+        })
+        .await;
+        for error in found {
+            // What the driver says first is the cause.
+            if let Some(error) = error.await {
+                return Err(Complaint::of(&error).while_doing(doing));
+            }
+        }
+        result
     }
 
     /// Reports what the driver complained about since the last call.
@@ -234,21 +332,31 @@ impl Gpu {
         if let Some(reason) = self.lost.lock().ok().and_then(|mut l| l.take()) {
             return Err(GpuError::Lost { doing: doing.into(), reason });
         }
-        let first = self.errors.lock().ok().and_then(|mut e| (!e.is_empty()).then(|| e.remove(0)));
-        match first {
-            None => Ok(()),
-            Some(wgpu::Error::OutOfMemory { .. }) => Err(GpuError::OutOfMemory { doing: doing.into() }),
-            Some(error) => Err(GpuError::Driver { doing: doing.into(), reason: error.to_string() }),
-        }
+        let first = self.complaints.lock().ok().and_then(|mut all| (!all.is_empty()).then(|| all.remove(0)));
+        first.map_or(Ok(()), |complaint| Err(complaint.while_doing(doing)))
+    }
+
+    /// Bytes that have been read back from the device, by whatever runs on it.
+    pub fn bytes_to_host(&self) -> u64 {
+        self.to_host.load(Ordering::Relaxed)
     }
 
     /// Waits until the device has done all that was submitted.
-    pub fn wait(&self, doing: &str) -> Result<(), GpuError> {
-        self.wait_for(doing, None)
+    pub async fn wait(&self, doing: &str) -> Result<(), GpuError> {
+        if cfg!(target_arch = "wasm32") {
+            let (done, is_done) = oneshot::channel();
+            self.queue.on_submitted_work_done(move || {
+                let _ = done.send(());
+            });
+            // Also told where the device is lost, which `poll` says.
+            let _ = is_done.await;
+        }
+        self.poll(doing, None)
     }
 
-    /// Waits until the device has done what was submitted up to a submission; all of it where none is given.
-    pub fn wait_for(&self, doing: &str, submission: Option<wgpu::SubmissionIndex>) -> Result<(), GpuError> {
+    /// Has the device call back for what was submitted up to a submission, all of it where none is given. A browser does that by itself; elsewhere somebody
+    /// has to wait for it, and does so here.
+    pub(super) fn poll(&self, doing: &str, submission: Option<wgpu::SubmissionIndex>) -> Result<(), GpuError> {
         let polled = self.device.poll(wgpu::PollType::Wait { submission_index: submission, timeout: None });
         self.check(doing)?;
         polled.map(|_| ()).map_err(|e| GpuError::Driver { doing: doing.into(), reason: e.to_string() })

@@ -11,7 +11,7 @@ pub(super) struct Pending {
     pub empty: bool,
 }
 
-impl Session<'_> {
+impl Session {
     pub(super) fn pending(&self) -> Pending {
         Pending { encoder: self.gpu.device.create_command_encoder(&Default::default()), empty: true }
     }

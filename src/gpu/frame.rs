@@ -8,7 +8,7 @@ use super::session::Session;
 use super::timing::Timing;
 use crate::schedule::*;
 use serde::Serialize;
-use std::time::{Duration, Instant};
+use web_time::{Duration, Instant};
 
 /// What a frame took.
 #[derive(Debug, Clone)]
@@ -56,17 +56,39 @@ pub enum Pace {
 }
 
 /// Asked as each round of a loop starts.
-pub type AskPace<'k> = &'k dyn Fn() -> Pace;
+pub type AskPace<'k> = &'k (dyn Fn() -> Pace + Sync);
 
-impl Session<'_> {
+impl Session {
     /// Runs the schedule once.
-    pub fn frame(&mut self, pace: AskPace) -> Result<Frame, GpuError> {
-        let start = Instant::now();
-        let mut frame = match self.speculative_frame(pace)? {
-            Some(frame) => frame,
-            None => self.seen_frame(pace)?,
+    pub async fn frame(&mut self, pace: AskPace<'_>) -> Result<Frame, GpuError> {
+        let gpu = self.gpu.clone();
+        let whole = async {
+            if std::mem::replace(&mut self.is_under_way, true) {
+                self.start_over().await?;
+            }
+            let frame = self.whole_frame(pace).await;
+            self.is_under_way = false;
+            frame
         };
-        self.collect_times(&mut frame)?;
+        gpu.told("rendering a frame", whole).await
+    }
+
+    /// After a frame that was dropped before its end: what it had encoded is lost, so that counts and contents of histories do not go together, and
+    /// what was on its way to the host stays there.
+    async fn start_over(&mut self) -> Result<(), GpuError> {
+        self.staging.clear();
+        self.timing = Timing::new(&self.gpu, self.nodes.len());
+        self.speculation = None;
+        self.reset().await
+    }
+
+    async fn whole_frame(&mut self, pace: AskPace<'_>) -> Result<Frame, GpuError> {
+        let start = Instant::now();
+        let mut frame = match self.speculative_frame(pace).await? {
+            Some(frame) => frame,
+            None => self.seen_frame(pace).await?,
+        };
+        self.collect_times(&mut frame).await?;
         frame.seconds = start.elapsed().as_secs_f64();
         frame.waits = self.waits;
         self.is_still = frame.unfinished.is_empty();
@@ -75,21 +97,21 @@ impl Session<'_> {
     }
 
     /// A frame of which the host looks at each loop.
-    fn seen_frame(&mut self, pace: AskPace) -> Result<Frame, GpuError> {
-        let (result, mut pending) = self.encode_frame(pace);
+    async fn seen_frame(&mut self, pace: AskPace<'_>) -> Result<Frame, GpuError> {
+        let (result, mut pending) = self.encode_frame(pace).await;
         // Also of a frame that is given up: what its variables count must be there.
         self.submit(&mut pending);
         let frame = result?;
-        self.gpu.wait("finishing the frame")?;
+        self.gpu.wait("finishing the frame").await?;
         Ok(frame)
     }
 
     /// Runs or encodes all of a frame, but for what is pending.
-    pub(super) fn encode_frame(&mut self, pace: AskPace) -> (Result<Frame, GpuError>, Pending) {
+    pub(super) async fn encode_frame(&mut self, pace: AskPace<'_>) -> (Result<Frame, GpuError>, Pending) {
         self.start_frame();
-        let (schedule, mut pending) = (self.schedule, self.pending());
+        let (schedule, mut pending) = (self.schedule.clone(), self.pending());
         let mut frame = Frame { seconds: 0.0, nodes: Vec::new(), fill_rounds: None, waits: 0, unfinished: Vec::new() };
-        let result = self.run(&schedule.steps, 0, &mut pending, &mut frame, pace);
+        let result = self.run(&schedule.steps, 0, &mut pending, &mut frame, pace).await;
         (result.map(|_| frame), pending)
     }
 
@@ -104,23 +126,23 @@ impl Session<'_> {
         self.latest.clone_from(&self.variables);
         self.lists.clear();
         self.states.clear();
-        let schedule = self.schedule;
+        let schedule = self.schedule.clone();
         self.copies.invalidate(|resource| matches!(schedule.resource(resource).lifetime, Lifetime::Transient));
         for node in &mut self.nodes {
             (node.gpu_ms, node.cpu_ms, node.runs) = (None, 0.0, 0);
         }
-        let camera = scene_data::camera(&self.camera.0, self.camera.1, self.extent, self.frames);
-        for (index, resource) in self.schedule.resources.iter().enumerate() {
+        let camera = scene_data::camera(&self.camera.0, self.camera.1, self.stage.extent(), self.frames);
+        for (index, resource) in schedule.resources.iter().enumerate() {
             if matches!(resource.lifetime, Lifetime::Frame) {
                 self.overwrite(Resource(index as u32), bytemuck::bytes_of(&camera));
             }
         }
     }
 
-    fn collect_times(&mut self, frame: &mut Frame) -> Result<(), GpuError> {
+    async fn collect_times(&mut self, frame: &mut Frame) -> Result<(), GpuError> {
         frame.nodes = self.nodes.clone();
         if let Some(timing) = &mut self.timing {
-            timing.collect(self.gpu)?;
+            timing.collect(&self.gpu).await?;
             for (node, ms) in frame.nodes.iter_mut().zip(timing.take()) {
                 node.gpu_ms = Some(ms);
             }
@@ -130,29 +152,30 @@ impl Session<'_> {
     }
 
     /// Runs steps whose first node has the index `first`; returns the index after the last.
-    fn run(&mut self, steps: &[Step], first: usize, pending: &mut Pending, frame: &mut Frame, pace: AskPace) -> Result<usize, GpuError> {
+    async fn run(&mut self, steps: &[Step], first: usize, pending: &mut Pending, frame: &mut Frame, pace: AskPace<'_>) -> Result<usize, GpuError> {
         let mut index = first;
         for step in steps {
             match step {
                 Step::Node(node) => {
-                    self.run_node(node, index, pending)?;
+                    self.run_node(node, index, pending).await?;
                     index += 1;
                 }
-                Step::Repeat(repeat) => index = self.run_loop(repeat, index, pending, frame, pace)?,
+                Step::Repeat(repeat) => index = self.run_loop(repeat, index, pending, frame, pace).await?,
             }
         }
         Ok(index)
     }
 
-    fn run_loop(&mut self, repeat: &Repeat, first: usize, pending: &mut Pending, frame: &mut Frame, pace: AskPace) -> Result<usize, GpuError> {
+    async fn run_loop(&mut self, repeat: &Repeat, first: usize, pending: &mut Pending, frame: &mut Frame, pace: AskPace<'_>) -> Result<usize, GpuError> {
         let outer = self.is_last_round;
         if let Some(until) = repeat.until {
             self.assign(until, 0);
             self.cut_short.remove(&until);
         }
         let rounds = match repeat.driver {
-            Driver::Device { sizes } if pace() == Pace::GoOn => self.run_ahead(repeat, sizes, first, pending, pace)?,
-            _ => self.run_rounds(repeat, first, pending, frame, pace)?,
+            Driver::Device { sizes } if pace() == Pace::GoOn => self.run_ahead(repeat, sizes, first, pending, pace).await?,
+            // Rounds may hold loops.
+            _ => Box::pin(self.run_rounds(repeat, first, pending, frame, pace)).await?,
         };
         let shortfall = self.shortfall(repeat, rounds);
         self.is_cut |= shortfall.as_ref().is_some_and(|short| short.because == Shortfall::NoProgress);
@@ -165,7 +188,7 @@ impl Session<'_> {
     }
 
     /// Runs a loop whose first node has the index `first`, deciding on each round; how many there were.
-    fn run_rounds(&mut self, repeat: &Repeat, first: usize, pending: &mut Pending, frame: &mut Frame, pace: AskPace) -> Result<u32, GpuError> {
+    async fn run_rounds(&mut self, repeat: &Repeat, first: usize, pending: &mut Pending, frame: &mut Frame, pace: AskPace<'_>) -> Result<u32, GpuError> {
         // A node for the device alone.
         let skipped = usize::from(repeat.driver != Driver::Host);
         let (mut rounds, mut pacing) = (0, Rounds::default());
@@ -182,7 +205,7 @@ impl Session<'_> {
             self.assign(repeat.round, rounds);
             // A loop of so many rounds has nothing to leave for later ones; one with an end to reach must not.
             self.is_last_round = is_over || (repeat.until.is_some() && rounds + 1 == repeat.at_most);
-            self.run(&repeat.steps[skipped..], first + skipped, pending, frame, pace)?;
+            self.run(&repeat.steps[skipped..], first + skipped, pending, frame, pace).await?;
             rounds += 1;
             if is_over {
                 break;
@@ -210,7 +233,7 @@ impl Session<'_> {
         Some(Unfinished { name: repeat.name.clone(), because, is_certain: !is_done || because == Shortfall::NoProgress })
     }
 
-    fn run_node(&mut self, node: &Node, index: usize, pending: &mut Pending) -> Result<(), GpuError> {
+    async fn run_node(&mut self, node: &Node, index: usize, pending: &mut Pending) -> Result<(), GpuError> {
         if node.once && self.frames > 0 {
             return Ok(());
         }
@@ -221,22 +244,22 @@ impl Session<'_> {
                 continue;
             }
             if let Command::Host(host) | Command::Late(host) = command {
-                self.end_timing(&mut open, pending)?;
+                self.end_timing(&mut open, pending).await?;
                 let start = Instant::now();
-                self.run_host(host, node, pending)?;
+                self.run_host(host, node, pending).await?;
                 self.nodes[index].cpu_ms += start.elapsed().as_secs_f64() * 1e3;
             } else {
                 self.catch_up_all(command, pending);
-                self.begin_timing(&mut open, index, pending)?;
+                self.begin_timing(&mut open, index, pending).await?;
                 self.encode(command, index, position, pending);
                 pending.empty = false;
             }
         }
-        self.end_timing(&mut open, pending)?;
+        self.end_timing(&mut open, pending).await?;
         Ok(())
     }
 
-    pub(super) fn begin_timing(&mut self, open: &mut bool, index: usize, pending: &mut Pending) -> Result<(), GpuError> {
+    pub(super) async fn begin_timing(&mut self, open: &mut bool, index: usize, pending: &mut Pending) -> Result<(), GpuError> {
         if *open {
             return Ok(());
         }
@@ -245,7 +268,7 @@ impl Session<'_> {
         }
         if let Some(timing) = &mut self.timing {
             if timing.is_full() {
-                timing.collect(self.gpu)?;
+                timing.collect(&self.gpu).await?;
             }
             timing.begin(&mut pending.encoder, index);
             *open = true;
@@ -253,13 +276,13 @@ impl Session<'_> {
         Ok(())
     }
 
-    pub(super) fn end_timing(&mut self, open: &mut bool, pending: &mut Pending) -> Result<(), GpuError> {
+    pub(super) async fn end_timing(&mut self, open: &mut bool, pending: &mut Pending) -> Result<(), GpuError> {
         if !std::mem::replace(open, false) {
             return Ok(());
         }
         if self.timing.as_ref().is_some_and(Timing::waits) {
             self.submit(pending);
-            self.gpu.wait("running a node")?;
+            self.gpu.wait("running a node").await?;
         }
         if let Some(timing) = &mut self.timing {
             timing.end(&mut pending.encoder);

@@ -1,7 +1,12 @@
 //! The scene's hierarchy as shaders read it: sixteen bytes a node and thirty-two a triangle. Loads decide how fast rays are where lanes of
 //! one instruction walk to different nodes.
 
-use crate::scene::{bvh::Node, model::Triangle};
+use crate::scene::{
+    bvh::{Bvh, Node},
+    model::{Bounds, Triangle},
+    parts,
+    stage::Stage,
+};
 use glam::{DVec3, Vec3};
 
 /// Steps of the grid that boxes are rounded outwards to, along each axis of the scene.
@@ -18,6 +23,10 @@ const LEAF: u32 = 1 << 31;
 const COUNT_SHIFT: u32 = 26;
 /// Most triangles of a leaf: all five bits set would be [`NONE`] at the last triangle.
 const MOST: u32 = 30;
+/// How far around the scene the grid reaches where parts of it can move [extents].
+const ROOM: f32 = 0.25;
+/// Levels that the shaders' stack has room for.
+const STACK: u32 = 63;
 /// Levels below the root that stay as they are. What is deeper, which only extremely uneven geometry has, becomes a leaf, and where it is too
 /// large is halved as a list: at most 26 levels more, fewer than the shaders' stack of 64 has room for.
 const LEVELS: u32 = 38;
@@ -36,22 +45,115 @@ pub fn most_elements(triangles: u64) -> u64 {
 /// are the triangles below each node, first and one past the last.
 pub fn packed(nodes: &[Node], ranges: &[[u32; 2]], triangles: &[Triangle]) -> Vec<Packed> {
     let Some(root) = nodes.first() else { return vec![NONE; 3] };
-    let grid = Grid::of(root);
-    let mut all = vec![bits(grid.origin, grid.unit.to_bits()), NONE, NONE];
-    let tree = Tree { nodes, ranges };
-    let mut open = vec![(Part::Node(0), 0, 2)];
-    while let Some((part, level, place)) = open.pop() {
-        let part = tree.leaf_if_small_or_deep(part, level);
-        let [x, y, z] = grid.rounded(tree.bounds(&part));
-        all[place] = [x, y, z, part.content(all.len() as u32)];
-        if let Some(children) = tree.children(&part) {
-            open.extend(children.into_iter().zip(all.len()..).map(|(child, place)| (child, level + 1, place)));
-            all.extend([NONE; 2]);
-        }
-    }
+    let grid = Grid::of(&root.bounds());
+    let mut all = grid.head();
+    let tree = Tree { nodes, ranges, levels: LEVELS };
+    tree.pack(&grid, vec![(Part::Node(0), 0, 2)], 0, &mut all);
     all[1] = bits(grid.step, all.len() as u32);
     all.extend(triangles.iter().flat_map(|triangle| grid.corners(triangle)));
     all
+}
+
+/// Where the parts of a hierarchy in two levels stand, so that each can be packed anew.
+///
+/// Elements are as in [`packed`]: the pairs of the upper level first, then those of each part.
+pub struct Packing {
+    grid: Grid,
+    ranges: Vec<[u32; 2]>,
+    /// Of each part the first element of its pairs.
+    starts: Vec<u32>,
+    triangles: u32,
+}
+
+/// Elements from a place on.
+pub type Patch = (u32, Vec<Packed>);
+
+impl Packing {
+    /// None of a hierarchy in one level.
+    pub fn new(bvh: &Bvh) -> Option<Self> {
+        let parts = bvh.parts().filter(|parts| !parts.roots.is_empty())?;
+        let grid = Grid::of(&bvh.bounds().grown(ROOM * bvh.bounds().diagonal()));
+        let mut packing = Self { grid, ranges: bvh.ranges(), starts: Vec::new(), triangles: 0 };
+        let mut end = 3 + 2 * (parts.roots.len() as u32 - 1);
+        for root in &parts.roots {
+            packing.starts.push(end);
+            end += packing.pairs(bvh, *root as usize, end).len() as u32;
+        }
+        packing.triangles = end;
+        Some(packing)
+    }
+
+    pub fn whole(&self, bvh: &Bvh, triangles: &[Triangle]) -> Vec<Packed> {
+        let mut all = self.grid.head();
+        all[1] = bits(self.grid.step, self.triangles);
+        all.truncate(2);
+        all.extend(self.upper(bvh).1);
+        all.extend(bvh.roots().into_iter().zip(&self.starts).flat_map(|(root, start)| self.pairs(bvh, root, *start)));
+        all.extend(self.corners(triangles, 0).1);
+        all
+    }
+
+    /// What follows from movers that stand elsewhere: the level over all parts, and of each mover its pairs and its triangles.
+    pub fn patches(&self, stage: &Stage, movers: &[usize]) -> Vec<Patch> {
+        let Some(parts) = stage.bvh.parts().filter(|_| !movers.is_empty()) else { return Vec::new() };
+        let of_mover = |mover: &usize| {
+            let (triangles, part) = (stage.triangles_of(*mover), parts.movers[*mover].part);
+            let start = self.starts[part];
+            [(start, self.pairs(&stage.bvh, parts.roots[part] as usize, start)), self.corners(&stage.scene.triangles[triangles.clone()], triangles.start)]
+        };
+        std::iter::once(self.upper(&stage.bvh)).chain(movers.iter().flat_map(of_mover)).collect()
+    }
+
+    /// Whether the grid reaches as far as the scene.
+    pub fn holds(&self, bounds: &Bounds) -> bool {
+        let [low, high] = [bounds.min, bounds.max].map(|corner| self.grid.units(corner) / self.grid.step.as_dvec3());
+        low.cmpge(DVec3::ONE).all() && high.cmple(DVec3::splat(STEPS - 1.0)).all() && self.grid.units(bounds.max).max_element() < 1.0
+    }
+
+    fn upper(&self, bvh: &Bvh) -> Patch {
+        let Some(parts) = bvh.parts() else { return (2, Vec::new()) };
+        let mut all = vec![NONE];
+        let mut open = vec![(0, 0)];
+        while let Some((index, place)) = open.pop() {
+            let node: &Node = &parts.upper[index];
+            let part = node.first as usize;
+            let content = if node.count > 0 { self.content(bvh, parts.roots[part] as usize, self.starts[part]) } else { 2 + all.len() as u32 };
+            all[place] = self.grid.node(node, content);
+            if node.count == 0 {
+                open.extend([0, 1].map(|side| (node.first as usize + side, all.len() + side)));
+                all.extend([NONE; 2]);
+            }
+        }
+        (2, all)
+    }
+
+    /// What the node of a part holds, whose pairs stand at `start`.
+    fn content(&self, bvh: &Bvh, root: usize, start: u32) -> u32 {
+        self.tree(bvh, root).top(root).content(start)
+    }
+
+    /// The pairs of a part, which stand at `start`.
+    fn pairs(&self, bvh: &Bvh, root: usize, start: u32) -> Vec<Packed> {
+        let tree = self.tree(bvh, root);
+        let mut all = Vec::new();
+        if let Some(children) = tree.children(&tree.top(root)) {
+            all.extend([NONE; 2]);
+            tree.pack(&self.grid, children.into_iter().zip(0..).map(|(child, place)| (child, 1, place)).collect(), start, &mut all);
+        }
+        all
+    }
+
+    /// The stack that the levels above, those below and the halves of the lists at their end take together is no larger than that of a hierarchy in one level.
+    fn tree<'a>(&'a self, bvh: &'a Bvh, root: usize) -> Tree<'a> {
+        let [first, end] = self.ranges[root];
+        let halvings = ((end - first).div_ceil(MOST)).next_power_of_two().ilog2() + 1;
+        Tree { nodes: bvh.nodes(), ranges: &self.ranges, levels: STACK - parts::LEVELS - halvings }
+    }
+
+    /// Triangles from the first of these on.
+    fn corners(&self, triangles: &[Triangle], first: usize) -> Patch {
+        (self.triangles + 2 * first as u32, triangles.iter().flat_map(|triangle| self.grid.corners(triangle)).collect())
+    }
 }
 
 /// A node of the hierarchy, or triangles below one.
@@ -74,9 +176,28 @@ impl Part {
 struct Tree<'a> {
     nodes: &'a [Node],
     ranges: &'a [[u32; 2]],
+    /// Below the root, that stay as they are.
+    levels: u32,
 }
 
 impl Tree<'_> {
+    /// Packs parts, each with its level and place, and what is below them; the first element is said to stand at `base`.
+    fn pack(&self, grid: &Grid, mut open: Vec<(Part, u32, usize)>, base: u32, all: &mut Vec<Packed>) {
+        while let Some((part, level, place)) = open.pop() {
+            let part = self.leaf_if_small_or_deep(part, level);
+            all[place] = grid.node(self.bounds(&part), part.content(base + all.len() as u32));
+            if let Some(children) = self.children(&part) {
+                open.extend(children.into_iter().zip(all.len()..).map(|(child, place)| (child, level + 1, place)));
+                all.extend([NONE; 2]);
+            }
+        }
+    }
+
+    /// What stands for a root.
+    fn top(&self, root: usize) -> Part {
+        self.leaf_if_small_or_deep(Part::Node(root), 0)
+    }
+
     fn bounds(&self, part: &Part) -> &Node {
         let (Part::Node(node) | Part::Triangles { below: node, .. }) = *part;
         &self.nodes[node]
@@ -84,7 +205,7 @@ impl Tree<'_> {
 
     fn leaf_if_small_or_deep(&self, part: Part, level: u32) -> Part {
         match part {
-            Part::Node(node) if self.nodes[node].count > 0 || level >= LEVELS => {
+            Part::Node(node) if self.nodes[node].count > 0 || level >= self.levels => {
                 let [first, end] = self.ranges[node];
                 Part::Triangles { below: node, first, count: end - first }
             }
@@ -118,8 +239,8 @@ struct Grid {
 }
 
 impl Grid {
-    fn of(root: &Node) -> Self {
-        let (low, high) = (Vec3::from(root.min), Vec3::from(root.max));
+    fn of(bounds: &Bounds) -> Self {
+        let (low, high) = (bounds.min, bounds.max);
         let extent = high.as_dvec3() - low.as_dvec3();
         // A scene without extent has a unit all the same.
         let largest = extent.max_element().max(1e-6 * f64::from(low.abs().max(high.abs()).max_element()).max(1e-30));
@@ -129,6 +250,16 @@ impl Grid {
         // Room for the corners above their origin.
         let unit = (largest * 1.001) as f32;
         Self { origin, unit, step: (step / f64::from(unit)).as_vec3() }
+    }
+
+    /// What stands before the pairs, its second element still to be said.
+    fn head(&self) -> Vec<Packed> {
+        vec![bits(self.origin, self.unit.to_bits()), NONE, NONE]
+    }
+
+    fn node(&self, node: &Node, content: u32) -> Packed {
+        let [x, y, z] = self.rounded(node);
+        [x, y, z, content]
     }
 
     /// Lower bounds in the low sixteen bits, upper ones in the high.
@@ -155,6 +286,8 @@ impl Grid {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::{Material, Object, Scene, stage::Change};
+    use glam::DAffine3;
     use proptest::prelude::*;
 
     fn triangle(positions: [Vec3; 3]) -> Triangle {
@@ -207,6 +340,33 @@ mod tests {
         let single = packed(&[unit(7, 2)], &[[7, 9]], &[]);
         assert_eq!(leaves(&single, single[2][3]), [[7, 2]]);
         assert_eq!(packed(&[], &[], &[]), [NONE; 3]);
+    }
+
+    /// What is patched is what is packed anew, and holds every triangle once.
+    #[test]
+    fn parts_are_packed_anew_one_by_one() {
+        let quad = |at: f32| Triangle { ..triangle([Vec3::new(at, 0.0, 0.0), Vec3::new(at + 1.0, 0.0, at % 7.0), Vec3::new(at, 1.0, at % 3.0)]) };
+        let scene =
+            Scene { triangles: (0..3000).map(|k| quad(k as f32 / 10.0)).collect(), materials: vec![Material::diffuse("", Vec3::ONE)], ..Scene::default() };
+        let objects = [100..400, 401..402, 2000..3000].map(|triangles| Object { name: String::new(), triangles });
+        let mut stage = Stage::moving(Scene { objects: objects.into(), ..scene }, &[0, 1, 2]).unwrap();
+        let packing = Packing::new(&stage.bvh).unwrap();
+        let mut all = packing.whole(&stage.bvh, &stage.scene.triangles);
+        assert!(all.len() as u64 <= most_elements(3000));
+        for (mover, shift) in [(0, DVec3::Y), (2, DVec3::new(-20.0, 1.0, 0.0)), (1, DVec3::Z)] {
+            let changed = stage.change(&[Change::Place { mover, map: DAffine3::from_translation(shift) }]).unwrap();
+            assert!(packing.holds(&stage.bounds()));
+            for (first, elements) in packing.patches(&stage, &changed.movers) {
+                all[first as usize..first as usize + elements.len()].copy_from_slice(&elements);
+            }
+            assert!(all == packing.whole(&stage.bvh, &stage.scene.triangles), "mover {mover}");
+            let mut held: Vec<u32> = leaves(&all, all[2][3]).into_iter().flat_map(|[first, count]| first..first + count).collect();
+            held.sort_unstable();
+            assert_eq!(held, (0..3000).collect::<Vec<_>>());
+            assert!(depth(&all, all[2][3]) < 64);
+        }
+        stage.change(&[Change::Place { mover: 1, map: DAffine3::from_translation(DVec3::X * 900.0) }]).unwrap();
+        assert!(!packing.holds(&stage.bounds()));
     }
 
     #[test]

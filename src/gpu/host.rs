@@ -11,11 +11,12 @@ use glam::Vec4;
 use std::any::Any;
 use std::cell::Cell;
 use std::collections::{HashMap, HashSet};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 
-impl Session<'_> {
-    pub(super) fn run_host(&mut self, host: &Host, node: &Node, pending: &mut Pending) -> Result<(), GpuError> {
+impl Session {
+    pub(super) async fn run_host(&mut self, host: &Host, node: &Node, pending: &mut Pending) -> Result<(), GpuError> {
         let failed = |reason: String| GpuError::HostStep { node: node.name.clone(), reason };
-        let contents = self.read_back(host, pending)?;
+        let contents = self.read_back(host, pending).await?;
         // What is written must reach the device after the commands before this step and before those after it.
         if !host.writes.is_empty() && !pending.empty {
             self.submit(pending);
@@ -35,7 +36,9 @@ impl Session<'_> {
             latest: &mut latest,
             cut_short: &mut cut_short,
         };
-        let result = (host.run)(&mut view);
+        // A pass may be another program's: what it leaves half done is not looked at again.
+        let result = catch_unwind(AssertUnwindSafe(|| (host.run)(&mut view)))
+            .unwrap_or_else(|panic| Err(format!("`{}` panicked: {}", host.name, panic_message(&*panic))));
         let undeclared = view.undeclared.take();
         (self.lists, self.states, self.variables) = (lists, states, variables);
         (self.latest, self.copies, self.cut_short) = (latest, copies, cut_short);
@@ -46,22 +49,27 @@ impl Session<'_> {
     }
 }
 
+/// What a panic says.
+pub fn panic_message(panic: &(dyn Any + Send)) -> &str {
+    panic.downcast_ref::<&str>().copied().or_else(|| panic.downcast_ref::<String>().map(String::as_str)).unwrap_or("without a message")
+}
+
 /// What a host step sees.
-struct HostView<'s, 'a> {
-    session: &'s Session<'a>,
+struct HostView<'s> {
+    session: &'s Session,
     host: &'s Host,
     /// The first resource that the step has touched without having said so.
     undeclared: Cell<Option<Resource>>,
     contents: HashMap<Resource, Contents>,
     copies: &'s mut Copies,
     lists: &'s mut HashMap<Resource, Vec<Draw>>,
-    states: &'s mut HashMap<Resource, Option<Box<dyn Any + Send>>>,
+    states: &'s mut HashMap<Resource, Option<Box<dyn Any + Send + Sync>>>,
     variables: &'s mut Vec<u32>,
     latest: &'s mut Vec<u32>,
     cut_short: &'s mut HashMap<Variable, Shortfall>,
 }
 
-impl HostView<'_, '_> {
+impl HostView<'_> {
     /// Whether the step has said that it writes a resource.
     fn may_write(&self, resource: Resource) -> bool {
         let may = self.host.writes.contains(&resource);
@@ -76,7 +84,7 @@ impl HostView<'_, '_> {
     }
 }
 
-impl HostContext for HostView<'_, '_> {
+impl HostContext for HostView<'_> {
     fn read(&self, resource: Resource) -> &[u8] {
         let nothing: &[Vec4] = &[];
         let Some(contents) = self.contents.get(&resource) else {
@@ -124,7 +132,7 @@ impl HostContext for HostView<'_, '_> {
         self.lists.entry(resource).or_default()
     }
 
-    fn state(&mut self, resource: Resource) -> &mut Option<Box<dyn Any + Send>> {
+    fn state(&mut self, resource: Resource) -> &mut Option<Box<dyn Any + Send + Sync>> {
         self.states.entry(resource).or_default()
     }
 
@@ -141,19 +149,19 @@ impl HostContext for HostView<'_, '_> {
     }
 
     fn scene(&self) -> &Scene {
-        self.session.scene
+        &self.session.stage.scene
     }
 
     fn bvh(&self) -> &Bvh {
-        self.session.bvh
+        &self.session.stage.bvh
     }
 
     fn emission(&self) -> &Emission {
-        &self.session.emission
+        self.session.scene.emission()
     }
 
     fn extent(&self) -> f32 {
-        self.session.extent
+        self.session.stage.extent()
     }
 
     fn camera(&self) -> (&Camera, [u32; 2]) {

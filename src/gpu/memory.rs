@@ -1,7 +1,6 @@
 //! The memory of a session: what the placement says is allocated, what is known is uploaded.
 
 use super::device::GpuError;
-use super::scene as scene_data;
 use super::session::Session;
 use crate::schedule::*;
 
@@ -17,15 +16,16 @@ pub(super) enum Physical {
     Unused,
 }
 
-impl Session<'_> {
+impl Session {
     pub(super) fn allocate(&mut self, placement: &Placement) -> Result<(), GpuError> {
-        let name = |slot: usize| placement.slots.iter().zip(&self.schedule.resources).find(|(of, _)| **of == Some(slot as u32)).map_or("", |(_, r)| &r.name);
+        let schedule = self.schedule.clone();
+        let name = |slot: usize| placement.slots.iter().zip(&schedule.resources).find(|(of, _)| **of == Some(slot as u32)).map_or("", |(_, r)| &r.name);
         let names: Vec<&str> = (0..placement.allocations.len()).map(name).collect();
         let shared = placement.allocations.iter().zip(names).map(|(kind, name)| self.create(name, kind)).collect::<Result<Vec<_>, _>>()?;
-        for (index, description) in self.schedule.resources.iter().enumerate() {
+        for (index, description) in schedule.resources.iter().enumerate() {
             let physical = match (&description.lifetime, &description.kind) {
                 (_, ResourceKind::Draws | ResourceKind::State) => Physical::Host,
-                (Lifetime::Scene(data), kind) => self.upload(&description.name, kind, &scene_data::bytes(self.scene, self.bvh, &self.emission, *data))?,
+                (Lifetime::Scene(data), kind) => self.upload(&description.name, kind, &self.scene.bytes(&self.stage, *data))?,
                 (Lifetime::Constant(contents), kind) => self.upload(&description.name, kind, contents)?,
                 (Lifetime::History | Lifetime::Frame | Lifetime::Variables, kind) => self.create(&description.name, kind)?,
                 (Lifetime::Transient, _) => match placement.slots[index] {
@@ -80,12 +80,17 @@ impl Session<'_> {
 
     fn upload(&mut self, label: &str, kind: &ResourceKind, bytes: &[u8]) -> Result<Physical, GpuError> {
         let physical = self.create(label, kind)?;
-        match &physical {
-            Physical::Buffer(buffer) => self.gpu.queue.write_buffer(buffer, 0, bytes),
-            Physical::Texture { texture, format } => self.write_texture(texture, *format, &bytes[..kind.bytes() as usize]),
+        self.put(&physical, 0, bytes);
+        Ok(physical)
+    }
+
+    /// Writes to a buffer from a place on, or a whole texture.
+    pub(super) fn put(&self, physical: &Physical, offset: u64, bytes: &[u8]) {
+        match physical {
+            Physical::Buffer(buffer) => self.gpu.queue.write_buffer(buffer, offset, bytes),
+            Physical::Texture { texture, format } => self.write_texture(texture, *format, bytes),
             Physical::Host | Physical::Unused => {}
         }
-        Ok(physical)
     }
 
     pub(super) fn buffer(&self, resource: Resource) -> &wgpu::Buffer {

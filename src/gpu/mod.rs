@@ -4,6 +4,7 @@ mod ahead;
 mod clock;
 mod coherence;
 mod copies;
+mod cores;
 pub mod device;
 mod encode;
 mod frame;
@@ -23,6 +24,11 @@ pub mod spirv;
 mod timing;
 
 pub use coherence::Reader;
-pub use device::{Adapter, Gpu, GpuError, expected_adapter, expected_device};
+pub use device::{Adapter, Gpu, GpuError};
+#[cfg(not(target_arch = "wasm32"))]
+pub use device::{expected_adapter, expected_device};
 pub use frame::{AskPace, Frame, NodeTimes, Pace, Unfinished};
+pub use host::panic_message;
+#[cfg(not(target_arch = "wasm32"))]
+pub use pollster::block_on;
 pub use session::Session;

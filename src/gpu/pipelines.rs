@@ -1,11 +1,11 @@
 //! Shader pipelines of a schedule: what its commands run, before anything is bound.
 
+use super::cores;
 use super::device::{Gpu, GpuError};
 use super::memory::texture_format;
 use super::shader::{Slot, SlotKind};
 use super::shaders::{Shaders, Source, source};
 use crate::schedule::*;
-use rayon::prelude::*;
 use std::collections::{BTreeMap, HashMap};
 
 /// Every pipeline of a schedule, once, by everything that makes it differ from others.
@@ -25,6 +25,9 @@ pub(super) struct Built<P> {
 /// What the driver has of the shaders, which pipelines share.
 type Modules = BTreeMap<Source, wgpu::ShaderModule>;
 
+/// What a driver does that refuses a shader.
+const BUILDING: &str = "building the shaders";
+
 impl Pipelines {
     /// Builds on all cores, for drivers take long over large shaders.
     ///
@@ -38,15 +41,13 @@ impl Pipelines {
                 rasters.insert(key_of_raster(schedule, raster), raster);
             }
         }
-        let modules: Modules = shaders.par_iter().map(|(source, shader)| (source.clone(), module(gpu, source.0, &shader.text))).collect();
+        let modules = cores::each(gpu, BUILDING, shaders.all(), |(source, shader)| Ok((source.clone(), module(gpu, source.0, &shader.text))))?;
         let builder = Builder { gpu, shaders, modules };
-        let compute = |(key, compute)| Ok((key, builder.compute(compute)?));
-        let raster = |(key, raster)| Ok((key, builder.raster(raster, &formats(schedule, raster))?));
-        let (compute, raster) = rayon::join(
-            || computes.into_par_iter().map(compute).collect::<Result<_, GpuError>>(),
-            || rasters.into_par_iter().map(raster).collect::<Result<_, GpuError>>(),
+        let (compute, raster) = cores::join(
+            || cores::each(gpu, BUILDING, computes, |(key, compute)| Ok((key, builder.compute(compute)?))),
+            || cores::each(gpu, BUILDING, rasters, |(key, raster)| Ok((key, builder.raster(raster, &formats(schedule, raster))?))),
         );
-        gpu.check("building the shaders")?;
+        gpu.check(BUILDING)?;
         Ok(Self { compute: compute?, raster: raster? })
     }
 

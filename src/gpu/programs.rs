@@ -43,10 +43,10 @@ impl Dispatch {
     }
 }
 
-impl Session<'_> {
+impl Session {
     /// The commands of a schedule, each with its shader built and what it touches bound, by node.
     pub(super) fn prepare_all(&self, shaders: &Shaders) -> Result<Vec<Vec<Ready>>, GpuError> {
-        let pipelines = Pipelines::build(self.gpu, self.schedule, shaders)?;
+        let pipelines = Pipelines::build(&self.gpu, &self.schedule, shaders)?;
         let nodes = self.schedule.nodes();
         let ready = nodes.iter().map(|node| node.commands.iter().map(|command| self.prepare(command, &pipelines)).collect()).collect();
         self.gpu.check("binding what shaders touch")?;
@@ -61,7 +61,7 @@ impl Session<'_> {
                 command.computes().iter().map(|compute| self.prepare_dispatch(compute, pipelines)).collect::<Result<_, _>>().map(Ready::Compute)
             }
             Command::Raster(raster) => {
-                let built = pipelines.of_raster(self.schedule, raster);
+                let built = pipelines.of_raster(&self.schedule, raster);
                 let view = |texture: Resource, layer: u32| layer_view(self.texture(texture).0, layer);
                 Ok(Ready::Raster {
                     pipeline: built.pipeline.clone(),

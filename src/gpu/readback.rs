@@ -2,31 +2,45 @@
 
 use super::device::{Gpu, GpuError};
 use crate::schedule::Format;
-use std::sync::mpsc::Receiver;
+use futures_channel::oneshot;
+use std::sync::atomic::Ordering;
 
 /// A look at the first bytes of a staging buffer, which the device will be done with some time.
 pub struct Look {
+    staging: wgpu::Buffer,
+    bytes: u64,
+    mapped: oneshot::Receiver<Result<(), wgpu::BufferAsyncError>>,
+}
+
+/// Bytes of a staging buffer that the host may look at.
+pub struct Arrived {
     pub staging: wgpu::Buffer,
     bytes: u64,
-    mapped: Receiver<Result<(), wgpu::BufferAsyncError>>,
 }
 
 impl Look {
     /// Asks for it. What fills the buffer must have been submitted.
     pub fn ask(staging: wgpu::Buffer, bytes: u64) -> Self {
-        let (sender, mapped) = std::sync::mpsc::channel();
+        let (sender, mapped) = oneshot::channel();
         staging.map_async(wgpu::MapMode::Read, 0..bytes, move |result| {
             let _ = sender.send(result);
         });
         Self { staging, bytes, mapped }
     }
 
-    /// Looks, once the device is done with what was submitted last or, where one is given, up to a submission.
-    pub fn see<T>(&self, gpu: &Gpu, submission: Option<wgpu::SubmissionIndex>, look: impl FnOnce(&[u8]) -> T) -> Result<T, GpuError> {
-        gpu.wait_for("reading back", submission)?;
-        let failed = |reason: String| GpuError::Driver { doing: "reading back".into(), reason };
-        self.mapped.recv().map_err(|e| failed(e.to_string()))?.map_err(|e| failed(e.to_string()))?;
-        let view = self.staging.get_mapped_range(0..self.bytes).map_err(|e| failed(e.to_string()))?;
+    /// Once the device is done with what was submitted last or, where one is given, up to a submission.
+    pub async fn arrive(self, gpu: &Gpu, submission: Option<wgpu::SubmissionIndex>) -> Result<Arrived, GpuError> {
+        gpu.poll(READING, submission)?;
+        self.mapped.await.map_err(failed)?.map_err(failed)?;
+        Ok(Arrived { staging: self.staging, bytes: self.bytes })
+    }
+}
+
+impl Arrived {
+    /// Looks once; the buffer is the device's again.
+    pub fn see<T>(&self, gpu: &Gpu, look: impl FnOnce(&[u8]) -> T) -> Result<T, GpuError> {
+        let view = self.staging.get_mapped_range(0..self.bytes).map_err(failed)?;
+        gpu.to_host.fetch_add(self.bytes, Ordering::Relaxed);
         let seen = look(&view);
         drop(view);
         self.staging.unmap();
@@ -34,9 +48,15 @@ impl Look {
     }
 }
 
-/// Looks at the first bytes of a staging buffer, once the device is done with all that was submitted.
-pub fn look<T>(gpu: &Gpu, staging: &wgpu::Buffer, bytes: u64, look: impl FnOnce(&[u8]) -> T) -> Result<T, GpuError> {
-    Look::ask(staging.clone(), bytes).see(gpu, None, look)
+const READING: &str = "reading back";
+
+fn failed(reason: impl ToString) -> GpuError {
+    GpuError::Driver { doing: READING.into(), reason: reason.to_string() }
+}
+
+/// The first bytes of a staging buffer, once the device is done with all that was submitted.
+pub async fn arrive(gpu: &Gpu, staging: &wgpu::Buffer, bytes: u64) -> Result<Arrived, GpuError> {
+    Look::ask(staging.clone(), bytes).arrive(gpu, None).await
 }
 
 pub fn staging(gpu: &Gpu, bytes: u64) -> wgpu::Buffer {

@@ -1,20 +1,21 @@
 //! The scene as shaders read it: `shaders/lib/scene.wgsl` and `lib/camera.wgsl` have the same structs.
 
-use super::hierarchy;
+use super::hierarchy::{self, Packing};
 use crate::host_struct;
 use crate::scene::{
-    Camera, Charts, DIELECTRIC, Environment, Glossy, LightKind, Material, Scene, Texture, Triangle, Wrap,
-    bvh::Bvh,
+    Bounds, Camera, Charts, DIELECTRIC, Environment, Glossy, LightKind, Material, Scene, Texture, Triangle, Wrap,
     emitters::{
         Emission,
         tree::{Group, Next, most_groups},
     },
     shadow_grid, shadow_half, shadow_layers,
     sky::Suns,
+    stage::{Changed, Stage},
 };
 use crate::schedule::{Format, HostLayout, ResourceKind, SceneData};
 use bytemuck::{bytes_of, cast_slice};
 use glam::{Vec2, Vec3};
+use std::ops::Range;
 
 host_struct! {
     /// Facts of the whole scene.
@@ -113,7 +114,7 @@ host_struct! {
         /// See [`Sample`](crate::scene::Sample).
         shift: [f32; 2],
         sample: u32,
-        padding: u32,
+        width: f32,
         end: [u32; 2],
     }
 }
@@ -159,6 +160,11 @@ const MOST_TEXELS: u64 = 8192;
 
 /// What a part of the scene is on the device.
 pub fn kind(scene: &Scene, data: SceneData) -> ResourceKind {
+    kind_with(scene, scene.emitters().len(), data)
+}
+
+/// The same of a scene with so many [emitters](Scene::emitters).
+pub fn kind_with(scene: &Scene, emitters: usize, data: SceneData) -> ResourceKind {
     let triangles = scene.triangles.len() as u64;
     let buffer = |bytes: u64| ResourceKind::Buffer { bytes: bytes.next_multiple_of(ELEMENT as u64).max(LEAST_BYTES as u64) };
     match data {
@@ -166,10 +172,10 @@ pub fn kind(scene: &Scene, data: SceneData) -> ResourceKind {
         SceneData::Positions => buffer(triangles * 36),
         SceneData::Corners => buffer(triangles * CORNERS_BYTES),
         SceneData::Attributes => buffer(triangles * ATTRIBUTES_BYTES),
-        SceneData::Tables | SceneData::AlbedoTables => buffer(Places::of(scene, scene.emitters().len()).end * ELEMENT as u64),
+        SceneData::Tables | SceneData::AlbedoTables => buffer(Places::of(scene, emitters).end * ELEMENT as u64),
         SceneData::FirstLights => buffer((FIRST_LIGHTS * size_of::<SceneLight>()) as u64),
         SceneData::Texels => {
-            let texels = scene.textures.iter().map(|texture| texture.texels.len() as u64).sum::<u64>().max(1);
+            let texels = scene.textures.iter().map(|texture| texture.all_texels() as u64).sum::<u64>().max(1);
             let width = texels.next_power_of_two().min(MOST_TEXELS);
             ResourceKind::Texture { size: [width as u32, texels.div_ceil(width) as u32], layers: 1, format: Format::R32Uint }
         }
@@ -183,21 +189,120 @@ pub fn kind(scene: &Scene, data: SceneData) -> ResourceKind {
     }
 }
 
-/// The bytes of a part of the scene, as many as its [`kind`] has, of an image row by row; `bvh` has sorted the scene's triangles.
-pub fn bytes(scene: &Scene, bvh: &Bvh, emission: &Emission, data: SceneData) -> Vec<u8> {
-    let mut bytes = match data {
-        SceneData::Parameters => bytes_of(&parameters(scene, &emission.suns)).to_vec(),
-        SceneData::Positions => positions(scene),
-        SceneData::Corners => scene.triangles.iter().flat_map(|t| bytes_of(&corners(t)).to_vec()).collect(),
-        SceneData::Attributes => scene.triangles.iter().flat_map(|t| bytes_of(&attributes(t)).to_vec()).collect(),
-        SceneData::Tables => tables(scene, bvh, emission, materials),
-        SceneData::AlbedoTables => tables(scene, bvh, emission, albedos),
-        SceneData::FirstLights => first_lights(scene),
-        SceneData::Texels => texels(scene),
-        SceneData::Environment => environment(scene, &emission.suns),
-    };
-    bytes.resize(kind(scene, data).bytes() as usize, 0);
-    bytes
+/// A scene as it is brought to the device, and what of it was brought there.
+pub struct Upload {
+    emission: Emission,
+    bounds: Bounds,
+    /// Of a scene of which parts can move.
+    packing: Option<Packing>,
+}
+
+/// Bytes of a part of the scene, from a place on.
+pub type Patch = (u64, Vec<u8>);
+
+impl Upload {
+    pub fn new(stage: &Stage) -> Self {
+        Self { emission: Emission::of(&stage.scene), bounds: stage.bounds(), packing: Packing::new(&stage.bvh) }
+    }
+
+    pub fn emission(&self) -> &Emission {
+        &self.emission
+    }
+
+    /// The bytes of a part of the scene, as many as its [`kind`] has, of an image row by row.
+    pub fn bytes(&self, stage: &Stage, data: SceneData) -> Vec<u8> {
+        let scene = &stage.scene;
+        let mut bytes = match data {
+            SceneData::Parameters => bytes_of(&self.parameters(stage)).to_vec(),
+            SceneData::Positions => positions(&scene.triangles),
+            SceneData::Corners => all_corners(&scene.triangles),
+            SceneData::Attributes => all_attributes(&scene.triangles),
+            SceneData::Tables => self.tables(stage, materials),
+            SceneData::AlbedoTables => self.tables(stage, albedos),
+            SceneData::FirstLights => first_lights(scene, &self.bounds),
+            SceneData::Texels => texels(scene),
+            SceneData::Environment => environment(scene, &self.emission.suns),
+        };
+        bytes.resize(kind_with(scene, self.emission.lamps(), data).bytes() as usize, 0);
+        bytes
+    }
+
+    /// What the device is to be told of a part of the scene, after a change that leaves its kind as it is.
+    pub fn patches(&self, stage: &Stage, changed: &Changed, data: SceneData) -> Vec<Patch> {
+        let triangles = &stage.scene.triangles;
+        let moved = |bytes_each: u64, bytes: fn(&[Triangle]) -> Vec<u8>| {
+            let patch = |range: Range<usize>| (range.start as u64 * bytes_each, bytes(&triangles[range]));
+            changed.movers.iter().map(|mover| patch(stage.triangles_of(*mover))).collect()
+        };
+        match data {
+            SceneData::Positions => moved(36, positions),
+            SceneData::Corners => moved(CORNERS_BYTES, all_corners),
+            SceneData::Attributes => moved(ATTRIBUTES_BYTES, all_attributes),
+            SceneData::Tables => self.table_patches(stage, changed, materials),
+            SceneData::AlbedoTables => self.table_patches(stage, changed, albedos),
+            SceneData::Environment if changed.environment => vec![(0, self.bytes(stage, data))],
+            SceneData::Texels | SceneData::Environment => Vec::new(),
+            SceneData::Parameters | SceneData::FirstLights => vec![(0, self.bytes(stage, data))],
+        }
+    }
+
+    /// Follows a change; whether all of the hierarchy has to be packed anew.
+    pub fn follow(&mut self, stage: &Stage, changed: &Changed) -> bool {
+        self.bounds = stage.bounds();
+        if changed.emission {
+            self.emission = Emission::of(&stage.scene);
+        }
+        let leaves = self.packing.as_ref().is_some_and(|packing| !packing.holds(&self.bounds));
+        if leaves {
+            self.packing = Packing::new(&stage.bvh);
+        }
+        leaves
+    }
+
+    fn parameters(&self, stage: &Stage) -> SceneParameters {
+        parameters(&stage.scene, &self.bounds, self.emission.lamps(), &self.emission.suns)
+    }
+
+    /// `materials` are described with their maps from an element on.
+    fn tables(&self, stage: &Stage, materials: impl Fn(&Scene, u32) -> Vec<SceneMaterial>) -> Vec<u8> {
+        let scene = &stage.scene;
+        let places = Places::of(scene, self.emission.lamps());
+        let mut bytes = match &self.packing {
+            Some(packing) => cast_slice(&packing.whole(&stage.bvh, &scene.triangles)).to_vec(),
+            None => cast_slice(&hierarchy::packed(stage.bvh.nodes(), &stage.bvh.ranges(), &scene.triangles)).to_vec(),
+        };
+        let small = self.small_tables(scene, &places, materials);
+        let (charts, tangents) = (charts(scene), tangents(&scene.tangents));
+        for (place, table) in small.into_iter().chain([(places.charts, cast_slice(&charts).to_vec()), (places.tangents, cast_slice(&tangents).to_vec())]) {
+            bytes.resize(place as usize * ELEMENT, 0);
+            bytes.extend_from_slice(&table);
+        }
+        bytes
+    }
+
+    /// Lights, lamps, materials and their maps, each from an element on.
+    fn small_tables(&self, scene: &Scene, places: &Places, materials: impl Fn(&Scene, u32) -> Vec<SceneMaterial>) -> [(u64, Vec<u8>); 4] {
+        [
+            (places.lights, cast_slice(&lights(scene, &self.bounds)).to_vec()),
+            (places.emitters, cast_slice(&lamps(&self.emission)).to_vec()),
+            (places.materials, cast_slice(&materials(scene, places.maps as u32)).to_vec()),
+            (places.maps, cast_slice(&maps(scene, [places.charts, places.tangents].map(|place| place as u32))).to_vec()),
+        ]
+    }
+
+    fn table_patches(&self, stage: &Stage, changed: &Changed, materials: impl Fn(&Scene, u32) -> Vec<SceneMaterial>) -> Vec<Patch> {
+        let scene = &stage.scene;
+        let places = Places::of(scene, self.emission.lamps());
+        let tangents_of = |range: Range<usize>| {
+            let tangents = scene.tangents.get(range.clone()).unwrap_or_default();
+            (places.tangents + TANGENTS * range.start as u64, cast_slice(&self::tangents(tangents)).to_vec())
+        };
+        let moved = changed.movers.iter().map(|mover| tangents_of(stage.triangles_of(*mover)));
+        let hierarchy = self.packing.iter().flat_map(|packing| packing.patches(stage, &changed.movers));
+        let hierarchy = hierarchy.map(|(element, elements)| (u64::from(element), cast_slice(&elements).to_vec()));
+        let all = hierarchy.chain(moved).chain(self.small_tables(scene, &places, materials));
+        all.filter(|(_, bytes)| !bytes.is_empty()).map(|(element, bytes): (u64, Vec<u8>)| (element * ELEMENT as u64, bytes)).collect()
+    }
 }
 
 /// Where tables start among all of them [elements]; the hierarchy is the first.
@@ -226,34 +331,20 @@ impl Places {
     }
 }
 
-/// `materials` are described with their maps from an element on.
-fn tables(scene: &Scene, bvh: &Bvh, emission: &Emission, materials: impl Fn(&Scene, u32) -> Vec<SceneMaterial>) -> Vec<u8> {
-    let places = Places::of(scene, scene.emitters().len());
-    let (lights, lamps, materials, maps) =
-        (lights(scene), lamps(emission), materials(scene, places.maps as u32), maps(scene, [places.charts, places.tangents].map(|place| place as u32)));
-    let (charts, tangents) = (charts(scene), tangents(scene));
-    let mut bytes = cast_slice(&hierarchy::packed(&bvh.nodes(), &bvh.ranges(), &scene.triangles)).to_vec();
-    let tables: [(u64, &[u8]); 6] = [
-        (places.lights, cast_slice(&lights)),
-        (places.emitters, cast_slice(&lamps)),
-        (places.materials, cast_slice(&materials)),
-        (places.maps, cast_slice(&maps)),
-        (places.charts, cast_slice(&charts)),
-        (places.tangents, cast_slice(&tangents)),
-    ];
-    for (place, table) in tables {
-        bytes.resize(place as usize * ELEMENT, 0);
-        bytes.extend_from_slice(table);
-    }
-    bytes
+fn positions(triangles: &[Triangle]) -> Vec<u8> {
+    triangles.iter().flat_map(|t| bytes_of(&t.positions.map(|p| p.to_array())).to_vec()).collect()
 }
 
-fn positions(scene: &Scene) -> Vec<u8> {
-    scene.triangles.iter().flat_map(|t| bytes_of(&t.positions.map(|p| p.to_array())).to_vec()).collect()
+fn all_corners(triangles: &[Triangle]) -> Vec<u8> {
+    triangles.iter().flat_map(|t| bytes_of(&corners(t)).to_vec()).collect()
+}
+
+fn all_attributes(triangles: &[Triangle]) -> Vec<u8> {
+    triangles.iter().flat_map(|t| bytes_of(&attributes(t)).to_vec()).collect()
 }
 
 fn texels(scene: &Scene) -> Vec<u8> {
-    scene.textures.iter().flat_map(|t| cast_slice::<_, u8>(&t.texels).iter().copied()).collect()
+    scene.textures.iter().flat_map(|t| [cast_slice(&t.texels), cast_slice::<_, u8>(&t.coarser)]).flatten().copied().collect()
 }
 
 /// Texels, with the running sum of what suns have up to and including each in the spare place.
@@ -271,20 +362,22 @@ fn environment(scene: &Scene, suns: &Suns) -> Vec<u8> {
 /// What a picture of the scene depends on, one part after the other: geometry, materials, textures, lights. Where tables stand and the
 /// hierarchy follow from these.
 pub fn contents(scene: &Scene) -> impl Iterator<Item = Vec<u8>> {
-    let parameters = SceneParameters { first_light: 0, first_emitter: 0, first_material: 0, ..parameters(scene, &Suns::default()) };
+    let bounds = scene.bounds();
+    let parameters = parameters(scene, &bounds, scene.emitters().len(), &Suns::default());
+    let parameters = SceneParameters { first_light: 0, first_emitter: 0, first_material: 0, ..parameters };
     let part = move |number: usize| {
         let mut bytes = match number {
             0 => bytes_of(&parameters).to_vec(),
-            1 => positions(scene),
-            2 => scene.triangles.iter().flat_map(|t| bytes_of(&corners(t)).to_vec()).collect(),
-            3 => scene.triangles.iter().flat_map(|t| bytes_of(&attributes(t)).to_vec()).collect(),
+            1 => positions(&scene.triangles),
+            2 => all_corners(&scene.triangles),
+            3 => all_attributes(&scene.triangles),
             4 => cast_slice(&materials(scene, 1)).to_vec(),
             5 => texels(scene),
-            6 => cast_slice(&lights(scene)).to_vec(),
-            7 => first_lights(scene),
+            6 => cast_slice(&lights(scene, &bounds)).to_vec(),
+            7 => first_lights(scene, &bounds),
             8 => environment(scene, &Suns::default()),
             9 => cast_slice(&maps(scene, [1, 1])).to_vec(),
-            _ => [cast_slice(&charts(scene)), cast_slice::<_, u8>(&tangents(scene))].concat(),
+            _ => [cast_slice(&charts(scene)), cast_slice::<_, u8>(&tangents(&scene.tangents))].concat(),
         };
         bytes.resize(bytes.len().next_multiple_of(ELEMENT).max(LEAST_BYTES), 0);
         bytes
@@ -293,8 +386,7 @@ pub fn contents(scene: &Scene) -> impl Iterator<Item = Vec<u8>> {
     (0..9 + usize::from(!maps(scene, [1, 1]).is_empty()) + usize::from(!(scene.charts.is_empty() && scene.tangents.is_empty()))).map(part)
 }
 
-fn parameters(scene: &Scene, suns: &Suns) -> SceneParameters {
-    let emitters = scene.emitters().len();
+fn parameters(scene: &Scene, bounds: &Bounds, emitters: usize, suns: &Suns) -> SceneParameters {
     let places = Places::of(scene, emitters);
     let (environment, environment_size) = match &scene.environment {
         Environment::Constant(radiance) => (*radiance, [0, 0]),
@@ -302,7 +394,7 @@ fn parameters(scene: &Scene, suns: &Suns) -> SceneParameters {
     };
     SceneParameters {
         environment: environment.into(),
-        extent: scene.extent(),
+        extent: bounds.diagonal(),
         sky_limit: suns.limit,
         lights: scene.lights.len() as u32,
         emitters: emitters as u32,
@@ -310,7 +402,7 @@ fn parameters(scene: &Scene, suns: &Suns) -> SceneParameters {
         environment_size,
         first_light: places.lights as u32,
         first_emitter: places.emitters as u32,
-        centre: scene.bounds().centre().into(),
+        centre: bounds.centre().into(),
         first_material: places.materials as u32,
     }
 }
@@ -333,7 +425,7 @@ fn attributes(triangle: &Triangle) -> [[f32; 4]; 4] {
 fn texel_starts(scene: &Scene) -> Vec<u32> {
     let starts = scene.textures.iter().scan(0, |next, texture| {
         let start = *next;
-        *next += texture.texels.len() as u32;
+        *next += texture.all_texels() as u32;
         Some(start)
     });
     starts.collect()
@@ -359,8 +451,8 @@ fn maps(scene: &Scene, [first_chart, first_tangents]: [u32; 2]) -> Vec<[u32; 4]>
     mapped.flat_map(rows).collect()
 }
 
-fn tangents(scene: &Scene) -> Vec<[[f32; 4]; TANGENTS as usize]> {
-    scene.tangents.iter().map(|tangents| tangents.map(|tangent| tangent.extend(0.0).into())).collect()
+fn tangents(tangents: &[[Vec3; 3]]) -> Vec<[[f32; 4]; TANGENTS as usize]> {
+    tangents.iter().map(|tangents| tangents.map(|tangent| tangent.extend(0.0).into())).collect()
 }
 
 /// Chart by chart the texture coordinates of all triangles.
@@ -368,14 +460,14 @@ fn charts(scene: &Scene) -> Vec<[Vec2; 2 * CHART as usize]> {
     scene.charts.iter().flatten().map(|&[a, b, c]| [a, b, c, Vec2::ZERO]).collect()
 }
 
-/// A bit for numbers as they stand, then two each for what lies beyond the edges, across and down.
+/// A bit for numbers as they stand, then two each for what lies beyond the edges, across and down, and one for coarser levels.
 fn reading(texture: &Texture) -> u32 {
     let wrap = texture.reading.wrap.map(|wrap| match wrap {
         Wrap::Repeat => 0,
         Wrap::Mirror => 1,
         Wrap::Clamp => 2,
     });
-    u32::from(texture.reading.is_linear) | wrap[0] << 1 | wrap[1] << 3
+    u32::from(texture.reading.is_linear) | wrap[0] << 1 | wrap[1] << 3 | u32::from(!texture.coarser.is_empty()) << 5
 }
 
 /// Their maps are among the tables from an element on.
@@ -428,8 +520,8 @@ fn albedos(scene: &Scene, first_map: u32) -> Vec<SceneMaterial> {
     materials(scene, first_map).into_iter().zip(&scene.materials).map(diffuse).collect()
 }
 
-fn lights(scene: &Scene) -> Vec<SceneLight> {
-    let (mut layer, bounds, grid) = (0, scene.bounds(), shadow_grid(&scene.lights));
+fn lights(scene: &Scene, bounds: &Bounds) -> Vec<SceneLight> {
+    let (mut layer, grid) = (0, shadow_grid(&scene.lights));
     scene
         .lights
         .iter()
@@ -450,15 +542,15 @@ fn lights(scene: &Scene) -> Vec<SceneLight> {
                 cos_inner: angles[0],
                 cos_outer: angles[1],
                 shadow_layers: layers,
-                shadow_half: shadow_half(light, &bounds, grid).into(),
+                shadow_half: shadow_half(light, bounds, grid).into(),
             }
         })
         .collect()
 }
 
 /// As many as the shaders have places for, the rest of them empty.
-fn first_lights(scene: &Scene) -> Vec<u8> {
-    let mut bytes = cast_slice(&lights(scene)).to_vec();
+fn first_lights(scene: &Scene, bounds: &Bounds) -> Vec<u8> {
+    let mut bytes = cast_slice(&lights(scene, bounds)).to_vec();
     bytes.resize(FIRST_LIGHTS * size_of::<SceneLight>(), 0);
     bytes
 }
@@ -498,7 +590,7 @@ pub fn camera(camera: &Camera, size: [u32; 2], extent: f32, frame: u32) -> Frame
         size,
         shift: camera.sample.shift.into(),
         sample: camera.sample.number,
-        padding: 0,
+        width: camera.sample.width,
         end: [0; 2],
     }
 }

@@ -9,22 +9,25 @@ use super::host::shared;
 use super::limits::{self, Granted};
 use super::memory::Physical;
 use super::programs::{Ready, layer_views};
+use super::scene::Upload;
 use super::shaders::Shaders;
 use super::speculation::{self, Speculation};
 use super::timing::Timing;
-use crate::scene::{Camera, Scene, bvh::Bvh, emitters::Emission};
+use crate::scene::{
+    Camera,
+    stage::{Change, Changed, Stage, Unchangeable},
+};
 use crate::schedule::*;
 use std::any::Any;
 use std::collections::{HashMap, HashSet};
+use std::sync::Arc;
 
 /// A schedule made ready on a device. History resources live as long as the session.
-pub struct Session<'a> {
-    pub(super) gpu: &'a Gpu,
-    pub(super) scene: &'a Scene,
-    pub(super) extent: f32,
-    pub(super) bvh: &'a Bvh,
-    pub(super) emission: Emission,
-    pub(super) schedule: &'a Schedule,
+pub struct Session {
+    pub(super) gpu: Arc<Gpu>,
+    pub(super) stage: Arc<Stage>,
+    pub(super) scene: Upload,
+    pub(super) schedule: Arc<Schedule>,
     pub(super) physical: Vec<Physical>,
     /// Commands of each node, in the order of [`Schedule::nodes`].
     pub(super) programs: Vec<Vec<Ready>>,
@@ -32,7 +35,7 @@ pub struct Session<'a> {
     /// What each variable was before it became 0, or is.
     pub(super) latest: Vec<u32>,
     pub(super) lists: HashMap<Resource, Vec<Draw>>,
-    pub(super) states: HashMap<Resource, Option<Box<dyn Any + Send>>>,
+    pub(super) states: HashMap<Resource, Option<Box<dyn Any + Send + Sync>>>,
     pub(super) staging: HashMap<Resource, wgpu::Buffer>,
     /// For looks at the variables, as many as were under way at once.
     pub(super) idle_staging: Vec<wgpu::Buffer>,
@@ -61,18 +64,29 @@ pub struct Session<'a> {
     /// Whether the last frame's loops came to their ends, and nothing was changed from outside since.
     pub(super) is_still: bool,
     pub(super) speculation: Option<Speculation>,
+    /// Whether a frame has begun that has not come to an end.
+    pub(super) is_under_way: bool,
     /// Bytes of all buffers and textures.
     pub gpu_bytes: u64,
 }
 
-impl<'a> Session<'a> {
+impl Session {
     /// Allocates, uploads the scene and builds all shader pipelines. What the placement keeps alive to the end can be
     /// read after a frame.
-    pub fn new(
-        gpu: &'a Gpu,
-        scene: &'a Scene,
-        bvh: &'a Bvh,
-        schedule: &'a Schedule,
+    pub async fn new(
+        gpu: &Arc<Gpu>,
+        stage: &Arc<Stage>,
+        schedule: &Arc<Schedule>,
+        placement: &Placement,
+        camera: &Camera,
+        size: [u32; 2],
+    ) -> Result<Self, GpuError> {
+        gpu.told("making a pipeline ready", async { Self::made_ready((gpu, stage), schedule, placement, camera, size) }).await
+    }
+
+    fn made_ready(
+        (gpu, stage): (&Arc<Gpu>, &Arc<Stage>),
+        schedule: &Arc<Schedule>,
         placement: &Placement,
         camera: &Camera,
         size: [u32; 2],
@@ -80,12 +94,10 @@ impl<'a> Session<'a> {
         let shaders = Shaders::load(schedule)?;
         limits::hold_shaders(schedule, &shaders, &Granted { limits: &gpu.limits, features: gpu.features, adapter: &gpu.adapter.name })?;
         let mut session = Self {
-            gpu,
-            scene,
-            extent: scene.extent(),
-            bvh,
-            emission: Emission::of(scene),
-            schedule,
+            gpu: gpu.clone(),
+            stage: stage.clone(),
+            scene: Upload::new(stage),
+            schedule: schedule.clone(),
             physical: Vec::new(),
             programs: Vec::new(),
             variables: vec![0; schedule.variables.len()],
@@ -110,12 +122,21 @@ impl<'a> Session<'a> {
             may_speculate: speculation::is_possible(schedule, &shaders),
             is_still: false,
             speculation: None,
+            is_under_way: false,
             gpu_bytes: 0,
         };
         session.allocate(placement)?;
         session.programs = session.prepare_all(&shaders)?;
         session.nodes = schedule.nodes().into_iter().map(|node| NodeTimes { node: node.name.clone(), pass: node.pass, ..Default::default() }).collect();
         Ok(session)
+    }
+
+    pub fn gpu(&self) -> &Arc<Gpu> {
+        &self.gpu
+    }
+
+    pub fn camera(&self) -> &Camera {
+        &self.camera.0
     }
 
     /// Changes the camera for the frames to come; the size stays.
@@ -131,25 +152,66 @@ impl<'a> Session<'a> {
 
     /// Runs another schedule from the next frame on, with the histories as they are: one that differs in contents of constants,
     /// host functions and bounds of loops at most.
-    pub fn switch_to(&mut self, schedule: &'a Schedule) -> Result<(), GpuError> {
+    pub fn switch_to(&mut self, schedule: &Arc<Schedule>) -> Result<(), GpuError> {
         if let Some(what) = self.schedule.difference(schedule) {
             return Err(GpuError::OtherRecording { what });
         }
-        for (index, (before, after)) in self.schedule.resources.iter().zip(&schedule.resources).enumerate() {
+        let before = std::mem::replace(&mut self.schedule, schedule.clone());
+        for (index, (before, after)) in before.resources.iter().zip(&schedule.resources).enumerate() {
             if let (Lifetime::Constant(before), Lifetime::Constant(after)) = (&before.lifetime, &after.lifetime)
                 && before != after
             {
                 self.overwrite(Resource(index as u32), after);
             }
         }
-        self.schedule = schedule;
         self.is_still = false;
         Ok(())
     }
 
+    pub fn stage(&self) -> &Arc<Stage> {
+        &self.stage
+    }
+
+    /// Changes the scene on the host. Another that has the stage keeps it as it was.
+    pub fn change(&mut self, changes: &[Change]) -> Result<Changed, Unchangeable> {
+        Arc::make_mut(&mut self.stage).change(changes)
+    }
+
+    /// Tells the device what has changed of a scene whose parts are as large as they were, and starts anew: what was gathered was of another scene.
+    pub async fn follow(&mut self, changed: &Changed) -> Result<(), GpuError> {
+        let gpu = self.gpu.clone();
+        let changing = async {
+            let packs_anew = self.scene.follow(&self.stage, changed);
+            let schedule = self.schedule.clone();
+            for (resource, description) in (0..).map(Resource).zip(&schedule.resources) {
+                let Lifetime::Scene(data) = description.lifetime else { continue };
+                let patches = match data {
+                    SceneData::Tables | SceneData::AlbedoTables if packs_anew => vec![(0, self.scene.bytes(&self.stage, data))],
+                    _ => self.scene.patches(&self.stage, changed, data),
+                };
+                self.copies.invalidate(|other| other == resource);
+                patches.iter().for_each(|(offset, bytes)| self.put(&self.physical[resource.0 as usize], *offset, bytes));
+            }
+            self.reset().await
+        };
+        gpu.told("changing the scene", changing).await
+    }
+
+    /// Takes the first bytes of a buffer over from another session of the same device.
+    pub fn copy_from(&mut self, to: Resource, from: (&mut Self, Resource), bytes: u64) {
+        let (other, from) = from;
+        other.upload_ahead(from);
+        self.upload_ahead(to);
+        self.copies.invalidate(|resource| resource == to);
+        let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
+        encoder.copy_buffer_to_buffer(other.buffer(from), 0, self.buffer(to), 0, bytes);
+        self.gpu.queue.submit([encoder.finish()]);
+        self.is_still = false;
+    }
+
     /// As before the first frame: histories are zero, frames count from 0 again. Returns once the device has done it.
-    pub fn reset(&mut self) -> Result<(), GpuError> {
-        let schedule = self.schedule;
+    pub async fn reset(&mut self) -> Result<(), GpuError> {
+        let schedule = self.schedule.clone();
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
         for (physical, description) in self.physical.iter().zip(&schedule.resources) {
             match physical {
@@ -165,7 +227,7 @@ impl<'a> Session<'a> {
         self.rounds_before.clear();
         self.is_still = false;
         self.frames = 0;
-        self.gpu.wait("emptying histories")
+        self.gpu.wait("emptying histories").await
     }
 
     /// Value of a variable after the last frame.
@@ -189,6 +251,12 @@ impl<'a> Session<'a> {
     pub(super) fn assign(&mut self, variable: Variable, value: u32) {
         self.variables[variable.0 as usize] = value;
         self.speculation.iter().for_each(|speculation| speculation.note_set(variable));
+    }
+
+    /// An image as it lies on the device. What the host alone has of it is brought there first.
+    pub fn image(&mut self, resource: Resource) -> &wgpu::Texture {
+        self.upload_ahead(resource);
+        self.texture(resource).0
     }
 
     /// Overwrites the start of a buffer.

@@ -55,7 +55,7 @@ pub enum SlotKind {
 /// can be tried without compiling anew. A release reads no such folder.
 fn source(name: &str) -> Option<Cow<'static, str>> {
     let ships = SOURCES.iter().find(|(n, _)| *n == name).map(|s| Cow::Borrowed(s.1))?;
-    #[cfg(debug_assertions)]
+    #[cfg(all(debug_assertions, feature = "cli"))]
     if let Some(folder) = std::env::var_os("HEMISPLAT_SHADERS") {
         return std::fs::read_to_string(std::path::Path::new(&folder).join(format!("{name}.wgsl"))).map_or(Some(ships), |text| Some(text.into()));
     }
@@ -65,8 +65,16 @@ fn source(name: &str) -> Option<Cow<'static, str>> {
 /// The text of a shader in which every line `#import PATH` is replaced by that file, once. A path in capitals stands
 /// for what `imports` says: `#import VISIBILITY` with `("VISIBILITY", "lib/visibility/rays")`.
 pub fn assemble(name: &str, imports: &[(&str, &str)]) -> Result<String, GpuError> {
-    let mut text = String::new();
-    append(name, imports, &mut Vec::new(), &mut text)?;
+    assemble_own(name, None, imports)
+}
+
+/// The same of a text that does not ship, if there is one.
+fn assemble_own(name: &str, own: Option<&str>, imports: &[(&str, &str)]) -> Result<String, GpuError> {
+    let (mut seen, mut text) = (Vec::new(), String::new());
+    match own {
+        Some(own) => append_lines(own, imports, &mut seen, &mut text)?,
+        None => append(name, imports, &mut seen, &mut text)?,
+    }
     Ok(text)
 }
 
@@ -77,6 +85,10 @@ fn append(name: &str, imports: &[(&str, &str)], seen: &mut Vec<String>, text: &m
     }
     seen.push(name.to_string());
     let source = source(name).ok_or_else(|| GpuError::Shader { shader: name.into(), reason: "there is no such file".into() })?;
+    append_lines(&source, imports, seen, text)
+}
+
+fn append_lines(source: &str, imports: &[(&str, &str)], seen: &mut Vec<String>, text: &mut String) -> Result<(), GpuError> {
     for line in source.lines() {
         match line.strip_prefix("#import ") {
             Some(import) => append(import.trim(), imports, seen, text)?,
@@ -91,7 +103,12 @@ fn append(name: &str, imports: &[(&str, &str)], seen: &mut Vec<String>, text: &m
 
 impl Shader {
     pub fn load(name: &str, imports: &[(&str, &str)]) -> Result<Self, GpuError> {
-        let text = assemble(name, imports)?;
+        Self::load_own(name, None, imports)
+    }
+
+    /// The same of a text that does not ship, if there is one.
+    pub fn load_own(name: &str, own: Option<&str>, imports: &[(&str, &str)]) -> Result<Self, GpuError> {
+        let text = assemble_own(name, own, imports)?;
         let invalid = |reason: String| GpuError::Shader { shader: name.into(), reason };
         let module = naga::front::wgsl::parse_str(&text).map_err(|e| invalid(e.emit_to_string_with_path(&text, name)))?;
         let info = Validator::new(ValidationFlags::all(), CAPABILITIES).validate(&module).map_err(|e| invalid(e.emit_to_string_with_path(&text, name)))?;

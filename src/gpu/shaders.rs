@@ -6,14 +6,14 @@ use crate::schedule::{Command, Program, Schedule};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// A shader file and what its imports stand for.
-pub(super) type Source = (&'static str, Vec<(&'static str, &'static str)>);
+/// A shader file, its text if it does not ship, and what its imports stand for.
+pub(super) type Source = (&'static str, Option<&'static str>, Vec<(&'static str, &'static str)>);
 
 /// Every shader that a schedule's commands run, parsed and validated once.
 pub(super) struct Shaders(BTreeMap<Source, Shader>);
 
 pub(super) fn source(program: &Program) -> Source {
-    (program.shader, program.imports.clone())
+    (program.shader, program.text, program.imports.clone())
 }
 
 impl Shaders {
@@ -23,7 +23,7 @@ impl Shaders {
         let commands = schedule.nodes().into_iter().flat_map(|node| &node.commands);
         let sources: BTreeSet<_> = commands.flat_map(Command::programs).map(source).collect();
         let load = |source: Source| {
-            let shader = Shader::load(source.0, &source.1)?;
+            let shader = Shader::load_own(source.0, source.1, &source.2)?;
             Ok((source, shader))
         };
         sources.into_par_iter().map(load).collect::<Result<_, _>>().map(Self)
@@ -41,7 +41,7 @@ impl Shaders {
         self.of(program).slots(entries).map_err(|reason| GpuError::Shader { shader: program.shader.into(), reason })
     }
 
-    pub fn par_iter(&self) -> impl ParallelIterator<Item = (&Source, &Shader)> {
-        self.0.par_iter()
+    pub fn all(&self) -> &BTreeMap<Source, Shader> {
+        &self.0
     }
 }

@@ -8,8 +8,8 @@ use super::frame::{AskPace, Frame, Pace};
 use super::session::Session;
 use super::shaders::Shaders;
 use crate::schedule::*;
-use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// What host steps do with variables while the device is ahead of the host. What they read then they have to have set themselves, or else it must turn out that
 /// no loop has changed it.
@@ -17,23 +17,36 @@ use std::collections::{BTreeMap, BTreeSet};
 pub(super) struct Speculation {
     /// Whether the device has run a loop that the host has not looked at.
     is_ahead: bool,
+    notes: Mutex<Notes>,
+}
+
+#[derive(Default)]
+struct Notes {
     /// Variables that the host has set since, which the device does not know.
-    set: RefCell<BTreeSet<u32>>,
+    set: BTreeSet<u32>,
     /// What the host took others for.
-    read: RefCell<BTreeMap<u32, u32>>,
+    read: BTreeMap<u32, u32>,
 }
 
 impl Speculation {
     pub fn note_set(&self, variable: Variable) {
         if self.is_ahead {
-            self.set.borrow_mut().insert(variable.0);
+            self.notes().set.insert(variable.0);
         }
     }
 
     pub fn note_read(&self, variable: Variable, value: u32) {
-        if self.is_ahead && !self.set.borrow().contains(&variable.0) {
-            self.read.borrow_mut().insert(variable.0, value);
+        if self.is_ahead {
+            let mut notes = self.notes();
+            if !notes.set.contains(&variable.0) {
+                notes.read.insert(variable.0, value);
+            }
         }
+    }
+
+    /// Steps run one after the other: a lock because a frame may go on on another thread.
+    fn notes(&self) -> MutexGuard<'_, Notes> {
+        self.notes.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -70,17 +83,17 @@ fn changes_history(command: &Command, schedule: &Schedule, shaders: &Shaders) ->
     }
 }
 
-impl Session<'_> {
+impl Session {
     /// A frame of which the host looks at no loop before it ends; none where it may not be like the one before, or turns out not to be.
-    pub(super) fn speculative_frame(&mut self, pace: AskPace) -> Result<Option<Frame>, GpuError> {
+    pub(super) async fn speculative_frame(&mut self, pace: AskPace<'_>) -> Result<Option<Frame>, GpuError> {
         if !self.may_speculate || !self.is_still || pace() != Pace::GoOn {
             return Ok(None);
         }
         let before = self.variables.clone();
         self.speculation = Some(Speculation::default());
-        let (result, mut pending) = self.encode_frame(pace);
+        let (result, mut pending) = self.encode_frame(pace).await;
         let look = self.ask_for_variables(&mut pending);
-        let words = self.see_variables(look);
+        let words = self.see_variables(look).await;
         let speculation = self.speculation.take().unwrap_or_default();
         match result.and_then(|frame| Ok((frame, words?))) {
             Ok((frame, words)) if !words.is_held && self.take_over(&words, &speculation) => Ok(Some(frame)),
@@ -94,10 +107,10 @@ impl Session<'_> {
     }
 
     /// Encodes one round of a loop whose first node has the index `first`, and that it must be the last.
-    pub(super) fn run_unseen(&mut self, repeat: &Repeat, sizes: Resource, first: usize, pending: &mut Pending) -> Result<u32, GpuError> {
+    pub(super) async fn run_unseen(&mut self, repeat: &Repeat, sizes: Resource, first: usize, pending: &mut Pending) -> Result<u32, GpuError> {
         self.bring_set_variables(pending);
         self.encode_own(repeat, first, OPEN, pending);
-        self.encode_round(repeat, sizes, first, pending)?;
+        self.encode_round(repeat, sizes, first, pending).await?;
         [BEGIN, CLOSE].into_iter().for_each(|own| self.encode_own(repeat, first, own, pending));
         self.nodes[first + 1..first + repeat.steps.len()].iter_mut().for_each(|node| node.runs += 1);
         if let Some(until) = repeat.until {
@@ -112,7 +125,7 @@ impl Session<'_> {
         if !std::mem::replace(&mut speculation.is_ahead, true) {
             return self.bring_variables();
         }
-        let set = std::mem::take(speculation.set.get_mut());
+        let set = std::mem::take(&mut speculation.notes().set);
         // Behind the loops before.
         self.submit(pending);
         let (count, buffer) = (self.variables.len() as u32, self.buffer(self.variables_on_device()));
@@ -128,10 +141,10 @@ impl Session<'_> {
 
     /// Takes the variables over from the device but for those that the host has set since; whether the host took none for another.
     fn take_over(&mut self, words: &Words, speculation: &Speculation) -> bool {
-        let set = speculation.set.borrow();
+        let Notes { set, read } = &*speculation.notes();
         for (variable, (value, latest)) in words.values.iter().zip(&words.latest).enumerate().filter(|(variable, _)| !set.contains(&(*variable as u32))) {
             (self.variables[variable], self.latest[variable]) = (*value, *latest);
         }
-        speculation.read.borrow().iter().all(|(variable, value)| words.values[*variable as usize] == *value)
+        read.iter().all(|(variable, value)| words.values[*variable as usize] == *value)
     }
 }

@@ -1,7 +1,7 @@
 //! Time per node.
 
 use super::device::{Gpu, GpuError};
-use std::time::Instant;
+use web_time::Instant;
 
 /// How the device's time is told.
 pub enum Timing {
@@ -78,9 +78,9 @@ impl Timing {
     }
 
     /// Adds up what was written since the last time; everything must have been submitted.
-    pub fn collect(&mut self, gpu: &Gpu) -> Result<(), GpuError> {
+    pub async fn collect(&mut self, gpu: &Gpu) -> Result<(), GpuError> {
         match self {
-            Self::Stamps(stamps) => stamps.collect(gpu),
+            Self::Stamps(stamps) => stamps.collect(gpu).await,
             Self::Waits { .. } => Ok(()),
         }
     }
@@ -94,7 +94,7 @@ impl Timing {
 }
 
 impl Stamps {
-    fn collect(&mut self, gpu: &Gpu) -> Result<(), GpuError> {
+    async fn collect(&mut self, gpu: &Gpu) -> Result<(), GpuError> {
         if self.pending.is_empty() {
             return Ok(());
         }
@@ -103,7 +103,7 @@ impl Stamps {
         encoder.resolve_query_set(&self.set, 0..count, &self.resolved, 0);
         encoder.copy_buffer_to_buffer(&self.resolved, 0, &self.staging, 0, count as u64 * 8);
         gpu.queue.submit([encoder.finish()]);
-        let stamps: Vec<u64> = super::readback::look(gpu, &self.staging, count as u64 * 8, bytemuck::pod_collect_to_vec)?;
+        let stamps: Vec<u64> = super::readback::arrive(gpu, &self.staging, count as u64 * 8).await?.see(gpu, bytemuck::pod_collect_to_vec)?;
         for (pair, node) in stamps.chunks_exact(2).zip(self.pending.drain(..)) {
             self.totals[node] += pair[1].saturating_sub(pair[0]) as f64 * self.tick_ms;
         }

@@ -45,12 +45,12 @@ struct History {
 ///
 /// # Errors
 /// Where they cannot be read back.
-pub fn save(run: &Run<'_>, scene: &Scene) -> Result<Vec<u8>, RunError> {
+pub async fn save(run: &Run, scene: &Scene) -> Result<Vec<u8>, RunError> {
     let mut histories = Vec::new();
     let mut records = Vec::new();
     for Saved { history, made_by, .. } in &run.plan().persistent {
         let items = run.variable(history.count);
-        let contents = run.bytes(history.items)?;
+        let contents = run.bytes(history.items).await?;
         records.extend_from_slice(&contents[..contents.len().min((history.item_bytes * u64::from(items)) as usize)]);
         histories.push(History { name: history.name.into(), item_bytes: history.item_bytes, items, made_by: made_by.clone() });
     }
@@ -73,7 +73,7 @@ pub fn save(run: &Run<'_>, scene: &Scene) -> Result<Vec<u8>, RunError> {
 /// # Errors
 /// Where the file is damaged, of another version, of another scene, or holds other histories than the run keeps, or such that other
 /// nodes made.
-pub fn load(run: &mut Run<'_>, scene: &Scene, file: &[u8]) -> Result<(), RunError> {
+pub fn load(run: &mut Run, scene: &Scene, file: &[u8]) -> Result<(), RunError> {
     let end = file.iter().position(|b| *b == b'\n').ok_or_else(|| wrong("it has no header".into()))?;
     let header = header(&file[..end])?;
     if header.fingerprint != fingerprint(scene) {
@@ -88,7 +88,8 @@ pub fn load(run: &mut Run<'_>, scene: &Scene, file: &[u8]) -> Result<(), RunErro
     if Checksum::of(rest) != header.checksum {
         return Err(wrong("its records are damaged: their checksum is another one".into()));
     }
-    let histories: &[Saved] = &run.plan().persistent;
+    let plan = run.plan().clone();
+    let histories: &[Saved] = &plan.persistent;
     if histories.len() != header.histories.len() {
         return Err(wrong(format!("it holds {} histories, the pipeline keeps {}", header.histories.len(), histories.len())));
     }
@@ -125,7 +126,7 @@ fn expect_same_makers(history: &Saved, saved: &History) -> Result<(), RunError> 
     }
 }
 
-fn fits(run: &Run<'_>, history: &Persistent, saved: &History) -> Result<(), RunError> {
+fn fits(run: &Run, history: &Persistent, saved: &History) -> Result<(), RunError> {
     if saved.name != history.name || saved.item_bytes != history.item_bytes {
         let [theirs, ours] =
             [(saved.name.as_str(), saved.item_bytes), (history.name, history.item_bytes)].map(|(name, bytes)| format!("`{name}` of {bytes} bytes each"));

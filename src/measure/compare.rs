@@ -11,7 +11,7 @@ use super::statistics::{Difference, Spread, runs_to_find};
 use crate::gpu::{Adapter, AskPace, Pace, Unfinished};
 use crate::pipeline::Plan;
 use serde::{Deserialize, Serialize, Serializer};
-use std::time::{Duration, Instant};
+use web_time::{Duration, Instant};
 
 /// The difference that a number of runs is recommended for: a variant that takes 5 % longer.
 pub const WORTH_FINDING: f64 = 0.05;
@@ -24,8 +24,8 @@ pub fn order(round: usize, variants: usize) -> Vec<usize> {
 }
 
 /// A variant with its session, which all its runs share, and what they measured.
-pub struct Contender<'a> {
-    run: Run<'a>,
+pub struct Contender {
+    run: Run,
     warm_up_seconds: f64,
     frames: Vec<FrameReport>,
     /// Checksum of the picture of the warm-up.
@@ -33,30 +33,30 @@ pub struct Contender<'a> {
     pictures_repeat: bool,
 }
 
-impl<'a> Contender<'a> {
+impl Contender {
     /// Renders once, so that what drivers put off to the first use is done, and hands out the picture.
-    pub fn warm_up(mut run: Run<'a>, pace: AskPace) -> Result<(Self, Layers), RunError> {
-        let report = run.frame(pace)?;
-        let picture = run.picture()?;
+    pub async fn warm_up(mut run: Run, pace: AskPace<'_>) -> Result<(Self, Layers), RunError> {
+        let report = run.frame(pace).await?;
+        let picture = run.picture().await?;
         let contender = Self { run, warm_up_seconds: report.seconds, frames: Vec::new(), picture: checksum(&picture), pictures_repeat: true };
         Ok((contender, picture))
     }
 
     /// One run from empty caches.
-    pub fn measure(&mut self, pace: AskPace) -> Result<(), RunError> {
-        self.run.reset()?;
-        self.frames.push(self.run.frame(pace)?);
-        self.pictures_repeat &= checksum(&self.run.picture()?) == self.picture;
+    pub async fn measure(&mut self, pace: AskPace<'_>) -> Result<(), RunError> {
+        self.run.reset().await?;
+        self.frames.push(self.run.frame(pace).await?);
+        self.pictures_repeat &= checksum(&self.run.picture().await?) == self.picture;
         Ok(())
     }
 
     /// One run from empty caches that is to take no longer than this, as loops end early: what it took, and its picture. No part of what runs measure.
-    pub fn cut(&mut self, within: Duration, ask: AskPace) -> Result<(f64, Layers), RunError> {
-        self.run.reset()?;
+    pub async fn cut(&mut self, within: Duration, ask: AskPace<'_>) -> Result<(f64, Layers), RunError> {
+        self.run.reset().await?;
         let start = Instant::now();
         let pace = || if ask() == Pace::Stop { Pace::Stop } else { Pace::Within(within.saturating_sub(start.elapsed())) };
-        let report = self.run.frame(&pace)?;
-        Ok((report.seconds, self.run.picture()?))
+        let report = self.run.frame(&pace).await?;
+        Ok((report.seconds, self.run.picture().await?))
     }
 
     /// The median time of its runs; None without a run [s].
@@ -69,7 +69,7 @@ impl<'a> Contender<'a> {
     }
 
     /// As its last picture left it.
-    pub fn run(&self) -> &Run<'a> {
+    pub fn run(&self) -> &Run {
         &self.run
     }
 

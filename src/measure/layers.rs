@@ -1,8 +1,8 @@
 //! Layered pictures in linear light, to and from files.
 //!
 //! A picture is a set of named layers of equal size, each a few named planes of floats, rows from the top. In an EXR file the
-//! layer [`PICTURE`] is stored as `R`, `G`, `B`; a layer of one nameless plane, such as `weight`, under the layer's name; any
-//! other as `layer.channel`, such as `irradiance.R` or `normal.X`. Attributes tell the primaries, the units and the camera.
+//! layer [`PICTURE`] is stored as `R`, `G`, `B`; [`DEPTH`] as `depth.Z`; any other layer of one nameless plane, such as `weight`, under its name; all
+//! others as `layer.channel`, such as `irradiance.R` or `normal.X`. Attributes tell the primaries, the units and the camera.
 
 use super::blocks::{self, Plane};
 use super::projection::Projection;
@@ -27,6 +27,11 @@ pub const INDIRECT: &str = "indirect";
 pub const GLOSSY: &str = "glossy";
 /// The layer of direct light.
 pub const DIRECT: &str = "direct";
+
+/// The layer of distances along the camera's axis, one nameless plane [units of the scene].
+pub const DEPTH: &str = "depth";
+/// What programs that show pictures look for depth under, within its layer.
+const Z: &str = "Z";
 
 /// The attribute that tells the corners of windows, where a picture holds nothing else.
 pub const WINDOWS: &str = "windows";
@@ -406,7 +411,7 @@ fn unit(layer: &str) -> Option<&'static str> {
         IRRADIANCE | "direct_irradiance" => "irradiance, W m^-2",
         "variance" => "variance of irradiance, W^2 m^-4",
         "glossy_variance" => "variance of radiance, W^2 m^-4 sr^-2",
-        "depth" => "distance along the camera's axis, units of the scene",
+        DEPTH => "distance along the camera's axis, units of the scene",
         "normal" => "unit vector in the scene's axes",
         "weight" => "sum of the records' weights, no unit",
         _ => return None,
@@ -433,6 +438,8 @@ fn ascii_json(attributes: &BTreeMap<String, String>) -> std::result::Result<Stri
 /// A file's channel name as layer and channel.
 fn split_name(name: &str) -> (String, String) {
     match name.rsplit_once('.') {
+        // Older files have it without `Z`.
+        Some((DEPTH, Z)) => (DEPTH.to_owned(), VALUE.to_owned()),
         Some((layer, channel)) => (layer.to_owned(), channel.to_owned()),
         None if matches!(name, "R" | "G" | "B" | ALPHA) => (PICTURE.to_owned(), name.to_owned()),
         None => (name.to_owned(), VALUE.to_owned()),
@@ -441,6 +448,7 @@ fn split_name(name: &str) -> (String, String) {
 
 fn join_name(layer: &str, channel: &str) -> String {
     match (layer, channel) {
+        (DEPTH, VALUE) => format!("{DEPTH}.{Z}"),
         (layer, VALUE) => layer.to_owned(),
         (PICTURE, channel) => channel.to_owned(),
         (layer, channel) => format!("{layer}.{channel}"),
@@ -461,6 +469,25 @@ mod tests {
             .with("weight", Layer::value(vec![0.5; 12]).as_half())
             .with_attribute("pipeline", "irradiance.ron")
             .with_attribute("scene", "Höhle \u{1f40c}.ron")
+    }
+
+    /// The names of a file's channels, in its order.
+    fn channels(exr: &[u8]) -> Vec<String> {
+        MetaData::read_from_buffered(exr, false).unwrap().headers[0].channels.list.iter().map(|channel| channel.name.to_string()).collect()
+    }
+
+    #[test]
+    fn depth_is_where_other_programs_look_for_it_and_where_older_files_have_it() {
+        let depth = Layers::new(2, 1).with(DEPTH, Layer::value(vec![1.0, 2.0]));
+        let new = depth.to_exr().unwrap();
+        assert_eq!(channels(&new), ["depth.Z"]);
+        assert_eq!(Layers::read(&new).unwrap().layers, depth.layers);
+        let plane = |_| (1.0f32,);
+        let old = SpecificChannels::build().with_channel("depth").with_pixel_fn(plane);
+        let mut bytes = Cursor::new(Vec::new());
+        Image::from_channels((2, 1), old).write().to_buffered(&mut bytes).unwrap();
+        let read = Layers::read(bytes.get_ref()).unwrap();
+        assert_eq!((channels(bytes.get_ref()), &read.layers[DEPTH].channels[VALUE]), (vec!["depth".to_owned()], &vec![1.0, 1.0]));
     }
 
     /// As a renderer writes it: with alpha, and the camera.

@@ -19,6 +19,7 @@ pub mod page;
 pub mod plot;
 pub mod projection;
 pub mod run;
+#[cfg(not(target_arch = "wasm32"))]
 pub mod stability;
 pub mod statistics;
 pub mod study;

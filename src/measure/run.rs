@@ -7,19 +7,23 @@ use crate::contract::{
     port::{Channels, Image},
 };
 use crate::gpu::{AskPace, Frame, Gpu, GpuError, Reader, Session, Unfinished};
-use crate::pipeline::Plan;
-use crate::scene::{Camera, Scene, bvh::Bvh};
+use crate::pipeline::{Plan, plan::Saved};
+use crate::scene::{
+    Camera,
+    stage::{Change, Changed, Stage, Unchangeable},
+};
 use crate::schedule::{Format, Resource, ResourceKind};
 use miette::Diagnostic;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
+use std::sync::Arc;
 use thiserror::Error;
 
 /// A plan made ready on a device. Several frames share its histories.
-pub struct Run<'a> {
-    plan: &'a Plan,
-    session: Session<'a>,
+pub struct Run {
+    plan: Arc<Plan>,
+    session: Session,
     size: [u32; 2],
 }
 
@@ -82,6 +86,12 @@ pub enum RunError {
     #[error("{pixels} pixels of `{layer}` are not finite")]
     #[diagnostic(code(render::non_finite), help("light beyond single precision, or a fault of the pass that made the layer; nothing was written"))]
     NonFinite { layer: String, pixels: u32 },
+    #[error("no picture for the texture: {reason}")]
+    #[diagnostic(
+        code(run::output),
+        help("`Plan::outputs` has the names; a texture for an output is as large as the picture, of the format that `Run::texture` has")
+    )]
+    Output { reason: String },
     #[error("the file of records does not fit: {reason}")]
     #[diagnostic(code(render::cache), help("records are good for the scene and the layout of records that made them; name another file to start anew"))]
     Cache { reason: String },
@@ -94,10 +104,14 @@ impl RunError {
     }
 }
 
-impl<'a> Run<'a> {
-    pub fn new(gpu: &'a Gpu, scene: &'a Scene, bvh: &'a Bvh, plan: &'a Plan, camera: &Camera, size: [u32; 2]) -> Result<Self, RunError> {
-        let session = Session::new(gpu, scene, bvh, &plan.schedule, &plan.placement, camera, size)?;
-        Ok(Self { plan, session, size })
+impl Run {
+    pub async fn new(gpu: &Arc<Gpu>, stage: &Arc<Stage>, plan: &Arc<Plan>, camera: &Camera, size: [u32; 2]) -> Result<Self, RunError> {
+        let session = Session::new(gpu, stage, &plan.schedule, &plan.placement, camera, size).await?;
+        Ok(Self { plan: plan.clone(), session, size })
+    }
+
+    pub fn size(&self) -> [u32; 2] {
+        self.size
     }
 
     /// Bytes on the device.
@@ -105,18 +119,69 @@ impl<'a> Run<'a> {
         self.session.gpu_bytes
     }
 
-    pub fn plan(&self) -> &'a Plan {
-        self.plan
+    pub fn plan(&self) -> &Arc<Plan> {
+        &self.plan
     }
 
     /// Goes on with another plan of the same pipeline: histories stay, parameters change.
     ///
     /// # Errors
     /// Where the plan needs other memory or other programs.
-    pub fn switch_to(&mut self, plan: &'a Plan) -> Result<(), RunError> {
+    pub fn switch_to(&mut self, plan: &Arc<Plan>) -> Result<(), RunError> {
         self.session.switch_to(&plan.schedule)?;
-        self.plan = plan;
+        self.plan = plan.clone();
         Ok(())
+    }
+
+    pub fn stage(&self) -> &Arc<Stage> {
+        self.session.stage()
+    }
+
+    /// Changes the scene on the host, see [`Session::change`].
+    pub(crate) fn change(&mut self, changes: &[Change]) -> Result<Changed, Unchangeable> {
+        self.session.change(changes)
+    }
+
+    /// Goes on with a plan for the scene as it was changed; whether that took other memory or other programs, so that all was made anew.
+    pub(crate) async fn follow(&mut self, changed: &Changed, plan: &Arc<Plan>) -> Result<bool, RunError> {
+        match self.switch_to(plan) {
+            Ok(()) => Ok(self.session.follow(changed).await.map(|()| false)?),
+            Err(RunError::Gpu(GpuError::OtherRecording { .. })) => {
+                *self = self.anew(plan, self.size).await?;
+                Ok(true)
+            }
+            Err(error) => Err(error),
+        }
+    }
+
+    /// Goes on with pictures of another size, by a plan for that, with the records as they are.
+    pub(crate) async fn resize(&mut self, size: [u32; 2], plan: &Arc<Plan>) -> Result<(), RunError> {
+        let (gpu, mut resized) = (self.session.gpu().clone(), self.anew(plan, size).await?);
+        let keeping = async {
+            resized.keep_records(self);
+            Ok(())
+        };
+        gpu.told("keeping the records", keeping).await?;
+        *self = resized;
+        Ok(())
+    }
+
+    /// A run of another plan, of the same scene seen from the same place.
+    async fn anew(&self, plan: &Arc<Plan>, size: [u32; 2]) -> Result<Self, RunError> {
+        Self::new(self.session.gpu(), self.session.stage(), plan, self.session.camera(), size).await
+    }
+
+    /// Takes over the records of another run that were made in the same way, as many as there is room for.
+    fn keep_records(&mut self, other: &mut Self) {
+        let (plan, others) = (self.plan.clone(), other.plan.clone());
+        for Saved { history, made_by, .. } in &plan.persistent {
+            let same = |saved: &&Saved| (saved.history.name, saved.history.item_bytes, &saved.made_by) == (history.name, history.item_bytes, made_by);
+            let Some(before) = others.persistent.iter().find(same) else { continue };
+            let room = plan.schedule.resource(history.items).kind.bytes() / history.item_bytes;
+            let count = u64::from(other.variable(before.history.count)).min(room);
+            self.session.copy_from(history.items, (&mut other.session, before.history.items), count * history.item_bytes);
+            self.session.set_variable(history.count, count as u32);
+        }
     }
 
     /// See [`Session::assume_still`].
@@ -129,18 +194,20 @@ impl<'a> Run<'a> {
     }
 
     /// As before the first frame: no records, no histories.
-    pub fn reset(&mut self) -> Result<(), RunError> {
-        Ok(self.session.reset()?)
+    pub async fn reset(&mut self) -> Result<(), RunError> {
+        Ok(self.session.reset().await?)
     }
 
     /// Renders one frame and reads its numbers.
     ///
     /// # Errors
     /// What the device says, and pixels that are not finite.
-    pub fn frame(&mut self, pace: AskPace) -> Result<FrameReport, RunError> {
-        let frame = self.session.frame(pace)?;
-        let read = |(node, name, place): &'a (String, &'static str, Reported)| Ok(Number { node, name, place: *place, value: self.number(*place)? });
-        let numbers = self.plan.reports.iter().map(read).collect::<Result<Vec<_>, RunError>>()?;
+    pub async fn frame(&mut self, pace: AskPace<'_>) -> Result<FrameReport, RunError> {
+        let (frame, plan) = (self.session.frame(pace).await?, self.plan.clone());
+        let mut numbers = Vec::new();
+        for (node, name, place) in &plan.reports {
+            numbers.push(Number { node, name, place: *place, value: self.number(*place).await? });
+        }
         let report = report(frame, &numbers);
         match report.non_finite_pixels {
             Some(pixels) if pixels > 0 => Err(RunError::NonFinite { layer: "splats".into(), pixels }),
@@ -148,35 +215,35 @@ impl<'a> Run<'a> {
         }
     }
 
-    fn number(&self, place: Reported) -> Result<u32, RunError> {
+    async fn number(&mut self, place: Reported) -> Result<u32, RunError> {
         match place {
             Reported::Variable(variable) => Ok(self.session.variable(variable)),
             Reported::Buffer(buffer, index) => {
-                let numbers: Vec<u32> = bytemuck::pod_collect_to_vec(&self.session.read(buffer)?);
+                let numbers: Vec<u32> = bytemuck::pod_collect_to_vec(&self.session.read(buffer).await?);
                 Ok(numbers.get(index as usize).copied().unwrap_or(0))
             }
         }
     }
 
     /// The layers that the pipeline outputs, checked to be finite.
-    pub fn picture(&self) -> Result<Layers, RunError> {
+    pub async fn picture(&self) -> Result<Layers, RunError> {
         let (mut picture, mut reader) = (Layers::new(self.size[0], self.size[1]), self.session.reader());
         for (layer, port) in &self.plan.outputs {
             if let Some(image) = image(port) {
-                picture.layers.insert(layer.name.clone(), self.read_layer(&mut reader, &layer.name, image)?);
+                picture.layers.insert(layer.name.clone(), self.read_layer(&mut reader, &layer.name, image).await?);
             }
         }
         Ok(picture)
     }
 
     /// One image as a layer.
-    pub fn layer(&self, name: &str, image: Image) -> Result<Layer, RunError> {
-        self.read_layer(&mut self.session.reader(), name, image)
+    pub async fn layer(&self, name: &str, image: Image) -> Result<Layer, RunError> {
+        self.read_layer(&mut self.session.reader(), name, image).await
     }
 
-    fn read_layer(&self, reader: &mut Reader<'_>, name: &str, image: Image) -> Result<Layer, RunError> {
+    async fn read_layer(&self, reader: &mut Reader<'_>, name: &str, image: Image) -> Result<Layer, RunError> {
         let is_half = matches!(self.plan.schedule.resource(image.texture).kind, ResourceKind::Texture { format: Format::Rgba16Float, .. });
-        let layer = reader.look(image.texture, |bytes| {
+        let as_layer = |bytes: &[u8]| {
             let values = floats(bytes, is_half);
             match image.channels {
                 Channels::Colour => Layer::interleaved(&["R", "G", "B"], &values, 4),
@@ -184,7 +251,8 @@ impl<'a> Run<'a> {
                 Channels::Single => Layer::interleaved(&[VALUE], &values, 4),
                 Channels::Fourth => Layer::value(values.chunks_exact(4).map(|pixel| pixel[3]).collect()),
             }
-        })?;
+        };
+        let layer = reader.look(image.texture, as_layer).await?;
         let bad = layer.channels.values().map(|plane| plane.iter().filter(|v| !v.is_finite()).count()).max().unwrap_or(0);
         if bad > 0 {
             return Err(RunError::NonFinite { layer: name.into(), pixels: bad as u32 });
@@ -192,9 +260,38 @@ impl<'a> Run<'a> {
         Ok(layer)
     }
 
+    /// The texture that an output is in, as it lies on the device, until the next frame: red, green and blue as linear floats. None where the pipeline has no
+    /// such output.
+    pub fn texture(&mut self, output: &str) -> Option<&wgpu::Texture> {
+        let plan = self.plan.clone();
+        let (_, port) = plan.outputs.iter().find(|(layer, _)| layer.name == output)?;
+        Some(self.session.image(image(port)?.texture))
+    }
+
+    /// Copies an output to a texture of the same size and format, on the device.
+    ///
+    /// # Errors
+    /// Where the pipeline has no such output, or the texture is another than it takes; what the driver says of the texture.
+    pub async fn copy_to(&mut self, output: &str, to: &wgpu::Texture) -> Result<(), RunError> {
+        let gpu = self.session.gpu().clone();
+        let no_output = || RunError::Output { reason: format!("the pipeline has no output `{output}`") };
+        let image = self.texture(output).ok_or_else(no_output)?;
+        let [found, wanted] = [to, image].map(|texture| (texture.size(), texture.format()));
+        if found != wanted {
+            return Err(RunError::Output { reason: format!("`{output}` is {}, the texture {}", described(wanted), described(found)) });
+        }
+        let copying = async {
+            let mut encoder = gpu.device.create_command_encoder(&Default::default());
+            encoder.copy_texture_to_texture(image.as_image_copy(), to.as_image_copy(), image.size());
+            gpu.queue.submit([encoder.finish()]);
+            gpu.check(COPYING)
+        };
+        Ok(gpu.told(COPYING, copying).await?)
+    }
+
     /// Contents of a resource.
-    pub fn bytes(&self, resource: Resource) -> Result<Vec<u8>, RunError> {
-        Ok(self.session.read(resource)?)
+    pub async fn bytes(&self, resource: Resource) -> Result<Vec<u8>, RunError> {
+        Ok(self.session.read(resource).await?)
     }
 
     pub fn variable(&self, variable: crate::schedule::Variable) -> u32 {
@@ -211,6 +308,13 @@ impl<'a> Run<'a> {
         self.session.write(history.items, items);
         self.session.set_variable(history.count, count);
     }
+}
+
+/// What a driver does that refuses the texture of another program.
+const COPYING: &str = "copying a picture";
+
+fn described((size, format): (wgpu::Extent3d, wgpu::TextureFormat)) -> String {
+    format!("{}x{} pixels of {format:?}", size.width, size.height)
 }
 
 /// Texels as they lie in memory, four numbers a pixel, as floats.

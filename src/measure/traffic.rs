@@ -64,7 +64,7 @@ fn of_command(schedule: &Schedule, command: &Command, tiles: f64) -> Result<Opti
 
 fn of_dispatch(schedule: &Schedule, compute: &Compute, tiles: f64) -> Result<Traffic, GpuError> {
     let program = &compute.program;
-    let uses = Shader::load(program.shader, &program.imports)?.uses(compute.entry);
+    let uses = Shader::load_own(program.shader, program.text, &program.imports)?.uses(compute.entry);
     let mut traffic = Traffic::default();
     for (name, resource) in &program.bindings {
         if schedule.resource(*resource).lifetime != Lifetime::Transient {

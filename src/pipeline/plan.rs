@@ -10,6 +10,7 @@ use crate::scene::needs::Needs;
 use crate::schedule::*;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
+use std::sync::Arc;
 
 /// Most times that a pipeline is encoded to learn what histories look like: one finds out, one uses it, one makes sure.
 const TRIES: usize = 4;
@@ -28,7 +29,7 @@ pub struct Plan {
     pub specialised: bool,
     /// See [`Pipeline::dials`].
     pub dials: Vec<Dial>,
-    pub schedule: Schedule,
+    pub schedule: Arc<Schedule>,
     pub lifetimes: Lifetimes,
     pub placement: Placement,
     /// Layer, what it shows, and the port.
@@ -84,7 +85,7 @@ pub struct Absent {
 ///
 /// # Errors
 /// What passes refuse, each underlined in the document.
-pub fn plan(pipeline: &Pipeline, setting: Setting<'_>, dumps: &[String], scene_kind: &dyn Fn(SceneData) -> ResourceKind) -> Result<Plan, Problems> {
+pub fn plan(pipeline: &Pipeline, setting: Setting<'_>, dumps: &[String], scene_kind: &dyn Fn(SceneData) -> ResourceKind) -> Result<Arc<Plan>, Problems> {
     let members = members(pipeline);
     let needs = needs(pipeline, &members, setting.needs);
     let by_albedo = if needs.by_albedo { setting.needs.glossy.clone() } else { Vec::new() };
@@ -103,7 +104,7 @@ pub fn plan(pipeline: &Pipeline, setting: Setting<'_>, dumps: &[String], scene_k
         let planner = Planner::of(pipeline, setting, &dropped, &shapes, scene_kind);
         let found = planner.shapes(&earlier);
         if found == shapes {
-            return planner.finish(pipeline, &members, &earlier, dumps, by_albedo);
+            return planner.finish(pipeline, &members, &earlier, dumps, by_albedo).map(Arc::new);
         }
         shapes = found;
     }
@@ -597,7 +598,7 @@ impl<'a> Planner<'a> {
             dropped: members.iter().filter_map(|member| because(member.node)).collect(),
             bounces: bounces(members, self.dropped),
             by_albedo,
-            schedule: self.schedule,
+            schedule: Arc::new(self.schedule),
             lifetimes,
             placement,
             outputs,

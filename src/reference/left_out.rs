@@ -42,7 +42,7 @@ pub fn left_out(scene: &Scene, bvh: &Bvh, camera: &Camera, size: [u32; 2], bounc
 
 /// Of the number-th path, the luminance of what came by more bounces, and of all. None where its pixel sees no surface.
 fn path(tracer: &Tracer, camera: &Camera, size: [u32; 2], number: u32, bounces: u32) -> Option<[f64; 2]> {
-    let surface = tracer.surface(camera.eye, camera.pixel_ray(size, pixel(number, size)))?;
+    let surface = tracer.surface(camera.ray(size, pixel(number, size)))?;
     let mut sums = [DVec3::ZERO; 2];
     tracer.walk(surface, Bounces::All, &mut Random::new([STREAM, number.into()]), |touched, light| {
         // What the visible surface itself reflects has touched one surface, and bounced off none before.

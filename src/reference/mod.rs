@@ -34,8 +34,8 @@ use std::{
     f64::consts::PI,
     fmt,
     sync::atomic::{AtomicBool, AtomicUsize, Ordering},
-    time::Instant,
 };
+use web_time::Instant;
 
 /// Raised whenever the same settings give another picture, so that pictures kept from before are traced anew.
 pub const VERSION: u32 = 3;
@@ -367,9 +367,9 @@ impl Frame {
         let (mut sky, mut visible) = (Vec::new(), Vec::new());
         for index in (0..width as usize * height as usize).filter(is_computed) {
             let [x, y] = [index as u32 % width, index as u32 / width].map(|i| i * stride + stride / 2);
-            let ray = camera.pixel_ray(settings.size, [x, y]);
-            match tracer.surface(camera.eye, ray) {
-                None => sky.push((index, tracer.scene().environment.radiance(ray.normalize()))),
+            let ray = camera.ray(settings.size, [x, y]);
+            match tracer.surface(ray) {
+                None => sky.push((index, tracer.scene().environment.radiance(ray.direction.normalize()))),
                 Some(surface) => {
                     let depth = (surface.position - camera.eye).dot(camera.direction);
                     visible.push(Visible { index, pixel: y as u64 * settings.size[0] as u64 + x as u64, depth, surface });

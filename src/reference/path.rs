@@ -139,13 +139,17 @@ impl<'a> Tracer<'a> {
     }
 
     /// The surface that a ray sees first.
-    pub(super) fn surface(&self, origin: Vec3, direction: Vec3) -> Option<Surface> {
-        self.met(origin, direction).map(|met| met.surface)
+    pub(super) fn surface(&self, ray: Ray) -> Option<Surface> {
+        self.met_by(ray).map(|met| met.surface)
     }
 
     fn met(&self, origin: Vec3, direction: Vec3) -> Option<Met> {
-        let hit = self.bvh.closest_hit(self.scene, origin, direction, f32::INFINITY)?;
-        Some(Met { surface: self.scene.surface(hit.triangle, hit.barycentric, Ray { origin, direction }), triangle: hit.triangle })
+        self.met_by(Ray::new(origin, direction))
+    }
+
+    fn met_by(&self, ray: Ray) -> Option<Met> {
+        let hit = self.bvh.closest_hit(self.scene, ray.origin, ray.direction, f32::INFINITY)?;
+        Some(Met { surface: self.scene.surface(hit.triangle, hit.barycentric, ray), triangle: hit.triangle })
     }
 
     /// π times the radiance that leaves `first` toward where the ray came from: an estimate of the irradiance there when

@@ -2,8 +2,9 @@
 
 use super::{
     clusters::cluster,
-    model::{Material, Scene, Texture, Triangle},
+    model::{Bounds, Material, Scene, Texture, Triangle},
     packets::{self, Packets},
+    parts::Parts,
     wide::{Candidate, Wide},
 };
 use glam::{Vec2, Vec3};
@@ -11,7 +12,7 @@ use obvhs::{
     aabb::Aabb,
     bvh2::{Bvh2, leaf_collapser::collapse, node::Bvh2Node, reinsertion::ReinsertionOptimizer},
 };
-use std::sync::OnceLock;
+use std::{ops::Range, sync::OnceLock};
 
 /// The share of the nodes that are taken out and put where they cost less; twice that once leaves are joined.
 const REINSERTED: f32 = 0.05;
@@ -19,9 +20,11 @@ const REINSERTED: f32 = 0.05;
 const LEAF_TRIANGLES: u32 = 8;
 const NODE_COST: f32 = 3.0;
 
-/// A binary hierarchy over a scene's triangles, in whose order it has sorted them.
+/// A binary hierarchy over a scene's triangles, in whose order it has sorted them; where parts of a scene can move, one over each part and one over all parts.
+#[derive(Clone)]
 pub struct Bvh {
-    inner: Bvh2,
+    nodes: Vec<Node>,
+    parts: Option<Parts>,
     /// As single rays walk it, and as packets do: made where they are asked for.
     wide: OnceLock<Wide>,
     packets: OnceLock<Packets>,
@@ -52,49 +55,89 @@ impl Bvh {
     /// Builds the hierarchy and sorts `scene.triangles` so that every leaf's triangles are neighbours.
     /// The result depends on the triangles alone.
     pub fn build(scene: &mut Scene) -> Self {
-        let mut inner = hierarchy(&scene.triangles.iter().map(bounds).collect::<Vec<_>>());
-        let order = sort_depth_first(&mut inner);
-        scene.triangles = order.iter().map(|&i| scene.triangles[i as usize]).collect();
-        for chart in &mut scene.charts {
-            *chart = order.iter().map(|&i| chart[i as usize]).collect();
+        let (nodes, order) = tree(&boxes(&scene.triangles));
+        sort(scene, &order);
+        Self { nodes, parts: None, wide: OnceLock::new(), packets: OnceLock::new() }
+    }
+
+    /// The same in two levels: each of `movers` is some triangles that can be moved together. They become the last of the scene, in the order of the list; where
+    /// each stands is returned.
+    pub fn build_in_parts(scene: &mut Scene, movers: &[Range<usize>]) -> (Self, Vec<Range<usize>>) {
+        let (nodes, parts, order) = Parts::build(&boxes(&scene.triangles), movers);
+        sort(scene, &order);
+        let places = parts.movers.iter().map(|mover| mover.triangles.clone()).collect();
+        (Self { nodes, parts: Some(parts), wide: OnceLock::new(), packets: OnceLock::new() }, places)
+    }
+
+    /// Follows triangles of movers that stand elsewhere now: the boxes of each, and the level over all.
+    pub fn follow(&mut self, scene: &Scene, movers: &[usize]) {
+        let Some(parts) = &mut self.parts else { return };
+        movers.iter().for_each(|mover| refit(&mut self.nodes, &parts.movers[*mover].nodes, &scene.triangles));
+        parts.join(&self.nodes);
+        if let Some(wide) = self.wide.get_mut() {
+            wide.follow(&self.nodes, parts, movers, &scene.triangles);
         }
-        if !scene.tangents.is_empty() {
-            scene.tangents = order.iter().map(|&i| scene.tangents[i as usize]).collect();
+        let bounds = self.bounds();
+        if let Some(packets) = self.packets.take()
+            && let Some(parts) = &self.parts
+            && let Some(packets) = packets.follow(&self.nodes, parts, movers, scene, &bounds)
+        {
+            self.packets = packets.into();
         }
-        Self { inner, wide: OnceLock::new(), packets: OnceLock::new() }
+    }
+
+    /// Follows materials that are seen from other sides, or have other holes.
+    pub fn follow_materials(&mut self) {
+        self.packets.take();
+    }
+
+    /// Of the triangles; the same as the scene's.
+    pub fn bounds(&self) -> Bounds {
+        let root = self.parts.as_ref().map_or(&self.nodes, |parts| &parts.upper).first();
+        root.map_or(Bounds::EMPTY, Node::bounds)
     }
 
     /// For each node the triangles below it, first and one past the last: a subtree's triangles are neighbours.
     pub fn ranges(&self) -> Vec<[u32; 2]> {
-        let nodes = &self.inner.nodes;
+        let nodes = &self.nodes;
         let mut ranges = vec![[0, 0]; nodes.len()];
-        for index in depth_first(nodes).into_iter().rev() {
+        for index in self.roots().into_iter().flat_map(|root| depth_first(nodes, root)).rev() {
             let node = &nodes[index];
-            let first = node.first_index as usize;
-            ranges[index] = if node.is_leaf() { [node.first_index, node.first_index + node.prim_count] } else { [ranges[first][0], ranges[first + 1][1]] };
+            let first = node.first as usize;
+            ranges[index] = if node.count > 0 { [node.first, node.first + node.count] } else { [ranges[first][0], ranges[first + 1][1]] };
         }
         ranges
     }
 
-    /// The nodes, root first; empty for an empty scene.
-    pub fn nodes(&self) -> Vec<Node> {
-        nodes(&self.inner)
+    /// The nodes; empty for an empty scene.
+    pub fn nodes(&self) -> &[Node] {
+        &self.nodes
+    }
+
+    /// Which of the nodes hold all triangles together: the first, or one for each part.
+    pub fn roots(&self) -> Vec<usize> {
+        let first = || if self.nodes.is_empty() { Vec::new() } else { vec![0] };
+        self.parts.as_ref().map_or_else(first, |parts| parts.roots.iter().map(|root| *root as usize).collect())
+    }
+
+    pub fn parts(&self) -> Option<&Parts> {
+        self.parts.as_ref()
     }
 
     fn wide(&self, scene: &Scene) -> &Wide {
-        self.wide.get_or_init(|| Wide::new(&self.nodes(), &scene.triangles))
+        self.wide.get_or_init(|| Wide::new(&self.nodes, self.parts.as_ref(), &scene.triangles))
     }
 
     /// The hierarchy for many rays from one point.
     pub fn packets(&self, scene: &Scene) -> &Packets {
-        self.packets.get_or_init(|| Packets::new(&self.with_leaves_of(packets::BLOCK), scene))
+        self.packets.get_or_init(|| Packets::new(&self.with_leaves_of(packets::BLOCK), self.parts.as_ref(), scene, &self.bounds()))
     }
 
     /// The nodes with every subtree of so few triangles as one leaf.
     fn with_leaves_of(&self, most: usize) -> Vec<Node> {
-        let mut nodes = self.nodes();
+        let mut nodes = self.nodes.clone();
         for (node, [first, end]) in nodes.iter_mut().zip(self.ranges()) {
-            if end - first <= most as u32 {
+            if end - first <= most as u32 && end > first {
                 (node.first, node.count) = (first, end - first);
             }
         }
@@ -122,9 +165,31 @@ impl Bvh {
     }
 }
 
+fn boxes(triangles: &[Triangle]) -> Vec<Aabb> {
+    triangles.iter().map(bounds).collect()
+}
+
 fn bounds(triangle: &Triangle) -> Aabb {
     let [v0, v1, v2] = triangle.positions.map(Into::into);
     obvhs::triangle::Triangle { v0, v1, v2 }.aabb()
+}
+
+/// Puts triangles, and what lies beside them, in an order.
+fn sort(scene: &mut Scene, order: &[u32]) {
+    scene.triangles = order.iter().map(|&i| scene.triangles[i as usize]).collect();
+    for chart in &mut scene.charts {
+        *chart = order.iter().map(|&i| chart[i as usize]).collect();
+    }
+    if !scene.tangents.is_empty() {
+        scene.tangents = order.iter().map(|&i| scene.tangents[i as usize]).collect();
+    }
+}
+
+/// A tree over boxes, the root first, and their order in it.
+pub(super) fn tree(boxes: &[Aabb]) -> (Vec<Node>, Vec<u32>) {
+    let mut inner = hierarchy(boxes);
+    let order = sort_depth_first(&mut inner);
+    (inner.nodes.iter().map(node).collect(), order)
 }
 
 /// As `obvhs` builds it at medium quality.
@@ -137,18 +202,34 @@ fn hierarchy(boxes: &[Aabb]) -> Bvh2 {
     tree
 }
 
-fn nodes(hierarchy: &Bvh2) -> Vec<Node> {
-    hierarchy.nodes.iter().map(|n| Node { min: n.aabb().min.into(), count: n.prim_count, max: n.aabb().max.into(), first: n.first_index }).collect()
+pub(super) fn node(node: &Bvh2Node) -> Node {
+    Node { min: node.aabb().min.into(), count: node.prim_count, max: node.aabb().max.into(), first: node.first_index }
 }
 
-/// Node indices, parents before children, left before right.
-fn depth_first(nodes: &[Bvh2Node]) -> Vec<usize> {
-    let mut order = Vec::with_capacity(nodes.len());
-    let mut stack = if nodes.is_empty() { Vec::new() } else { vec![0] };
+/// Boxes of nodes whose children stand behind them, anew.
+fn refit(nodes: &mut [Node], part: &Range<usize>, triangles: &[Triangle]) {
+    for index in part.clone().rev() {
+        let Node { first, count, .. } = nodes[index];
+        let (first, count) = (first as usize, count as usize);
+        let all = if count > 0 { Bounds::of(&triangles[first..first + count]) } else { nodes[first].bounds().joined(&nodes[first + 1].bounds()) };
+        (nodes[index].min, nodes[index].max) = (all.min.into(), all.max.into());
+    }
+}
+
+impl Node {
+    pub fn bounds(&self) -> Bounds {
+        Bounds { min: self.min.into(), max: self.max.into() }
+    }
+}
+
+/// Node indices below one, parents before children, left before right.
+pub(super) fn depth_first(nodes: &[Node], root: usize) -> Vec<usize> {
+    let mut order = Vec::new();
+    let mut stack = vec![root];
     while let Some(index) = stack.pop() {
         order.push(index);
-        if !nodes[index].is_leaf() {
-            let first = nodes[index].first_index as usize;
+        if nodes[index].count == 0 {
+            let first = nodes[index].first as usize;
             stack.extend([first + 1, first]);
         }
     }
@@ -158,12 +239,16 @@ fn depth_first(nodes: &[Bvh2Node]) -> Vec<usize> {
 /// Renumbers the primitives so that every subtree holds a contiguous range; returns the original index of each.
 fn sort_depth_first(bvh: &mut Bvh2) -> Vec<u32> {
     let mut order: Vec<u32> = Vec::with_capacity(bvh.primitive_indices.len());
-    for index in depth_first(&bvh.nodes) {
+    let mut stack = if bvh.nodes.is_empty() { Vec::new() } else { vec![0] };
+    while let Some(index) = stack.pop() {
         let node = &mut bvh.nodes[index];
         if node.is_leaf() {
             let range = node.first_index as usize..(node.first_index + node.prim_count) as usize;
             node.first_index = order.len() as u32;
             order.extend(&bvh.primitive_indices[range]);
+        } else {
+            let first = node.first_index as usize;
+            stack.extend([first + 1, first]);
         }
     }
     bvh.primitive_indices = (0..order.len() as u32).collect();
@@ -284,6 +369,42 @@ pub(super) mod tests {
                 assert!(if blocked { least <= limit as f64 * 1.001 } else { most >= limit as f64 * 0.999 }, "ray {k} at scale {scale}: {blocked}");
             }
             assert!(unsure < 100, "{unsure} rays test nothing");
+        }
+    }
+
+    /// Rays through a hierarchy in two levels meet what they meet in one level, wherever the movers are, and packets see what single rays do.
+    #[test]
+    fn movers_are_met_where_they_stand() {
+        let mut scene = clutter(1.0);
+        let count = scene.triangles.len();
+        let (mut bvh, places) = Bvh::build_in_parts(&mut scene, &[10..60, 100..101, count - 40..count]);
+        assert_eq!(places.iter().map(Range::len).collect::<Vec<_>>(), [50, 1, 40]);
+        assert_eq!(scene.triangles.len(), count);
+        let mut number = numbers();
+        for step in 0..6 {
+            let movers: Vec<usize> = (0..3).filter(|mover| (step + mover) % 2 == 0).collect();
+            // Out of the scene, too.
+            let shift = Vec3::new(number(), number(), number()) * if step == 4 { 8.0 } else { 0.5 };
+            movers.iter().flat_map(|mover| places[*mover].clone()).for_each(|at| scene.triangles[at].positions.iter_mut().for_each(|p| *p += shift));
+            bvh.follow(&scene, &movers);
+            let mut anew = scene.clone();
+            let other = Bvh::build(&mut anew);
+            assert_eq!(bvh.bounds(), anew.bounds());
+            let mut seen = 0;
+            for _ in 0..500 {
+                let origin = Vec3::new(number(), number(), number());
+                let direction = Vec3::new(number(), number(), number()).normalize_or(Vec3::X);
+                let [found, expected] = [(&bvh, &scene), (&other, &anew)].map(|(bvh, scene)| bvh.closest_hit(scene, origin, direction, f32::INFINITY));
+                assert_eq!(found.map(|hit| hit.distance), expected.map(|hit| hit.distance), "step {step}");
+                seen += u32::from(found.is_some());
+                let rays = packets::ShadowRays { directions: [direction; packets::RAYS], all: 0b111 };
+                let [hidden, single] = [
+                    bvh.packets(&scene).hidden(&scene, origin, &rays, packets::Until::Forever, &mut packets::ToDo::default()) != 0,
+                    bvh.occluded(&scene, origin, direction, f32::INFINITY),
+                ];
+                assert_eq!(hidden, single, "step {step}");
+            }
+            assert!(seen > 100);
         }
     }
 

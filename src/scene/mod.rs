@@ -4,12 +4,15 @@ pub mod bvh;
 mod clusters;
 pub mod emitters;
 pub mod load;
+mod mipmaps;
 pub mod model;
 pub mod needs;
 pub mod packets;
+pub mod parts;
 pub mod shadow_maps;
 pub mod sky;
 pub mod sources;
+pub mod stage;
 pub mod surface;
 mod wide;
 

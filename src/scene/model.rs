@@ -5,8 +5,8 @@
 
 use crate::math::frame::Frame;
 use crate::math::lobe::{Lobe, Shape};
-use glam::{DVec3, UVec2, Vec2, Vec3};
-use std::sync::LazyLock;
+use glam::{DVec3, UVec2, Vec2, Vec3, Vec4};
+use std::{ops::Range, sync::LazyLock};
 
 /// The longest side of a picture [pixels].
 pub const MAX_SIDE: u32 = 16384;
@@ -27,6 +27,8 @@ pub struct Scene {
     pub charts: Vec<Vec<[Vec2; 3]>>,
     /// Along the first coordinate of normal maps at the corners of all triangles, in their order, zero where it is that of the triangle; empty where it is everywhere.
     pub tangents: Vec<[Vec3; 3]>,
+    /// What the file has names or places of its own for, in the triangles' order: none once [`super::bvh::Bvh::build`] has sorted them.
+    pub objects: Vec<Object>,
     pub lights: Vec<Light>,
     pub environment: Environment,
     /// Never empty: a file without a camera gets one that looks at the whole scene, and a note.
@@ -35,6 +37,13 @@ pub struct Scene {
     pub origin: DVec3,
     /// What loading had to mend or leave out, one sentence each, for the user.
     pub notes: Vec<String>,
+}
+
+/// Triangles that belong together: an instance of a mesh, an object of a file, a `Place` with a name.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Object {
+    pub name: String,
+    pub triangles: Range<usize>,
 }
 
 /// A triangle in world space, counter-clockwise seen from its front.
@@ -150,13 +159,15 @@ impl Glossy {
 }
 
 /// An image of 8 bits a channel, rows from the top.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Texture {
     pub name: String,
     pub width: u32,
     pub height: u32,
     /// `width · height` texels: red, green, blue, alpha; alpha is linear.
     pub texels: Vec<[u8; 4]>,
+    /// Those of its coarser levels, one after the other, as [`Texture::with_levels`] makes them; none where it is read at full size alone.
+    pub coarser: Vec<u32>,
     pub reading: Reading,
 }
 
@@ -165,6 +176,8 @@ pub struct Texture {
 pub struct Reading {
     /// Whether its colours are numbers as they stand, not sRGB.
     pub is_linear: bool,
+    /// Whether it is read at full size alone.
+    pub is_fine: bool,
     /// Beyond its left and right, and its upper and lower edge.
     pub wrap: [Wrap; 2],
 }
@@ -271,12 +284,20 @@ pub struct Camera {
 }
 
 /// One of the samples of each pixel.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sample {
     /// How many came before it.
     pub number: u32,
     /// How far it is from the pixel's centre, to the right and down [pixels].
     pub shift: Vec2,
+    /// How wide the part of the pixel is that it stands for [pixels].
+    pub width: f32,
+}
+
+impl Default for Sample {
+    fn default() -> Self {
+        Self { number: 0, shift: Vec2::ZERO, width: 1.0 }
+    }
 }
 
 /// The angle that the camera's file states; the other follows from the picture's aspect [radians].
@@ -313,6 +334,12 @@ impl Camera {
         let x = ((pixel[0] as f32 + 0.5 + self.sample.shift.x) / size[0] as f32 * 2.0 - 1.0) * half.x;
         let y = (1.0 - (pixel[1] as f32 + 0.5 + self.sample.shift.y) / size[1] as f32 * 2.0) * half.y;
         self.direction + self.right() * x + self.up * y
+    }
+
+    /// What that changes by over what a sample stands for, to the right and down.
+    pub fn pixel_sides(&self, size: [u32; 2]) -> [Vec3; 2] {
+        let sides = self.half_extent(size) * (2.0 * self.sample.width) / Vec2::new(size[0] as f32, size[1] as f32);
+        [self.right() * sides.x, -self.up * sides.y]
     }
 }
 
@@ -469,16 +496,23 @@ pub fn at_weights([a, b, c]: [Vec2; 3], barycentric: Vec2) -> Vec2 {
 
 impl Texture {
     /// Bilinear lookup: linear red, green, blue and alpha. The shaders do the same arithmetic.
-    pub fn sample(&self, uv: Vec2) -> glam::Vec4 {
+    pub fn sample(&self, uv: Vec2) -> Vec4 {
+        let ([left, right], [upper, lower], share) = self.nearest(uv, [self.width, self.height]);
+        let texel = |column: u32, row: u32| self.colour(row as usize * self.width as usize + column as usize);
+        texel(left, upper).lerp(texel(right, upper), share.x).lerp(texel(left, lower).lerp(texel(right, lower), share.x), share.y)
+    }
+
+    /// The columns and the rows around a texture coordinate, of an image of so many, and how far it is from the first of each to the second.
+    pub(super) fn nearest(&self, uv: Vec2, [width, height]: [u32; 2]) -> ([u32; 2], [u32; 2], Vec2) {
         let [across, down] = self.reading.wrap;
-        let ([left, right], x) = across.nearest(uv.x, self.width);
-        let ([upper, lower], y) = down.nearest(uv.y, self.height);
-        let linear = self.reading.values();
-        let texel = |column: u32, row: u32| {
-            let [r, g, b, a] = self.texels[row as usize * self.width as usize + column as usize];
-            glam::Vec4::new(linear[r as usize], linear[g as usize], linear[b as usize], a as f32 / 255.0)
-        };
-        texel(left, upper).lerp(texel(right, upper), x).lerp(texel(left, lower).lerp(texel(right, lower), x), y)
+        let ((columns, x), (rows, y)) = (across.nearest(uv.x, width), down.nearest(uv.y, height));
+        (columns, rows, Vec2::new(x, y))
+    }
+
+    /// What one of its texels stands for.
+    pub(super) fn colour(&self, texel: usize) -> Vec4 {
+        let (values, [r, g, b, a]) = (self.reading.values(), self.texels[texel]);
+        Vec4::new(values[r as usize], values[g as usize], values[b as usize], f32::from(a) / 255.0)
     }
 }
 
@@ -575,6 +609,15 @@ impl Bounds {
     /// With another point.
     pub fn with(self, point: Vec3) -> Self {
         Self { min: self.min.min(point), max: self.max.max(point) }
+    }
+
+    /// Wider by so much on every side.
+    pub fn grown(self, by: f32) -> Self {
+        Self { min: self.min - by, max: self.max + by }
+    }
+
+    pub fn joined(self, other: &Self) -> Self {
+        Self { min: self.min.min(other.min), max: self.max.max(other.max) }
     }
 
     pub fn diagonal(&self) -> f32 {
@@ -708,8 +751,8 @@ mod tests {
     fn images_go_on_as_their_reading_says() {
         let row = |wrap| {
             let texels = [0, 85, 170, 255].map(|grey| [grey; 4]).to_vec();
-            let reading = Reading { is_linear: true, wrap: [wrap, Wrap::Repeat] };
-            let texture = Texture { name: String::new(), width: 4, height: 1, texels, reading };
+            let reading = Reading { is_linear: true, wrap: [wrap, Wrap::Repeat], ..Default::default() };
+            let texture = Texture { width: 4, height: 1, texels, reading, ..Default::default() };
             [-5, -2, -1, 0, 3, 4, 5, 8, 9].map(|at| (3.0 * texture.sample(Vec2::new((at as f32 + 0.5) / 4.0, 0.5)).x).round() as i32)
         };
         assert_eq!(row(Wrap::Repeat), [3, 2, 3, 0, 3, 0, 1, 0, 1]);

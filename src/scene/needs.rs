@@ -20,6 +20,8 @@ pub struct Needs {
     pub suns: bool,
     /// Whether any surface has a texture of any kind.
     pub textures: bool,
+    /// Whether any has coarser levels.
+    pub mipmaps: bool,
     pub normal_maps: bool,
     /// Whether any map lies on triangles by coordinates of its own.
     pub charts: bool,
@@ -57,18 +59,13 @@ impl Needs {
         let used = used_materials(scene);
         let materials = || scene.materials.iter().zip(&used).filter(|(_, used)| **used).map(|(m, _)| m);
         let shapes = || materials().flat_map(|m| scene.lobes(m)).map(|lobe| lobe.shape);
-        Self {
+        let mut needs = Self {
             triangles: scene.triangles.len() as u32,
-            punctual_lights: Some(scene.lights.len() as u32),
-            light_kinds: (0..8)
-                .zip(&scene.lights)
-                .map(|(index, light)| (light.kind.number() | shadows(light, shadow_grid(&scene.lights)) << 2) << (4 * index))
-                .sum(),
-            shadowed_lights: scene.lights.iter().filter(|l| l.shadows).count() as u32,
             emissive_triangles: scene.triangles.iter().filter(|t| scene.materials[t.material as usize].emits()).count() as u32,
             environment: !scene.environment.is_black(),
             suns: Suns::new(&scene.environment).shine(),
             textures: materials().any(|m| m.texture.is_some() || !m.maps.is_empty()),
+            mipmaps: scene.textures.iter().any(|texture| !texture.coarser.is_empty()),
             normal_maps: materials().any(|m| m.maps.normal.is_some()),
             charts: !scene.charts.is_empty(),
             tangents: !scene.tangents.is_empty(),
@@ -86,7 +83,19 @@ impl Needs {
             anisotropic: shapes().any(Shape::is_anisotropic),
             diffuse: materials().any(|m| !has_lobe(m) || scene.reflections(m).iter().any(|reflection| reflection.diffuse != glam::Vec3::ZERO)),
             extent: scene.extent(),
-        }
+            ..Self::default()
+        };
+        needs.follow_lights(&scene.lights);
+        needs
+    }
+
+    /// Takes over what lights require.
+    pub fn follow_lights(&mut self, lights: &[Light]) {
+        let grid = shadow_grid(lights);
+        let kind = |light: &Light| light.kind.number() | shadows(light, grid) << 2;
+        self.punctual_lights = Some(lights.len() as u32);
+        self.light_kinds = (0..8).zip(lights).map(|(index, light)| kind(light) << (4 * index)).sum();
+        self.shadowed_lights = lights.iter().filter(|light| light.shadows).count() as u32;
     }
 
     /// Whether lobes are rendered. Shaders of a plan that leaves nothing out for its scene may know of lobes where albedos stand for them.
@@ -119,6 +128,7 @@ impl Needs {
             environment: true,
             suns: true,
             textures: true,
+            mipmaps: true,
             normal_maps: true,
             charts: true,
             tangents: true,

@@ -1,6 +1,6 @@
 //! What a ray sees of a surface.
 
-use super::{LightKind, Material, Rgb, Scene, Triangle, at_weights, surface_offset};
+use super::{Camera, LightKind, Material, Rgb, Scene, Triangle, at_weights, surface_offset};
 use crate::math::{frame::Frame, lobe::Lobe};
 use glam::{Vec2, Vec3};
 use std::f32::consts::FRAC_1_PI;
@@ -10,9 +10,38 @@ use std::f32::consts::FRAC_1_PI;
 pub struct Ray {
     pub origin: Vec3,
     pub direction: Vec3,
+    /// Of a ray through a pixel, what the direction changes by to the next, to the right and down; zero of one that stands for itself alone.
+    pub sides: [Vec3; 2],
+}
+
+/// Where a ray meets a triangle.
+#[derive(Clone, Copy)]
+pub struct Spot {
+    /// Barycentric weights of corners 1 and 2.
+    pub barycentric: Vec2,
+    /// What they change by over a pixel, to the right and down; zero of a single point.
+    sides: [Vec2; 2],
+}
+
+impl From<Vec2> for Spot {
+    fn from(barycentric: Vec2) -> Self {
+        Self { barycentric, sides: [Vec2::ZERO; 2] }
+    }
+}
+
+impl Camera {
+    /// The ray through the sample of a pixel.
+    pub fn ray(&self, size: [u32; 2], pixel: [u32; 2]) -> Ray {
+        Ray { origin: self.eye, direction: self.pixel_ray(size, pixel), sides: self.pixel_sides(size) }
+    }
 }
 
 impl Ray {
+    /// One that stands for itself alone.
+    pub fn new(origin: Vec3, direction: Vec3) -> Self {
+        Self { origin, direction, sides: [Vec3::ZERO; 2] }
+    }
+
     /// The nearest point on the ray's line.
     fn nearest(&self, point: Vec3) -> Vec3 {
         self.origin + self.along(point - self.origin)
@@ -112,10 +141,10 @@ impl Scene {
 
     /// The same for light that arrives along the ray: the lobe takes its share of the diffuse part by where light leaves to, [`Lobe::leaves`], which is left to do.
     pub fn lit_surface(&self, triangle: u32, barycentric: Vec2, ray: Ray) -> Surface {
-        let (plain, base) = self.without_lobe(triangle, barycentric, ray, true);
+        let (plain, base, spot) = self.without_lobe(triangle, barycentric, ray, true);
         let (number, triangle) = (triangle, &self.triangles[triangle as usize]);
         let material = &self.materials[triangle.material as usize];
-        let facets = self.colour(material.maps.facets, (number, material.maps.charts.facets), barycentric);
+        let facets = self.colour(material.maps.facets, (number, material.maps.charts.facets), spot);
         let reflection = material.reflection_with(material.reflectance * base, facets);
         let glossy = reflection.lobe.map(|lobe| {
             let frame = if lobe.shape.is_anisotropic() { triangle.tangent_frame(plain.normal) } else { Frame::new(plain.normal) };
@@ -135,33 +164,42 @@ impl Scene {
         self.without_lobe(triangle, barycentric, ray, false).0
     }
 
-    /// The surface by its albedo, and what multiplies its base colour there; whether its lobe is to follow.
-    fn without_lobe(&self, triangle: u32, barycentric: Vec2, ray: Ray, lobes: bool) -> (Surface, Rgb) {
+    /// The surface by its albedo, what multiplies its base colour there, and where that is; whether its lobe is to follow.
+    fn without_lobe(&self, triangle: u32, barycentric: Vec2, ray: Ray, lobes: bool) -> (Surface, Rgb, Spot) {
         let (number, triangle) = (triangle, &self.triangles[triangle as usize]);
         let material = &self.materials[triangle.material as usize];
         let face = triangle.face_normal();
         let side = if face.dot(ray.direction) > 0.0 { -1.0 } else { 1.0 };
-        let base = self.colour(material.texture, (number, 0), barycentric) * triangle.tint(barycentric);
+        let position = triangle.place(barycentric, ray);
+        let spot = triangle.spot(barycentric, position, ray);
+        let base = self.colour(material.texture, (number, 0), spot) * triangle.tint(barycentric);
         let (albedo, is_base) = material.albedo();
         let surface = Surface {
-            position: triangle.place(barycentric, ray),
+            position,
             face: face * side,
-            normal: self.normal(number, barycentric, (-side * ray.direction, lobes)) * side,
+            normal: self.normal(number, spot, (-side * ray.direction, lobes)) * side,
             reflectance: if is_base { albedo * base } else { albedo },
-            emission: self.emission(number, barycentric),
+            emission: self.emission(number, spot),
             glossy: None,
         };
-        (surface, base)
+        (surface, base, spot)
     }
 
     /// What a texture has at a place of a triangle by one of its charts; white where there is none.
-    fn colour(&self, texture: Option<u32>, (triangle, chart): (u32, u32), barycentric: Vec2) -> Rgb {
-        texture.map_or(Vec3::ONE, |texture| self.textures[texture as usize].sample(at_weights(self.uvs(triangle, chart), barycentric)).truncate())
+    fn colour(&self, texture: Option<u32>, (triangle, chart): (u32, u32), spot: Spot) -> Rgb {
+        let Some(texture) = texture.map(|texture| &self.textures[texture as usize]) else { return Vec3::ONE };
+        let [a, b, c] = self.uvs(triangle, chart);
+        let uv = at_weights([a, b, c], spot.barycentric);
+        if spot.sides == [Vec2::ZERO; 2] {
+            return texture.sample(uv).truncate();
+        }
+        texture.sample_over(uv, spot.sides.map(|side| (b - a) * side.x + (c - a) * side.y))
     }
 
     /// Unit shading normal at a place of a triangle, on the front side, as its normal map bends it. Of what has a lobe, if lobes are rendered, not so far from the
     /// way to where it is seen from, of any length, that its mirror image would be below the surface.
-    pub fn normal(&self, triangle: u32, barycentric: Vec2, (toward, lobes): (Vec3, bool)) -> Vec3 {
+    pub fn normal(&self, triangle: u32, spot: impl Into<Spot>, (toward, lobes): (Vec3, bool)) -> Vec3 {
+        let spot @ Spot { barycentric, .. } = spot.into();
         let (number, triangle) = (triangle, &self.triangles[triangle as usize]);
         let Material { maps, glossy, .. } = &self.materials[triangle.material as usize];
         let toward = if lobes && glossy.is_some() { Some(toward.normalize_or_zero()) } else { None };
@@ -170,7 +208,7 @@ impl Scene {
         if maps.normal.is_none() {
             return smooth;
         }
-        let texel = self.colour(maps.normal, (number, maps.charts.normal), barycentric);
+        let texel = self.colour(maps.normal, (number, maps.charts.normal), spot);
         reflecting(Triangle::bent(self.map_frame(number, maps.charts.normal, barycentric, smooth), smooth, texel, maps.normal_scale), smooth)
     }
 
@@ -182,9 +220,9 @@ impl Scene {
     }
 
     /// Radiance that leaves a place of a triangle [W m⁻² sr⁻¹].
-    pub fn emission(&self, triangle: u32, barycentric: Vec2) -> Rgb {
+    pub fn emission(&self, triangle: u32, spot: impl Into<Spot>) -> Rgb {
         let material = &self.materials[self.triangles[triangle as usize].material as usize];
-        material.emission * self.colour(material.maps.emission, (triangle, material.maps.charts.emission), barycentric)
+        material.emission * self.colour(material.maps.emission, (triangle, material.maps.charts.emission), spot.into())
     }
 
     /// The mean over a triangle, of an emission map by samples about as far apart as its texels.
@@ -232,6 +270,19 @@ impl Triangle {
         let inverse = if determinant == 0.0 { 0.0 } else { 1.0 / determinant };
         let weights = (Vec2::new(s.dot(p), ray.direction.dot(s.cross(e1))) * inverse).clamp(Vec2::ZERO, Vec2::ONE);
         weights / weights.element_sum().max(1.0)
+    }
+
+    /// Where a ray meets the triangle, at these weights and this position: how they change is Möller and Trumbore's way to them, derived by the direction.
+    fn spot(&self, barycentric: Vec2, position: Vec3, ray: Ray) -> Spot {
+        if ray.sides == [Vec3::ZERO; 2] {
+            return barycentric.into();
+        }
+        let [a, b, c] = self.positions;
+        let [p, q] = [ray.direction.cross(c - a), (b - a).cross(ray.direction)];
+        let determinant = (b - a).dot(p);
+        let distance = position.distance(ray.origin) / ray.direction.length();
+        let scale = if determinant == 0.0 { 0.0 } else { distance / determinant };
+        Spot { barycentric, sides: ray.sides.map(|side| Vec2::new(side.dot(p), side.dot(q)) * scale) }
     }
 
     /// The point at these weights, as the ray meets it. Weights of slivers, and of triangles far larger than the way to them, are rounded so that their point is
@@ -304,6 +355,14 @@ mod tests {
         })
     }
 
+    /// Barycentric weights where a ray meets the plane of a triangle, inside or not.
+    fn weights_on_plane(triangle: &Triangle, ray: Ray) -> Vec2 {
+        let [a, b, c] = triangle.positions.map(|corner| (corner - ray.origin).as_dvec3());
+        // The ray by the corners: what each has of their sum.
+        let shares = glam::DMat3::from_cols(a, b, c).inverse() * ray.direction.as_dvec3();
+        DVec2::new(shares.y, shares.z).as_vec2() / shares.element_sum() as f32
+    }
+
     impl Setting {
         /// A triangle of a length and a width, the ray from an eye so far away to a point of it, and that point.
         fn seen(self, length: f64, width: f64, away: f64) -> (Triangle, Ray, DVec3) {
@@ -312,7 +371,7 @@ mod tests {
             let point = a + (b - a) * self.weights.x + (c - a) * self.weights.y;
             let origin = (point + self.toward * away).as_vec3();
             let triangle = Triangle { positions: corners, normals: [Vec3::ZERO; 3], uvs: [Vec2::ZERO; 3], tints: Default::default(), material: 0 };
-            (triangle, Ray { origin, direction: (point - origin.as_dvec3()).as_vec3() }, point)
+            (triangle, Ray::new(origin, (point - origin.as_dvec3()).as_vec3()), point)
         }
     }
 
@@ -328,6 +387,20 @@ mod tests {
             // Nothing is nearer than its coordinates can say.
             let rounding = 5e-7 * f64::from(place.abs().max_element().max(ray.origin.abs().max_element()));
             prop_assert!(beside <= HUNDREDTH * way.length() + rounding, "{beside} beside at {}", way.length());
+        }
+
+        /// How far a pixel reaches on a triangle, by where the rays beside it meet its plane.
+        #[test]
+        fn sides_are_what_weights_change_by(turn in -1.0..1.0f32, setting in setting(0.2)) {
+            let (triangle, ray, _) = setting.seen(1.0, 0.5, 3.0);
+            let aside = ray.direction.any_orthogonal_vector().normalize() * 1e-2;
+            let sides = [aside, ray.direction.cross(aside) + ray.direction * (1e-3 * turn)];
+            let barycentric = triangle.barycentric(ray);
+            let spot = triangle.spot(barycentric, triangle.place(barycentric, ray), Ray { sides, ..ray });
+            for (side, found) in sides.into_iter().zip(spot.sides) {
+                let [before, after] = [-0.5, 0.5].map(|share| weights_on_plane(&triangle, Ray::new(ray.origin, ray.direction + side * share)));
+                prop_assert!(found.distance(after - before) < 0.01 * found.length() + 1e-4, "{found}, not {}", after - before);
+            }
         }
 
         /// Where the plane is sound and is not seen along it, the place is also at the right distance.
@@ -350,7 +423,7 @@ mod tests {
             let triangle = triangle(width);
             for share in [0.1, 0.3, 0.5, 0.7, 0.9] {
                 let point = triangle.positions[0].lerp(triangle.positions[1], share);
-                let ray = Ray { origin: Vec3::new(0.3, 0.2, 0.1), direction: point - Vec3::new(0.3, 0.2, 0.1) };
+                let ray = Ray::new(Vec3::new(0.3, 0.2, 0.1), point - Vec3::new(0.3, 0.2, 0.1));
                 let place = triangle.place(triangle.barycentric(ray), ray);
                 assert!(place.distance(point) < 1e-3 + 2.0 * width, "{width}, {share}: {place} instead of {point}");
             }

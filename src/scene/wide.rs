@@ -3,7 +3,11 @@
 //! Made from the binary hierarchy by opening the largest boxes first. Everything is relative to the ray and the boxes
 //! themselves: the unit of length does not matter.
 
-use super::{bvh::Node, model::Triangle};
+use super::{
+    bvh::Node,
+    model::Triangle,
+    parts::{Laid, Parts},
+};
 use glam::{BVec4A, Vec2, Vec3, Vec4};
 use smallvec::SmallVec;
 
@@ -35,6 +39,7 @@ struct Packet {
     corner: [Vec4; 3],
     edges: [[Vec4; 3]; 2],
     first: u32,
+    count: u32,
 }
 
 /// A triangle that a ray meets.
@@ -46,10 +51,13 @@ pub struct Candidate {
     pub front: bool,
 }
 
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub struct Wide {
     nodes: Vec<Node4>,
     packets: Vec<Packet>,
+    root: Option<Child>,
+    /// Where parts of the scene can move.
+    parts: Option<Laid<Child, 4>>,
 }
 
 /// A ray made ready for boxes and packets.
@@ -62,53 +70,71 @@ struct Ray {
 }
 
 impl Wide {
-    /// Over the binary hierarchy's nodes, root first, and the triangles that it has sorted.
-    pub fn new(nodes: &[Node], triangles: &[Triangle]) -> Self {
+    /// Over the binary hierarchy's nodes and the triangles that it has sorted.
+    pub fn new(nodes: &[Node], parts: Option<&Parts>, triangles: &[Triangle]) -> Self {
         let mut wide = Self::default();
-        if let Some(root) = nodes.first() {
-            wide.nodes.push(Node4 { bounds: [[Vec4::INFINITY, Vec4::NEG_INFINITY]; 3], children: [Child::default(); 4] });
-            let children = if root.count > 0 { vec![*root] } else { open(nodes, root, 4) };
-            wide.fill(0, nodes, triangles, children);
-        }
+        let Some(parts) = parts else {
+            wide.root = (!nodes.is_empty()).then(|| wide.tree(nodes, 0, |wide, leaf| wide.leaf(triangles, leaf), &mut Vec::new()));
+            return wide;
+        };
+        let sizes = |wide: &Self| [wide.nodes.len(), wide.packets.len()];
+        let lay = |wide: &mut Self, root, sources: &mut _| wide.tree(nodes, root, |wide, leaf| wide.leaf(triangles, leaf), sources);
+        wide.parts = Some(Laid::new(parts, &mut wide, sizes, lay));
+        wide.join(parts);
         wide
     }
 
-    fn fill(&mut self, index: usize, nodes: &[Node], triangles: &[Triangle], children: Vec<Node>) {
+    /// Takes over where movers, and the level over all parts, stand now.
+    pub fn follow(&mut self, nodes: &[Node], parts: &Parts, movers: &[usize], triangles: &[Triangle]) {
+        let Some(of) = &self.parts else { return };
+        for [range, packets] in movers.iter().map(|mover| &of.movers[*mover]) {
+            for node in range.clone() {
+                of.children(node).for_each(|(slot, child)| self.nodes[node].place(slot, &nodes[child]));
+            }
+            for packet in &mut self.packets[packets.clone()] {
+                *packet = Packet::new(triangles, packet.first, packet.count);
+            }
+        }
+        self.join(parts);
+    }
+
+    fn join(&mut self, parts: &Parts) {
+        let Some(of) = self.parts.take() else { return };
+        self.nodes.truncate(of.upper);
+        self.root = (!parts.upper.is_empty()).then(|| self.tree(&parts.upper, 0, |_, leaf| of.roots[leaf.first as usize], &mut Vec::new()));
+        self.parts = Some(of);
+    }
+
+    /// What stands for a binary tree below one of its nodes; `leaf` for a leaf of it. Of each new node the children's places in the tree are added.
+    fn tree(&mut self, nodes: &[Node], root: usize, mut leaf: impl FnMut(&mut Self, &Node) -> Child, sources: &mut Vec<[u32; 4]>) -> Child {
+        let first = self.nodes.len();
+        let children = if nodes[root].count > 0 { vec![root] } else { open(nodes, root, 4) };
+        self.nodes.push(Node4::EMPTY);
+        sources.push([u32::MAX; 4]);
+        let (base, sources_base) = (first, sources.len() - 1);
         // An explicit list rather than recursion: a degenerate hierarchy may be deep.
-        let mut open_nodes = vec![(index, children)];
+        let mut open_nodes = vec![(first, children)];
         while let Some((index, children)) = open_nodes.pop() {
-            for (slot, child) in children.iter().enumerate() {
-                for axis in 0..3 {
-                    self.nodes[index].bounds[axis][0][slot] = child.min[axis];
-                    self.nodes[index].bounds[axis][1][slot] = child.max[axis];
-                }
+            for (slot, at) in children.iter().enumerate() {
+                let child = &nodes[*at];
+                self.nodes[index].place(slot, child);
+                sources[sources_base + index - base][slot] = *at as u32;
                 self.nodes[index].children[slot] = if child.count > 0 {
-                    self.leaf(triangles, child)
+                    leaf(self, child)
                 } else {
-                    self.nodes.push(Node4 { bounds: [[Vec4::INFINITY, Vec4::NEG_INFINITY]; 3], children: [Child::default(); 4] });
-                    open_nodes.push((self.nodes.len() - 1, open(nodes, child, 4)));
+                    self.nodes.push(Node4::EMPTY);
+                    sources.push([u32::MAX; 4]);
+                    open_nodes.push((self.nodes.len() - 1, open(nodes, *at, 4)));
                     Child { first: self.nodes.len() as u32 - 1, packets: 0 }
                 };
             }
         }
+        Child { first: first as u32, packets: 0 }
     }
 
     fn leaf(&mut self, triangles: &[Triangle], leaf: &Node) -> Child {
         let first = self.packets.len() as u32;
-        let range = leaf.first as usize..(leaf.first + leaf.count) as usize;
-        for (k, four) in triangles[range].chunks(4).enumerate() {
-            // Unused lanes are triangles without area, which nothing meets.
-            let mut packet = Packet { corner: [Vec4::ZERO; 3], edges: [[Vec4::ZERO; 3]; 2], first: leaf.first + 4 * k as u32 };
-            for (lane, triangle) in four.iter().enumerate() {
-                let [a, b, c] = triangle.positions;
-                for axis in 0..3 {
-                    packet.corner[axis][lane] = a[axis];
-                    packet.edges[0][axis][lane] = b[axis] - a[axis];
-                    packet.edges[1][axis][lane] = c[axis] - a[axis];
-                }
-            }
-            self.packets.push(packet);
-        }
+        self.packets.extend((0..leaf.count).step_by(4).map(|k| Packet::new(triangles, leaf.first + k, (leaf.count - k).min(4))));
         Child { first, packets: self.packets.len() as u32 - first }
     }
 
@@ -117,7 +143,7 @@ impl Wide {
         let ray = Ray::new(origin, direction);
         let (mut limit, mut found) = (limit, None);
         let mut stack: SmallVec<[(f32, Child); 64]> = SmallVec::new();
-        stack.extend((!self.nodes.is_empty()).then_some((0.0, Child::default())));
+        stack.extend(self.root.map(|root| (0.0, root)));
         while let Some((near, child)) = stack.pop() {
             if near >= limit {
                 continue;
@@ -154,7 +180,7 @@ impl Wide {
     pub fn any(&self, origin: Vec3, direction: Vec3, limit: f32, accept: impl Fn(&Candidate) -> bool) -> bool {
         let ray = Ray::new(origin, direction);
         let mut stack: SmallVec<[(f32, Child); 64]> = SmallVec::new();
-        stack.extend((!self.nodes.is_empty()).then_some((0.0, Child::default())));
+        stack.extend(self.root.map(|root| (0.0, root)));
         while let Some((_, child)) = stack.pop() {
             if child.packets == 0 {
                 let node = &self.nodes[child.first as usize];
@@ -171,20 +197,46 @@ impl Wide {
     }
 }
 
+impl Node4 {
+    const EMPTY: Self = Self { bounds: [[Vec4::INFINITY, Vec4::NEG_INFINITY]; 3], children: [Child { first: 0, packets: 0 }; 4] };
+
+    fn place(&mut self, slot: usize, child: &Node) {
+        for (axis, bounds) in self.bounds.iter_mut().enumerate() {
+            (bounds[0][slot], bounds[1][slot]) = (child.min[axis], child.max[axis]);
+        }
+    }
+}
+
+impl Packet {
+    fn new(triangles: &[Triangle], first: u32, count: u32) -> Self {
+        // Unused lanes are triangles without area, which nothing meets.
+        let mut packet = Self { corner: [Vec4::ZERO; 3], edges: [[Vec4::ZERO; 3]; 2], first, count };
+        for (lane, triangle) in triangles[first as usize..(first + count) as usize].iter().enumerate() {
+            let [a, b, c] = triangle.positions;
+            for axis in 0..3 {
+                packet.corner[axis][lane] = a[axis];
+                packet.edges[0][axis][lane] = b[axis] - a[axis];
+                packet.edges[1][axis][lane] = c[axis] - a[axis];
+            }
+        }
+        packet
+    }
+}
+
 /// Up to `count` descendants that stand for an inner node: the largest box is opened first.
-pub(super) fn open(nodes: &[Node], node: &Node, count: usize) -> Vec<Node> {
-    let pair = |node: &Node| [nodes[node.first as usize], nodes[node.first as usize + 1]];
+pub(super) fn open(nodes: &[Node], node: usize, count: usize) -> Vec<usize> {
+    let pair = |node: usize| [nodes[node].first as usize, nodes[node].first as usize + 1];
     let mut children = pair(node).to_vec();
     while children.len() < count {
-        let inner = (0..children.len()).filter(|&i| children[i].count == 0);
-        let Some(largest) = inner.max_by(|&a, &b| half_area(&children[a]).total_cmp(&half_area(&children[b]))) else { break };
+        let inner = (0..children.len()).filter(|&i| nodes[children[i]].count == 0);
+        let Some(largest) = inner.max_by(|&a, &b| half_area(&nodes[children[a]]).total_cmp(&half_area(&nodes[children[b]]))) else { break };
         let opened = children.swap_remove(largest);
-        children.extend(pair(&opened));
+        children.extend(pair(opened));
     }
     children
 }
 
-fn half_area(node: &Node) -> f32 {
+pub(super) fn half_area(node: &Node) -> f32 {
     let size = Vec3::from(node.max) - Vec3::from(node.min);
     size.x * size.y + size.y * size.z + size.z * size.x
 }

@@ -1,11 +1,11 @@
 //! Whether one schedule can take another's place on the device.
 
-use super::{Host, Lifetime, ResourceDescription, Schedule, Step};
+use super::{Draws, Host, Lifetime, ResourceDescription, Schedule, Step};
 
 impl Schedule {
     /// What of `other` would need other memory or other programs, for a message; None where one device session can run both.
     ///
-    /// Contents of constants, what host steps do, and bounds of loops may differ.
+    /// Contents of constants, what host steps do, which triangles are drawn, and bounds of loops may differ.
     pub fn difference(&self, other: &Self) -> Option<String> {
         let resource = first(&self.resources, &other.resources, same_memory, |resource| format!("`{}` needs other memory", resource.name));
         let variable = || first(&self.variables, &other.variables, |a, b| a == b, |variable| format!("`{}` is counted in one only", variable.name));
@@ -52,6 +52,18 @@ fn same_step(a: &Step, b: &Step) -> bool {
         // Their steps are compared one by one.
         (Step::Repeat(a), Step::Repeat(b)) => (&a.name, a.until, a.round) == (&b.name, b.until, b.round),
         _ => false,
+    }
+}
+
+/// What is drawn is looked up as it is drawn.
+impl PartialEq for Draws {
+    fn eq(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Fixed(_), Self::Fixed(_)) => true,
+            (Self::Listed(a), Self::Listed(b)) => a == b,
+            (Self::Instances { vertices: a, count: b }, Self::Instances { vertices: c, count: d }) => (a, b) == (c, d),
+            _ => false,
+        }
     }
 }
 

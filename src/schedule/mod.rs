@@ -214,8 +214,10 @@ pub enum Command {
 /// A shader entry point with its specialisation and bindings, by the names in its text.
 #[derive(Clone, PartialEq)]
 pub struct Program {
-    /// File under `shaders/`, without its ending.
+    /// File under `shaders/`, without its ending; of a shader that brings its text, any name.
     pub shader: &'static str,
+    /// The text of a shader that does not ship; it may import what does.
+    pub text: Option<&'static str>,
     /// What the imports in capitals stand for: `("VISIBILITY", "lib/visibility/rays")`.
     pub imports: Vec<(&'static str, &'static str)>,
     /// Values of the shader's `override` constants.
@@ -292,7 +294,6 @@ pub struct DepthTarget {
     pub layer: u32,
 }
 
-#[derive(PartialEq)]
 pub enum Draws {
     Fixed(Vec<Draw>),
     /// What a host step put into a [`ResourceKind::Draws`].
@@ -351,7 +352,7 @@ pub trait HostContext {
     /// The list of draws, as the step left it last.
     fn draws(&mut self, resource: Resource) -> &mut Vec<Draw>;
     /// Memory of a node's host steps, empty at the start of a frame.
-    fn state(&mut self, resource: Resource) -> &mut Option<Box<dyn Any + Send>>;
+    fn state(&mut self, resource: Resource) -> &mut Option<Box<dyn Any + Send + Sync>>;
     /// Triangles and the rest, for steps that look at the scene.
     fn scene(&self) -> &crate::scene::Scene;
     fn bvh(&self) -> &crate::scene::bvh::Bvh;
@@ -479,12 +480,17 @@ impl Host {
 
 impl Program {
     pub fn new(shader: &'static str) -> Self {
-        Self { shader, imports: Vec::new(), constants: Vec::new(), bindings: Vec::new(), parts: Vec::new() }
+        Self { shader, text: None, imports: Vec::new(), constants: Vec::new(), bindings: Vec::new(), parts: Vec::new() }
+    }
+
+    /// Of a shader that does not ship, for passes of other programs: any name, and its text.
+    pub fn own(shader: &'static str, text: &'static str) -> Self {
+        Self { text: Some(text), ..Self::new(shader) }
     }
 
     /// Tells this entry point with these constants and imports from any other.
     pub fn specialisation(&self, entry: &str) -> String {
-        format!("{}:{entry} {:?} {:?}", self.shader, self.constants, self.imports)
+        format!("{}:{entry} {:?} {:?}{}", self.shader, self.constants, self.imports, self.text.unwrap_or_default())
     }
 
     pub fn import(mut self, alias: &'static str, path: &'static str) -> Self {

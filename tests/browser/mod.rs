@@ -1,6 +1,7 @@
 //! Chromium without a window, driven through its DevTools protocol over a pipe: keys and pointers arrive as a user's do.
 //!
 //! Messages are JSON that ends in a zero byte. The browser reads them from descriptor 3 and writes to 4, where a shell puts its own input and output.
+#![allow(dead_code, reason = "each file of tests has needs of its own")]
 
 pub mod made;
 
@@ -17,7 +18,7 @@ use tempfile::TempDir;
 
 const NAMES: [&str; 4] = ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable"];
 
-const FLAGS: [&str; 12] = [
+const FLAGS: [&str; 11] = [
     "--headless=new",
     "--remote-debugging-pipe",
     "--no-sandbox",
@@ -26,11 +27,16 @@ const FLAGS: [&str; 12] = [
     "--disable-sync",
     "--disable-background-networking",
     "--disable-component-update",
-    "--disable-gpu",
     "--disable-dev-shm-usage",
     "--hide-scrollbars",
     "--force-color-profile=srgb",
 ];
+
+/// No device is needed to show a page.
+const WITHOUT_DEVICE: [&str; 1] = ["--disable-gpu"];
+
+/// Software will do, which is not offered to pages without being asked for.
+const WITH_DEVICE: [&str; 1] = ["--enable-unsafe-webgpu"];
 
 type Outcome = Result<(), Failed>;
 
@@ -55,12 +61,22 @@ pub struct Browser {
 
 impl Browser {
     pub fn start() -> Result<Self, Failed> {
+        Self::with(&WITHOUT_DEVICE)
+    }
+
+    /// One that offers WebGPU to its pages.
+    pub fn with_webgpu() -> Result<Self, Failed> {
+        Self::with(&WITH_DEVICE)
+    }
+
+    fn with(flags: &[&str]) -> Result<Self, Failed> {
         let profile = tempfile::tempdir()?;
         let program = find().ok_or("no browser")?;
         let mut process = Command::new("sh")
             .args(["-c", "exec \"$@\" 3<&0 4>&1 </dev/null >/dev/null 2>&1", "sh"])
             .arg(program)
             .args(FLAGS)
+            .args(flags)
             .arg(format!("--user-data-dir={}", profile.path().display()))
             .arg("about:blank")
             .stdin(Stdio::piped())
@@ -106,8 +122,17 @@ impl Browser {
 
     /// Opens a file and waits until it is loaded.
     pub fn open(&mut self, file: &Path) -> Outcome {
+        self.navigate(&format!("file://{}", file.display()))
+    }
+
+    /// The same at a place within it, which the page finds behind `#`.
+    pub fn open_at(&mut self, file: &Path, place: &str) -> Outcome {
+        self.navigate(&format!("file://{}#{place}", file.display()))
+    }
+
+    fn navigate(&mut self, address: &str) -> Outcome {
         self.events.clear();
-        self.call("Page.navigate", json!({"url": format!("file://{}", file.display())}))?;
+        self.call("Page.navigate", json!({"url": address}))?;
         if !self.events.iter().any(|event| event["method"] == "Page.loadEventFired") {
             self.wait(|message| message["method"] == "Page.loadEventFired", "loading")?;
         }
@@ -133,6 +158,11 @@ impl Browser {
         } else {
             Err(format!("{expression}: {}", result["exceptionDetails"]).into())
         }
+    }
+
+    /// Begins what an expression of JavaScript does, and does not wait for its end.
+    pub fn begin(&mut self, expression: &str) -> Outcome {
+        self.evaluate(&format!("{{ {expression}; }} 0")).map(|_| ())
     }
 
     /// Waits until an expression is true.

@@ -19,7 +19,7 @@ impl Missing {
 
     /// An adapter on which all of hemisplat runs.
     pub fn gpu() -> Option<Self> {
-        let there = hemisplat::gpu::device::adapters().iter().any(|adapter| adapter.lacks.is_empty());
+        let there = hemisplat::block_on(hemisplat::gpu::device::adapters()).iter().any(|adapter| adapter.lacks.is_empty());
         (!there).then(|| Self::new("gpu", "no GPU adapter"))
     }
 
@@ -55,6 +55,11 @@ pub fn trial(name: impl Into<String>, missing: Option<&Missing>, test: impl FnOn
 /// A long test, which runs with `--ignored` or `--include-ignored`.
 pub fn long(name: impl Into<String>, missing: Option<&Missing>, test: impl FnOnce() -> Result<(), Failed> + Send + 'static) -> Trial {
     trial(name, missing, test).with_ignored_flag(true)
+}
+
+/// A test that ends with the first error.
+pub fn fallible(name: impl Into<String>, missing: Option<&Missing>, test: fn() -> Result<(), Box<dyn std::error::Error>>) -> Trial {
+    trial(name, missing, move || test().map_err(|error| error.to_string().into()))
 }
 
 /// A test that panics where something does not hold.

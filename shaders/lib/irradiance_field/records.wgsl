@@ -5,7 +5,13 @@
 
 // Exponent of the smallest cells' edge, a bit for each level, hashes, records; where the list of each hash ends; the lists; the records.
 @group(0) @binding(20) var<storage, read> record_index: array<vec4u>;
-@group(0) @binding(21) var<uniform> index_weighting: Weighting;
+
+// What the rule of the records says. No uniform, as shaders that know the scene, its first lights and the camera have as many as Mesa 22 stands.
+override INDEX_ACCURACY: f32 = 1.0;
+override INDEX_MINIMUM_SPACING: f32 = 1.0;
+override INDEX_MAXIMUM_SPACING: f32 = 1.0;
+override INDEX_NEAREST: f32 = 1e6;
+override INDEX_CHANGE: f32 = 1e6;
 
 // Where the near lists and their entries start [words].
 override NEAR_HEADER: u32 = 0u;
@@ -15,6 +21,11 @@ override INDEX_ENTRIES: u32 = 8u;
 override INDEX_RECORDS: u32 = 16u;
 const INDEX_HEADER = 4u;
 const LEVEL_BIT = 24u;
+
+// Compact, without what only pictures ask for.
+fn index_weighting() -> Weighting {
+    return Weighting(INDEX_ACCURACY, INDEX_MINIMUM_SPACING, INDEX_MAXIMUM_SPACING, 2u, INDEX_NEAREST, INDEX_CHANGE, 0.0, 0.0, 0.0, 0u, 0u, 0u);
+}
 
 fn index_word(at: u32) -> u32 {
     return record_index[at / 4u][at % 4u];
@@ -50,8 +61,8 @@ struct Beside {
 fn beside(record: Record, times: f32, position: vec3f, normal: vec3f) -> Beside {
     let d = position - record.position;
     let is_level = abs(dot(d, normal + record.normal)) * 0.5 <= FRONT * times * length(d);
-    let turned = length(normal - record.normal) * 0.70710678 / (index_weighting.accuracy * times);
-    return Beside(dot(d, d), dot(d, stretch_of(record)), select(2.0, turned, is_level), min(1.0 / max(validity_radius(record, index_weighting), 1e-30), 1e15));
+    let turned = length(normal - record.normal) * 0.70710678 / (INDEX_ACCURACY * times);
+    return Beside(dot(d, d), dot(d, stretch_of(record)), select(2.0, turned, is_level), min(1.0 / max(validity_radius(record, index_weighting()), 1e-30), 1e15));
 }
 
 // By how far apart they are, in reaches.
@@ -96,7 +107,7 @@ fn listed_sums(entry: u32, level: u32, position: vec3f, normal: vec3f, is_coarse
     if weight <= 0.0 {
         return vec4f(0.0);
     }
-    return vec4f(record_estimate(record, index_weighting, position, normal), 1.0) * weight;
+    return vec4f(record_estimate(record, index_weighting(), position, normal), 1.0) * weight;
 }
 
 // Sums over the records that lists name at a point and that reach it, by themselves or coarser: weighted irradiance, weight. Of each list the entry

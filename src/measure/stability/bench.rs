@@ -1,10 +1,10 @@
 //! One pipeline, ready to be run on scenes of the extremes.
 
 use super::Trouble;
-use super::rooms::{Room, Stage};
+use super::rooms::{Built, Room};
 use crate::contract::Value;
 use crate::contract::{encoder::Setting, tables::Remembered};
-use crate::gpu::{Gpu, Pace, scene::kind};
+use crate::gpu::{Gpu, Pace, block_on, scene::kind};
 use crate::math::lobe::Lobe;
 use crate::measure::layers::Layers;
 use crate::measure::run::Run;
@@ -13,6 +13,7 @@ use crate::pipeline::{Node, Pipeline, Plan, Problems, plan};
 use glam::Vec3;
 use std::cell::OnceCell;
 use std::f64::consts::PI;
+use std::sync::Arc;
 
 /// Loads the pipeline with these parameters changed, each `NODE.PARAM=VALUE`.
 pub type LoadPipeline<'a> = dyn Fn(&[String]) -> Result<Pipeline, Problems> + 'a;
@@ -40,7 +41,7 @@ pub(super) const RECORDS_SEE_LIGHT: [Change; 1] = [("DirectLight", "emitters", "
 
 /// A pipeline and the device that it runs on.
 pub struct Bench<'a> {
-    gpu: &'a Gpu,
+    gpu: &'a Arc<Gpu>,
     load: &'a LoadPipeline<'a>,
     pipeline: Pipeline,
     /// The corner as it stands, which several cases compare with.
@@ -92,7 +93,7 @@ impl Light {
 impl<'a> Bench<'a> {
     /// # Errors
     /// What is wrong with the pipeline as it stands.
-    pub fn new(gpu: &'a Gpu, load: &'a LoadPipeline<'a>) -> Result<Self, Problems> {
+    pub fn new(gpu: &'a Arc<Gpu>, load: &'a LoadPipeline<'a>) -> Result<Self, Problems> {
         Ok(Self { gpu, load, pipeline: load(&[])?, corner: OnceCell::new(), tables: Remembered::default() })
     }
 
@@ -156,32 +157,33 @@ impl<'a> Bench<'a> {
 
     /// Whether the loader and the plan accept a scene and parameters; needs no device.
     pub(super) fn accepts(&self, room: &Room, changes: &[Change]) -> Result<(), Trouble> {
-        self.plan(&room.stage()?, changes).map(drop)
+        self.plan(&room.built()?, changes).map(drop)
     }
 
-    fn plan(&self, stage: &Stage, changes: &[Change]) -> Result<Plan, Trouble> {
+    fn plan(&self, built: &Built, changes: &[Change]) -> Result<Arc<Plan>, Trouble> {
         let pipeline = (self.load)(&self.sets(&[&SMALL, changes].concat()))?;
-        let setting = Setting { scene: &stage.scene, needs: &stage.needs, device: self.gpu.adapter.device(), size: SIZE, tables: Some(&self.tables) };
-        Ok(plan(&pipeline, setting, &[], &|data| kind(&stage.scene, data))?)
+        let scene = &built.stage.scene;
+        let setting = Setting { scene, needs: &built.needs, device: self.gpu.adapter.device(), size: SIZE, tables: Some(&self.tables) };
+        Ok(plan(&pipeline, setting, &[], &|data| kind(scene, data))?)
     }
 
     /// Renders a room, twice from empty caches, and checks all that must hold of any picture.
     pub(super) fn shot(&self, room: &Room, changes: &[Change]) -> Result<Shot, Trouble> {
-        let stage = room.stage()?;
-        let plan = self.plan(&stage, changes)?;
-        let mut run = self.run(&stage, &plan)?;
+        let built = room.built()?;
+        let plan = self.plan(&built, changes)?;
+        let mut run = self.run(&built, &plan)?;
         let first = whole(&mut run)?;
-        run.reset()?;
+        block_on(run.reset())?;
         if whole(&mut run)? == first { Ok(first) } else { Err(Trouble::Failed("two runs draw different pictures".into())) }
     }
 
     /// Renders a room of one material and tells what its lobe reflects: of the sky, if the pipeline computes that, or of what the records saw.
     pub(super) fn light(&self, room: &Room, changes: &[Change]) -> Result<Light, Trouble> {
-        let stage = room.stage()?;
-        let plan = self.plan(&stage, changes)?;
-        let mut run = self.run(&stage, &plan)?;
-        run.frame(&|| Pace::GoOn)?;
-        let picture = run.picture()?;
+        let built = room.built()?;
+        let plan = self.plan(&built, changes)?;
+        let mut run = self.run(&built, &plan)?;
+        block_on(run.frame(&|| Pace::GoOn))?;
+        let picture = block_on(run.picture())?;
         expect_no_negative_light(&picture)?;
         let layer = if self.nodes_of("EnvironmentLight").is_empty() { "glossy" } else { "sky" };
         let values = picture.rgb(layer).map_err(|_| Trouble::Absent(format!("the pipeline outputs no {layer}")))?;
@@ -189,26 +191,26 @@ impl<'a> Bench<'a> {
         let (Some(x), Some(y), Some(z)) = (normal("X"), normal("Y"), normal("Z")) else {
             return Err(Trouble::Absent("the pipeline outputs no normals".into()));
         };
-        let material = &stage.scene.materials[stage.scene.triangles[0].material as usize];
-        let toward = |at: usize| -stage.scene.cameras[0].pixel_ray(SIZE, [at as u32 % SIZE[0], at as u32 / SIZE[0]]).normalize();
+        let material = &built.stage.scene.materials[built.stage.scene.triangles[0].material as usize];
+        let toward = |at: usize| -built.stage.scene.cameras[0].pixel_ray(SIZE, [at as u32 % SIZE[0], at as u32 / SIZE[0]]).normalize();
         let cosines = (0..x.len()).map(|at| toward(at).dot(Vec3::new(x[at], y[at], z[at]))).collect();
         Ok(Light { values: values.concat(), cosines, lobe: material.reflection(material.reflectance).lobe })
     }
 
-    fn run<'r>(&'r self, stage: &'r Stage, plan: &'r Plan) -> Result<Run<'r>, Trouble> {
-        Ok(Run::new(self.gpu, &stage.scene, &stage.bvh, plan, &stage.scene.cameras[0], SIZE)?)
+    fn run(&self, built: &Built, plan: &Arc<Plan>) -> Result<Run, Trouble> {
+        Ok(block_on(Run::new(self.gpu, &built.stage, plan, &built.stage.scene.cameras[0], SIZE))?)
     }
 
     /// Renders a room, fills the cache with copies of the records that it made, `count` in all, and renders again.
     pub(super) fn shots_with_copies(&self, room: &Room, count: u32) -> Result<[Shot; 2], Trouble> {
-        let stage = room.stage()?;
-        let plan = self.plan(&stage, &[("RecordCache", "capacity", &count.to_string())])?;
-        let mut run = self.run(&stage, &plan)?;
+        let built = room.built()?;
+        let plan = self.plan(&built, &[("RecordCache", "capacity", &count.to_string())])?;
+        let mut run = self.run(&built, &plan)?;
         let alone = whole(&mut run)?;
         let [Saved { history, .. }] = plan.persistent.as_slice() else {
             return Err(Trouble::Absent("the pipeline keeps no records, or several caches".into()));
         };
-        let mut records = run.bytes(history.items)?;
+        let mut records = block_on(run.bytes(history.items))?;
         records.truncate(run.variable(history.count) as usize * history.item_bytes as usize);
         let copies: Vec<u8> = records.iter().copied().cycle().take(count as usize * history.item_bytes as usize).collect();
         run.restore(history, &copies, count);
@@ -217,9 +219,9 @@ impl<'a> Bench<'a> {
 }
 
 /// One frame; refuses what no frame may leave.
-fn whole(run: &mut Run<'_>) -> Result<Shot, Trouble> {
-    let report = run.frame(&|| Pace::GoOn)?;
-    let picture = run.picture()?;
+fn whole(run: &mut Run) -> Result<Shot, Trouble> {
+    let report = block_on(run.frame(&|| Pace::GoOn))?;
+    let picture = block_on(run.picture())?;
     if !report.complete {
         return Err(Trouble::Failed(format!("{} pixels are not covered", report.uncovered_pixels.unwrap_or(0))));
     }

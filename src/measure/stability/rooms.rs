@@ -1,8 +1,9 @@
 //! Scenes of the extremes, as documents: what a user could write, read by the loader that reads them.
 
 use super::Trouble;
-use crate::scene::{Scene, bvh::Bvh, load::load_text, needs::Needs};
+use crate::scene::{load::load_text, needs::Needs, stage::Stage};
 use glam::DVec3;
+use std::sync::Arc;
 
 /// A scene at some scale, place and brightness.
 #[derive(Clone)]
@@ -44,9 +45,8 @@ pub(super) struct View {
 }
 
 /// A scene that is ready to be planned and rendered.
-pub(super) struct Stage {
-    pub scene: Scene,
-    pub bvh: Bvh,
+pub(super) struct Built {
+    pub stage: Arc<Stage>,
     pub needs: Needs,
 }
 
@@ -144,11 +144,10 @@ impl Room {
     }
 
     /// Loads the document and builds the hierarchy.
-    pub fn stage(&self) -> Result<Stage, Trouble> {
-        let mut scene = load_text("room", &self.document())?;
-        let bvh = Bvh::build(&mut scene);
-        let needs = Needs::of(&scene);
-        Ok(Stage { scene, bvh, needs })
+    pub fn built(&self) -> Result<Built, Trouble> {
+        let stage = Stage::new(load_text("room", &self.document())?);
+        let needs = Needs::of(&stage.scene);
+        Ok(Built { stage: Arc::new(stage), needs })
     }
 
     fn document(&self) -> String {

@@ -10,6 +10,7 @@ use crate::measure::sweep::{Measured, Outcome, Point, Sweep};
 use crate::measure::traffic::Traffic;
 use crate::pipeline::{Pipeline, Plan};
 use std::fmt::Write;
+use std::sync::Arc;
 
 /// The table for people.
 pub fn text(sweep: &Sweep, survey: &Survey) -> String {
@@ -89,10 +90,10 @@ pub fn warnings(sweep: &Sweep, survey: &Survey) -> Vec<String> {
 }
 
 /// What the page shows; pipelines and plans are those of the points.
-pub fn report(sweep: &Sweep, survey: &Survey, pipelines: &[Pipeline], plans: &[Option<Plan>]) -> Report {
-    let beside = |(pipeline, plan): (&Pipeline, &Option<Plan>)| Beside {
+pub fn report(sweep: &Sweep, survey: &Survey, pipelines: &[Pipeline], plans: &[Option<Arc<Plan>>]) -> Report {
+    let beside = |(pipeline, plan): (&Pipeline, &Option<Arc<Plan>>)| Beside {
         text: pipeline.to_ron(),
-        dropped: plan.as_ref().map_or(Vec::new(), dropped),
+        dropped: plan.as_ref().map_or(Vec::new(), |plan| dropped(plan)),
         start_up_seconds: None,
     };
     let beside = pipelines.iter().zip(plans).map(beside).collect();

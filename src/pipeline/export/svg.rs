@@ -36,7 +36,7 @@ fn colour(kind: PortKind) -> &'static str {
         PortKind::DirectLight | PortKind::ShadowMaps | PortKind::Image | PortKind::PhotonMap => "#b26a00",
         PortKind::RecordCache | PortKind::IrradianceField | PortKind::Records | PortKind::Splats => "#2f7f5f",
         PortKind::Requests | PortKind::Tiles | PortKind::WeightedTiles => "#8a4f9e",
-        PortKind::Flag => PLAIN,
+        PortKind::Flag | PortKind::Own(_) => PLAIN,
     }
 }
 

@@ -56,7 +56,7 @@ impl AreaLight {
     /// Emission over the luminance of the lamp's mean, at a way from a place.
     #[inline(always)]
     fn hue(&self, scene: &Scene, origin: Vec3, way: Vec3) -> Rgb {
-        self.hue.unwrap_or_else(|| self.hue_there(scene, Ray { origin, direction: way }))
+        self.hue.unwrap_or_else(|| self.hue_there(scene, Ray::new(origin, way)))
     }
 
     #[cold]

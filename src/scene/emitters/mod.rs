@@ -29,6 +29,11 @@ impl Emission {
         Self { area_lights: AreaLight::all(scene), tree: LightTree::new(scene), suns: Suns::new(&scene.environment) }
     }
 
+    /// How many emissive triangles there are.
+    pub fn lamps(&self) -> usize {
+        self.area_lights.len()
+    }
+
     /// The triangle of a lamp of the tree.
     pub fn triangle(&self, lamp: u32) -> u32 {
         self.area_lights[lamp as usize].triangle

@@ -1,6 +1,6 @@
 //! Light from outside of a scene's file: a sky in place of its own, and the sun.
 
-use super::{error::SceneError, files::Files, image, sky};
+use super::{error::SceneError, file_system::FileSystem, files::Files, image, sky};
 use crate::math::colour::luminance;
 use crate::scene::model::{Environment, Light, LightKind, Scene};
 use glam::{DVec3, Vec3};
@@ -49,25 +49,25 @@ impl Daylight {
     /// What lights a scene that has no light at all.
     pub const OF_DARK_SCENES: Self = Self { sky: Some(Sky::Overcast), sun: None };
 
-    /// Lights a scene. A sun stands in a clear sky where the scene has none.
+    /// Lights a scene; an image of the sky is one of these files. A sun stands in a clear sky where the scene has none.
     ///
     /// # Errors
     /// An image of the sky that cannot be read.
-    pub fn light(&self, scene: &mut Scene) -> Result<(), SceneError> {
+    pub fn light(&self, scene: &mut Scene, files: &dyn FileSystem) -> Result<(), SceneError> {
         let around_sun = self.sun.filter(|_| scene.environment.is_black()).map(|_| Sky::Clear);
         let sky = self.sky.clone().or(around_sun);
         let sun = self.sun.or((sky == Some(Sky::Clear)).then(Sun::default));
         if let Some(sky) = &sky {
-            scene.environment = environment(sky, sun.unwrap_or_default())?;
+            scene.environment = environment(sky, sun.unwrap_or_default(), files)?;
         }
         scene.lights.extend(sun.map(sunlight));
         Ok(())
     }
 }
 
-fn environment(sky: &Sky, sun: Sun) -> Result<Environment, SceneError> {
+fn environment(sky: &Sky, sun: Sun, files: &dyn FileSystem) -> Result<Environment, SceneError> {
     Ok(match sky {
-        Sky::File(path) => image::load_sky(path, &Files::default(), 1.0, 0.0)?,
+        Sky::File(path) => image::load_sky(path, &Files::of(files), 1.0, 0.0)?,
         Sky::Clear => {
             let clear = sky::Clear::new(sun.azimuth.to_radians(), sun.elevation.to_radians(), sky::USUAL_TURBIDITY);
             let of_sun = sun_irradiance(sun) * sun.elevation.to_radians().sin();
@@ -121,7 +121,7 @@ impl Scene {
 
 #[cfg(test)]
 mod tests {
-    use super::super::load_text;
+    use super::super::{Memory, load_text};
     use super::*;
 
     fn room(more: &str) -> Scene {
@@ -134,7 +134,7 @@ mod tests {
 
     fn lit(daylight: Daylight, more: &str) -> Scene {
         let mut scene = room(more);
-        daylight.light(&mut scene).unwrap();
+        daylight.light(&mut scene, &Memory::default()).unwrap();
         scene
     }
 

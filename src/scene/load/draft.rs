@@ -13,7 +13,7 @@ use std::collections::{HashMap, HashSet};
 pub const MAX_TRIANGLES: usize = 16_000_000;
 
 /// The extents that single precision serves: beyond them the squares of areas overflow or vanish [scene units].
-const EXTENT_RANGE: std::ops::RangeInclusive<f64> = 1e-4..=4e9;
+pub(in crate::scene) const EXTENT_RANGE: std::ops::RangeInclusive<f64> = 1e-4..=4e9;
 
 /// Alpha below which there is a hole, where nothing else is said.
 pub(super) const HALF: f32 = 0.5;
@@ -49,6 +49,8 @@ pub(super) struct Draft {
     pub charts: Vec<Vec<[Vec2; 3]>>,
     /// Likewise, as [`Scene::tangents`].
     pub tangents: Vec<[Vec3; 3]>,
+    /// Of the faces, in their order.
+    pub objects: Vec<Object>,
     pub textures: Vec<TextureSource>,
     /// Lights and where they stand; the position inside the light is filled in at the end.
     pub lights: Vec<(Light, DVec3)>,
@@ -94,12 +96,12 @@ fn put<T: Copy + Default>(all: &mut Vec<[T; 3]>, at: usize, corners: [T; 3]) {
 }
 
 /// Whether an affine map turns the front of triangles to their back, so that two corners are swapped.
-pub(super) fn mirrors(map: &DMat4) -> bool {
+pub(in crate::scene) fn mirrors(map: &DMat4) -> bool {
     map.determinant() < 0.0
 }
 
 /// The map of normals that belongs to an affine map of positions: the inverse transpose, up to a positive factor.
-pub(super) fn normal_map(map: &DMat4) -> DMat3 {
+pub(in crate::scene) fn normal_map(map: &DMat4) -> DMat3 {
     let linear = DMat3::from_mat4(*map);
     // The matrix of cofactors: it exists for flattening maps too, and its sign follows the mirroring.
     let cofactors = DMat3::from_cols(linear.y_axis.cross(linear.z_axis), linear.z_axis.cross(linear.x_axis), linear.x_axis.cross(linear.y_axis));
@@ -119,6 +121,14 @@ impl Draft {
         self.expect_room(1)?;
         self.faces.push(face);
         Ok(())
+    }
+
+    /// Says that the faces from one on are an object; those that were said to be others are parts of it.
+    pub fn end_object(&mut self, name: impl Into<String>, first: usize) {
+        while self.objects.pop_if(|object| object.triangles.start >= first).is_some() {}
+        if first < self.faces.len() {
+            self.objects.push(Object { name: name.into(), triangles: first..self.faces.len() });
+        }
     }
 
     /// Adds a camera that stands at a place.
@@ -176,7 +186,7 @@ impl Draft {
         if !tangents.is_empty() {
             tangents.resize(triangles.len(), [Vec3::ZERO; 3]);
         }
-        clean(&mut triangles, (&mut charts, &mut tangents), &self.materials, &mut self.notes);
+        clean(&mut triangles, (&mut charts, &mut tangents), &mut self.objects, &self.materials, &mut self.notes);
         if triangles.is_empty() {
             return Err(no_triangles(name, &self.notes));
         }
@@ -196,6 +206,7 @@ impl Draft {
             textures,
             charts,
             tangents,
+            objects: self.objects,
             lights,
             environment,
             cameras,
@@ -282,6 +293,18 @@ fn renumber(used: &[bool]) -> Vec<u32> {
         .collect()
 }
 
+/// Of faces that stay where they are marked, the objects that are left.
+fn retain_objects(objects: &mut Vec<Object>, marks: &[bool]) {
+    let (mut seen, mut kept) = (0, 0);
+    let mut kept_before = |end: usize| {
+        kept += marks[seen..end].iter().filter(|mark| **mark).count();
+        seen = end;
+        kept
+    };
+    objects.iter_mut().for_each(|object| object.triangles = kept_before(object.triangles.start)..kept_before(object.triangles.end));
+    objects.retain(|object| !object.triangles.is_empty());
+}
+
 fn retain_marked<T>(items: &mut Vec<T>, marks: &[bool]) {
     let mut marks = marks.iter();
     items.retain(|_| *marks.next().unwrap_or(&false));
@@ -315,9 +338,16 @@ fn on_front_side(normals: [Vec3; 3], front: Vec3) -> [Vec3; 3] {
 }
 
 /// Leaves out triangles without an area and repetitions of the same triangle, in their charts and tangents, too.
-fn clean(triangles: &mut Vec<Triangle>, (charts, tangents): (&mut [Vec<[Vec2; 3]>], &mut Vec<[Vec3; 3]>), materials: &[Material], notes: &mut Vec<String>) {
+fn clean(
+    triangles: &mut Vec<Triangle>,
+    (charts, tangents): (&mut [Vec<[Vec2; 3]>], &mut Vec<[Vec3; 3]>),
+    objects: &mut Vec<Object>,
+    materials: &[Material],
+    notes: &mut Vec<String>,
+) {
     let before = triangles.len();
     let mut retain = |triangles: &mut Vec<Triangle>, marks: &[bool]| {
+        retain_objects(objects, marks);
         retain_marked(triangles, marks);
         charts.iter_mut().for_each(|chart| retain_marked(chart, marks));
         retain_marked(tangents, marks);

@@ -1,7 +1,7 @@
 //! What can be wrong with a scene: one code per case, a sentence, the way out, and the place in the file.
 
 use miette::{Diagnostic, LabeledSpan, NamedSource, SourceCode};
-use std::{fmt, ops::Range, path::Path};
+use std::{cell::OnceCell, collections::HashSet, fmt, ops::Range, path::Path, sync::Arc};
 
 /// The kinds of fault that loading a scene can meet.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -49,12 +49,16 @@ impl Problem {
     }
 }
 
-/// Why a scene could not be loaded, ready to be shown by miette.
+/// Why a scene could not be loaded: all root causes, ready to be shown by miette.
 #[derive(Debug)]
-pub struct SceneError(Box<Report>);
+pub struct SceneError {
+    first: Box<Cause>,
+    others: Vec<Cause>,
+}
 
+/// One root cause.
 #[derive(Debug)]
-struct Report {
+struct Cause {
     problem: Problem,
     message: String,
     help: Option<String>,
@@ -63,49 +67,202 @@ struct Report {
 
 #[derive(Debug)]
 struct Place {
-    source: NamedSource<String>,
+    source: Arc<NamedSource<String>>,
     span: Range<usize>,
     label: String,
 }
 
 impl SceneError {
     pub(crate) fn new(problem: Problem, message: impl Into<String>) -> Self {
-        Self(Box::new(Report { problem, message: message.into(), help: None, place: None }))
+        Self { first: Box::new(Cause { problem, message: message.into(), help: None, place: None }), others: Vec::new() }
     }
 
     pub(crate) fn help(mut self, help: impl Into<String>) -> Self {
-        self.0.help = Some(help.into());
+        self.first.help = Some(help.into());
         self
     }
 
     /// Names the bytes of a source text that are at fault.
     pub(crate) fn at(mut self, source: &SourceText, span: Range<usize>, label: impl Into<String>) -> Self {
         let (start, end) = (floor_boundary(source.text, span.start), floor_boundary(source.text, span.end));
-        let named = NamedSource::new(source.path.display().to_string(), source.text.to_owned());
-        self.0.place = Some(Place { source: named, span: start..end.max(start), label: label.into() });
+        self.first.place = Some(Place { source: source.named(), span: start..end.max(start), label: label.into() });
         self
     }
 
-    /// What kind of fault this is.
+    /// What kind of fault this is; of several, the first.
     pub fn problem(&self) -> Problem {
-        self.0.problem
+        self.first.problem
+    }
+
+    fn and(mut self, other: Self) -> Self {
+        self.others.push(*other.first);
+        self.others.extend(other.others);
+        self
+    }
+
+    /// With those before it, if there are any.
+    fn after(self, before: Option<Self>) -> Self {
+        match before {
+            Some(before) => before.and(self),
+            None => self,
+        }
+    }
+
+    /// One that stands for itself; several are related to a headline.
+    fn only(&self) -> Option<&Cause> {
+        self.others.is_empty().then_some(&*self.first)
+    }
+
+    fn causes(&self) -> impl Iterator<Item = &Cause> {
+        std::iter::once(&*self.first).chain(&self.others)
+    }
+}
+
+/// Results that are wanted together: what is wrong with any of them is told.
+pub(super) trait Together {
+    type Values;
+    fn together(self) -> Result<Self::Values, SceneError>;
+}
+
+impl<A, B> Together for (Result<A, SceneError>, Result<B, SceneError>) {
+    type Values = (A, B);
+    fn together(self) -> Result<Self::Values, SceneError> {
+        match self {
+            (Ok(a), Ok(b)) => Ok((a, b)),
+            (Err(a), Err(b)) => Err(a.and(b)),
+            (Err(error), _) | (_, Err(error)) => Err(error),
+        }
+    }
+}
+
+impl<A, B, C> Together for (Result<A, SceneError>, Result<B, SceneError>, Result<C, SceneError>) {
+    type Values = (A, B, C);
+    fn together(self) -> Result<Self::Values, SceneError> {
+        let ((a, b), c) = ((self.0, self.1).together(), self.2).together()?;
+        Ok((a, b, c))
+    }
+}
+
+impl<A, B, C, D> Together for (Result<A, SceneError>, Result<B, SceneError>, Result<C, SceneError>, Result<D, SceneError>) {
+    type Values = (A, B, C, D);
+    fn together(self) -> Result<Self::Values, SceneError> {
+        let ((a, b, c), d) = ((self.0, self.1, self.2).together(), self.3).together()?;
+        Ok((a, b, c, d))
+    }
+}
+
+impl<A, B, C, D, E> Together for (Result<A, SceneError>, Result<B, SceneError>, Result<C, SceneError>, Result<D, SceneError>, Result<E, SceneError>) {
+    type Values = (A, B, C, D, E);
+    fn together(self) -> Result<Self::Values, SceneError> {
+        let ((a, b, c, d), e) = ((self.0, self.1, self.2, self.3).together(), self.4).together()?;
+        Ok((a, b, c, d, e))
+    }
+}
+
+/// The same of any number of results of one kind.
+pub(super) fn all<T>(results: impl IntoIterator<Item = Result<T, SceneError>>) -> Result<Vec<T>, SceneError> {
+    let (mut values, mut faults) = (Vec::new(), None::<SceneError>);
+    for result in results {
+        match result {
+            Ok(value) => values.push(value),
+            Err(fault) => faults = Some(fault.after(faults)),
+        }
+    }
+    faults.map_or(Ok(values), Err)
+}
+
+/// All that is wrong with a scene: of each place one cause, and of limits the first that is met.
+#[derive(Default)]
+pub(super) struct Faults {
+    found: Option<SceneError>,
+    places: HashSet<(String, usize)>,
+    is_too_large: bool,
+}
+
+impl Faults {
+    pub fn add(&mut self, error: SceneError) {
+        for cause in std::iter::once(*error.first).chain(error.others) {
+            if self.is_new(&cause) {
+                let error = SceneError { first: Box::new(cause), others: Vec::new() };
+                self.found = Some(error.after(self.found.take()));
+            }
+        }
+    }
+
+    /// The value of a result that is none.
+    pub fn take<T>(&mut self, result: Result<T, SceneError>) -> Option<T> {
+        result.map_err(|error| self.add(error)).ok()
+    }
+
+    pub fn expect_none(self) -> Result<(), SceneError> {
+        self.found.map_or(Ok(()), Err)
+    }
+
+    fn is_new(&mut self, cause: &Cause) -> bool {
+        match &cause.place {
+            Some(place) => self.places.insert((place.source.name().to_owned(), place.span.start)),
+            None if cause.problem == Problem::TooLarge => !std::mem::replace(&mut self.is_too_large, true),
+            None => true,
+        }
     }
 }
 
 /// A text file and what to call it in messages.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug)]
 pub(crate) struct SourceText<'a> {
     pub path: &'a Path,
     pub text: &'a str,
+    /// What messages show of it: one for all, made for the first.
+    named: OnceCell<Arc<NamedSource<String>>>,
+}
+
+impl<'a> SourceText<'a> {
+    pub fn new(path: &'a Path, text: &'a str) -> Self {
+        Self { path, text, named: OnceCell::new() }
+    }
+
+    fn named(&self) -> Arc<NamedSource<String>> {
+        self.named.get_or_init(|| Arc::new(NamedSource::new(self.path.display().to_string(), self.text.to_owned()))).clone()
+    }
 }
 
 fn floor_boundary(text: &str, at: usize) -> usize {
     (0..=at.min(text.len())).rev().find(|&i| text.is_char_boundary(i)).unwrap_or(0)
 }
 
+impl fmt::Display for Cause {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.message)
+    }
+}
+
+impl std::error::Error for Cause {}
+
+impl Diagnostic for Cause {
+    fn code<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
+        Some(Box::new(self.problem.code()))
+    }
+
+    fn help<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
+        self.help.as_ref().map(|help| Box::new(help) as Box<dyn fmt::Display>)
+    }
+
+    fn source_code(&self) -> Option<&dyn SourceCode> {
+        self.place.as_ref().map(|place| &*place.source as &dyn SourceCode)
+    }
+
+    fn labels(&self) -> Option<Box<dyn Iterator<Item = LabeledSpan> + '_>> {
+        let place = self.place.as_ref()?;
+        Some(Box::new(std::iter::once(LabeledSpan::new_with_span(Some(place.label.clone()), place.span.clone()))))
+    }
+}
+
 impl fmt::Display for SceneError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.0.message)
+        match self.only() {
+            Some(only) => only.fmt(f),
+            None => write!(f, "{} errors", 1 + self.others.len()),
+        }
     }
 }
 
@@ -113,20 +270,23 @@ impl std::error::Error for SceneError {}
 
 impl Diagnostic for SceneError {
     fn code<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
-        Some(Box::new(self.0.problem.code()))
+        self.only()?.code()
     }
 
     fn help<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
-        self.0.help.as_ref().map(|help| Box::new(help) as Box<dyn fmt::Display>)
+        Diagnostic::help(self.only()?)
     }
 
     fn source_code(&self) -> Option<&dyn SourceCode> {
-        self.0.place.as_ref().map(|place| &place.source as &dyn SourceCode)
+        self.only()?.source_code()
     }
 
     fn labels(&self) -> Option<Box<dyn Iterator<Item = LabeledSpan> + '_>> {
-        let place = self.0.place.as_ref()?;
-        Some(Box::new(std::iter::once(LabeledSpan::new_with_span(Some(place.label.clone()), place.span.clone()))))
+        self.only()?.labels()
+    }
+
+    fn related<'a>(&'a self) -> Option<Box<dyn Iterator<Item = &'a dyn Diagnostic> + 'a>> {
+        self.only().is_none().then(|| Box::new(self.causes().map(|cause| cause as &dyn Diagnostic)) as Box<dyn Iterator<Item = &dyn Diagnostic>>)
     }
 }
 

@@ -1,11 +1,13 @@
 //! Every byte that loading takes from files: regular ones only, each shared while it is in use, all of them within a limit.
 
-use super::error::{Problem, SceneError};
+use super::{
+    error::{Problem, SceneError},
+    file_system::FileSystem,
+};
 use std::{
     cell::{Cell, RefCell},
     collections::HashMap,
-    fs::{File, metadata},
-    io::{self, ErrorKind, Read},
+    io::{self, ErrorKind},
     ops::{Deref, Range},
     path::{Path, PathBuf},
     sync::{Arc, Weak},
@@ -19,28 +21,6 @@ const MAX_TOTAL: u64 = 8 << 30;
 /// What messages call a file.
 pub(super) fn file_name(path: &Path) -> String {
     path.file_name().unwrap_or_default().to_string_lossy().into_owned()
-}
-
-/// Reads a whole regular file of at most so many bytes.
-///
-/// # Errors
-/// A device, a pipe or a folder ([`ErrorKind::InvalidInput`]): those may never end, or wait for somebody to write into them. A longer file
-/// ([`ErrorKind::FileTooLarge`]), and what the system refuses.
-pub fn read_file(path: &Path, most: u64) -> io::Result<Vec<u8>> {
-    // To open a pipe is to wait for its other end: what it is has to be known before.
-    let stated = metadata(path)?;
-    if !stated.is_file() {
-        return Err(io::Error::new(ErrorKind::InvalidInput, "it is not a regular file"));
-    }
-    let too_large = || io::Error::new(ErrorKind::FileTooLarge, format!("it is longer than the limit of {most} bytes"));
-    if stated.len() > most {
-        return Err(too_large());
-    }
-    let mut bytes = Vec::new();
-    bytes.try_reserve_exact(usize::try_from(stated.len()).map_err(|_| too_large())?).map_err(|_| ErrorKind::OutOfMemory)?;
-    // A file may grow while it is read.
-    File::open(path)?.take(most + 1).read_to_end(&mut bytes)?;
-    if bytes.len() as u64 <= most { Ok(bytes) } else { Err(too_large()) }
 }
 
 /// A part of a file, shared by all that look at it.
@@ -78,23 +58,27 @@ impl Deref for Bytes {
 }
 
 /// The files of one scene.
-pub(super) struct Files {
+pub(super) struct Files<'a> {
+    system: &'a dyn FileSystem,
     /// What all of them may still take [bytes].
     left: Cell<u64>,
     /// Those in use, so that a file which many parts name is read once and held once.
     open: RefCell<HashMap<PathBuf, Weak<Vec<u8>>>>,
 }
 
-impl Default for Files {
-    fn default() -> Self {
-        Self::within(MAX_TOTAL)
+impl<'a> Files<'a> {
+    pub fn of(system: &'a dyn FileSystem) -> Self {
+        Self::within(MAX_TOTAL, system)
     }
-}
 
-impl Files {
     /// Files that take at most so many bytes in all.
-    pub fn within(total: u64) -> Self {
-        Self { left: Cell::new(total), open: RefCell::default() }
+    pub fn within(total: u64, system: &'a dyn FileSystem) -> Self {
+        Self { system, left: Cell::new(total), open: RefCell::default() }
+    }
+
+    /// Whether a file is there.
+    pub fn is_there(&self, path: &Path) -> bool {
+        self.system.stamp(path).is_some()
     }
 
     /// Reads a whole file.
@@ -103,12 +87,12 @@ impl Files {
     /// One that is missing, unreadable, no regular file, or too large by itself or together with those before it.
     pub fn read(&self, path: &Path) -> Result<Bytes, SceneError> {
         let unreadable = |error| unreadable(path, &error);
-        let canonical = path.canonicalize().map_err(unreadable)?;
+        let canonical = self.system.canonical(path).map_err(unreadable)?;
         if let Some(known) = self.open.borrow().get(&canonical).and_then(Weak::upgrade) {
             return Ok(known.into());
         }
         let left = self.left.get();
-        let bytes = read_file(&canonical, MAX_FILE.min(left)).map_err(|error| match error.kind() {
+        let bytes = self.system.read(&canonical, MAX_FILE.min(left)).map_err(|error| match error.kind() {
             ErrorKind::FileTooLarge if left < MAX_FILE => beyond_total(path),
             _ => unreadable(error),
         })?;

@@ -1,5 +1,6 @@
 //! glTF 2.0, as text or binary: what light transport needs of it, and notes about the rest.
 
+mod compressed;
 mod document;
 mod material;
 
@@ -23,6 +24,7 @@ use base64::{
     Engine, alphabet,
     engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig},
 };
+use compressed::{MESHOPT, Unpacked};
 use document::{EXTENSIONS, Opened};
 use glam::{DMat4, DQuat, DVec3, Vec2, Vec3};
 use material::Coordinates;
@@ -31,11 +33,8 @@ use std::{
     path::{Path, PathBuf},
 };
 
-/// An extension that holds the geometry of a primitive in place of its accessors.
-const DRACO: &str = "KHR_draco_mesh_compression";
-
 /// What is missing from a scene without an extension, where its name does not say it.
-const SUPPLIES: [(&str, &str); 3] = [("EXT_mesh_gpu_instancing", "instances of meshes"), ("KHR_texture_basisu", "textures"), ("MSFT_texture_dds", "textures")];
+const SUPPLIES: [(&str, &str); 2] = [("EXT_mesh_gpu_instancing", "instances of meshes"), ("MSFT_texture_dds", "textures")];
 
 /// The most elements of an accessor without a buffer: a few bytes of text must not become gigabytes.
 const MAX_ZEROS: usize = 1 << 20;
@@ -55,7 +54,8 @@ fn broken(path: &Path, why: &str) -> SceneError {
 fn read_document(path: &Path, files: &Files, bytes: &Bytes, draft: &mut Draft, wanted: &dyn Fn(&str) -> bool) -> Result<(), SceneError> {
     let Opened { document, blob, animations, skins } = document::open(path, bytes)?;
     let buffers = read_buffers(path, files, &document, blob)?;
-    let mut reader = Reader { path, buffers, draft, wanted, materials: HashMap::new(), textures: HashMap::new(), ignored: BTreeMap::new() };
+    let unpacked = Unpacked::of(&document, &buffers, path)?;
+    let mut reader = Reader { path, buffers, unpacked, draft, wanted, materials: HashMap::new(), textures: HashMap::new(), ignored: BTreeMap::new() };
     reader.ignore_all(animations, "animations");
     reader.ignore_all(skins, "skins");
     document.extensions_used().filter(|name| !EXTENSIONS.contains(name)).for_each(|name| reader.ignore(unread(name)));
@@ -77,6 +77,8 @@ fn unread(extension: &str) -> String {
 fn read_buffers(path: &Path, files: &Files, document: &Document, mut blob: Option<Bytes>) -> Result<Vec<Bytes>, SceneError> {
     let read = |buffer: buffer::Buffer| {
         let bytes = match buffer.source() {
+            // Room for what is compressed elsewhere, for readers that know nothing of that.
+            buffer::Source::Bin if buffer.extension_value(MESHOPT).is_some() => return Ok(Bytes::from(Vec::new())),
             buffer::Source::Bin => blob.take().ok_or_else(|| without_bytes(path, &buffer))?,
             buffer::Source::Uri(uri) => read_uri(path, files, uri)?,
         };
@@ -143,6 +145,7 @@ fn percent_decoded(uri: &str) -> Vec<u8> {
 struct Reader<'a> {
     path: &'a Path,
     buffers: Vec<Bytes>,
+    unpacked: Unpacked,
     draft: &'a mut Draft,
     wanted: &'a dyn Fn(&str) -> bool,
     /// Numbers by glTF index; `None` is the default material.
@@ -200,9 +203,11 @@ impl Reader<'_> {
     fn add_node(&mut self, node: &Node, map: &DMat4) -> Result<(), SceneError> {
         if let Some(mesh) = node.mesh() {
             let name = node.name().or(mesh.name()).map_or(format!("mesh {}", mesh.index()), |name| format!("mesh `{name}`"));
+            let first = self.draft.faces.len();
             for primitive in mesh.primitives() {
                 self.add_primitive(&primitive, map, &name)?;
             }
+            self.draft.end_object(node.name().or(mesh.name()).unwrap_or(&name), first);
         }
         if let Some(light) = node.light() {
             self.add_light(&light, node, map)?;
@@ -224,15 +229,16 @@ impl Reader<'_> {
         let Some(positions) = self.positions(primitive) else { return Ok(()) };
         let Some(material) = self.material(&primitive.material())? else { return Ok(()) };
         let vertices = self.read_vertices(primitive, &positions, self.draft.materials[material as usize].maps)?;
-        let indices = match primitive.indices() {
-            Some(accessor) => self.read_indices(&accessor)?,
-            None => (0..vertices.positions.len() as u32).collect(),
+        let (mode, indices) = match (self.unpacked.triangles.get(&positions.index()), primitive.indices()) {
+            (Some(triangles), _) => (Mode::Triangles, triangles.clone()),
+            (None, Some(accessor)) => (primitive.mode(), self.read_indices(&accessor)?),
+            (None, None) => (primitive.mode(), (0..vertices.positions.len() as u32).collect()),
         };
         if let Some(&index) = indices.iter().find(|&&index| index as usize >= vertices.positions.len()) {
             return Err(broken(self.path, &format!("{name} refers to vertex {index} of {}", vertices.positions.len())));
         }
         let normal_map = normal_map(map);
-        for corners in triangles(primitive.mode(), &indices) {
+        for corners in triangles(mode, &indices) {
             let corners = corners.map(|index| index as usize);
             let normals = corners.map(|i| vertices.normals.get(i).copied().unwrap_or(Vec3::ZERO));
             let mut uvs = vertices.uvs.iter().map(|uvs| corners.map(|i| uvs.get(i).copied().unwrap_or(Vec2::ZERO)));
@@ -251,14 +257,14 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// Where a primitive's positions are; None where the file has none, or only in a form that is not read.
+    /// Where a primitive's positions are; None where the file has none.
     fn positions<'d>(&mut self, primitive: &Primitive<'d>) -> Option<Accessor<'d>> {
         let positions = primitive.get(&Semantic::Positions);
-        if positions.as_ref().is_some_and(|accessor| accessor.view().is_some() || accessor.sparse().is_some()) {
+        let is_there = |accessor: &Accessor| accessor.view().is_some() || accessor.sparse().is_some() || self.unpacked.numbers.contains_key(&accessor.index());
+        if positions.as_ref().is_some_and(is_there) {
             return positions;
         }
-        let is_compressed = primitive.extension_value(DRACO).is_some();
-        self.ignore(if is_compressed { format!("geometry that {DRACO} holds") } else { "meshes without positions".to_owned() });
+        self.ignore("meshes without positions");
         None
     }
 
@@ -302,6 +308,9 @@ impl Reader<'_> {
     }
 
     fn view_content(&self, view: &buffer::View) -> Content {
+        if let Some(bytes) = self.unpacked.views.get(&view.index()) {
+            return Content::Bytes(bytes.clone());
+        }
         let part = view.offset().checked_add(view.length()).and_then(|end| self.buffers.get(view.buffer().index())?.part(view.offset()..end));
         part.map_or_else(|| Content::Missing("it reaches past its buffer".to_owned()), Content::Bytes)
     }
@@ -363,6 +372,9 @@ impl Reader<'_> {
     }
 
     fn view_bytes(&self, view: &buffer::View) -> Option<&[u8]> {
+        if let Some(bytes) = self.unpacked.views.get(&view.index()) {
+            return Some(bytes);
+        }
         let end = view.offset().checked_add(view.length())?;
         self.buffers.get(view.buffer().index())?.get(view.offset()..end)
     }
@@ -394,7 +406,10 @@ impl Reader<'_> {
         let decode = |bytes: &[u8]| std::array::from_fn(|axis| number(&bytes[axis * kind.size()..], kind, normalised));
         let mut vectors: Vec<[f32; N]> = match accessor.view() {
             Some(view) => self.elements(accessor, &view, accessor.offset(), size, accessor.count())?.into_iter().map(decode).collect(),
-            None => self.zeros(accessor, [0.0; N])?,
+            None => match self.unpacked.numbers.get(&accessor.index()) {
+                Some(numbers) => numbers.as_chunks().0.to_vec(),
+                None => self.zeros(accessor, [0.0; N])?,
+            },
         };
         if let Some(sparse) = accessor.sparse() {
             let (indices, values) = (sparse.indices(), sparse.values());

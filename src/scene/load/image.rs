@@ -7,8 +7,10 @@ use super::{
     guard, list,
 };
 use crate::scene::model::{Environment, Material, Reading, Rgb, Texture};
-use ::image::{DynamicImage, ImageReader};
+use ::image::{DynamicImage, ImageReader, RgbaImage};
+use basisu::{DecodeFlags, TargetFormat, Transcoder};
 use glam::Vec3;
+use rayon::prelude::*;
 use std::{borrow::Cow, io::Cursor, path::Path};
 
 /// The longest side of an image [pixels].
@@ -48,10 +50,17 @@ pub(super) fn decode_all(sources: &[TextureSource], files: &Files, materials: &m
         if let Some(Composed { image, lean }) = decoder.decode(source)? {
             *decoded = Some((textures.len() as u32, lean));
             let texels = image.pixels().map(|pixel| pixel.0).collect();
-            textures.push(Texture { name: source.name.clone(), width: image.width(), height: image.height(), texels, reading: source.reading });
+            textures.push(Texture {
+                name: source.name.clone(),
+                width: image.width(),
+                height: image.height(),
+                texels,
+                coarser: Vec::new(),
+                reading: source.reading,
+            });
         }
     }
-    for material in materials {
+    for material in &mut *materials {
         let emits_by_map = material.maps.emission.is_some();
         material.maps.normal_scale *= material.maps.normal.and_then(|map| decoded[map as usize]).map_or(1.0, |(_, lean)| lean);
         for texture in material.textures_mut() {
@@ -63,6 +72,7 @@ pub(super) fn decode_all(sources: &[TextureSource], files: &Files, materials: &m
         }
         material.alpha_cutoff = material.alpha_cutoff.filter(|_| material.texture.is_some());
     }
+    let textures = with_mipmaps(textures, materials);
     if !decoder.failures.is_empty() {
         notes.push(format!("textures that could not be read, their surfaces go without: {}", list(&decoder.failures)));
     }
@@ -72,9 +82,17 @@ pub(super) fn decode_all(sources: &[TextureSource], files: &Files, materials: &m
     Ok(textures)
 }
 
+/// With coarser levels, of all that are not read at full size alone. Where an image is a mask, too, what it cuts out does not count for its colours.
+fn with_mipmaps(textures: Vec<Texture>, materials: &[Material]) -> Vec<Texture> {
+    let mut cutoffs = vec![None; textures.len()];
+    materials.iter().filter_map(|material| material.texture.zip(material.alpha_cutoff)).for_each(|(texture, cutoff)| cutoffs[texture as usize] = Some(cutoff));
+    let mipmapped = |(texture, cutoff): (Texture, Option<f32>)| if texture.reading.is_fine { texture } else { texture.with_levels(cutoff) };
+    textures.into_par_iter().zip(cutoffs).map(mipmapped).collect()
+}
+
 /// Opens images as long as there is room for them.
 pub(super) struct Decoder<'a> {
-    files: &'a Files,
+    files: &'a Files<'a>,
     /// What textures may still take [bytes].
     budget: u64,
     /// Images that could not be read, and why.
@@ -148,11 +166,24 @@ impl Decoder<'_> {
 }
 
 fn dimensions(bytes: &[u8]) -> Option<(u32, u32)> {
-    guard(|| reader(bytes)?.into_dimensions().ok()).flatten().filter(|&(width, height)| width > 0 && height > 0)
+    let stated = || if is_ktx2(bytes) { Some(Transcoder::new(bytes).ok()?.base_dimensions()) } else { reader(bytes)?.into_dimensions().ok() };
+    guard(stated).flatten().filter(|&(width, height)| width > 0 && height > 0)
 }
 
 fn decode_pixels(bytes: &[u8]) -> Option<DynamicImage> {
-    guard(|| reader(bytes)?.decode().ok()).flatten()
+    guard(|| if is_ktx2(bytes) { decode_ktx2(bytes) } else { reader(bytes)?.decode().ok() }).flatten()
+}
+
+fn is_ktx2(bytes: &[u8]) -> bool {
+    bytes.starts_with(b"\xabKTX 20\xbb\r\n\x1a\n")
+}
+
+/// The largest level of a file of KHR_texture_basisu.
+fn decode_ktx2(bytes: &[u8]) -> Option<DynamicImage> {
+    let transcoder = Transcoder::new(bytes).ok()?;
+    let (width, height) = transcoder.base_dimensions();
+    let pixels = transcoder.transcode(0, TargetFormat::Rgba32, DecodeFlags::NONE).ok()?;
+    RgbaImage::from_raw(width, height, pixels).map(DynamicImage::ImageRgba8)
 }
 
 fn reader(bytes: &[u8]) -> Option<ImageReader<Cursor<&[u8]>>> {

@@ -5,8 +5,11 @@
 
 mod compose;
 mod daylight;
-mod draft;
+#[cfg(not(target_arch = "wasm32"))]
+mod disk;
+pub(super) mod draft;
 mod error;
+mod file_system;
 mod files;
 mod generate;
 mod gltf;
@@ -21,9 +24,11 @@ mod teapot;
 
 pub use self::ron::about;
 pub use daylight::{Daylight, Sky, Sun};
+#[cfg(not(target_arch = "wasm32"))]
+pub use disk::Disk;
 pub use draft::MAX_TRIANGLES;
 pub use error::{Problem, SceneError};
-pub use files::read_file;
+pub use file_system::{FileSystem, Memory, Stamp};
 
 use super::model::Scene;
 use draft::{Draft, Normals};
@@ -34,7 +39,7 @@ use std::{
     collections::BTreeMap,
     panic::{AssertUnwindSafe, catch_unwind},
     path::{Path, PathBuf},
-    sync::Once,
+    sync::{Arc, Once},
 };
 
 /// The variable that names folders with scenes, separated as in PATH.
@@ -50,12 +55,25 @@ const MAX_DOCUMENT: u64 = 256 << 20;
 const EMBEDDED: &[(&str, &str)] = include!(concat!(env!("OUT_DIR"), "/scenes.rs"));
 
 /// Where to look for files, and what to change in a scene.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub struct LoadOptions {
     /// Folders in which scenes and the files that they name are looked up, in this order.
     pub search: Vec<PathBuf>,
     /// Parameters of generators to override: key and value in RON.
     pub overrides: Vec<(String, String)>,
+    /// What all files are read from.
+    pub files: Arc<dyn FileSystem>,
+}
+
+impl Default for LoadOptions {
+    /// Files of the system; none in a browser, which has no such.
+    fn default() -> Self {
+        #[cfg(not(target_arch = "wasm32"))]
+        let files = Arc::new(Disk);
+        #[cfg(target_arch = "wasm32")]
+        let files = Arc::new(Memory::default());
+        Self { search: Vec::new(), overrides: Vec::new(), files }
+    }
 }
 
 impl LoadOptions {
@@ -79,15 +97,16 @@ pub fn embedded_scenes() -> impl Iterator<Item = &'static str> {
 /// # Errors
 /// A file that is missing, broken, or beyond the stated limits; [`SceneError::problem`] says which. No input panics.
 pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene, SceneError> {
-    if path.is_file() {
-        return load_file(path, options);
+    let files = Files::of(&*options.files);
+    if files.is_there(path) {
+        return load_file(path, &files, options);
     }
     if let Some((name, text)) = find_embedded(path) {
-        return load_document(Path::new(name), text, None, &Files::default(), options);
+        return load_document(Path::new(name), text, None, &files, options);
     }
-    match options.search.iter().map(|folder| folder.join(path)).find(|candidate| candidate.is_file()) {
-        Some(found) => load_file(&found, options),
-        None if path.exists() => Err(files::unreadable(path, &std::io::ErrorKind::InvalidInput.into())),
+    match options.search.iter().map(|folder| folder.join(path)).find(|candidate| files.is_there(candidate)) {
+        Some(found) => load_file(&found, &files, options),
+        None if options.files.canonical(path).is_ok() => Err(files::unreadable(path, &std::io::ErrorKind::InvalidInput.into())),
         None => Err(scene_not_found(path, options)),
     }
 }
@@ -98,25 +117,24 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene, SceneError> {
 /// # Errors
 /// As those of [`load`].
 pub fn load_text(name: &str, text: &str) -> Result<Scene, SceneError> {
-    load_document(Path::new(name), text, None, &Files::default(), &LoadOptions::default())
+    let options = LoadOptions::default();
+    load_document(Path::new(name), text, None, &Files::of(&*options.files), &options)
 }
 
-fn load_file(path: &Path, options: &LoadOptions) -> Result<Scene, SceneError> {
-    let files = Files::default();
+fn load_file(path: &Path, files: &Files, options: &LoadOptions) -> Result<Scene, SceneError> {
     if extension(path) == "ron" {
-        expect_document(path)?;
-        return load_document(path, &files.read_text(path)?, path.parent(), &files, options);
+        expect_document(path, options)?;
+        return load_document(path, &files.read_text(path)?, path.parent(), files, options);
     }
     refuse_overrides(options, &[])?;
     let mut draft = Draft::default();
-    load_geometry(path, &files, &mut draft, &|_| true)?;
-    draft.finish(&stem(path), Normals::File, &files)
+    load_geometry(path, files, &mut draft, &|_| true)?;
+    draft.finish(&stem(path), Normals::File, files)
 }
 
 /// Refuses a document before it is read that only a program can have written: a document names its geometry.
-fn expect_document(path: &Path) -> Result<(), SceneError> {
-    let bytes = std::fs::metadata(path).map_or(0, |metadata| metadata.len());
-    if bytes <= MAX_DOCUMENT {
+fn expect_document(path: &Path, options: &LoadOptions) -> Result<(), SceneError> {
+    if options.files.stamp(path).is_none_or(|(bytes, _)| bytes <= MAX_DOCUMENT) {
         return Ok(());
     }
     let message = format!("the document `{}` is larger than {} MiB, the limit for one", path.display(), MAX_DOCUMENT >> 20);

@@ -34,10 +34,11 @@ pub(super) fn read(path: &Path, files: &Files, draft: &mut Draft, wanted: &dyn F
         // A backslash joins two lines; blanks in its place keep every offset.
         text = text.replace("\\\r\n", "   ").replace("\\\n", "  ");
     }
-    let mut reader = Reader::new(SourceText { path, text: &text }, draft);
+    let mut reader = Reader::new(SourceText::new(path, &text), draft);
     for line in text.lines() {
         reader.read_line(line)?;
     }
+    reader.end_object();
     reader.finish(files, wanted)
 }
 
@@ -50,6 +51,8 @@ struct Reader<'a, 'd> {
     uvs: Vec<Vec2>,
     normals: Vec<Vec3>,
     object: &'a str,
+    /// Its first face.
+    object_start: usize,
     libraries: Vec<&'a str>,
     /// Numbers of the materials in the order of their first use.
     materials: HashMap<&'a str, u32>,
@@ -80,6 +83,7 @@ impl<'a, 'd> Reader<'a, 'd> {
         Self {
             source,
             first_face: draft.faces.len(),
+            object_start: draft.faces.len(),
             draft,
             positions: Vec::new(),
             uvs: Vec::new(),
@@ -113,6 +117,7 @@ impl<'a, 'd> Reader<'a, 'd> {
             }),
             "f" => self.read_face(rest),
             "o" | "g" => {
+                self.end_object();
                 self.object = rest;
                 Ok(())
             }
@@ -133,6 +138,14 @@ impl<'a, 'd> Reader<'a, 'd> {
                 Ok(())
             }
         }
+    }
+
+    /// Those without a name are of no object.
+    fn end_object(&mut self) {
+        if !self.object.is_empty() {
+            self.draft.end_object(self.object, self.object_start);
+        }
+        self.object_start = self.draft.faces.len();
     }
 
     fn leave_out(&mut self, what: &str) {

@@ -25,6 +25,7 @@ pub(super) fn read(path: &Path, files: &Files, draft: &mut Draft) -> Result<(), 
     let broken = |why: String| SceneError::new(Problem::Format, format!("`{}` is no sound PLY file: {why}", path.display())).help("export the file again");
     let (header, body) = Header::read(&bytes).map_err(broken)?;
     let mut body = Body { bytes: body, encoding: header.encoding };
+    let first = draft.faces.len();
     let material = draft.materials.len() as u32;
     draft.materials.push(Material::diffuse(MATERIAL, Vec3::splat(PLAIN)));
     let mut mesh = Mesh { vertices: Vec::new(), material, work: MAX_WORK, slivers: 0, unclear: 0 };
@@ -43,6 +44,7 @@ pub(super) fn read(path: &Path, files: &Files, draft: &mut Draft) -> Result<(), 
             }
         }
     }
+    draft.end_object(path.file_stem().map_or(String::new(), |stem| stem.to_string_lossy().into_owned()), first);
     mesh.tell(&mut draft.notes, &file_name(path));
     if !unread.is_empty() {
         draft.notes.push(format!("not read from the PLY file: {}", count_up(&unread)));

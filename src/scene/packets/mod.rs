@@ -10,7 +10,8 @@ pub use shadow::{ALMOST, ShadowRays, ToDo, Until};
 
 use super::{
     bvh::{Node, is_hole, is_seen},
-    model::{Scene, Triangle, surface_offset},
+    model::{Bounds, Scene, surface_offset},
+    parts::{Laid, Parts},
     wide::{Candidate, open},
 };
 use crate::math::{
@@ -40,6 +41,7 @@ const LEAST_DIRECTION: f32 = 1e-12;
 const FAR_AWAY: f32 = 1e9;
 
 /// Eight children by axis.
+#[derive(Clone)]
 #[repr(align(64))]
 struct Node8 {
     centres: [[f32; CHILDREN]; 3],
@@ -49,10 +51,12 @@ struct Node8 {
 }
 
 /// Up to eight triangles that are neighbours in the scene.
+#[derive(Clone)]
 struct Block {
     /// Corner, axis, triangle; places that are not taken are triangles without area, which nothing meets.
     corners: [[[f32; BLOCK]; 3]; 3],
     first: u32,
+    count: u32,
     /// Whether the next block belongs to the same leaf.
     goes_on: bool,
     /// Whether any of the triangles is one-sided or may have holes.
@@ -61,12 +65,19 @@ struct Block {
 }
 
 /// The hierarchy that packets walk.
+#[derive(Clone)]
 pub struct Packets {
     nodes: Vec<Node8>,
     blocks: Vec<Block>,
+    /// A node, or a leaf's first block.
+    root: Option<u32>,
     centre: Vec3,
-    /// Extents in a unit of length.
+    /// Extents in a unit of length, as it was built.
     scale: f32,
+    /// Of the scene [scene units].
+    extent: f32,
+    /// Where parts of the scene can move.
+    parts: Option<Laid<u32, CHILDREN>>,
 }
 
 /// The directions of a tile's samples in packets of neighbours, in the tile's frame.
@@ -141,25 +152,61 @@ fn blocks(size: [u32; 2]) -> [usize; 2] {
 
 /// A node that is still to be made.
 struct Unopened {
-    children: Vec<Node>,
+    /// Of the binary tree.
+    children: Vec<usize>,
     /// Whose child it is, and which; None for the root.
     parent: Option<(usize, usize)>,
 }
 
 impl Packets {
-    /// Over the binary hierarchy's nodes, root first, and the triangles that it has sorted.
-    pub fn new(nodes: &[Node], scene: &Scene) -> Self {
-        let bounds = scene.bounds();
-        let (centre, scale) = (bounds.centre(), 1.0 / bounds.diagonal().max(f32::MIN_POSITIVE));
-        let mut packets = Self { nodes: Vec::new(), blocks: Vec::new(), centre, scale };
-        if let Some(root) = nodes.first() {
-            let children = if root.count > 0 { vec![*root] } else { open(nodes, root, CHILDREN) };
-            packets.fill(nodes, children, scene);
-        }
+    /// Over the binary hierarchy's nodes and the triangles that it has sorted, which have these bounds.
+    pub fn new(nodes: &[Node], parts: Option<&Parts>, scene: &Scene, bounds: &Bounds) -> Self {
+        let (centre, scale) = (bounds.centre(), scale(bounds));
+        let mut packets = Self { nodes: Vec::new(), blocks: Vec::new(), root: None, centre, scale, extent: 1.0 / scale, parts: None };
+        let Some(parts) = parts else {
+            packets.root = (!nodes.is_empty()).then(|| packets.tree(nodes, 0, |packets, leaf| packets.leaf(leaf, scene), &mut Vec::new()));
+            return packets;
+        };
+        let sizes = |packets: &Self| [packets.nodes.len(), packets.blocks.len()];
+        let lay = |packets: &mut Self, root, sources: &mut _| packets.tree(nodes, root, |packets, leaf| packets.leaf(leaf, scene), sources);
+        packets.parts = Some(Laid::new(parts, &mut packets, sizes, lay));
+        packets.join(parts);
         packets
     }
 
-    fn fill(&mut self, nodes: &[Node], children: Vec<Node>, scene: &Scene) {
+    /// The same with movers, and the level over all parts, where they stand now. None where the bounds are so different that all must be made anew.
+    pub fn follow(mut self, nodes: &[Node], parts: &Parts, movers: &[usize], scene: &Scene, bounds: &Bounds) -> Option<Self> {
+        let now = bounds.diagonal() * self.scale;
+        if (self.inside(bounds.centre())).length() > 0.5 || !(0.5..2.0).contains(&now) {
+            return None;
+        }
+        self.extent = 1.0 / scale(bounds);
+        let of = self.parts.take()?;
+        for [range, blocks] in movers.iter().map(|mover| &of.movers[*mover]) {
+            for node in range.clone() {
+                of.children(node).for_each(|(slot, child)| self.place(node, slot, &nodes[child]));
+            }
+            for at in blocks.clone() {
+                let Block { first, count, goes_on, .. } = self.blocks[at];
+                self.blocks[at] = Block { goes_on, ..self.block(scene, first, count) };
+            }
+        }
+        self.parts = Some(of);
+        self.join(parts);
+        Some(self)
+    }
+
+    fn join(&mut self, parts: &Parts) {
+        let Some(of) = self.parts.take() else { return };
+        self.nodes.truncate(of.upper);
+        self.root = (!parts.upper.is_empty()).then(|| self.tree(&parts.upper, 0, |_, leaf| of.roots[leaf.first as usize], &mut Vec::new()));
+        self.parts = Some(of);
+    }
+
+    /// What stands for a binary tree below one of its nodes; `leaf` for a leaf of it. Of each new node the children's places in the tree are added.
+    fn tree(&mut self, nodes: &[Node], root: usize, mut leaf: impl FnMut(&mut Self, &Node) -> u32, sources: &mut Vec<[u32; CHILDREN]>) -> u32 {
+        let first = self.nodes.len();
+        let children = if nodes[root].count > 0 { vec![root] } else { open(nodes, root, CHILDREN) };
         // An explicit list rather than recursion: a degenerate hierarchy may be deep. Nodes stand in the order of a walk.
         let mut unopened = vec![Unopened { children, parent: None }];
         while let Some(Unopened { children, parent }) = unopened.pop() {
@@ -167,34 +214,45 @@ impl Packets {
             if let Some((parent, slot)) = parent {
                 self.nodes[parent].contents[slot] = place as u32;
             }
-            let mut node = Node8 { centres: [[0.0; CHILDREN]; 3], halves: [[-FAR_AWAY; CHILDREN]; 3], contents: [0; CHILDREN] };
-            for (slot, child) in children.iter().enumerate() {
-                let (min, max) = (self.inside(child.min.into()), self.inside(child.max.into()));
-                for axis in 0..3 {
-                    node.centres[axis][slot] = 0.5 * (min[axis] + max[axis]);
-                    node.halves[axis][slot] = 0.5 * (max[axis] - min[axis]) + ROUNDING;
-                }
+            self.nodes.push(Node8 { centres: [[0.0; CHILDREN]; 3], halves: [[-FAR_AWAY; CHILDREN]; 3], contents: [0; CHILDREN] });
+            let mut of_node = [u32::MAX; CHILDREN];
+            for (slot, at) in children.iter().enumerate() {
+                let child = &nodes[*at];
+                of_node[slot] = *at as u32;
+                self.place(place, slot, child);
                 if child.count > 0 {
-                    node.contents[slot] = self.leaf(child, scene);
+                    self.nodes[place].contents[slot] = leaf(self, child);
                 }
             }
-            self.nodes.push(node);
-            let inner = children.iter().enumerate().rev().filter(|(_, child)| child.count == 0);
-            unopened.extend(inner.map(|(slot, child)| Unopened { children: open(nodes, child, CHILDREN), parent: Some((place, slot)) }));
+            sources.push(of_node);
+            let inner = children.iter().enumerate().rev().filter(|(_, at)| nodes[**at].count == 0);
+            unopened.extend(inner.map(|(slot, at)| Unopened { children: open(nodes, *at, CHILDREN), parent: Some((place, slot)) }));
+        }
+        first as u32
+    }
+
+    /// Says where a child of a node is.
+    fn place(&mut self, node: usize, slot: usize, child: &Node) {
+        let (min, max) = (self.inside(child.min.into()), self.inside(child.max.into()));
+        let node = &mut self.nodes[node];
+        for axis in 0..3 {
+            node.centres[axis][slot] = 0.5 * (min[axis] + max[axis]);
+            node.halves[axis][slot] = 0.5 * (max[axis] - min[axis]) + ROUNDING;
         }
     }
 
     fn leaf(&mut self, leaf: &Node, scene: &Scene) -> u32 {
         let place = self.blocks.len() as u32;
-        let range = leaf.first as usize..(leaf.first + leaf.count) as usize;
-        for (k, triangles) in scene.triangles[range].chunks(BLOCK).enumerate() {
-            let block = self.block(triangles, leaf.first + (k * BLOCK) as u32, scene);
-            self.blocks.push(Block { goes_on: (k + 1) * BLOCK < leaf.count as usize, ..block });
+        for k in (0..leaf.count).step_by(BLOCK) {
+            let count = (leaf.count - k).min(BLOCK as u32);
+            let block = self.block(scene, leaf.first + k, count);
+            self.blocks.push(Block { goes_on: k + count < leaf.count, ..block });
         }
         LEAF | place
     }
 
-    fn block(&self, triangles: &[Triangle], first: u32, scene: &Scene) -> Block {
+    fn block(&self, scene: &Scene, first: u32, count: u32) -> Block {
+        let triangles = &scene.triangles[first as usize..(first + count) as usize];
         let mut corners = [[[0.0; BLOCK]; 3]; 3];
         for (lane, triangle) in triangles.iter().enumerate() {
             for (corner, position) in corners.iter_mut().zip(triangle.positions) {
@@ -205,7 +263,7 @@ impl Packets {
         }
         let mut materials = triangles.iter().map(|t| &scene.materials[t.material as usize]);
         let has_holes = materials.clone().any(|material| material.alpha_cutoff.is_some() && material.texture.is_some());
-        Block { corners, first, goes_on: false, is_special: has_holes || materials.any(|material| !material.two_sided), has_holes }
+        Block { corners, first, count, goes_on: false, is_special: has_holes || materials.any(|material| !material.two_sided), has_holes }
     }
 
     /// In extents from the centre.
@@ -249,12 +307,17 @@ impl Packets {
         seen: &mut [E::Seen],
     ) {
         seen.fill(E::NOTHING);
-        let start = view.position + view.frame.normal * surface_offset(1.0 / self.scale, view.position);
+        let start = view.position + view.frame.normal * surface_offset(self.extent, view.position);
         let origin = self.inside(start).clamp(Vec3::splat(-FARTHEST), Vec3::splat(FARTHEST));
         let walker = Walker { packets: self, scene, origin };
         let from = Start { view: index, place: start, frame: &view.frame };
         dispatch!(Level::new(), simd => walker.trace(simd, &from, bundle, shader, stack, seen));
     }
+}
+
+/// Extents in a unit of length.
+fn scale(bounds: &Bounds) -> f32 {
+    1.0 / bounds.diagonal().max(f32::MIN_POSITIVE)
 }
 
 /// Where the rays of a tile start, off the surface.
@@ -372,9 +435,7 @@ impl Walker<'_> {
     fn walk<S: Simd>(&self, simd: S, rays: &mut Rays, stack: &mut Vec<Visit>) {
         // Of the farthest ray.
         let mut limit = FAR_AWAY;
-        if !self.packets.nodes.is_empty() {
-            stack.push(Visit { near: 0.0, rays: rays.all, content: 0 });
-        }
+        stack.extend(self.packets.root.map(|content| Visit { near: 0.0, rays: rays.all, content }));
         while let Some(visit) = stack.pop() {
             if visit.near > limit {
                 continue;
@@ -548,6 +609,7 @@ fn changed<S: Simd>(v: f32x8<S>, sign: u32x8<S>) -> f32x8<S> {
 mod tests {
     use super::*;
     use crate::math::hemisphere::{Method, Shape};
+    use crate::scene::Triangle;
     use crate::scene::bvh::{Bvh, tests::clutter};
 
     fn table(shape: Shape, resolution: u32) -> Table {

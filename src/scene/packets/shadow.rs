@@ -65,13 +65,11 @@ impl Packets {
     /// A bit for each of the rays that something blocks. A surface blocks from both of its sides, whatever its sidedness; holes of alpha-masked
     /// textures let light through.
     pub fn hidden(&self, scene: &Scene, origin: Vec3, rays: &ShadowRays, until: Until, to_do: &mut ToDo) -> u64 {
-        if rays.all == 0 || self.nodes.is_empty() {
-            return 0;
-        }
+        let Some(root) = self.root.filter(|_| rays.all != 0) else { return 0 };
         let origin = self.inside(origin).clamp(Vec3::splat(-FARTHEST), Vec3::splat(FARTHEST));
         let walker = Walker { packets: self, scene, origin };
         to_do.0.clear();
-        to_do.0.push(Visit { near: 0.0, rays: rays.all, content: 0 });
+        to_do.0.push(Visit { near: 0.0, rays: rays.all, content: root });
         let span = match until {
             Until::TheirEnd => [0.0, ALMOST],
             Until::FromLight => [1.0 - ALMOST, 1.0],
@@ -252,7 +250,7 @@ mod tests {
                 width: 2,
                 height: 2,
                 texels: [0, 255, 255, 0].map(|alpha| [255, 255, 255, alpha]).into(),
-                reading: Default::default(),
+                ..Default::default()
             });
             (scene.materials[1].texture, scene.materials[1].alpha_cutoff) = (Some(0), Some(0.5));
             scene.triangles.iter_mut().for_each(|triangle| triangle.uvs = [Vec2::ZERO, 3.0 * Vec2::X, 3.0 * Vec2::Y]);

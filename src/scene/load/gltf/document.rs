@@ -18,8 +18,10 @@ use serde_json::{Value, json};
 use std::{ops::Range, path::Path};
 
 /// The extensions that are read here. Quantised meshes need nothing but integer attributes.
-pub(super) const EXTENSIONS: [&str; 10] = [
+pub(super) const EXTENSIONS: [&str; 13] = [
+    "EXT_meshopt_compression",
     "EXT_texture_webp",
+    "KHR_draco_mesh_compression",
     "KHR_lights_punctual",
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
@@ -27,12 +29,16 @@ pub(super) const EXTENSIONS: [&str; 10] = [
     "KHR_materials_specular",
     "KHR_materials_transmission",
     "KHR_materials_unlit",
+    "KHR_texture_basisu",
     "KHR_texture_transform",
     "KHR_mesh_quantization",
 ];
 
 /// Extensions that may be required though they are not read: they change nothing of what a file shows at first.
 const HARMLESS: [&str; 3] = ["KHR_animation_pointer", "KHR_materials_variants", "KHR_xmp_json_ld"];
+
+/// Of samplers: at full size alone, then by mipmaps.
+const MIN_FILTERS: [u64; 6] = [9728, 9729, 9984, 9985, 9986, 9987];
 
 /// A file whose JSON can be relied on, and what was taken out of it because it is not read.
 pub(super) struct Opened {
@@ -117,7 +123,13 @@ fn mend(root: &mut Value) -> (usize, usize) {
     for_each(root.get_mut("scenes"), |scene| {
         scene.entry("nodes").or_insert_with(|| json!([]));
     });
-    for_each(root.get_mut("samplers"), |sampler| ["minFilter", "magFilter"].iter().for_each(|key| drop(sampler.remove(*key))));
+    for_each(root.get_mut("samplers"), |sampler| {
+        sampler.remove("magFilter");
+        // One that does not exist says as little as none.
+        if !sampler.get("minFilter").and_then(Value::as_u64).is_some_and(|filter| MIN_FILTERS.contains(&filter)) {
+            sampler.remove("minFilter");
+        }
+    });
     let mut is_empty = Vec::new();
     for_each(root.get_mut("images"), |image| {
         is_empty.push(!image.contains_key("uri") && !image.contains_key("bufferView"));
@@ -125,8 +137,10 @@ fn mend(root: &mut Value) -> (usize, usize) {
         image.entry("mimeType").or_insert_with(|| json!(""));
     });
     for_each(root.get_mut("textures"), |texture| {
-        if let Some(source) = texture.get("extensions").and_then(|extensions| extensions.get("EXT_texture_webp")?.get("source")).cloned() {
-            texture.entry("source").or_insert(source);
+        for extension in ["EXT_texture_webp", "KHR_texture_basisu"] {
+            if let Some(source) = texture.get("extensions").and_then(|extensions| extensions.get(extension)?.get("source")).cloned() {
+                texture.entry("source").or_insert(source);
+            }
         }
         if texture.get("source").and_then(Value::as_u64).and_then(|source| is_empty.get(source as usize)) == Some(&true) {
             texture.remove("source");

@@ -11,7 +11,7 @@ use crate::scene::model::*;
 use ::gltf::{
     image,
     material::{AlphaMode, NormalTexture, PbrSpecularGlossiness},
-    texture::{Info, WrappingMode},
+    texture::{Info, MinFilter, WrappingMode},
 };
 use glam::{Vec2, Vec3};
 use serde_json::Value;
@@ -257,7 +257,8 @@ impl Reader<'_> {
             WrappingMode::MirroredRepeat => Wrap::Mirror,
             WrappingMode::Repeat => Wrap::Repeat,
         });
-        let reading = Reading { is_linear, wrap };
+        let is_fine = matches!(texture.sampler().min_filter(), Some(MinFilter::Nearest | MinFilter::Linear));
+        let reading = Reading { is_linear, is_fine, wrap };
         let Some(image) = texture.source() else { return self.absent_texture(texture, reading) };
         if let Some(&number) = self.textures.get(&(image.index(), reading)) {
             return number;

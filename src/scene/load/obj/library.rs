@@ -106,11 +106,11 @@ pub(super) fn read_libraries(path: &Path, files: &Files, names: &[&str], file: &
     let folder = path.parent().unwrap_or(Path::new(""));
     let beside = path.with_extension("mtl");
     let mut described = HashMap::new();
-    for name in names.iter().flat_map(|names| library_names(folder, names)) {
+    for name in names.iter().flat_map(|names| library_names(folder, names, files)) {
         let named = folder.join(name.replace('\\', "/"));
-        let found = if named.is_file() {
+        let found = if files.is_there(&named) {
             named
-        } else if beside.is_file() {
+        } else if files.is_there(&beside) {
             draft.notes.push(format!("{file}: material library `{name}` is missing; the one beside the file was used"));
             beside.clone()
         } else {
@@ -127,8 +127,8 @@ pub(super) fn read_libraries(path: &Path, files: &Files, names: &[&str], file: &
 }
 
 /// A statement names one library, with blanks or without, or several.
-fn library_names<'n>(folder: &Path, names: &'n str) -> Vec<&'n str> {
-    let is_there = |name: &&str| folder.join(name.replace('\\', "/")).is_file();
+fn library_names<'n>(folder: &Path, names: &'n str, files: &Files) -> Vec<&'n str> {
+    let is_there = |name: &&str| files.is_there(&folder.join(name.replace('\\', "/")));
     let parts: Vec<&str> = names.split_ascii_whitespace().collect();
     if is_there(&names) || !parts.iter().any(is_there) { vec![names] } else { parts }
 }
@@ -255,7 +255,7 @@ impl Described {
         let bent = normals.as_ref().map(image).or_else(|| heights.as_ref().map(|map| Composition::Heights(map.scalar())));
         let textured = |made_of: Option<Composition>, maps: &[&Option<Map>], is_linear: bool| {
             let first = maps.iter().find_map(|map| map.as_ref())?;
-            Some(Textured { made_of: made_of?, reading: Reading { is_linear, wrap: [first.wrap; 2] }, place: first.place })
+            Some(Textured { made_of: made_of?, reading: Reading { is_linear, is_fine: false, wrap: [first.wrap; 2] }, place: first.place })
         };
         [
             textured(base, &[colours, mask], false),

@@ -1,7 +1,8 @@
 //! Files that scenes name: shared, within a limit, and none that never ends.
 
 use super::*;
-use crate::scene::load::{Draft, Problem, load_geometry, read_file};
+use crate::scene::load::{Draft, FileSystem, Memory, Problem, load_geometry};
+use std::sync::Arc;
 
 const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
 
@@ -19,8 +20,8 @@ fn a_file_is_read_up_to_its_limit() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a");
     std::fs::write(&path, "four").unwrap();
-    assert_eq!(read_file(&path, 4).unwrap(), b"four");
-    assert_eq!(read_file(&path, 3).unwrap_err().kind(), std::io::ErrorKind::FileTooLarge);
+    assert_eq!(Disk.read(&path, 4).unwrap(), b"four");
+    assert_eq!(Disk.read(&path, 3).unwrap_err().kind(), std::io::ErrorKind::FileTooLarge);
 }
 
 #[test]
@@ -30,7 +31,7 @@ fn a_file_is_held_once_and_all_are_limited() {
     std::fs::create_dir(path("b")).unwrap();
     std::fs::write(path("one"), "sixsix").unwrap();
     std::fs::write(path("two"), "sixsix").unwrap();
-    let files = Files::within(10);
+    let files = Files::within(10, &Disk);
     let first = files.read(&path("one")).unwrap();
     let again = files.read(&path("b/../one")).unwrap();
     assert_eq!(first.as_ptr(), again.as_ptr());
@@ -47,7 +48,28 @@ fn buffers_of_one_file_take_its_memory_once() {
     let buffer = r#"{"byteLength": 1000, "uri": "a.bin"}"#;
     std::fs::write(&path, format!(r#"{{"asset": {{"version": "2.0"}}, "buffers": [{}]}}"#, [buffer; 200].join(","))).unwrap();
     std::fs::write(folder.path().join("a.bin"), [0; 1000]).unwrap();
-    load_geometry(&path, &Files::within(20_000), &mut Draft::default(), &|_| true).unwrap();
+    load_geometry(&path, &Files::within(20_000, &Disk), &mut Draft::default(), &|_| true).unwrap();
+}
+
+/// A scene whose document, geometry and materials are nowhere on a disk.
+#[test]
+fn a_scene_is_loaded_from_memory() {
+    let document = br#"Scene(version: 1, geometry: [File("../models/a.obj")], lights: [Point(position: (0.2, 0.2, 1.0), intensity: (1.0, 1.0, 1.0))])"#;
+    let library = b"newmtl red\nKd 0.5 0 0\n";
+    let object = format!("mtllib sub/a.mtl\nusemtl red\n{TRIANGLE}");
+    let files = |library_name: &'static str| {
+        let named: [(&str, Vec<u8>); 3] =
+            [("scenes/a.ron", document.to_vec()), ("models/a.obj", object.clone().into_bytes()), (library_name, library.to_vec())];
+        LoadOptions { files: Arc::new(Memory::new(named)), ..LoadOptions::default() }
+    };
+    let scene = load(Path::new("scenes/a.ron"), &files("models/sub/a.mtl")).unwrap();
+    assert!(scene.triangles.len() == 1 && !scene.notes.iter().any(|note| note.contains("a.mtl")), "{:?}", scene.notes);
+    assert_eq!(scene.materials[scene.triangles[0].material as usize].reflectance, glam::Vec3::new(0.5, 0.0, 0.0));
+    let lacking = load(Path::new("scenes/a.ron"), &files("elsewhere.mtl")).unwrap();
+    assert!(lacking.notes.iter().any(|note| note.contains("a.mtl")), "{:?}", lacking.notes);
+    let on_disk = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/hall.ron");
+    assert!(Path::new(on_disk).is_file());
+    assert_eq!(load(Path::new(on_disk), &files("a.mtl")).unwrap_err().problem(), Problem::NotFound);
 }
 
 /// A pipe that nobody writes into blocks whoever opens it, and the device has no end.

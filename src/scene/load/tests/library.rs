@@ -31,7 +31,7 @@ fn with_material(lines: &str, images: &[(&str, Vec<u8>)]) -> Scene {
 fn is_hole(scene: &Scene, x: f32, y: f32) -> bool {
     let [triangle, material] = [if x > y { 0 } else { 1 }, 0];
     let t = &scene.triangles[triangle];
-    let ray = crate::scene::surface::Ray { origin: Vec3::new(x, y, 1.0), direction: -Vec3::Z };
+    let ray = crate::scene::surface::Ray::new(Vec3::new(x, y, 1.0), -Vec3::Z);
     crate::scene::bvh::is_hole(t, &scene.materials[material], &scene.textures, t.barycentric(ray))
 }
 

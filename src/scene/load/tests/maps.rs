@@ -60,7 +60,7 @@ pub(super) fn mapped() -> Builder {
 
 /// What is seen from straight above of the place (x, y) of a square on z = 0.
 pub(super) fn seen_at(scene: &Scene, x: f32, y: f32, lobes: bool) -> Surface {
-    let ray = Ray { origin: Vec3::new(x, y, 1.0), direction: -Vec3::Z };
+    let ray = Ray::new(Vec3::new(x, y, 1.0), -Vec3::Z);
     let meets = |t: &Triangle| t.position(t.barycentric(ray)).truncate().distance(ray.origin.truncate()) < 1e-5;
     let at = scene.triangles.iter().position(meets).unwrap();
     scene.seen(at as u32, ray, lobes)
@@ -73,7 +73,7 @@ fn all_maps_of_a_gltf_material_are_read() {
     let maps = scene.materials[0].maps;
     let reading = |map: Option<u32>| scene.textures[map.unwrap() as usize].reading;
     let wrap = [Wrap::Clamp, Wrap::Mirror];
-    assert_eq!([maps.facets, maps.normal, maps.emission].map(reading), [true, true, false].map(|is_linear| Reading { is_linear, wrap }));
+    assert_eq!([maps.facets, maps.normal, maps.emission].map(reading), [true, true, false].map(|is_linear| Reading { is_linear, is_fine: false, wrap }));
     assert_eq!(maps.normal_scale, 0.5);
     assert!(!scene.notes.iter().any(|note| note.contains("not read")), "{:?}", scene.notes);
 
@@ -90,6 +90,20 @@ fn all_maps_of_a_gltf_material_are_read() {
     assert!((alpha - (0.8f32 * 0.2).powi(2)).abs() < 1e-6, "{alpha}");
     // Half metal: half of the base colour, and of what is reflected by what is no metal. The corner there is white.
     assert!((lobe.reflectance.x - (0.5 * DIELECTRIC + 0.5)).abs() < 0.1, "{lobe:?}");
+}
+
+/// A sampler that names no mipmaps has none; any other has, and so have images that nothing is said of.
+#[test]
+fn samplers_say_whether_there_are_mipmaps() {
+    let [nearest, linear, mipmapped] = [9728, 9729, 9987].map(Some);
+    for (filter, has_levels) in [(None, true), (nearest, false), (linear, false), (mipmapped, true)] {
+        let mut builder = mapped();
+        if let Some(filter) = filter {
+            builder.root["samplers"][0]["minFilter"] = json!(filter);
+        }
+        let scene = load_files(&[("thing.glb", &builder.finish())]).map_err(|(error, _)| error).unwrap();
+        assert!(scene.textures.iter().all(|texture| texture.coarser.is_empty() != has_levels), "{filter:?}");
+    }
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! Tests of loading, by kind.
 
 mod cleaning;
+mod compressed;
 mod errors;
 mod files;
 mod fuzz;
@@ -12,12 +13,12 @@ mod obj;
 mod ply;
 mod sky;
 
-use super::{Files, LoadOptions, Scene, SceneError, load, load_document};
+use super::{Disk, Files, LoadOptions, Scene, SceneError, load, load_document};
 use std::path::Path;
 
 /// Loads a document that has no folder of its own.
 fn load_text(text: &str) -> Result<Scene, SceneError> {
-    load_document(Path::new("scene.ron"), text, None, &Files::default(), &LoadOptions::default())
+    load_document(Path::new("scene.ron"), text, None, &Files::of(&Disk), &LoadOptions::default())
 }
 
 /// Writes files into a new folder and loads the first.

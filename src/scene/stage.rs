@@ -1,0 +1,369 @@
+//! A scene made ready for rays, and what can be otherwise in it later.
+
+use super::{
+    Bounds, Environment, Light, LightKind, Material, Scene, Triangle,
+    bvh::Bvh,
+    load::draft::{EXTENT_RANGE, mirrors, normal_map},
+    needs::Needs,
+};
+use crate::math::lobe::Lobe;
+use glam::{DAffine3, DMat3, DMat4, DVec3, Vec3};
+use miette::Diagnostic;
+use std::{ops::Range, sync::OnceLock};
+use thiserror::Error;
+
+/// A scene, and the hierarchy over its triangles, by which they are sorted.
+#[derive(Clone)]
+pub struct Stage {
+    pub scene: Scene,
+    pub bvh: Bvh,
+    movers: Vec<Mover>,
+    needs: OnceLock<Needs>,
+}
+
+/// An object that can be moved.
+#[derive(Clone)]
+struct Mover {
+    name: String,
+    /// Of the scene, as the hierarchy has sorted them.
+    triangles: Range<usize>,
+    /// These as the file has them, and along normal maps.
+    at_rest: Vec<(Triangle, [Vec3; 3])>,
+    map: DAffine3,
+}
+
+/// Something of a scene that is otherwise from now on.
+#[derive(Debug, Clone)]
+pub enum Change {
+    /// A mover, counted in the order in which [`Stage::moving`] was told them, stands where this map brings it from where the file has it, in the file's coordinates.
+    Place {
+        mover: usize,
+        map: DAffine3,
+    },
+    /// One of [`Scene::materials`].
+    Material {
+        number: usize,
+        material: Material,
+    },
+    /// One of [`Scene::lights`].
+    Light {
+        number: usize,
+        light: Light,
+    },
+    Environment(Environment),
+}
+
+/// What a device has to be told.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Changed {
+    pub movers: Vec<usize>,
+    pub environment: bool,
+    /// Whether lamps or the sky shine otherwise.
+    pub emission: bool,
+}
+
+/// Why a scene cannot change so. It is as it was.
+#[derive(Debug, Error, Diagnostic, PartialEq)]
+pub enum Unchangeable {
+    #[error("the scene has no {what} {number}; it has {count}")]
+    #[diagnostic(code(stage::unknown), help("they count from 0"))]
+    Unknown { what: &'static str, number: usize, count: usize },
+    #[error("`{name}` cannot stand there: {why}")]
+    #[diagnostic(code(stage::place), help("a map turns, moves and scales an object; it keeps its volume's sign"))]
+    Place { name: String, why: &'static str },
+    #[error("{what} cannot be so: {why}")]
+    #[diagnostic(code(stage::value))]
+    Value { what: String, why: &'static str },
+    #[error("`{a}` and `{b}` have triangles in common")]
+    #[diagnostic(code(stage::overlap), help("name one of them"))]
+    Overlap { a: String, b: String },
+}
+
+impl Stage {
+    /// Of a scene whose geometry stays where it is.
+    pub fn new(mut scene: Scene) -> Self {
+        scene.objects.clear();
+        let bvh = Bvh::build(&mut scene);
+        Self { scene, bvh, movers: Vec::new(), needs: OnceLock::new() }
+    }
+
+    /// Of a scene some of whose [objects](Scene::objects) can be moved, each by its number. Rays cost a little more than in one that stays where it is, as the
+    /// hierarchy keeps the movers apart.
+    ///
+    /// # Errors
+    /// An object that is not there, or is part of another.
+    pub fn moving(mut scene: Scene, objects: &[usize]) -> Result<Self, Unchangeable> {
+        let all = std::mem::take(&mut scene.objects);
+        let object = |number: &usize| all.get(*number).ok_or(Unchangeable::Unknown { what: "object", number: *number, count: all.len() });
+        let objects: Vec<_> = objects.iter().map(object).collect::<Result<_, _>>()?;
+        let mut sorted = objects.clone();
+        sorted.sort_by_key(|object| object.triangles.start);
+        if let Some((a, b)) = sorted.iter().zip(sorted.iter().skip(1)).find(|(a, b)| a.triangles.end > b.triangles.start) {
+            return Err(Unchangeable::Overlap { a: a.name.clone(), b: b.name.clone() });
+        }
+        let (bvh, places) = Bvh::build_in_parts(&mut scene, &objects.iter().map(|object| object.triangles.clone()).collect::<Vec<_>>());
+        let tangents = |at: usize| scene.tangents.get(at).copied().unwrap_or_default();
+        let movers = objects.into_iter().zip(places).map(|(object, triangles)| Mover {
+            name: object.name.clone(),
+            at_rest: triangles.clone().map(|at| (scene.triangles[at], tangents(at))).collect(),
+            triangles,
+            map: DAffine3::IDENTITY,
+        });
+        Ok(Self { movers: movers.collect(), scene, bvh, needs: OnceLock::new() })
+    }
+
+    /// What the scene requires of a pipeline.
+    pub fn needs(&self) -> &Needs {
+        self.needs.get_or_init(|| Needs::of(&self.scene))
+    }
+
+    /// Of the triangles, without a look at them.
+    pub fn bounds(&self) -> Bounds {
+        self.bvh.bounds()
+    }
+
+    /// See [`Scene::extent`].
+    pub fn extent(&self) -> f32 {
+        self.bounds().diagonal()
+    }
+
+    /// The triangles of a mover.
+    pub fn triangles_of(&self, mover: usize) -> Range<usize> {
+        self.movers[mover].triangles.clone()
+    }
+
+    /// What undoes changes that the stage would take.
+    pub(crate) fn undoing(&self, changes: &[Change]) -> Vec<Change> {
+        let undoing = |change: &Change| match *change {
+            Change::Place { mover, .. } => self.movers.get(mover).map(|was| Change::Place { mover, map: was.map }),
+            Change::Material { number, .. } => self.scene.materials.get(number).map(|material| Change::Material { number, material: material.clone() }),
+            Change::Light { number, .. } => self.scene.lights.get(number).map(|light| Change::Light { number, light: light.clone() }),
+            Change::Environment(_) => Some(Change::Environment(self.scene.environment.clone())),
+        };
+        changes.iter().rev().filter_map(undoing).collect()
+    }
+
+    /// Changes the scene. Places and lights cost as much as they are large; what a scene requires is looked up anew after other materials and another sky.
+    ///
+    /// # Errors
+    /// The first change that is not possible; then there is none.
+    pub fn change(&mut self, changes: &[Change]) -> Result<Changed, Unchangeable> {
+        changes.iter().try_for_each(|change| self.check(change))?;
+        let mut changed = Changed::default();
+        for change in changes {
+            match change {
+                Change::Place { mover, map } => {
+                    self.movers[*mover].map = *map;
+                    changed.movers.push(*mover);
+                }
+                Change::Material { number, material } => {
+                    let was = std::mem::replace(&mut self.scene.materials[*number], material.clone());
+                    changed.emission |= was.emits() || material.emits();
+                    if (was.two_sided, was.alpha_cutoff) != (material.two_sided, material.alpha_cutoff) {
+                        self.bvh.follow_materials();
+                    }
+                    self.needs.take();
+                }
+                Change::Light { number, light } => self.scene.lights[*number] = light.clone(),
+                Change::Environment(environment) => {
+                    (changed.environment, changed.emission) = (true, true);
+                    self.scene.environment = environment.clone();
+                    self.needs.take();
+                }
+            }
+        }
+        changed.movers.sort_unstable();
+        changed.movers.dedup();
+        changed.emission |= self.place(&changed.movers);
+        if let Some(needs) = self.needs.get_mut() {
+            needs.extent = self.bvh.bounds().diagonal();
+            needs.follow_lights(&self.scene.lights);
+        }
+        Ok(changed)
+    }
+
+    fn check(&self, change: &Change) -> Result<(), Unchangeable> {
+        match change {
+            Change::Place { mover, map } => {
+                let count = self.movers.len();
+                let mover = self.movers.get(*mover).ok_or(Unchangeable::Unknown { what: "mover", number: *mover, count })?;
+                mover.check(*map, self.scene.origin)
+            }
+            Change::Material { number, material } => {
+                let count = self.scene.materials.len();
+                let was = self.scene.materials.get(*number).ok_or(Unchangeable::Unknown { what: "material", number: *number, count })?;
+                check_material(was, material, &self.scene)
+            }
+            Change::Light { number, light } => {
+                let count = self.scene.lights.len();
+                if *number >= count {
+                    return Err(Unchangeable::Unknown { what: "light", number: *number, count });
+                }
+                check_light(light)
+            }
+            Change::Environment(environment) => check_environment(environment),
+        }
+    }
+
+    /// Brings movers to their places; whether any of them shines.
+    fn place(&mut self, movers: &[usize]) -> bool {
+        let mut shines = false;
+        for mover in movers.iter().map(|mover| &self.movers[*mover]) {
+            let (map, normals) = maps(mover.map, self.scene.origin);
+            for (at, (triangle, tangents)) in mover.triangles.clone().zip(&mover.at_rest) {
+                self.scene.triangles[at] = Triangle { material: self.scene.triangles[at].material, ..moved(triangle, &map, &normals) };
+                if let Some(there) = self.scene.tangents.get_mut(at) {
+                    *there = tangents.map(|tangent| map.transform_vector3(tangent.as_dvec3()).normalize_or_zero().as_vec3());
+                }
+                shines |= self.scene.materials[triangle.material as usize].emits();
+            }
+        }
+        if !movers.is_empty() {
+            self.bvh.follow(&self.scene, movers);
+        }
+        shines
+    }
+}
+
+impl Mover {
+    fn check(&self, map: DAffine3, origin: DVec3) -> Result<(), Unchangeable> {
+        let refused = |why| Err(Unchangeable::Place { name: self.name.clone(), why });
+        if !map.is_finite() {
+            return refused("the map has a number that is not finite");
+        }
+        if mirrors(&DMat4::from(map)) {
+            return refused("the map mirrors it");
+        }
+        let (map, normals) = maps(map, origin);
+        let moved = self.at_rest.iter().map(|(triangle, _)| moved(triangle, &map, &normals));
+        for triangle in moved {
+            if !triangle.positions.iter().all(|corner| f64::from(corner.length()) < *EXTENT_RANGE.end()) {
+                return refused("it would be farther away than single precision serves");
+            }
+            let [a, b, c] = triangle.positions;
+            if (b - a).cross(c - a) == Vec3::ZERO {
+                return refused("the map leaves some of its triangles without an area");
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A map of the file's coordinates as one of positions relative to an origin, and of normals.
+fn maps(map: DAffine3, origin: DVec3) -> (DMat4, DMat3) {
+    if map == DAffine3::IDENTITY {
+        return (DMat4::IDENTITY, DMat3::IDENTITY);
+    }
+    let map = DMat4::from_translation(-origin) * DMat4::from(map) * DMat4::from_translation(origin);
+    (map, normal_map(&map))
+}
+
+fn moved(triangle: &Triangle, map: &DMat4, normals: &DMat3) -> Triangle {
+    if *map == DMat4::IDENTITY {
+        return *triangle;
+    }
+    Triangle {
+        // Adding zero turns a negative zero into a positive one, so that equal corners have equal bits.
+        positions: triangle.positions.map(|p| map.transform_point3(p.as_dvec3()).as_vec3() + 0.0),
+        normals: triangle.normals.map(|n| (*normals * n.as_dvec3()).normalize_or_zero().as_vec3()),
+        ..*triangle
+    }
+}
+
+fn is_light(light: Vec3) -> bool {
+    light.is_finite() && light.cmpge(Vec3::ZERO).all()
+}
+
+/// Textures stay those that it has.
+fn check_material(was: &Material, material: &Material, scene: &Scene) -> Result<(), Unchangeable> {
+    let refused = |why| Err(Unchangeable::Value { what: format!("the material `{}`", was.name), why });
+    if (material.texture, material.maps) != (was.texture, was.maps) {
+        return refused("its textures stay as they are");
+    }
+    if !(is_light(material.reflectance) && material.reflectance.max_element() <= 1.0) {
+        return refused("it reflects a share of light, 0 to 1");
+    }
+    if !is_light(material.emission) {
+        return refused("it emits a finite radiance, 0 or more");
+    }
+    let is_sound = |lobe: Lobe| is_light(lobe.reflectance) && lobe.reflectance.max_element() <= 1.0 + 1e-5;
+    if !scene.lobes(material).all(is_sound) || material.clone().conserve_energy() {
+        return refused("it reflects more light than it gets");
+    }
+    Ok(())
+}
+
+fn check_light(light: &Light) -> Result<(), Unchangeable> {
+    let refused = |why| Err(Unchangeable::Value { what: format!("the light `{}`", light.name), why });
+    let is_unit = |direction: Vec3| (direction.length() - 1.0).abs() < 1e-3;
+    if !is_light(light.kind.intensity()) {
+        return refused("its strength is finite, 0 or more");
+    }
+    match light.kind {
+        LightKind::Point { position, .. } | LightKind::Spot { position, .. } if !position.is_finite() => refused("its place is finite"),
+        LightKind::Spot { direction, .. } | LightKind::Directional { direction, .. } if !is_unit(direction) => refused("its direction is a unit vector"),
+        LightKind::Spot { inner, outer, .. } if !(0.0 <= inner && inner < outer && outer <= std::f32::consts::FRAC_PI_2 + 1e-6) => {
+            refused("its angles are 0 ≤ inner < outer ≤ 90 degrees")
+        }
+        _ => Ok(()),
+    }
+}
+
+fn check_environment(environment: &Environment) -> Result<(), Unchangeable> {
+    let refused = |why| Err(Unchangeable::Value { what: "the environment".into(), why });
+    match environment {
+        Environment::Constant(radiance) if !is_light(*radiance) => refused("its radiance is finite, 0 or more"),
+        Environment::LatLong { width, height, texels } if texels.len() as u64 != u64::from(*width) * u64::from(*height) || texels.is_empty() => {
+            refused("it has a texel for each place of its image")
+        }
+        Environment::LatLong { texels, .. } if !texels.iter().all(|texel| is_light(*texel)) => refused("its radiance is finite, 0 or more"),
+        _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::frame::Frame;
+    use crate::scene::{
+        bvh::tests::clutter,
+        packets::{Numbers, RayBundle, View},
+    };
+
+    /// What a packet of rays from the middle of a scene sees.
+    fn seen(stage: &Stage) -> Vec<u32> {
+        let directions: Vec<Vec3> = (0..64).map(|k| Vec3::new((k % 8) as f32 - 3.5, 4.0, (k / 8) as f32 - 3.5).normalize()).collect();
+        let (bundle, view) = (RayBundle::of(&directions), View { position: Vec3::splat(0.1), frame: Frame::new(Vec3::Y) });
+        let mut seen = vec![0; bundle.samples];
+        stage.bvh.packets(&stage.scene).trace(&stage.scene, &[view], &bundle, &Numbers, &mut seen);
+        seen
+    }
+
+    #[test]
+    fn packets_see_sides_that_change() {
+        let mut stage = Stage::new(clutter(1.0));
+        let before = seen(&stage);
+        let changes = [0, 1].map(|number| {
+            let was = stage.scene.materials[number].clone();
+            Change::Material { number, material: Material { two_sided: !was.two_sided, ..was } }
+        });
+        stage.change(&changes).unwrap();
+        let mut scene = clutter(1.0);
+        scene.materials.iter_mut().for_each(|material| material.two_sided = !material.two_sided);
+        assert_eq!(seen(&stage), seen(&Stage::new(scene)));
+        assert_ne!(seen(&stage), before);
+    }
+
+    #[test]
+    fn needs_follow_what_changes() {
+        let mut stage = Stage::new(Scene { materials: vec![Material::diffuse("", Vec3::ONE); 2], ..clutter(1.0) });
+        stage.scene.lights = vec![Light { name: String::new(), kind: LightKind::Point { position: Vec3::ZERO, intensity: Vec3::ONE }, shadows: true }];
+        stage.needs();
+        let sun = Light { name: String::new(), kind: LightKind::Directional { direction: Vec3::NEG_Y, irradiance: Vec3::ONE }, shadows: false };
+        stage.change(&[Change::Light { number: 0, light: sun }]).unwrap();
+        assert_eq!(*stage.needs(), Needs::of(&stage.scene));
+        let lamp = Material { emission: Vec3::ONE, ..stage.scene.materials[0].clone() };
+        stage.change(&[Change::Material { number: 0, material: lamp }, Change::Environment(Environment::Constant(Vec3::ONE))]).unwrap();
+        assert_eq!(*stage.needs(), Needs::of(&stage.scene));
+    }
+}

@@ -1,0 +1,297 @@
+//! The engine inside another program: on a device that is lent to it, with passes of that program, and after what goes wrong there.
+
+use hemisplat::{
+    Engine, GpuError, Pace, Plan, Run, RunError, Stage, block_on,
+    contract::{Description, Encoder, Output, Pass, Port, PortKind, Refusal, port},
+    gpu::Gpu,
+    measure::Layers,
+    scene::load::{LoadOptions, load},
+    schedule::{Format, Program},
+    wgpu,
+};
+use libtest_mimic::Arguments;
+use skips::Missing;
+use std::{
+    error::Error,
+    io,
+    panic::{AssertUnwindSafe, catch_unwind, resume_unwind},
+    path::Path,
+    sync::{
+        Arc,
+        atomic::{AtomicU32, Ordering},
+    },
+};
+
+#[path = "../examples/own_pass/ink.rs"]
+mod ink;
+mod skips;
+
+type Test = fn() -> Result<(), Box<dyn Error>>;
+
+const SIZE: [u32; 2] = [48, 32];
+
+fn main() {
+    let missing = block_on(Gpu::open()).err().map(|error| Missing::new("gpu", error.to_string()));
+    let tests: [(&str, Test); 8] = [
+        ("a_device_that_is_lent_shows_the_same_picture", lent_device),
+        ("pictures_stay_on_the_device", picture_stays),
+        ("passes_of_another_program_take_part", own_passes),
+        ("a_pass_that_panics_is_an_error", panic_of_a_pass),
+        ("a_shader_that_the_driver_refuses_is_an_error", refused_shader),
+        ("a_device_that_is_lost_is_an_error", lost_device),
+        ("after_a_frame_that_was_dropped_the_next_begins_anew", dropped_frame),
+        ("handles_outlive_what_they_were_made_from", handles),
+    ];
+    let trials = tests.map(|(name, test)| skips::fallible(name, missing.as_ref(), test));
+    libtest_mimic::run(&Arguments::from_args(), trials.into()).exit();
+}
+
+fn check(holds: bool, otherwise: impl FnOnce() -> String) -> Result<(), Box<dyn Error>> {
+    if holds { Ok(()) } else { Err(otherwise().into()) }
+}
+
+struct Lent {
+    engine: Engine,
+    device: wgpu::Device,
+}
+
+/// A device as a program opens it that knows nothing of the engine: with what WebGPU promises and no more.
+fn lent() -> Result<Lent, Box<dyn Error>> {
+    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+    let adapter = block_on(instance.request_adapter(&wgpu::RequestAdapterOptions::default()))?;
+    let (device, queue) = block_on(adapter.request_device(&wgpu::DeviceDescriptor::default()))?;
+    // Instances and what they loaded stay to the end: threads that have used a driver crash as they end after it.
+    std::mem::forget(instance);
+    Ok(Lent { engine: Engine::on(&adapter, device.clone(), queue)?, device })
+}
+
+fn cornell() -> Result<Arc<Stage>, Box<dyn Error>> {
+    Ok(Arc::new(Stage::new(load(Path::new("cornell"), &LoadOptions::default())?)))
+}
+
+fn planned(engine: &Engine, stage: &Stage, text: &str) -> Result<Arc<Plan>, Box<dyn Error>> {
+    let mut read = |path: &Path| if path == Path::new("own.ron") { Ok(text.to_owned()) } else { Err(io::ErrorKind::NotFound.into()) };
+    let told = |problems: hemisplat::Problems| format!("{:?}", miette::Report::new(problems));
+    let pipeline = engine.pipeline("own.ron", &[], &mut read).map_err(told)?;
+    Ok(engine.plan(&pipeline, stage, SIZE).map_err(told)?)
+}
+
+fn ready(engine: &Engine, text: &str) -> Result<Run, Box<dyn Error>> {
+    let stage = cornell()?;
+    Ok(block_on(engine.run(&stage, &planned(engine, &stage, text)?, &stage.scene.cameras[0], SIZE))?)
+}
+
+/// A frame may be awaited on any thread.
+fn may_move<T: Send>(future: T) -> T {
+    future
+}
+
+fn drawn(run: &mut Run) -> Result<Layers, RunError> {
+    block_on(may_move(run.frame(&|| Pace::GoOn)))?;
+    block_on(run.picture())
+}
+
+const IRRADIANCE: &str = r#"Variant(version: 1, about: "as it ships", source: "", of: "irradiance.ron")"#;
+
+fn lent_device() -> Result<(), Box<dyn Error>> {
+    let (lent, own) = (lent()?, block_on(Engine::open())?);
+    let pictures = [drawn(&mut ready(&lent.engine, IRRADIANCE)?)?, drawn(&mut ready(&own, IRRADIANCE)?)?];
+    check(pictures[0].layers == pictures[1].layers, || "another picture on a device that is lent".into())
+}
+
+const COPIED: wgpu::TextureUsages = wgpu::TextureUsages::COPY_DST.union(wgpu::TextureUsages::COPY_SRC);
+
+fn texture(device: &wgpu::Device, size: [u32; 2], format: wgpu::TextureFormat, usage: wgpu::TextureUsages) -> wgpu::Texture {
+    device.create_texture(&wgpu::TextureDescriptor {
+        label: None,
+        size: wgpu::Extent3d { width: size[0], height: size[1], depth_or_array_layers: 1 },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format,
+        usage,
+        view_formats: &[],
+    })
+}
+
+/// What a texture holds, read back by means of this program alone.
+fn contents(engine: &Engine, texture: &wgpu::Texture) -> Result<Vec<f32>, Box<dyn Error>> {
+    let (gpu, [width, height]) = (engine.gpu(), SIZE);
+    let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
+    let row = 16 * width;
+    let staging = gpu.device.create_buffer(&wgpu::BufferDescriptor { label: None, size: u64::from(row * height), usage, mapped_at_creation: false });
+    let mut encoder = gpu.device.create_command_encoder(&Default::default());
+    let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row), rows_per_image: None };
+    encoder.copy_texture_to_buffer(texture.as_image_copy(), wgpu::TexelCopyBufferInfo { buffer: &staging, layout }, texture.size());
+    gpu.queue.submit([encoder.finish()]);
+    staging.map_async(wgpu::MapMode::Read, .., |_| ());
+    gpu.device.poll(wgpu::PollType::wait_indefinitely())?;
+    let values = bytemuck::pod_collect_to_vec(&staging.get_mapped_range(..)?);
+    Ok(values)
+}
+
+fn picture_stays() -> Result<(), Box<dyn Error>> {
+    let Lent { engine, device } = lent()?;
+    let mut run = ready(&engine, IRRADIANCE)?;
+    block_on(run.frame(&|| Pace::GoOn))?;
+    let mine = texture(&device, SIZE, wgpu::TextureFormat::Rgba32Float, COPIED);
+    let before = engine.gpu().bytes_to_host();
+    let mut held = Vec::new();
+    for output in ["picture", "irradiance"] {
+        block_on(run.copy_to(output, &mine))?;
+        held.push((output, contents(&engine, &mine)?));
+    }
+    check(engine.gpu().bytes_to_host() == before, || "a picture crossed to the host".into())?;
+    let picture = block_on(run.picture())?;
+    check(engine.gpu().bytes_to_host() > before, || "bytes that are read back are not counted".into())?;
+    for (output, held) in held {
+        let held: Vec<f32> = held.chunks_exact(4).map(|pixel| pixel[0]).collect();
+        check(held == picture.rgb(output)?[0] && held.iter().any(|value| *value > 0.0), || format!("the texture holds something other than `{output}`"))?;
+    }
+    refused(&mut run, &device)
+}
+
+fn refused(run: &mut Run, device: &wgpu::Device) -> Result<(), Box<dyn Error>> {
+    let small = texture(device, [16, 16], wgpu::TextureFormat::Rgba32Float, COPIED);
+    let half = texture(device, SIZE, wgpu::TextureFormat::Rgba16Float, COPIED);
+    for (output, texture) in [("picture", &small), ("picture", &half), ("pictures", &half)] {
+        let refused = block_on(run.copy_to(output, texture));
+        check(matches!(refused, Err(RunError::Output { .. })), || format!("{refused:?}"))?;
+    }
+    // Nothing may be copied to it.
+    let sealed = texture(device, SIZE, wgpu::TextureFormat::Rgba32Float, wgpu::TextureUsages::TEXTURE_BINDING);
+    let refused = block_on(run.copy_to("picture", &sealed));
+    check(matches!(refused, Err(RunError::Gpu(GpuError::Driver { .. }))), || format!("{refused:?}"))
+}
+
+fn own_passes() -> Result<(), Box<dyn Error>> {
+    let engine = block_on(Engine::open())?.with(&ink::Edges).with(&ink::Ink);
+    let text = include_str!("../examples/own_pass/ink.ron");
+    let green = |text: &str| Ok::<_, Box<dyn Error>>(drawn(&mut ready(&engine, text)?)?.rgb("picture")?[1].to_vec());
+    let pixels: Vec<[f32; 2]> = green(text)?.into_iter().zip(green(IRRADIANCE)?).map(|(inked, plain)| [inked, plain]).collect();
+    let darker = pixels.iter().filter(|[inked, plain]| inked < plain).count();
+    let same = pixels.iter().filter(|[inked, plain]| inked == plain).count();
+    let all = pixels.len();
+    check(darker + same == all && darker > all / 50 && same > all / 2, || format!("{darker} of {all} are darker, {same} the same"))?;
+    // What ships knows neither pass.
+    let refused = planned(&block_on(Engine::open())?, &*cornell()?, text);
+    check(refused.is_err_and(|error| error.to_string().contains("Edges")), || "a pass that nobody has registered".into())
+}
+
+/// A pass whose host step panics in the second frame.
+struct Panicking;
+
+static PANICKING: Description = made_of_nothing("Panicking", "Panics");
+
+/// Of a pass that makes an image.
+const fn made_of_nothing(name: &'static str, about: &'static str) -> Description {
+    Description { name, about, source: "", parameters: &[], inputs: &[], outputs: &[Output { name: "image", about: "", kind: PortKind::Image }] }
+}
+
+impl Pass for Panicking {
+    fn description(&self) -> &'static Description {
+        &PANICKING
+    }
+
+    fn encode(&self, e: &mut Encoder<'_>) -> Result<(), Refusal> {
+        let image = e.image("image", SIZE, Format::Rgba32Float);
+        let frames = e.variable("frames", true);
+        e.host("panic", &[], &[image], move |host| {
+            host.set(frames, host.variable(frames) + 1);
+            assert!(host.variable(frames) != 2, "in the second frame");
+            let mut pixels = host.take(image);
+            pixels.fill(glam::Vec4::ONE);
+            host.put(image, pixels, u64::MAX);
+            Ok(())
+        });
+        e.output("image", Port::Image(port::Image { texture: image, channels: port::Channels::Colour }));
+        Ok(())
+    }
+}
+
+fn panic_of_a_pass() -> Result<(), Box<dyn Error>> {
+    let engine = block_on(Engine::open())?.with(&Panicking);
+    let text = r#"Pipeline(version: 1, about: "panics", source: "", nodes: [(name: "it", pass: Panicking())], outputs: { "picture": "it" })"#;
+    let mut run = ready(&engine, text)?;
+    let told = std::panic::take_hook();
+    std::panic::set_hook(Box::new(|_| ()));
+    let found: Vec<Result<Layers, RunError>> = (0..3).map(|_| drawn(&mut run)).collect();
+    std::panic::set_hook(told);
+    check(found[0].is_ok() && found[2].is_ok(), || format!("{:?} and {:?} around it", found[0].as_ref().err(), found[2].as_ref().err()))?;
+    let error = found[1].as_ref().err().map(ToString::to_string).unwrap_or_default();
+    check(error.contains("panicked") && error.contains("in the second frame"), || error.clone())?;
+    drawn(&mut ready(&engine, IRRADIANCE)?)?;
+    Ok(())
+}
+
+/// A pass that leaves a constant of its shader without a value, which nobody sees before the driver does.
+struct Valueless;
+
+static VALUELESS: Description = made_of_nothing("Valueless", "Lacks a value");
+
+impl Pass for Valueless {
+    fn description(&self) -> &'static Description {
+        &VALUELESS
+    }
+
+    fn encode(&self, e: &mut Encoder<'_>) -> Result<(), Refusal> {
+        let image = e.image("image", SIZE, Format::Rgba32Float);
+        let text = "override VALUE: f32;
+            @group(0) @binding(0) var image: texture_storage_2d<rgba32float, write>;
+            @compute @workgroup_size(8, 8) fn fill(@builtin(global_invocation_id) id: vec3u) { textureStore(image, id.xy, vec4f(VALUE)); }";
+        e.compute_pixels(Program::own("valueless", text).bind("image", image), "fill", SIZE);
+        e.output("image", Port::Image(port::Image { texture: image, channels: port::Channels::Colour }));
+        Ok(())
+    }
+}
+
+/// Pipelines are built on all threads, each of which has to tell.
+fn refused_shader() -> Result<(), Box<dyn Error>> {
+    let text = r#"Pipeline(version: 1, about: "lacks a value", source: "", nodes: [(name: "it", pass: Valueless())], outputs: { "picture": "it" })"#;
+    for engine in [lent()?.engine, block_on(Engine::open())?] {
+        let engine = engine.with(&Valueless);
+        let stage = cornell()?;
+        let plan = planned(&engine, &stage, text)?;
+        let error = block_on(engine.run(&stage, &plan, &stage.scene.cameras[0], SIZE)).err();
+        check(matches!(error, Some(RunError::Gpu(GpuError::Driver { .. }))), || format!("{error:?}"))?;
+    }
+    Ok(())
+}
+
+fn lost_device() -> Result<(), Box<dyn Error>> {
+    let Lent { engine, device } = lent()?;
+    let mut run = ready(&engine, IRRADIANCE)?;
+    drawn(&mut run)?;
+    device.destroy();
+    let error = drawn(&mut run).err();
+    check(matches!(error, Some(RunError::Gpu(GpuError::Lost { .. } | GpuError::Driver { .. }))), || format!("{error:?}"))?;
+    // Another device goes on from the same scene and plan.
+    let stage = cornell()?;
+    let engine = block_on(Engine::open())?;
+    let plan = planned(&engine, &stage, IRRADIANCE)?;
+    drawn(&mut block_on(engine.run(&stage, &plan, &stage.scene.cameras[0], SIZE))?)?;
+    Ok(())
+}
+
+/// As a program drops the future of a frame: here somewhere in its loops, where its pace is asked for.
+fn dropped_frame() -> Result<(), Box<dyn Error>> {
+    for engine in [lent()?.engine, block_on(Engine::open())?] {
+        let mut run = ready(&engine, IRRADIANCE)?;
+        let first = drawn(&mut run)?;
+        block_on(run.reset())?;
+        let asked = AtomicU32::new(0);
+        let pace = || if asked.fetch_add(1, Ordering::Relaxed) < 2 { Pace::GoOn } else { resume_unwind(Box::new("dropped")) };
+        let dropped = catch_unwind(AssertUnwindSafe(|| block_on(run.frame(&pace))));
+        check(dropped.is_err(), || "the frame was not dropped".into())?;
+        check(drawn(&mut run)?.layers == first.layers, || "another picture after a frame that was dropped".into())?;
+    }
+    Ok(())
+}
+
+fn handles() -> Result<(), Box<dyn Error>> {
+    let mut run = ready(&block_on(Engine::open())?, IRRADIANCE)?;
+    let first = drawn(&mut run)?;
+    block_on(run.reset())?;
+    let moved = std::thread::spawn(move || drawn(&mut run).map(|picture| picture.layers)).join().map_err(|_| "the thread panicked")??;
+    check(moved == first.layers, || "another picture on another thread".into())
+}

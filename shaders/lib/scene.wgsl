@@ -309,28 +309,44 @@ fn footprint_of(a: vec2f, b: vec2f) -> Footprint {
     return Footprint(max(shorter, longer / looks), looks, axis / max(length(axis), 1e-37) * (longer / looks));
 }
 
-// The mean colour over a parallelogram of these sides around a texture coordinate: as Texture::sample_over.
-fn texture_over(image: Image, uv: vec2f, sides: mat2x2f) -> vec3f {
+// Looks at one level or at two that follow each other, of which the second counts for a share, as many times along a line.
+struct Looks {
+    fine: Image,
+    coarse_share: f32,
+    count: u32,
+    first: vec2f,
+    step: vec2f,
+}
+
+// A parallelogram of these sides around a texture coordinate: as Texture::sample_over.
+fn looks_over(image: Image, uv: vec2f, sides: mat2x2f) -> Looks {
     let size = vec2f(f32(image.width), f32(image.height));
     let footprint = footprint_of(sides[0] * size, sides[1] * size);
     if (image.reading & HAS_LEVELS) == 0u || !(footprint.width > 1.0 || footprint.looks > 1.0) {
-        return texture_at(image, uv).rgb;
+        return Looks(image, 0.0, 1u, uv, vec2f(0.0));
     }
     let level = log2(footprint.width);
     let last = firstLeadingBit(max(image.width, image.height));
     if level >= f32(last) {
-        return texture_at(level_of(image, last), uv).rgb;
+        return Looks(level_of(image, last), 0.0, 1u, uv, vec2f(0.0));
     }
-    let fine = level_of(image, u32(level));
-    let coarse = next_level(fine);
     let step = footprint.step / size;
-    let first = uv - step * (0.5 * (footprint.looks - 1.0));
+    return Looks(level_of(image, u32(level)), fract(level), u32(footprint.looks), uv - step * (0.5 * (footprint.looks - 1.0)), step);
+}
+
+// The mean colour of looks. Reading a texel stands here once, for compilers inline it wherever it is called.
+fn texture_over(looks: Looks) -> vec3f {
+    let levels = select(1u, 2u, looks.coarse_share > 0.0);
+    var image = looks.fine;
     var sum = vec3f(0.0);
-    for (var look = 0u; look < u32(footprint.looks); look++) {
-        let at = first + step * f32(look);
-        sum += mix(texture_at(fine, at).rgb, texture_at(coarse, at).rgb, fract(level));
+    for (var number = 0u; number < levels * looks.count; number++) {
+        if number == looks.count {
+            image = next_level(looks.fine);
+        }
+        let share = select(1.0 - looks.coarse_share, looks.coarse_share, number >= looks.count);
+        sum += share * texture_at(image, looks.first + looks.step * f32(number % looks.count)).rgb;
     }
-    return sum / footprint.looks;
+    return sum / f32(looks.count);
 }
 
 // Where a ray meets a triangle: barycentric weights, and what they change by over a pixel, to the right and down; zero of a single point.
@@ -354,8 +370,8 @@ fn image_on(image: Image, triangle: u32, chart: u32, spot: Spot) -> vec3f {
     let s = uvs[1] - uvs[0];
     let t = uvs[2] - uvs[0];
     let uv = uvs[0] + s * spot.barycentric.x + t * spot.barycentric.y;
-    if MIPMAPS && any(abs(spot.sides[0]) + abs(spot.sides[1]) > vec2f(0.0)) {
-        return texture_over(image, uv, mat2x2f(s * spot.sides[0].x + t * spot.sides[0].y, s * spot.sides[1].x + t * spot.sides[1].y));
+    if MIPMAPS {
+        return texture_over(looks_over(image, uv, mat2x2f(s * spot.sides[0].x + t * spot.sides[0].y, s * spot.sides[1].x + t * spot.sides[1].y)));
     }
     return texture_at(image, uv).rgb;
 }

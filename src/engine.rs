@@ -25,12 +25,15 @@ pub enum Renewed {
 /// Why a run does not go on with another scene or another size.
 #[derive(Debug, Error, Diagnostic)]
 pub enum ChangeError {
+    /// The scene does not change so.
     #[error(transparent)]
     #[diagnostic(transparent)]
     Scene(#[from] Unchangeable),
+    /// The scene as it would be cannot be planned for.
     #[error(transparent)]
     #[diagnostic(transparent)]
     Plan(#[from] Problems),
+    /// The device does not go on.
     #[error(transparent)]
     #[diagnostic(transparent)]
     Run(#[from] RunError),
@@ -76,6 +79,7 @@ impl Engine {
         self
     }
 
+    /// The device.
     pub fn gpu(&self) -> &Arc<Gpu> {
         &self.gpu
     }

@@ -1,19 +1,28 @@
 //! Global illumination on the GPU by caching irradiance; every method is a pipeline of passes, wired in RON.
 //!
-//! [`Engine`] is the way in for other programs: `examples/embed` and `examples/own_pass` show it at work.
+//! [`Engine`] is the way in for other programs: `examples/embed` and `examples/own_pass` show it at work. What this documentation hides is for the program
+//! `hemisplat` and its tests, and changes without notice.
+
+#![warn(missing_docs)]
+#![allow(rustdoc::broken_intra_doc_links, reason = "units stand in brackets")]
 
 #[cfg(feature = "cli")]
+#[doc(hidden)]
 pub mod cli;
 pub mod contract;
 pub mod engine;
 pub mod gpu;
+#[doc(hidden)]
 pub mod math;
 pub mod measure;
 pub mod pipeline;
+#[doc(hidden)]
 pub mod reference;
 pub mod scene;
+#[doc(hidden)]
 pub mod schedule;
 
+#[doc(hidden)]
 #[path = "../passes/mod.rs"]
 pub mod passes;
 

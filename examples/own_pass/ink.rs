@@ -1,9 +1,6 @@
 //! Two passes, the shader that they share, and what flows between them.
 
-use hemisplat::{
-    contract::{Description, Encoder, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Refusal, Takes, port},
-    schedule::{Format, Program},
-};
+use hemisplat::contract::{Description, Encoder, Format, Input, Output, Parameter, ParameterKind, Pass, Port, PortKind, Program, Refusal, Takes, port};
 
 /// Of each pixel the share of those around it that show another surface: a buffer of floats, row by row.
 const EDGES: &str = "a map of edges";

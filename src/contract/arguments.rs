@@ -6,8 +6,11 @@ use std::collections::BTreeMap;
 /// A parameter's value, already checked against its description.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Value {
+    /// Yes or no.
     Bool(bool),
+    /// Of an integer parameter, within its range.
     Integer(i64),
+    /// Of a parameter that may have a fraction, within its range.
     Float(f64),
     /// The choice's name and the values of its own parameters.
     Choice(&'static str, Arguments),
@@ -23,10 +26,12 @@ impl Arguments {
         Self(parameters.iter().map(|p| (p.name, p.kind.default())).collect())
     }
 
+    /// Gives a parameter another value.
     pub fn set(&mut self, name: &'static str, value: Value) {
         self.0.insert(name, value);
     }
 
+    /// Names and values, by name.
     pub fn iter(&self) -> impl Iterator<Item = (&'static str, &Value)> {
         self.0.iter().map(|(name, value)| (*name, value))
     }
@@ -35,10 +40,12 @@ impl Arguments {
         self.0.get(name).unwrap_or_else(|| unreachable!("a pass asked for the parameter {name}, which it does not describe"))
     }
 
+    /// The value of a parameter that is yes or no.
     pub fn bool(&self, name: &str) -> bool {
         matches!(self.get(name), Value::Bool(true))
     }
 
+    /// The value of an integer parameter.
     pub fn integer(&self, name: &str) -> i64 {
         match self.get(name) {
             Value::Integer(value) => *value,
@@ -46,6 +53,7 @@ impl Arguments {
         }
     }
 
+    /// The value of a parameter that may have a fraction.
     pub fn float(&self, name: &str) -> f64 {
         match self.get(name) {
             Value::Float(value) => *value,
@@ -63,6 +71,7 @@ impl Arguments {
 }
 
 impl ParameterKind {
+    /// What a parameter is where a document does not say it.
     pub fn default(&self) -> Value {
         match self {
             Self::Bool { default } => Value::Bool(*default),

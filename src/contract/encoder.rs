@@ -9,8 +9,11 @@ use std::collections::{BTreeMap, BTreeSet};
 /// What a plan is made for.
 #[derive(Clone, Copy)]
 pub struct Setting<'a> {
+    /// What is rendered.
     pub scene: &'a Scene,
+    /// What it requires.
     pub needs: &'a Needs,
+    /// What runs the shaders.
     pub device: Device,
     /// Width and height of the picture [pixels].
     pub size: [u32; 2],
@@ -23,6 +26,7 @@ pub struct Setting<'a> {
 pub struct Refusal {
     /// `plan::…`
     pub code: &'static str,
+    /// What cannot be, one sentence.
     pub message: String,
     /// What to do about it.
     pub help: String,
@@ -31,10 +35,12 @@ pub struct Refusal {
 }
 
 impl Refusal {
+    /// With a code, a message, and what to do about it.
     pub fn new(code: &'static str, message: impl Into<String>, help: impl Into<String>) -> Self {
         Self { code, message: message.into(), help: help.into(), parameter: None }
     }
 
+    /// The same of one parameter, which the document's place of it is shown for.
     pub fn of_parameter(parameter: &'static str, code: &'static str, message: impl Into<String>, help: impl Into<String>) -> Self {
         Self { parameter: Some(parameter), ..Self::new(code, message, help) }
     }
@@ -45,8 +51,11 @@ pub type Joined = BTreeMap<&'static str, Vec<Port>>;
 
 /// Encodes one node.
 pub struct Encoder<'a> {
+    /// The node's name, with those of the loops that hold it.
     pub node: &'a str,
+    /// The values of its parameters.
     pub arguments: &'a Arguments,
+    /// What the plan is made for.
     pub setting: Setting<'a>,
     /// How many records a round of the fill that holds the node adds at most; None outside of fills.
     pub batch: Option<u32>,
@@ -62,9 +71,11 @@ pub struct Encoder<'a> {
 /// What a node adds besides resources and variables.
 #[derive(Default)]
 pub struct Encoded {
+    /// By the names of the outputs.
     pub outputs: BTreeMap<&'static str, Port>,
     /// Run each time the innermost loop that holds the node starts; before the other commands where none does.
     pub prologue: Vec<Command>,
+    /// In the order in which they run.
     pub commands: Vec<Command>,
     /// Remarks for `explain`: what was adapted and why.
     pub remarks: Vec<String>,
@@ -85,19 +96,25 @@ pub struct Encoded {
 pub enum Reported {
     /// A u32 of a buffer, by its index.
     Buffer(Resource, u32),
+    /// A number of the schedule.
     Variable(Variable),
 }
 
 /// A history of items that can be saved and loaded.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Persistent {
+    /// Of which there is one of each name a node.
     pub name: &'static str,
+    /// The buffer.
     pub items: Resource,
+    /// Of one of its items.
     pub item_bytes: u64,
+    /// How many there are.
     pub count: Variable,
 }
 
 impl<'a> Encoder<'a> {
+    /// For a node that is in no loop.
     pub fn new(node: &'a str, arguments: &'a Arguments, setting: Setting<'a>, inputs: &'a Joined, schedule: &'a mut Schedule) -> Self {
         Self { node, arguments, setting, batch: None, sequential: false, steady: BTreeSet::new(), inputs, schedule, encoded: Encoded::default() }
     }
@@ -117,6 +134,7 @@ impl<'a> Encoder<'a> {
         Self { batch: Some(batch), sequential, ..self }
     }
 
+    /// What the node has added.
     pub fn finish(self) -> Encoded {
         self.encoded
     }
@@ -132,6 +150,7 @@ impl<'a> Encoder<'a> {
         ports.filter_map(|port| if let Port::Image(image) = port { Some(*image) } else { None }).collect()
     }
 
+    /// Hands on what an output of this name is.
     pub fn output(&mut self, name: &'static str, port: Port) {
         self.encoded.outputs.insert(name, port);
     }
@@ -141,6 +160,7 @@ impl<'a> Encoder<'a> {
         self.encoded.reports.push((name, Reported::Buffer(buffer, index)));
     }
 
+    /// Puts a number of the schedule into the run's report.
     pub fn report_variable(&mut self, name: &'static str, variable: Variable) {
         self.encoded.reports.push((name, Reported::Variable(variable)));
     }
@@ -153,6 +173,7 @@ impl<'a> Encoder<'a> {
         self.encoded.persistent.push(Persistent { name, items, item_bytes, count });
     }
 
+    /// Tells in `explain` what was adapted, and why.
     pub fn remark(&mut self, remark: impl Into<String>) {
         self.encoded.remarks.push(remark.into());
     }
@@ -189,6 +210,7 @@ impl<'a> Encoder<'a> {
         self.texture(member, size, 1, format)
     }
 
+    /// A texture of several layers that lives within the frame.
     pub fn texture(&mut self, member: &str, size: [u32; 2], layers: u32, format: Format) -> Resource {
         self.resource(member, ResourceKind::Texture { size, layers, format }, Lifetime::Transient)
     }
@@ -215,10 +237,12 @@ impl<'a> Encoder<'a> {
         found.map(|i| Resource(i as u32)).unwrap_or_else(|| unreachable!("{data:?} is declared before any pass records"))
     }
 
+    /// What a resource is made of.
     pub fn kind(&self, resource: Resource) -> &ResourceKind {
         &self.schedule.resource(resource).kind
     }
 
+    /// Adds a command.
     pub fn command(&mut self, command: Command) {
         self.encoded.commands.push(command);
     }
@@ -247,10 +271,12 @@ impl<'a> Encoder<'a> {
         self.encoded.at_least = rounds;
     }
 
+    /// Sets all of a resource to 0.
     pub fn clear(&mut self, resource: Resource) {
         self.command(Command::Clear(resource));
     }
 
+    /// Runs an entry point of a program in so many workgroups.
     pub fn compute(&mut self, program: Program, entry: &'static str, groups: Groups) {
         self.command(Command::Compute(Compute { program, entry, groups }));
     }
@@ -260,6 +286,7 @@ impl<'a> Encoder<'a> {
         self.compute(program, entry, Groups::Fixed([w.div_ceil(8), h.div_ceil(8), 1]));
     }
 
+    /// Runs a function on the host, once what it reads is there. `reads` come from the device where that has them, `writes` go there.
     pub fn host(
         &mut self,
         name: &'static str,
@@ -284,10 +311,12 @@ impl<'a> Encoder<'a> {
 }
 
 impl Read {
+    /// All of a buffer.
     pub fn whole(resource: Resource) -> Self {
         Self { resource, counted: None }
     }
 
+    /// The first items of a buffer, so many bytes each.
     pub fn counted(resource: Resource, stride: u64, count: Variable) -> Self {
         Self { resource, counted: Some((stride, count)) }
     }
@@ -297,7 +326,9 @@ impl Read {
 macro_rules! typed_inputs {
     ($($function:ident: $variant:ident),*) => {
         impl<'a> Encoder<'a> {
-            $(pub fn $function(&self, name: &str) -> Option<&'a super::port::$variant> {
+            $(
+                /// The port of this kind that an input is joined to; None for an optional one that is not there.
+                pub fn $function(&self, name: &str) -> Option<&'a super::port::$variant> {
                 match self.input(name) {
                     Some(Port::$variant(port)) => Some(port),
                     _ => None,

@@ -11,6 +11,9 @@ pub use encoder::{Encoder, Refusal};
 pub use place::{Bodies, PLACE, Place};
 pub use port::{Port, PortKind};
 
+/// What passes declare and run.
+pub use crate::schedule::{Command, Compute, Format, Groups, HostContext, Program, Read, Resource, ResourceKind, Variable};
+
 use crate::math::bounces::Bounces;
 use crate::scene::needs::Needs;
 
@@ -58,6 +61,7 @@ pub fn find<'r>(registry: &'r Registry, name: &str) -> Option<&'r &'static dyn P
 /// Whether a scene requires a node.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Need {
+    /// The plan has it.
     Kept,
     /// Left out of the plan; the reason completes the sentence "dropped because …".
     Dropped(&'static str),
@@ -68,43 +72,60 @@ pub enum Need {
 pub struct Description {
     /// As pipelines write it: `GBuffer`.
     pub name: &'static str,
+    /// What it does, for the documentation.
     pub about: &'static str,
     /// Paper and section.
     pub source: &'static str,
+    /// What pipelines can set.
     pub parameters: &'static [Parameter],
+    /// What edges lead to.
     pub inputs: &'static [Input],
     /// The first is what an edge gets that names the node alone; the others are written `node.output`.
     pub outputs: &'static [Output],
 }
 
+/// What pipelines can set of a pass.
 #[derive(Debug)]
 pub struct Parameter {
+    /// As pipelines write it.
     pub name: &'static str,
+    /// What it changes, for the documentation.
     pub about: &'static str,
     /// Such as "pixels" or "degrees"; empty for numbers without a unit.
     pub unit: &'static str,
+    /// Its type, range and default.
     pub kind: ParameterKind,
 }
 
+/// What values a parameter has.
 #[derive(Debug)]
 pub enum ParameterKind {
+    /// Yes or no.
     Bool {
+        /// Where a document does not say it.
         default: bool,
     },
     /// Inclusive range.
     Integer {
+        /// Where a document does not say it.
         default: i64,
+        /// The least.
         min: i64,
+        /// The most.
         max: i64,
     },
     /// Inclusive range; NaN and infinity are never accepted.
     Float {
+        /// Where a document does not say it.
         default: f64,
+        /// The least.
         min: f64,
+        /// The most.
         max: f64,
     },
     /// One of several ways; the first is the default.
     Choice {
+        /// All that there are.
         choices: &'static [Choice],
     },
 }
@@ -112,16 +133,24 @@ pub enum ParameterKind {
 /// One value of a [`ParameterKind::Choice`], with parameters of its own: `Plane(fov: 126.87)`.
 #[derive(Debug)]
 pub struct Choice {
+    /// As pipelines write it.
     pub name: &'static str,
+    /// What it does, for the documentation.
     pub about: &'static str,
+    /// What pipelines can set of it.
     pub parameters: &'static [Parameter],
 }
 
+/// What edges of a pipeline lead to.
 #[derive(Debug)]
 pub struct Input {
+    /// As pipelines write it.
     pub name: &'static str,
+    /// What it is, for the documentation.
     pub about: &'static str,
+    /// What an edge may bring.
     pub accepts: PortKind,
+    /// How many edges may lead there.
     pub takes: Takes,
     /// Whether the pass changes what it is given, in place. Its output is a newer version then: all others that name the older one run before it.
     pub changes: bool,
@@ -130,6 +159,7 @@ pub struct Input {
 /// How many edges lead to an input.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Takes {
+    /// One, which must be there.
     One,
     /// It may be left out of the pipeline, or its source dropped from the plan.
     AtMostOne,
@@ -146,9 +176,13 @@ impl Takes {
     }
 }
 
+/// What a pass hands on.
 #[derive(Debug)]
 pub struct Output {
+    /// As pipelines write it behind the node's name.
     pub name: &'static str,
+    /// What it is, for the documentation.
     pub about: &'static str,
+    /// What inputs it fits.
     pub kind: PortKind,
 }

@@ -7,7 +7,9 @@ use std::borrow::Cow;
 /// A side of the program's memory, and who works there.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Place {
+    /// The processor, in the program's own memory.
     Host,
+    /// What wgpu has opened, in its memory.
     Device,
 }
 
@@ -32,6 +34,7 @@ const MOST_PIXELS_ON_HOST: u64 = 1 << 23;
 pub struct Bodies {
     /// What keeps the host from it; completes "…, as …".
     pub not_on_host: Option<Cow<'static, str>>,
+    /// What keeps the device from it; completes "…, as …".
     pub not_on_device: Option<Cow<'static, str>>,
     /// Who does it where it is left open, whatever the device is, and why; completes "…, as …".
     pub better: Option<(Place, &'static str)>,
@@ -75,6 +78,7 @@ impl Place {
 /// Who does some work, and why.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Decision {
+    /// Who does it.
     pub place: Place,
     /// Completes "…, as …"; None where there is nothing to tell.
     pub because: Option<Cow<'static, str>>,

@@ -14,20 +14,35 @@ use std::sync::Arc;
 /// The kind of a port: an edge joins an output to an input of the same kind.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum PortKind {
+    /// The visible surfaces.
     GBuffer,
+    /// Depth from the lights.
     ShadowMaps,
+    /// Reflected direct light.
     DirectLight,
+    /// One texel a pixel.
     Image,
+    /// Weighted sums over records.
     Splats,
+    /// Places that need a record.
     Requests,
+    /// One hemisphere a request.
     Tiles,
+    /// The same with what each sample stands for.
     WeightedTiles,
+    /// Those of this round.
     Records,
+    /// All so far.
     RecordCache,
+    /// What can be asked for the irradiance at any point.
     IrradianceField,
+    /// Photons where they arrived.
     PhotonMap,
+    /// Lobes of materials, projected on harmonics.
     Lobes,
+    /// The lobe that each pixel sees.
     VisibleLobes,
+    /// Whether a loop has come to its end: a number that is not 0.
     Flag,
     /// Of passes of another program: what flows between them, with its article, such as "a map of edges".
     Own(&'static str),
@@ -60,25 +75,42 @@ impl PortKind {
 /// What a node hands on.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Port {
+    /// The visible surfaces.
     GBuffer(GBuffer),
+    /// Depth from the lights.
     ShadowMaps(ShadowMaps),
+    /// Reflected direct light.
     DirectLight(DirectLight),
+    /// One texel a pixel.
     Image(Image),
+    /// Weighted sums over records.
     Splats(Splats),
+    /// Places that need a record.
     Requests(Requests),
+    /// One hemisphere a request.
     Tiles(Tiles),
+    /// The same with what each sample stands for.
     WeightedTiles(WeightedTiles),
+    /// Those of this round.
     Records(Records),
+    /// All so far.
     RecordCache(RecordCache),
+    /// What can be asked for the irradiance at any point.
     IrradianceField(IrradianceField),
+    /// Photons where they arrived.
     PhotonMap(PhotonMap),
+    /// Lobes of materials, projected on harmonics.
     Lobes(Lobes),
+    /// The lobe that each pixel sees.
     VisibleLobes(VisibleLobes),
+    /// Whether a loop has come to its end: a number that is not 0.
     Flag(Variable),
+    /// Of passes of another program.
     Own(Own),
 }
 
 impl Port {
+    /// What inputs it fits.
     pub fn kind(&self) -> PortKind {
         match self {
             Self::GBuffer(_) => PortKind::GBuffer,
@@ -164,13 +196,17 @@ impl Port {
 pub struct Own {
     /// As in [`PortKind::Own`].
     pub kind: &'static str,
+    /// In an order that the passes know.
     pub resources: Vec<Resource>,
+    /// In an order that the passes know.
     pub variables: Vec<Variable>,
 }
 
 /// Other memory for a port: see [`Port::over`].
 pub trait Memory {
+    /// The one in the place of another.
     fn resource(&mut self, resource: Resource) -> Resource;
+    /// The one in the place of another.
     fn variable(&mut self, variable: Variable) -> Variable;
 }
 
@@ -218,7 +254,9 @@ pub struct ShadowMaps {
 /// RGBA32F, one texel a pixel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Image {
+    /// As large as the picture.
     pub texture: Resource,
+    /// How they are named in files.
     pub channels: Channels,
 }
 
@@ -246,6 +284,7 @@ pub struct Splats {
     pub of_errors: bool,
     /// The lobes that turn records into radiance toward the camera, which the sums are of then in place of irradiance.
     pub lobes: Option<VisibleLobes>,
+    /// What was splatted.
     pub cache: RecordCache,
 }
 
@@ -256,9 +295,11 @@ pub struct Requests {
     pub places: Resource,
     /// How many there are this round.
     pub count: Variable,
+    /// Most a round.
     pub capacity: u32,
     /// How many there have been this frame, and may be.
     pub made: Variable,
+    /// Most a frame.
     pub at_most: u32,
 }
 
@@ -275,7 +316,9 @@ pub struct Tiles {
     pub is_steady: bool,
     /// Whether emitters and the sky are in them; otherwise the direct pass lights from these.
     pub sees_emission: bool,
+    /// What asked for them.
     pub requests: Requests,
+    /// Which directions are where in a tile.
     pub shape: crate::math::hemisphere::Shape,
     /// Samples along a tile's edge, N.
     pub resolution: u32,
@@ -288,6 +331,7 @@ pub struct Tiles {
 /// Tiles with what each sample stands for.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WeightedTiles {
+    /// What was seen.
     pub tiles: Tiles,
     /// The weights after compensation.
     pub table: Arc<Table>,
@@ -296,10 +340,13 @@ pub struct WeightedTiles {
 /// New records, in the requests' order.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Records {
+    /// Buffer of [`crate::passes::record::Record`].
     pub records: Resource,
     /// What arrives from where, for records of radiance.
     pub coefficients: Option<Coefficients>,
+    /// How many there are this round.
     pub count: Variable,
+    /// Most a round.
     pub capacity: u32,
     /// Whether each round of their loop has them at the same places and reaching as far, with other light.
     pub is_steady: bool,
@@ -310,14 +357,17 @@ pub struct Records {
 /// All records so far; a history.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RecordCache {
+    /// Buffer of [`crate::passes::record::Record`].
     pub records: Resource,
     /// What arrives from where, for records of radiance.
     pub coefficients: Option<Coefficients>,
     /// Records in the cache.
     pub count: Variable,
+    /// Most records.
     pub capacity: u32,
     /// The rule as a uniform buffer.
     pub weighting: Resource,
+    /// How records weigh.
     pub rule: Rule,
     /// Whether records of earlier frames, and of earlier samples of this one, are there.
     pub lasts: bool,
@@ -326,7 +376,9 @@ pub struct RecordCache {
 /// What can be asked for the irradiance of indirect light at any point and normal.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum IrradianceField {
+    /// Records that are looked up by place.
     Records(RecordIndex),
+    /// Photons that are gathered around a point.
     Photons(PhotonDensity),
 }
 
@@ -335,6 +387,7 @@ pub enum IrradianceField {
 pub struct RecordIndex {
     /// Buffer of words, laid out as [`crate::math::record_index::Layout`] of the capacity says.
     pub data: Resource,
+    /// How records weigh.
     pub rule: Rule,
     /// Most records.
     pub capacity: u32,
@@ -354,6 +407,7 @@ pub struct PhotonMap {
 /// Photons that can be asked for the irradiance at any point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PhotonDensity {
+    /// The photons.
     pub map: PhotonMap,
     /// Photons of a point, where there are so many near.
     pub wanted: u32,
@@ -368,13 +422,16 @@ pub struct PhotonDensity {
 pub struct Coefficients {
     /// Buffer of vec4: of each record [`crate::math::radiance::PLANES`] expansions of `quads(order)`.
     pub values: Resource,
+    /// Of the expansions.
     pub order: u32,
+    /// What their numbers are stored in.
     pub precision: Precision,
 }
 
 /// What a number is stored in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Precision {
+    /// Floats of 32 bits.
     Single,
     /// Up to 65504, eleven bits.
     Half,
@@ -408,6 +465,7 @@ pub struct Lobes {
     pub tables: Option<Arc<Vec<LobeTable>>>,
     /// Whether sharp lobes have no table.
     pub leaves_sharp: bool,
+    /// What they are projected on.
     pub harmonics: Harmonics,
     /// Of each table.
     pub orders: Vec<u32>,
@@ -418,6 +476,7 @@ pub struct Lobes {
 /// The lobe that each pixel sees.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VisibleLobes {
+    /// Their tables.
     pub lobes: Lobes,
     /// RGBA32F: reflectance along the normal; index of the table, and as its fraction the azimuth of the lobe's first axis in
     /// `Frame::new` of the normal [turns]; −1 where there is no lobe.

@@ -16,6 +16,7 @@ const SMALLER: &str = "make the picture, the shadow maps, the batch of the fill 
 
 /// What can go wrong between the program and the driver.
 #[derive(Debug, Error, Diagnostic)]
+#[expect(missing_docs, reason = "the messages say it")]
 pub enum GpuError {
     #[error("no usable GPU adapter was found")]
     #[diagnostic(
@@ -63,8 +64,11 @@ pub enum GpuError {
 /// An adapter as `hemisplat adapters` lists it.
 #[derive(Debug, Clone, serde::Serialize)]
 pub struct Adapter {
+    /// As its driver calls it.
     pub name: String,
+    /// Such as "vulkan".
     pub backend: String,
+    /// Its name and version.
     pub driver: String,
     /// "discrete", "integrated", "virtual", "software" or "other".
     pub kind: &'static str,
@@ -73,18 +77,25 @@ pub struct Adapter {
     /// Whether it blends into images of 32-bit floats.
     #[serde(skip)]
     pub blends: bool,
+    /// What it grants.
     #[serde(skip)]
     pub limits: wgpu::Limits,
+    /// What it can do.
     #[serde(skip)]
     pub features: wgpu::Features,
 }
 
 /// An open device.
 pub struct Gpu {
+    /// That of wgpu.
     pub device: wgpu::Device,
+    /// That of wgpu.
     pub queue: wgpu::Queue,
+    /// What it was opened on.
     pub adapter: Adapter,
+    /// Those that it was opened with.
     pub limits: wgpu::Limits,
+    /// Those that it was opened with.
     pub features: wgpu::Features,
     /// Nanoseconds a timestamp tick; None where the adapter has no timestamps.
     pub tick: Option<f32>,
@@ -138,6 +149,7 @@ fn is_wanted(name: &str, wanted: Option<&str>) -> bool {
 }
 
 impl Adapter {
+    /// What plans have to know of it.
     pub fn device(&self) -> Device {
         Device { is_software: self.kind == "software", blends: self.blends }
     }

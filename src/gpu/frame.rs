@@ -13,7 +13,9 @@ use web_time::{Duration, Instant};
 /// What a frame took.
 #[derive(Debug, Clone)]
 pub struct Frame {
+    /// From its start to its end [s].
     pub seconds: f64,
+    /// In the order in which they ran first.
     pub nodes: Vec<NodeTimes>,
     /// Rounds of the loops that run until they are done.
     pub fill_rounds: Option<u32>,
@@ -26,28 +28,35 @@ pub struct Frame {
 /// A loop that ended before it was done.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Unfinished {
+    /// The node that it is.
     #[serde(rename = "loop")]
     pub name: String,
+    /// Why.
     pub because: Shortfall,
     /// Whether work is left for sure. If not, the loop could do no more and did not look whether it had to.
     #[serde(skip)]
     pub is_certain: bool,
 }
 
+/// What a node took in a frame.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct NodeTimes {
+    /// Its name.
     pub node: String,
+    /// That of its pass.
     pub pass: &'static str,
     /// None where the adapter has no timestamps.
     pub gpu_ms: Option<f64>,
     /// Time in host steps, waiting for what they read included.
     pub cpu_ms: f64,
+    /// How often it ran.
     pub runs: u32,
 }
 
 /// What becomes of a frame that is under way.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Pace {
+    /// There is no hurry.
     GoOn,
     /// So much time is left to the frame: its loops end in time for what comes after them.
     Within(Duration),

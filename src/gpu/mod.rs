@@ -10,16 +10,21 @@ mod encode;
 mod frame;
 mod hierarchy;
 mod host;
+#[doc(hidden)]
 pub mod limits;
 mod memory;
 mod pipelines;
 mod programs;
 mod readback;
+#[doc(hidden)]
 pub mod scene;
+#[doc(hidden)]
 mod session;
+#[doc(hidden)]
 pub mod shader;
 mod shaders;
 mod speculation;
+#[doc(hidden)]
 pub mod spirv;
 mod timing;
 

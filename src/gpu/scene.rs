@@ -56,7 +56,7 @@ host_struct! {
         metallic: f32,
         /// Exponent, slopes along both tangents, or the slope of microfacets.
         lobe_shape: [f32; 2],
-        /// Where its [`MAPS`] start among the tables; 0 where it has none.
+        /// Where its `MAPS` start among the tables; 0 where it has none.
         maps: u32,
         normal_scale: f32,
     }

@@ -23,7 +23,7 @@ pub const LEVELS: i32 = 24;
 /// A level that holds less than this share of the records is not worth a look at each point: the next larger cells take them.
 pub const FEW: u32 = 16;
 
-/// How many times as far records reach where none counts, short of obstacles on their surface; past those they count [`LITTLE`].
+/// How many times as far records reach where none counts, short of obstacles on their surface; past those they count `LITTLE`.
 pub const COARSER: f32 = 3.0;
 
 /// What a record counts that may be hidden by an obstacle: only where no other does.

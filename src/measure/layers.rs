@@ -82,6 +82,7 @@ pub struct Layer {
 
 /// Why a picture cannot be read, written or taken apart.
 #[derive(Debug, Error, Diagnostic)]
+#[expect(missing_docs, reason = "the messages say it")]
 pub enum PictureError {
     #[error("the EXR file cannot be read: {reason}")]
     #[diagnostic(code(measure::corrupt_exr), help("single part files of scan lines or tiles are read, deep data and subsampled channels are not"))]

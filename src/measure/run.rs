@@ -30,20 +30,27 @@ pub struct Run {
 /// What a frame measured; a number that cannot be had is None, never 0.
 #[derive(Debug, Clone, Serialize)]
 pub struct FrameReport {
+    /// From its start to its end [s].
     pub seconds: f64,
+    /// In the caches afterwards.
     pub records: Records,
+    /// Those that it has added.
     pub new_records: Option<u32>,
     /// Records that an earlier one of their batch would have covered.
     pub surplus_records: Option<u32>,
+    /// Rounds of the loops that run until they are done.
     pub fill_rounds: Option<u32>,
     /// How often the host waited, before the frame's end, for what the device made.
     pub waits: u32,
+    /// Pixels that no record reaches.
     pub uncovered_pixels: Option<u32>,
     /// Pixels that miss a record, as time was up, and have the light of farther ones.
     pub coarse_pixels: Option<u32>,
     /// How many times the stated accuracy the coarsest of them has; 0 where there is none.
     pub coarsest: Option<u32>,
+    /// Pixels of its outputs that are NaN or infinite: a frame that has any is an error where its picture is read.
     pub non_finite_pixels: Option<u32>,
+    /// What its nodes took.
     pub passes: Vec<PassReport>,
     /// Whether every loop came to its end and every pixel is covered at the stated accuracy.
     pub complete: bool,
@@ -51,18 +58,27 @@ pub struct FrameReport {
     pub unfinished: Vec<Unfinished>,
 }
 
+/// Records in caches, by what they hold.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Records {
+    /// Of diffuse light.
     pub irradiance: Option<u32>,
+    /// Of what arrives from where.
     pub radiance: Option<u32>,
 }
 
+/// What a node took in a frame.
 #[derive(Debug, Clone, Serialize)]
 pub struct PassReport {
+    /// Its name.
     pub node: String,
+    /// That of its pass.
     pub pass: &'static str,
+    /// On the device, where that has timestamps [ms].
     pub gpu_ms: Option<f64>,
+    /// In host steps, waiting for what they read included [ms].
     pub cpu_ms: f64,
+    /// How often it ran.
     pub runs: u32,
     /// What the node itself reports, by name.
     pub numbers: BTreeMap<&'static str, u32>,
@@ -79,6 +95,7 @@ struct Number<'p> {
 
 /// What goes wrong with a frame or with saved records.
 #[derive(Debug, Error, Diagnostic)]
+#[expect(missing_docs, reason = "the messages say it")]
 pub enum RunError {
     #[error(transparent)]
     #[diagnostic(transparent)]
@@ -105,11 +122,13 @@ impl RunError {
 }
 
 impl Run {
+    /// Brings a scene to the device, and makes all memory and shaders that the plan needs. `size` is the picture's width and height [pixels].
     pub async fn new(gpu: &Arc<Gpu>, stage: &Arc<Stage>, plan: &Arc<Plan>, camera: &Camera, size: [u32; 2]) -> Result<Self, RunError> {
         let session = Session::new(gpu, stage, &plan.schedule, &plan.placement, camera, size).await?;
         Ok(Self { plan: plan.clone(), session, size })
     }
 
+    /// Width and height of the picture [pixels].
     pub fn size(&self) -> [u32; 2] {
         self.size
     }
@@ -119,6 +138,7 @@ impl Run {
         self.session.gpu_bytes
     }
 
+    /// What it runs.
     pub fn plan(&self) -> &Arc<Plan> {
         &self.plan
     }
@@ -133,6 +153,7 @@ impl Run {
         Ok(())
     }
 
+    /// What it renders.
     pub fn stage(&self) -> &Arc<Stage> {
         self.session.stage()
     }
@@ -189,6 +210,7 @@ impl Run {
         self.session.assume_still();
     }
 
+    /// The next frame looks from there. Records stay.
     pub fn set_camera(&mut self, camera: &Camera) {
         self.session.set_camera(camera);
     }
@@ -294,6 +316,7 @@ impl Run {
         Ok(self.session.read(resource).await?)
     }
 
+    /// A number of the schedule, as the last frame left it.
     pub fn variable(&self, variable: crate::schedule::Variable) -> u32 {
         self.session.variable(variable)
     }

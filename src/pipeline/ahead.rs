@@ -25,7 +25,7 @@ host_struct! {
     pub struct Sizing {
         /// Workgroups, where nothing counts them.
         groups: [u32; 3],
-        /// Where the variable stands that counts, or [`UNCOUNTED`].
+        /// Where the variable stands that counts, or `UNCOUNTED`.
         count: u32,
         divisor: u32,
         per: u32,

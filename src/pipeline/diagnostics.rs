@@ -9,7 +9,9 @@ use std::fmt;
 pub struct Problem {
     /// `pipeline::…` for the document alone, `plan::…` for the document with a scene; stable.
     pub code: &'static str,
+    /// What is wrong, one sentence.
     pub message: String,
+    /// What to do about it.
     pub help: Option<String>,
     source: Option<Source>,
     labels: Vec<LabeledSpan>,
@@ -20,6 +22,7 @@ pub struct Problem {
 pub struct Problems(pub Vec<Problem>);
 
 impl Problem {
+    /// With a code and a message.
     pub fn new(code: &'static str, message: impl Into<String>) -> Self {
         Self { code, message: message.into(), help: None, source: None, labels: Vec::new() }
     }
@@ -39,6 +42,7 @@ impl Problem {
         if self.source.is_none() { self.at(place, label) } else { self }
     }
 
+    /// With what to do about it.
     pub fn help(mut self, help: impl Into<String>) -> Self {
         self.help = Some(help.into());
         self

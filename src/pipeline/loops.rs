@@ -12,6 +12,7 @@ pub enum Loop {
 }
 
 impl Loop {
+    /// All kinds.
     pub const ALL: [Self; 2] = [Self::Fill, Self::Iterate];
 
     /// The loop that pipelines write with this name.
@@ -19,6 +20,7 @@ impl Loop {
         Self::ALL.into_iter().find(|kind| kind.description().name == name)
     }
 
+    /// Its name, parameters and inputs, as those of a pass.
     pub fn description(self) -> &'static Description {
         match self {
             Self::Fill => &FILL,

@@ -2,22 +2,32 @@
 //!
 //! Nothing here reads files or touches a device: texts come through a function that the caller gives, plans are values.
 
+#[doc(hidden)]
 pub mod ahead;
 mod check;
 pub mod diagnostics;
+#[doc(hidden)]
 pub mod dial;
+#[doc(hidden)]
 pub mod document;
+#[doc(hidden)]
 pub mod embedded;
+#[doc(hidden)]
 pub mod export;
+#[doc(hidden)]
 pub mod grammar;
 mod graph;
 mod history;
 mod loops;
+#[doc(hidden)]
 pub mod per_frame;
 pub mod plan;
 mod progress;
+#[doc(hidden)]
 pub mod set;
+#[doc(hidden)]
 pub mod syntax;
+#[doc(hidden)]
 pub mod values;
 mod written;
 
@@ -40,10 +50,13 @@ use syntax::Place;
 pub struct Pipeline {
     /// The file's path, or `pipelines/…` for one that ships.
     pub name: String,
+    /// What the method is, one sentence.
     pub about: String,
     /// Paper and section.
     pub reference: String,
+    /// In the order in which they run.
     pub nodes: Vec<Node>,
+    /// What pictures hold.
     pub outputs: Vec<Layer>,
     /// Numbers that turn several parameters together; those that are turned stand in the nodes already.
     pub dials: Vec<Dial>,
@@ -58,15 +71,21 @@ pub struct Pipeline {
 /// An output: the name of a layer and what it shows.
 #[derive(Clone)]
 pub struct Layer {
+    /// As the picture's file has it.
     pub name: String,
+    /// Where it comes from.
     pub from: Origin,
 }
 
 /// One use of a pass, or a loop.
 pub struct Node {
+    /// As the document calls it.
     pub name: String,
+    /// What it does.
     pub work: Work,
+    /// The values of its parameters.
     pub arguments: Arguments,
+    /// What its inputs are joined to.
     pub inputs: Vec<Edge>,
     /// The node's name in the document.
     pub place: Place,
@@ -74,7 +93,9 @@ pub struct Node {
     pub places: BTreeMap<&'static str, Place>,
 }
 
+/// What a node does.
 pub enum Work {
+    /// A pass that is registered.
     Pass(&'static dyn Pass),
     /// A loop, whose arguments and inputs are those that [`Loop::description`] tells.
     Loop(Loop, Vec<Node>),
@@ -83,27 +104,35 @@ pub enum Work {
 /// What an input is joined to.
 #[derive(Clone)]
 pub struct Edge {
+    /// The input's name.
     pub input: &'static str,
+    /// Whether the input must have an edge.
     pub required: bool,
     /// See [`crate::contract::Input::changes`].
     pub changes: bool,
+    /// Which value is meant.
     pub when: When,
     /// The loop whose round before is meant: the innermost that holds both ends. None for other edges.
     pub round_of: Option<String>,
+    /// Where it begins.
     pub from: Origin,
 }
 
 /// An output of a node, and where the document names it.
 #[derive(Clone)]
 pub struct Origin {
+    /// The node's name.
     pub node: String,
+    /// The output's name.
     pub output: &'static str,
+    /// Where the document names it.
     pub place: Place,
 }
 
 /// Which of its values an edge takes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum When {
+    /// What this frame, and this round of the loop, has made.
     Now,
     /// What the round before left; empty in the first round, each time that the loop starts.
     PreviousRound,
@@ -153,6 +182,7 @@ fn names(nodes: &[Node]) -> Vec<&str> {
 }
 
 impl Node {
+    /// What its pass or its loop is.
     pub fn description(&self) -> &'static Description {
         match &self.work {
             Work::Pass(pass) => pass.description(),

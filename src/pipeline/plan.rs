@@ -23,14 +23,19 @@ pub const CAMERA_BYTES: u64 = 256;
 
 /// What one frame of a pipeline does on one scene.
 pub struct Plan {
+    /// The name of the pipeline.
     pub pipeline: String,
+    /// What the method is, one sentence.
     pub about: String,
     /// See [`Pipeline::specialise`].
     pub specialised: bool,
     /// See [`Pipeline::dials`].
     pub dials: Vec<Dial>,
+    /// Resources and commands.
     pub schedule: Arc<Schedule>,
+    /// From where to where each resource is needed.
     pub lifetimes: Lifetimes,
+    /// Which resources share memory.
     pub placement: Placement,
     /// Layer, what it shows, and the port.
     pub outputs: Vec<(Layer, Port)>,
@@ -59,7 +64,9 @@ pub struct Plan {
 /// A history that can be saved and loaded.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Saved {
+    /// The node whose it is.
     pub node: String,
+    /// What is saved.
     pub history: Persistent,
     /// The nodes that make its items and what they are set to, the last of them first. Items that others made do not mix with these.
     pub made_by: Vec<String>,
@@ -68,6 +75,7 @@ pub struct Saved {
 /// A node that the scene does not require.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Dropped {
+    /// The node's name.
     pub node: String,
     /// Completes "dropped because …".
     pub because: String,
@@ -76,7 +84,9 @@ pub struct Dropped {
 /// A layer that is not there.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Absent {
+    /// The layer's name.
     pub layer: String,
+    /// Completes "… has no source, as …".
     pub because: String,
 }
 
@@ -789,16 +799,20 @@ impl Plan {
 /// Bytes that a plan holds on the device.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Memory {
+    /// What lives within a frame.
     pub transient: u64,
     /// What transient resources would take if none shared memory.
     pub unshared: u64,
+    /// What lives on into the next frame.
     pub history: u64,
+    /// Tables and other contents that plans know.
     pub constants: u64,
     /// The scene and the camera.
     pub scene: u64,
 }
 
 impl Memory {
+    /// All of it.
     pub fn total(&self) -> u64 {
         self.transient + self.history + self.constants + self.scene
     }

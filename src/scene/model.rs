@@ -21,7 +21,9 @@ pub struct Scene {
     pub name: String,
     /// World-space triangles, in the file's order until [`super::bvh::Bvh::build`] sorts them.
     pub triangles: Vec<Triangle>,
+    /// How surfaces reflect and emit.
     pub materials: Vec<Material>,
+    /// Images of materials.
     pub textures: Vec<Texture>,
     /// Texture coordinates beside the triangles' own, for maps that lie otherwise than the base colour: each of all triangles, in their order. Mostly none.
     pub charts: Vec<Vec<[Vec2; 3]>>,
@@ -29,7 +31,9 @@ pub struct Scene {
     pub tangents: Vec<[Vec3; 3]>,
     /// What the file has names or places of its own for, in the triangles' order: none once [`super::bvh::Bvh::build`] has sorted them.
     pub objects: Vec<Object>,
+    /// Lights without a surface.
     pub lights: Vec<Light>,
+    /// What rays see that leave the scene.
     pub environment: Environment,
     /// Never empty: a file without a camera gets one that looks at the whole scene, and a note.
     pub cameras: Vec<Camera>,
@@ -42,7 +46,9 @@ pub struct Scene {
 /// Triangles that belong together: an instance of a mesh, an object of a file, a `Place` with a name.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Object {
+    /// As the file has it.
     pub name: String,
+    /// Its own, of [`Scene::triangles`].
     pub triangles: Range<usize>,
 }
 
@@ -64,11 +70,13 @@ pub struct Triangle {
 /// How a surface emits and reflects.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Material {
+    /// As the file has it.
     pub name: String,
     /// Diffuse reflectance, 0..1 per channel; multiplied by `texture` where there is one.
     pub reflectance: Rgb,
     /// Index into [`Scene::textures`] of the base colour.
     pub texture: Option<u32>,
+    /// Textures of its other numbers.
     pub maps: Maps,
     /// Emitted radiance [W m⁻² sr⁻¹].
     pub emission: Rgb,
@@ -91,18 +99,23 @@ pub struct Maps {
     pub normal_scale: f32,
     /// What multiplies the emission.
     pub emission: Option<u32>,
+    /// By which coordinates they lie.
     pub charts: Charts,
 }
 
 /// By which coordinates maps lie on triangles: 0 for the triangle's own, n for the n-th of [`Scene::charts`].
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Charts {
+    /// Of [`Maps::facets`].
     pub facets: u32,
+    /// Of [`Maps::normal`].
     pub normal: u32,
+    /// Of [`Maps::emission`].
     pub emission: u32,
 }
 
 impl Maps {
+    /// Whether there is none.
     pub fn is_empty(&self) -> bool {
         [self.facets, self.normal, self.emission] == [None; 3]
     }
@@ -122,11 +135,13 @@ pub struct Tint(pub u32);
 impl Tint {
     const MOST: f32 = 1023.0;
 
+    /// The nearest to a colour.
     pub fn new(colour: Rgb) -> Self {
         let bits = |share: f32| ((1.0 - share.clamp(0.0, 1.0).sqrt()) * Self::MOST).round() as u32;
         Self(bits(colour.x) | bits(colour.y) << 10 | bits(colour.z) << 20)
     }
 
+    /// What the base colour is multiplied by.
     pub fn colour(self) -> Rgb {
         let share = Vec3::new((self.0 & 1023) as f32, (self.0 >> 10 & 1023) as f32, (self.0 >> 20 & 1023) as f32);
         let root = 1.0 - share / Self::MOST;
@@ -137,13 +152,29 @@ impl Tint {
 /// A glossy lobe as read from a file; pipelines that cannot render it say so.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Glossy {
-    /// Modified Phong: specular reflectance and exponent.
-    Phong { reflectance: Rgb, exponent: f32 },
+    /// Modified Phong.
+    Phong {
+        /// Of the lobe, 0..1 per channel.
+        reflectance: Rgb,
+        /// Of the cosine to the mirrored direction.
+        exponent: f32,
+    },
     /// glTF metallic-roughness (GGX).
-    /// `dielectric` is what is reflected along the normal where there is no metal.
-    MetallicRoughness { metallic: f32, roughness: f32, dielectric: Rgb },
-    /// Anisotropic Ward: specular reflectance and the two slopes.
-    Ward { reflectance: Rgb, alpha: Vec2 },
+    MetallicRoughness {
+        /// How much of it is metal, 0..1.
+        metallic: f32,
+        /// The root of GGX's α, 0..1.
+        roughness: f32,
+        /// What is reflected along the normal where there is no metal.
+        dielectric: Rgb,
+    },
+    /// Anisotropic Ward.
+    Ward {
+        /// Of the lobe, 0..1 per channel.
+        reflectance: Rgb,
+        /// The slopes along both axes.
+        alpha: Vec2,
+    },
 }
 
 impl Glossy {
@@ -161,13 +192,17 @@ impl Glossy {
 /// An image of 8 bits a channel, rows from the top.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Texture {
+    /// The file's name, or that in the file.
     pub name: String,
+    /// [texels]
     pub width: u32,
+    /// [texels]
     pub height: u32,
     /// `width · height` texels: red, green, blue, alpha; alpha is linear.
     pub texels: Vec<[u8; 4]>,
     /// Those of its coarser levels, one after the other, as [`Texture::with_levels`] makes them; none where it is read at full size alone.
     pub coarser: Vec<u32>,
+    /// What its texels mean.
     pub reading: Reading,
 }
 
@@ -185,29 +220,56 @@ pub struct Reading {
 /// What lies beyond an image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum Wrap {
+    /// The same image again.
     #[default]
     Repeat,
+    /// The image in a mirror.
     Mirror,
+    /// The texel at the edge.
     Clamp,
 }
 
 /// A light without a surface. Emissive triangles are area lights and are not listed here.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Light {
+    /// As the file has it.
     pub name: String,
+    /// Where it stands, how strong it is, and where it shines.
     pub kind: LightKind,
+    /// Whether what stands before it casts a shadow.
     pub shadows: bool,
 }
 
+/// A light that has no extent.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum LightKind {
-    /// `intensity` [W/sr].
-    Point { position: Vec3, intensity: Rgb },
-    /// `intensity` on the axis [W/sr]; full inside the `inner` half-angle, none beyond `outer` [radians];
-    /// between them the glTF falloff: the square of a clamped linear ramp in the cosine.
-    Spot { position: Vec3, direction: Vec3, intensity: Rgb, inner: f32, outer: f32 },
-    /// `irradiance` on a surface that faces it [W/m²]; `direction` is the way the light travels.
-    Directional { direction: Vec3, irradiance: Rgb },
+    /// Shines alike everywhere.
+    Point {
+        /// Relative to the scene's origin [scene units].
+        position: Vec3,
+        /// [W/sr]
+        intensity: Rgb,
+    },
+    /// Shines in a cone; between both angles with glTF's falloff: the square of a clamped linear ramp in the cosine.
+    Spot {
+        /// Relative to the scene's origin [scene units].
+        position: Vec3,
+        /// Unit vector, along the axis.
+        direction: Vec3,
+        /// On the axis [W/sr].
+        intensity: Rgb,
+        /// The half-angle within which it is as bright as there [radians].
+        inner: f32,
+        /// The half-angle beyond which there is none [radians].
+        outer: f32,
+    },
+    /// Shines from so far away that it arrives alike everywhere.
+    Directional {
+        /// Unit vector, the way the light travels.
+        direction: Vec3,
+        /// On a surface that faces it [W/m²].
+        irradiance: Rgb,
+    },
 }
 
 impl LightKind {
@@ -257,7 +319,14 @@ pub enum Environment {
     Constant(Rgb),
     /// Latitude-longitude radiance: rows from +y down to −y; columns by azimuth φ = atan2(x, −z) with the middle
     /// column at −z, turning towards +x; linear texels, bilinear lookup.
-    LatLong { width: u32, height: u32, texels: Vec<Rgb> },
+    LatLong {
+        /// [texels]
+        width: u32,
+        /// [texels]
+        height: u32,
+        /// Row by row [W m⁻² sr⁻¹].
+        texels: Vec<Rgb>,
+    },
 }
 
 impl Default for Environment {
@@ -269,6 +338,7 @@ impl Default for Environment {
 /// A pinhole camera.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Camera {
+    /// As the file has it.
     pub name: String,
     /// Relative to the scene's origin [scene units].
     pub eye: Vec3,
@@ -276,6 +346,7 @@ pub struct Camera {
     pub direction: Vec3,
     /// Unit vector, perpendicular to `direction`, that points up in the picture.
     pub up: Vec3,
+    /// How much it sees.
     pub field_of_view: FieldOfView,
     /// The size that the file suggests [pixels].
     pub size: Option<[u32; 2]>,
@@ -303,7 +374,9 @@ impl Default for Sample {
 /// The angle that the camera's file states; the other follows from the picture's aspect [radians].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum FieldOfView {
+    /// Between the left and the right edge.
     Horizontal(f32),
+    /// Between the upper and the lower edge.
     Vertical(f32),
     /// That of the shorter side of the picture.
     Shorter(f32),
@@ -348,6 +421,7 @@ impl Camera {
 pub struct Reflection {
     /// Diffuse reflectance, 0..1 per channel.
     pub diffuse: Rgb,
+    /// What it reflects in some directions more than in others.
     pub lobe: Option<Lobe>,
 }
 
@@ -401,6 +475,7 @@ impl Material {
         Self { name: name.into(), reflectance, texture: None, maps: Maps::default(), emission: Vec3::ZERO, two_sided: true, alpha_cutoff: None, glossy: None }
     }
 
+    /// Whether light leaves it that did not arrive there.
     pub fn emits(&self) -> bool {
         self.emission != Vec3::ZERO
     }
@@ -562,6 +637,7 @@ impl Environment {
         }
     }
 
+    /// Whether no light comes from it.
     pub fn is_black(&self) -> bool {
         match self {
             Self::Constant(radiance) => *radiance == Vec3::ZERO,
@@ -595,13 +671,17 @@ pub fn srgb_to_linear(v: f32) -> f32 {
 /// Axis-aligned bounds [scene units].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bounds {
+    /// The least of each coordinate.
     pub min: Vec3,
+    /// The largest of each coordinate.
     pub max: Vec3,
 }
 
 impl Bounds {
+    /// Of nothing.
     pub const EMPTY: Self = Self { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
 
+    /// Of triangles.
     pub fn of(triangles: &[Triangle]) -> Self {
         triangles.iter().flat_map(|t| t.positions).fold(Self::EMPTY, Self::with)
     }
@@ -616,20 +696,24 @@ impl Bounds {
         Self { min: self.min - by, max: self.max + by }
     }
 
+    /// Of both.
     pub fn joined(self, other: &Self) -> Self {
         Self { min: self.min.min(other.min), max: self.max.max(other.max) }
     }
 
+    /// Its length; 0 of nothing [scene units].
     pub fn diagonal(&self) -> f32 {
         if self.min.cmpgt(self.max).any() { 0.0 } else { self.min.distance(self.max) }
     }
 
+    /// Halfway from corner to corner; the origin of nothing.
     pub fn centre(&self) -> Vec3 {
         if self.min.cmpgt(self.max).any() { Vec3::ZERO } else { (self.min + self.max) / 2.0 }
     }
 }
 
 impl Scene {
+    /// Of all triangles.
     pub fn bounds(&self) -> Bounds {
         Bounds::of(&self.triangles)
     }
@@ -674,6 +758,7 @@ impl Scene {
         (0..).zip(&self.triangles).filter(|(_, triangle)| emits(triangle)).map(|(number, _)| number).collect()
     }
 
+    /// The camera of a name, or the first.
     pub fn camera(&self, name: Option<&str>) -> Option<&Camera> {
         match name {
             None => self.cameras.first(),
@@ -690,6 +775,7 @@ pub fn surface_offset(extent: f32, point: Vec3) -> f32 {
 
 /// How far rays start off a surface, as shares of the scene's extent and of the largest coordinate.
 pub const OFFSET_OF_EXTENT: f32 = 2e-6;
+/// The share of the largest coordinate.
 pub const OFFSET_OF_SIZE: f32 = 4e-7;
 
 /// Layers of the shadow maps that a light takes: six for a point light or a wide spot, one for another spot, a [`shadow_grid`] of them for a directional light; none

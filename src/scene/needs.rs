@@ -6,6 +6,7 @@ use crate::math::lobe::Shape;
 /// The facts that decide which passes and which parts of shaders stay.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Needs {
+    /// How many there are.
     pub triangles: u32,
     /// None where shaders are to look it up.
     pub punctual_lights: Option<u32>,
@@ -13,6 +14,7 @@ pub struct Needs {
     pub light_kinds: u32,
     /// Punctual lights that cast shadows.
     pub shadowed_lights: u32,
+    /// How many triangles shine.
     pub emissive_triangles: u32,
     /// Whether rays that leave the scene see anything.
     pub environment: bool,
@@ -22,6 +24,7 @@ pub struct Needs {
     pub textures: bool,
     /// Whether any has coarser levels.
     pub mipmaps: bool,
+    /// Whether any surface has a normal map.
     pub normal_maps: bool,
     /// Whether any map lies on triangles by coordinates of its own.
     pub charts: bool,
@@ -29,7 +32,9 @@ pub struct Needs {
     pub tangents: bool,
     /// Whether corners have colours.
     pub tints: bool,
+    /// Whether any texture leaves holes.
     pub alpha_masks: bool,
+    /// Whether any surface is seen from its front alone.
     pub one_sided: bool,
     /// Whether any surface is seen from both sides.
     pub two_sides: bool,
@@ -45,6 +50,7 @@ pub struct Needs {
     pub narrow_lobes: bool,
     /// Whether any is sharp, and whether any is not.
     pub sharp_lobes: bool,
+    /// Whether any is wide.
     pub wide_lobes: bool,
     /// Whether any lobe depends on the azimuth around the normal.
     pub anisotropic: bool,
@@ -55,6 +61,7 @@ pub struct Needs {
 }
 
 impl Needs {
+    /// Those of a scene.
     pub fn of(scene: &Scene) -> Self {
         let used = used_materials(scene);
         let materials = || scene.materials.iter().zip(&used).filter(|(_, used)| **used).map(|(m, _)| m);

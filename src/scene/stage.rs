@@ -15,7 +15,9 @@ use thiserror::Error;
 /// A scene, and the hierarchy over its triangles, by which they are sorted.
 #[derive(Clone)]
 pub struct Stage {
+    /// Its triangles are sorted.
     pub scene: Scene,
+    /// The hierarchy over them.
     pub bvh: Bvh,
     movers: Vec<Mover>,
     needs: OnceLock<Needs>,
@@ -37,26 +39,35 @@ struct Mover {
 pub enum Change {
     /// A mover, counted in the order in which [`Stage::moving`] was told them, stands where this map brings it from where the file has it, in the file's coordinates.
     Place {
+        /// Its place in that order.
         mover: usize,
+        /// From the file's coordinates to the world's.
         map: DAffine3,
     },
     /// One of [`Scene::materials`].
     Material {
+        /// Which one.
         number: usize,
+        /// What it is from now on.
         material: Material,
     },
     /// One of [`Scene::lights`].
     Light {
+        /// Which one.
         number: usize,
+        /// What it is from now on.
         light: Light,
     },
+    /// What rays see that leave the scene.
     Environment(Environment),
 }
 
 /// What a device has to be told.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Changed {
+    /// Those that stand elsewhere.
     pub movers: Vec<usize>,
+    /// Whether the sky is another.
     pub environment: bool,
     /// Whether lamps or the sky shine otherwise.
     pub emission: bool,
@@ -64,6 +75,7 @@ pub struct Changed {
 
 /// Why a scene cannot change so. It is as it was.
 #[derive(Debug, Error, Diagnostic, PartialEq)]
+#[expect(missing_docs, reason = "the messages say it")]
 pub enum Unchangeable {
     #[error("the scene has no {what} {number}; it has {count}")]
     #[diagnostic(code(stage::unknown), help("they count from 0"))]

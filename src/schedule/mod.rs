@@ -57,14 +57,21 @@ pub struct VariableDescription {
     pub history: bool,
 }
 
+/// What a resource is made of.
 #[derive(Debug, Clone, PartialEq)]
 pub enum ResourceKind {
+    /// A storage or uniform buffer.
     Buffer {
+        /// Its length.
         bytes: u64,
     },
+    /// An image, or several of one size.
     Texture {
+        /// Width and height [texels].
         size: [u32; 2],
+        /// How many images.
         layers: u32,
+        /// What a texel is.
         format: Format,
     },
     /// Draws that a host step lists.
@@ -114,12 +121,18 @@ pub enum SceneData {
     Environment,
 }
 
+/// What a texel is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Format {
+    /// A float of 32 bits.
     R32Float,
+    /// A whole number of 32 bits.
     R32Uint,
+    /// Four floats of 16 bits.
     Rgba16Float,
+    /// Four floats of 32 bits.
     Rgba32Float,
+    /// A depth of 32 bits.
     Depth32Float,
 }
 
@@ -189,23 +202,32 @@ pub enum Shortfall {
     NoProgress,
 }
 
+/// Something that a node does.
 #[derive(PartialEq)]
 pub enum Command {
     /// Sets every byte or texel to 0.
     Clear(Resource),
     /// Copies every byte or texel to a resource of the same kind.
     Copy {
+        /// What is copied.
         from: Resource,
+        /// Where to.
         to: Resource,
     },
     /// Copies a texture's texels to a buffer from the byte `offset` on, a row after the other: [`Format::row_bytes`].
     CopyToBuffer {
+        /// A texture of one layer.
         from: Resource,
+        /// A buffer.
         to: Resource,
+        /// [bytes]
         offset: u64,
     },
+    /// A dispatch.
     Compute(Compute),
+    /// Draws.
     Raster(Raster),
+    /// Work on the host.
     Host(Host),
     /// Is run only where a loop has ended early, as the time of the frame was up or its rounds led nowhere.
     Late(Host),
@@ -228,33 +250,46 @@ pub struct Program {
     pub parts: Vec<(&'static str, u64)>,
 }
 
+/// A dispatch.
 #[derive(PartialEq)]
 pub struct Compute {
+    /// What is run.
     pub program: Program,
+    /// The name of the entry point in its text.
     pub entry: &'static str,
+    /// How many of it.
     pub groups: Groups,
 }
 
 /// Workgroups of a dispatch.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Groups {
+    /// So many along each axis.
     Fixed([u32; 3]),
     /// `ceil(variable / divisor) · per` groups in all, along x and from 65,535 on along y too, so that a shader's
     /// linear group is `workgroup_id.x + workgroup_id.y · num_workgroups.x`, and must be checked. None where it is 0.
     Counted {
+        /// How many items there are.
         count: Variable,
+        /// Items that share groups.
         divisor: u32,
+        /// Groups that they share.
         per: u32,
     },
 }
 
+/// Draws into images.
 #[derive(PartialEq)]
 pub struct Raster {
+    /// What is run.
     pub program: Program,
+    /// The name of the entry point for vertices in its text.
     pub vertex: &'static str,
-    /// None for a depth-only pass.
+    /// That for fragments; None for a depth-only pass.
     pub fragment: Option<&'static str>,
+    /// What is drawn into, by location.
     pub colours: Vec<Target>,
+    /// What keeps the nearest, if anything does.
     pub depth: Option<DepthTarget>,
     /// The buffer of three-float positions at vertex slot 0, if the vertex shader reads one.
     pub vertices: Option<Resource>,
@@ -262,26 +297,36 @@ pub struct Raster {
     pub instances: Option<Resource>,
     /// The buffer of u32 that indexed draws find their vertices by.
     pub indices: Option<Resource>,
+    /// What vertices make.
     pub topology: Topology,
+    /// How many of them.
     pub draws: Draws,
 }
 
+/// What vertices make.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Topology {
+    /// Each three a triangle.
     Triangles,
+    /// Each one with the two before it a triangle.
     TriangleStrip,
 }
 
+/// An image that is drawn into.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Target {
+    /// Of one layer.
     pub texture: Resource,
     /// Starts from this value; keeps what is there where None.
     pub clear: Option<[f64; 4]>,
+    /// What becomes of what is there.
     pub blend: Blend,
 }
 
+/// What becomes of what an image holds where something is drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Blend {
+    /// It is gone.
     Replace,
     /// Adds all four channels.
     Add,
@@ -290,37 +335,49 @@ pub enum Blend {
 /// Reverse Z: cleared to 0, the greater value is nearer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DepthTarget {
+    /// Of [`Format::Depth32Float`].
     pub texture: Resource,
+    /// Which of its images.
     pub layer: u32,
 }
 
+/// How much is drawn.
 pub enum Draws {
+    /// What the plan knows.
     Fixed(Vec<Draw>),
     /// What a host step put into a [`ResourceKind::Draws`].
     Listed(Resource),
     /// One draw of `vertices` vertices and so many instances.
     Instances {
+        /// Of each instance.
         vertices: u32,
+        /// How many instances.
         count: Variable,
     },
 }
 
+/// One draw.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Draw {
     /// Rectangle that clip space maps to and that fragments are kept in: x, y, width, height [pixels]; None for the whole target.
     pub rectangle: Option<[u32; 4]>,
     /// Numbers of the vertices, or places among the raster command's indices.
     pub vertices: [u32; 2],
+    /// Which of both.
     pub is_indexed: bool,
+    /// Numbers of the first instance and of that after the last.
     pub instances: [u32; 2],
 }
 
 /// Work on the CPU between GPU commands.
 pub struct Host {
+    /// For messages.
     pub name: &'static str,
     /// What is read back before the step runs, whole or `count · stride` bytes of it.
     pub reads: Vec<Read>,
+    /// What it writes, puts back or lists.
     pub writes: Vec<Resource>,
+    /// What it does.
     pub run: HostFunction,
     /// Dispatches that do the same to what the step writes and to variables, for loops that the device drives.
     pub twin: Option<Vec<Compute>>,
@@ -328,13 +385,16 @@ pub struct Host {
     pub runs_once: bool,
 }
 
+/// What a host step is to find.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Read {
+    /// Where it is.
     pub resource: Resource,
     /// Bytes an item and the number of items; None for the whole.
     pub counted: Option<(u64, Variable)>,
 }
 
+/// What a host step does; what it returns as an error is one of its frame.
 pub type HostFunction = Arc<dyn Fn(&mut dyn HostContext) -> Result<(), String> + Send + Sync>;
 
 /// What a host step sees while it runs.
@@ -347,7 +407,9 @@ pub trait HostContext {
     fn take(&mut self, resource: Resource) -> Vec<Vec4>;
     /// Puts it back; whatever looks at the resource next sees its first `bytes`, or all of it where there are fewer.
     fn put(&mut self, resource: Resource, contents: Vec<Vec4>, bytes: u64);
+    /// A number, as it is now.
     fn variable(&self, variable: Variable) -> u32;
+    /// Makes a number another from now on.
     fn set(&mut self, variable: Variable, value: u32);
     /// The list of draws, as the step left it last.
     fn draws(&mut self, resource: Resource) -> &mut Vec<Draw>;
@@ -355,6 +417,7 @@ pub trait HostContext {
     fn state(&mut self, resource: Resource) -> &mut Option<Box<dyn Any + Send + Sync>>;
     /// Triangles and the rest, for steps that look at the scene.
     fn scene(&self) -> &crate::scene::Scene;
+    /// The hierarchy over the triangles.
     fn bvh(&self) -> &crate::scene::bvh::Bvh;
     /// What emits light and is no point.
     fn emission(&self) -> &crate::scene::emitters::Emission;
@@ -479,6 +542,7 @@ impl Host {
 }
 
 impl Program {
+    /// Of a shader that ships.
     pub fn new(shader: &'static str) -> Self {
         Self { shader, text: None, imports: Vec::new(), constants: Vec::new(), bindings: Vec::new(), parts: Vec::new() }
     }
@@ -493,16 +557,19 @@ impl Program {
         format!("{}:{entry} {:?} {:?}{}", self.shader, self.constants, self.imports, self.text.unwrap_or_default())
     }
 
+    /// Says what `#import ALIAS`, in capitals, brings.
     pub fn import(mut self, alias: &'static str, path: &'static str) -> Self {
         self.imports.push((alias, path));
         self
     }
 
+    /// Gives an `override` constant its value.
     pub fn constant(mut self, name: &'static str, value: impl Into<f64>) -> Self {
         self.constants.push((name, value.into()));
         self
     }
 
+    /// Says what a variable of the shader is.
     pub fn bind(mut self, name: &'static str, resource: Resource) -> Self {
         self.bindings.push((name, resource));
         self
@@ -541,6 +608,7 @@ impl SceneData {
 }
 
 impl Format {
+    /// Of a texel.
     pub fn bytes(self) -> u64 {
         match self {
             Self::R32Float | Self::R32Uint | Self::Depth32Float => 4,
@@ -556,6 +624,7 @@ impl Format {
 }
 
 impl ResourceKind {
+    /// That it takes on the device, unless the device pads it.
     pub fn bytes(&self) -> u64 {
         match self {
             Self::Buffer { bytes } => *bytes,

@@ -31,7 +31,7 @@ pub(super) fn flips(test: &Layers, reference: &Layers, windows: Option<&Windows>
     Ok([found(&screen), found(&range)])
 }
 
-/// HDR-ꟻLIP of each pixel of the layer [`PICTURE`]; none where [`Viewed::of`] is.
+/// HDR-ꟻLIP of each pixel of the layer [`PICTURE`]; none where `Viewed::of` is.
 pub fn hdr_flips(test: &Layers, reference: &Layers) -> Result<Option<ErrorMap>, MetricsError> {
     let windows = reference.windows().map_err(|error| MetricsError::Picture { which: "reference", error })?;
     let Some(viewed) = Viewed::of(test, reference, windows.as_ref())? else { return Ok(None) };

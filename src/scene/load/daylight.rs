@@ -42,6 +42,7 @@ impl Default for Sun {
 pub struct Daylight {
     /// None leaves the scene's own sky.
     pub sky: Option<Sky>,
+    /// None leaves the scene's own lights.
     pub sun: Option<Sun>,
 }
 

@@ -2,6 +2,7 @@
 
 mod compressed;
 mod document;
+mod instances;
 mod material;
 
 use super::{
@@ -34,7 +35,7 @@ use std::{
 };
 
 /// What is missing from a scene without an extension, where its name does not say it.
-const SUPPLIES: [(&str, &str); 2] = [("EXT_mesh_gpu_instancing", "instances of meshes"), ("MSFT_texture_dds", "textures")];
+const SUPPLIES: [(&str, &str); 1] = [("MSFT_texture_dds", "textures")];
 
 /// The most elements of an accessor without a buffer: a few bytes of text must not become gigabytes.
 const MAX_ZEROS: usize = 1 << 20;
@@ -193,19 +194,19 @@ impl Reader<'_> {
                 return Err(broken(self.path, &format!("node {} hangs in the scene twice", node.index())));
             }
             let map = parent * node_map(&node);
-            self.add_node(&node, &map)?;
+            self.add_node(document, &node, &map)?;
             let children: Vec<Node> = node.children().collect();
             stack.extend(children.into_iter().rev().map(|child| (child, map)));
         }
         Ok(())
     }
 
-    fn add_node(&mut self, node: &Node, map: &DMat4) -> Result<(), SceneError> {
+    fn add_node(&mut self, document: &Document, node: &Node, map: &DMat4) -> Result<(), SceneError> {
         if let Some(mesh) = node.mesh() {
             let name = node.name().or(mesh.name()).map_or(format!("mesh {}", mesh.index()), |name| format!("mesh `{name}`"));
-            let first = self.draft.faces.len();
+            let (first, places) = (self.draft.faces.len(), self.places(document, node, map)?);
             for primitive in mesh.primitives() {
-                self.add_primitive(&primitive, map, &name)?;
+                self.add_primitive(&primitive, &places, &name)?;
             }
             self.draft.end_object(node.name().or(mesh.name()).unwrap_or(&name), first);
         }
@@ -218,7 +219,8 @@ impl Reader<'_> {
         Ok(())
     }
 
-    fn add_primitive(&mut self, primitive: &Primitive, map: &DMat4, name: &str) -> Result<(), SceneError> {
+    /// A primitive at each of some places.
+    fn add_primitive(&mut self, primitive: &Primitive, places: &[DMat4], name: &str) -> Result<(), SceneError> {
         if matches!(primitive.mode(), Mode::Points | Mode::Lines | Mode::LineLoop | Mode::LineStrip) {
             self.ignore("points and lines");
             return Ok(());
@@ -237,8 +239,16 @@ impl Reader<'_> {
         if let Some(&index) = indices.iter().find(|&&index| index as usize >= vertices.positions.len()) {
             return Err(broken(self.path, &format!("{name} refers to vertex {index} of {}", vertices.positions.len())));
         }
+        let triangles = triangles(mode, &indices);
+        for map in places {
+            self.add_faces(&vertices, &triangles, material, map, name)?;
+        }
+        Ok(())
+    }
+
+    fn add_faces(&mut self, vertices: &Vertices, triangles: &[[u32; 3]], material: u32, map: &DMat4, name: &str) -> Result<(), SceneError> {
         let normal_map = normal_map(map);
-        for corners in triangles(mode, &indices) {
+        for corners in triangles {
             let corners = corners.map(|index| index as usize);
             let normals = corners.map(|i| vertices.normals.get(i).copied().unwrap_or(Vec3::ZERO));
             let mut uvs = vertices.uvs.iter().map(|uvs| corners.map(|i| uvs.get(i).copied().unwrap_or(Vec2::ZERO)));
@@ -464,13 +474,15 @@ impl Reader<'_> {
 fn node_map(node: &Node) -> DMat4 {
     match node.transform() {
         ::gltf::scene::Transform::Matrix { matrix } => DMat4::from_cols_array_2d(&matrix.map(|column| column.map(f64::from))),
-        ::gltf::scene::Transform::Decomposed { translation, rotation, scale } => {
-            let rotation = DQuat::from_array(rotation.map(f64::from));
-            // A quaternion of no length turns nothing.
-            let rotation = if rotation.length_squared() > 0.0 { rotation.normalize() } else { DQuat::IDENTITY };
-            DMat4::from_scale_rotation_translation(scale.map(f64::from).into(), rotation, translation.map(f64::from).into())
-        }
+        ::gltf::scene::Transform::Decomposed { translation, rotation, scale } => composed(translation, rotation, scale),
     }
+}
+
+fn composed(translation: [f32; 3], rotation: [f32; 4], scale: [f32; 3]) -> DMat4 {
+    let rotation = DQuat::from_array(rotation.map(f64::from));
+    // A quaternion of no length turns nothing.
+    let rotation = if rotation.length_squared() > 0.0 { rotation.normalize() } else { DQuat::IDENTITY };
+    DMat4::from_scale_rotation_translation(scale.map(f64::from).into(), rotation, translation.map(f64::from).into())
 }
 
 /// Corners of the triangles of a list, strip or fan. Every other triangle of a strip is turned round.

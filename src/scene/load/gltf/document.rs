@@ -18,7 +18,8 @@ use serde_json::{Value, json};
 use std::{ops::Range, path::Path};
 
 /// The extensions that are read here. Quantised meshes need nothing but integer attributes.
-pub(super) const EXTENSIONS: [&str; 13] = [
+pub(super) const EXTENSIONS: [&str; 14] = [
+    "EXT_mesh_gpu_instancing",
     "EXT_meshopt_compression",
     "EXT_texture_webp",
     "KHR_draco_mesh_compression",

@@ -126,7 +126,7 @@ fn faults_outside_documents_are_told() {
     problem_of(
         "gltf_extension",
         Problem::Unsupported,
-        &[("a.gltf", br#"{"asset": {"version": "2.0"}, "extensionsUsed": ["EXT_mesh_gpu_instancing"], "extensionsRequired": ["EXT_mesh_gpu_instancing"]}"#)],
+        &[("a.gltf", br#"{"asset": {"version": "2.0"}, "extensionsUsed": ["MSFT_texture_dds"], "extensionsRequired": ["MSFT_texture_dds"]}"#)],
     );
     problem_of("gltf_old", Problem::Version, &[("a.gltf", br#"{"asset": {"version": "1.0"}, "meshes": {}}"#)]);
     problem_of("gltf_old_binary", Problem::Version, &[("a.glb", b"glTF\x01\0\0\0\x20\0\0\0")]);

@@ -123,10 +123,9 @@ fn damaged_gltf_never_panics() {
     // Mostly the text part, whose numbers are those that can lead astray.
     expect_survival("a glTF text", |random| survive("a glTF text", &[("a.glb", &[&binary[..20], &random.damaged(&binary[20..])].concat())]));
     expect_survival("a glTF file", |random| survive("a glTF file", &[("a.glb", &random.damaged(&binary))]));
-    for mapped in [super::maps::mapped().finish(), super::maps::charted().finish()] {
-        expect_survival("a glTF text with maps", |random| {
-            survive("a glTF text with maps", &[("a.glb", &[&mapped[..20], &random.damaged(&mapped[20..])].concat())])
-        });
+    for (what, file) in [("maps", super::maps::mapped()), ("charts", super::maps::charted()), ("instances", super::gltf::instanced())] {
+        let (what, file) = (format!("a glTF text with {what}"), file.finish());
+        expect_survival(&what, |random| survive(&what, &[("a.glb", &[&file[..20], &random.damaged(&file[20..])].concat())]));
     }
     let (text, buffer) = super::gltf::complete().finish_as_text("b.bin");
     expect_survival("a glTF document", |random| survive("a glTF document", &[("a.gltf", &random.damaged(text.as_bytes())), ("b.bin", &buffer)]));

@@ -303,7 +303,7 @@ fn what_an_extension_would_supply_is_named() {
     assert!(scene.notes.iter().any(|note| note.contains(expected)), "{:?}", scene.notes);
     assert!(notes(&changed("/textures", json!([{}]))).contains("texture 0 (it names no image)"));
     assert!(notes(&changed("/images", json!([{}]))).contains("texture 0 (it names no image)"));
-    assert!(notes(&changed("/extensionsUsed", json!(["EXT_mesh_gpu_instancing"]))).contains("EXT_mesh_gpu_instancing, which supplies instances of meshes"));
+    assert!(notes(&changed("/extensionsUsed", json!(["MSFT_texture_dds"]))).contains("MSFT_texture_dds, which supplies textures"));
 
     let fallback = br#"{"asset": {"version": "2.0"}, "buffers": [{"byteLength": 9, "extensions": {"KHR_meshopt_compression": {"fallback": true}}}]}"#;
     let (error, _) = load_files(&[("thing.gltf", fallback)]).unwrap_err();
@@ -321,4 +321,51 @@ fn data_uris_need_no_padding() {
         let scene = load_files(&[("thing.gltf", text.replace("URI", &uri).as_bytes())]).unwrap();
         assert_eq!(scene.triangles, load_glb(&complete()).unwrap().triangles);
     }
+}
+
+/// A square before a turned node, which has it at three places.
+pub(super) fn instanced() -> Builder {
+    let half = std::f32::consts::FRAC_1_SQRT_2;
+    let mut builder = Builder::new(json!({
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"name": "grove", "mesh": 0, "translation": [10, 0, 0], "rotation": [0, half, 0, half]}],
+        "extensionsUsed": ["EXT_mesh_gpu_instancing"],
+        "extensionsRequired": ["EXT_mesh_gpu_instancing"],
+    }));
+    let (positions, indices) = (builder.floats(&SQUARE), builder.indices(&[0, 1, 2, 0, 2, 3]));
+    let translations = builder.floats(&[[0.0, 0.0, 0.0], [0.0, 0.0, 5.0], [1.0, 2.0, 3.0]]);
+    let rotations = builder.floats(&[[0.0, 0.0, 0.0, 1.0], [0.0, 0.0, half, half], [0.0, 0.0, 0.0, 0.0]]);
+    let scales = builder.floats(&[[1.0, 1.0, 1.0], [2.0, 2.0, 2.0], [-1.0, 3.0, 1.0]]);
+    builder.root["meshes"] = json!([{"primitives": [{"attributes": {"POSITION": positions}, "indices": indices}]}]);
+    let attributes = json!({"TRANSLATION": translations, "ROTATION": rotations, "SCALE": scales, "_ID": 99});
+    builder.root["nodes"][0]["extensions"] = json!({"EXT_mesh_gpu_instancing": {"attributes": attributes}});
+    builder
+}
+
+#[test]
+fn a_mesh_stands_at_each_place_of_its_node() {
+    let scene = load_glb(&instanced()).unwrap();
+    expect_sound(&scene);
+    assert_eq!((scene.triangles.len(), scene.objects.len(), &scene.objects[0].triangles), (6, 1, &(0..6)));
+    // The corner that the square has at (1, 0, 0), by each place; the node turns +x to −z and +z to +x.
+    let origin = scene.origin.as_vec3();
+    for (instance, expected) in [Vec3::new(10.0, 0.0, -1.0), Vec3::new(15.0, 2.0, 0.0), Vec3::new(13.0, 2.0, 0.0)].into_iter().enumerate() {
+        let corners = scene.triangles[2 * instance..2 * instance + 2].iter().flat_map(|triangle| triangle.positions);
+        let corners: Vec<Vec3> = corners.map(|position| position + origin).collect();
+        assert!(corners.iter().any(|corner| corner.distance(expected) < 1e-5), "{instance}: {expected} is not among {corners:?}");
+    }
+    // Where all of its attributes are missing, it stands once.
+    let mut bare = instanced();
+    bare.root["nodes"][0]["extensions"] = json!({"EXT_mesh_gpu_instancing": {}});
+    assert_eq!(load_glb(&bare).unwrap().triangles.len(), 2);
+    let broken = |key: &str, accessor: Value| {
+        let mut builder = instanced();
+        builder.root["nodes"][0]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"][key] = accessor;
+        load_glb(&builder).unwrap_err().to_string()
+    };
+    assert!(broken("SCALE", json!(0)).contains("EXT_mesh_gpu_instancing of node 0 has attributes of different lengths"));
+    assert!(broken("ROTATION", json!(99)).contains("EXT_mesh_gpu_instancing of node 0 names an accessor for ROTATION that is not there"));
+    assert!(broken("TRANSLATION", json!("x")).contains("names an accessor for TRANSLATION that is not there"));
+    assert!(broken("TRANSLATION", json!(3)).contains("has to hold vectors of 3 numbers"));
 }

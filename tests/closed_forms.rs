@@ -1,5 +1,5 @@
 //! Light whose closed form is known, through whole pipelines on the device: each shape of tile, each way of seeing, each
-//! compensation and each sum, against formulas that this file works out by itself.
+//! compensation and each sum, against formulas that this file works out by itself. Half of the pairs are long cases, which run with `--ignored` or `--include-ignored`.
 //!
 //! Every pixel asks for a record of its own, so that a picture of a few pixels holds records at as many places, turned
 //! about their normals by as many angles. Needs a GPU adapter, a software one will do; without one each case is named
@@ -32,28 +32,49 @@ type Outcome = Result<(), Failed>;
 fn main() {
     let gpu = block_on(Gpu::open()).map_err(|e| e.to_string());
     let missing = gpu.as_ref().err().map(|reason| Missing::new("gpu", reason));
-    let trials = cases().into_iter().map(|(name, case)| {
+    let of_views = of_views().into_iter().map(|(name, is_long, case)| {
+        let gpu = gpu.clone();
+        let run = move || case(&gpu?);
+        if is_long { skips::long(name, missing.as_ref(), run) } else { skips::trial(name, missing.as_ref(), run) }
+    });
+    let others = cases().into_iter().map(|(name, case)| {
         let gpu = gpu.clone();
         skips::trial(name, missing.as_ref(), move || case(&gpu?))
     });
-    libtest_mimic::run(&Arguments::from_args(), trials.collect()).exit();
+    libtest_mimic::run(&Arguments::from_args(), of_views.chain(others).collect()).exit();
 }
 
 type Case = Box<dyn FnOnce(&Arc<Gpu>) -> Outcome + Send>;
 
+/// A form that every view is held against, or those views that it is known for.
+struct Form {
+    name: &'static str,
+    is_known_for: fn(&View) -> bool,
+    check: fn(&Arc<Gpu>, &View) -> Outcome,
+}
+
+const FORMS: [Form; 5] = [
+    Form { name: "a_cube_of_lamps", is_known_for: |_| true, check: cube_of_lamps },
+    Form { name: "tiles_of_all_sizes", is_known_for: View::is_whole, check: tiles_of_all_sizes },
+    Form { name: "a_corner_of_coloured_walls", is_known_for: View::is_whole, check: coloured_corner },
+    Form { name: "the_centre_of_a_sphere", is_known_for: View::is_whole, check: centre_of_a_sphere },
+    Form { name: "a_wall_before_the_sky", is_known_for: |view| view.shape != "Plane", check: wall_before_the_sky },
+];
+
+/// Each view against each form, by name, and whether that is a long case: every other one is, so that every run has each form and each view.
+fn of_views() -> Vec<(String, bool, Case)> {
+    let mut all: Vec<(String, bool, Case)> = Vec::new();
+    for (row, form) in FORMS.iter().enumerate() {
+        for (column, view) in views().into_iter().enumerate().filter(|(_, view)| (form.is_known_for)(view)) {
+            let name = format!("{} {}", form.name, view.name());
+            all.push((name, (row + column) % 2 == 1, Box::new(move |gpu| (form.check)(gpu, &view))));
+        }
+    }
+    all
+}
+
 fn cases() -> Vec<(String, Case)> {
     let mut cases: Vec<(String, Case)> = Vec::new();
-    for view in views() {
-        cases.push((format!("a_cube_of_lamps {}", view.name()), Box::new(move |gpu| cube_of_lamps(gpu, &view))));
-    }
-    for view in views().into_iter().filter(View::is_whole) {
-        cases.push((format!("tiles_of_all_sizes {}", view.name()), Box::new(move |gpu| tiles_of_all_sizes(gpu, &view))));
-        cases.push((format!("a_corner_of_coloured_walls {}", view.name()), Box::new(move |gpu| coloured_corner(gpu, &view))));
-        cases.push((format!("the_centre_of_a_sphere {}", view.name()), Box::new(move |gpu| centre_of_a_sphere(gpu, &view))));
-    }
-    for view in views().into_iter().filter(|view| view.shape != "Plane") {
-        cases.push((format!("a_wall_before_the_sky {}", view.name()), Box::new(move |gpu| wall_before_the_sky(gpu, &view))));
-    }
     cases.push(("lights_and_the_shadow_of_a_screen".into(), Box::new(shadow_of_a_screen)));
     cases.push(("a_sift_loses_no_triangle".into(), Box::new(sift_loses_nothing)));
     cases.push(("one_bounce_in_an_oven".into(), Box::new(one_bounce_in_an_oven)));

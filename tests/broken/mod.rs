@@ -93,7 +93,7 @@ impl Broken {
         let (test, name) = self.test();
         cargo.args(["test", "--locked"]);
         let cargo = if test == "lib" { cargo.arg("--lib") } else { cargo.args(["--test", test]) };
-        let done = cargo.args(["--", "--exact", name]).output()?;
+        let done = cargo.args(["--", "--exact", name, "--include-ignored"]).output()?;
         let told = String::from_utf8_lossy(&done.stdout);
         match () {
             () if told.contains("test result: FAILED. 0 passed; 1 failed;") => Ok(()),

@@ -74,11 +74,12 @@ fn of_views() -> Vec<(String, bool, Case)> {
 }
 
 fn cases() -> Vec<(String, Case)> {
-    let mut cases: Vec<(String, Case)> = Vec::new();
-    cases.push(("lights_and_the_shadow_of_a_screen".into(), Box::new(shadow_of_a_screen)));
-    cases.push(("a_sift_loses_no_triangle".into(), Box::new(sift_loses_nothing)));
-    cases.push(("one_bounce_in_an_oven".into(), Box::new(one_bounce_in_an_oven)));
-    cases.push(("all_bounces_in_an_oven".into(), Box::new(all_bounces_in_an_oven)));
+    let mut cases: Vec<(String, Case)> = vec![
+        ("lights_and_the_shadow_of_a_screen".into(), Box::new(shadow_of_a_screen)),
+        ("a_sift_loses_no_triangle".into(), Box::new(sift_loses_nothing)),
+        ("one_bounce_in_an_oven".into(), Box::new(one_bounce_in_an_oven)),
+        ("all_bounces_in_an_oven".into(), Box::new(all_bounces_in_an_oven)),
+    ];
     for place in ["Host", "Device"] {
         cases.push((format!("walls_that_shine_and_reflect {place}"), Box::new(move |gpu| walls_that_shine_and_reflect(gpu, place))));
     }

@@ -35,7 +35,7 @@ fn main() {
     let of_views = of_views().into_iter().map(|(name, is_long, case)| {
         let gpu = gpu.clone();
         let run = move || case(&gpu?);
-        if is_long { skips::long(name, missing.as_ref(), run) } else { skips::trial(name, missing.as_ref(), run) }
+        skips::short_or_long(name, is_long, missing.as_ref(), run)
     });
     let others = cases().into_iter().map(|(name, case)| {
         let gpu = gpu.clone();

@@ -70,7 +70,7 @@ fn main() {
             let test = format!("{views}_views_of_{}", name.split('/').next_back().unwrap_or(name).trim_end_matches(".obj"));
             let gpu = gpu.clone();
             let run = move || look_around(&gpu?, name, views);
-            trials.push(if is_long { skips::long(test, missing.as_ref(), run) } else { skips::trial(test, missing.as_ref(), run) });
+            trials.push(skips::short_or_long(test, is_long, missing.as_ref(), run));
         }
     }
     libtest_mimic::run(&arguments, trials).exit()

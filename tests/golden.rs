@@ -1045,7 +1045,7 @@ fn notices(broken: &Broken, goldens: &[Golden], missing: Option<&Missing>) -> Tr
             Ok(())
         }
     };
-    if is_quick { skips::trial(name, missing, test) } else { skips::long(name, missing, test) }
+    skips::short_or_long(name, !is_quick, missing, test)
 }
 
 /// Each mistake can be made, falls to a picture that is kept or to another test, and stands in the book.

@@ -54,7 +54,7 @@ fn main() {
         let (gpu, title) = (gpu.clone(), format!("{} of {name}", file.trim_end_matches(".ron")));
         let test = move || agree(&gpu?, file, scene);
         let is_short = name == HALL.0 || enough.contains(file);
-        if is_short { skips::trial(title, missing.as_ref(), test) } else { skips::long(title, missing.as_ref(), test) }
+        skips::short_or_long(title, !is_short, missing.as_ref(), test)
     });
     libtest_mimic::run(&Arguments::from_args(), trials.collect()).exit()
 }

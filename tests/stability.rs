@@ -26,7 +26,7 @@ fn main() {
     let drawn = |name: String, is_long: bool, test: Test| {
         let gpu = gpu.clone();
         let run = move || test(&gpu?);
-        if is_long { skips::long(name, missing.as_ref(), run) } else { skips::trial(name, missing.as_ref(), run) }
+        skips::short_or_long(name, is_long, missing.as_ref(), run)
     };
     let mut trials = vec![
         drawn("mistakes_are_seen".into(), false, Box::new(mistakes_are_seen)),

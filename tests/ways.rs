@@ -63,7 +63,7 @@ fn main() {
     let trials = cases.map(|(name, is_long, case)| {
         let stage = stage.clone();
         let run = move || case(&*stage?);
-        if is_long { skips::long(name, missing.as_ref(), run) } else { skips::trial(name, missing.as_ref(), run) }
+        skips::short_or_long(name, is_long, missing.as_ref(), run)
     });
     libtest_mimic::run(&Arguments::from_args(), trials.into()).exit();
 }

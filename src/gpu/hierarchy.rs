@@ -46,10 +46,11 @@ pub fn most_elements(triangles: u64) -> u64 {
 pub fn packed(nodes: &[Node], ranges: &[[u32; 2]], triangles: &[Triangle]) -> Vec<Packed> {
     let Some(root) = nodes.first() else { return vec![NONE; 3] };
     let grid = Grid::of(&root.bounds());
-    let mut all = grid.head();
+    let mut all = vec![NONE; 3];
     let tree = Tree { nodes, ranges, levels: LEVELS };
     tree.pack(&grid, vec![(Part::Node(0), 0, 2)], 0, &mut all);
-    all[1] = bits(grid.step, all.len() as u32);
+    let head = grid.head(all.len() as u32);
+    all[..2].copy_from_slice(&head);
     all.extend(triangles.iter().flat_map(|triangle| grid.corners(triangle)));
     all
 }
@@ -84,9 +85,7 @@ impl Packing {
     }
 
     pub fn whole(&self, bvh: &Bvh, triangles: &[Triangle]) -> Vec<Packed> {
-        let mut all = self.grid.head();
-        all[1] = bits(self.grid.step, self.triangles);
-        all.truncate(2);
+        let mut all = self.grid.head(self.triangles).to_vec();
         all.extend(self.upper(bvh).1);
         all.extend(bvh.roots().into_iter().zip(&self.starts).flat_map(|(root, start)| self.pairs(bvh, root, *start)));
         all.extend(self.corners(triangles, 0).1);
@@ -252,9 +251,9 @@ impl Grid {
         Self { origin, unit, step: (step / f64::from(unit)).as_vec3() }
     }
 
-    /// What stands before the pairs, its second element still to be said.
-    fn head(&self) -> Vec<Packed> {
-        vec![bits(self.origin, self.unit.to_bits()), NONE, NONE]
+    /// What stands before the nodes; `triangles` is where those begin.
+    fn head(&self, triangles: u32) -> [Packed; 2] {
+        [bits(self.origin, self.unit.to_bits()), bits(self.step, triangles)]
     }
 
     fn node(&self, node: &Node, content: u32) -> Packed {

@@ -52,9 +52,10 @@ pub fn trial(name: impl Into<String>, missing: Option<&Missing>, test: impl FnOn
     .with_ignored_flag(ignored)
 }
 
-/// A long test, which runs with `--ignored` or `--include-ignored`.
-pub fn long(name: impl Into<String>, missing: Option<&Missing>, test: impl FnOnce() -> Result<(), Failed> + Send + 'static) -> Trial {
-    trial(name, missing, test).with_ignored_flag(true)
+/// A test that runs in every run, or a long one, which runs with `--ignored` or `--include-ignored`.
+pub fn short_or_long(name: impl Into<String>, is_long: bool, missing: Option<&Missing>, test: impl FnOnce() -> Result<(), Failed> + Send + 'static) -> Trial {
+    let trial = trial(name, missing, test);
+    if is_long { trial.with_ignored_flag(true) } else { trial }
 }
 
 /// A test that ends with the first error.

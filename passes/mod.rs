@@ -23,6 +23,7 @@ pub mod lobe_coefficients;
 pub mod lobe_rays;
 #[cfg(test)]
 mod mock;
+pub mod motion;
 pub mod normalize;
 pub mod path_vertices;
 pub mod photon_density;
@@ -45,6 +46,7 @@ pub mod surroundings;
 /// All passes, in the order that `hemisplat passes` lists them.
 pub static REGISTRY: &Registry = &[
     &gbuffer::GBuffer,
+    &motion::Motion,
     &lobe_coefficients::LobeCoefficients,
     &classify::Classify,
     &shadow_map::ShadowMap,

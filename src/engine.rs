@@ -1,16 +1,19 @@
 //! hemisplat inside other programs: on a device of their own, with pictures that stay there, and with passes of theirs beside those that ship.
 
 use crate::contract::{Pass, encoder::Setting, tables::Remembered};
-use crate::gpu::{Gpu, GpuError, scene::kind_with};
+use crate::gpu::{
+    Gpu, GpuError,
+    scene::{kind, kind_with},
+};
 use crate::measure::run::{Run, RunError};
 use crate::passes::REGISTRY;
 use crate::pipeline::{Pipeline, Plan, Problems, ReadFile, load, plan};
 use crate::scene::{
-    Camera,
+    Camera, Scene,
     stage::{Change, Stage, Unchangeable},
 };
 use miette::Diagnostic;
-use std::sync::Arc;
+use std::{ptr, sync::Arc};
 use thiserror::Error;
 
 /// What a change took.
@@ -99,7 +102,8 @@ impl Engine {
     pub fn plan(&self, pipeline: &Pipeline, stage: &Stage, size: [u32; 2]) -> Result<Arc<Plan>, Problems> {
         let (scene, needs) = (&stage.scene, stage.needs());
         let setting = Setting { scene, needs, device: self.gpu.adapter.device(), size, tables: Some(&self.tables) };
-        plan(pipeline, setting, &[], &|data| kind_with(scene, needs.emissive_triangles as usize, data))
+        let kind = |of: &Scene, data| if ptr::eq(of, scene) { kind_with(scene, needs.emissive_triangles as usize, data) } else { kind(of, data) };
+        plan(pipeline, setting, &[], &kind)
     }
 
     /// Makes a plan ready: allocates, uploads the scene and builds the shaders. Frames of a run share its records.

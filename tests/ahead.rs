@@ -122,7 +122,7 @@ fn planned(case: &Case, scene: &Scene) -> Result<Arc<Plan>, Failed> {
         .map_err(|problems| format!("{problems:?}"))?;
     let needs = Needs::of(scene);
     let setting = Setting { scene, needs: &needs, device: Device { blends: case.blends, ..Device::ABLE }, size: case.size, tables: None };
-    Ok(plan(&pipeline, setting, &[], &|data| kind(scene, data)).map_err(|problems| format!("{problems:?}"))?)
+    Ok(plan(&pipeline, setting, &[], &kind).map_err(|problems| format!("{problems:?}"))?)
 }
 
 fn check(holds: bool, what: impl FnOnce() -> String) -> Outcome {

@@ -147,7 +147,7 @@ fn rendered<T>(
     let scene = &stage.scene;
     let told = |e| format!("{:?}", miette::Report::new(e));
     let pipeline = load(pipeline, sets, REGISTRY, &mut |path| fs::read_to_string(path)).map_err(told)?;
-    let plan = plan(&pipeline, Setting { scene, needs, device: gpu.adapter.device(), size, tables: None }, &[], &|data| kind(scene, data)).map_err(told)?;
+    let plan = plan(&pipeline, Setting { scene, needs, device: gpu.adapter.device(), size, tables: None }, &[], &kind).map_err(told)?;
     let mut run = block_on(Run::new(gpu, stage, &plan, &scene.cameras[0], size)).map_err(|e| e.to_string())?;
     let report = block_on(run.frame(&|| Pace::GoOn)).map_err(|e| e.to_string())?;
     check(report.complete && report.uncovered_pixels.unwrap_or(0) == 0, || format!("{report:?}"))?;

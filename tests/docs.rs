@@ -102,7 +102,7 @@ fn check_pipeline(text: &str) {
     let scene = expect(load::load(Path::new("corner"), &load::LoadOptions::default()), "corner");
     let needs = Needs::of(&scene);
     let setting = Setting { scene: &scene, needs: &needs, device: hemisplat::schedule::Device::ABLE, size: [32, 24], tables: None };
-    expect(pipeline::plan(&pipeline, setting, &[], &|data| kind(&scene, data)), text);
+    expect(pipeline::plan(&pipeline, setting, &[], &kind), text);
 }
 
 /// Loads a scene with the page's geometry and a sky beside it.

@@ -1,12 +1,15 @@
 //! The engine inside another program: on a device that is lent to it, with passes of that program, and after what goes wrong there.
 
 use hemisplat::{
-    Engine, GpuError, Pace, Plan, Run, RunError, Stage, block_on,
-    contract::{Description, Encoder, Output, Pass, Port, PortKind, Refusal, port},
+    Change, Engine, GpuError, Pace, Plan, Run, RunError, Stage, block_on,
+    contract::{Description, Encoder, Output, Pass, Port, PortKind, Refusal, encoder::scene_constants, port},
     gpu::Gpu,
     measure::Layers,
-    scene::load::{LoadOptions, load},
-    schedule::{Format, Program},
+    scene::{
+        Simplified,
+        load::{LoadOptions, load},
+    },
+    schedule::{Format, Program, SceneData},
     wgpu,
 };
 use libtest_mimic::Arguments;
@@ -32,7 +35,7 @@ const SIZE: [u32; 2] = [48, 32];
 
 fn main() {
     let missing = block_on(Gpu::open()).err().map(|error| Missing::new("gpu", error.to_string()));
-    let tests: [(&str, Test); 8] = [
+    let tests: [(&str, Test); 9] = [
         ("a_device_that_is_lent_shows_the_same_picture", lent_device),
         ("pictures_stay_on_the_device", picture_stays),
         ("passes_of_another_program_take_part", own_passes),
@@ -40,6 +43,7 @@ fn main() {
         ("a_shader_that_the_driver_refuses_is_an_error", refused_shader),
         ("a_device_that_is_lost_is_an_error", lost_device),
         ("after_a_frame_that_was_dropped_the_next_begins_anew", dropped_frame),
+        ("a_pass_reads_a_simpler_mesh_beside_the_scene", part),
         ("handles_outlive_what_they_were_made_from", handles),
     ];
     let trials = tests.map(|(name, test)| skips::fallible(name, missing.as_ref(), test));
@@ -256,6 +260,91 @@ fn refused_shader() -> Result<(), Box<dyn Error>> {
         check(matches!(error, Some(RunError::Gpu(GpuError::Driver { .. }))), || format!("{error:?}"))?;
     }
     Ok(())
+}
+
+/// How far away surfaces are, by rays: of the scene, or of a part of it.
+struct Depths;
+
+static DEPTHS: Description = Description {
+    name: "Depths",
+    about: "How far away surfaces are",
+    source: "",
+    parameters: &[],
+    inputs: &[],
+    outputs: &[
+        Output { name: "whole", about: "of the scene", kind: PortKind::Image },
+        Output { name: "simple", about: "of its part `simple`", kind: PortKind::Image },
+    ],
+};
+
+impl Pass for Depths {
+    fn description(&self) -> &'static Description {
+        &DEPTHS
+    }
+
+    fn encode(&self, e: &mut Encoder<'_>) -> Result<(), Refusal> {
+        let text = "#import lib/closest_hit\n#import lib/pixel\n
+            @group(0) @binding(0) var depth: texture_storage_2d<rgba32float, write>;
+            @compute @workgroup_size(8, 8) fn measure(@builtin(global_invocation_id) id: vec3u) {
+                if any(id.xy >= camera.size) { return; }
+                let hit = nearest_hit(camera.eye, normalize(pixel_ray(id.xy)), FAR_AWAY, false);
+                if hit.triangle == NO_TRIANGLE { textureStore(depth, id.xy, vec4f(0.0)); return; }
+                textureStore(depth, id.xy, vec4f(distance(surface_in_pixel(hit.triangle, id.xy).position, camera.eye)));
+            }";
+        // A part that is not there is refused in words.
+        e.data_of_part("simple", SceneData::Corners)?;
+        for (name, part) in [("whole", None), ("simple", Some("simple"))] {
+            let image = e.image(name, SIZE, Format::Rgba32Float);
+            let program = scene_constants(Program::own("depths", text), e.setting.needs).bind("depth", image);
+            e.compute_pixels(part.into_iter().fold(program, Program::of_part), "measure", SIZE);
+            e.output(name, Port::Image(port::Image { texture: image, channels: port::Channels::Single }));
+        }
+        Ok(())
+    }
+}
+
+const BOTH_DEPTHS: &str = r#"Pipeline(version: 1, about: "two depths", source: "", nodes: [(name: "it", pass: Depths()), (name: "gbuffer", pass: GBuffer()),
+    (name: "image", pass: Composite(gbuffer: "gbuffer"))], outputs: { "picture": "image", "whole": "it.whole", "simple": "it.simple" })"#;
+
+/// A ball of 20,480 triangles beside one of a tenth of them, which both are moved, over a floor that stays.
+fn part() -> Result<(), Box<dyn Error>> {
+    let folder = tempfile::tempdir()?;
+    let file = folder.path().join("ball.ron");
+    let text = r#"Scene(version: 1, geometry: [Quad(corners: ((-9, -1, 9), (9, -1, 9), (9, -1, -9), (-9, -1, -9)), material: "grey"),
+        Place(name: "ball", of: [Sphere(centre: (0, 0, 0), radius: 1, subdivisions: 5, material: "grey")])],
+        materials: { "grey": Diffuse(reflectance: (0.5, 0.5, 0.5)) }, environment: Constant((1, 1, 1)),
+        cameras: { "main": (eye: (0, 1, 4), target: (0, 0, 0), fov: 60) })"#;
+    std::fs::write(&file, text)?;
+    let scene = load(&file, &LoadOptions::default())?;
+    let Simplified { scene: simple, error } = scene.simplified(0.1).ok_or("it is not simplified")?;
+    check(simple.triangles.len() * 9 < scene.triangles.len() && error > 0.0, || format!("{} triangles, error {error}", simple.triangles.len()))?;
+    let engine = block_on(Engine::open())?.with(&Depths);
+    let mut read = |path: &Path| if path == Path::new("own.ron") { Ok(BOTH_DEPTHS.to_owned()) } else { Err(io::ErrorKind::NotFound.into()) };
+    let pipeline = engine.pipeline("own.ron", &[], &mut read)?;
+    let alone = Stage::moving(scene.clone(), &[0])?;
+    let refused = engine.plan(&pipeline, &alone, SIZE).err().map(|error| error.to_string()).unwrap_or_default();
+    check(refused.contains("the scene has no part `simple`"), || refused.clone())?;
+    let other = Stage::moving(hemisplat::Scene { lights: vec![], environment: hemisplat::scene::Environment::Constant(glam::Vec3::ONE * 2.0), ..simple.clone() }, &[0])?;
+    check(alone.clone().with_part("simple", other).is_err(), || "a part with another sky".into())?;
+
+    let stage = Arc::new(alone.with_part("simple", Stage::moving(simple, &[0])?)?);
+    let plan = engine.plan(&pipeline, &stage, SIZE)?;
+    let mut run = block_on(engine.run(&stage, &plan, &stage.scene.cameras[0], SIZE))?;
+    let mut seen = Vec::new();
+    for to in [0.0, 0.8] {
+        let map = glam::DAffine3::from_translation(glam::DVec3::X * to);
+        block_on(engine.change(&mut run, &pipeline, &[Change::Place { mover: 0, map }]))?;
+        let layers = drawn(&mut run)?;
+        let depths = |name: &str| layers.layers[name].channels.values().next().cloned().ok_or("no depth");
+        let (whole, simple) = (depths("whole")?, depths("simple")?);
+        // But for outlines, where one of them sees the floor.
+        let apart: Vec<f32> = whole.iter().zip(&simple).map(|(a, b)| (a - b).abs()).collect();
+        let far = apart.iter().filter(|apart| **apart > 4.0 * error).count();
+        let differ = apart.iter().filter(|apart| **apart > 0.0).count();
+        check(differ > 100 && far < 20, || format!("{differ} of {} depths differ, {far} of them far", apart.len()))?;
+        seen.push(simple);
+    }
+    check(seen[0] != seen[1], || "the part has not moved".into())
 }
 
 fn lost_device() -> Result<(), Box<dyn Error>> {

@@ -143,7 +143,7 @@ fn planned(gpu: &Arc<Gpu>, scene: &Scene, size: [u32; 2]) -> Result<Arc<Plan>, F
     let pipeline = load(own, &[], REGISTRY, &mut read).map_err(|problems| format!("{problems:?}"))?;
     let needs = Needs::of(scene);
     let setting = Setting { scene, needs: &needs, device: gpu.adapter.device(), size, tables: None };
-    Ok(plan(&pipeline, setting, &[], &|data| kind(scene, data)).map_err(|problems| format!("{problems:?}"))?)
+    Ok(plan(&pipeline, setting, &[], &kind).map_err(|problems| format!("{problems:?}"))?)
 }
 
 /// Looks at the views of one size after the other.

@@ -130,7 +130,7 @@ fn made_ready<T>(scene: &str, text: &str, work: impl FnOnce(&mut Run, &Camera) -
     let scene = &stage.scene;
     let needs = Needs::of(scene);
     let setting = Setting { scene, needs: &needs, device: hemisplat::gpu::expected_device(), size: SIZE, tables: None };
-    let plan = pipeline::plan(&pipeline, setting, &[], &|data| kind(scene, data)).map_err(failed)?;
+    let plan = pipeline::plan(&pipeline, setting, &[], &kind).map_err(failed)?;
     let gpu = block_on(Gpu::open()).map_err(failed)?;
     let camera = &scene.cameras[0];
     work(&mut block_on(Run::new(&gpu, &stage, &plan, camera, SIZE)).map_err(failed)?, camera)

@@ -430,7 +430,7 @@ fn records(gpu: &Arc<Gpu>, name: &str, sets: &[String]) -> Result<Vec<Record>, F
     let pipeline = load("calibration.ron", sets, REGISTRY, &mut |_| Ok(text.to_owned())).map_err(|problems| format!("{problems:?}"))?;
     let needs = Needs::of(scene);
     let setting = Setting { scene, needs: &needs, device: gpu.adapter.device(), size: SIZE, tables: None };
-    let plan = plan(&pipeline, setting, &["records".into()], &|data| kind(scene, data)).map_err(|problems| format!("{problems:?}"))?;
+    let plan = plan(&pipeline, setting, &["records".into()], &kind).map_err(|problems| format!("{problems:?}"))?;
     let Some(Port::Records(made)) = plan.ports.get("records").or_else(|| plan.ports.get("records.records")) else { return Err("no records".into()) };
     let mut run = block_on(Run::new(gpu, &stage, &plan, &scene.cameras[0], SIZE)).map_err(told)?;
     block_on(run.frame(&|| Pace::GoOn)).map_err(told)?;
@@ -461,7 +461,7 @@ fn planned((pipeline, sets): (&str, &[String]), scene: &Scene, device: Device) -
     let pipeline = load(pipeline, sets, REGISTRY, &mut |_| Err(io::ErrorKind::NotFound.into())).map_err(|problems| format!("{problems:?}"))?;
     let needs = Needs::of(scene);
     let setting = Setting { scene, needs: &needs, device, size: SIZE, tables: None };
-    Ok(plan(&pipeline, setting, &[], &|data| kind(scene, data)).map_err(|problems| format!("{problems:?}"))?)
+    Ok(plan(&pipeline, setting, &[], &kind).map_err(|problems| format!("{problems:?}"))?)
 }
 
 /// What a frame takes beyond a tenth more than it took.

@@ -18,8 +18,8 @@ use naga::TypeInner;
 /// A shader that names each group of structs.
 fn shared() -> Vec<(&'static str, Vec<HostLayout>)> {
     vec![
-        ("hemisphere_tiles/shade", scene::LAYOUTS.iter().copied().filter(|l| l.name != "FrameCamera").collect()),
-        ("gbuffer", scene::LAYOUTS.iter().copied().filter(|l| l.name == "FrameCamera").collect()),
+        ("hemisphere_tiles/shade", scene::LAYOUTS.iter().copied().filter(|l| !["FrameCamera", "SceneMover"].contains(&l.name)).collect()),
+        ("motion", scene::LAYOUTS.iter().copied().filter(|l| ["FrameCamera", "SceneMover"].contains(&l.name)).collect()),
         ("irradiance_sum/reduce", record::LAYOUTS.to_vec()),
         ("irradiance_sum/workgroup_tree", vec![workgroup_tree::Cell::LAYOUT]),
         ("radiance_projection", vec![matrix_product::TileWall::LAYOUT]),

@@ -498,7 +498,7 @@ fn plan_for(pipeline: &Pipeline, scene: &Scene, dumps: &[&str]) -> Result<Arc<Pl
 fn plan_on(device: Device, pipeline: &Pipeline, scene: &Scene, dumps: &[&str]) -> Result<Arc<Plan>, Problems> {
     let needs = Needs::of(scene);
     let dumps: Vec<String> = dumps.iter().map(|dump| dump.to_string()).collect();
-    plan(pipeline, Setting { scene, needs: &needs, device, size: [64, 48], tables: None }, &dumps, &|_| ResourceKind::Buffer { bytes: 1024 })
+    plan(pipeline, Setting { scene, needs: &needs, device, size: [64, 48], tables: None }, &dumps, &|_, _| ResourceKind::Buffer { bytes: 1024 })
 }
 
 fn planned(text: &str, shadows: bool) -> Arc<Plan> {

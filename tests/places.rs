@@ -127,7 +127,7 @@ impl Stage {
         let sets: Vec<String> = nodes_there.iter().map(|node| format!("{node}.place={place}")).chain(coarse).chain(few).chain(even).collect();
         let needs = Needs::of(&self.ready.scene);
         let setting = Setting { scene: &self.ready.scene, needs: &needs, device: self.device, size: SIZE, tables: Some(&self.tables) };
-        plan(&self.pipeline(&sets)?, setting, &[], &|data| kind(&self.ready.scene, data))
+        plan(&self.pipeline(&sets)?, setting, &[], &kind)
     }
 
     /// A plan in which as many of the nodes as can are done at a place, and their names.
@@ -339,7 +339,7 @@ fn watcher(schedule: &Schedule, name: &str, port: &Port, log: &Arc<Mutex<Log>>, 
         };
         Part { resource, fields: fields(&kind, counted), kind, counted, is_constant: is_constant(resource), content }
     };
-    let made = |part: &Part| !matches!(schedule.resource(part.resource).lifetime, Lifetime::Scene(_) | Lifetime::Frame);
+    let made = |part: &Part| !matches!(schedule.resource(part.resource).lifetime, Lifetime::Scene(..) | Lifetime::Frame);
     let parts: Vec<Part> = parts.into_iter().map(described).filter(made).collect();
     if parts.is_empty() && variables.is_empty() {
         return None;

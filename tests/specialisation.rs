@@ -21,7 +21,7 @@ fn planned(pipeline: &str, scene: &str) -> std::sync::Arc<Plan> {
     let scene = scenes::load(Path::new(scene), &scenes::LoadOptions::default()).unwrap();
     let needs = Needs::of(&scene);
     let setting = Setting { scene: &scene, needs: &needs, device: hemisplat::schedule::Device::ABLE, size: [64, 48], tables: None };
-    plan(&loaded(pipeline, "").unwrap(), setting, &[], &|data| kind(&scene, data)).unwrap()
+    plan(&loaded(pipeline, "").unwrap(), setting, &[], &kind).unwrap()
 }
 
 /// Shader, imports and constants of every program but those that draw shadow maps, of which there are as many as lights have faces.

@@ -328,7 +328,7 @@ fn traffic_of(pipeline: &str, resolution: u32, set: &str) -> Result<Traffic, Fai
     let scene = load::load(Path::new("corner"), &load::LoadOptions::default()).map_err(|error| error.to_string())?;
     let needs = Needs::of(&scene);
     let setting = Setting { scene: &scene, needs: &needs, device: hemisplat::schedule::Device::ABLE, size: [32, 24], tables: None };
-    let plan = pipeline::plan(&pipeline, setting, &[], &|data| kind(&scene, data)).map_err(told)?;
+    let plan = pipeline::plan(&pipeline, setting, &[], &kind).map_err(told)?;
     Ok(traffic(&plan, &["records"]).map_err(|error| error.to_string())?.ok_or("no tiles")?)
 }
 

@@ -71,7 +71,7 @@ fn nodes_change_what_they_say() -> Outcome {
         for device in [Device::ABLE, Device { blends: false, ..Device::ABLE }, Device::SOFTWARE] {
             let needs = Needs::of(&scene);
             let setting = Setting { scene: &scene, needs: &needs, device, size: SIZE, tables: None };
-            let Ok(plan) = plan(&pipeline, setting, &[], &|data| kind(&scene, data)) else { continue };
+            let Ok(plan) = plan(&pipeline, setting, &[], &kind) else { continue };
             for node in plan.schedule.nodes() {
                 // A loop keeps what its last round left, and the end of a frame what that left.
                 let own = format!("{}.", node.name);
@@ -159,7 +159,7 @@ fn planned(text: &str, scene: &Scene, device: Device) -> Result<Arc<Plan>, Faile
     let pipeline = load("shuffled.ron", &[], REGISTRY, &mut |_| Ok(text.to_owned())).map_err(told)?;
     let needs = Needs::of(scene);
     let setting = Setting { scene, needs: &needs, device, size: SIZE, tables: None };
-    Ok(plan(&pipeline, setting, &[], &|data| kind(scene, data)).map_err(told)?)
+    Ok(plan(&pipeline, setting, &[], &kind).map_err(told)?)
 }
 
 /// All that a plan says but for the order of what does not depend on each other: each resource, and each node with its commands.

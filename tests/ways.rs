@@ -174,7 +174,7 @@ impl<'a> Graph<'a> {
         let mut schedule = Schedule::default();
         let mut declare = |name: &str, kind, lifetime| schedule.resources.push(ResourceDescription { name: name.into(), kind, lifetime });
         for data in SceneData::ALL {
-            declare(data.name(), scene_data::kind(&stage.ready.scene, data), Lifetime::Scene(data));
+            declare(data.name(), scene_data::kind(&stage.ready.scene, data), Lifetime::Scene(ScenePart::Main, data));
         }
         declare("camera", ResourceKind::Buffer { bytes: 256 }, Lifetime::Frame);
         Self { stage, size, schedule: Arc::new(schedule), ports: BTreeMap::new(), reports: Vec::new(), batch: None, looped: Vec::new() }

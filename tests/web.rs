@@ -104,7 +104,7 @@ fn collect(scene: &Scene, texts: &mut BTreeMap<String, String>) -> Result<(), Bo
     for ((file, _), device) in EMBEDDED.iter().flat_map(|ships| [Device::ABLE, Device::SOFTWARE].map(|device| (ships, device))) {
         let pipeline = hemisplat::pipeline::load(file, &[], REGISTRY, &mut |_| Err(io::ErrorKind::NotFound.into()))?;
         let setting = Setting { scene, needs: &needs, device, size: SIZE, tables: Some(&tables) };
-        let plan = plan(&pipeline, setting, &[], &|data| kind(scene, data))?;
+        let plan = plan(&pipeline, setting, &[], &kind)?;
         let nodes = plan.schedule.nodes();
         for program in nodes.iter().flat_map(|node| &node.commands).flat_map(Command::programs) {
             if let Entry::Vacant(text) = texts.entry(format!("{} {:?}", program.shader, program.imports)) {

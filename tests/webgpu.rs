@@ -46,7 +46,7 @@ fn what_is_too_much_is_named_with_its_node() {
     let (scene, needs) = scene("scenes/corner");
     let pipeline = load("irradiance-device", &[], REGISTRY, &mut |_| Err(std::io::ErrorKind::NotFound.into())).unwrap();
     let setting = Setting { scene: &scene, needs: &needs, device: Device::ABLE, size: [64, 64], tables: None };
-    let plan = plan(&pipeline, setting, &[], &|data| scene_data::kind(&scene, data)).unwrap();
+    let plan = plan(&pipeline, setting, &[], &scene_data::kind).unwrap();
     for (lower, said) in lowered {
         let mut limits = wgpu::Limits::default();
         lower(&mut limits);
@@ -71,7 +71,7 @@ fn complaints(name: &str) -> Vec<String> {
     for ((file, _), device) in EMBEDDED.iter().flat_map(|ships| [Device::ABLE, Device::SOFTWARE].map(|device| (ships, Device { blends: false, ..device }))) {
         let pipeline = load(file, &[], REGISTRY, &mut |_| Err(std::io::ErrorKind::NotFound.into())).unwrap_or_else(|_| panic!("{file}"));
         let setting = Setting { scene: &scene, needs: &needs, device, size: [256, 256], tables: Some(&tables) };
-        let plan = plan(&pipeline, setting, &[], &|data| scene_data::kind(&scene, data)).unwrap_or_else(|_| panic!("{file} on {name}"));
+        let plan = plan(&pipeline, setting, &[], &scene_data::kind).unwrap_or_else(|_| panic!("{file} on {name}"));
         let Err(error) = limits::hold(&plan.schedule, &granted, wgpu::Features::empty(), "the least of all") else { continue };
         if !BLENDING.contains(file) || !matches!(error, GpuError::MissingFeature { .. }) {
             complaints.push(format!("{file}, {name}, {device:?}: {error}"));

@@ -54,6 +54,8 @@ impl Compiler {
         let mut command = self.command();
         command.current_dir(root).args(["build", "--locked", "--package", "hemisplat-page", "--profile", "browser", "--target", TARGET]);
         command.arg("--target-dir").arg(&target);
+        // Every browser with WebGPU has them. Without, each vector of rays becomes scalars, which takes far longer to compile and to run.
+        command.args(["--config", "target.wasm32-unknown-unknown.rustflags = ['-Ctarget-feature=+simd128']"]);
         if matches!(self, Self::Debian) {
             command.arg("-Zbuild-std=std,panic_abort");
         }

@@ -14,7 +14,17 @@ struct FrameCamera {
     sample: u32,
     // How wide the part of a pixel is that a sample stands for [pixels].
     width: f32,
-    end: vec2u,
+    // Objects that can be moved.
+    movers: u32,
+    padding: u32,
+    eye_before: vec3f,
+    half_width_before: f32,
+    right_before: vec3f,
+    half_height_before: f32,
+    up_before: vec3f,
+    padding_a: f32,
+    forward_before: vec3f,
+    padding_b: f32,
 }
 
 @group(1) @binding(9) var<uniform> camera: FrameCamera;

@@ -88,5 +88,5 @@ pub fn expect_exact(plan: &Plan) -> Result<(), Problems> {
 pub fn plan_view(pipeline: &Pipeline, view: &View, device: Device, dumps: &[String], console: &Console) -> Result<Arc<Plan>, Problems> {
     let (needs, stored) = (Needs::of(&view.stage.scene), Stored::new(cache_folder(), console));
     let setting = Setting { scene: &view.stage.scene, needs: &needs, device, size: view.size, tables: Some(&stored) };
-    plan(pipeline, setting, dumps, &|data| kind(&view.stage.scene, data))
+    plan(pipeline, setting, dumps, &kind)
 }

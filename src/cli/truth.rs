@@ -260,7 +260,7 @@ fn key(view: &View, settings: &Settings) -> String {
 /// What a view shows, whatever its files are called: scene, camera and size.
 pub fn content(view: &View) -> String {
     let [width, height] = view.size;
-    let camera = Checksum::of(bytemuck::bytes_of(&camera(&view.camera, view.size, view.stage.scene.extent(), 0)));
+    let camera = Checksum::of(bytemuck::bytes_of(&camera((&view.camera, &view.camera), view.size, &view.stage, 0)));
     let scene = fingerprint(&view.stage.scene);
     format!("scene {scene}, camera {camera}, size {width}x{height}")
 }

@@ -231,10 +231,28 @@ impl<'a> Encoder<'a> {
         Variable(self.schedule.variables.len() as u32 - 1)
     }
 
-    /// A part of the scene, for what is not bound by its name alone, such as vertices.
+    /// Data of the scene, for what is not bound by its name alone, such as vertices.
     pub fn scene_data(&mut self, data: SceneData) -> Resource {
-        let found = self.schedule.resources.iter().position(|r| matches!(r.lifetime, Lifetime::Scene(d) if d.name() == data.name()));
-        found.map(|i| Resource(i as u32)).unwrap_or_else(|| unreachable!("{data:?} is declared before any pass records"))
+        self.declared(ScenePart::Main, data).unwrap_or_else(|| unreachable!("{data:?} is declared before any pass records"))
+    }
+
+    /// The same of a [part](crate::scene::Scene::parts) of the scene, by its name. What is bound by name is that of [`Program::of_part`].
+    ///
+    /// # Errors
+    /// A scene without such a part.
+    pub fn data_of_part(&self, name: &str, data: SceneData) -> Result<Resource, Refusal> {
+        let parts = &self.setting.scene.parts;
+        let number = parts.iter().position(|part| part.name == name);
+        number.and_then(|number| self.declared(ScenePart::Other(number), data)).ok_or_else(|| {
+            let names: Vec<_> = parts.iter().map(|part| part.name.as_str()).collect();
+            let help = if names.is_empty() { "the scene has none: see `Stage::with_part`".into() } else { format!("it has: {}", names.join(", ")) };
+            Refusal::new("plan::scene_part", format!("the scene has no part `{name}`"), help)
+        })
+    }
+
+    fn declared(&self, part: ScenePart, data: SceneData) -> Option<Resource> {
+        let is_it = |lifetime: &Lifetime| matches!(lifetime, Lifetime::Scene(of, other) if *of == part && other.name() == data.name());
+        self.schedule.resources.iter().position(|resource| is_it(&resource.lifetime)).map(|index| Resource(index as u32))
     }
 
     /// What a resource is made of.

@@ -3,7 +3,6 @@
 use super::clock::{Clock, Rounds};
 use super::device::GpuError;
 use super::encode::Pending;
-use super::scene as scene_data;
 use super::session::Session;
 use super::timing::Timing;
 use crate::schedule::*;
@@ -93,6 +92,8 @@ impl Session {
 
     async fn whole_frame(&mut self, pace: AskPace<'_>) -> Result<Frame, GpuError> {
         let start = Instant::now();
+        // Once, as a guess that fails has the frame run again.
+        self.tell_views();
         let mut frame = match self.speculative_frame(pace).await? {
             Some(frame) => frame,
             None => self.seen_frame(pace).await?,
@@ -139,12 +140,6 @@ impl Session {
         self.copies.invalidate(|resource| matches!(schedule.resource(resource).lifetime, Lifetime::Transient));
         for node in &mut self.nodes {
             (node.gpu_ms, node.cpu_ms, node.runs) = (None, 0.0, 0);
-        }
-        let camera = scene_data::camera(&self.camera.0, self.camera.1, self.stage.extent(), self.frames);
-        for (index, resource) in schedule.resources.iter().enumerate() {
-            if matches!(resource.lifetime, Lifetime::Frame) {
-                self.overwrite(Resource(index as u32), bytemuck::bytes_of(&camera));
-            }
         }
     }
 

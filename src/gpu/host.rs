@@ -157,7 +157,7 @@ impl HostContext for HostView<'_> {
     }
 
     fn emission(&self) -> &Emission {
-        self.session.scene.emission()
+        self.session.uploads[0].emission()
     }
 
     fn extent(&self) -> f32 {

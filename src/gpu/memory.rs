@@ -25,7 +25,7 @@ impl Session {
         for (index, description) in schedule.resources.iter().enumerate() {
             let physical = match (&description.lifetime, &description.kind) {
                 (_, ResourceKind::Draws | ResourceKind::State) => Physical::Host,
-                (Lifetime::Scene(data), kind) => self.upload(&description.name, kind, &self.scene.bytes(&self.stage, *data))?,
+                (Lifetime::Scene(part, data), kind) => self.upload(&description.name, kind, &self.scene_bytes(*part, *data))?,
                 (Lifetime::Constant(contents), kind) => self.upload(&description.name, kind, contents)?,
                 (Lifetime::History | Lifetime::Frame | Lifetime::Variables, kind) => self.create(&description.name, kind)?,
                 (Lifetime::Transient, _) => match placement.slots[index] {

@@ -27,6 +27,7 @@ mod speculation;
 #[doc(hidden)]
 pub mod spirv;
 mod timing;
+mod views;
 
 pub use coherence::Reader;
 pub use device::{Adapter, Gpu, GpuError};

@@ -14,7 +14,7 @@ use crate::scene::{
 };
 use crate::schedule::{Format, HostLayout, ResourceKind, SceneData};
 use bytemuck::{bytes_of, cast_slice};
-use glam::{Vec2, Vec3};
+use glam::{DAffine3, Vec2, Vec3};
 use std::ops::Range;
 
 host_struct! {
@@ -97,7 +97,21 @@ host_struct! {
 }
 
 host_struct! {
-    /// The camera of the frame.
+    /// How far an object has come since the picture before.
+    pub struct SceneMover {
+        /// Its first triangle, and one past its last.
+        first: u32,
+        end: u32,
+        padding: [u32; 2],
+        /// Rows of what brings its points to where they were.
+        backward_x: [f32; 4],
+        backward_y: [f32; 4],
+        backward_z: [f32; 4],
+    }
+}
+
+host_struct! {
+    /// The camera of the frame, and that of the picture before.
     pub struct FrameCamera {
         eye: [f32; 3],
         /// Distance of the near plane [scene units].
@@ -115,11 +129,21 @@ host_struct! {
         shift: [f32; 2],
         sample: u32,
         width: f32,
-        end: [u32; 2],
+        /// Objects that can be moved.
+        movers: u32,
+        padding: u32,
+        eye_before: [f32; 3],
+        half_width_before: f32,
+        right_before: [f32; 3],
+        half_height_before: f32,
+        up_before: [f32; 3],
+        padding_a: f32,
+        forward_before: [f32; 3],
+        padding_b: f32,
     }
 }
 
-pub const LAYOUTS: &[HostLayout] = &[SceneParameters::LAYOUT, SceneMaterial::LAYOUT, SceneLight::LAYOUT, SceneLamps::LAYOUT, FrameCamera::LAYOUT];
+pub const LAYOUTS: &[HostLayout] = &[SceneParameters::LAYOUT, SceneMaterial::LAYOUT, SceneLight::LAYOUT, SceneLamps::LAYOUT, SceneMover::LAYOUT, FrameCamera::LAYOUT];
 
 /// Lights in the uniform of the first of them.
 const FIRST_LIGHTS: usize = 4;
@@ -174,6 +198,7 @@ pub fn kind_with(scene: &Scene, emitters: usize, data: SceneData) -> ResourceKin
         SceneData::Attributes => buffer(triangles * ATTRIBUTES_BYTES),
         SceneData::Tables | SceneData::AlbedoTables => buffer(Places::of(scene, emitters).end * ELEMENT as u64),
         SceneData::FirstLights => buffer((FIRST_LIGHTS * size_of::<SceneLight>()) as u64),
+        SceneData::Movers => buffer((scene.objects.len() * size_of::<SceneMover>()) as u64),
         SceneData::Texels => {
             let texels = scene.textures.iter().map(|texture| texture.all_texels() as u64).sum::<u64>().max(1);
             let width = texels.next_power_of_two().min(MOST_TEXELS);
@@ -222,6 +247,7 @@ impl Upload {
             SceneData::FirstLights => first_lights(scene, &self.bounds),
             SceneData::Texels => texels(scene),
             SceneData::Environment => environment(scene, &self.emission.suns),
+            SceneData::Movers => movers(stage, &stage.places()),
         };
         bytes.resize(kind_with(scene, self.emission.lamps(), data).bytes() as usize, 0);
         bytes
@@ -241,7 +267,8 @@ impl Upload {
             SceneData::Tables => self.table_patches(stage, changed, materials),
             SceneData::AlbedoTables => self.table_patches(stage, changed, albedos),
             SceneData::Environment if changed.environment => vec![(0, self.bytes(stage, data))],
-            SceneData::Texels | SceneData::Environment => Vec::new(),
+            // Movers are told as frames start.
+            SceneData::Texels | SceneData::Environment | SceneData::Movers => Vec::new(),
             SceneData::Parameters | SceneData::FirstLights => vec![(0, self.bytes(stage, data))],
         }
     }
@@ -575,9 +602,22 @@ fn lamps(emission: &Emission) -> Vec<SceneLamps> {
     emission.tree.groups().into_iter().map(lamps).collect()
 }
 
-/// The uniform of a frame.
-pub fn camera(camera: &Camera, size: [u32; 2], extent: f32, frame: u32) -> FrameCamera {
-    let half = camera.half_extent(size);
+/// The objects that can be moved in the order of their triangles, which stood elsewhere before.
+pub fn movers(stage: &Stage, before: &[DAffine3]) -> Vec<u8> {
+    let movers: Vec<SceneMover> = (0..stage.scene.objects.len())
+        .map(|mover| {
+            let (triangles, backward) = (stage.triangles_of(mover), stage.backward(mover, before[mover]).as_mat4().transpose());
+            let [backward_x, backward_y, backward_z] = [backward.x_axis, backward.y_axis, backward.z_axis].map(Into::into);
+            SceneMover { first: triangles.start as u32, end: triangles.end as u32, padding: [0; 2], backward_x, backward_y, backward_z }
+        })
+        .collect();
+    cast_slice(&movers).to_vec()
+}
+
+/// The uniform of a frame, with the camera of the picture before.
+pub fn camera((camera, before): (&Camera, &Camera), size: [u32; 2], stage: &Stage, frame: u32) -> FrameCamera {
+    let (half, half_before) = (camera.half_extent(size), before.half_extent(size));
+    let extent = stage.extent();
     FrameCamera {
         eye: camera.eye.into(),
         near: extent.max(f32::MIN_POSITIVE) * 1e-5,
@@ -591,6 +631,15 @@ pub fn camera(camera: &Camera, size: [u32; 2], extent: f32, frame: u32) -> Frame
         shift: camera.sample.shift.into(),
         sample: camera.sample.number,
         width: camera.sample.width,
-        end: [0; 2],
+        movers: stage.scene.objects.len() as u32,
+        padding: 0,
+        eye_before: before.eye.into(),
+        half_width_before: half_before.x,
+        right_before: before.right().into(),
+        half_height_before: half_before.y,
+        up_before: before.up.into(),
+        padding_a: 0.0,
+        forward_before: before.direction.into(),
+        padding_b: 0.0,
     }
 }

@@ -9,10 +9,11 @@ use super::host::shared;
 use super::limits::{self, Granted};
 use super::memory::Physical;
 use super::programs::{Ready, layer_views};
-use super::scene::Upload;
+use super::scene::{self, Upload};
 use super::shaders::Shaders;
 use super::speculation::{self, Speculation};
 use super::timing::Timing;
+use super::views::{View, Views};
 use crate::scene::{
     Camera,
     stage::{Change, Changed, Stage, Unchangeable},
@@ -20,13 +21,15 @@ use crate::scene::{
 use crate::schedule::*;
 use std::any::Any;
 use std::collections::{HashMap, HashSet};
+use std::iter;
 use std::sync::Arc;
 
 /// A schedule made ready on a device. History resources live as long as the session.
 pub struct Session {
     pub(super) gpu: Arc<Gpu>,
     pub(super) stage: Arc<Stage>,
-    pub(super) scene: Upload,
+    /// Of the scene, and of each of its parts.
+    pub(super) uploads: Vec<Upload>,
     pub(super) schedule: Arc<Schedule>,
     pub(super) physical: Vec<Physical>,
     /// Commands of each node, in the order of [`Schedule::nodes`].
@@ -45,6 +48,7 @@ pub struct Session {
     pub(super) timing: Option<Timing>,
     pub(super) nodes: Vec<NodeTimes>,
     pub(super) camera: (Camera, [u32; 2]),
+    pub(super) views: Views,
     pub(super) frames: u32,
     pub(super) clock: Clock,
     /// Whether the time of the frame is limited.
@@ -68,6 +72,19 @@ pub struct Session {
     pub(super) is_under_way: bool,
     /// Bytes of all buffers and textures.
     pub gpu_bytes: u64,
+}
+
+/// A stage, and those of its parts.
+fn stages(stage: &Stage) -> impl Iterator<Item = &Stage> {
+    iter::once(stage).chain(stage.scene.parts.iter().map(|part| &*part.stage))
+}
+
+/// The place of a part's among them.
+fn number(part: ScenePart) -> usize {
+    match part {
+        ScenePart::Main => 0,
+        ScenePart::Other(number) => number + 1,
+    }
 }
 
 impl Session {
@@ -96,7 +113,7 @@ impl Session {
         let mut session = Self {
             gpu: gpu.clone(),
             stage: stage.clone(),
-            scene: Upload::new(stage),
+            uploads: stages(stage).map(Upload::new).collect(),
             schedule: schedule.clone(),
             physical: Vec::new(),
             programs: Vec::new(),
@@ -111,6 +128,7 @@ impl Session {
             timing: Timing::new(gpu, schedule.nodes().len()),
             nodes: Vec::new(),
             camera: (camera.clone(), size),
+            views: Views::default(),
             frames: 0,
             clock: Clock::new(),
             is_timed: false,
@@ -137,6 +155,11 @@ impl Session {
 
     pub fn camera(&self) -> &Camera {
         &self.camera.0
+    }
+
+    /// Takes over what the picture before was a view of.
+    pub fn remember_views(&mut self, of: &Self) {
+        self.views = of.views.untold();
     }
 
     /// Changes the camera for the frames to come; the size stays.
@@ -172,6 +195,28 @@ impl Session {
         &self.stage
     }
 
+    fn stage_of(&self, part: ScenePart) -> &Stage {
+        stages(&self.stage).nth(number(part)).unwrap_or(&self.stage)
+    }
+
+    pub(super) fn scene_bytes(&self, part: ScenePart, data: SceneData) -> Vec<u8> {
+        self.uploads[number(part)].bytes(self.stage_of(part), data)
+    }
+
+    /// Tells the device where the camera and the movers are, and were in the picture before.
+    pub(super) fn tell_views(&mut self) {
+        let (schedule, stage) = (self.schedule.clone(), self.stage.clone());
+        let (before, moves) = self.views.begin(View { camera: self.camera.0.clone(), places: stage.places() });
+        let camera = scene::camera((&self.camera.0, &before.camera), self.camera.1, &stage, self.frames);
+        for (resource, description) in (0..).map(Resource).zip(&schedule.resources) {
+            match description.lifetime {
+                Lifetime::Frame => self.overwrite(resource, bytemuck::bytes_of(&camera)),
+                Lifetime::Scene(part, SceneData::Movers) if moves => self.overwrite(resource, &scene::movers(self.stage_of(part), &before.places)),
+                _ => {}
+            }
+        }
+    }
+
     /// Changes the scene on the host. Another that has the stage keeps it as it was.
     pub fn change(&mut self, changes: &[Change]) -> Result<Changed, Unchangeable> {
         Arc::make_mut(&mut self.stage).change(changes)
@@ -181,13 +226,13 @@ impl Session {
     pub async fn follow(&mut self, changed: &Changed) -> Result<(), GpuError> {
         let gpu = self.gpu.clone();
         let changing = async {
-            let packs_anew = self.scene.follow(&self.stage, changed);
+            let packs_anew: Vec<bool> = self.uploads.iter_mut().zip(stages(&self.stage)).map(|(upload, stage)| upload.follow(stage, changed)).collect();
             let schedule = self.schedule.clone();
             for (resource, description) in (0..).map(Resource).zip(&schedule.resources) {
-                let Lifetime::Scene(data) = description.lifetime else { continue };
+                let Lifetime::Scene(part, data) = description.lifetime else { continue };
                 let patches = match data {
-                    SceneData::Tables | SceneData::AlbedoTables if packs_anew => vec![(0, self.scene.bytes(&self.stage, data))],
-                    _ => self.scene.patches(&self.stage, changed, data),
+                    SceneData::Tables | SceneData::AlbedoTables if packs_anew[number(part)] => vec![(0, self.scene_bytes(part, data))],
+                    _ => self.uploads[number(part)].patches(self.stage_of(part), changed, data),
                 };
                 self.copies.invalidate(|other| other == resource);
                 patches.iter().for_each(|(offset, bytes)| self.put(&self.physical[resource.0 as usize], *offset, bytes));

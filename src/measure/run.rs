@@ -189,7 +189,9 @@ impl Run {
 
     /// A run of another plan, of the same scene seen from the same place.
     async fn anew(&self, plan: &Arc<Plan>, size: [u32; 2]) -> Result<Self, RunError> {
-        Self::new(self.session.gpu(), self.session.stage(), plan, self.session.camera(), size).await
+        let mut run = Self::new(self.session.gpu(), self.session.stage(), plan, self.session.camera(), size).await?;
+        run.session.remember_views(&self.session);
+        Ok(run)
     }
 
     /// Takes over the records of another run that were made in the same way, as many as there is room for.

@@ -6,7 +6,7 @@ use super::{Dial, Edge, Layer, Loop, Node, Pipeline, Problem, Problems, When, Wo
 use crate::contract::encoder::{Encoded, Encoder, Joined, Persistent, Reported, Setting};
 use crate::contract::{Input, Need, Port, PortKind, Refusal, Takes};
 use crate::math::bounces::Bounces;
-use crate::scene::needs::Needs;
+use crate::scene::{Scene, needs::Needs};
 use crate::schedule::*;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
@@ -95,7 +95,7 @@ pub struct Absent {
 ///
 /// # Errors
 /// What passes refuse, each underlined in the document.
-pub fn plan(pipeline: &Pipeline, setting: Setting<'_>, dumps: &[String], scene_kind: &dyn Fn(SceneData) -> ResourceKind) -> Result<Arc<Plan>, Problems> {
+pub fn plan(pipeline: &Pipeline, setting: Setting<'_>, dumps: &[String], scene_kind: &dyn Fn(&Scene, SceneData) -> ResourceKind) -> Result<Arc<Plan>, Problems> {
     let members = members(pipeline);
     let needs = needs(pipeline, &members, setting.needs);
     let by_albedo = if needs.by_albedo { setting.needs.glossy.clone() } else { Vec::new() };
@@ -368,7 +368,7 @@ impl<'a> Planner<'a> {
         setting: Setting<'a>,
         dropped: &'a BTreeMap<&'a str, String>,
         shapes: &Shapes,
-        scene_kind: &dyn Fn(SceneData) -> ResourceKind,
+        scene_kind: &dyn Fn(&Scene, SceneData) -> ResourceKind,
     ) -> Self {
         let mut planner = Self::new(setting, dropped, scene_kind);
         planner.earlier = shapes.iter().map(|(key, shape)| (key.clone(), shape.declare(key, &mut planner.schedule))).collect();
@@ -382,11 +382,16 @@ impl<'a> Planner<'a> {
         planner
     }
 
-    fn new(setting: Setting<'a>, dropped: &'a BTreeMap<&'a str, String>, scene_kind: &dyn Fn(SceneData) -> ResourceKind) -> Self {
+    fn new(setting: Setting<'a>, dropped: &'a BTreeMap<&'a str, String>, scene_kind: &dyn Fn(&Scene, SceneData) -> ResourceKind) -> Self {
         let mut schedule = Schedule::default();
-        for data in SceneData::ALL {
-            let data = if data == SceneData::Tables && setting.needs.by_albedo { SceneData::AlbedoTables } else { data };
-            schedule.resources.push(ResourceDescription { name: data.name().into(), kind: scene_kind(data), lifetime: Lifetime::Scene(data) });
+        for data in SceneData::ALL.map(|data| if data == SceneData::Tables && setting.needs.by_albedo { SceneData::AlbedoTables } else { data }) {
+            let mut declare = |scene: &Scene, name: String, part| {
+                schedule.resources.push(ResourceDescription { name, kind: scene_kind(scene, data), lifetime: Lifetime::Scene(part, data) });
+            };
+            declare(setting.scene, data.name().into(), ScenePart::Main);
+            for (number, part) in setting.scene.parts.iter().enumerate().filter(|_| !data.is_of_all_parts()) {
+                declare(&part.stage.scene, of_part(&part.name, data.name()), ScenePart::Other(number));
+            }
         }
         let kind = ResourceKind::Buffer { bytes: CAMERA_BYTES };
         schedule.resources.push(ResourceDescription { name: "camera".into(), kind, lifetime: Lifetime::Frame });
@@ -789,7 +794,7 @@ impl Plan {
                 Lifetime::Transient => {}
                 Lifetime::History => memory.history += bytes,
                 Lifetime::Constant(_) => memory.constants += bytes,
-                Lifetime::Scene(_) | Lifetime::Frame | Lifetime::Variables => memory.scene += bytes,
+                Lifetime::Scene(..) | Lifetime::Frame | Lifetime::Variables => memory.scene += bytes,
             }
         }
         memory

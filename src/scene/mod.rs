@@ -15,6 +15,7 @@ pub mod packets;
 pub mod parts;
 #[doc(hidden)]
 pub mod shadow_maps;
+mod simplify;
 #[doc(hidden)]
 pub mod sky;
 #[doc(hidden)]
@@ -25,3 +26,4 @@ pub mod surface;
 mod wide;
 
 pub use model::*;
+pub use simplify::Simplified;

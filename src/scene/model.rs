@@ -3,10 +3,15 @@
 //! Positions are stored in single precision relative to [`Scene::origin`], which loading moves to the middle of
 //! the geometry, so that a scene far away from its file's origin keeps its digits.
 
+use super::stage::Stage;
 use crate::math::frame::Frame;
 use crate::math::lobe::{Lobe, Shape};
 use glam::{DVec3, UVec2, Vec2, Vec3, Vec4};
-use std::{ops::Range, sync::LazyLock};
+use std::{
+    fmt,
+    ops::Range,
+    sync::{Arc, LazyLock},
+};
 
 /// The longest side of a picture [pixels].
 pub const MAX_SIDE: u32 = 16384;
@@ -29,7 +34,7 @@ pub struct Scene {
     pub charts: Vec<Vec<[Vec2; 3]>>,
     /// Along the first coordinate of normal maps at the corners of all triangles, in their order, zero where it is that of the triangle; empty where it is everywhere.
     pub tangents: Vec<[Vec3; 3]>,
-    /// What the file has names or places of its own for, in the triangles' order: none once [`super::bvh::Bvh::build`] has sorted them.
+    /// What the file has names or places of its own for, in the triangles' order; of a [`Stage`], what can be moved.
     pub objects: Vec<Object>,
     /// Lights without a surface.
     pub lights: Vec<Light>,
@@ -41,6 +46,23 @@ pub struct Scene {
     pub origin: DVec3,
     /// What loading had to mend or leave out, one sentence each, for the user.
     pub notes: Vec<String>,
+    /// Other geometry of the same place, such as a simpler mesh, which passes may read beside the scene's own: [`Stage::with_part`].
+    pub parts: Vec<Part>,
+}
+
+/// Other geometry of a scene.
+#[derive(Clone)]
+pub struct Part {
+    /// Which shaders bind it by: [`crate::schedule::Program::of_part`].
+    pub name: String,
+    /// Its triangles; materials and lights are the scene's.
+    pub stage: Arc<Stage>,
+}
+
+impl fmt::Debug for Part {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {} triangles", self.name, self.stage.scene.triangles.len())
+    }
 }
 
 /// Triangles that belong together: an instance of a mesh, an object of a file, a `Place` with a name.

@@ -1,7 +1,7 @@
 //! A scene made ready for rays, and what can be otherwise in it later.
 
 use super::{
-    Bounds, Environment, Light, LightKind, Material, Scene, Triangle,
+    Bounds, Environment, Light, LightKind, Material, Object, Part, Scene, Triangle,
     bvh::Bvh,
     load::draft::{EXTENT_RANGE, mirrors, normal_map},
     needs::Needs,
@@ -9,7 +9,10 @@ use super::{
 use crate::math::lobe::Lobe;
 use glam::{DAffine3, DMat3, DMat4, DVec3, Vec3};
 use miette::Diagnostic;
-use std::{ops::Range, sync::OnceLock};
+use std::{
+    ops::Range,
+    sync::{Arc, OnceLock},
+};
 use thiserror::Error;
 
 /// A scene, and the hierarchy over its triangles, by which they are sorted.
@@ -86,6 +89,9 @@ pub enum Unchangeable {
     #[error("{what} cannot be so: {why}")]
     #[diagnostic(code(stage::value))]
     Value { what: String, why: &'static str },
+    #[error("`{name}` is no part of the scene: its {what} are others")]
+    #[diagnostic(code(stage::part), help("a part is made of a copy of the scene: what differs are its triangles"))]
+    Part { name: String, what: &'static str },
     #[error("`{a}` and `{b}` have triangles in common")]
     #[diagnostic(code(stage::overlap), help("name one of them"))]
     Overlap { a: String, b: String },
@@ -115,13 +121,38 @@ impl Stage {
         }
         let (bvh, places) = Bvh::build_in_parts(&mut scene, &objects.iter().map(|object| object.triangles.clone()).collect::<Vec<_>>());
         let tangents = |at: usize| scene.tangents.get(at).copied().unwrap_or_default();
-        let movers = objects.into_iter().zip(places).map(|(object, triangles)| Mover {
+        let mover = |(object, triangles): (&Object, Range<usize>)| Mover {
             name: object.name.clone(),
             at_rest: triangles.clone().map(|at| (scene.triangles[at], tangents(at))).collect(),
             triangles,
             map: DAffine3::IDENTITY,
-        });
-        Ok(Self { movers: movers.collect(), scene, bvh, needs: OnceLock::new() })
+        };
+        let movers: Vec<_> = objects.into_iter().zip(places).map(mover).collect();
+        scene.objects = movers.iter().map(|mover| Object { name: mover.name.clone(), triangles: mover.triangles.clone() }).collect();
+        Ok(Self { movers, scene, bvh, needs: OnceLock::new() })
+    }
+
+    /// With other geometry beside the scene's own, for passes that name it: [`Program::of_part`](crate::schedule::Program::of_part). It has the scene's materials,
+    /// textures, lights and environment, and its movers, by number; changes are made to both.
+    ///
+    /// # Errors
+    /// Where it has others.
+    pub fn with_part(mut self, name: &str, part: Self) -> Result<Self, Unchangeable> {
+        let places = |stage: &Self| stage.movers.iter().map(|mover| (mover.name.clone(), mover.map)).collect::<Vec<_>>();
+        let (own, of_part) = (&self.scene, &part.scene);
+        let same = [
+            ("materials", own.materials == of_part.materials),
+            ("textures", own.textures.len() == of_part.textures.len()),
+            ("lights", own.lights == of_part.lights),
+            ("environment's texels", own.environment == of_part.environment),
+            ("coordinates", own.origin == of_part.origin),
+            ("movers", places(&self) == places(&part)),
+        ];
+        if let Some((what, _)) = same.into_iter().find(|(_, is_same)| !is_same) {
+            return Err(Unchangeable::Part { name: name.into(), what });
+        }
+        self.scene.parts.push(Part { name: name.into(), stage: part.into() });
+        Ok(self)
     }
 
     /// What the scene requires of a pipeline.
@@ -144,6 +175,16 @@ impl Stage {
         self.movers[mover].triangles.clone()
     }
 
+    /// Where each mover stands, from where the file has it.
+    pub fn places(&self) -> Vec<DAffine3> {
+        self.movers.iter().map(|mover| mover.map).collect()
+    }
+
+    /// Brings points of a mover to where they were when it stood elsewhere.
+    pub fn backward(&self, mover: usize, before: DAffine3) -> DMat4 {
+        maps(before * self.movers[mover].map.inverse(), self.scene.origin).0
+    }
+
     /// What undoes changes that the stage would take.
     pub(crate) fn undoing(&self, changes: &[Change]) -> Vec<Change> {
         let undoing = |change: &Change| match *change {
@@ -161,6 +202,7 @@ impl Stage {
     /// The first change that is not possible; then there is none.
     pub fn change(&mut self, changes: &[Change]) -> Result<Changed, Unchangeable> {
         changes.iter().try_for_each(|change| self.check(change))?;
+        self.scene.parts.iter().try_for_each(|part| changes.iter().try_for_each(|change| part.stage.check(change)))?;
         let mut changed = Changed::default();
         for change in changes {
             match change {
@@ -190,6 +232,9 @@ impl Stage {
         if let Some(needs) = self.needs.get_mut() {
             needs.extent = self.bvh.bounds().diagonal();
             needs.follow_lights(&self.scene.lights);
+        }
+        for part in &mut self.scene.parts {
+            changed.emission |= Arc::make_mut(&mut part.stage).change(changes)?.emission;
         }
         Ok(changed)
     }

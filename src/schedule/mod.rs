@@ -88,8 +88,8 @@ pub enum Lifetime {
     History,
     /// Written once, when the plan is made ready.
     Constant(Arc<[u8]>),
-    /// A part of the scene, uploaded once.
-    Scene(SceneData),
+    /// Data of the scene or of one of its parts, uploaded once.
+    Scene(ScenePart, SceneData),
     /// The camera of the frame, written as each frame starts.
     Frame,
     /// All variables, for loops that the device drives: [`VARIABLES_BEFORE`] words of the loop, then one word each.
@@ -102,7 +102,16 @@ pub const VARIABLES: &str = "variables";
 /// Words of [`VARIABLES`] before the first variable, as `shaders/lib/variables.wgsl` has them.
 pub const VARIABLES_BEFORE: u32 = 6;
 
-/// The parts of a scene that shaders read, bound by these names.
+/// Which geometry is meant.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ScenePart {
+    /// The scene's own.
+    Main,
+    /// One of [`Scene::parts`](crate::scene::Scene::parts), by its number.
+    Other(usize),
+}
+
+/// What shaders read of a scene, bound by these names.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum SceneData {
     Parameters,
@@ -119,6 +128,8 @@ pub enum SceneData {
     FirstLights,
     /// The sky as an image.
     Environment,
+    /// How far movers have come since the picture before, written as each frame starts.
+    Movers,
 }
 
 /// What a texel is.
@@ -248,6 +259,8 @@ pub struct Program {
     pub bindings: Vec<(&'static str, Resource)>,
     /// How many bytes are touched of a binding, where it is not all of them.
     pub parts: Vec<(&'static str, u64)>,
+    /// The name of the part of the scene that what begins with `scene_` is of; None for the scene's own.
+    pub scene_part: Option<&'static str>,
 }
 
 /// A dispatch.
@@ -544,7 +557,7 @@ impl Host {
 impl Program {
     /// Of a shader that ships.
     pub fn new(shader: &'static str) -> Self {
-        Self { shader, text: None, imports: Vec::new(), constants: Vec::new(), bindings: Vec::new(), parts: Vec::new() }
+        Self { shader, text: None, imports: Vec::new(), constants: Vec::new(), bindings: Vec::new(), parts: Vec::new(), scene_part: None }
     }
 
     /// Of a shader that does not ship, for passes of other programs: any name, and its text.
@@ -569,6 +582,11 @@ impl Program {
         self
     }
 
+    /// Has the shader read the triangles, materials and lights of a [part](crate::scene::Scene::parts) of the scene, by its name, in the place of the scene's.
+    pub fn of_part(self, name: &'static str) -> Self {
+        Self { scene_part: Some(name), ..self }
+    }
+
     /// Says what a variable of the shader is.
     pub fn bind(mut self, name: &'static str, resource: Resource) -> Self {
         self.bindings.push((name, resource));
@@ -587,10 +605,29 @@ impl Program {
     }
 }
 
+/// What data of a part of the scene are called.
+pub fn of_part(part: &str, data: &str) -> String {
+    format!("{part}: {data}")
+}
+
 impl SceneData {
     /// Those of a plan that renders lobes; one that does not has [`SceneData::AlbedoTables`] in the place of [`SceneData::Tables`].
-    pub const ALL: [Self; 8] =
-        [Self::Parameters, Self::Positions, Self::Corners, Self::Attributes, Self::Tables, Self::Texels, Self::FirstLights, Self::Environment];
+    pub const ALL: [Self; 9] = [
+        Self::Parameters,
+        Self::Positions,
+        Self::Corners,
+        Self::Attributes,
+        Self::Tables,
+        Self::Texels,
+        Self::FirstLights,
+        Self::Environment,
+        Self::Movers,
+    ];
+
+    /// Whether parts of a scene have it in common.
+    pub fn is_of_all_parts(self) -> bool {
+        matches!(self, Self::Texels | Self::Environment)
+    }
 
     /// The shaders' name for it; positions are vertices and have none.
     pub fn name(self) -> &'static str {
@@ -603,6 +640,7 @@ impl SceneData {
             Self::Texels => "scene_texels",
             Self::FirstLights => "scene_first_lights",
             Self::Environment => "scene_environment",
+            Self::Movers => "scene_movers",
         }
     }
 }
@@ -642,7 +680,9 @@ impl Schedule {
     /// The resource of a shader's variable: what the program binds to it, or else the part of the scene or the camera of that name.
     pub fn bound(&self, program: &Program, name: &str) -> Option<Resource> {
         let listed = program.bindings.iter().find(|binding| binding.0 == name).map(|binding| binding.1);
-        listed.or_else(|| self.resources.iter().position(|resource| resource.name == name).map(|index| Resource(index as u32)))
+        let named = |name: &str| self.resources.iter().position(|resource| resource.name == name).map(|index| Resource(index as u32));
+        // What parts have in common, and the camera, have no name of their own.
+        listed.or_else(|| program.scene_part.and_then(|part| named(&of_part(part, name)))).or_else(|| named(name))
     }
 
     /// All nodes, those inside loops too, in order.

@@ -11,7 +11,7 @@ impl Schedule {
             let lifetime = match &resource.lifetime {
                 Lifetime::History => "history".into(),
                 Lifetime::Constant(_) => "constant".into(),
-                Lifetime::Scene(_) => "scene".into(),
+                Lifetime::Scene(..) => "scene".into(),
                 Lifetime::Frame | Lifetime::Variables => "frame".into(),
                 Lifetime::Transient => match (lifetimes.span(super::Resource(index as u32)), placement.slots[index]) {
                     (Some([a, b]), Some(slot)) => format!("steps {a}..={b}, allocation {slot}"),

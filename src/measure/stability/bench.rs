@@ -164,7 +164,7 @@ impl<'a> Bench<'a> {
         let pipeline = (self.load)(&self.sets(&[&SMALL, changes].concat()))?;
         let scene = &built.stage.scene;
         let setting = Setting { scene, needs: &built.needs, device: self.gpu.adapter.device(), size: SIZE, tables: Some(&self.tables) };
-        Ok(plan(&pipeline, setting, &[], &|data| kind(scene, data))?)
+        Ok(plan(&pipeline, setting, &[], &kind)?)
     }
 
     /// Renders a room, twice from empty caches, and checks all that must hold of any picture.

@@ -212,6 +212,7 @@ impl Draft {
             cameras,
             origin,
             notes: self.notes,
+            parts: Vec::new(),
         };
         put_out(&mut scene);
         Ok(scene)

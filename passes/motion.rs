@@ -11,7 +11,11 @@ static DESCRIPTION: Description = Description {
     source: "THESIS 5.3",
     parameters: &[],
     inputs: &[Input { name: "gbuffer", about: "the visible surfaces", accepts: PortKind::GBuffer, takes: Takes::One, changes: false }],
-    outputs: &[Output { name: "motion", about: "pixels to the right, pixels down, and scene units away from the camera, along its axis; 0 in a first picture", kind: PortKind::Image }],
+    outputs: &[Output {
+        name: "motion",
+        about: "pixels to the right, pixels down, and scene units away from the camera, along its axis; 0 in a first picture",
+        kind: PortKind::Image,
+    }],
 };
 
 impl Pass for Motion {

@@ -3,6 +3,7 @@
 use crate::contract::{Pass, encoder::Setting, tables::Remembered};
 use crate::gpu::{
     Gpu, GpuError,
+    device::faster,
     scene::{kind, kind_with},
 };
 use crate::measure::run::{Run, RunError};
@@ -59,6 +60,11 @@ impl Engine {
     /// Where there is none.
     pub async fn open() -> Result<Self, GpuError> {
         Ok(Self::of(Gpu::open().await?))
+    }
+
+    /// The features of wgpu that make frames faster, as far as an adapter has them: a program opens its device with these.
+    pub fn features(adapter: &wgpu::Adapter) -> wgpu::Features {
+        faster(adapter)
     }
 
     /// On a device of the caller's, whatever else that does. What the driver complains about while the engine works is told by the engine; the handlers of the

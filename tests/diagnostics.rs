@@ -12,7 +12,7 @@ use std::fs;
 use std::path::Path;
 
 /// Codes that no input brings about on every machine.
-const BEYOND_INPUT: [(&str, &str); 35] = [
+const BEYOND_INPUT: [(&str, &str); 37] = [
     ("cli::fault", "a fault of the program"),
     ("cli::few_threads", "needs a limit of the system; tests/limits.rs sets one"),
     ("cli::interrupted", "needs Ctrl-C at the right moment"),
@@ -39,11 +39,13 @@ const BEYOND_INPUT: [(&str, &str); 35] = [
     ("measure::encoding", "what is written was made here"),
     ("measure::unwritable", "the disk decides it; a command names the file as for every other write"),
     ("measure::wrong_size", "files cannot hold layers of several sizes"),
+    ("plan::scene_part", "no pass that ships asks for a part; tests/engine.rs brings it about"),
     ("reference::camera", "loaders refuse such cameras first"),
     ("reference::stopped", "needs Ctrl-C at the right moment"),
     ("render::non_finite", "a fault of a pass"),
     ("render::unknown_dump", "plans refuse it first"),
     ("stage::overlap", "no command moves objects"),
+    ("stage::part", "no command makes parts; tests/engine.rs brings it about"),
     ("stage::place", "no command moves objects; tests/changes.rs brings it about"),
     ("stage::unknown", "no command changes a scene; tests/changes.rs brings it about"),
     ("stage::value", "no command changes a scene; tests/changes.rs brings it about"),

@@ -46,8 +46,10 @@ fn main() {
         ("a_pass_reads_a_simpler_mesh_beside_the_scene", part),
         ("handles_outlive_what_they_were_made_from", handles),
     ];
-    let trials = tests.map(|(name, test)| skips::fallible(name, missing.as_ref(), test));
-    libtest_mimic::run(&Arguments::from_args(), trials.into()).exit();
+    let mut trials: Vec<_> = tests.map(|(name, test)| skips::fallible(name, missing.as_ref(), test)).into();
+    // Of a release build on a quiet machine: `cargo test --release --test engine -- --ignored --nocapture`.
+    trials.push(skips::fallible("a_frame_costs_no_more_in_another_program", missing.as_ref(), costs).with_ignored_flag(true));
+    libtest_mimic::run(&Arguments::from_args(), trials).exit();
 }
 
 fn check(holds: bool, otherwise: impl FnOnce() -> String) -> Result<(), Box<dyn Error>> {
@@ -61,9 +63,14 @@ struct Lent {
 
 /// A device as a program opens it that knows nothing of the engine: with what WebGPU promises and no more.
 fn lent() -> Result<Lent, Box<dyn Error>> {
+    lent_with(|_| wgpu::Features::empty())
+}
+
+fn lent_with(features: fn(&wgpu::Adapter) -> wgpu::Features) -> Result<Lent, Box<dyn Error>> {
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
     let adapter = block_on(instance.request_adapter(&wgpu::RequestAdapterOptions::default()))?;
-    let (device, queue) = block_on(adapter.request_device(&wgpu::DeviceDescriptor::default()))?;
+    let descriptor = wgpu::DeviceDescriptor { required_features: features(&adapter), ..Default::default() };
+    let (device, queue) = block_on(adapter.request_device(&descriptor))?;
     // Instances and what they loaded stay to the end: threads that have used a driver crash as they end after it.
     std::mem::forget(instance);
     Ok(Lent { engine: Engine::on(&adapter, device.clone(), queue)?, device })
@@ -324,7 +331,10 @@ fn part() -> Result<(), Box<dyn Error>> {
     let alone = Stage::moving(scene.clone(), &[0])?;
     let refused = engine.plan(&pipeline, &alone, SIZE).err().map(|error| error.to_string()).unwrap_or_default();
     check(refused.contains("the scene has no part `simple`"), || refused.clone())?;
-    let other = Stage::moving(hemisplat::Scene { lights: vec![], environment: hemisplat::scene::Environment::Constant(glam::Vec3::ONE * 2.0), ..simple.clone() }, &[0])?;
+    let other = Stage::moving(
+        hemisplat::Scene { lights: vec![], environment: hemisplat::scene::Environment::Constant(glam::Vec3::ONE * 2.0), ..simple.clone() },
+        &[0],
+    )?;
     check(alone.clone().with_part("simple", other).is_err(), || "a part with another sky".into())?;
 
     let stage = Arc::new(alone.with_part("simple", Stage::moving(simple, &[0])?)?);
@@ -373,6 +383,46 @@ fn dropped_frame() -> Result<(), Box<dyn Error>> {
         let dropped = catch_unwind(AssertUnwindSafe(|| block_on(run.frame(&pace))));
         check(dropped.is_err(), || "the frame was not dropped".into())?;
         check(drawn(&mut run)?.layers == first.layers, || "another picture after a frame that was dropped".into())?;
+    }
+    Ok(())
+}
+
+/// Frames with a full cache at 512×512: on a device that the engine opened, as the command line does, and on one that is lent to it with the features that it asks for, with
+/// the picture copied to a texture there. Taken in turns.
+fn costs() -> Result<(), Box<dyn Error>> {
+    const LARGE: [u32; 2] = [512, 512];
+    let Lent { engine: guest, device } = lent_with(Engine::features)?;
+    let target = texture(&device, LARGE, wgpu::TextureFormat::Rgba32Float, wgpu::TextureUsages::COPY_DST);
+    let engines = [block_on(Engine::open())?, guest];
+    for (scene, name) in [("cornell", "irradiance"), ("cornell", "irradiance-device")] {
+        let stage = Arc::new(Stage::new(load(Path::new(scene), &LoadOptions::default())?));
+        let mut runs = engines.iter().map(|engine| {
+            let pipeline = engine.pipeline(name, &[], &mut |_| Err(io::ErrorKind::NotFound.into()))?;
+            let plan = engine.plan(&pipeline, &stage, LARGE)?;
+            Ok(block_on(engine.run(&stage, &plan, &stage.scene.cameras[0], LARGE))?)
+        });
+        let mut runs: Vec<Run> = runs.by_ref().collect::<Result<_, Box<dyn Error>>>()?;
+        let mut ratios: Vec<(f64, f64)> = Vec::new();
+        for turn in 0..13 {
+            let mut seconds = [0.0; 2];
+            // Which is first changes.
+            for which in [turn % 2, 1 - turn % 2] {
+                let start = std::time::Instant::now();
+                block_on(runs[which].frame(&|| Pace::GoOn))?;
+                if which == 1 {
+                    block_on(runs[which].copy_to("picture", &target))?;
+                }
+                seconds[which] = start.elapsed().as_secs_f64();
+            }
+            // The cache fills in the first, shaders warm up in the next.
+            if turn >= 4 {
+                ratios.push((seconds[1] / seconds[0], seconds[0]));
+            }
+        }
+        ratios.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let at = |share: f64| ratios[(share * ratios.len() as f64) as usize].0;
+        println!("{scene} by {name}: {:.3} times ({:.3} to {:.3}, the middle half) of {:.1} ms", at(0.5), at(0.25), at(0.75), 1e3 * ratios[ratios.len() / 2].1);
+        check(at(0.5) < 1.05, || format!("{scene} by {name}: {:.3} times", at(0.5)))?;
     }
     Ok(())
 }

@@ -178,8 +178,9 @@ fn photon_zone(position: vec3f, normal: vec3f, wanted: u32, most: f32) -> Zone {
         }
     }
     let last = min(BITS, level + WIDENED);
+    var radius: f32;
     loop {
-        let radius = min(half_edge(head, level), most);
+        radius = min(half_edge(head, level), most);
         var rings: array<u32, RINGS>;
         let scale = f32(RINGS) / (radius * radius);
         let slab = slab_of(head, normal, radius, level);
@@ -200,9 +201,9 @@ fn photon_zone(position: vec3f, normal: vec3f, wanted: u32, most: f32) -> Zone {
             }
         }
         if level == last || half_edge(head, level) >= most || sum * DETAIL >= wanted {
-            return Zone(radius, level, false);
+            break;
         }
         level += 1u;
     }
-    return Zone(0.0, 0u, false);
+    return Zone(radius, level, false);
 }

@@ -143,7 +143,8 @@ host_struct! {
     }
 }
 
-pub const LAYOUTS: &[HostLayout] = &[SceneParameters::LAYOUT, SceneMaterial::LAYOUT, SceneLight::LAYOUT, SceneLamps::LAYOUT, SceneMover::LAYOUT, FrameCamera::LAYOUT];
+pub const LAYOUTS: &[HostLayout] =
+    &[SceneParameters::LAYOUT, SceneMaterial::LAYOUT, SceneLight::LAYOUT, SceneLamps::LAYOUT, SceneMover::LAYOUT, FrameCamera::LAYOUT];
 
 /// Lights in the uniform of the first of them.
 const FIRST_LIGHTS: usize = 4;

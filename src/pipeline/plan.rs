@@ -95,7 +95,12 @@ pub struct Absent {
 ///
 /// # Errors
 /// What passes refuse, each underlined in the document.
-pub fn plan(pipeline: &Pipeline, setting: Setting<'_>, dumps: &[String], scene_kind: &dyn Fn(&Scene, SceneData) -> ResourceKind) -> Result<Arc<Plan>, Problems> {
+pub fn plan(
+    pipeline: &Pipeline,
+    setting: Setting<'_>,
+    dumps: &[String],
+    scene_kind: &dyn Fn(&Scene, SceneData) -> ResourceKind,
+) -> Result<Arc<Plan>, Problems> {
     let members = members(pipeline);
     let needs = needs(pipeline, &members, setting.needs);
     let by_albedo = if needs.by_albedo { setting.needs.glossy.clone() } else { Vec::new() };

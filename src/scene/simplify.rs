@@ -21,8 +21,7 @@ struct Corner {
 }
 
 impl Scene {
-    /// With about so large a share of its triangles, 0 to 1: edges are collapsed, those first that move surfaces least (Garland and Heckbert, Surface simplification
-    /// using quadric error metrics, 1997). Corners that are left have their normals, texture coordinates and colours; borders between materials and
+    /// With about so large a share of its triangles, 0 to 1: edges are collapsed, those first that move surfaces least (Garland and Heckbert 1997). Corners that are left have their normals, texture coordinates and colours; borders between materials and
     /// between objects stay closed. What shines is left as it is.
     ///
     /// None for a share that is no number, or a scene too large for 32 bits.
@@ -164,7 +163,9 @@ mod tests {
         let simple = scene.simplified(0.3).unwrap().scene;
         let [first, second] = [0, 1].map(|number: usize| simple.objects[number].triangles.clone());
         assert!(first.start == 0 && first.end == second.start && second.end < simple.triangles.len(), "{first:?} {second:?}");
-        let corners = |triangles: &[Triangle]| triangles.iter().flat_map(|t| t.positions.map(|p| p.to_array().map(f32::to_bits))).collect::<std::collections::BTreeSet<_>>();
+        let corners = |triangles: &[Triangle]| {
+            triangles.iter().flat_map(|t| t.positions.map(|p| p.to_array().map(f32::to_bits))).collect::<std::collections::BTreeSet<_>>()
+        };
         assert!(corners(&simple.triangles[first]).is_subset(&corners(&scene.triangles[..half])));
     }
 }

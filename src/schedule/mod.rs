@@ -612,17 +612,8 @@ pub fn of_part(part: &str, data: &str) -> String {
 
 impl SceneData {
     /// Those of a plan that renders lobes; one that does not has [`SceneData::AlbedoTables`] in the place of [`SceneData::Tables`].
-    pub const ALL: [Self; 9] = [
-        Self::Parameters,
-        Self::Positions,
-        Self::Corners,
-        Self::Attributes,
-        Self::Tables,
-        Self::Texels,
-        Self::FirstLights,
-        Self::Environment,
-        Self::Movers,
-    ];
+    pub const ALL: [Self; 9] =
+        [Self::Parameters, Self::Positions, Self::Corners, Self::Attributes, Self::Tables, Self::Texels, Self::FirstLights, Self::Environment, Self::Movers];
 
     /// Whether parts of a scene have it in common.
     pub fn is_of_all_parts(self) -> bool {

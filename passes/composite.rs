@@ -42,6 +42,7 @@ impl Pass for Composite {
             .constant("TEXTURES", e.setting.needs.textures as u8)
             .constant("MIPMAPS", e.setting.needs.mipmaps as u8)
             .constant("GLOSSY", e.setting.needs.lobes as u8)
+            .constant("SKY_IMAGE", e.setting.needs.sky_image as u8)
             .constant("HAS_DIRECT", direct.is_some() as u8)
             .bind("triangles", gbuffer.triangles)
             .bind("direct", direct.unwrap_or(gbuffer.position))

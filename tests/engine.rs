@@ -15,10 +15,12 @@ use hemisplat::{
 use libtest_mimic::Arguments;
 use skips::Missing;
 use std::{
+    env,
     error::Error,
     io,
     panic::{AssertUnwindSafe, catch_unwind, resume_unwind},
     path::Path,
+    process::Command,
     sync::{
         Arc,
         atomic::{AtomicU32, Ordering},
@@ -35,18 +37,23 @@ const SIZE: [u32; 2] = [48, 32];
 
 fn main() {
     let missing = block_on(Gpu::open()).err().map(|error| Missing::new("gpu", error.to_string()));
-    let tests: [(&str, Test); 9] = [
+    let tests: [(&str, Test); 10] = [
         ("a_device_that_is_lent_shows_the_same_picture", lent_device),
         ("pictures_stay_on_the_device", picture_stays),
         ("passes_of_another_program_take_part", own_passes),
         ("a_pass_that_panics_is_an_error", panic_of_a_pass),
         ("a_shader_that_the_driver_refuses_is_an_error", refused_shader),
         ("a_device_that_is_lost_is_an_error", lost_device),
+        ("what_finds_no_memory_is_an_error", no_memory),
         ("after_a_frame_that_was_dropped_the_next_begins_anew", dropped_frame),
         ("a_pass_reads_a_simpler_mesh_beside_the_scene", part),
         ("handles_outlive_what_they_were_made_from", handles),
     ];
     let mut trials: Vec<_> = tests.map(|(name, test)| skips::fallible(name, missing.as_ref(), test)).into();
+    // In a process of its own, with little memory.
+    if env::var_os(LITTLE).is_some() {
+        trials = vec![skips::fallible("too_large", None, too_large)];
+    }
     // Of a release build on a quiet machine: `cargo test --release --test engine -- --ignored --nocapture`.
     trials.push(skips::fallible("a_frame_costs_no_more_in_another_program", missing.as_ref(), costs).with_ignored_flag(true));
     libtest_mimic::run(&Arguments::from_args(), trials).exit();
@@ -373,6 +380,58 @@ fn lost_device() -> Result<(), Box<dyn Error>> {
 }
 
 /// As a program drops the future of a frame: here somewhere in its loops, where its pace is asked for.
+/// Set where a process has little memory on purpose.
+const LITTLE: &str = "HEMISPLAT_TEST_LITTLE_MEMORY";
+
+/// A pass that keeps 16 GiB.
+struct Hoarder;
+
+static HOARDER: Description = made_of_nothing("Hoarder", "Needs a lot of memory");
+
+impl Pass for Hoarder {
+    fn description(&self) -> &'static Description {
+        &HOARDER
+    }
+
+    fn encode(&self, e: &mut Encoder<'_>) -> Result<(), Refusal> {
+        let image = e.image("image", SIZE, Format::Rgba32Float);
+        for name in ["a", "b", "c", "d", "e", "f", "g", "h", "i", "j", "k", "l", "m", "n", "o", "p"] {
+            let hoard = e.history_buffer(name, 1 << 30);
+            e.clear(hoard);
+        }
+        e.clear(image);
+        e.output("image", Port::Image(port::Image { texture: image, channels: port::Channels::Colour }));
+        Ok(())
+    }
+}
+
+/// Where there are 8 GiB for all of a process, whose device is this machine's memory.
+fn no_memory() -> Result<(), Box<dyn Error>> {
+    if block_on(Gpu::open())?.adapter.kind != "software" {
+        println!("a device of its own has more memory than a test can take");
+        return Ok(());
+    }
+    let limited = "ulimit -v 8388608 && exec \"$0\" too_large";
+    let output = Command::new("sh").args(["-c", limited]).arg(env::current_exe()?).env(LITTLE, "").output()?;
+    let told = String::from_utf8_lossy(&output.stdout);
+    check(told.contains("1 passed"), || format!("{told}{}", String::from_utf8_lossy(&output.stderr)))
+}
+
+fn too_large() -> Result<(), Box<dyn Error>> {
+    let engine = block_on(Engine::open())?.with(&Hoarder);
+    drawn(&mut ready(&engine, IRRADIANCE)?)?;
+    let text = r#"Pipeline(version: 1, about: "hoards", source: "", nodes: [(name: "it", pass: Hoarder())], outputs: { "picture": "it" })"#;
+    let stage = cornell()?;
+    let plan = planned(&engine, &stage, text)?;
+    let told = match block_on(engine.run(&stage, &plan, &stage.scene.cameras[0], SIZE)) {
+        Err(error) => error,
+        Ok(mut run) => drawn(&mut run).err().ok_or("there is room for all of it")?,
+    };
+    check(matches!(told, RunError::Gpu(GpuError::OutOfMemory { .. })), || format!("{told:?}"))?;
+    drawn(&mut ready(&engine, IRRADIANCE)?)?;
+    Ok(())
+}
+
 fn dropped_frame() -> Result<(), Box<dyn Error>> {
     for engine in [lent()?.engine, block_on(Engine::open())?] {
         let mut run = ready(&engine, IRRADIANCE)?;

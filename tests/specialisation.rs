@@ -48,8 +48,21 @@ fn nothing_is_left_out_for_a_scene() {
 }
 
 /// What a scene's needs decide, as shaders call it. The scenes above lack some of it.
-const DECIDED: [&str; 12] =
-    ["TEXTURES", "MIPMAPS", "NORMAL_MAPS", "TINTS", "ALPHA_MASKS", "ONE_SIDED", "SMOOTH", "GLOSSY", "ANISOTROPIC", "LIGHTS", "AREA_SAMPLES", "SKY_SAMPLES"];
+const DECIDED: [&str; 13] = [
+    "TEXTURES",
+    "MIPMAPS",
+    "NORMAL_MAPS",
+    "TINTS",
+    "ALPHA_MASKS",
+    "ONE_SIDED",
+    "SMOOTH",
+    "GLOSSY",
+    "ANISOTROPIC",
+    "LIGHTS",
+    "AREA_SAMPLES",
+    "SKY_SAMPLES",
+    "SKY_IMAGE",
+];
 
 #[test]
 fn programs_are_the_same_for_every_scene() {

@@ -8,7 +8,7 @@ use crate::passes::record::{REQUEST_BYTES, Request};
 use crate::scene::{Triangle, bvh::Node};
 use crate::schedule::{Draw, HostContext, Read, Resource};
 use glam::{DVec3, Vec3};
-use std::ops::Range;
+use std::{cmp::Reverse, ops::Range};
 
 /// Ranges with gaps up to this many triangles are drawn as one: a draw costs about as much.
 pub(super) const GAP: u32 = 16;
@@ -75,6 +75,7 @@ pub(super) fn cull(e: &mut Encoder<'_>, work: &Work, writes: &[Resource], then: 
 /// The scene's hierarchy with the range of triangles below each node.
 struct Tree {
     nodes: Vec<Node>,
+    /// Those of the last triangles first: views look at them in the triangles' order, by which ranges join.
     roots: Vec<usize>,
     ranges: Vec<[u32; 2]>,
     /// Longest edge of a triangle below each node.
@@ -83,7 +84,8 @@ struct Tree {
 
 impl Tree {
     fn new(host: &dyn HostContext) -> Self {
-        let (nodes, roots, ranges) = (host.bvh().nodes().to_vec(), host.bvh().roots(), host.bvh().ranges());
+        let (nodes, mut roots, ranges) = (host.bvh().nodes().to_vec(), host.bvh().roots(), host.bvh().ranges());
+        roots.sort_unstable_by_key(|root| Reverse(ranges[*root][0]));
         let edge = |t: &Triangle| (0..3).map(|i| t.positions[i].distance(t.positions[(i + 1) % 3])).fold(0.0f32, f32::max);
         let longest =
             ranges.iter().map(|[a, b]| host.scene().triangles[*a as usize..*b as usize].iter().take(CLUSTER as usize).map(edge).fold(0.0, f32::max)).collect();

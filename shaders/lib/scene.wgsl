@@ -107,6 +107,8 @@ override EMPTY: bool = false;
 // Whether any surface has a lobe, and whether any has one that is not the same around the normal.
 override GLOSSY: bool = true;
 override ANISOTROPIC: bool = true;
+// Whether the sky is an image where it is not of one colour. Drivers may otherwise build shaders anew for each use, without the half that the scene's numbers leave out.
+override SKY_IMAGE: bool = true;
 
 const PHONG = 1u;
 const WARD = 2u;
@@ -746,7 +748,7 @@ fn within_texel(texel: u32, place: vec2f) -> vec3f {
 
 // Radiance of the sky from a unit direction: as Environment::radiance.
 fn environment_radiance(direction: vec3f) -> vec3f {
-    if scene_parameters.environment_size.x == 0u {
+    if !SKY_IMAGE || scene_parameters.environment_size.x == 0u {
         return scene_parameters.environment;
     }
     let at = in_environment(direction);

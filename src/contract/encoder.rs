@@ -373,6 +373,7 @@ pub fn scene_constants(program: Program, needs: &Needs) -> Program {
         .constant("EMPTY", (needs.triangles == 0) as u8)
         .constant("GLOSSY", needs.lobes as u8)
         .constant("ANISOTROPIC", needs.anisotropic as u8)
+        .constant("SKY_IMAGE", needs.sky_image as u8)
 }
 
 /// The shaders' `LIGHTS` where the scene's parameters tell the number.

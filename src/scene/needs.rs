@@ -1,6 +1,6 @@
 //! What a scene requires of a pipeline.
 
-use super::{Light, Material, Scene, Tint, Triangle, shadow_grid, shadow_layers, sky::Suns};
+use super::{Environment, Light, Material, Scene, Tint, Triangle, shadow_grid, shadow_layers, sky::Suns};
 use crate::math::lobe::Shape;
 
 /// The facts that decide which passes and which parts of shaders stay.
@@ -18,6 +18,8 @@ pub struct Needs {
     pub emissive_triangles: u32,
     /// Whether rays that leave the scene see anything.
     pub environment: bool,
+    /// Whether it is an image.
+    pub sky_image: bool,
     /// Whether some of it is so bright that rays are sent there.
     pub suns: bool,
     /// Whether any surface has a texture of any kind.
@@ -70,6 +72,7 @@ impl Needs {
             triangles: scene.triangles.len() as u32,
             emissive_triangles: scene.triangles.iter().filter(|t| scene.materials[t.material as usize].emits()).count() as u32,
             environment: !scene.environment.is_black(),
+            sky_image: matches!(scene.environment, Environment::LatLong { .. }),
             suns: Suns::new(&scene.environment).shine(),
             textures: materials().any(|m| m.texture.is_some() || !m.maps.is_empty()),
             mipmaps: scene.textures.iter().any(|texture| !texture.coarser.is_empty()),
@@ -133,6 +136,7 @@ impl Needs {
             shadowed_lights: self.shadowed_lights.max(1),
             emissive_triangles: self.emissive_triangles.max(1),
             environment: true,
+            sky_image: true,
             suns: true,
             textures: true,
             mipmaps: true,

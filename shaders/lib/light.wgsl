@@ -258,7 +258,7 @@ fn area_reflected(surface: Surface, seed: u32) -> vec3f {
 }
 
 fn is_sky_black() -> bool {
-    return scene_parameters.environment_size.x == 0u && all(scene_parameters.environment == vec3f(0.0));
+    return all(textureDimensions(scene_environment) == vec2u(1u)) && all(environment_texel(0, 0).rgb == vec3f(0.0));
 }
 
 // The sky in a direction: as scene::sky.

@@ -107,7 +107,7 @@ override EMPTY: bool = false;
 // Whether any surface has a lobe, and whether any has one that is not the same around the normal.
 override GLOSSY: bool = true;
 override ANISOTROPIC: bool = true;
-// Whether the sky is an image where it is not of one colour. Drivers may otherwise build shaders anew for each use, without the half that the scene's numbers leave out.
+// Whether the sky is an image, or the plan does not say. A branch by a number of a uniform has Mesa's lavapipe build a shader anew for each use.
 override SKY_IMAGE: bool = true;
 
 const PHONG = 1u;
@@ -722,7 +722,8 @@ struct InImage {
 }
 
 fn in_environment(direction: vec3f) -> InImage {
-    let size = vec2i(scene_parameters.environment_size);
+    // One of one colour has a texel of it.
+    let size = vec2i(textureDimensions(scene_environment));
     let u = 0.5 + atan2(direction.x, -direction.z) / (2.0 * PI);
     let v = acos(clamp(direction.y, -1.0, 1.0)) / PI;
     let at = vec2f(u, v) * vec2f(size) - 0.5;
@@ -748,7 +749,7 @@ fn within_texel(texel: u32, place: vec2f) -> vec3f {
 
 // Radiance of the sky from a unit direction: as Environment::radiance.
 fn environment_radiance(direction: vec3f) -> vec3f {
-    if !SKY_IMAGE || scene_parameters.environment_size.x == 0u {
+    if !SKY_IMAGE {
         return scene_parameters.environment;
     }
     let at = in_environment(direction);

@@ -12,7 +12,7 @@ use super::pipeline::judged_bounces;
 use super::progress::Progress;
 use super::scene::View;
 use super::sealed::{self, Unusable};
-use crate::gpu::scene::camera;
+use crate::gpu::scene::{OF_PICTURE, camera};
 use crate::math::windows::SIDE;
 use crate::measure::cache::{Checksum, fingerprint};
 use crate::measure::compare::{ErrorParts, ReferenceReport, VariantErrors, checksum, judged};
@@ -260,7 +260,7 @@ fn key(view: &View, settings: &Settings) -> String {
 /// What a view shows, whatever its files are called: scene, camera and size.
 pub fn content(view: &View) -> String {
     let [width, height] = view.size;
-    let camera = Checksum::of(bytemuck::bytes_of(&camera((&view.camera, &view.camera), view.size, &view.stage, 0)));
+    let camera = Checksum::of(&bytemuck::bytes_of(&camera((&view.camera, &view.camera), view.size, &view.stage, 0))[..OF_PICTURE]);
     let scene = fingerprint(&view.stage.scene);
     format!("scene {scene}, camera {camera}, size {width}x{height}")
 }

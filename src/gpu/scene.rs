@@ -247,7 +247,10 @@ impl Upload {
             SceneData::AlbedoTables => self.tables(stage, albedos),
             SceneData::FirstLights => first_lights(scene, &self.bounds),
             SceneData::Texels => texels(scene),
-            SceneData::Environment => environment(scene, &self.emission.suns),
+            SceneData::Environment => match &scene.environment {
+                Environment::Constant(radiance) => bytes_of(&radiance.extend(0.0)).to_vec(),
+                Environment::LatLong { .. } => environment(scene, &self.emission.suns),
+            },
             SceneData::Movers => movers(stage, &stage.places()),
         };
         bytes.resize(kind_with(scene, self.emission.lamps(), data).bytes() as usize, 0);
@@ -376,6 +379,7 @@ fn texels(scene: &Scene) -> Vec<u8> {
 }
 
 /// Texels, with the running sum of what suns have up to and including each in the spare place.
+/// Texels of a sky that is an image.
 fn environment(scene: &Scene, suns: &Suns) -> Vec<u8> {
     let Environment::LatLong { texels, .. } = &scene.environment else { return Vec::new() };
     let (mut bright, mut sum) = (suns.texels().iter().peekable(), 0.0);
@@ -614,6 +618,9 @@ pub fn movers(stage: &Stage, before: &[DAffine3]) -> Vec<u8> {
         .collect();
     cast_slice(&movers).to_vec()
 }
+
+/// Of the uniform what is of this picture alone.
+pub const OF_PICTURE: usize = std::mem::offset_of!(FrameCamera, eye_before);
 
 /// The uniform of a frame, with the camera of the picture before.
 pub fn camera((camera, before): (&Camera, &Camera), size: [u32; 2], stage: &Stage, frame: u32) -> FrameCamera {

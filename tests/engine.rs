@@ -342,7 +342,8 @@ fn part() -> Result<(), Box<dyn Error>> {
         hemisplat::Scene { lights: vec![], environment: hemisplat::scene::Environment::Constant(glam::Vec3::ONE * 2.0), ..simple.clone() },
         &[0],
     )?;
-    check(alone.clone().with_part("simple", other).is_err(), || "a part with another sky".into())?;
+    let refused = alone.clone().with_part("simple", other).err().map(|error| error.to_string()).unwrap_or_default();
+    check(refused == "`simple` is no part of the scene: it has another environment", || refused)?;
 
     let stage = Arc::new(alone.with_part("simple", Stage::moving(simple, &[0])?)?);
     let plan = engine.plan(&pipeline, &stage, SIZE)?;

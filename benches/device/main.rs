@@ -217,7 +217,7 @@ impl Stage {
         let pipeline = load_pipeline(pipeline, sets, REGISTRY, &mut |path| std::fs::read_to_string(path)).map_err(|e| e.to_string())?;
         let needs = Needs::of(&self.0.scene);
         let setting = Setting { scene: &self.0.scene, needs: &needs, device: hemisplat::gpu::expected_device(), size: [edge, edge], tables: None };
-        Ok(plan(&pipeline, setting, &[], &|data| kind(&self.0.scene, data)).map_err(|e| e.to_string())?)
+        Ok(plan(&pipeline, setting, &[], &kind).map_err(|e| e.to_string())?)
     }
 
     fn run(&self, gpu: &Arc<Gpu>, plan: &Arc<Plan>, edge: u32) -> Result<Run, Failure> {

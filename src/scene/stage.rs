@@ -89,9 +89,9 @@ pub enum Unchangeable {
     #[error("{what} cannot be so: {why}")]
     #[diagnostic(code(stage::value))]
     Value { what: String, why: &'static str },
-    #[error("`{name}` is no part of the scene: its {what} are others")]
+    #[error("`{name}` is no part of the scene: it has {why}")]
     #[diagnostic(code(stage::part), help("a part is made of a copy of the scene: what differs are its triangles"))]
-    Part { name: String, what: &'static str },
+    Part { name: String, why: &'static str },
     #[error("`{a}` and `{b}` have triangles in common")]
     #[diagnostic(code(stage::overlap), help("name one of them"))]
     Overlap { a: String, b: String },
@@ -136,20 +136,22 @@ impl Stage {
     /// textures, lights and environment, and its movers, by number; changes are made to both.
     ///
     /// # Errors
-    /// Where it has others.
+    /// Where it has others, or its name is taken.
     pub fn with_part(mut self, name: &str, part: Self) -> Result<Self, Unchangeable> {
         let places = |stage: &Self| stage.movers.iter().map(|mover| (mover.name.clone(), mover.map)).collect::<Vec<_>>();
         let (own, of_part) = (&self.scene, &part.scene);
-        let same = [
-            ("materials", own.materials == of_part.materials),
-            ("textures", own.textures.len() == of_part.textures.len()),
-            ("lights", own.lights == of_part.lights),
-            ("environment's texels", own.environment == of_part.environment),
-            ("coordinates", own.origin == of_part.origin),
-            ("movers", places(&self) == places(&part)),
+        let is_so = [
+            ("no triangles", own.triangles.is_empty() == of_part.triangles.is_empty()),
+            ("other materials", own.materials == of_part.materials),
+            ("other textures", own.textures.len() == of_part.textures.len()),
+            ("other lights", own.lights == of_part.lights),
+            ("another environment", own.environment == of_part.environment),
+            ("another origin", own.origin == of_part.origin),
+            ("other movers, or in other places", places(&self) == places(&part)),
+            ("the name of another", own.parts.iter().all(|other| other.name != name)),
         ];
-        if let Some((what, _)) = same.into_iter().find(|(_, is_same)| !is_same) {
-            return Err(Unchangeable::Part { name: name.into(), what });
+        if let Some((why, _)) = is_so.into_iter().find(|(_, is_so)| !is_so) {
+            return Err(Unchangeable::Part { name: name.into(), why });
         }
         self.scene.parts.push(Part { name: name.into(), stage: part.into() });
         Ok(self)

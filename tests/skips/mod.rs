@@ -1,5 +1,5 @@
 //! What a test needs of the machine. Where that is missing the test is ignored, so that it counts as such, and a line names it with the reason.
-//! `HEMISPLAT_REQUIRE` lists the needs that make it fail instead: gpu, scenes, browser, peers, tools, adapter. `./check` collects the lines.
+//! `HEMISPLAT_REQUIRE` lists the needs that make it fail instead: gpu, scenes, browser, wasm, peers, tools, adapter. `./check` collects the lines.
 #![allow(dead_code, reason = "each file of tests has needs of its own")]
 
 use libtest_mimic::{Failed, Trial};

@@ -59,7 +59,7 @@ install_for_browsers() {
 
 # As the page's build looks for it.
 can_build_for_browsers() {
-    [ -d "$(rustc --print sysroot)/lib/rustlib/wasm32-unknown-unknown" ] || { [ -x /usr/bin/cargo ] && [ -e /usr/bin/rust-lld ] && [ -d /usr/lib/rustlib/src/rust/library ]; }
+    [ -d "$(rustc --print sysroot)/lib/rustlib/wasm32-unknown-unknown" ] || { [ -x /usr/bin/cargo ] && [ -x /usr/bin/rustc ] && [ -e /usr/bin/rust-lld ] && [ -d /usr/lib/rustlib/src/rust/library ]; }
 }
 
 # What tests can be required to find, as in HEMISPLAT_REQUIRE.

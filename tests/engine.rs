@@ -1,7 +1,7 @@
 //! The engine inside another program: on a device that is lent to it, with passes of that program, and after what goes wrong there.
 
 use hemisplat::{
-    Change, Engine, GpuError, Pace, Plan, Run, RunError, Stage, block_on,
+    Change, Engine, GpuError, Pace, Pipeline, Plan, Run, RunError, Stage, block_on,
     contract::{Description, Encoder, Output, Pass, Port, PortKind, Refusal, encoder::scene_constants, port},
     gpu::Gpu,
     measure::Layers,
@@ -87,11 +87,17 @@ fn cornell() -> Result<Arc<Stage>, Box<dyn Error>> {
     Ok(Arc::new(Stage::new(load(Path::new("cornell"), &LoadOptions::default())?)))
 }
 
-fn planned(engine: &Engine, stage: &Stage, text: &str) -> Result<Arc<Plan>, Box<dyn Error>> {
+fn told(problems: hemisplat::Problems) -> String {
+    format!("{:?}", miette::Report::new(problems))
+}
+
+fn pipeline(engine: &Engine, text: &str) -> Result<Pipeline, Box<dyn Error>> {
     let mut read = |path: &Path| if path == Path::new("own.ron") { Ok(text.to_owned()) } else { Err(io::ErrorKind::NotFound.into()) };
-    let told = |problems: hemisplat::Problems| format!("{:?}", miette::Report::new(problems));
-    let pipeline = engine.pipeline("own.ron", &[], &mut read).map_err(told)?;
-    Ok(engine.plan(&pipeline, stage, SIZE).map_err(told)?)
+    Ok(engine.pipeline("own.ron", &[], &mut read).map_err(told)?)
+}
+
+fn planned(engine: &Engine, stage: &Stage, text: &str) -> Result<Arc<Plan>, Box<dyn Error>> {
+    Ok(engine.plan(&pipeline(engine, text)?, stage, SIZE).map_err(told)?)
 }
 
 fn ready(engine: &Engine, text: &str) -> Result<Run, Box<dyn Error>> {
@@ -333,8 +339,7 @@ fn part() -> Result<(), Box<dyn Error>> {
     let Simplified { scene: simple, error } = scene.simplified(0.1).ok_or("it is not simplified")?;
     check(simple.triangles.len() * 9 < scene.triangles.len() && error > 0.0, || format!("{} triangles, error {error}", simple.triangles.len()))?;
     let engine = block_on(Engine::open())?.with(&Depths);
-    let mut read = |path: &Path| if path == Path::new("own.ron") { Ok(BOTH_DEPTHS.to_owned()) } else { Err(io::ErrorKind::NotFound.into()) };
-    let pipeline = engine.pipeline("own.ron", &[], &mut read)?;
+    let pipeline = pipeline(&engine, BOTH_DEPTHS)?;
     let alone = Stage::moving(scene.clone(), &[0])?;
     let refused = engine.plan(&pipeline, &alone, SIZE).err().map(|error| error.to_string()).unwrap_or_default();
     check(refused.contains("the scene has no part `simple`"), || refused.clone())?;
@@ -456,12 +461,12 @@ fn costs() -> Result<(), Box<dyn Error>> {
     let engines = [block_on(Engine::open())?, guest];
     for (scene, name) in [("cornell", "irradiance"), ("cornell", "irradiance-device")] {
         let stage = Arc::new(Stage::new(load(Path::new(scene), &LoadOptions::default())?));
-        let mut runs = engines.iter().map(|engine| {
+        let runs = engines.iter().map(|engine| {
             let pipeline = engine.pipeline(name, &[], &mut |_| Err(io::ErrorKind::NotFound.into()))?;
             let plan = engine.plan(&pipeline, &stage, LARGE)?;
             Ok(block_on(engine.run(&stage, &plan, &stage.scene.cameras[0], LARGE))?)
         });
-        let mut runs: Vec<Run> = runs.by_ref().collect::<Result<_, Box<dyn Error>>>()?;
+        let mut runs: Vec<Run> = runs.collect::<Result<_, Box<dyn Error>>>()?;
         let mut ratios: Vec<(f64, f64)> = Vec::new();
         for turn in 0..13 {
             let mut seconds = [0.0; 2];

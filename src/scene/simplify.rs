@@ -1,7 +1,7 @@
 //! Scenes with fewer triangles.
 
-use super::{Object, Scene, Triangle};
-use glam::{Vec2, Vec3};
+use super::{Object, Scene, Triangle, load::draft::has_area};
+use glam::Vec2;
 use meshoptimizer_rs::{Positions, SimplifyOptions, SimplifySettings, Workspace, simplify};
 use std::collections::HashMap;
 
@@ -21,8 +21,8 @@ struct Corner {
 }
 
 impl Scene {
-    /// With about so large a share of its triangles, 0 to 1: edges are collapsed, those first that move surfaces least (Garland and Heckbert 1997). Corners that are left have their normals, texture coordinates and colours; borders between materials and
-    /// between objects stay closed. What shines is left as it is.
+    /// With about so large a share of its triangles, 0 to 1: edges are collapsed, those first that move surfaces least (Garland and Heckbert 1997). Corners that are
+    /// left have their normals, texture coordinates and colours; borders between materials and between objects stay closed. What shines is left as it is.
     ///
     /// None for a share that is no number, or a scene too large for 32 bits.
     pub fn simplified(&self, share: f64) -> Option<Simplified> {
@@ -111,11 +111,6 @@ impl Scene {
     }
 }
 
-fn has_area(triangle: &Triangle) -> bool {
-    let [a, b, c] = triangle.positions;
-    (b - a).cross(c - a) != Vec3::ZERO
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -127,8 +122,7 @@ mod tests {
     }
 
     fn area(scene: &Scene, of: impl Fn(&Triangle) -> bool) -> f64 {
-        let area = |[a, b, c]: [Vec3; 3]| 0.5 * f64::from((b - a).cross(c - a).length());
-        scene.triangles.iter().filter(|triangle| of(triangle)).map(|triangle| area(triangle.positions)).sum()
+        scene.triangles.iter().filter(|triangle| of(triangle)).map(|triangle| 0.5 * f64::from(triangle.cross().length())).sum()
     }
 
     #[test]

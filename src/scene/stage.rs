@@ -299,8 +299,7 @@ impl Mover {
             if !triangle.positions.iter().all(|corner| f64::from(corner.length()) < *EXTENT_RANGE.end()) {
                 return refused("it would be farther away than single precision serves");
             }
-            let [a, b, c] = triangle.positions;
-            if (b - a).cross(c - a) == Vec3::ZERO {
+            if triangle.cross() == Vec3::ZERO {
                 return refused("the map leaves some of its triangles without an area");
             }
         }

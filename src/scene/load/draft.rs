@@ -367,7 +367,7 @@ fn clean(
 }
 
 /// Whether a triangle's plane is more than rounding: thinner than 1e-7 of its length it is not, in single precision.
-fn has_area(triangle: &Triangle) -> bool {
+pub(crate) fn has_area(triangle: &Triangle) -> bool {
     let [a, b, c] = triangle.positions.map(|p| p.as_dvec3());
     let longest = a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a));
     (b - a).cross(c - a).length() > 1e-7 * longest && triangle.face_normal() != Vec3::ZERO

@@ -140,7 +140,7 @@ fn encode_on_host(e: &mut Encoder<'_>, new: &port::Records, cache: &port::Record
         let level = known().map(|record| luminance(Vec3::from(record.irradiance).as_dvec3())).sum::<f64>() / known().count().max(1) as f64;
         let refined = |record: &Record| {
             let mut record = *record;
-            record.translation[1][3] = cache.rule.fineness(&weight::Record::from(&record), level as f32);
+            record.refine(&cache.rule, level as f32);
             record
         };
         let mut joined: Vec<Record> = batch.iter().map(refined).collect();

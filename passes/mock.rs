@@ -19,6 +19,7 @@ pub struct MockHost {
     pub is_timed: bool,
     pub cut_short: Option<(Variable, Shortfall)>,
     pub size: [u32; 2],
+    pub motions: Vec<glam::DMat4>,
     pub scene: Scene,
     pub bvh: Bvh,
     /// Of the scene as it stands when it is asked for.
@@ -48,6 +49,7 @@ impl MockHost {
             is_timed: false,
             cut_short: None,
             size,
+            motions: Vec::new(),
             scene,
             bvh,
             emission: OnceLock::new(),
@@ -118,6 +120,10 @@ impl HostContext for MockHost {
         self.cut_short = Some((until, because));
     }
 
+    fn motions(&self) -> &[glam::DMat4] {
+        &self.motions
+    }
+
     fn camera(&self) -> (&Camera, [u32; 2]) {
         (&self.scene.cameras[0], self.size)
     }
@@ -149,5 +155,5 @@ pub fn record() -> Record {
 
 /// A cache in resource 0 whose records variable 0 counts.
 pub fn cache(capacity: u32) -> port::RecordCache {
-    port::RecordCache { records: Resource(0), coefficients: None, count: Variable(0), capacity, weighting: Resource(1), rule: rule(), lasts: true }
+    port::RecordCache { records: Resource(0), coefficients: None, count: Variable(0), capacity, weighting: Resource(1), rule: rule(), lasts: true, lives: None }
 }

@@ -5,11 +5,13 @@ use crate::contract::Registry;
 pub mod add_images;
 pub mod add_irradiance;
 pub mod add_records;
+pub mod age_records;
 pub mod classify;
 pub mod compensation;
 pub mod composite;
 pub mod contribution;
 pub mod direct_light;
+pub mod due_records;
 pub mod environment_light;
 pub mod filter_records;
 pub mod find_misses;
@@ -19,6 +21,7 @@ pub mod image_sum;
 pub mod indirect_light;
 pub mod irradiance_field;
 pub mod irradiance_sum;
+pub mod lives;
 pub mod lobe_coefficients;
 pub mod lobe_rays;
 #[cfg(test)]
@@ -38,6 +41,7 @@ pub mod record;
 pub mod record_cache;
 pub mod record_index;
 pub mod record_lists;
+pub mod renew_records;
 pub mod seen_light;
 pub mod shadow_map;
 pub mod splat;
@@ -53,6 +57,9 @@ pub static REGISTRY: &Registry = &[
     &environment_light::EnvironmentLight,
     &direct_light::DirectLight,
     &record_cache::RecordCache,
+    &age_records::AgeRecords,
+    &due_records::DueRecords,
+    &renew_records::RenewRecords,
     &path_vertices::PathVertices,
     &record_index::RecordIndex,
     &photon_map::PhotonMap,

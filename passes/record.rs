@@ -85,6 +85,33 @@ impl Request {
     }
 }
 
+impl Record {
+    /// Its position and normal.
+    pub fn place(&self) -> [Vec3; 2] {
+        [self.position.into(), self.normal.into()]
+    }
+
+    /// Width of the pixel that asked for it [scene units].
+    pub fn footprint(&self) -> f32 {
+        self.footprint
+    }
+
+    /// [W/m²]
+    pub fn irradiance(&self) -> Vec3 {
+        self.irradiance.into()
+    }
+
+    /// With other light, which changes around it as it did.
+    pub fn set_irradiance(&mut self, irradiance: Vec3) {
+        self.irradiance = irradiance.into();
+    }
+
+    /// As it joins a cache: it knows how finely records stand around it in a picture of so much irradiance.
+    pub fn refine(&mut self, rule: &Rule, level: f32) {
+        self.translation[1][3] = rule.fineness(&weight::Record::from(&*self), level);
+    }
+}
+
 host_struct! {
     /// Which records count where, and how much.
     pub struct Weighting {
@@ -354,7 +381,7 @@ pub fn asked_before(index: &port::RecordIndex, host: &mut dyn HostContext) -> Op
 pub fn requests(e: &mut Encoder<'_>, capacity: u32) -> port::Requests {
     let places = e.buffer("requests", u64::from(capacity) * REQUEST_BYTES);
     let [count, made] = ["count", "made"].map(|name| e.variable(name, false));
-    port::Requests { places, count, capacity, made, at_most: u32::MAX }
+    port::Requests { places, count, capacity, made, at_most: u32::MAX, slots: None }
 }
 
 /// Makes a request of each place, in a host step that writes them. Its footprint is the radius within which the place stands for others.

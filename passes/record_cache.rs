@@ -2,6 +2,7 @@
 
 use super::record::{RECORD_BYTES, Weighting};
 use crate::contract::{Choice, Description, Encoder, Input, MOST_BYTES, Output, Parameter, ParameterKind, Pass, Port, PortKind, Refusal, Takes, port};
+use crate::math::life::Life;
 
 pub struct RecordCache;
 
@@ -97,8 +98,13 @@ static DESCRIPTION: Description = Description {
             unit: "",
             kind: ParameterKind::Choice {
                 choices: &[
-                    Choice { name: "Always", about: "for all frames to come", parameters: &[] },
+                    Choice { name: "Always", about: "for all frames to come, until the scene changes", parameters: &[] },
                     Choice { name: "Frame", about: "until the frame ends: for light that changes from frame to frame", parameters: &[] },
+                    Choice {
+                        name: "Changes",
+                        about: "for all frames to come while the scene changes, if RenewRecords brings them to each; otherwise as Always",
+                        parameters: &[],
+                    },
                 ],
             },
         },
@@ -144,7 +150,7 @@ impl Pass for RecordCache {
             contrast: number("contrast"),
             finest_spacing: number("finest_spacing"),
         };
-        let lasts = e.arguments.choice("lasts").0 == "Always";
+        let (lasts, lives) = (e.arguments.choice("lasts").0 != "Frame", e.arguments.choice("lasts").0 == "Changes" && e.setting.needs.moves);
         let buffer = |e: &mut Encoder<'_>, member: &str, bytes: u64| if lasts { e.history_buffer(member, bytes) } else { e.buffer(member, bytes) };
         let precision = if e.arguments.choice("coefficients").0 == "Half" { port::Precision::Half } else { port::Precision::Single };
         let mut capacity = e.arguments.integer("capacity") as u32;
@@ -168,7 +174,12 @@ impl Pass for RecordCache {
             weighting: e.constant_buffer("weighting", bytemuck::bytes_of(&Weighting::from(&rule))),
             rule,
             lasts,
+            lives: lives
+                .then(|| port::Lives { items: e.history_buffer("lives", u64::from(capacity) * size_of::<Life>() as u64), known: e.variable("known", true) }),
         };
+        if let Some(lives) = cache.lives {
+            e.survives(&[cache.records, lives.items], &[cache.count, lives.known]);
+        }
         e.output("cache", Port::RecordCache(cache));
         Ok(())
     }

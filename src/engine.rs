@@ -1,47 +1,16 @@
 //! hemisplat inside other programs: on a device of their own, with pictures that stay there, and with passes of theirs beside those that ship.
 
 use crate::contract::{Pass, encoder::Setting, tables::Remembered};
-use crate::gpu::{
-    Gpu, GpuError,
-    device::faster,
-    scene::{kind, kind_with},
-};
-use crate::measure::run::{Run, RunError};
+use crate::gpu::{Gpu, GpuError, device::faster, scene::kinds};
+use crate::measure::run::Run;
+pub use crate::measure::run::{ChangeError, Renewed, RunError};
 use crate::passes::REGISTRY;
 use crate::pipeline::{Pipeline, Plan, Problems, ReadFile, load, plan};
 use crate::scene::{
-    Camera, Scene,
-    stage::{Change, Stage, Unchangeable},
+    Camera,
+    stage::{Change, Stage},
 };
-use miette::Diagnostic;
-use std::{ptr, sync::Arc};
-use thiserror::Error;
-
-/// What a change took.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Renewed {
-    /// What changed was brought to the device.
-    Changes,
-    /// The scene needs other memory or other programs: all of it was brought to the device, and shaders were built.
-    Whole,
-}
-
-/// Why a run does not go on with another scene or another size.
-#[derive(Debug, Error, Diagnostic)]
-pub enum ChangeError {
-    /// The scene does not change so.
-    #[error(transparent)]
-    #[diagnostic(transparent)]
-    Scene(#[from] Unchangeable),
-    /// The scene as it would be cannot be planned for.
-    #[error(transparent)]
-    #[diagnostic(transparent)]
-    Plan(#[from] Problems),
-    /// The device does not go on.
-    #[error(transparent)]
-    #[diagnostic(transparent)]
-    Run(#[from] RunError),
-}
+use std::sync::Arc;
 
 /// A device, and the passes that pipelines may name.
 ///
@@ -108,8 +77,7 @@ impl Engine {
     pub fn plan(&self, pipeline: &Pipeline, stage: &Stage, size: [u32; 2]) -> Result<Arc<Plan>, Problems> {
         let (scene, needs) = (&stage.scene, stage.needs());
         let setting = Setting { scene, needs, device: self.gpu.adapter.device(), size, tables: Some(&self.tables) };
-        let kind = |of: &Scene, data| if ptr::eq(of, scene) { kind_with(scene, needs.emissive_triangles as usize, data) } else { kind(of, data) };
-        plan(pipeline, setting, &[], &kind)
+        plan(pipeline, setting, &[], &kinds(stage))
     }
 
     /// Makes a plan ready: allocates, uploads the scene and builds the shaders. Frames of a run share its records.
@@ -128,15 +96,7 @@ impl Engine {
     /// # Errors
     /// What cannot change so, and what the passes refuse: then all is as it was. What the device says.
     pub async fn change(&self, run: &mut Run, pipeline: &Pipeline, changes: &[Change]) -> Result<Renewed, ChangeError> {
-        let undoing = run.stage().undoing(changes);
-        let changed = run.change(changes)?;
-        match self.plan(pipeline, run.stage(), run.size()) {
-            Ok(plan) => Ok(if run.follow(&changed, &plan).await? { Renewed::Whole } else { Renewed::Changes }),
-            Err(problems) => {
-                run.change(&undoing)?;
-                Err(problems.into())
-            }
-        }
+        run.renew(changes, |run| self.plan(pipeline, run.stage(), run.size())).await
     }
 
     /// Goes on with pictures of another size. Records stay.

@@ -130,6 +130,9 @@ fn files() -> BTreeMap<&'static str, Vec<u8>> {
     BTreeMap::from([
         ("white.ron", scene("Diffuse(reflectance: (0.5, 0.5, 0.5))").into_bytes()),
         ("glossy.ron", scene("Phong(reflectance: (0.5, 0.5, 0.5), specular: (0.1, 0.1, 0.1), exponent: 10)").into_bytes()),
+        ("moving.ron", MOVING.as_bytes().to_vec()),
+        ("ageing.ron", AGEING.as_bytes().to_vec()),
+        ("elsewhere.ron", ELSEWHERE.as_bytes().to_vec()),
         ("lobes.ron", lobes(4)),
         ("grey.exr", grey()),
         ("whole.exr", exr(picture(Layer::value(vec![1.0, 2.0])).with(PICTURE, colour()))),
@@ -161,9 +164,25 @@ fn files() -> BTreeMap<&'static str, Vec<u8>> {
     ])
 }
 
+/// A glossy quad under a light that moves.
+const MOVING: &str = r#"Scene(version: 1, geometry: [Quad(corners: ((0, 0, 0), (0, 0, 1), (1, 0, 1), (1, 0, 0)))],
+    materials: { "*": Phong(reflectance: (0.5, 0.5, 0.5), specular: (0.1, 0.1, 0.1), exponent: 10) },
+    lights: [Point(position: Linear([(0, (0, 1, 0)), (1, (1, 1, 1))]), intensity: (1, 1, 1))],
+    cameras: { "a": (eye: (3, 3, 3), target: (0, 0, 0), fov: 40, size: (8, 8)) })"#;
+
+/// Records of radiance are to live on.
+const AGEING: &str = r#"Variant(version: 1, about: "a", of: "radiance.ron",
+    add: { "glossy_fill": [(name: "aged", pass: AgeRecords(of: "glossy_cache", gbuffer: "glossy"))] },
+    set: { "glossy_cache.lasts": Changes, "glossy_splats.records": "aged", "glossy_added.to": "aged" })"#;
+
+/// Records are to be replaced by some of other places.
+const ELSEWHERE: &str = r#"Variant(version: 1, about: "a", of: "irradiance-temporal.ron",
+    add: { "renew": [(name: "spots", pass: PathVertices(gbuffer: "gbuffer", paths: 64, legs: 1, records: 16))] },
+    set: { "renewed.due": "spots" })"#;
+
 /// Code and arguments, one case each, and whether a GPU is needed.
 #[rustfmt::skip]
-const CASES: [(&str, &str, bool); 75] = [
+const CASES: [(&str, &str, bool); 78] = [
     ("plan::coarsest", "check irradiance --scene white.ron --set misses.by=Grid(coarsest:3)", false),
     ("plan::finest", "check irradiance --scene white.ron --set misses.by=Grid(finest:3)", false),
     ("plan::light_of_sources", "check photon --scene white.ron --set direct.emitters=Records", false),
@@ -173,6 +192,9 @@ const CASES: [(&str, &str, bool); 75] = [
     ("plan::raster_shape", "check irradiance-cosine --scene white.ron --set tiles.by=Raster", false),
     ("plan::spacing", "check irradiance --scene white.ron --set cache.minimum_spacing=9 --set cache.maximum_spacing=1", false),
     ("plan::tile", "check irradiance-hemicube --scene white.ron --set tiles.resolution=5", false),
+    ("plan::lives", "check irradiance-temporal --scene cube --set cache.lasts=Always", false),
+    ("plan::lives_of_radiance", "check ageing.ron --scene moving.ron", false),
+    ("plan::slots", "check elsewhere.ron --scene cube", false),
     ("plan::taps", "check irradiance --scene corner --set shadow.taps=5", false),
     ("plan::glossy", "check irradiance --scene glossy.ron --strict", false),
     ("plan::lobes", "check surfaces.ron --scene glossy.ron", false),

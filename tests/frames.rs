@@ -58,6 +58,8 @@ const CASES: &[(&str, Case)] = &[
     ("a_gap_is_a_warning_or_a_failure_and_the_picture_is_written", gaps),
     ("frames_share_out_a_bounded_number_of_new_records", || bounded_frames("irradiance-one-rate")),
     ("two_loops_share_out_one_number_of_new_records", || bounded_frames("irradiance")),
+    ("a_scene_that_moves_is_in_each_frame_as_it_is_then", moving),
+    ("records_live_on_where_the_scene_moves", living),
     ("an_accuracy_changes_between_frames_and_records_stay", accuracy_per_frame),
     ("what_cannot_change_between_frames_is_refused", refused_per_frame),
     ("a_frame_ends_when_its_time_is_up", time_is_up),
@@ -99,6 +101,76 @@ fn check(holds: bool, what: impl FnOnce() -> String) -> Outcome {
 fn failed(error: impl std::fmt::Display) -> Failed {
     error.to_string().into()
 }
+
+/// Each frame of a sequence is, bit for bit, the picture of its moment, with what is needed to make it again; a scene that stands still says so.
+fn moving() -> Outcome {
+    let place = Place::new()?;
+    let render = |scene: &str, arguments: &[&str]| {
+        let (status, stderr) = place.render_by("irradiance", scene, arguments)?;
+        check(status == 0, || format!("{arguments:?}: {stderr}"))?;
+        Ok::<_, Failed>(stderr)
+    };
+    fs::write(place.path("moving.ron"), MOVING).map_err(failed)?;
+    render("moving.ron", &["--moment", "0.25", "--frames", "0..3", "--fps", "2", "-o", "out.exr"])?;
+    for (frame, moment) in ["0.25", "0.75", "1.25"].into_iter().enumerate() {
+        render("moving.ron", &["--moment", moment, "-o", "still.exr"])?;
+        let (still, frame) = (place.picture("still.exr")?, place.picture(&format!("out.{frame:04}.exr"))?);
+        check(still.layers == frame.layers, || format!("the frame at {moment} s is another picture"))?;
+        for name in ["moment", "scene-checksum"] {
+            check(still.attributes.get(name) == frame.attributes.get(name) && still.attributes.contains_key(name), || format!("{name} at {moment} s"))?;
+        }
+    }
+    check(place.picture("out.0000.exr")?.layers != place.picture("out.0002.exr")?.layers, || "nothing has moved".into())?;
+    let notes = render("corner", &["--moment", "1", "-o", "still.exr"])?;
+    check(notes.contains("nothing in the scene moves"), || notes)
+}
+
+/// Records that live on take a part of the tiles; when a lamp goes on, they are as bright as records made anew at once. Where nothing moves, nothing differs.
+fn living() -> Outcome {
+    let place = Place::new()?;
+    fs::write(place.path("moving.ron"), MOVING).map_err(failed)?;
+    let render = |pipeline: &str, scene: &str, arguments: &[&str]| {
+        let (status, stderr) = place.render_by(pipeline, scene, arguments)?;
+        check(status == 0, || format!("{pipeline} {arguments:?}: {stderr}"))
+    };
+    let frames = |stats: &Value| stats["frames"].as_array().cloned().unwrap_or_default();
+    let due = |frame: &Value| {
+        let passes = frame["passes"].as_array().into_iter().flatten();
+        passes.filter_map(|pass| pass["numbers"]["due_records"].as_u64()).sum::<u64>()
+    };
+    let tiles = |frame: &Value| frame["new_records"].as_u64().unwrap_or(0) + due(frame);
+    let made = |pipeline: &str, set: &str| {
+        render(pipeline, "cube.ron", &["--set", set, "--frames", "0..9", "-o", "cube.exr"])?;
+        Ok::<_, Failed>(frames(&place.stats()?).iter().skip(1).map(tiles).sum::<u64>())
+    };
+    let (lived, anew) = (made("irradiance-temporal", "due_tiles.resolution=8")?, made("irradiance-one-rate", "tiles.resolution=8")?);
+    check(2 * lived < anew, || format!("{lived} of {anew} tiles"))?;
+    render("irradiance-temporal", "moving.ron", &["--set", "due_tiles.resolution=8", "--frames", "0..16", "-o", "lives.exr"])?;
+    render("irradiance-one-rate", "moving.ron", &["--frames", "0..16", "-o", "anew.exr"])?;
+    let mean =
+        |name: String| Ok::<_, Failed>(place.picture(&name)?.rgb("irradiance").map_err(failed)?.concat().iter().map(|value| f64::from(*value)).sum::<f64>());
+    for frame in [11, 12, 15] {
+        let (lives, anew) = (mean(format!("lives.{frame:04}.exr"))?, mean(format!("anew.{frame:04}.exr"))?);
+        check((lives / anew - 1.0).abs() < 0.1, || format!("frame {frame}: {lives} in place of {anew}"))?;
+    }
+    for pipeline in ["irradiance-temporal", "irradiance-one-rate"] {
+        render(pipeline, "cornell.ron", &["-o", &format!("{pipeline}.exr")])?;
+    }
+    place.same("irradiance-temporal.exr", "irradiance-one-rate.exr")
+}
+
+/// A box that moves, a ball that appears, a lamp that goes on, a light and a camera that wander.
+const MOVING: &str = r#"Scene(version: 1, geometry: [
+    Quad(corners: ((0, 0, 4), (4, 0, 4), (4, 0, 0), (0, 0, 0))),
+    Quad(corners: ((0, 0, 0), (4, 0, 0), (4, 3, 0), (0, 3, 0))),
+    Quad(corners: ((1, 2.9, 1), (1, 2.9, 2), (2, 2.9, 2), (2, 2.9, 1)), material: "lamp"),
+    Place(translate: Linear([(0, (0.5, 0.5, 1)), (2, (3.5, 0.5, 1))]), of: [
+        Box(min: (-0.3, -0.3, -0.3), max: (0.3, 0.3, 0.3)),
+        Place(scale: Step([(0, (0, 0, 0)), (1, (1, 1, 1))]), translate: (0.8, 0, 0), of: [Sphere(centre: (0, 0, 0), radius: 0.3)]),
+    ]),
+], materials: { "lamp": Emitter(radiance: Step([(0, (0, 0, 0)), (0.5, (9, 8, 7))])), "*": Diffuse(reflectance: (0.7, 0.6, 0.5)) },
+lights: [Spot(position: Linear([(0, (1, 2, 3)), (2, (3, 2, 3))]), direction: (0, -0.5, -1), intensity: (5, 5, 5), outer: 40)],
+cameras: { "c": (eye: Smooth([(0, (2, 1.6, 5)), (2, (3, 1.6, 5))]), target: (2, 1.3, 0), fov: 60) })"#;
 
 // Pipelines of the tests.
 

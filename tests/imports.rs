@@ -25,9 +25,9 @@ const MAY_READ_FILES: [&str; 3] = ["src/cli/", "src/scene/load/disk.rs", "src/gp
 const FILES: [&str; 8] = ["std::fs", "File::open", "File::create", "tempfile", "fs::", ".canonicalize(", ".is_file()", ".exists()"];
 
 /// Where the work is divided among threads; everything else has to run in a browser too. Images are decoded, shaders are built, tiles of rays
-/// cast, summed and projected, records added, filtered and splatted, their gaps closed, paths walked, misses looked for, skies turned, photons followed, sorted, gathered and walked through, obstacles looked for, blocks of files compressed side by side,
+/// cast, summed and projected, records added, aged, asked for, filtered and splatted, their gaps closed, paths walked, misses looked for, skies turned, photons followed, sorted, gathered and walked through, obstacles looked for, blocks of files compressed side by side,
 /// where rayon has threads to do it.
-const MAY_HAVE_THREADS: [&str; 32] = [
+const MAY_HAVE_THREADS: [&str; 34] = [
     "src/cli/",
     "src/scene/load/image.rs",
     "src/scene/packets/mod.rs",
@@ -38,8 +38,10 @@ const MAY_HAVE_THREADS: [&str; 32] = [
     "src/measure/blocks.rs",
     "passes/add_irradiance.rs",
     "passes/add_records.rs",
+    "passes/age_records.rs",
     "passes/direct_light/host.rs",
     "passes/direct_light/sky.rs",
+    "passes/due_records.rs",
     "passes/environment_light/host.rs",
     "passes/filter_records.rs",
     "passes/find_misses/host_grid.rs",

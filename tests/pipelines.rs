@@ -133,9 +133,14 @@ impl Pass for Mock {
             };
             let port = match output.kind {
                 PortKind::Image => Port::Image(port::Image { texture: memory, channels: port::Channels::Colour }),
-                PortKind::Requests => {
-                    Port::Requests(port::Requests { places: memory, count: variable, capacity: r.batch.unwrap_or(1), made: variable, at_most: u32::MAX })
-                }
+                PortKind::Requests => Port::Requests(port::Requests {
+                    places: memory,
+                    count: variable,
+                    capacity: r.batch.unwrap_or(1),
+                    made: variable,
+                    at_most: u32::MAX,
+                    slots: None,
+                }),
                 PortKind::ShadowMaps => Port::ShadowMaps(port::ShadowMaps { depth: memory, pitch: None, resolution: 1, taps: 1 }),
                 PortKind::Flag => Port::Flag(variable),
                 other => unreachable!("no mock makes {other:?}"),

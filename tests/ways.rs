@@ -416,6 +416,7 @@ fn summed(stage: &Stage, table: &Arc<Table>, shape: (Shape, u32), by: &str, radi
         capacity: capacity as u32,
         made: graph.variable("made"),
         at_most: u32::MAX,
+        slots: None,
     };
     let tiles = port::Tiles {
         samples: graph.buffer("samples", bytemuck::cast_slice(&samples)),
@@ -552,6 +553,7 @@ fn seen(stage: &Stage, shape: &str, by: &str) -> Result<Vec<[f32; 4]>, Failed> {
         capacity: places.len() as u32,
         made: graph.variable("made"),
         at_most: u32::MAX,
+        slots: None,
     };
     graph.ports.insert("misses".into(), Port::Requests(requests));
     graph.node("shadow", "ShadowMap", &[("resolution", "512")], &[])?;
@@ -667,6 +669,7 @@ fn splatted(stage: &Stage, records: &[Record], rule: Rule, size: [u32; 2], (by, 
         capacity: records.len() as u32,
         weighting: graph.buffer("weighting", bytemuck::bytes_of(&uniform)),
         rule,
+        lives: None,
     };
     graph.ports.insert("cache".into(), Port::RecordCache(cache));
     graph.node("splats", "Splat", &[way(by), ("of", of), ("count", "true")], &[("records", "cache"), ("gbuffer", "gbuffer")])?;
@@ -751,6 +754,7 @@ fn filtered(stage: &Stage, records: &[Record], size: [u32; 2], place: &str) -> R
         capacity: records.len() as u32,
         weighting: graph.buffer("weighting", bytemuck::bytes_of(&Weighting::from(&rule))),
         rule,
+        lives: None,
     };
     graph.ports.insert("cache".into(), Port::RecordCache(cache));
     graph.node("filtered", "FilterRecords", &[way(place)], &[("records", "cache")])?;

@@ -165,7 +165,7 @@ impl Pass for FindMisses {
             None => (e.variable("made", false), limit),
         };
         let places = e.buffer("requests", u64::from(capacity) * REQUEST_BYTES);
-        let requests = port::Requests { places, count: e.variable("count", false), capacity, made, at_most };
+        let requests = port::Requests { places, count: e.variable("count", false), capacity, made, at_most, slots: None };
         let (sums, cache) = (splats.sums, splats.cache);
         let [none, stalled] = ["none", "stalled"].map(|name| e.variable(name, false));
         let needs = e.setting.needs;
@@ -239,7 +239,7 @@ mod tests {
             gbuffer: port::GBuffer { size: [4, 4], position, normal, reflectance, triangles },
             sums,
             cache: mock::cache(100),
-            requests: port::Requests { places, count, capacity: 10, made, at_most: 50 },
+            requests: port::Requests { places, count, capacity: 10, made, at_most: 50, slots: None },
             none,
             stalled,
             overlap: 0.25,

@@ -153,7 +153,7 @@ mod lists {
     use std::sync::Arc;
 
     fn work(shape: Shape, resolution: u32, capacity: u32) -> Work {
-        let requests = port::Requests { places: Resource(0), count: Variable(0), capacity, made: Variable(1), at_most: 1000 };
+        let requests = port::Requests { places: Resource(0), count: Variable(0), capacity, made: Variable(1), at_most: 1000, slots: None };
         let table = Arc::new(Table::new(shape, resolution, Method::None).unwrap());
         Work { requests, table, shape, samples: Resource(1), seen: Resource(2), size: [64, 64], tiles_per_row: 2, is_raster: true }
     }

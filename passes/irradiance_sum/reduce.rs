@@ -151,7 +151,7 @@ mod tests {
     /// Five tiles.
     fn tiles(shape: Shape, resolution: u32) -> port::WeightedTiles {
         let table = Arc::new(Table::new(shape, resolution, Method::None).unwrap());
-        let requests = port::Requests { places: Resource(0), count: Variable(0), capacity: 5, made: Variable(1), at_most: 100 };
+        let requests = port::Requests { places: Resource(0), count: Variable(0), capacity: 5, made: Variable(1), at_most: 100, slots: None };
         let tiles = port::Tiles {
             samples: Resource(1),
             sureness: None,

@@ -8,12 +8,12 @@ use super::scene::View;
 use super::stored::Stored;
 use super::truth::cache_folder;
 use crate::contract::encoder::Setting;
-use crate::gpu::scene::kind;
+use crate::gpu::scene::kinds;
 use crate::math::bounces::Bounces;
 use crate::passes::REGISTRY;
 use crate::pipeline::syntax::Place;
 use crate::pipeline::{Pipeline, Plan, Problem, Problems, Set, load, load_with, plan};
-use crate::scene::needs::Needs;
+use crate::scene::stage::Stage;
 use crate::schedule::Device;
 use std::collections::BTreeSet;
 use std::io;
@@ -86,7 +86,12 @@ pub fn expect_exact(plan: &Plan) -> Result<(), Problems> {
 
 /// Plans a pipeline for a view of a scene and a device; `dumps` stay whole after the frame.
 pub fn plan_view(pipeline: &Pipeline, view: &View, device: Device, dumps: &[String], console: &Console) -> Result<Arc<Plan>, Problems> {
-    let (needs, stored) = (Needs::of(&view.stage.scene), Stored::new(cache_folder(), console));
-    let setting = Setting { scene: &view.stage.scene, needs: &needs, device, size: view.size, tables: Some(&stored) };
-    plan(pipeline, setting, dumps, &kind)
+    plan_stage(pipeline, &view.stage, view.size, device, dumps, console)
+}
+
+/// The same of a scene as it is now.
+pub fn plan_stage(pipeline: &Pipeline, stage: &Stage, size: [u32; 2], device: Device, dumps: &[String], console: &Console) -> Result<Arc<Plan>, Problems> {
+    let stored = Stored::new(cache_folder(), console);
+    let setting = Setting { scene: &stage.scene, needs: stage.needs(), device, size, tables: Some(&stored) };
+    plan(pipeline, setting, dumps, &kinds(stage))
 }

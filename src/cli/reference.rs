@@ -78,7 +78,7 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
 }
 
 fn attributes(options: &Options, view: &View, reference: &Reference) -> BTreeMap<String, String> {
-    let mut attributes = options.scene.attributes(view, &view.camera);
+    let mut attributes = options.scene.attributes(view, (&view.stage.scene, view.moment), &view.camera);
     let stop = options.error.map_or(("spp", options.spp.to_string()), |error| ("error", error.to_string()));
     let own = [
         ("command", "reference".to_owned()),

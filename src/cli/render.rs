@@ -19,11 +19,11 @@ use crate::math::pixel_filter::PixelFilter;
 use crate::measure::average::Average;
 use crate::measure::compare::{AdapterReport, dropped};
 use crate::measure::gap::Gap;
-use crate::measure::run::{FrameReport, PassReport, Run, RunError};
+use crate::measure::run::{ChangeError, FrameReport, PassReport, Run, RunError};
 use crate::measure::{Layers, cache};
 use crate::pipeline::Plan;
 use crate::reference::{LeftOut, left_out};
-use crate::scene::{Camera, Sample};
+use crate::scene::{Camera, Sample, animation::Moment};
 use crate::schedule::Device;
 use clap::{Args, ValueEnum};
 use glam::DVec2;
@@ -176,29 +176,42 @@ impl<'o> Job<'o> {
         let Ready { gpu, view, device, load } = kept.ready(&options.scene, console)?;
         let able = gpu.as_ref().map_or(Device::ABLE, |gpu| gpu.adapter.device());
         let (plans, planned) = timed(|| Plans::of(&options.pipeline, timeline, view, able, &options.dump, console));
-        let plans = plans?;
+        let mut plans = plans?;
+        let first = plans.of_frame(&timeline.frames[0], &view.stage, view.size).map_err(Failure::input)?;
         if options.strict {
-            expect_exact(plans.first()).map_err(Failure::input)?;
+            expect_exact(&first).map_err(Failure::input)?;
         }
-        note_approximations(plans.first(), console);
-        note_idle(plans.first(), sets, console);
-        self.render(gpu?, view, &plans, StartUp { load, plan: planned, device, shaders: 0.0 }, console)
+        note_approximations(&first, console);
+        note_idle(&first, sets, console);
+        self.render(gpu?, view, (plans, &first), StartUp { load, plan: planned, device, shaders: 0.0 }, console)
     }
 
-    fn render(&self, gpu: &Arc<Gpu>, view: &View, plans: &Plans, start_up: StartUp, console: &Console) -> Result<(), Failure> {
+    fn render(&self, gpu: &Arc<Gpu>, view: &View, (plans, first): (Plans<'_>, &Arc<Plan>), start_up: StartUp, console: &Console) -> Result<(), Failure> {
         let Self { options, timeline, targets, stats, records } = self;
-        expect_memory([plans.first()], view)?;
+        expect_memory([first], view)?;
         let start = Instant::now();
-        let mut run = block_on(Run::new(gpu, &view.stage, plans.first(), &view.camera, view.size)).map_err(Failure::work)?;
+        let mut run = block_on(Run::new(gpu, &view.stage, first, &view.camera, view.size)).map_err(Failure::work)?;
         if let Some(records) = records {
-            records.load(&mut run, view)?;
+            records.load(&mut run)?;
         }
         let start_up = StartUp { shaders: start.elapsed().as_secs_f64(), ..start_up };
 
         let _shelter = Shelter::new();
         let exposure = Exposure::new(&options.exposure, console);
-        let mut film = Film { options, console, view, exposure, frames: Vec::new(), gaps: Vec::new(), is_faulty: false, kept: Vec::new(), left_out: None };
-        let result = timeline.frames.iter().zip(targets).try_for_each(|(frame, targets)| film.expose(frame, targets, plans, &mut run));
+        let mut film = Film {
+            options,
+            timeline,
+            console,
+            view,
+            plans,
+            exposure,
+            frames: Vec::new(),
+            gaps: Vec::new(),
+            is_faulty: false,
+            kept: Vec::new(),
+            left_out: None,
+        };
+        let result = timeline.frames.iter().zip(targets).try_for_each(|(frame, targets)| film.expose(frame, targets, &mut run));
         let is_interrupted = result.as_ref().is_err_and(|failure| failure.status == 130);
         let finished = film.finish(&run, records.as_ref(), stats.as_ref(), &start_up, gpu, result.is_ok());
         if is_interrupted {
@@ -224,23 +237,26 @@ impl RecordsFile {
         Ok(Self { target, contents })
     }
 
-    fn load(&self, run: &mut Run, view: &View) -> Result<(), Failure> {
+    fn load(&self, run: &mut Run) -> Result<(), Failure> {
+        let stage = run.stage().clone();
         if run.plan().persistent.is_empty() {
             return Err(Failure::input(CommandError::NoRecords { path: self.target.path().to_owned() }));
         }
-        self.contents.iter().try_for_each(|contents| cache::load(run, &view.stage.scene, contents)).map_err(Failure::input)
+        self.contents.iter().try_for_each(|contents| cache::load(run, &stage.scene, contents)).map_err(Failure::input)
     }
 
-    fn save(&self, run: &Run, view: &View) -> Result<(), Failure> {
-        self.target.write(&block_on(cache::save(run, &view.stage.scene)).map_err(Failure::work)?)
+    fn save(&self, run: &Run) -> Result<(), Failure> {
+        self.target.write(&block_on(cache::save(run, &run.stage().scene)).map_err(Failure::work)?)
     }
 }
 
 /// What frames leave: pictures, reports, and the gaps in them.
 struct Film<'o> {
     options: &'o Options,
+    timeline: &'o Timeline,
     console: &'o Console,
     view: &'o View,
+    plans: Plans<'o>,
     exposure: Exposure<'o>,
     /// Reports of the frames that are whole, as in the file of statistics.
     frames: Vec<Value>,
@@ -255,21 +271,27 @@ struct Film<'o> {
 
 impl<'o> Film<'o> {
     /// Renders a frame and writes its pictures.
-    fn expose<'p>(&mut self, frame: &Frame, targets: &'o Targets, plans: &'p Plans, run: &mut Run) -> Result<(), Failure> {
+    fn expose(&mut self, frame: &Frame, targets: &'o Targets, run: &mut Run) -> Result<(), Failure> {
         if interrupt::requested() {
             return Err(Failure::interrupted(&[]));
         }
-        let camera = camera_of_frame(self.view, frame);
-        run.switch_to(plans.of_frame(frame)).map_err(Failure::of_run)?;
-        let drawn = self.draw(frame, camera, run);
+        let time = self.timeline.time(self.view.moment, frame);
+        let moment = self.view.animation.at(time);
+        let changed = self.change(&moment, frame, run)?;
+        let camera = camera_of_frame(self.view, (frame, &moment), &run.stage().scene);
+        let drawn = self.draw(frame, &camera, run);
         // Records that a faulty frame leaves are not for other runs; those of one that was given up are whole.
         self.is_faulty = matches!(&drawn, Err(error) if !matches!(error, RunError::Gpu(GpuError::Interrupted)));
         let (report, picture) = drawn.map_err(Failure::of_run)?;
         let exposure = self.exposure.of(&picture, &targets.0)?;
         warn_of_nothing(&picture, self.console);
-        targets.write(self.options, self.view, run, frame, picture, exposure)?;
+        let attributes = attributes(self.options, self.view, run, (frame, time), &camera);
+        targets.write(self.options, run, Layers { attributes, ..picture }, exposure)?;
         self.kept.extend(targets.0.iter().map(PictureTarget::path));
-        let left_out = self.left_out(camera, run.plan());
+        if changed {
+            self.left_out = None;
+        }
+        let left_out = self.left_out(&camera, run);
         self.console.print(&(text(self.options, frame.number, &report) + &told_of(left_out)))?;
         self.note_gap(frame, &report);
         report.passes.iter().filter_map(cut_off).for_each(|note| self.console.note(&note));
@@ -277,13 +299,29 @@ impl<'o> Film<'o> {
         Ok(())
     }
 
-    /// What more than the bounces that are counted would bring. The scene stands still, so that it depends on the camera alone.
-    fn left_out(&mut self, camera: &Camera, plan: &Plan) -> Option<LeftOut> {
+    /// Brings the scene to a moment, and goes on with the frame's plan; whether anything of it has changed.
+    fn change(&mut self, moment: &Moment<'_>, frame: &Frame, run: &mut Run) -> Result<bool, Failure> {
+        let (changes, size) = (run.stage().changes_to(moment), self.view.size);
+        if changes.is_empty() {
+            let plan = self.plans.of_frame(frame, run.stage(), size).map_err(Failure::input)?;
+            run.switch_to(&plan).map_err(Failure::of_run)?;
+            return Ok(false);
+        }
+        self.plans.forget();
+        block_on(run.renew(&changes, |run| self.plans.of_frame(frame, run.stage(), size))).map_err(|error| match error {
+            ChangeError::Run(error) => Failure::of_run(error),
+            other => Failure::input(other),
+        })?;
+        Ok(true)
+    }
+
+    /// What more than the bounces that are counted would bring: as long as the scene stands still, that depends on the camera alone.
+    fn left_out(&mut self, camera: &Camera, run: &Run) -> Option<LeftOut> {
         if let Some((_, found)) = self.left_out.as_ref().filter(|(before, _)| before == camera) {
             return *found;
         }
-        let Bounces::Count(counted) = plan.bounces else { return None };
-        let found = left_out(&self.view.stage.scene, &self.view.stage.bvh, camera, self.view.size, counted);
+        let Bounces::Count(counted) = run.plan().bounces else { return None };
+        let found = left_out(&run.stage().scene, &run.stage().bvh, camera, self.view.size, counted);
         self.left_out = Some((camera.clone(), found));
         found
     }
@@ -306,7 +344,7 @@ impl<'o> Film<'o> {
             let sample = Sample { number: number as u32, shift: offset.as_vec2(), width: (self.options.samples as f32).sqrt().recip() };
             run.set_camera(&Camera { sample, ..camera.clone() });
             let report = block_on(run.frame(&pace))?;
-            Ok::<_, RunError>((report, block_on(run.picture())?.seen_through(camera, &self.view.stage.scene, self.view.size)))
+            Ok::<_, RunError>((report, block_on(run.picture())?.seen_through(camera, &run.stage().scene, self.view.size)))
         };
         let offsets = self.options.filter.offsets(self.options.samples);
         let (mut report, first) = shoot(0, &offsets[0])?;
@@ -355,7 +393,7 @@ impl<'o> Film<'o> {
     ) -> Result<(), Failure> {
         let mut saved = Ok(());
         if let Some(records) = records.filter(|_| !self.is_faulty) {
-            saved = records.save(run, self.view);
+            saved = records.save(run);
             self.kept.extend(saved.is_ok().then(|| records.target.path()));
         }
         if let Some(stats) = stats {
@@ -416,8 +454,7 @@ impl Targets {
         options.output.iter().map(|path| PictureTarget::new(&numbered(path, number))).collect::<Result<_, _>>().map(Self)
     }
 
-    fn write(&self, options: &Options, view: &View, run: &Run, frame: &Frame, picture: Layers, exposure: f32) -> Result<(), Failure> {
-        let picture = Layers { attributes: attributes(options, view, run.plan(), frame), ..picture };
+    fn write(&self, options: &Options, run: &Run, picture: Layers, exposure: f32) -> Result<(), Failure> {
         self.0.iter().try_for_each(|target| target.write(&picture, exposure))?;
         let Some(first) = self.0.first() else { return Ok(()) };
         options.dump.iter().try_for_each(|name| dump::write(name, run.plan(), run, first.path()))
@@ -433,8 +470,8 @@ fn numbered(path: &Path, frame: Option<u32>) -> PathBuf {
 }
 
 /// Enough to make the picture again.
-fn attributes(options: &Options, view: &View, plan: &Plan, frame: &Frame) -> BTreeMap<String, String> {
-    let mut attributes = options.scene.attributes(view, camera_of_frame(view, frame));
+fn attributes(options: &Options, view: &View, run: &Run, (frame, time): (&Frame, f64), camera: &Camera) -> BTreeMap<String, String> {
+    let (plan, mut attributes) = (run.plan(), options.scene.attributes(view, (&run.stage().scene, time), camera));
     let own = [
         ("command", "render".to_owned()),
         ("pipeline", plan.pipeline.clone()),

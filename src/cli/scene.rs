@@ -9,6 +9,7 @@ use crate::gpu::expected_adapter;
 use crate::gpu::limits::Most;
 use crate::measure::cache::fingerprint;
 use crate::measure::metrics::SCENE_CHECKSUM;
+use crate::scene::animation::Animation;
 use crate::scene::load::{LoadOptions, load};
 use crate::scene::stage::Stage;
 use crate::scene::{Camera, MAX_SIDE, Scene};
@@ -44,6 +45,9 @@ pub struct ViewOptions {
     /// A parameter of the scene's generator; may be repeated
     #[arg(long = "scene-set", value_name = "KEY=VALUE", value_parser = key_and_value)]
     set: Vec<(String, String)>,
+    /// The moment at which an animated scene is seen; its beginning if not given
+    #[arg(long, value_name = "SECONDS", value_parser = moment)]
+    moment: Option<f64>,
     #[command(flatten)]
     camera: CameraOptions,
     #[command(flatten)]
@@ -53,9 +57,15 @@ pub struct ViewOptions {
 /// A scene that is ready for rays, and the view of it.
 pub struct View {
     pub stage: Arc<Stage>,
+    /// What of it moves, of which the stage has the moment.
+    pub animation: Animation,
+    /// [s]
+    pub moment: f64,
     pub camera: Camera,
     /// Those that were named, or else all of the scene.
     pub cameras: Vec<Camera>,
+    /// Whether they were named.
+    pub are_named: bool,
     /// Width and height [pixels].
     pub size: [u32; 2],
 }
@@ -63,7 +73,7 @@ pub struct View {
 impl ViewOptions {
     /// Whether the options say anything of what is seen.
     pub fn is_given(&self) -> bool {
-        !self.cameras.is_empty() || self.size.is_some() || !self.set.is_empty() || self.camera.is_given() || self.daylight.is_given()
+        !self.cameras.is_empty() || self.size.is_some() || !self.set.is_empty() || self.moment.is_some() || self.camera.is_given() || self.daylight.is_given()
     }
 
     /// With this camera and size where the user says none.
@@ -119,28 +129,42 @@ impl SceneOptions {
         expect(&scene)?;
         scene.notes.iter().for_each(|note| console.note(&format!("note: {note}")));
         self.view.daylight.light(&mut scene, lookups, console)?;
-        let cameras = self.pick_cameras(&scene)?;
+        let mut cameras = self.pick_cameras(&scene)?;
+        let (mut stage, animation) = Stage::animated(scene).map_err(Failure::input)?;
+        let moment = self.moment(&animation, console);
+        let now = animation.at(moment);
+        stage.change(&stage.changes_to(&now)).map_err(Failure::input)?;
+        cameras.iter_mut().for_each(|camera| *camera = now.camera(&stage.scene, camera));
         let camera = cameras[0].clone();
         let size = self.view.size.or(camera.size).unwrap_or(DEFAULT_SIZE);
         if self.view.camera.print_camera {
-            cameras.iter().try_for_each(|camera| console.print(&to_ron(&scene, camera, size)))?;
+            cameras.iter().try_for_each(|camera| console.print(&to_ron(&stage.scene, camera, size)))?;
         }
-        Ok(View { stage: Arc::new(Stage::new(scene)), camera, cameras, size })
+        let are_named = !self.view.cameras.is_empty();
+        Ok(View { stage: Arc::new(stage), animation, moment, camera, cameras, are_named, size })
     }
 
-    /// What is needed to make the view again, for a picture's attributes.
-    pub fn attributes(&self, view: &View, camera: &Camera) -> BTreeMap<String, String> {
+    fn moment(&self, animation: &Animation, console: &Console) -> f64 {
+        if self.view.moment.is_some() && animation.is_empty() {
+            console.note("note: nothing in the scene moves: --moment changes nothing");
+        }
+        self.view.moment.unwrap_or(0.0)
+    }
+
+    /// What is needed to make the view of a scene again as it is at a moment, for a picture's attributes.
+    pub fn attributes(&self, view: &View, (scene, moment): (&Scene, f64), camera: &Camera) -> BTreeMap<String, String> {
         let set: Vec<String> = self.view.set.iter().map(|(key, value)| format!("{key}={value}")).collect();
         let [width, height] = view.size;
         let attributes = [
             ("program", format!("hemisplat {}", env!("CARGO_PKG_VERSION"))),
             ("scene", self.scene.display().to_string()),
             ("scene-set", set.join(" ")),
-            (SCENE_CHECKSUM, fingerprint(&view.stage.scene)),
+            (SCENE_CHECKSUM, fingerprint(scene)),
             ("camera", camera.name.clone()),
             ("size", format!("{width}x{height}")),
         ];
-        attributes.into_iter().chain(self.view.daylight.attributes()).map(|(name, value)| (name.to_owned(), value)).collect()
+        let moment = (!view.animation.is_empty()).then(|| ("moment", moment.to_string()));
+        attributes.into_iter().chain(moment).chain(self.view.daylight.attributes()).map(|(name, value)| (name.to_owned(), value)).collect()
     }
 
     /// Those that are looked through, with what the command line says of them. Never empty.
@@ -175,6 +199,10 @@ fn size(text: &str) -> Result<[u32; 2], String> {
     let side = |text: &str| text.parse().ok().filter(|side| (1..=MAX_SIDE).contains(side));
     let both = text.split_once('x').and_then(|(width, height)| Some([side(width)?, side(height)?]));
     both.ok_or_else(|| format!("expected WIDTHxHEIGHT, each 1 to {MAX_SIDE} pixels, such as 640x480"))
+}
+
+fn moment(text: &str) -> Result<f64, String> {
+    text.parse().ok().filter(|moment: &f64| moment.is_finite()).ok_or_else(|| "expected a number of seconds, such as 2.5".to_owned())
 }
 
 fn key_and_value(text: &str) -> Result<(String, String), String> {

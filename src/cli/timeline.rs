@@ -2,10 +2,10 @@
 
 use super::console::Console;
 use super::failure::{CommandError, Failure};
-use super::pipeline::{load_pipeline, plan_view};
+use super::pipeline::{load_pipeline, plan_stage, plan_view};
 use super::scene::View;
-use crate::pipeline::{PerFrame, Plan};
-use crate::scene::Camera;
+use crate::pipeline::{PerFrame, Pipeline, Plan, Problems};
+use crate::scene::{Camera, Scene, animation::Moment, stage::Stage};
 use crate::schedule::Device;
 use clap::Args;
 use std::ops::Range;
@@ -13,9 +13,13 @@ use std::sync::Arc;
 
 #[derive(Args)]
 pub struct TimelineOptions {
-    /// Frames to render, half-open; frame N looks through camera N, or the last: of those that --camera names, or else of the scene's
+    /// Frames to render, half-open; frame N looks through camera N, or the last: of those that --camera names, or else of the scene's. Where the scene is
+    /// animated and --camera names none, all look through its first
     #[arg(long, value_name = "A..B", value_parser = frames)]
     frames: Option<Range<u32>>,
+    /// How many frames of an animated scene there are in a second
+    #[arg(long, value_name = "N", value_parser = rate, default_value_t = 24.0)]
+    fps: f64,
     /// Changes a parameter of a node; may be repeated
     #[arg(long = "set", value_name = "NODE.PARAM=VALUE")]
     sets: Vec<String>,
@@ -30,6 +34,15 @@ pub struct Timeline {
     pub frames: Vec<Frame>,
     /// Whether files are numbered.
     pub is_sequence: bool,
+    /// Frames a second.
+    fps: f64,
+}
+
+impl Timeline {
+    /// When a frame is, from a beginning on [s].
+    pub fn time(&self, beginning: f64, frame: &Frame) -> f64 {
+        beginning + f64::from(frame.number) / self.fps
+    }
 }
 
 pub struct Frame {
@@ -47,46 +60,71 @@ impl TimelineOptions {
         let range = self.frames.clone().or(most.map(|most| 0..most as u32));
         let is_sequence = range.is_some();
         let frame = |number| Frame { number, sets: self.sets.iter().cloned().chain(per_frame.iter().map(|p| p.set(number))).collect() };
-        Ok(Timeline { frames: range.unwrap_or(0..1).map(frame).collect(), is_sequence })
+        Ok(Timeline { frames: range.unwrap_or(0..1).map(frame).collect(), is_sequence, fps: self.fps })
     }
 }
 
-/// The plans of a timeline: one for all frames whose parameters are the same.
-pub struct Plans {
-    plans: Vec<(Vec<String>, Arc<Plan>)>,
+/// The plans of a timeline, for the scene as it is: one for all frames whose parameters are the same.
+pub struct Plans<'o> {
+    plans: Vec<Planned>,
+    device: Device,
+    dumps: &'o [String],
+    console: &'o Console,
 }
 
-impl Plans {
+struct Planned {
+    sets: Vec<String>,
+    pipeline: Pipeline,
+    /// None where the scene has changed since.
+    plan: Option<Arc<Plan>>,
+}
+
+impl<'o> Plans<'o> {
     /// Plans every frame; all must be able to share memory and shaders, so that the records of one are there for the next.
-    pub fn of(pipeline: &str, timeline: &Timeline, view: &View, device: Device, dumps: &[String], console: &Console) -> Result<Self, Failure> {
-        let mut plans: Vec<(Vec<String>, Arc<Plan>)> = Vec::new();
+    pub fn of(pipeline: &str, timeline: &Timeline, view: &View, device: Device, dumps: &'o [String], console: &'o Console) -> Result<Self, Failure> {
+        let mut plans: Vec<Planned> = Vec::new();
         for frame in &timeline.frames {
-            if plans.iter().any(|(sets, _)| *sets == frame.sets) {
+            if plans.iter().any(|planned| planned.sets == frame.sets) {
                 continue;
             }
-            let plan = plan_view(&load_pipeline(pipeline, &frame.sets)?, view, device, dumps, console).map_err(Failure::input)?;
-            if let Some(what) = plans.first().and_then(|(_, first)| first.schedule.difference(&plan.schedule)) {
+            let pipeline = load_pipeline(pipeline, &frame.sets)?;
+            let plan = plan_view(&pipeline, view, device, dumps, console).map_err(Failure::input)?;
+            let first = plans.first().and_then(|planned| planned.plan.as_ref());
+            if let Some(what) = first.and_then(|first| first.schedule.difference(&plan.schedule)) {
                 return Err(Failure::input(CommandError::OtherPlan { frame: frame.number, sets: frame.sets.join(" "), what }));
             }
-            plans.push((frame.sets.clone(), plan));
+            plans.push(Planned { sets: frame.sets.clone(), pipeline, plan: Some(plan) });
         }
-        Ok(Self { plans })
+        Ok(Self { plans, device, dumps, console })
     }
 
-    /// The plan of the first frame.
-    pub fn first(&self) -> &Arc<Plan> {
-        &self.plans[0].1
+    /// The scene is another from now on.
+    pub fn forget(&mut self) {
+        self.plans.iter_mut().for_each(|planned| planned.plan = None);
     }
 
-    /// The plan of a frame of the timeline.
-    pub fn of_frame(&self, frame: &Frame) -> &Arc<Plan> {
-        self.plans.iter().find(|(sets, _)| *sets == frame.sets).map_or(self.first(), |(_, plan)| plan)
+    /// The plan of a frame of the timeline for a scene as it is now.
+    pub fn of_frame(&mut self, frame: &Frame, stage: &Stage, size: [u32; 2]) -> Result<Arc<Plan>, Problems> {
+        let number = self.plans.iter().position(|planned| planned.sets == frame.sets).unwrap_or(0);
+        let Planned { pipeline, plan, .. } = &mut self.plans[number];
+        if let Some(plan) = plan {
+            return Ok(plan.clone());
+        }
+        Ok(plan.insert(plan_stage(pipeline, stage, size, self.device, self.dumps, self.console)?).clone())
     }
 }
 
-/// The camera of a frame: its own, or the last.
-pub fn camera_of_frame<'v>(view: &'v View, frame: &Frame) -> &'v Camera {
-    view.cameras.get(frame.number as usize).or(view.cameras.last()).unwrap_or(&view.camera)
+/// The camera of a frame at its time, and its number among those of the view: its own, or the last; of an animated scene, the first unless several were named.
+pub fn camera_of_frame(view: &View, (frame, moment): (&Frame, &Moment<'_>), scene: &Scene) -> Camera {
+    let is_cut = view.animation.is_empty() || view.are_named;
+    let number = if is_cut { frame.number as usize } else { 0 };
+    let camera = view.cameras.get(number).or(view.cameras.last()).unwrap_or(&view.camera);
+    moment.camera(scene, camera)
+}
+
+fn rate(text: &str) -> Result<f64, String> {
+    let rate = text.parse().ok().filter(|rate: &f64| rate.is_finite() && *rate > 0.0);
+    rate.ok_or_else(|| "expected a number of frames above 0, such as 25".to_owned())
 }
 
 fn frames(text: &str) -> Result<Range<u32>, String> {

@@ -198,6 +198,12 @@ impl<'a> Encoder<'a> {
         self.resource(member, ResourceKind::Buffer { bytes: bytes.max(16).next_multiple_of(4) }, Lifetime::History)
     }
 
+    /// Histories that stay when the scene changes: what reads them knows that they are of a scene that was otherwise.
+    pub fn survives(&mut self, resources: &[Resource], variables: &[Variable]) {
+        self.schedule.survivors.0.extend(resources);
+        self.schedule.survivors.1.extend(variables);
+    }
+
     /// A buffer with contents known now.
     pub fn constant_buffer(&mut self, member: &str, contents: &[u8]) -> Resource {
         let mut contents = contents.to_vec();

@@ -30,6 +30,11 @@ pub trait Pass: Send + Sync {
         Need::Kept
     }
 
+    /// An input and an output, of a pass that changes what it is given in place: where a plan leaves the node out, whoever takes the output gets what the input gets.
+    fn stands_for(&self) -> Option<[&'static str; 2]> {
+        None
+    }
+
     /// The input for images of indirect light, of a pass that makes the picture of them. Where none of these has what lobes reflect, the whole plan takes
     /// surfaces by their albedo.
     fn indirect_light(&self) -> Option<&'static str> {

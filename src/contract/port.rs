@@ -140,7 +140,7 @@ impl Port {
             Self::DirectLight(p) => vec![p.radiance],
             Self::Image(p) => vec![p.texture],
             Self::Splats(p) => [p.sums, p.cache.records].into_iter().chain(p.counts).chain(p.lobes.iter().flat_map(VisibleLobes::resources)).collect(),
-            Self::Requests(p) => vec![p.places],
+            Self::Requests(p) => [p.places].into_iter().chain(p.slots).collect(),
             Self::Tiles(p) => p.resources(),
             Self::WeightedTiles(p) => p.tiles.resources(),
             Self::Records(p) => [p.records].into_iter().chain(p.coefficients.map(|c| c.values)).collect(),
@@ -301,6 +301,8 @@ pub struct Requests {
     pub made: Variable,
     /// Most a frame.
     pub at_most: u32,
+    /// Buffer of u32: which records of a cache these are the places of, where they are of records that are there already.
+    pub slots: Option<Resource>,
 }
 
 /// One hemisphere a request.
@@ -371,6 +373,17 @@ pub struct RecordCache {
     pub rule: Rule,
     /// Whether records of earlier frames, and of earlier samples of this one, are there.
     pub lasts: bool,
+    /// What is known of each besides, where records live on while the scene changes.
+    pub lives: Option<Lives>,
+}
+
+/// How records live on while the scene changes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Lives {
+    /// Buffer of [`crate::math::life::Life`], in the records' order; a history.
+    pub items: Resource,
+    /// How many records had a life as the frame before began to add more.
+    pub known: Variable,
 }
 
 /// What can be asked for the irradiance of indirect light at any point and normal.
@@ -567,6 +580,7 @@ impl Requests {
         replace(&mut self.places, memory);
         self.count = memory.variable(self.count);
         self.made = memory.variable(self.made);
+        self.slots.iter_mut().for_each(|r| replace(r, memory));
     }
 }
 
@@ -587,5 +601,9 @@ impl RecordCache {
         let coefficients = self.coefficients.iter_mut().map(|c| &mut c.values);
         [&mut self.records, &mut self.weighting].into_iter().chain(coefficients).for_each(|r| replace(r, memory));
         self.count = memory.variable(self.count);
+        if let Some(lives) = &mut self.lives {
+            replace(&mut lives.items, memory);
+            lives.known = memory.variable(lives.known);
+        }
     }
 }

@@ -7,7 +7,7 @@ use super::encode::Pending;
 use super::session::Session;
 use crate::scene::{Camera, Scene, bvh::Bvh, emitters::Emission};
 use crate::schedule::*;
-use glam::Vec4;
+use glam::{DMat4, Vec4};
 use std::any::Any;
 use std::cell::Cell;
 use std::collections::{HashMap, HashSet};
@@ -162,6 +162,10 @@ impl HostContext for HostView<'_> {
 
     fn extent(&self) -> f32 {
         self.session.stage.extent()
+    }
+
+    fn motions(&self) -> &[DMat4] {
+        self.session.views.motions()
     }
 
     fn camera(&self) -> (&Camera, [u32; 2]) {

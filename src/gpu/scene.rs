@@ -15,7 +15,7 @@ use crate::scene::{
 use crate::schedule::{Format, HostLayout, ResourceKind, SceneData};
 use bytemuck::{bytes_of, cast_slice};
 use glam::{DAffine3, Vec2, Vec3};
-use std::ops::Range;
+use std::{ops::Range, ptr};
 
 host_struct! {
     /// Facts of the whole scene.
@@ -186,6 +186,12 @@ const MOST_TEXELS: u64 = 8192;
 /// What a part of the scene is on the device.
 pub fn kind(scene: &Scene, data: SceneData) -> ResourceKind {
     kind_with(scene, scene.emitters().len(), data)
+}
+
+/// The same for a stage, whose emitters are counted already, and its parts.
+pub fn kinds(stage: &Stage) -> impl Fn(&Scene, SceneData) -> ResourceKind + '_ {
+    let (scene, emitters) = (&stage.scene, stage.needs().emissive_triangles as usize);
+    move |of, data| if ptr::eq(of, scene) { kind_with(scene, emitters, data) } else { kind(of, data) }
 }
 
 /// The same of a scene with so many [emitters](Scene::emitters).

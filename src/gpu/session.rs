@@ -206,7 +206,7 @@ impl Session {
     /// Tells the device where the camera and the movers are, and were in the picture before.
     pub(super) fn tell_views(&mut self) {
         let (schedule, stage) = (self.schedule.clone(), self.stage.clone());
-        let (before, moves) = self.views.begin(View { camera: self.camera.0.clone(), places: stage.places() });
+        let (before, moves) = self.views.begin(View { camera: self.camera.0.clone(), places: stage.places() }, |before| stage.motions(before));
         let camera = scene::camera((&self.camera.0, &before.camera), self.camera.1, &stage, self.frames);
         for (resource, description) in (0..).map(Resource).zip(&schedule.resources) {
             match description.lifetime {
@@ -237,7 +237,7 @@ impl Session {
                 self.copies.invalidate(|other| other == resource);
                 patches.iter().for_each(|(offset, bytes)| self.put(&self.physical[resource.0 as usize], *offset, bytes));
             }
-            self.reset().await
+            self.forget().await
         };
         gpu.told("changing the scene", changing).await
     }
@@ -256,19 +256,28 @@ impl Session {
 
     /// As before the first frame: histories are zero, frames count from 0 again. Returns once the device has done it.
     pub async fn reset(&mut self) -> Result<(), GpuError> {
+        self.empty(&(Vec::new(), Vec::new())).await
+    }
+
+    /// The same but for what survives a change of the scene.
+    async fn forget(&mut self) -> Result<(), GpuError> {
+        self.empty(&self.schedule.clone().survivors).await
+    }
+
+    async fn empty(&mut self, (kept, kept_variables): &(Vec<Resource>, Vec<Variable>)) -> Result<(), GpuError> {
         let schedule = self.schedule.clone();
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
-        for (physical, description) in self.physical.iter().zip(&schedule.resources) {
+        for ((physical, description), number) in self.physical.iter().zip(&schedule.resources).zip(0..) {
             match physical {
-                _ if !matches!(description.lifetime, Lifetime::History) => {}
+                _ if !matches!(description.lifetime, Lifetime::History) || kept.contains(&Resource(number)) => {}
                 Physical::Buffer(buffer) => encoder.clear_buffer(buffer, 0, None),
                 Physical::Texture { texture, format } => layer_views(texture).iter().for_each(|layer| clear_texture(&mut encoder, layer, *format)),
                 Physical::Host | Physical::Unused => {}
             }
         }
         self.gpu.queue.submit([encoder.finish()]);
-        self.copies.invalidate(|resource| matches!(schedule.resource(resource).lifetime, Lifetime::History));
-        self.variables.fill(0);
+        self.copies.invalidate(|resource| matches!(schedule.resource(resource).lifetime, Lifetime::History) && !kept.contains(&resource));
+        (0..).map(Variable).zip(&mut self.variables).filter(|(variable, _)| !kept_variables.contains(variable)).for_each(|(_, value)| *value = 0);
         self.rounds_before.clear();
         self.is_still = false;
         self.frames = 0;

@@ -5,11 +5,13 @@ pub mod beside;
 pub mod bounces;
 pub mod choice;
 pub mod colour;
+pub mod curve;
 mod eight_records;
 pub mod frame;
 pub mod harmonics;
 pub mod hemisphere;
 pub mod lattice;
+pub mod life;
 pub mod lobe;
 pub mod morton;
 #[cfg(test)]

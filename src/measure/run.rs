@@ -7,7 +7,7 @@ use crate::contract::{
     port::{Channels, Image},
 };
 use crate::gpu::{AskPace, Frame, Gpu, GpuError, Reader, Session, Unfinished};
-use crate::pipeline::{Plan, plan::Saved};
+use crate::pipeline::{Plan, Problems, plan::Saved};
 use crate::scene::{
     Camera,
     stage::{Change, Changed, Stage, Unchangeable},
@@ -114,6 +114,32 @@ pub enum RunError {
     Cache { reason: String },
 }
 
+/// What a change took.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Renewed {
+    /// What changed was brought to the device.
+    Changes,
+    /// The scene needs other memory or other programs: all of it was brought to the device, and shaders were built.
+    Whole,
+}
+
+/// Why a run does not go on with another scene or another size.
+#[derive(Debug, Error, Diagnostic)]
+pub enum ChangeError {
+    /// The scene does not change so.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Scene(#[from] Unchangeable),
+    /// The scene as it would be cannot be planned for.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Plan(#[from] Problems),
+    /// The device does not go on.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Run(#[from] RunError),
+}
+
 impl RunError {
     /// Whether it is the adapter that does not take the pipeline.
     pub fn is_refusal(&self) -> bool {
@@ -158,17 +184,30 @@ impl Run {
         self.session.stage()
     }
 
-    /// Changes the scene on the host, see [`Session::change`].
-    pub(crate) fn change(&mut self, changes: &[Change]) -> Result<Changed, Unchangeable> {
-        self.session.change(changes)
+    /// Changes the scene, and goes on with what `plan` makes of it then.
+    ///
+    /// # Errors
+    /// What cannot change so, and what planning refuses: then all is as it was. What the device says.
+    pub async fn renew(&mut self, changes: &[Change], plan: impl FnOnce(&Self) -> Result<Arc<Plan>, Problems>) -> Result<Renewed, ChangeError> {
+        let undoing = self.stage().undoing(changes);
+        let changed = self.session.change(changes)?;
+        match plan(self) {
+            Ok(plan) => Ok(if self.follow(&changed, &plan).await? { Renewed::Whole } else { Renewed::Changes }),
+            Err(problems) => {
+                self.session.change(&undoing)?;
+                Err(problems.into())
+            }
+        }
     }
 
     /// Goes on with a plan for the scene as it was changed; whether that took other memory or other programs, so that all was made anew.
-    pub(crate) async fn follow(&mut self, changed: &Changed, plan: &Arc<Plan>) -> Result<bool, RunError> {
+    async fn follow(&mut self, changed: &Changed, plan: &Arc<Plan>) -> Result<bool, RunError> {
         match self.switch_to(plan) {
             Ok(()) => Ok(self.session.follow(changed).await.map(|()| false)?),
             Err(RunError::Gpu(GpuError::OtherRecording { .. })) => {
-                *self = self.anew(plan, self.size).await?;
+                let mut anew = self.anew(plan, self.size).await?;
+                anew.keep_records(self, |records| plan.schedule.survivors.0.contains(&records.items));
+                *self = anew;
                 Ok(true)
             }
             Err(error) => Err(error),
@@ -179,7 +218,7 @@ impl Run {
     pub(crate) async fn resize(&mut self, size: [u32; 2], plan: &Arc<Plan>) -> Result<(), RunError> {
         let (gpu, mut resized) = (self.session.gpu().clone(), self.anew(plan, size).await?);
         let keeping = async {
-            resized.keep_records(self);
+            resized.keep_records(self, |_| true);
             Ok(())
         };
         gpu.told("keeping the records", keeping).await?;
@@ -195,9 +234,9 @@ impl Run {
     }
 
     /// Takes over the records of another run that were made in the same way, as many as there is room for.
-    fn keep_records(&mut self, other: &mut Self) {
+    fn keep_records(&mut self, other: &mut Self, are_kept: impl Fn(&Persistent) -> bool) {
         let (plan, others) = (self.plan.clone(), other.plan.clone());
-        for Saved { history, made_by, .. } in &plan.persistent {
+        for Saved { history, made_by, .. } in plan.persistent.iter().filter(|saved| are_kept(&saved.history)) {
             let same = |saved: &&Saved| (saved.history.name, saved.history.item_bytes, &saved.made_by) == (history.name, history.item_bytes, made_by);
             let Some(before) = others.persistent.iter().find(same) else { continue };
             let room = plan.schedule.resource(history.items).kind.bytes() / history.item_bytes;

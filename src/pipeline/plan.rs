@@ -259,7 +259,7 @@ fn drop_unneeded<'p>(members: &[Member<'p>], setting: Setting<'_>) -> BTreeMap<&
             if dropped.contains_key(node.name.as_str()) {
                 continue;
             }
-            if let Some(because) = reason_to_drop(node, setting, &dropped) {
+            if let Some(because) = reason_to_drop(node, members, setting, &dropped) {
                 family(node, &mut |inner| {
                     dropped.entry(&inner.name).or_insert_with(|| format!("its loop `{}` is dropped", node.name));
                 });
@@ -273,13 +273,29 @@ fn drop_unneeded<'p>(members: &[Member<'p>], setting: Setting<'_>) -> BTreeMap<&
     }
 }
 
-fn reason_to_drop(node: &Node, setting: Setting<'_>, dropped: &BTreeMap<&str, String>) -> Option<String> {
+/// The edge that an edge stands for where its source is dropped; None where nothing stands for that.
+fn stand_in<'p>(edge: &'p Edge, members: &[Member<'p>], dropped: &BTreeMap<&str, String>) -> Option<&'p Edge> {
+    if !dropped.contains_key(edge.from.node.as_str()) {
+        return Some(edge);
+    }
+    let source = members.iter().map(|member| member.node).find(|node| node.name == edge.from.node)?;
+    stand_in(passed_on(source, edge.from.output)?, members, dropped)
+}
+
+/// The edge to the input that an output of a node hands on where the node is dropped.
+fn passed_on<'p>(node: &'p Node, output: &str) -> Option<&'p Edge> {
+    let Work::Pass(pass) = node.work else { return None };
+    let [input, _] = pass.stands_for().filter(|[_, own]| *own == output)?;
+    node.inputs.iter().find(|edge| edge.input == input && edge.when == When::Now)
+}
+
+fn reason_to_drop(node: &Node, members: &[Member<'_>], setting: Setting<'_>, dropped: &BTreeMap<&str, String>) -> Option<String> {
     if let Work::Pass(pass) = &node.work
         && let Need::Dropped(because) = pass.need(&node.arguments, setting.needs)
     {
         return Some(because.into());
     }
-    let is_lost = |edge: &&Edge| dropped.contains_key(edge.from.node.as_str());
+    let is_lost = |edge: &&Edge| stand_in(edge, members, dropped).is_none();
     let list = |input: &&Input| input.takes == Takes::Some && node.inputs.iter().filter(|edge| edge.input == input.name).all(|edge| is_lost(&edge));
     if let Some(input) = node.description().inputs.iter().find(list) {
         return Some(format!("all that its input `{}` comes from is dropped", input.name));
@@ -298,7 +314,7 @@ fn drop_unused<'p>(pipeline: &'p Pipeline, members: &[Member<'p>], dumps: &[&'p 
         if !used.insert(name) {
             continue;
         }
-        waiting.extend(member.node.inputs.iter().map(|edge| edge.from.node.as_str()));
+        waiting.extend(member.node.inputs.iter().filter_map(|edge| Some(stand_in(edge, members, dropped)?.from.node.as_str())));
         if let Some(within) = member.within {
             family(within, &mut |inner| waiting.push(&inner.name));
         }
@@ -429,13 +445,28 @@ impl<'a> Planner<'a> {
 
     fn record_level(&mut self, nodes: &[Node], within: Within<'_>) -> Level {
         let mut level = Level::default();
-        for node in nodes.iter().filter(|node| !self.dropped.contains_key(node.name.as_str())) {
+        for node in nodes {
+            if self.dropped.contains_key(node.name.as_str()) {
+                self.pass_on(node);
+                continue;
+            }
             match &node.work {
                 Work::Pass(_) => self.encode(node, within, &mut level),
                 Work::Loop(kind, inner) => self.encode_loop(node, *kind, inner, within, &mut level.steps),
             }
         }
         level
+    }
+
+    /// Hands on what a dropped node would have changed.
+    fn pass_on(&mut self, dropped: &Node) {
+        family(dropped, &mut |node| {
+            let Work::Pass(pass) = node.work else { return };
+            let Some([_, output]) = pass.stands_for() else { return };
+            if let Some(port) = passed_on(node, output).and_then(|edge| self.ports.get(&edge.from.to_string()).cloned()) {
+                self.ports.insert(format!("{}.{output}", node.name), port);
+            }
+        });
     }
 
     fn encode_loop(&mut self, node: &Node, kind: Loop, inner: &[Node], within: Within<'_>, steps: &mut Vec<Step>) {

@@ -1,5 +1,6 @@
 //! What is rendered: loading, the model, its acceleration structure and what it requires of a pipeline.
 
+pub mod animation;
 #[doc(hidden)]
 pub mod bvh;
 mod clusters;

@@ -3,7 +3,7 @@
 //! Positions are stored in single precision relative to [`Scene::origin`], which loading moves to the middle of
 //! the geometry, so that a scene far away from its file's origin keeps its digits.
 
-use super::stage::Stage;
+use super::{animation::Animation, stage::Stage};
 use crate::math::frame::Frame;
 use crate::math::lobe::{Lobe, Shape};
 use glam::{DVec3, UVec2, Vec2, Vec3, Vec4};
@@ -42,6 +42,8 @@ pub struct Scene {
     pub environment: Environment,
     /// Never empty: a file without a camera gets one that looks at the whole scene, and a note.
     pub cameras: Vec<Camera>,
+    /// What of it is otherwise at other times: [`Stage::animated`].
+    pub animation: Animation,
     /// The point of the file's coordinates that is (0, 0, 0) here [scene units].
     pub origin: DVec3,
     /// What loading had to mend or leave out, one sentence each, for the user.
@@ -726,6 +728,11 @@ impl Bounds {
     /// Its length; 0 of nothing [scene units].
     pub fn diagonal(&self) -> f32 {
         if self.min.cmpgt(self.max).any() { 0.0 } else { self.min.distance(self.max) }
+    }
+
+    /// How far a point is outside of them [scene units].
+    pub fn distance(&self, point: Vec3) -> f32 {
+        point.distance(point.max(self.min).min(self.max))
     }
 
     /// Halfway from corner to corner; the origin of nothing.

@@ -58,6 +58,8 @@ pub struct Needs {
     pub anisotropic: bool,
     /// Whether any surface has a diffuse part, or emits and nothing else.
     pub diffuse: bool,
+    /// Whether anything in it can be otherwise at another time.
+    pub moves: bool,
     /// Diagonal of the bounds [scene units].
     pub extent: f32,
 }
@@ -92,6 +94,7 @@ impl Needs {
             wide_lobes: shapes().any(|shape| !shape.is_sharp()),
             anisotropic: shapes().any(Shape::is_anisotropic),
             diffuse: materials().any(|m| !has_lobe(m) || scene.reflections(m).iter().any(|reflection| reflection.diffuse != glam::Vec3::ZERO)),
+            moves: !(scene.objects.is_empty() && scene.animation.is_empty()),
             extent: scene.extent(),
             ..Self::default()
         };
@@ -153,6 +156,7 @@ impl Needs {
             sharp_lobes: true,
             wide_lobes: true,
             anisotropic: true,
+            moves: true,
             ..self.clone()
         }
     }
@@ -171,7 +175,8 @@ fn has_lobe(material: &Material) -> bool {
     material.reflection(material.reflectance).lobe.is_some()
 }
 
-fn is_smooth(triangle: &Triangle) -> bool {
+/// Whether it is shaded otherwise than its plane.
+pub(super) fn is_smooth(triangle: &Triangle) -> bool {
     let flat = triangle.cross().normalize_or_zero();
     triangle.normals.iter().any(|normal| !normal.abs_diff_eq(flat, 1e-5))
 }

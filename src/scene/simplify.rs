@@ -1,6 +1,6 @@
 //! Scenes with fewer triangles.
 
-use super::{Object, Scene, Triangle, load::draft::has_area};
+use super::{Object, Scene, Triangle, animation::Animation, load::draft::has_area};
 use glam::Vec2;
 use meshoptimizer_rs::{Positions, SimplifyOptions, SimplifySettings, Workspace, simplify};
 use std::collections::HashMap;
@@ -105,6 +105,7 @@ impl Scene {
             charts: self.charts.iter().map(chart).collect(),
             tangents: if self.tangents.is_empty() { Vec::new() } else { all.iter().map(tangents).collect() },
             objects: self.objects.iter().enumerate().map(object).collect(),
+            animation: Animation::default(),
             parts: Vec::new(),
             ..self.clone()
         }

@@ -2,9 +2,10 @@
 
 use super::{
     Bounds, Environment, Light, LightKind, Material, Object, Part, Scene, Triangle,
+    animation::{Animation, Moment},
     bvh::Bvh,
     load::draft::{EXTENT_RANGE, mirrors, normal_map},
-    needs::Needs,
+    needs::{Needs, is_smooth},
 };
 use crate::math::lobe::Lobe;
 use glam::{DAffine3, DMat3, DMat4, DVec3, Vec3};
@@ -41,6 +42,7 @@ struct Mover {
 #[derive(Debug, Clone)]
 pub enum Change {
     /// A mover, counted in the order in which [`Stage::moving`] was told them, stands where this map brings it from where the file has it, in the file's coordinates.
+    /// One that it scales to nothing, by less than 1/10,000 along any axis, is not seen.
     Place {
         /// Its place in that order.
         mover: usize,
@@ -100,6 +102,11 @@ pub enum Unchangeable {
 impl Stage {
     /// Of a scene whose geometry stays where it is.
     pub fn new(mut scene: Scene) -> Self {
+        scene.animation = Animation::default();
+        Self::without_movers(scene)
+    }
+
+    fn without_movers(mut scene: Scene) -> Self {
         scene.objects.clear();
         let bvh = Bvh::build(&mut scene);
         Self { scene, bvh, movers: Vec::new(), needs: OnceLock::new() }
@@ -113,7 +120,31 @@ impl Stage {
     pub fn moving(mut scene: Scene, objects: &[usize]) -> Result<Self, Unchangeable> {
         let all = std::mem::take(&mut scene.objects);
         let object = |number: &usize| all.get(*number).ok_or(Unchangeable::Unknown { what: "object", number: *number, count: all.len() });
-        let objects: Vec<_> = objects.iter().map(object).collect::<Result<_, _>>()?;
+        let objects = objects.iter().map(object).collect::<Result<_, _>>()?;
+        scene.animation = Animation::default();
+        Self::with_movers(scene, objects)
+    }
+
+    /// Of an animated scene as it is at its beginning, and how it goes on. Its movers are what moves.
+    ///
+    /// # Errors
+    /// A place that it cannot have.
+    pub fn animated(scene: Scene) -> Result<(Self, Animation), Unchangeable> {
+        let animation = scene.animation.clone();
+        let objects = animation.objects();
+        let mut stage = if objects.is_empty() { Self::without_movers(scene) } else { Self::with_movers(scene, objects.iter().collect())? };
+        stage.change(&stage.changes_to(&animation.at(0.0)))?;
+        Ok((stage, animation))
+    }
+
+    /// What has to change of it to be as its animation has it then.
+    pub fn changes_to(&self, moment: &Moment<'_>) -> Vec<Change> {
+        let places = moment.places().zip(&self.movers).enumerate();
+        let moved = places.filter(|(_, (map, mover))| *map != mover.map).map(|(mover, (map, _))| Change::Place { mover, map });
+        moved.chain(moment.changes(&self.scene)).collect()
+    }
+
+    fn with_movers(mut scene: Scene, objects: Vec<&Object>) -> Result<Self, Unchangeable> {
         let mut sorted = objects.clone();
         sorted.sort_by_key(|object| object.triangles.start);
         if let Some((a, b)) = sorted.iter().zip(sorted.iter().skip(1)).find(|(a, b)| a.triangles.end > b.triangles.start) {
@@ -184,7 +215,18 @@ impl Stage {
 
     /// Brings points of a mover to where they were when it stood elsewhere.
     pub fn backward(&self, mover: usize, before: DAffine3) -> DMat4 {
+        if hides(&self.movers[mover].map) {
+            return DMat4::IDENTITY;
+        }
         maps(before * self.movers[mover].map.inverse(), self.scene.origin).0
+    }
+
+    /// What each mover has done since it stood where it did: maps of points as they were to where they are.
+    pub fn motions(&self, before: &[DAffine3]) -> Vec<DMat4> {
+        let motion = |(mover, before): (&Mover, &DAffine3)| {
+            if mover.map == *before { DMat4::IDENTITY } else { maps(mover.map * before.inverse(), self.scene.origin).0 }
+        };
+        self.movers.iter().zip(before).map(motion).collect()
     }
 
     /// What undoes changes that the stage would take.
@@ -209,7 +251,11 @@ impl Stage {
         for change in changes {
             match change {
                 Change::Place { mover, map } => {
-                    self.movers[*mover].map = *map;
+                    let was = std::mem::replace(&mut self.movers[*mover].map, *map);
+                    if hides(&was) != hides(map) {
+                        // What is not seen has no shape of its own.
+                        self.needs.take();
+                    }
                     changed.movers.push(*mover);
                 }
                 Change::Material { number, material } => {
@@ -269,8 +315,12 @@ impl Stage {
         let mut shines = false;
         for mover in movers.iter().map(|mover| &self.movers[*mover]) {
             let (map, normals) = maps(mover.map, self.scene.origin);
+            let speck = hides(&mover.map).then(|| mover.speck(&map));
             for (at, (triangle, tangents)) in mover.triangles.clone().zip(&mover.at_rest) {
-                self.scene.triangles[at] = Triangle { material: self.scene.triangles[at].material, ..moved(triangle, &map, &normals) };
+                self.scene.triangles[at] = speck.map_or_else(
+                    || moved(triangle, &map, &normals),
+                    |speck| Triangle { uvs: triangle.uvs, tints: triangle.tints, material: triangle.material, ..speck },
+                );
                 if let Some(there) = self.scene.tangents.get_mut(at) {
                     *there = tangents.map(|tangent| map.transform_vector3(tangent.as_dvec3()).normalize_or_zero().as_vec3());
                 }
@@ -285,10 +335,21 @@ impl Stage {
 }
 
 impl Mover {
+    /// What stands for each triangle of a mover that is not seen: as small as single precision tells from nothing.
+    fn speck(&self, map: &DMat4) -> Triangle {
+        let (first, _) = &self.at_rest[0];
+        let corner = map.transform_point3(first.positions[0].as_dvec3()).as_vec3();
+        let side = (16.0 * f32::EPSILON * corner.abs().max_element()).max(1e-7 * first.positions[0].distance(first.positions[1]));
+        Triangle { positions: [corner, corner + side * Vec3::X, corner + side * Vec3::Y], normals: [Vec3::Z; 3], ..*first }
+    }
+
     fn check(&self, map: DAffine3, origin: DVec3) -> Result<(), Unchangeable> {
         let refused = |why| Err(Unchangeable::Place { name: self.name.clone(), why });
         if !map.is_finite() {
             return refused("the map has a number that is not finite");
+        }
+        if hides(&map) {
+            return Ok(());
         }
         if mirrors(&DMat4::from(map)) {
             return refused("the map mirrors it");
@@ -307,6 +368,12 @@ impl Mover {
     }
 }
 
+/// Whether a map leaves nothing of what it is given.
+fn hides(map: &DAffine3) -> bool {
+    const LEAST: f64 = 1e-4;
+    [map.matrix3.x_axis, map.matrix3.y_axis, map.matrix3.z_axis].iter().any(|axis| axis.length() < LEAST)
+}
+
 /// A map of the file's coordinates as one of positions relative to an origin, and of normals.
 fn maps(map: DAffine3, origin: DVec3) -> (DMat4, DMat3) {
     if map == DAffine3::IDENTITY {
@@ -320,12 +387,14 @@ fn moved(triangle: &Triangle, map: &DMat4, normals: &DMat3) -> Triangle {
     if *map == DMat4::IDENTITY {
         return *triangle;
     }
-    Triangle {
+    let moved = Triangle {
         // Adding zero turns a negative zero into a positive one, so that equal corners have equal bits.
         positions: triangle.positions.map(|p| map.transform_point3(p.as_dvec3()).as_vec3() + 0.0),
         normals: triangle.normals.map(|n| (*normals * n.as_dvec3()).normalize_or_zero().as_vec3()),
         ..*triangle
-    }
+    };
+    // What is flat stays so, though rounding may turn its plane.
+    if is_smooth(triangle) { moved } else { Triangle { normals: [moved.face_normal(); 3], ..moved } }
 }
 
 fn is_light(light: Vec3) -> bool {

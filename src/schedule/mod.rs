@@ -41,6 +41,8 @@ pub struct Schedule {
     pub resources: Vec<ResourceDescription>,
     pub variables: Vec<VariableDescription>,
     pub steps: Vec<Step>,
+    /// Histories that stay when the scene changes.
+    pub survivors: (Vec<Resource>, Vec<Variable>),
 }
 
 pub struct ResourceDescription {
@@ -443,6 +445,8 @@ pub trait HostContext {
     fn is_timed(&self) -> bool;
     /// Tells why the step ends the loop that `until` ends although work is left.
     fn cut_short(&mut self, until: Variable, because: Shortfall);
+    /// What each mover has done since the picture before: a map of points as they were to where they are.
+    fn motions(&self) -> &[glam::DMat4];
     /// The camera of the frame and the picture's size.
     fn camera(&self) -> (&crate::scene::Camera, [u32; 2]);
 }

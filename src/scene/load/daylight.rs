@@ -110,13 +110,13 @@ impl Scene {
         emitted < DIM * (0..self.triangles.len() as u32).map(area).sum::<f64>()
     }
 
-    /// Whether neither a light nor the sky shines.
+    /// Whether neither a light nor the sky shines, ever.
     fn has_lamps_alone(&self) -> bool {
         let black = match &self.environment {
             Environment::Constant(radiance) => *radiance == Vec3::ZERO,
             Environment::LatLong { texels, .. } => texels.iter().all(|texel| *texel == Vec3::ZERO),
         };
-        black && self.lights.iter().all(|light| light.kind.intensity() == Vec3::ZERO)
+        black && !self.animation.shines() && self.lights.iter().all(|light| light.kind.intensity() == Vec3::ZERO)
     }
 }
 

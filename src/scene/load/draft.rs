@@ -5,9 +5,15 @@ use super::{
     files::Files,
     image::{self, TextureSource},
 };
-use crate::scene::model::*;
+use crate::scene::{
+    animation::{Animation, Moving, Stand},
+    model::*,
+};
 use glam::{BVec3, DMat3, DMat4, DVec3, Vec2, Vec3};
-use std::collections::{HashMap, HashSet};
+use std::{
+    collections::{HashMap, HashSet},
+    ops::Range,
+};
 
 /// The most triangles that a scene may have.
 pub const MAX_TRIANGLES: usize = 16_000_000;
@@ -57,6 +63,10 @@ pub(super) struct Draft {
     /// Cameras and where they stand, likewise.
     pub cameras: Vec<(Camera, DVec3)>,
     camera_names: HashSet<String>,
+    /// What moves, by numbers of the lists above.
+    pub animation: Animation,
+    /// What the faces to come move with, and the first that does.
+    run: (Option<usize>, usize),
     pub environment: Option<Environment>,
     pub notes: Vec<String>,
 }
@@ -131,6 +141,44 @@ impl Draft {
         }
     }
 
+    /// Says with which node of the animation the faces to come move; tells with which those before did.
+    pub fn move_with(&mut self, node: Option<usize>) -> Option<usize> {
+        if node == self.run.0 {
+            return node;
+        }
+        self.end_run(self.faces.len());
+        std::mem::replace(&mut self.run, (node, self.faces.len())).0
+    }
+
+    fn end_run(&mut self, end: usize) {
+        if let (Some(node), first) = self.run
+            && first < end
+        {
+            self.animation.moving.push(Moving { node, triangles: first..end });
+        }
+    }
+
+    /// What the faces to come move with.
+    pub fn moving_with(&self) -> Option<usize> {
+        self.run.0
+    }
+
+    /// How a light or a camera stands that moves with the faces to come; None where these stay.
+    pub fn stand(&self, map: &DMat4) -> Option<Stand> {
+        self.run.0.map(|node| Stand::On(node, self.animation.nodes[node].rest.inverse() * *map))
+    }
+
+    /// Takes over what moves in a file whose faces come next, which a map brings to the world.
+    pub fn absorb_animation(&mut self, file: Animation, map: &DMat4) {
+        let (first_node, first_face) = (self.animation.absorb(file.nodes, self.run.0, map), self.faces.len());
+        for Moving { node, triangles } in file.moving {
+            let triangles = first_face + triangles.start..first_face + triangles.end;
+            self.end_run(triangles.start);
+            self.run.1 = triangles.end;
+            self.animation.moving.push(Moving { node: first_node + node, triangles });
+        }
+    }
+
     /// Adds a camera that stands at a place.
     pub fn add_camera(&mut self, camera: Camera, at: DVec3) {
         self.camera_names.insert(camera.name.clone());
@@ -170,6 +218,7 @@ impl Draft {
     /// # Errors
     /// Nothing to show, an extent that single precision cannot hold, textures beyond the limits.
     pub fn finish(mut self, name: &str, normals: Normals, files: &Files) -> Result<Scene, SceneError> {
+        self.move_with(None);
         let (low, high) = self.bounds(name)?;
         let origin = choose_origin(low, high);
         self.keep_used_materials();
@@ -186,7 +235,8 @@ impl Draft {
         if !tangents.is_empty() {
             tangents.resize(triangles.len(), [Vec3::ZERO; 3]);
         }
-        clean(&mut triangles, (&mut charts, &mut tangents), &mut self.objects, &self.materials, &mut self.notes);
+        let mut animation = Animation { origin, ..self.animation };
+        clean(&mut triangles, (&mut charts, &mut tangents), (&mut self.objects, &mut animation.moving), &self.materials, &mut self.notes);
         if triangles.is_empty() {
             return Err(no_triangles(name, &self.notes));
         }
@@ -210,6 +260,7 @@ impl Draft {
             lights,
             environment,
             cameras,
+            animation,
             origin,
             notes: self.notes,
             parts: Vec::new(),
@@ -243,6 +294,11 @@ impl Draft {
         let material_map = renumber(&used);
         retain_marked(&mut self.materials, &used);
         self.faces.iter_mut().for_each(|face| face.material = material_map[face.material as usize]);
+        self.animation.emissions.retain_mut(|track| {
+            let number = track.material as usize;
+            track.material = material_map[number];
+            used[number]
+        });
 
         let mut used = vec![false; self.textures.len()];
         let mut named: Vec<&mut u32> = self.materials.iter_mut().flat_map(Material::textures_mut).filter_map(Option::as_mut).collect();
@@ -295,15 +351,18 @@ fn renumber(used: &[bool]) -> Vec<u32> {
 }
 
 /// Of faces that stay where they are marked, the objects that are left.
-fn retain_objects(objects: &mut Vec<Object>, marks: &[bool]) {
+fn retain_objects<T>(objects: &mut Vec<T>, triangles: impl Fn(&mut T) -> &mut Range<usize>, marks: &[bool]) {
     let (mut seen, mut kept) = (0, 0);
     let mut kept_before = |end: usize| {
         kept += marks[seen..end].iter().filter(|mark| **mark).count();
         seen = end;
         kept
     };
-    objects.iter_mut().for_each(|object| object.triangles = kept_before(object.triangles.start)..kept_before(object.triangles.end));
-    objects.retain(|object| !object.triangles.is_empty());
+    objects.retain_mut(|object| {
+        let range = triangles(object);
+        *range = kept_before(range.start)..kept_before(range.end);
+        range.start < range.end
+    });
 }
 
 fn retain_marked<T>(items: &mut Vec<T>, marks: &[bool]) {
@@ -342,22 +401,23 @@ fn on_front_side(normals: [Vec3; 3], front: Vec3) -> [Vec3; 3] {
 fn clean(
     triangles: &mut Vec<Triangle>,
     (charts, tangents): (&mut [Vec<[Vec2; 3]>], &mut Vec<[Vec3; 3]>),
-    objects: &mut Vec<Object>,
+    (objects, moving): (&mut Vec<Object>, &mut Vec<Moving>),
     materials: &[Material],
     notes: &mut Vec<String>,
 ) {
     let before = triangles.len();
-    let mut retain = |triangles: &mut Vec<Triangle>, marks: &[bool]| {
-        retain_objects(objects, marks);
+    let mut retain = |triangles: &mut Vec<Triangle>, moving: &mut Vec<Moving>, marks: &[bool]| {
+        retain_objects(objects, |object| &mut object.triangles, marks);
+        retain_objects(moving, |moving| &mut moving.triangles, marks);
         retain_marked(triangles, marks);
         charts.iter_mut().for_each(|chart| retain_marked(chart, marks));
         retain_marked(tangents, marks);
         marks.len() - triangles.len()
     };
     let with_area: Vec<bool> = triangles.iter().map(has_area).collect();
-    let without_area = retain(triangles, &with_area);
-    let keep = first_of_each(triangles, materials);
-    let repeated = retain(triangles, &keep);
+    let without_area = retain(triangles, moving, &with_area);
+    let keep = first_of_each(triangles, materials, moving);
+    let repeated = retain(triangles, moving, &keep);
     if without_area > 0 {
         notes.push(format!("{without_area} of {before} triangles have no area and were left out"));
     }
@@ -373,9 +433,12 @@ pub(crate) fn has_area(triangle: &Triangle) -> bool {
     (b - a).cross(c - a).length() > 1e-7 * longest && triangle.face_normal() != Vec3::ZERO
 }
 
-/// Marks the first of all triangles that have the same corners and material; on two-sided surfaces either winding is the same.
-fn first_of_each(triangles: &[Triangle], materials: &[Material]) -> Vec<bool> {
-    let keys: Vec<[u32; 10]> = triangles.iter().map(|t| identity(t, materials[t.material as usize].two_sided)).collect();
+/// Marks the first of all triangles that have the same corners and material and move together; on two-sided surfaces either winding is the same.
+fn first_of_each(triangles: &[Triangle], materials: &[Material], moving: &[Moving]) -> Vec<bool> {
+    let mut keys: Vec<[u32; 11]> = triangles.iter().map(|t| identity(t, materials[t.material as usize].two_sided)).collect();
+    for (number, moving) in (1..).zip(moving) {
+        keys[moving.triangles.clone()].iter_mut().for_each(|key| key[10] = number);
+    }
     let mut order: Vec<(u64, u32)> = keys.iter().zip(0..).map(|(key, index)| (hash(key), index)).collect();
     order.sort_unstable();
     let mut keep = vec![true; triangles.len()];
@@ -388,8 +451,8 @@ fn first_of_each(triangles: &[Triangle], materials: &[Material]) -> Vec<bool> {
     keep
 }
 
-/// Corners in an order that does not depend on where the file starts, and the material.
-fn identity(triangle: &Triangle, two_sided: bool) -> [u32; 10] {
+/// Corners in an order that does not depend on where the file starts, the material, and room for what it moves with.
+fn identity(triangle: &Triangle, two_sided: bool) -> [u32; 11] {
     let mut corners = triangle.positions.map(|p| p.to_array().map(f32::to_bits));
     if two_sided {
         corners.sort_unstable();
@@ -397,7 +460,8 @@ fn identity(triangle: &Triangle, two_sided: bool) -> [u32; 10] {
         let first = (0..3).min_by_key(|&i| corners[i]).unwrap_or(0);
         corners.rotate_left(first);
     }
-    let mut key = [triangle.material; 10];
+    let mut key = [0; 11];
+    key[9] = triangle.material;
     key.iter_mut().zip(corners.as_flattened()).for_each(|(slot, &bits)| *slot = bits);
     key
 }

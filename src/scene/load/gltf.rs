@@ -1,5 +1,6 @@
 //! glTF 2.0, as text or binary: what light transport needs of it, and notes about the rest.
 
+mod animation;
 mod compressed;
 mod document;
 mod instances;
@@ -14,13 +15,17 @@ use super::{
     image::Content,
     list,
 };
-use crate::scene::model::*;
+use crate::scene::{
+    animation::{CameraTrack, LightTrack},
+    model::*,
+};
 use ::gltf::{
     Accessor, Document, Node, Primitive, Semantic,
     accessor::{DataType, Dimensions, sparse::IndexType},
     buffer, khr_lights_punctual as punctual,
     mesh::Mode,
 };
+use animation::Track;
 use base64::{
     Engine, alphabet,
     engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig},
@@ -57,10 +62,10 @@ fn read_document(path: &Path, files: &Files, bytes: &Bytes, draft: &mut Draft, w
     let buffers = read_buffers(path, files, &document, blob)?;
     let unpacked = Unpacked::of(&document, &buffers, path)?;
     let mut reader = Reader { path, buffers, unpacked, draft, wanted, materials: HashMap::new(), textures: HashMap::new(), ignored: BTreeMap::new() };
-    reader.ignore_all(animations, "animations");
+    let tracks = reader.tracks(&document, animations);
     reader.ignore_all(skins, "skins");
     document.extensions_used().filter(|name| !EXTENSIONS.contains(name)).for_each(|name| reader.ignore(unread(name)));
-    reader.walk(&document)?;
+    reader.walk(&document, tracks)?;
     let ignored = count_up(&reader.ignored);
     if !ignored.is_empty() {
         draft.notes.push(format!("not read from the glTF file: {ignored}"));
@@ -178,26 +183,30 @@ impl Reader<'_> {
     }
 
     /// Visits the nodes of the default scene, or all of a file without scenes, depth first.
-    fn walk(&mut self, document: &Document) -> Result<(), SceneError> {
-        let mut stack: Vec<(Node, DMat4)> = match document.default_scene().or_else(|| document.scenes().next()) {
-            Some(scene) => scene.nodes().map(|node| (node, DMat4::IDENTITY)).collect(),
+    fn walk(&mut self, document: &Document, mut tracks: HashMap<usize, Track>) -> Result<(), SceneError> {
+        let roots: Vec<Node> = match document.default_scene().or_else(|| document.scenes().next()) {
+            Some(scene) => scene.nodes().collect(),
             None => {
                 let mut is_child = vec![false; document.nodes().len()];
                 document.nodes().flat_map(|node| node.children()).for_each(|child| is_child[child.index()] = true);
-                document.nodes().filter(|node| !is_child[node.index()]).map(|node| (node, DMat4::IDENTITY)).collect()
+                document.nodes().filter(|node| !is_child[node.index()]).collect()
             }
         };
-        stack.reverse();
+        // Each with where its parent is, and what that moves with.
+        let mut stack: Vec<(Node, DMat4, Option<usize>)> = roots.into_iter().rev().map(|node| (node, DMat4::IDENTITY, None)).collect();
         let mut visited = vec![false; document.nodes().len()];
-        while let Some((node, parent)) = stack.pop() {
+        while let Some((node, parent, moving)) = stack.pop() {
             if std::mem::replace(&mut visited[node.index()], true) {
                 return Err(broken(self.path, &format!("node {} hangs in the scene twice", node.index())));
             }
-            let map = parent * node_map(&node);
+            self.draft.move_with(moving);
+            let map = self.place_node(&node, &parent, tracks.remove(&node.index()));
+            let moving = self.draft.moving_with();
             self.add_node(document, &node, &map)?;
             let children: Vec<Node> = node.children().collect();
-            stack.extend(children.into_iter().rev().map(|child| (child, map)));
+            stack.extend(children.into_iter().rev().map(|child| (child, map, moving)));
         }
+        self.draft.move_with(None);
         Ok(())
     }
 
@@ -345,6 +354,9 @@ impl Reader<'_> {
                 LightKind::Spot { position, direction: self.axis(map, DVec3::NEG_Z, &name)?.as_vec3(), intensity: strength, inner, outer }
             }
         };
+        if let Some(stand) = self.draft.stand(map) {
+            self.draft.animation.lights.push(LightTrack { light: self.draft.lights.len(), stand, strength: None });
+        }
         self.draft.lights.push((Light { name, kind, shadows: true }, map.transform_point3(DVec3::ZERO)));
         Ok(())
     }
@@ -372,6 +384,9 @@ impl Reader<'_> {
             size: None,
             sample: Default::default(),
         };
+        if let Some(stand) = self.draft.stand(map) {
+            self.draft.animation.cameras.push(CameraTrack { camera: self.draft.cameras.len(), stand, angle: None });
+        }
         self.draft.add_camera(camera, map.transform_point3(DVec3::ZERO));
         Ok(())
     }
@@ -404,6 +419,7 @@ impl Reader<'_> {
     /// Vectors of floats or (normalised) integers, sparse replacements included.
     fn read_vectors<const N: usize>(&self, accessor: &Accessor) -> Result<Vec<[f32; N]>, SceneError> {
         let dimensions = match N {
+            1 => Dimensions::Scalar,
             2 => Dimensions::Vec2,
             3 => Dimensions::Vec3,
             _ => Dimensions::Vec4,

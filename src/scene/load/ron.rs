@@ -16,7 +16,7 @@ use super::{
     files::Files,
     refuse_overrides,
 };
-use crate::scene::model::Material;
+use crate::scene::{animation::EmissionTrack, model::Material};
 use document::{Document, Entries, Geometry, Raw, Surface};
 use glam::{DMat4, Vec3};
 use std::{
@@ -111,7 +111,7 @@ impl<'a> Reader<'a> {
             }
             // For one that is wrong another stands in, so that nobody misses it.
             let whole = faults.take(self.source.surface(&name, surface)).unwrap_or_else(|| Some(Material::diffuse(&name, Vec3::splat(PLAIN))));
-            let material = whole.map(|whole| self.add_material(whole));
+            let material = whole.map(|whole| self.add_changing(whole, surface));
             self.entries.insert(name.clone(), self.palette.len());
             self.palette.push(PaletteEntry { name, place, surface, material, used: false });
         }
@@ -135,6 +135,15 @@ impl<'a> Reader<'a> {
         self.draft.materials.len() as u32 - 1
     }
 
+    /// Adds a material of an entry, whose radiance may change in time. What is wrong with the entry is told elsewhere.
+    fn add_changing(&mut self, material: Material, surface: Raw<'a, Surface<'a>>) -> u32 {
+        let material = self.add_material(material);
+        if let Ok(Some(radiance)) = self.source.changing_glow(surface) {
+            self.draft.animation.emissions.push(EmissionTrack { material, radiance });
+        }
+        material
+    }
+
     /// The entry of a name, or that of all others.
     fn find_entry(&mut self, name: &str) -> Option<&PaletteEntry<'a>> {
         let entry = &mut self.palette[*self.entries.get(name).or_else(|| self.entries.get(ANY))?];
@@ -151,7 +160,10 @@ impl<'a> Reader<'a> {
     fn material_of_file(&mut self, material: Material) -> Result<u32, SceneError> {
         let material = match self.find_entry(&material.name) {
             Some(PaletteEntry { material: Some(whole), .. }) => return Ok(*whole),
-            Some(&PaletteEntry { surface, .. }) => self.source.changed(material, surface)?,
+            Some(&PaletteEntry { surface, .. }) => {
+                let changed = self.source.changed(material, surface)?;
+                return Ok(self.add_changing(changed, surface));
+            }
             None => material,
         };
         Ok(self.add_material(material))

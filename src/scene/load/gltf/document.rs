@@ -1,6 +1,6 @@
 //! The JSON of a glTF file: its version and extensions judged, and mended where the crate that reads it asks for more than glTF does.
 
-use super::{broken, list};
+use super::{animation::Animations, broken, list};
 use crate::scene::load::{
     error::{Problem, SceneError},
     files::Bytes,
@@ -45,7 +45,7 @@ const MIN_FILTERS: [u64; 6] = [9728, 9729, 9984, 9985, 9986, 9987];
 pub(super) struct Opened {
     pub document: Document,
     pub blob: Option<Bytes>,
-    pub animations: usize,
+    pub animations: Animations,
     pub skins: usize,
 }
 
@@ -112,12 +112,12 @@ fn expect_known_extensions(path: &Path, root: &Value) -> Result<(), SceneError> 
         .help(format!("export it without them; supported are {}", EXTENSIONS.join(", "))))
 }
 
-/// Takes out what is not read, so that no fault in it matters, and adds what glTF lets files leave out but the crate does not. Tells how many
-/// animations and nodes with a skin there were.
-fn mend(root: &mut Value) -> (usize, usize) {
-    let Some(root) = root.as_object_mut() else { return (0, 0) };
+/// Takes out what is not read by the crate, so that no fault in it matters, and adds what glTF lets files leave out but the crate does not. Tells what
+/// animations there are, and how many nodes have a skin.
+fn mend(root: &mut Value) -> (Animations, usize) {
+    let Some(root) = root.as_object_mut() else { return (Animations::default(), 0) };
     root.remove("extensionsRequired");
-    let animations = root.remove("animations").and_then(|animations| animations.as_array().map(Vec::len)).unwrap_or(0);
+    let animations = root.remove("animations").map(|animations| Animations::of(&animations)).unwrap_or_default();
     root.remove("skins");
     let mut skins = 0;
     for_each(root.get_mut("nodes"), |node| skins += usize::from(node.remove("skin").is_some()));

@@ -58,6 +58,19 @@ impl<'de: 'a, 'a, T> Deserialize<'de> for Entries<'a, T> {
 
 pub type Triple = [f64; 3];
 
+/// Values at times in seconds, in the place of a value.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+#[serde(bound(deserialize = "'de: 'a"))]
+pub enum Keys<'a, T> {
+    /// Each holds until the next.
+    Step(#[serde(borrow)] Vec<(Raw<'a, f64>, Raw<'a, T>)>),
+    /// In even steps from one to the next.
+    Linear(#[serde(borrow)] Vec<(Raw<'a, f64>, Raw<'a, T>)>),
+    /// Slower toward its turning points.
+    Smooth(#[serde(borrow)] Vec<(Raw<'a, f64>, Raw<'a, T>)>),
+}
+
 /// The whole document.
 #[derive(Deserialize)]
 #[serde(rename = "Scene", deny_unknown_fields)]

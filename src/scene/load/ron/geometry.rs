@@ -8,12 +8,26 @@ use crate::scene::load::{
     error::{Problem, SceneError, Together, all},
     generate, list, load_geometry, primitives, teapot,
 };
-use crate::scene::model::{Material, Object};
-use glam::{DMat4, DQuat, DVec3};
+use crate::{
+    math::curve::Curve,
+    scene::{
+        animation::{Node, Rotation, moves},
+        model::{Material, Object},
+    },
+};
+use glam::{BVec3, DMat4, DVec3};
 use std::{
     collections::BTreeMap,
     path::{Path, PathBuf},
 };
+
+/// How a `Place` lies, at all times.
+#[derive(Clone)]
+struct Placement {
+    scale: Curve<DVec3>,
+    rotation: Rotation,
+    translation: Curve<DVec3>,
+}
 
 impl<'a> Reader<'a> {
     pub fn add_geometry(&mut self, raw: Raw<'a, Geometry<'a>>, map: &DMat4) -> Result<(), SceneError> {
@@ -62,9 +76,13 @@ impl<'a> Reader<'a> {
             Geometry::Triangles { positions, indices, material } => self.add_triangles(raw, positions, indices, material, map),
             Geometry::Place { name, of, scale, rotate, translate } => {
                 let (first, name) = (self.draft.faces.len(), name.map(|name| source.get(name)).transpose());
-                let place = self.placement(scale, rotate, translate);
-                let inner_map = *map * place.as_ref().map_or(DMat4::IDENTITY, |place| *place);
+                let (place, before) = (self.placement(scale, rotate, translate), self.draft.moving_with());
+                let inner_map = match &place {
+                    Ok(place) => self.place(place, map, name.as_ref().ok().and_then(Option::as_deref)),
+                    Err(_) => *map,
+                };
                 let inner = all(of.into_iter().map(|inner| self.add_geometry(inner, &inner_map)));
+                self.draft.move_with(before);
                 let (name, _, _) = (name, place, inner).together()?;
                 if let Some(name) = name {
                     self.draft.end_object(name, first);
@@ -74,19 +92,41 @@ impl<'a> Reader<'a> {
         }
     }
 
-    fn placement(&self, scale: Option<Raw<'a, Triple>>, rotate: Option<Turn<'a>>, translate: Option<Raw<'a, Triple>>) -> Result<DMat4, SceneError> {
+    fn placement(&self, scale: Option<Raw<'a, Triple>>, rotate: Option<Turn<'a>>, translate: Option<Raw<'a, Triple>>) -> Result<Placement, SceneError> {
         let source = self.source;
-        let factor = |raw| {
-            let factor = source.vector(raw)?;
-            if factor.cmpeq(DVec3::ZERO).any() { Err(source.out_of_range(raw, "different from 0 in each coordinate")) } else { Ok(factor) }
+        let factors = |raw: Raw<'a, Triple>| {
+            let factors = source.curve(raw, |raw| source.vector(raw))?;
+            let signs = |sign: f64| factors.values().iter().fold(BVec3::FALSE, |any, factor| any | (sign * *factor).cmpgt(DVec3::ZERO));
+            let (up, down) = (signs(1.0), signs(-1.0));
+            if (up & down).any() {
+                return Err(source.out_of_range(raw, "of one sign in each coordinate, at all times"));
+            }
+            if (up | down).all() { Ok(factors) } else { Err(source.out_of_range(raw, "different from 0 in each coordinate")) }
         };
         let turn = |turn: Turn<'a>| {
-            let (axis, degrees) = (source.unit(turn.axis), source.number(turn.degrees)).together()?;
-            Ok(DQuat::from_axis_angle(axis, degrees.to_radians()))
+            let (axis, degrees) = (source.unit(turn.axis), source.curve(turn.degrees, |raw| source.number(raw).map(f64::to_radians))).together()?;
+            Ok(Rotation::Around(axis, degrees))
         };
-        let translation = translate.map_or(Ok(DVec3::ZERO), |raw| source.vector(raw));
-        let (factor, rotation, translation) = (scale.map_or(Ok(DVec3::ONE), factor), rotate.map_or(Ok(DQuat::IDENTITY), turn), translation).together()?;
-        Ok(DMat4::from_scale_rotation_translation(factor, rotation, translation))
+        let still = || Curve::constant(DVec3::ZERO);
+        let translation = translate.map_or_else(|| Ok(still()), |raw| source.curve(raw, |raw| source.vector(raw)));
+        let rotation = rotate.map_or_else(|| Ok(Rotation::Around(DVec3::Y, Curve::constant(0.0))), turn);
+        let (scale, rotation, translation) = (scale.map_or_else(|| Ok(Curve::constant(DVec3::ONE)), factors), rotation, translation).together()?;
+        Ok(Placement { scale, rotation, translation })
+    }
+
+    /// Where a place is, on what a map says; what moves goes into the animation, and what is read from here on moves with it.
+    fn place(&mut self, place: &Placement, map: &DMat4, name: Option<&str>) -> DMat4 {
+        let Placement { scale, rotation, translation } = place.clone();
+        if !(moves(&[&scale, &translation]) || rotation.moves()) {
+            return *map * DMat4::from_scale_rotation_translation(scale.at(0.0), rotation.at(0.0), translation.at(0.0));
+        }
+        let on = self.draft.moving_with().map(|number| (number, &self.draft.animation.nodes[number]));
+        let stand = on.map_or(DMat4::IDENTITY, |(_, on)| on.rest.inverse()) * *map;
+        let node = Node::new(name.unwrap_or("a place that moves").to_owned(), on, stand, translation, rotation, scale);
+        let rest = node.rest;
+        let number = self.draft.animation.add(node);
+        self.draft.move_with(Some(number));
+        rest
     }
 
     fn add_faces(&mut self, faces: &[Face], map: &DMat4, name: &str) -> Result<(), SceneError> {
@@ -172,7 +212,8 @@ impl<'a> Reader<'a> {
     }
 
     /// Takes over a file's triangles, and those of its materials that the document does not replace.
-    fn absorb(&mut self, file: Draft, map: &DMat4) -> Result<(), SceneError> {
+    fn absorb(&mut self, mut file: Draft, map: &DMat4) -> Result<(), SceneError> {
+        file.move_with(None);
         let first_texture = self.draft.textures.len() as u32;
         let renumbered = |mut material: Material| {
             material.textures_mut().into_iter().flatten().for_each(|texture| *texture += first_texture);
@@ -200,6 +241,7 @@ impl<'a> Reader<'a> {
         let objects =
             file.objects.into_iter().map(|Object { name, triangles }| Object { name, triangles: triangles.start + first_face..triangles.end + first_face });
         self.draft.objects.extend(objects);
+        self.draft.absorb_animation(file.animation, map);
         file.faces.into_iter().try_for_each(|face| {
             let face = Face { material: numbers[face.material as usize], ..face.transformed(map, &normal_map) };
             self.draft.push(face, || "a file, moved to its place,".to_owned())

@@ -2,9 +2,10 @@
 
 use super::document::{Raw, Surface, Triple};
 use super::values::Source;
+use crate::math::curve::Curve;
 use crate::scene::load::error::{Problem, SceneError, Together};
 use crate::scene::model::{DIELECTRIC, Glossy, Material, Rgb};
-use glam::{Vec2, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 
 impl<'a> Source<'a> {
     /// The whole material that an entry describes; None where it changes those of files.
@@ -14,8 +15,8 @@ impl<'a> Source<'a> {
             Surface::Diffuse { reflectance } => diffuse(reflectance)?,
             Surface::Emitter { radiance, reflectance } => {
                 let reflectance = reflectance.map_or(Ok(Vec3::ZERO), |raw| self.reflectance(raw));
-                let (emission, reflectance) = (self.radiance(radiance), reflectance).together()?;
-                Material { emission, ..Material::diffuse(name, reflectance) }
+                let (glow, reflectance) = (self.glow(radiance), reflectance).together()?;
+                Material { emission: glow.at(0.0).as_vec3(), ..Material::diffuse(name, reflectance) }
             }
             Surface::Phong { reflectance, specular, exponent } => {
                 let (base, reflectance, exponent) = (diffuse(reflectance), self.reflectance(specular), self.exponent(exponent)).together()?;
@@ -32,6 +33,20 @@ impl<'a> Source<'a> {
             }
             Surface::Change { .. } => return Ok(None),
         }))
+    }
+
+    fn glow(&self, raw: Raw<'a, Triple>) -> Result<Curve<DVec3>, SceneError> {
+        self.curve(raw, |raw| Ok(self.radiance(raw)?.as_dvec3()))
+    }
+
+    /// How the radiance of an entry changes in time, if it does.
+    pub fn changing_glow(&self, raw: Raw<'a, Surface<'a>>) -> Result<Option<Curve<DVec3>>, SceneError> {
+        match self.get(raw)? {
+            Surface::Emitter { radiance, .. } | Surface::Change { radiance: Some(radiance), .. } => {
+                self.glow(radiance).map(|glow| Some(glow).filter(|glow| !glow.is_constant()))
+            }
+            _ => Ok(None),
+        }
     }
 
     fn share(&self, raw: Raw<'a, f64>) -> Result<f32, SceneError> {
@@ -54,7 +69,7 @@ impl<'a> Source<'a> {
             (Some(_), Some(_)) => Err(self.other_model(&file.name, raw, "a material has either `metallic` and `roughness` or `specular` and `exponent`")),
         };
         let reflectance = reflectance.map_or(Ok(file.reflectance), |raw| self.reflectance(raw));
-        let emission = radiance.map_or(Ok(file.emission), |raw| self.radiance(raw));
+        let emission = radiance.map_or(Ok(file.emission), |raw| self.glow(raw).map(|glow| glow.at(0.0).as_vec3()));
         let two_sided = two_sided.map_or(Ok(file.two_sided), |raw| self.get(raw));
         let (reflectance, emission, two_sided, glossy) = (reflectance, emission, two_sided, glossy).together()?;
         Ok(Material { reflectance, emission, two_sided, glossy, ..file })

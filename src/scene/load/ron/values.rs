@@ -1,9 +1,10 @@
 //! Values of scene documents: numbers in their ranges, colours, vectors. What is wrong with one underlines it.
 
-use super::document::{NormalsChoice, Raw, Triple};
+use super::document::{Keys, NormalsChoice, Raw, Triple};
+use crate::math::curve::{Between, Components, Curve};
 use crate::scene::load::{
     Normals,
-    error::{Problem, SceneError, SourceText, suggestion},
+    error::{Problem, SceneError, SourceText, Together, all, suggestion},
 };
 use crate::scene::model::{MAX_SIDE, Rgb};
 use ::ron::{Options, error::SpannedError, extensions::Extensions};
@@ -79,6 +80,34 @@ impl<'a> Source<'a> {
         Err(self.error(Problem::NonFinite, raw, "a value is no finite number in single precision", "not finite").help("use numbers between -3.4e38 and 3.4e38"))
     }
 
+    /// What a value is at all times: what `read` makes of it, or of each of its keys.
+    pub fn curve<T, V: Components>(&self, raw: Raw<'a, T>, read: impl Fn(Raw<'a, T>) -> Result<V, SceneError>) -> Result<Curve<V>, SceneError> {
+        if !(raw.text.starts_with(char::is_alphabetic) && raw.text.contains('(')) {
+            return read(raw).map(Curve::constant);
+        }
+        let (kind, keys) = match self.parse(raw.text)? {
+            Keys::Step(keys) => (Kind::Step, keys),
+            Keys::Linear(keys) => (Kind::Linear, keys),
+            Keys::Smooth(keys) => (Kind::Smooth, keys),
+        };
+        if keys.is_empty() {
+            return Err(self
+                .error(Problem::Format, raw, "there is no key", "needs one at least")
+                .help("write a time in seconds and a value: Linear([(0, VALUE), (2.5, VALUE)])"));
+        }
+        let times = all(keys.iter().map(|(time, _)| self.number(*time)));
+        let (times, values) = (times, all(keys.iter().map(|(_, value)| read(*value)))).together()?;
+        if let Some(late) = (1..times.len()).find(|&key| times[key] <= times[key - 1]) {
+            return Err(self.out_of_range(keys[late].0, "later than the key before it"));
+        }
+        let between = match kind {
+            Kind::Step => Between::Step,
+            Kind::Linear => Between::Linear,
+            Kind::Smooth => Between::smooth(&times, &values),
+        };
+        Curve::new(times, values, between).ok_or_else(|| self.error(Problem::Format, raw, "these keys make no curve", "here"))
+    }
+
     /// A number in a range; `range` says it in words.
     pub fn number_in(&self, raw: Raw<'a, f64>, range: &str, holds: impl Fn(f64) -> bool) -> Result<f64, SceneError> {
         let value = self.number(raw)?;
@@ -125,6 +154,13 @@ impl<'a> Source<'a> {
         let holds = size.iter().all(|side| (1..=MAX_SIDE).contains(side));
         if holds { Ok(size) } else { Err(self.out_of_range(raw, &format!("1 to {MAX_SIDE} pixels a side"))) }
     }
+}
+
+/// How keys are joined.
+enum Kind {
+    Step,
+    Linear,
+    Smooth,
 }
 
 /// Byte offset of a line and column, both from 1, columns in characters.

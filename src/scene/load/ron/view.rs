@@ -8,34 +8,51 @@ use crate::scene::load::{
     image,
     sky::{self, Clear},
 };
-use crate::scene::model::{Camera, Environment, FieldOfView, Light, LightKind};
+use crate::{
+    math::curve::Curve,
+    scene::{
+        animation::{CameraTrack, LightTrack, Look, Stand, moves},
+        model::{Camera, Environment, FieldOfView, Light, LightKind},
+    },
+};
 use glam::{DVec3, Vec3};
 
 impl<'a> Reader<'a> {
     pub fn add_light(&mut self, raw: Raw<'a, LightEntry<'a>>) -> Result<(), SceneError> {
         let source = self.source;
-        let (kind, shadows, at) = match source.get(raw)? {
+        let (strength_of, place_of) =
+            (|raw| source.curve(raw, |raw| source.radiance(raw).map(|light| light.as_dvec3())), |raw| source.curve(raw, |raw| source.vector(raw)));
+        let direction_of = |raw| source.curve(raw, |raw| source.unit(raw));
+        let (first, down) = (|curve: &Curve<DVec3>| curve.at(0.0).as_vec3(), || Curve::constant(DVec3::NEG_Y));
+        let toward = |curve: &Curve<DVec3>| first_direction(curve).as_vec3();
+        let (kind, shadows, at, direction, strength) = match source.get(raw)? {
             LightEntry::Point { position, intensity, shadows } => {
-                let (at, intensity) = (source.vector(position), source.radiance(intensity)).together()?;
-                (LightKind::Point { position: Vec3::ZERO, intensity }, shadows, at)
+                let (at, strength) = (place_of(position), strength_of(intensity)).together()?;
+                (LightKind::Point { position: Vec3::ZERO, intensity: first(&strength) }, shadows, at, down(), strength)
             }
             LightEntry::Spot { position, direction, intensity, inner, outer, shadows } => {
                 let outer = source.number_in(outer, "greater than 0 and at most 90 degrees", |d| d > 0.0 && d <= 90.0);
                 // Beside an outer angle that is wrong, any inner one will do.
                 let widest = outer.as_ref().map_or(f64::INFINITY, |outer| *outer);
                 let inner = inner.map_or(Ok(0.0), |raw| source.number_in(raw, "0 or more and less than `outer`", |d| (0.0..widest).contains(&d)));
-                let (at, direction, intensity, angles) =
-                    (source.vector(position), source.unit(direction), source.radiance(intensity), (inner, outer).together()).together()?;
+                let (at, direction, strength, angles) =
+                    (place_of(position), direction_of(direction), strength_of(intensity), (inner, outer).together()).together()?;
                 let [inner, outer] = [angles.0, angles.1].map(|degrees| degrees.to_radians() as f32);
-                (LightKind::Spot { position: Vec3::ZERO, direction: direction.as_vec3(), intensity, inner, outer }, shadows, at)
+                let kind = LightKind::Spot { position: Vec3::ZERO, direction: toward(&direction), intensity: first(&strength), inner, outer };
+                (kind, shadows, at, direction, strength)
             }
             LightEntry::Directional { direction, irradiance, shadows } => {
-                let (direction, irradiance) = (source.unit(direction), source.radiance(irradiance)).together()?;
-                (LightKind::Directional { direction: direction.as_vec3(), irradiance }, shadows, DVec3::ZERO)
+                let (direction, strength) = (direction_of(direction), strength_of(irradiance)).together()?;
+                let kind = LightKind::Directional { direction: toward(&direction), irradiance: first(&strength) };
+                (kind, shadows, Curve::constant(DVec3::ZERO), direction, strength)
             }
         };
-        let name = format!("light {}", self.draft.lights.len() + 1);
-        self.draft.lights.push((Light { name, kind, shadows }, at));
+        let (name, place) = (format!("light {}", self.draft.lights.len() + 1), at.at(0.0));
+        if moves(&[&at, &direction, &strength]) {
+            let stand = Stand::Free { at, look: Look::Along(direction), up: Curve::constant(DVec3::Y) };
+            self.draft.animation.lights.push(LightTrack { light: self.draft.lights.len(), stand, strength: Some(strength) });
+        }
+        self.draft.lights.push((Light { name, kind, shadows }, place));
         Ok(())
     }
 
@@ -46,13 +63,18 @@ impl<'a> Reader<'a> {
             return Err(self.twice(place, "camera"));
         }
         let entry = source.get(raw)?;
-        let eye = source.vector(entry.eye);
-        let direction = self.direction(&name, raw, &entry, eye.as_ref().ok());
-        let up = entry.up.map_or(Ok(DVec3::Y), |raw| source.unit(raw));
-        let angle = source.number_in(entry.fov, "greater than 0 and less than 180 degrees", |d| d > 0.0 && d < 180.0);
+        let eye = source.curve(entry.eye, |raw| source.vector(raw));
+        let look = self.look(&name, raw, &entry, eye.as_ref().ok());
+        let up = entry.up.map_or_else(|| Ok(Curve::constant(DVec3::Y)), |raw| source.curve(raw, |raw| source.unit(raw)));
+        let in_range = |raw| source.number_in(raw, "greater than 0 and less than 180 degrees", |d| d > 0.0 && d < 180.0).map(f64::to_radians);
         let size = entry.size.map(|raw| source.picture_size(raw)).transpose();
-        let (eye, direction, up, angle, size) = (eye, direction, up, angle, size).together()?;
-        let upright = up.reject_from_normalized(direction);
+        let (at, look, up, angle, size) = (eye, look, up, source.curve(entry.fov, in_range), size).together()?;
+        let eye = at.at(0.0);
+        let direction = match &look {
+            Look::Along(direction) => first_direction(direction),
+            Look::At(_) => look.from(eye, 0.0).normalize_or(DVec3::NEG_Z),
+        };
+        let upright = first_direction(&up).reject_from_normalized(direction);
         if upright.length() < 1e-6 {
             let message = format!("camera `{name}` looks along its own `up`");
             return Err(source.error(Problem::Range, raw, message, "no way up").help("give it an `up` that is not parallel to its direction"));
@@ -62,22 +84,27 @@ impl<'a> Reader<'a> {
             eye: Vec3::ZERO,
             direction: direction.as_vec3(),
             up: upright.normalize().as_vec3(),
-            field_of_view: FieldOfView::Horizontal(angle.to_radians() as f32),
+            field_of_view: FieldOfView::Horizontal(angle.at(0.0) as f32),
             size,
             sample: Default::default(),
         };
+        if moves(&[&at, look.curve(), &up]) || !angle.is_constant() {
+            let camera = self.draft.cameras.len();
+            self.draft.animation.cameras.push(CameraTrack { camera, stand: Stand::Free { at, look, up }, angle: Some(angle) });
+        }
         self.draft.add_camera(camera, eye);
         Ok(())
     }
 
     /// Where a camera looks. From an eye that is wrong, anywhere will do.
-    fn direction(&self, name: &str, raw: Raw<'a, CameraEntry<'a>>, entry: &CameraEntry<'a>, eye: Option<&DVec3>) -> Result<DVec3, SceneError> {
+    fn look(&self, name: &str, raw: Raw<'a, CameraEntry<'a>>, entry: &CameraEntry<'a>, eye: Option<&Curve<DVec3>>) -> Result<Look, SceneError> {
         let source = self.source;
         match (entry.direction, entry.target) {
-            (Some(direction), None) => source.unit(direction),
+            (Some(direction), None) => source.curve(direction, |raw| source.unit(raw)).map(Look::Along),
             (None, Some(target)) => {
-                let (at, Some(eye)) = (source.vector(target)?, eye) else { return Ok(DVec3::Z) };
-                (at - eye).try_normalize().ok_or_else(|| source.out_of_range(target, "away from the eye"))
+                let look = source.curve(target, |raw| source.vector(raw)).map(Look::At)?;
+                let is_blind = eye.is_some_and(|eye| look.from(eye.at(0.0), 0.0) == DVec3::ZERO);
+                if is_blind { Err(source.out_of_range(target, "away from the eye")) } else { Ok(look) }
             }
             _ => {
                 let message = format!("camera `{name}` needs either a `direction` or a `target`");
@@ -107,6 +134,12 @@ impl<'a> Reader<'a> {
             }
         })
     }
+}
+
+/// A direction at the beginning, whose keys are of unit length.
+fn first_direction(curve: &Curve<DVec3>) -> DVec3 {
+    let direction = curve.at(0.0);
+    if curve.is_constant() { direction } else { direction.normalize_or(curve.values()[0]) }
 }
 
 impl<'a> Source<'a> {

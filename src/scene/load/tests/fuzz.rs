@@ -1,6 +1,7 @@
 //! Damaged files: loading answers with a sound scene or an error, and never panics.
 
 use super::*;
+use crate::scene::stage::Stage;
 use rayon::prelude::*;
 use std::{panic::catch_unwind, time::Instant};
 
@@ -8,6 +9,7 @@ use std::{panic::catch_unwind, time::Instant};
 const DOCUMENT: &str = r#"Scene(version: 1, about: "all of it", source: "here", geometry: [
     Generate(Hall(triangles: 2000)), Box(min: (0, 0, 0), max: (1, 1, 1), material: "red"),
     Place(of: [Sphere(centre: (0, 0, 0), radius: 1, subdivisions: 1)], scale: (1, 2, -1), rotate: (axis: (0, 1, 0), degrees: 20), translate: (5, 0, 0)),
+    Place(of: [Box(min: (0, 0, 0), max: (1, 1, 1), material: "red")], rotate: (axis: (0, 1, 0), degrees: Smooth([(0, 0), (1, 90), (2, 30)])), translate: Linear([(0, (0, 0, 0)), (1, (1, 2, 0))])),
     Quad(corners: ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)), material: "lamp"), Teapot(centre: (3, 0, 0), scale: 0.5, detail: 2, material: "red"),
     Triangles(positions: [(0, 0, 0), (1, 0, 0), (0, 1, 0)], indices: [(0, 1, 2)], material: "shiny"),
     ], materials: { "*": Diffuse(reflectance: (0.7, 0.7, 0.7)), "red": Ward(reflectance: (0.5, 0, 0), specular: (0.1, 0.1, 0.1), alpha: (0.1, 0.2)),
@@ -69,6 +71,10 @@ fn survive(name: &str, files: &[(&str, &[u8])]) -> bool {
     let outcome = catch_unwind(|| match load_files(files) {
         Ok(scene) => {
             expect_sound(&scene);
+            // Of millions of triangles a hierarchy takes long.
+            if !scene.animation.is_empty() && scene.triangles.len() < 10_000 {
+                expect_to_move(scene);
+            }
             true
         }
         Err((error, _)) => {
@@ -78,6 +84,22 @@ fn survive(name: &str, files: &[(&str, &[u8])]) -> bool {
     });
     assert!(start.elapsed().as_secs() < 10, "{name} took {:?}:\n{}", start.elapsed(), told());
     outcome.unwrap_or_else(|_| panic!("{name} broke the loader:\n{}", told()))
+}
+
+/// Whenever it is looked at, it is finite, or the change is refused.
+fn expect_to_move(scene: Scene) {
+    let Ok((mut stage, animation)) = Stage::animated(scene) else { return };
+    for time in [0.3, 1.0, 1e9, -5.0] {
+        let moment = animation.at(time);
+        let _ = stage.change(&stage.changes_to(&moment));
+        assert!(stage.scene.triangles.iter().all(|triangle| triangle.positions.iter().chain(&triangle.normals).all(|vector| vector.is_finite())));
+        assert!(stage.scene.materials.iter().all(|material| material.emission.is_finite()));
+        assert!(stage.scene.lights.iter().all(|light| light.kind.intensity().is_finite()));
+        for camera in &stage.scene.cameras {
+            let camera = moment.camera(&stage.scene, camera);
+            assert!((camera.direction.length() - 1.0).abs() < 1e-4 && camera.direction.dot(camera.up).abs() < 1e-4, "{camera:?}");
+        }
+    }
 }
 
 /// Most bytes that the process has held, where the system tells.
@@ -123,7 +145,12 @@ fn damaged_gltf_never_panics() {
     // Mostly the text part, whose numbers are those that can lead astray.
     expect_survival("a glTF text", |random| survive("a glTF text", &[("a.glb", &[&binary[..20], &random.damaged(&binary[20..])].concat())]));
     expect_survival("a glTF file", |random| survive("a glTF file", &[("a.glb", &random.damaged(&binary))]));
-    for (what, file) in [("maps", super::maps::mapped()), ("charts", super::maps::charted()), ("instances", super::gltf::instanced())] {
+    for (what, file) in [
+        ("maps", super::maps::mapped()),
+        ("charts", super::maps::charted()),
+        ("instances", super::gltf::instanced()),
+        ("animations", super::animation::moving_file()),
+    ] {
         let (what, file) = (format!("a glTF text with {what}"), file.finish());
         expect_survival(&what, |random| survive(&what, &[("a.glb", &[&file[..20], &random.damaged(&file[20..])].concat())]));
     }

@@ -45,6 +45,11 @@ impl Builder {
         self.accessor(json!({"bufferView": view, "componentType": 5126, "count": vectors.len(), "type": format!("VEC{N}"), "min": low, "max": high}))
     }
 
+    pub fn scalars(&mut self, numbers: &[f32]) -> usize {
+        let view = self.view(&numbers.iter().flat_map(|x| x.to_le_bytes()).collect::<Vec<u8>>());
+        self.accessor(json!({"bufferView": view, "componentType": 5126, "count": numbers.len(), "type": "SCALAR"}))
+    }
+
     pub fn indices(&mut self, indices: &[u16]) -> usize {
         let bytes: Vec<u8> = indices.iter().flat_map(|i| i.to_le_bytes()).collect();
         let view = self.view(&bytes);

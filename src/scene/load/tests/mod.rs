@@ -1,5 +1,6 @@
 //! Tests of loading, by kind.
 
+mod animation;
 mod cleaning;
 mod compressed;
 mod errors;

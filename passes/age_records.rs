@@ -1,0 +1,288 @@
+//! Records of earlier frames come to this one: moved with what they sit on, a frame older, and dropped where nobody has seen them for long.
+
+use super::lives::{needed_where_it_moves, surface_under, word};
+use super::record::{RECORD_BYTES, Record, pinhole, texels};
+use crate::contract::{Arguments, Description, Encoder, Input, Need, Output, Parameter, ParameterKind, Pass, Port, PortKind, Refusal, Takes};
+use crate::math::{
+    life::{Life, Lifespan, Word, heard},
+    projection::Pinhole,
+    random::hash,
+    weight,
+};
+use crate::scene::{Bounds, Scene, bvh::Bvh, needs::Needs};
+use crate::schedule::*;
+use glam::{DMat3, DMat4, Vec3, Vec4, Vec4Swizzles};
+use rayon::prelude::*;
+
+pub struct AgeRecords;
+
+static DESCRIPTION: Description = Description {
+    name: "AgeRecords",
+    about: "Brings the records of earlier frames to this one, in a scene that moves: moves them with what they sit on, and drops those that nobody has seen for long; by the host",
+    source: "THESIS 5.2 to 5.4; lifespans that neighbours tell of: our own",
+    parameters: &[Parameter {
+        name: "lifespan",
+        about: "frames that a record lives at most until it is sampled anew, or dropped where nobody sees it",
+        unit: "frames",
+        kind: ParameterKind::Integer { default: 16, min: 1, max: 10_000 },
+    }],
+    inputs: &[
+        Input { name: "of", about: "the records of earlier frames", accepts: PortKind::RecordCache, takes: Takes::One, changes: true },
+        Input { name: "gbuffer", about: "the visible surfaces", accepts: PortKind::GBuffer, takes: Takes::One, changes: false },
+    ],
+    outputs: &[Output { name: "cache", about: "the records where they are now", kind: PortKind::RecordCache }],
+};
+
+impl Pass for AgeRecords {
+    fn description(&self) -> &'static Description {
+        &DESCRIPTION
+    }
+
+    fn need(&self, _: &Arguments, needs: &Needs) -> Need {
+        needed_where_it_moves(needs)
+    }
+
+    fn stands_for(&self) -> Option<[&'static str; 2]> {
+        Some(["of", "cache"])
+    }
+
+    fn encode(&self, e: &mut Encoder<'_>) -> Result<(), Refusal> {
+        let (Some(cache), Some(gbuffer)) = (e.record_cache("of").copied(), e.g_buffer("gbuffer").copied()) else { return Ok(()) };
+        let Some(lives) = cache.lives else {
+            return Err(Refusal::new(
+                "plan::lives",
+                "records that end with the frame, or with a change of the scene, do not age",
+                "give their RecordCache the parameter `lasts: Changes`",
+            ));
+        };
+        if cache.coefficients.is_some() {
+            return Err(Refusal::new(
+                "plan::lives_of_radiance",
+                "records of radiance do not live on while the scene changes",
+                "leave AgeRecords, DueRecords and RenewRecords away, so that each frame has records of its own",
+            ));
+        }
+        let (most, rule) = (e.arguments.integer("lifespan") as f32, cache.rule);
+        let (dropped, frames) = (e.variable("dropped", false), e.variable("frames", true));
+        e.survives(&[], &[frames]);
+        let reads = [Read::counted(cache.records, RECORD_BYTES, cache.count), Read::whole(lives.items), Read::whole(gbuffer.position)];
+        e.host("age", &reads, &[cache.records, lives.items], move |host| {
+            // Further samples of a picture are of the same time.
+            if host.camera().0.sample.number > 0 {
+                return Ok(());
+            }
+            let count = host.variable(cache.count) as usize;
+            let mut records: Vec<Record> = bytemuck::pod_collect_to_vec(&host.read(cache.records)[..count * size_of::<Record>()]);
+            let mut all: Vec<Life> = bytemuck::pod_collect_to_vec(&host.read(lives.items)[..count * size_of::<Life>()]);
+            let (ground, known) = (Ground::of(host), (host.variable(lives.known) as usize).min(count));
+            ground.bear(&records, &mut all, known, most);
+            // Records that a run was given, or that had to go to other memory, are of a scene that may have been otherwise.
+            if host.variable(frames) == 0 {
+                all.iter_mut().for_each(|life| life.left = 0.0);
+            }
+            hear(&records, &mut all, &rule);
+            ground.age(&mut records, &mut all, &Seen { pinhole: pinhole(host), position: texels(host, gbuffer.position) });
+            let is_kept = |life: &Life| life.unseen as f32 <= most;
+            let (records, all): (Vec<Record>, Vec<Life>) = records.into_iter().zip(all).filter(|(_, life)| is_kept(life)).unzip();
+            host.set(dropped, (count - records.len()) as u32);
+            host.set(cache.count, records.len() as u32);
+            host.set(lives.known, records.len() as u32);
+            host.set(frames, 1);
+            host.write(cache.records, 0, bytemuck::cast_slice(&records));
+            host.write(lives.items, 0, bytemuck::cast_slice(&all));
+            Ok(())
+        });
+        e.report_variable("dropped_records", dropped);
+        e.output("cache", Port::RecordCache(cache));
+        Ok(())
+    }
+}
+
+/// Records that were sampled anew in the frame before tell those beside them how long they live.
+fn hear(records: &[Record], all: &mut [Life], rule: &weight::Rule) {
+    let words: Vec<Word> =
+        records.iter().zip(&*all).filter(|(_, life)| life.samplings > 0 && life.age == 0.0).map(|(record, life)| word(record, life, rule)).collect();
+    let heard = heard(&words);
+    all.par_iter_mut().zip(records).for_each(|(life, record)| life.left = life.left.min(heard(record.place())));
+}
+
+/// A place and normal where a mover has brought them; None where they are nowhere.
+fn carried(motions: &[DMat4], mover: Option<usize>, [position, normal]: [Vec3; 2]) -> Option<[Vec3; 2]> {
+    let Some(map) = mover.and_then(|mover| motions.get(mover)).filter(|map| **map != DMat4::IDENTITY) else { return Some([position, normal]) };
+    let normal = (DMat3::from_mat4(*map).inverse().transpose() * normal.as_dvec3()).try_normalize()?.as_vec3();
+    Some([map.transform_point3(position.as_dvec3()).as_vec3(), normal]).filter(|[position, normal]| position.is_finite() && normal.is_finite())
+}
+
+/// Brings a record to where its mover is now; whether it is anywhere.
+fn carry(record: &mut Record, mover: Option<usize>, motions: &[DMat4]) -> bool {
+    let Some(map) = mover.and_then(|mover| motions.get(mover)).filter(|map| **map != DMat4::IDENTITY) else { return true };
+    let mut moved = weight::Record::from(&*record);
+    let Some([position, normal]) = carried(motions, mover, [moved.position, moved.normal]) else { return false };
+    (moved.position, moved.normal) = (position, normal);
+    // What is scaled, too, changes its light by more than its place: it will be sampled anew.
+    let turned = |vector: Vec3| map.transform_vector3(vector.as_dvec3()).normalize_or_zero().as_vec3() * vector.length();
+    moved.rotation = moved.rotation.map(turned);
+    moved.translation = moved.translation.map(turned);
+    moved.stretch = turned(moved.stretch);
+    *record = Record::from(&moved);
+    true
+}
+
+/// What records stand on.
+struct Ground<'a> {
+    scene: &'a Scene,
+    bvh: &'a Bvh,
+    extent: f32,
+    motions: &'a [DMat4],
+    /// Of the movers, as they stand.
+    bounds: Vec<Bounds>,
+}
+
+impl<'a> Ground<'a> {
+    fn of(host: &'a dyn HostContext) -> Self {
+        let (scene, motions) = (host.scene(), host.motions());
+        let bounds = scene.objects.par_iter().map(|object| Bounds::of(&scene.triangles[object.triangles.clone()])).collect();
+        Self { scene, bvh: host.bvh(), extent: host.extent(), motions, bounds }
+    }
+
+    /// Gives a life to those that have none yet.
+    fn bear(&self, records: &[Record], all: &mut [Life], known: usize, most: f32) {
+        let lifespan = Lifespan { change: 0.0, most, extrapolates: false };
+        let numbered = records[known..].par_iter().zip(all[known..].par_iter_mut()).enumerate();
+        numbered.for_each(|(number, (record, life))| {
+            *life = Life::new(record.irradiance(), hash((known + number) as u32), self.mover_of(record), &lifespan);
+        });
+    }
+
+    /// The mover that a record sits on which was made in the picture before: where that has brought it, it is on its surface.
+    fn mover_of(&self, record: &Record) -> Option<usize> {
+        (0..self.motions.len()).find(|mover| {
+            let place = carried(self.motions, Some(*mover), record.place()).filter(|[at, _]| self.bounds[*mover].distance(*at) <= record.footprint());
+            let triangle = place.and_then(|place| surface_under((self.scene, self.bvh, self.extent), place, record.footprint()));
+            triangle.is_some_and(|triangle| self.scene.objects[*mover].triangles.contains(&(triangle as usize)))
+        })
+    }
+
+    /// A frame passes.
+    fn age(&self, records: &mut [Record], all: &mut [Life], seen: &Seen<'_>) {
+        all.par_iter_mut().zip(records).for_each(|(life, record)| {
+            let is_there = carry(record, life.mover(), self.motions);
+            *life = life.aged();
+            if life.changes() {
+                record.set_irradiance(life.light());
+            }
+            life.unseen = if is_there && seen.shows(record.place()[0], record.footprint()) { 0 } else { life.unseen + 1 };
+        });
+    }
+}
+
+/// What the picture shows.
+struct Seen<'a> {
+    pinhole: Pinhole,
+    /// Of each pixel, and its width there; 0 where it sees nothing.
+    position: &'a [[f32; 4]],
+}
+
+/// Widths of its pixel by which a record may be hidden, or lie beside the picture, and still count for what is seen.
+const MARGIN: f32 = 24.0;
+
+impl Seen<'_> {
+    fn shows(&self, position: Vec3, footprint: f32) -> bool {
+        let reach = MARGIN * footprint;
+        let Some(bounds) = self.pinhole.bounds(position, reach) else { return false };
+        let [width, height] = self.pinhole.size;
+        let near = |x: u32, y: u32| {
+            let there = Vec4::from(self.position[(y * width + x) as usize]);
+            there.w > 0.0 && there.xyz().distance(position) < reach
+        };
+        // A few pixels of those that it may reach tell.
+        let steps = |low: u32, high: u32, limit: u32| {
+            let (low, high) = (low.min(limit - 1), high.min(limit).max(low.min(limit - 1) + 1));
+            (0..=4).map(move |step| low + (high - 1 - low) * step / 4)
+        };
+        steps(bounds.min[1], bounds.max[1], height).any(|y| steps(bounds.min[0], bounds.max[0], width).any(|x| near(x, y)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::passes::mock::{self, MockHost};
+    use crate::scene::{Material, Object, Triangle};
+    use glam::{DQuat, DVec3};
+
+    fn floor(height: f32) -> Triangle {
+        Triangle {
+            positions: [Vec3::new(-9.0, -9.0, height), Vec3::new(9.0, -9.0, height), Vec3::new(0.0, 9.0, height)],
+            normals: [Vec3::Z; 3],
+            uvs: Default::default(),
+            tints: Default::default(),
+            material: 0,
+        }
+    }
+
+    /// A floor that stays, and one above it that has risen by 2.
+    fn host() -> MockHost {
+        let mut host = MockHost::new(vec![floor(0.0), floor(3.0)], [8, 8]);
+        host.scene.materials = vec![Material::diffuse("", Vec3::ONE)];
+        let upper = host.scene.triangles.iter().position(|triangle| triangle.positions[0].z == 3.0).unwrap();
+        host.scene.objects = vec![Object { name: String::new(), triangles: upper..upper + 1 }];
+        host.motions = vec![DMat4::from_translation(DVec3::new(0.0, 0.0, 2.0))];
+        host
+    }
+
+    fn record(height: f32) -> Record {
+        Record::from(&crate::math::weight::Record { position: Vec3::new(0.1, 0.2, height), footprint: 0.01, ..mock::record() })
+    }
+
+    /// A record was made where its surface was in the picture before.
+    #[test]
+    fn records_know_what_they_sit_on() {
+        let host = host();
+        let ground = Ground::of(&host);
+        assert_eq!([0.0, 1.0, 3.0].map(|height| ground.mover_of(&record(height))), [None, Some(0), None]);
+        let mut all = [Life::new(Vec3::ONE, 1, None, &Lifespan { change: 0.0, most: 9.0, extrapolates: false }); 2];
+        ground.bear(&[record(0.0), record(1.0)], &mut all, 0, 16.0);
+        assert_eq!(all.map(|life| life.mover()), [None, Some(0)]);
+    }
+
+    /// What a record foretells of a point is the same before and after both have moved with what they are on.
+    #[test]
+    fn records_go_where_their_mover_goes() {
+        let before = weight::Record {
+            position: Vec3::new(1.0, 2.0, 3.0),
+            rotation: [Vec3::new(0.0, 0.1, 0.2), Vec3::X, Vec3::Y],
+            translation: [Vec3::new(0.2, -0.1, 0.0), Vec3::Y, Vec3::X],
+            stretch: 0.5 * Vec3::X,
+            ..mock::record()
+        };
+        let map = DMat4::from_rotation_translation(DQuat::from_axis_angle(DVec3::new(1.0, 2.0, 2.0) / 3.0, 1.1), DVec3::new(4.0, -5.0, 6.0));
+        let motions = [DMat4::IDENTITY, map];
+        let (moved, turned) = (|at: Vec3| map.transform_point3(at.as_dvec3()).as_vec3(), |way: Vec3| map.transform_vector3(way.as_dvec3()).as_vec3());
+        let mut after = Record::from(&before);
+        assert!(carry(&mut after, Some(1), &motions));
+        let after = weight::Record::from(&after);
+        let (point, normal) = (Vec3::new(1.3, 2.1, 3.0), Vec3::new(0.1, 0.0, 1.0).normalize());
+        let rule = mock::rule();
+        let (was, is) = (rule.reaching(&before), rule.reaching(&after));
+        assert!(was.estimate(point, normal).distance(is.estimate(moved(point), turned(normal))) < 1e-5);
+        assert!((was.weight(point, normal) - is.weight(moved(point), turned(normal))).abs() < 1e-4);
+        let mut still = Record::from(&before);
+        assert!(carry(&mut still, Some(0), &motions) && carry(&mut still, None, &motions));
+        assert_eq!(weight::Record::from(&still), before);
+        assert!(!carry(&mut still, Some(0), &[DMat4::from_scale(DVec3::new(0.0, 0.0, 0.0))]), "what has vanished is nowhere");
+    }
+
+    #[test]
+    fn what_the_picture_shows_is_seen() {
+        let pinhole = pinhole(&host());
+        // Every pixel sees a wall four units ahead.
+        let position: Vec<[f32; 4]> = (0..64).map(|pixel| [(pixel % 8) as f32 - 3.5, 3.5 - (pixel / 8) as f32, -4.0, 1.0]).collect();
+        let seen = Seen { pinhole, position: &position };
+        let shows = |at: Vec3| seen.shows(at, 0.05);
+        assert!(shows(Vec3::new(0.5, 0.5, -4.0)));
+        assert!(!shows(Vec3::new(0.5, 0.5, -9.0)), "behind the wall");
+        assert!(!shows(Vec3::new(30.0, 0.0, -4.0)), "beside the picture");
+        assert!(!shows(Vec3::new(0.0, 0.0, 4.0)), "behind the eye");
+    }
+}

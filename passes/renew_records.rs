@@ -1,0 +1,139 @@
+//! Records that were sampled anew take the place of the old ones.
+
+use super::lives::needed_where_it_moves;
+use super::record::{RECORD_BYTES, Record};
+use crate::contract::{Arguments, Description, Encoder, Input, Need, Output, Parameter, ParameterKind, Pass, Port, PortKind, Refusal, Takes, port};
+use crate::math::{
+    colour::luminance,
+    life::{Life, Lifespan},
+    weight,
+};
+use crate::scene::needs::Needs;
+use crate::schedule::*;
+
+pub struct RenewRecords;
+
+static DESCRIPTION: Description = Description {
+    name: "RenewRecords",
+    about: "Puts records that were sampled anew in the place of the old ones; how much their light has changed tells how long they live; by the host",
+    source: "THESIS 5.2 to 5.4; the change over two samplings in the place of (5.5)'s quotient, slopes as far as two of them agree: our own",
+    parameters: &[
+        Parameter {
+            name: "change",
+            about: "the share of its light by which a record may have changed before it is sampled anew",
+            unit: "",
+            kind: ParameterKind::Float { default: 0.05, min: 0.001, max: 10.0 },
+        },
+        Parameter {
+            name: "lifespan",
+            about: "frames that a record lives at most",
+            unit: "frames",
+            kind: ParameterKind::Integer { default: 16, min: 1, max: 10_000 },
+        },
+        Parameter {
+            name: "extrapolates",
+            about: "whether records go on changing as they did between their last two samplings",
+            unit: "",
+            kind: ParameterKind::Bool { default: false },
+        },
+    ],
+    inputs: &[
+        Input { name: "of", about: "the records", accepts: PortKind::RecordCache, takes: Takes::One, changes: true },
+        Input { name: "due", about: "the places of those that were due", accepts: PortKind::Requests, takes: Takes::One, changes: false },
+        Input { name: "records", about: "those, sampled anew", accepts: PortKind::Records, takes: Takes::One, changes: false },
+    ],
+    outputs: &[Output { name: "cache", about: "the records as they are now", kind: PortKind::RecordCache }],
+};
+
+impl Pass for RenewRecords {
+    fn description(&self) -> &'static Description {
+        &DESCRIPTION
+    }
+
+    fn need(&self, _: &Arguments, needs: &Needs) -> Need {
+        needed_where_it_moves(needs)
+    }
+
+    fn stands_for(&self) -> Option<[&'static str; 2]> {
+        Some(["of", "cache"])
+    }
+
+    fn encode(&self, e: &mut Encoder<'_>) -> Result<(), Refusal> {
+        let (Some(cache), Some(due), Some(new)) = (e.record_cache("of").copied(), e.requests("due").copied(), e.records("records").copied()) else {
+            return Ok(());
+        };
+        let (Some(slots), Some(lives)) = (due.slots, cache.lives) else {
+            return Err(Refusal::new(
+                "plan::slots",
+                "these are not the places of records that are there already",
+                "take those of a DueRecords, of the same records",
+            ));
+        };
+        encode_on_host(e, cache, lives, (new, slots));
+        e.output("cache", Port::RecordCache(cache));
+        Ok(())
+    }
+}
+
+fn encode_on_host(e: &mut Encoder<'_>, cache: port::RecordCache, lives: port::Lives, (new, slots): (port::Records, Resource)) {
+    let lifespan =
+        Lifespan { change: e.arguments.float("change") as f32, most: e.arguments.integer("lifespan") as f32, extrapolates: e.arguments.bool("extrapolates") };
+    let reads = [
+        Read::counted(cache.records, RECORD_BYTES, cache.count),
+        Read::whole(lives.items),
+        Read::counted(new.records, RECORD_BYTES, new.count),
+        Read::counted(slots, 4, new.count),
+    ];
+    e.host("renew", &reads, &[cache.records, lives.items], move |host| {
+        let renewed = host.variable(new.count) as usize;
+        let fresh: Vec<Record> = bytemuck::pod_collect_to_vec(&host.read(new.records)[..renewed * size_of::<Record>()]);
+        let slots: Vec<u32> = bytemuck::pod_collect_to_vec(&host.read(slots)[..4 * renewed]);
+        let level = level(host, &cache);
+        for (record, slot) in fresh.into_iter().zip(slots.into_iter().map(|slot| slot as usize)) {
+            let at = slot * size_of::<Life>();
+            let life: Life = bytemuck::pod_read_unaligned(&host.read(lives.items)[at..at + size_of::<Life>()]);
+            let (record, life) = renewed_record(record, life, (&cache.rule, &lifespan, level));
+            host.write(cache.records, (slot * size_of::<Record>()) as u64, bytemuck::bytes_of(&record));
+            host.write(lives.items, at as u64, bytemuck::bytes_of(&life));
+        }
+        Ok(())
+    });
+}
+
+/// What the picture's irradiance is, by records that stand far apart: the first.
+fn level(host: &dyn HostContext, cache: &port::RecordCache) -> f32 {
+    const FIRST: usize = 256;
+    let count = (host.variable(cache.count) as usize).min(FIRST);
+    let first: Vec<Record> = bytemuck::pod_collect_to_vec(&host.read(cache.records)[..count * size_of::<Record>()]);
+    let sum: f64 = first.iter().map(|record| luminance(record.irradiance().as_dvec3())).sum();
+    (sum / count.max(1) as f64) as f32
+}
+
+/// A record that was sampled anew as AddRecords would have added it, and its life from now on.
+fn renewed_record(mut record: Record, life: Life, (rule, lifespan, level): (&weight::Rule, &Lifespan, f32)) -> (Record, Life) {
+    /// What is darker than this share of the picture's irradiance changes by shares of that.
+    const FLOOR: f32 = 0.02;
+    record.refine(rule, level);
+    (record, life.renewed(record.irradiance(), FLOOR * level, lifespan))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::passes::mock;
+    use glam::Vec3;
+
+    /// It lives by how much has changed, and reaches as one that is added would.
+    #[test]
+    fn records_are_replaced_where_they_were_due() {
+        let lifespan = Lifespan { change: 0.05, most: 16.0, extrapolates: false };
+        let life = Life { age: 4.0, left: 0.0, ..Life::new(Vec3::ONE, 3, None, &lifespan) };
+        let sampled = |light: f32| Record::from(&weight::Record { irradiance: Vec3::splat(light), fineness: 7.0, ..mock::record() });
+        let (record, changed) = renewed_record(sampled(1.1), life, (&mock::rule(), &lifespan, 1.0));
+        // Wrong by 1/11 in four frames where 1/20 is allowed.
+        assert!((changed.left - 2.2).abs() < 1e-3 && changed.samplings == 1 && changed.age == 0.0, "{changed:?}");
+        assert_eq!(weight::Record::from(&record).fineness, mock::rule().fineness(&weight::Record::from(&sampled(1.1)), 1.0));
+        let (_, same) = renewed_record(sampled(1.0), life, (&mock::rule(), &lifespan, 1.0));
+        assert_eq!(same.left, 5.0);
+    }
+}

@@ -1,0 +1,222 @@
+//! How long records live whose light changes in time (THESIS 5): each is sampled anew when it may have changed by more than is allowed, as far as two
+//! samplings tell how fast it changes.
+
+use super::random::{hash, unit};
+use bytemuck::{Pod, Zeroable};
+use glam::{IVec3, Vec3};
+use std::collections::{BTreeMap, HashMap};
+
+/// What is known of a record beside its light.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct Life {
+    /// What its light was when it was sampled last [W/m²].
+    pub sampled: [f32; 3],
+    /// Frames since.
+    pub age: f32,
+    /// By how much its light is taken to change a frame [W/m²].
+    pub rate: [f32; 3],
+    /// Frames until it is to be sampled anew; 0 or less where it should have been.
+    pub left: f32,
+    /// By how much it changed a frame between the last two samplings [W/m²].
+    pub measured: [f32; 3],
+    /// How often it has been sampled.
+    pub samplings: u32,
+    /// Turn of its hemisphere [radians]: the same each time, so that chance takes no part in what changes.
+    pub turn: f32,
+    /// Frames since it was last seen.
+    pub unseen: u32,
+    /// One more than the mover that it sits on; 0 for what stays.
+    pub mover: u32,
+    /// 1 where its light was quite another when it was sampled last than before.
+    pub jumped: u32,
+}
+
+/// How far the light of records may be wrong in time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Lifespan {
+    /// The share of the light by which a record may have changed: `a` of equation (5.5).
+    pub change: f32,
+    /// Frames that a record lives at most.
+    pub most: f32,
+    /// Whether records go on changing as they did between their last two samplings.
+    pub extrapolates: bool,
+}
+
+/// A change by more than this share is no slope to go on with: a lamp went on, or something came between.
+const JUMP: f32 = 0.5;
+
+/// A record lives no longer than twice as long as it has: where light turns, its slope tells nothing of what comes.
+const GROWTH: f32 = 1.0;
+
+/// The larger change of a channel, as a share of the light; what is darker than `floor` counts as that.
+fn share(a: Vec3, b: Vec3, floor: f32) -> f32 {
+    (a - b).abs().max_element() / a.max_element().max(b.max_element()).max(floor)
+}
+
+/// Of each component the smaller, and 0 where they have different signs: what two slopes agree on.
+fn agreed(a: Vec3, b: Vec3) -> Vec3 {
+    let smaller = |a: f32, b: f32| if a * b <= 0.0 { 0.0 } else { a.abs().min(b.abs()).copysign(a) };
+    Vec3::new(smaller(a.x, b.x), smaller(a.y, b.y), smaller(a.z, b.z))
+}
+
+impl Life {
+    /// Of a record that is new, of so much light. Nobody knows yet how fast it changes: some are sampled early, and tell the others.
+    pub fn new(irradiance: Vec3, number: u32, mover: Option<usize>, lifespan: &Lifespan) -> Self {
+        let chance = unit(hash(number + 1));
+        Self {
+            sampled: irradiance.into(),
+            left: 1.0 + (lifespan.most - 1.0) * chance,
+            turn: std::f32::consts::TAU * unit(hash(number ^ 0x5bd1_e995)),
+            mover: mover.map_or(0, |mover| mover as u32 + 1),
+            ..Self::zeroed()
+        }
+    }
+
+    /// The mover that it sits on.
+    pub fn mover(&self) -> Option<usize> {
+        self.mover.checked_sub(1).map(|mover| mover as usize)
+    }
+
+    /// Whether it is to be sampled anew, and is seen.
+    pub fn is_due(&self) -> bool {
+        self.left <= 0.0 && self.unseen == 0
+    }
+
+    /// Whether its light is taken to change by itself.
+    pub fn changes(&self) -> bool {
+        self.rate != [0.0; 3]
+    }
+
+    /// A frame later.
+    pub fn aged(self) -> Self {
+        Self { age: self.age + 1.0, left: self.left - 1.0, ..self }
+    }
+
+    /// What its light is taken to be now.
+    pub fn light(&self) -> Vec3 {
+        (Vec3::from(self.sampled) + self.age * Vec3::from(self.rate)).max(Vec3::ZERO)
+    }
+
+    /// After it has been sampled anew.
+    pub fn renewed(self, light: Vec3, floor: f32, lifespan: &Lifespan) -> Self {
+        let (age, before) = (self.age.max(1.0), Vec3::from(self.sampled));
+        let (measured, wrong) = ((light - before) / age, share(light, self.light(), floor));
+        let is_jump = share(light, before, floor) > JUMP;
+        // What a slope foretells is wrong with the square of time, what stays with time itself.
+        let slack = lifespan.change / wrong.max(1e-6);
+        let slack = if self.changes() { slack.sqrt() } else { slack };
+        let left = if is_jump { 1.0 } else { (age * slack).min(GROWTH * age + 1.0).clamp(1.0, lifespan.most) };
+        let goes_on = lifespan.extrapolates && !is_jump && self.samplings > 0;
+        let rate = if goes_on { agreed(measured, self.measured.into()) } else { Vec3::ZERO };
+        Self {
+            sampled: light.into(),
+            age: 0.0,
+            rate: rate.into(),
+            left,
+            measured: measured.into(),
+            samplings: self.samplings + 1,
+            jumped: is_jump.into(),
+            ..self
+        }
+    }
+}
+
+/// A record that was sampled anew, as its neighbours hear of it.
+#[derive(Debug, Clone, Copy)]
+pub struct Word {
+    pub position: Vec3,
+    pub normal: Vec3,
+    /// How far it is heard [scene units].
+    pub reach: f32,
+    /// Frames that it lives from now on.
+    pub left: f32,
+}
+
+/// Least cosine between the normals of a record and of one that it tells how fast light changes.
+const ALIKE: f32 = 0.5;
+
+/// Tells how long a record at a place and normal has left, by those that were sampled anew; infinity where none is heard. Who lives for long far away may live longer
+/// than who lives so long nearby.
+pub fn heard(words: &[Word]) -> impl Fn([Vec3; 2]) -> f32 + Sync {
+    // Cells of a power of two that is no less than the reach, so that who is heard is in a cell beside.
+    let level = |word: &Word| word.reach.max(f32::MIN_POSITIVE).log2().ceil() as i32;
+    let key = |level: i32, place: Vec3| (place / (level as f32).exp2()).floor().as_ivec3();
+    let mut levels: BTreeMap<i32, HashMap<IVec3, Vec<&Word>>> = BTreeMap::new();
+    words.iter().for_each(|word| levels.entry(level(word)).or_default().entry(key(level(word), word.position)).or_default().push(word));
+    move |[place, normal]| {
+        let mut left = f32::INFINITY;
+        for (level, cells) in &levels {
+            let here = key(*level, place);
+            let around = (-1..=1).flat_map(|x| (-1..=1).flat_map(move |y| (-1..=1).map(move |z| here + IVec3::new(x, y, z))));
+            for word in around.filter_map(|cell| cells.get(&cell)).flatten().filter(|word| word.normal.dot(normal) > ALIKE) {
+                let far = word.position.distance(place) / word.reach;
+                if far < 1.0 {
+                    left = left.min(word.left * (1.0 + far));
+                }
+            }
+        }
+        left
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const RULE: Lifespan = Lifespan { change: 0.05, most: 20.0, extrapolates: true };
+
+    /// A record of light that is a function of time, sampled when it is due; the largest share by which it was wrong, and how often it was sampled.
+    fn lived(light: impl Fn(f32) -> f32, frames: usize, rule: &Lifespan) -> (f32, u32) {
+        let mut life = Life { left: 1.0, ..Life::new(Vec3::splat(light(0.0)), 7, None, rule) };
+        let mut worst: f32 = 0.0;
+        for frame in 1..=frames {
+            let now = Vec3::splat(light(frame as f32));
+            life = life.aged();
+            if life.left <= 0.0 {
+                life = life.renewed(now, 0.01, rule);
+            }
+            worst = worst.max(share(life.light(), now, 0.01));
+        }
+        (worst, life.samplings)
+    }
+
+    #[test]
+    fn light_that_stays_is_seldom_sampled() {
+        assert_eq!(lived(|_| 3.0, 1000, &RULE), (0.0, 59));
+    }
+
+    #[test]
+    fn light_that_turns_is_hardly_more_wrong_than_allowed() {
+        let swell = |t: f32| 2.0 + (0.05 * t).sin();
+        let (without, often) = lived(swell, 1000, &Lifespan { extrapolates: false, ..RULE });
+        let (with, seldom) = lived(swell, 1000, &RULE);
+        assert!(without < 2.0 * RULE.change && with < 2.5 * RULE.change, "{without} {with}");
+        assert!(often < 320 && seldom < 180, "{often} {seldom}");
+    }
+
+    /// A lamp that goes on is no slope: no record shoots beyond it.
+    #[test]
+    fn jumps_are_not_gone_on_with() {
+        let (worst, samplings) = lived(|t| if t < 100.0 { 1.0 } else { 9.0 }, 200, &RULE);
+        assert!(worst < 0.9 && samplings < 40, "{worst} {samplings}");
+        let life = Life { age: 4.0, samplings: 3, ..Life::new(Vec3::ONE, 1, None, &RULE) }.renewed(Vec3::splat(9.0), 0.01, &RULE);
+        assert_eq!((life.rate, life.left), ([0.0; 3], 1.0));
+    }
+
+    #[test]
+    fn light_that_fades_never_turns_negative() {
+        let life = Life { age: 50.0, rate: [-1.0; 3], ..Life::new(Vec3::ONE, 1, None, &RULE) };
+        assert_eq!(life.light(), Vec3::ZERO);
+        let dark = Life::new(Vec3::ZERO, 1, None, &RULE).aged().renewed(Vec3::ZERO, 0.0, &RULE);
+        assert!(dark.left.is_finite() && dark.left >= 1.0);
+    }
+
+    #[test]
+    fn neighbours_hear_of_changes() {
+        let word = |x: f32, left| Word { position: x * Vec3::X, normal: Vec3::Z, reach: 2.0, left };
+        let places = [[Vec3::X, Vec3::Z], [Vec3::X, Vec3::NEG_Z], [9.0 * Vec3::X, Vec3::Z], [4.5 * Vec3::X, Vec3::Z]];
+        assert_eq!(places.map(heard(&[word(0.0, 4.0), word(5.0, 8.0)])), [6.0, f32::INFINITY, f32::INFINITY, 10.0]);
+        assert_eq!(places.map(heard(&[])), [f32::INFINITY; 4]);
+    }
+}

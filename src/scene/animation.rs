@@ -1,0 +1,305 @@
+//! What of a scene is otherwise at other times: where its objects, lights and cameras are, and how strong its lights and emitters shine.
+
+use super::{Camera, FieldOfView, Light, LightKind, Material, Object, Scene, stage::Change};
+use crate::math::curve::{Curve, Value};
+use glam::{DAffine3, DMat4, DQuat, DVec3};
+use std::ops::Range;
+
+/// A place that moves, on another that may move, too.
+#[derive(Debug, Clone)]
+pub(crate) struct Node {
+    pub name: String,
+    /// From its coordinates to the world's, as its geometry is read.
+    pub rest: DMat4,
+    /// The one that it stands on, which comes before it.
+    pub parent: Option<usize>,
+    /// From that one's coordinates, or else the world's, to those in which it moves.
+    pub stand: DMat4,
+    pub translation: Curve<DVec3>,
+    pub rotation: Rotation,
+    pub scale: Curve<DVec3>,
+}
+
+/// How a place turns.
+#[derive(Debug, Clone)]
+pub(crate) enum Rotation {
+    Free(Curve<DQuat>),
+    /// Around an axis of unit length [radians].
+    Around(DVec3, Curve<f64>),
+}
+
+impl Rotation {
+    pub fn at(&self, time: f64) -> DQuat {
+        match self {
+            Self::Free(curve) => curve.at(time),
+            Self::Around(axis, angle) => DQuat::from_axis_angle(*axis, angle.at(time)),
+        }
+    }
+
+    pub fn moves(&self) -> bool {
+        match self {
+            Self::Free(curve) => !curve.is_constant(),
+            Self::Around(_, angle) => !angle.is_constant(),
+        }
+    }
+
+    fn end(&self) -> f64 {
+        match self {
+            Self::Free(curve) => curve.end(),
+            Self::Around(_, angle) => angle.end(),
+        }
+    }
+}
+
+impl Node {
+    fn own(&self, scale: DVec3, time: f64) -> DMat4 {
+        DMat4::from_scale_rotation_translation(scale, self.rotation.at(time), self.translation.at(time))
+    }
+
+    /// That of its keys, in each coordinate.
+    fn largest(&self) -> DVec3 {
+        let larger = |a: DVec3, b: DVec3| DVec3::select(a.abs().cmplt(b.abs()), b, a);
+        self.scale.values().iter().copied().fold(DVec3::ZERO, larger)
+    }
+
+    /// The scale that geometry is read with: that of the beginning, but what is small then keeps its digits.
+    fn scale_at_rest(&self) -> DVec3 {
+        let (scale, largest) = (self.scale.at(0.0), self.largest());
+        DVec3::select(scale.abs().cmplt(0.1 * largest.abs()), largest, scale)
+    }
+
+    /// A place on another, or in the world; what stands on it has to be read with it at `rest`.
+    pub fn new(name: String, on: Option<(usize, &Self)>, stand: DMat4, translation: Curve<DVec3>, rotation: Rotation, scale: Curve<DVec3>) -> Self {
+        let mut node = Self { name, rest: DMat4::IDENTITY, parent: on.map(|(number, _)| number), stand, translation, rotation, scale };
+        node.rest = on.map_or(DMat4::IDENTITY, |(_, parent)| parent.rest) * stand * node.own(node.scale_at_rest(), 0.0);
+        node
+    }
+
+    fn end(&self) -> f64 {
+        self.translation.end().max(self.rotation.end()).max(self.scale.end())
+    }
+}
+
+/// Where a light or a camera is, and where it looks.
+#[derive(Debug, Clone)]
+pub(crate) enum Stand {
+    /// On a node, whose coordinates this map brings its own to: it looks along −z, +y is up.
+    On(usize, DMat4),
+    Free {
+        at: Curve<DVec3>,
+        look: Look,
+        up: Curve<DVec3>,
+    },
+}
+
+#[derive(Debug, Clone)]
+pub(crate) enum Look {
+    Along(Curve<DVec3>),
+    At(Curve<DVec3>),
+}
+
+impl Look {
+    /// Which way it looks from an eye; of no length where it looks at the eye.
+    pub fn from(&self, eye: DVec3, time: f64) -> DVec3 {
+        match self {
+            Self::Along(direction) => direction.at(time),
+            Self::At(target) => target.at(time) - eye,
+        }
+    }
+
+    pub fn curve(&self) -> &Curve<DVec3> {
+        match self {
+            Self::Along(curve) | Self::At(curve) => curve,
+        }
+    }
+}
+
+/// A light of a scene by its number.
+#[derive(Debug, Clone)]
+pub(crate) struct LightTrack {
+    pub light: usize,
+    pub stand: Stand,
+    /// Intensity, or irradiance of a directional one; None where it stays.
+    pub strength: Option<Curve<DVec3>>,
+}
+
+/// A camera of a scene by its number.
+#[derive(Debug, Clone)]
+pub(crate) struct CameraTrack {
+    pub camera: usize,
+    pub stand: Stand,
+    /// Of its horizontal field of view [radians]; None where it stays.
+    pub angle: Option<Curve<f64>>,
+}
+
+/// Radiance of a material by its number.
+#[derive(Debug, Clone)]
+pub(crate) struct EmissionTrack {
+    pub material: u32,
+    pub radiance: Curve<DVec3>,
+}
+
+/// Triangles that move together.
+#[derive(Debug, Clone)]
+pub(crate) struct Moving {
+    pub node: usize,
+    /// Of the scene, in the file's order.
+    pub triangles: Range<usize>,
+}
+
+/// All that moves in a scene, and when. Times count from 0 [s]; before its first key a thing is as there, after its last as there.
+#[derive(Debug, Clone, Default)]
+pub struct Animation {
+    pub(crate) nodes: Vec<Node>,
+    pub(crate) moving: Vec<Moving>,
+    pub(crate) lights: Vec<LightTrack>,
+    pub(crate) cameras: Vec<CameraTrack>,
+    pub(crate) emissions: Vec<EmissionTrack>,
+    /// The scene's own.
+    pub(crate) origin: DVec3,
+}
+
+/// Where a thing is and how it is turned; directions have the length that they have.
+struct Pose {
+    at: DVec3,
+    direction: DVec3,
+    up: DVec3,
+}
+
+impl Animation {
+    /// Whether nothing moves.
+    pub fn is_empty(&self) -> bool {
+        self.moving.is_empty() && self.lights.is_empty() && self.cameras.is_empty() && self.emissions.is_empty()
+    }
+
+    /// Whether a light or a surface whose strength changes ever shines.
+    pub(crate) fn shines(&self) -> bool {
+        let strengths = self.lights.iter().filter_map(|track| track.strength.as_ref()).chain(self.emissions.iter().map(|track| &track.radiance));
+        strengths.flat_map(Curve::values).any(|strength| *strength != DVec3::ZERO)
+    }
+
+    /// When all has come to its end [s].
+    pub fn length(&self) -> f64 {
+        let stand = |stand: &Stand| match stand {
+            Stand::On(..) => 0.0,
+            Stand::Free { at, look, up } => at.end().max(look.curve().end()).max(up.end()),
+        };
+        let nodes = self.nodes.iter().map(Node::end);
+        let lights = self.lights.iter().map(|track| stand(&track.stand).max(track.strength.as_ref().map_or(0.0, Curve::end)));
+        let cameras = self.cameras.iter().map(|track| stand(&track.stand).max(track.angle.as_ref().map_or(0.0, Curve::end)));
+        nodes.chain(lights).chain(cameras).chain(self.emissions.iter().map(|track| track.radiance.end())).fold(0.0, f64::max)
+    }
+
+    /// As it is at a time [s].
+    pub fn at(&self, time: f64) -> Moment<'_> {
+        let mut worlds: Vec<DMat4> = Vec::with_capacity(self.nodes.len());
+        for node in &self.nodes {
+            worlds.push(node.parent.map_or(DMat4::IDENTITY, |parent| worlds[parent]) * node.stand * node.own(node.scale.at(time), time));
+        }
+        Moment { animation: self, time, worlds }
+    }
+
+    /// What moves, as objects of the scene.
+    pub(crate) fn objects(&self) -> Vec<Object> {
+        self.moving.iter().map(|moving| Object { name: self.nodes[moving.node].name.clone(), triangles: moving.triangles.clone() }).collect()
+    }
+
+    /// Adds a node; its number.
+    pub(crate) fn add(&mut self, node: Node) -> usize {
+        self.nodes.push(node);
+        self.nodes.len() - 1
+    }
+
+    /// Takes over the nodes of another file, whose geometry is brought to the world by a map and moves with a node of this one; the number of their first.
+    pub(crate) fn absorb(&mut self, others: Vec<Node>, onto: Option<usize>, map: &DMat4) -> usize {
+        let first = self.nodes.len();
+        let to_node = onto.map_or(DMat4::IDENTITY, |node| self.nodes[node].rest.inverse());
+        self.nodes.extend(others.into_iter().map(|node| {
+            let rest = *map * node.rest;
+            match node.parent {
+                Some(parent) => Node { parent: Some(first + parent), rest, ..node },
+                None => Node { parent: onto, stand: to_node * *map * node.stand, rest, ..node },
+            }
+        }));
+        first
+    }
+}
+
+/// A scene's animation at a time.
+pub struct Moment<'a> {
+    animation: &'a Animation,
+    /// [s]
+    time: f64,
+    /// From the coordinates of each node to the world's.
+    worlds: Vec<DMat4>,
+}
+
+impl Moment<'_> {
+    fn pose(&self, stand: &Stand) -> Pose {
+        match stand {
+            Stand::On(node, local) => {
+                let map = self.worlds[*node] * *local;
+                let axis = |axis| map.transform_vector3(axis);
+                Pose { at: map.transform_point3(DVec3::ZERO), direction: axis(DVec3::NEG_Z), up: axis(DVec3::Y) }
+            }
+            Stand::Free { at, look, up } => {
+                let at = at.at(self.time);
+                Pose { at, direction: look.from(at, self.time), up: up.at(self.time) }
+            }
+        }
+    }
+
+    /// What brings the objects that move, in their order, from where they were read to where they are.
+    pub(crate) fn places(&self) -> impl Iterator<Item = DAffine3> {
+        self.animation.moving.iter().map(|moving| {
+            let (rest, world) = (self.animation.nodes[moving.node].rest, self.worlds[moving.node]);
+            if rest == world { DAffine3::IDENTITY } else { DAffine3::from_mat4(world * rest.inverse()) }
+        })
+    }
+
+    /// How a scene's lights and materials have to change to be as they are now.
+    pub(crate) fn changes(&self, scene: &Scene) -> impl Iterator<Item = Change> {
+        let lights = self.animation.lights.iter().filter_map(|track| {
+            let was = scene.lights.get(track.light)?;
+            let light = self.light(was, track);
+            (light != *was).then_some(Change::Light { number: track.light, light })
+        });
+        let materials = self.animation.emissions.iter().filter_map(|track| {
+            let (number, emission) = (track.material as usize, track.radiance.at(self.time).as_vec3());
+            let was = scene.materials.get(number).filter(|was| was.emission != emission)?;
+            Some(Change::Material { number, material: Material { emission, ..was.clone() } })
+        });
+        lights.chain(materials)
+    }
+
+    fn light(&self, was: &Light, track: &LightTrack) -> Light {
+        let (pose, strength) = (self.pose(&track.stand), track.strength.as_ref().map(|curve| curve.at(self.time).as_vec3()));
+        let (place, turned) = ((pose.at - self.animation.origin).as_vec3(), pose.direction.try_normalize().map(|direction| direction.as_vec3()));
+        let mut light = was.clone();
+        match &mut light.kind {
+            LightKind::Point { position, intensity } => (*position, *intensity) = (place, strength.unwrap_or(*intensity)),
+            LightKind::Spot { position, direction, intensity, .. } => {
+                (*position, *direction, *intensity) = (place, turned.unwrap_or(*direction), strength.unwrap_or(*intensity));
+            }
+            LightKind::Directional { direction, irradiance } => (*direction, *irradiance) = (turned.unwrap_or(*direction), strength.unwrap_or(*irradiance)),
+        }
+        light
+    }
+
+    /// A camera of the scene as it is now; one that the scene does not have stays.
+    pub fn camera(&self, scene: &Scene, was: &Camera) -> Camera {
+        let is_its = |track: &&CameraTrack| scene.cameras.get(track.camera).is_some_and(|camera| camera.name == was.name);
+        let Some(track) = self.animation.cameras.iter().find(is_its) else { return was.clone() };
+        let pose = self.pose(&track.stand);
+        let direction = pose.direction.try_normalize().unwrap_or(was.direction.as_dvec3());
+        let upright = |up: DVec3| Some(up.try_normalize()?.reject_from_normalized(direction)).filter(|up| up.length() > 1e-6)?.try_normalize();
+        let up = upright(pose.up).or_else(|| upright(was.up.as_dvec3())).unwrap_or_else(|| direction.any_orthonormal_vector());
+        let field_of_view = track.angle.as_ref().map_or(was.field_of_view, |angle| FieldOfView::Horizontal(angle.at(self.time) as f32));
+        Camera { eye: (pose.at - self.animation.origin).as_vec3(), direction: direction.as_vec3(), up: up.as_vec3(), field_of_view, ..was.clone() }
+    }
+}
+
+/// Whether any of these curves has more than one value.
+pub(crate) fn moves<V: Value>(curves: &[&Curve<V>]) -> bool {
+    curves.iter().any(|curve| !curve.is_constant())
+}

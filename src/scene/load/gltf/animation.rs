@@ -1,0 +1,183 @@
+//! Animations: how nodes move. All of a file play at once, as far as they move different things; of those that do not, the first.
+
+use super::{Reader, node_map};
+use crate::{
+    math::curve::{Between, Curve, Value},
+    scene::animation::{Node, Rotation, moves},
+};
+use ::gltf::{Accessor, Document};
+use glam::{DMat4, DQuat, DVec3};
+use serde_json::Value as Json;
+use std::collections::HashMap;
+
+/// What of a node an animation moves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Path {
+    Translation,
+    Rotation,
+    Scale,
+}
+
+/// How one thing of a node moves.
+#[derive(Debug)]
+struct Channel {
+    node: usize,
+    path: Path,
+    /// Numbers of accessors.
+    times: usize,
+    values: usize,
+    interpolation: Interpolation,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Interpolation {
+    Step,
+    Linear,
+    Cubic,
+}
+
+/// What a file says of how its nodes move.
+#[derive(Debug, Default)]
+pub(super) struct Animations {
+    channels: Vec<Channel>,
+    /// What is met and left out, and how often.
+    unread: Vec<&'static str>,
+}
+
+impl Animations {
+    /// Takes them as far as they say anything of nodes.
+    pub fn of(animations: &Json) -> Self {
+        let mut all = Self::default();
+        for animation in animations.as_array().into_iter().flatten() {
+            let before = all.channels.len();
+            for channel in animation["channels"].as_array().into_iter().flatten() {
+                match Channel::of(channel, &animation["samplers"]) {
+                    Ok(channel) if all.channels[..before].iter().any(|other| (other.node, other.path) == (channel.node, channel.path)) => {
+                        all.unread.push("animations of what another moves");
+                    }
+                    Ok(channel) => all.channels.push(channel),
+                    Err(what) => all.unread.push(what),
+                }
+            }
+        }
+        all
+    }
+}
+
+impl Channel {
+    fn of(channel: &Json, samplers: &Json) -> Result<Self, &'static str> {
+        const BROKEN: &str = "animations that break the rules of glTF";
+        let number = |value: &Json| value.as_u64().and_then(|number| usize::try_from(number).ok()).ok_or(BROKEN);
+        let path = match channel["target"]["path"].as_str() {
+            Some("translation") => Path::Translation,
+            Some("rotation") => Path::Rotation,
+            Some("scale") => Path::Scale,
+            Some("weights") => return Err("animations of morph targets"),
+            Some("pointer") => return Err("animations of what is no node"),
+            _ => return Err(BROKEN),
+        };
+        let sampler = samplers.get(number(&channel["sampler"])?).ok_or(BROKEN)?;
+        let interpolation = match sampler["interpolation"].as_str().unwrap_or("LINEAR") {
+            "STEP" => Interpolation::Step,
+            "LINEAR" => Interpolation::Linear,
+            "CUBICSPLINE" => Interpolation::Cubic,
+            _ => return Err(BROKEN),
+        };
+        Ok(Self { node: number(&channel["target"]["node"])?, path, times: number(&sampler["input"])?, values: number(&sampler["output"])?, interpolation })
+    }
+}
+
+/// How a node moves, as far as it does.
+#[derive(Default)]
+pub(super) struct Track {
+    translation: Option<Curve<DVec3>>,
+    rotation: Option<Curve<DQuat>>,
+    scale: Option<Curve<DVec3>>,
+}
+
+impl Reader<'_> {
+    /// How nodes move, by their numbers. Channels that cannot be read are left out, and noted.
+    pub(super) fn tracks(&mut self, document: &Document, animations: Animations) -> HashMap<usize, Track> {
+        animations.unread.into_iter().for_each(|what| self.ignore(what));
+        let accessors: Vec<Accessor> = document.accessors().collect();
+        let mut tracks: HashMap<usize, Track> = HashMap::new();
+        for channel in animations.channels {
+            let track = tracks.entry(channel.node).or_default();
+            let vector = |[x, y, z]: [f32; 3]| DVec3::new(x.into(), y.into(), z.into());
+            let read = match channel.path {
+                Path::Translation => self.curve(&accessors, &channel, vector).map(|curve| track.translation = Some(curve)),
+                Path::Scale => self.curve(&accessors, &channel, vector).map(|curve| track.scale = Some(curve)),
+                Path::Rotation => {
+                    self.curve(&accessors, &channel, |turn: [f32; 4]| DQuat::from_array(turn.map(f64::from))).map(|curve| track.rotation = Some(curve))
+                }
+            };
+            if read.is_none() {
+                self.ignore("animations that break the rules of glTF");
+            }
+        }
+        tracks
+    }
+
+    fn curve<const N: usize, V: Value + Finite>(&self, accessors: &[Accessor], channel: &Channel, value: impl Fn([f32; N]) -> V) -> Option<Curve<V>> {
+        let times = self.read_vectors::<1>(accessors.get(channel.times)?).ok()?.into_iter().map(|[time]| f64::from(time)).collect();
+        let values: Vec<V> = self.read_vectors::<N>(accessors.get(channel.values)?).ok()?.into_iter().map(value).collect();
+        if !values.iter().all(Finite::is_finite) {
+            return None;
+        }
+        if channel.interpolation != Interpolation::Cubic {
+            let between = if channel.interpolation == Interpolation::Step { Between::Step } else { Between::Linear };
+            return Curve::new(times, values.into_iter().map(Finite::unit).collect(), between);
+        }
+        // Each key has three: the rate before it, its own value, the rate after it.
+        let keys = values.as_chunks::<3>().0;
+        Curve::new(times, keys.iter().map(|key| key[1].unit()).collect(), Between::Cubic(keys.iter().map(|key| [key[0], key[2]]).collect()))
+    }
+
+    /// Where a node is, under where its parent is; what moves from here on moves with it, if it moves.
+    pub(super) fn place_node(&mut self, node: &::gltf::Node, parent: &DMat4, track: Option<Track>) -> DMat4 {
+        let Some(track) = track else { return *parent * node_map(node) };
+        let (scale, turn, translation) = node_map(node).to_scale_rotation_translation();
+        let translation = track.translation.unwrap_or(Curve::constant(translation));
+        let (rotation, scale) = (Rotation::Free(track.rotation.unwrap_or(Curve::constant(turn))), track.scale.unwrap_or(Curve::constant(scale)));
+        let is_still = !moves(&[&translation, &scale]) && !rotation.moves();
+        let name = node.name().map_or_else(|| format!("node {}", node.index()), str::to_owned);
+        let on = self.draft.moving_with().map(|number| (number, &self.draft.animation.nodes[number]));
+        let stand = on.map_or(DMat4::IDENTITY, |(_, on)| on.rest.inverse()) * *parent;
+        let placed = Node::new(name, on, stand, translation, rotation, scale);
+        let map = placed.rest;
+        // What is flat whenever it is seen has no way back from the world to its own coordinates, and nothing to show.
+        if !is_still && map.determinant() != 0.0 && map.is_finite() {
+            let number = self.draft.animation.add(placed);
+            self.draft.move_with(Some(number));
+        }
+        map
+    }
+}
+
+/// Values that files have.
+trait Finite: Copy {
+    fn is_finite(&self) -> bool;
+    /// As a key has it: turns are of unit length.
+    fn unit(self) -> Self;
+}
+
+impl Finite for DVec3 {
+    fn is_finite(&self) -> bool {
+        DVec3::is_finite(*self)
+    }
+
+    fn unit(self) -> Self {
+        self
+    }
+}
+
+impl Finite for DQuat {
+    fn is_finite(&self) -> bool {
+        DQuat::is_finite(*self)
+    }
+
+    /// A quaternion of no length turns nothing.
+    fn unit(self) -> Self {
+        if self.length_squared() > 0.0 { self.normalize() } else { Self::IDENTITY }
+    }
+}

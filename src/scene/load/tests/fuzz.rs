@@ -82,7 +82,8 @@ fn survive(name: &str, files: &[(&str, &[u8])]) -> bool {
             false
         }
     });
-    assert!(start.elapsed().as_secs() < 10, "{name} took {:?}:\n{}", start.elapsed(), told());
+    // Damage may ask for millions of triangles with smooth normals.
+    assert!(start.elapsed().as_secs() < 60, "{name} took {:?}:\n{}", start.elapsed(), told());
     outcome.unwrap_or_else(|_| panic!("{name} broke the loader:\n{}", told()))
 }
 

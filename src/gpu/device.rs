@@ -1,5 +1,6 @@
 //! Adapters and devices.
 
+use super::pipelines::Earlier;
 use crate::schedule::Device;
 use futures_channel::oneshot;
 use miette::Diagnostic;
@@ -104,6 +105,7 @@ pub struct Gpu {
     /// Whether errors are told by scopes: where the device is another program's, which looks after errors of its own, and in a browser, which tells them late.
     has_scopes: bool,
     pub(super) to_host: AtomicU64,
+    pub(super) earlier: Earlier,
 }
 
 /// What a driver said, as a value that any thread may have.
@@ -290,7 +292,19 @@ impl Gpu {
         });
         let tick = tick(features, &queue);
         let has_scopes = cfg!(target_arch = "wasm32");
-        Ok(Self { device, queue, adapter: description, limits, features, tick, complaints, lost, has_scopes, to_host: AtomicU64::new(0) })
+        Ok(Self {
+            device,
+            queue,
+            adapter: description,
+            limits,
+            features,
+            tick,
+            complaints,
+            lost,
+            has_scopes,
+            to_host: AtomicU64::new(0),
+            earlier: Earlier::default(),
+        })
     }
 
     /// On a device that another program has opened, with whatever features and limits it asked for.
@@ -316,6 +330,7 @@ impl Gpu {
             lost: Arc::default(),
             has_scopes: true,
             to_host: AtomicU64::new(0),
+            earlier: Earlier::default(),
         }))
     }
 

@@ -38,3 +38,4 @@ pub use host::panic_message;
 #[cfg(not(target_arch = "wasm32"))]
 pub use pollster::block_on;
 pub use session::Session;
+pub(crate) use shaders::shader_of;

@@ -3,15 +3,33 @@
 use super::cores;
 use super::device::{Gpu, GpuError};
 use super::memory::texture_format;
-use super::shader::{Slot, SlotKind};
+use super::shader::{Slot, SlotKind, may_change};
 use super::shaders::{Shaders, Source, source};
 use crate::schedule::*;
-use std::collections::{BTreeMap, HashMap};
+use lru::LruCache;
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::num::NonZeroUsize;
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Every pipeline of a schedule, once, by everything that makes it differ from others.
 pub(super) struct Pipelines {
-    compute: HashMap<String, Built<wgpu::ComputePipeline>>,
-    raster: HashMap<String, Built<wgpu::RenderPipeline>>,
+    compute: HashMap<String, Arc<Built<wgpu::ComputePipeline>>>,
+    raster: HashMap<String, Arc<Built<wgpu::RenderPipeline>>>,
+}
+
+/// Pipelines of earlier schedules on a device: drivers take long over large shaders, and a plan that is made anew for a change of the scene has most of them.
+pub(super) struct Earlier {
+    compute: Mutex<LruCache<String, Arc<Built<wgpu::ComputePipeline>>>>,
+    raster: Mutex<LruCache<String, Arc<Built<wgpu::RenderPipeline>>>>,
+}
+
+/// How many of each kind are kept: more than the largest schedule has.
+const KEPT: NonZeroUsize = NonZeroUsize::new(128).unwrap();
+
+impl Default for Earlier {
+    fn default() -> Self {
+        Self { compute: Mutex::new(LruCache::new(KEPT)), raster: Mutex::new(LruCache::new(KEPT)) }
+    }
 }
 
 /// A pipeline and what it wants to be bound.
@@ -29,7 +47,7 @@ type Modules = BTreeMap<Source, wgpu::ShaderModule>;
 const BUILDING: &str = "building the shaders";
 
 impl Pipelines {
-    /// Builds on all cores, for drivers take long over large shaders.
+    /// Builds on all cores what no earlier schedule has left.
     ///
     /// # Errors
     /// A shader that the driver refuses.
@@ -41,14 +59,23 @@ impl Pipelines {
                 rasters.insert(key_of_raster(schedule, raster), raster);
             }
         }
-        let modules = cores::each(gpu, BUILDING, shaders.all(), |(source, shader)| Ok((source.clone(), module(gpu, source.0, &shader.text))))?;
+        let (compute, raster) = (take(&gpu.earlier.compute, &mut computes), take(&gpu.earlier.raster, &mut rasters));
+        let programs = computes.values().map(|compute| &compute.program).chain(rasters.values().map(|raster| &raster.program));
+        let sources: BTreeSet<Source> = programs.map(source).collect();
+        let modules = cores::each(gpu, BUILDING, sources, |source| {
+            let module = module(gpu, source.0, &shaders.all()[&source].text);
+            Ok((source, module))
+        })?;
         let builder = Builder { gpu, shaders, modules };
-        let (compute, raster) = cores::join(
-            || cores::each(gpu, BUILDING, computes, |(key, compute)| Ok((key, builder.compute(compute)?))),
-            || cores::each(gpu, BUILDING, rasters, |(key, raster)| Ok((key, builder.raster(raster, &formats(schedule, raster))?))),
+        let (new_compute, new_raster) = cores::join(
+            || cores::each(gpu, BUILDING, computes, |(key, compute)| Ok((key, Arc::new(builder.compute(compute)?)))),
+            || cores::each(gpu, BUILDING, rasters, |(key, raster)| Ok((key, Arc::new(builder.raster(raster, &formats(schedule, raster))?)))),
         );
+        let (new_compute, new_raster): (Vec<_>, Vec<_>) = (new_compute?, new_raster?);
         gpu.check(BUILDING)?;
-        Ok(Self { compute: compute?, raster: raster? })
+        keep(&gpu.earlier.compute, &new_compute);
+        keep(&gpu.earlier.raster, &new_raster);
+        Ok(Self { compute: compute.into_iter().chain(new_compute).collect(), raster: raster.into_iter().chain(new_raster).collect() })
     }
 
     pub fn of_compute(&self, compute: &Compute) -> &Built<wgpu::ComputePipeline> {
@@ -58,6 +85,22 @@ impl Pipelines {
     pub fn of_raster(&self, schedule: &Schedule, raster: &Raster) -> &Built<wgpu::RenderPipeline> {
         &self.raster[&key_of_raster(schedule, raster)]
     }
+}
+
+/// Takes those of the wanted that there are.
+fn take<P, C>(earlier: &Mutex<LruCache<String, Arc<Built<P>>>>, wanted: &mut BTreeMap<String, C>) -> Vec<(String, Arc<Built<P>>)> {
+    if may_change() {
+        return Vec::new();
+    }
+    let mut earlier = earlier.lock().unwrap_or_else(PoisonError::into_inner);
+    let found: Vec<_> = wanted.keys().filter_map(|key| earlier.get(key).map(|built| (key.clone(), built.clone()))).collect();
+    found.iter().for_each(|(key, _)| drop(wanted.remove(key)));
+    found
+}
+
+fn keep<P>(earlier: &Mutex<LruCache<String, Arc<Built<P>>>>, new: &[(String, Arc<Built<P>>)]) {
+    let mut earlier = earlier.lock().unwrap_or_else(PoisonError::into_inner);
+    new.iter().for_each(|(key, built)| drop(earlier.put(key.clone(), built.clone())));
 }
 
 fn key_of_compute(compute: &Compute) -> String {

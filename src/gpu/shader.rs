@@ -2,7 +2,7 @@
 
 use super::device::GpuError;
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
-use std::{borrow::Cow, collections::BTreeMap};
+use std::{borrow::Cow, collections::BTreeMap, path::PathBuf};
 
 /// Every shader file that ships: path under `shaders/` without its ending, and its text.
 pub const SOURCES: &[(&str, &str)] = include!(concat!(env!("OUT_DIR"), "/shaders.rs"));
@@ -55,11 +55,18 @@ pub enum SlotKind {
 /// can be tried without compiling anew. A release reads no such folder.
 fn source(name: &str) -> Option<Cow<'static, str>> {
     let ships = SOURCES.iter().find(|(n, _)| *n == name).map(|s| Cow::Borrowed(s.1))?;
-    #[cfg(all(debug_assertions, feature = "cli"))]
-    if let Some(folder) = std::env::var_os("HEMISPLAT_SHADERS") {
-        return std::fs::read_to_string(std::path::Path::new(&folder).join(format!("{name}.wgsl"))).map_or(Some(ships), |text| Some(text.into()));
-    }
-    Some(ships)
+    let tried = folder().and_then(|folder| std::fs::read_to_string(folder.join(format!("{name}.wgsl"))).ok());
+    Some(tried.map_or(ships, Cow::Owned))
+}
+
+fn folder() -> Option<PathBuf> {
+    let reads = cfg!(all(debug_assertions, feature = "cli"));
+    std::env::var_os("HEMISPLAT_SHADERS").filter(|_| reads).map(PathBuf::from)
+}
+
+/// Whether shaders may be others the next time that they are loaded.
+pub(super) fn may_change() -> bool {
+    folder().is_some()
 }
 
 /// The text of a shader in which every line `#import PATH` is replaced by that file, once. A path in capitals stands

@@ -1,7 +1,7 @@
 //! How large the shaders of a schedule are when a driver gets them. Needs no device.
 
 use super::device::GpuError;
-use super::shader::Shader;
+use super::shaders::shader_of;
 use crate::schedule::{Command, Program, Schedule};
 use naga::ShaderStage;
 use naga::back::{PipelineConstants, pipeline_constants::process_overrides, spv};
@@ -58,7 +58,7 @@ fn entries(command: &Command) -> Vec<(&Program, ShaderStage, &'static str)> {
 
 fn bytes(program: &Program, stage: ShaderStage, entry: &str) -> Result<u64, GpuError> {
     let invalid = |reason: String| GpuError::Shader { shader: program.shader.into(), reason };
-    let shader = Shader::load_own(program.shader, program.text, &program.imports)?;
+    let shader = shader_of(program)?;
     let constants: PipelineConstants = program.constants.iter().map(|(name, value)| (name.to_string(), *value)).collect();
     let (module, info) = process_overrides(&shader.module, &shader.info, Some((stage, entry)), &constants).map_err(|e| invalid(e.to_string()))?;
     let pipeline = spv::PipelineOptions { shader_stage: stage, entry_point: entry.into() };

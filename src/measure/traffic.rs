@@ -1,7 +1,7 @@
 //! How many bytes nodes move for each tile, as the schedule has it: no caches, every byte that a command touches once.
 
 use crate::contract::Port;
-use crate::gpu::{GpuError, shader::Shader};
+use crate::gpu::{GpuError, shader_of};
 use crate::pipeline::Plan;
 use crate::schedule::{Command, Compute, Host, Lifetime, Resource, Schedule};
 use serde::Serialize;
@@ -64,7 +64,7 @@ fn of_command(schedule: &Schedule, command: &Command, tiles: f64) -> Result<Opti
 
 fn of_dispatch(schedule: &Schedule, compute: &Compute, tiles: f64) -> Result<Traffic, GpuError> {
     let program = &compute.program;
-    let uses = Shader::load_own(program.shader, program.text, &program.imports)?.uses(compute.entry);
+    let uses = shader_of(program)?.uses(compute.entry);
     let mut traffic = Traffic::default();
     for (name, resource) in &program.bindings {
         if schedule.resource(*resource).lifetime != Lifetime::Transient {

@@ -1,9 +1,9 @@
 //! New records join the cache.
 
-use super::record::{RECORD_BYTES, Record};
+use super::record::{RECORD_BYTES, Record, level};
 use crate::contract::{Description, Encoder, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Refusal, Takes, port};
 use crate::host_struct;
-use crate::math::{colour::luminance, weight};
+use crate::math::weight;
 use crate::schedule::*;
 use glam::Vec3;
 use rayon::prelude::*;
@@ -123,9 +123,6 @@ fn reserve(host: &mut dyn HostContext, new: &port::Records, cache: &port::Record
     Ok([first, count])
 }
 
-/// The first records tell what the picture's irradiance is: they stand far apart.
-const FIRST: usize = 256;
-
 /// As shaders/add_records.wgsl does it.
 fn encode_on_host(e: &mut Encoder<'_>, new: &port::Records, cache: &port::RecordCache) {
     let surplus = e.variable("surplus", false);
@@ -136,11 +133,10 @@ fn encode_on_host(e: &mut Encoder<'_>, new: &port::Records, cache: &port::Record
         let [first, _] = reserve(host, &new, &cache)?;
         let before: &[Record] = bytemuck::cast_slice(host.read(cache.records));
         let batch: &[Record] = bytemuck::cast_slice(host.read(new.records));
-        let known = || before.iter().chain(batch).take(FIRST);
-        let level = known().map(|record| luminance(Vec3::from(record.irradiance).as_dvec3())).sum::<f64>() / known().count().max(1) as f64;
+        let level = level(before.iter().chain(batch));
         let refined = |record: &Record| {
             let mut record = *record;
-            record.refine(&cache.rule, level as f32);
+            record.refine(&cache.rule, level);
             record
         };
         let mut joined: Vec<Record> = batch.iter().map(refined).collect();
@@ -174,6 +170,7 @@ mod tests {
     use super::*;
     use crate::contract::{Arguments, Value, encoder::Setting};
     use crate::passes::mock::{self, MockHost};
+    use crate::passes::record::FIRST;
     use crate::scene::needs::Needs;
     use std::collections::BTreeMap;
 

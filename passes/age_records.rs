@@ -4,7 +4,7 @@ use super::lives::{needed_where_it_moves, surface_under, word};
 use super::record::{RECORD_BYTES, Record, pinhole, texels};
 use crate::contract::{Arguments, Description, Encoder, Input, Need, Output, Parameter, ParameterKind, Pass, Port, PortKind, Refusal, Takes};
 use crate::math::{
-    life::{Life, Lifespan, Word, heard},
+    life::{Life, Word, heard},
     projection::Pinhole,
     random::hash,
     weight,
@@ -134,30 +134,34 @@ struct Ground<'a> {
     bvh: &'a Bvh,
     extent: f32,
     motions: &'a [DMat4],
-    /// Of the movers, as they stand.
-    bounds: Vec<Bounds>,
 }
 
 impl<'a> Ground<'a> {
     fn of(host: &'a dyn HostContext) -> Self {
-        let (scene, motions) = (host.scene(), host.motions());
-        let bounds = scene.objects.par_iter().map(|object| Bounds::of(&scene.triangles[object.triangles.clone()])).collect();
-        Self { scene, bvh: host.bvh(), extent: host.extent(), motions, bounds }
+        Self { scene: host.scene(), bvh: host.bvh(), extent: host.extent(), motions: host.motions() }
     }
 
     /// Gives a life to those that have none yet.
     fn bear(&self, records: &[Record], all: &mut [Life], known: usize, most: f32) {
-        let lifespan = Lifespan { change: 0.0, most, extrapolates: false };
+        if known == records.len() {
+            return;
+        }
+        let bounds = self.bounds();
         let numbered = records[known..].par_iter().zip(all[known..].par_iter_mut()).enumerate();
         numbered.for_each(|(number, (record, life))| {
-            *life = Life::new(record.irradiance(), hash((known + number) as u32), self.mover_of(record), &lifespan);
+            *life = Life::new(record.irradiance(), hash((known + number) as u32), self.mover_of(record, &bounds), most);
         });
     }
 
+    /// Of the movers, as they stand.
+    fn bounds(&self) -> Vec<Bounds> {
+        self.scene.objects.par_iter().map(|object| Bounds::of(&self.scene.triangles[object.triangles.clone()])).collect()
+    }
+
     /// The mover that a record sits on which was made in the picture before: where that has brought it, it is on its surface.
-    fn mover_of(&self, record: &Record) -> Option<usize> {
+    fn mover_of(&self, record: &Record, bounds: &[Bounds]) -> Option<usize> {
         (0..self.motions.len()).find(|mover| {
-            let place = carried(self.motions, Some(*mover), record.place()).filter(|[at, _]| self.bounds[*mover].distance(*at) <= record.footprint());
+            let place = carried(self.motions, Some(*mover), record.place()).filter(|[at, _]| bounds[*mover].distance(*at) <= record.footprint());
             let triangle = place.and_then(|place| surface_under((self.scene, self.bvh, self.extent), place, record.footprint()));
             triangle.is_some_and(|triangle| self.scene.objects[*mover].triangles.contains(&(triangle as usize)))
         })
@@ -190,17 +194,13 @@ impl Seen<'_> {
     fn shows(&self, position: Vec3, footprint: f32) -> bool {
         let reach = MARGIN * footprint;
         let Some(bounds) = self.pinhole.bounds(position, reach) else { return false };
-        let [width, height] = self.pinhole.size;
         let near = |x: u32, y: u32| {
-            let there = Vec4::from(self.position[(y * width + x) as usize]);
+            let there = Vec4::from(self.position[(y * self.pinhole.size[0] + x) as usize]);
             there.w > 0.0 && there.xyz().distance(position) < reach
         };
         // A few pixels of those that it may reach tell.
-        let steps = |low: u32, high: u32, limit: u32| {
-            let (low, high) = (low.min(limit - 1), high.min(limit).max(low.min(limit - 1) + 1));
-            (0..=4).map(move |step| low + (high - 1 - low) * step / 4)
-        };
-        steps(bounds.min[1], bounds.max[1], height).any(|y| steps(bounds.min[0], bounds.max[0], width).any(|x| near(x, y)))
+        let some = |axis: usize| (0..=4).map(move |step| bounds.min[axis] + (bounds.max[axis] - 1 - bounds.min[axis]) * step / 4);
+        some(1).any(|y| some(0).any(|x| near(x, y)))
     }
 }
 
@@ -240,8 +240,8 @@ mod tests {
     fn records_know_what_they_sit_on() {
         let host = host();
         let ground = Ground::of(&host);
-        assert_eq!([0.0, 1.0, 3.0].map(|height| ground.mover_of(&record(height))), [None, Some(0), None]);
-        let mut all = [Life::new(Vec3::ONE, 1, None, &Lifespan { change: 0.0, most: 9.0, extrapolates: false }); 2];
+        assert_eq!([0.0, 1.0, 3.0].map(|height| ground.mover_of(&record(height), &ground.bounds())), [None, Some(0), None]);
+        let mut all = [Life::new(Vec3::ONE, 1, None, 9.0); 2];
         ground.bear(&[record(0.0), record(1.0)], &mut all, 0, 16.0);
         assert_eq!(all.map(|life| life.mover()), [None, Some(0)]);
     }

@@ -139,12 +139,11 @@ fn request(record: &Record, life: &Life, (scene, bvh, extent): (&Scene, &Bvh, f3
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::life::Lifespan;
     use crate::passes::mock::{self, MockHost};
     use glam::Vec3;
 
     fn life(left: f32) -> Life {
-        Life { left, ..Life::new(Vec3::ONE, 1, None, &Lifespan { change: 0.0, most: 9.0, extrapolates: false }) }
+        Life { left, ..Life::new(Vec3::ONE, 1, None, 9.0) }
     }
 
     fn due(all: &[Life]) -> Due {

@@ -3,6 +3,7 @@
 use crate::contract::{Encoder, port};
 use crate::host_struct;
 use crate::math::{
+    colour::luminance,
     frame::Frame,
     harmonics::reflection::{LobeTable, table_fours},
     hemisphere::{Edge, Table},
@@ -110,6 +111,15 @@ impl Record {
     pub fn refine(&mut self, rule: &Rule, level: f32) {
         self.translation[1][3] = rule.fineness(&weight::Record::from(&*self), level);
     }
+}
+
+/// The first records tell what the picture's irradiance is: they stand far apart.
+pub const FIRST: usize = 256;
+
+/// What the picture's irradiance is, by the first of its records [W/m²].
+pub fn level<'r>(records: impl Iterator<Item = &'r Record>) -> f32 {
+    let (sum, count) = records.take(FIRST).fold((0.0, 0), |(sum, count), record| (sum + luminance(record.irradiance().as_dvec3()), count + 1));
+    (sum / f64::from(count.max(1))) as f32
 }
 
 host_struct! {

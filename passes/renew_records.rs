@@ -1,10 +1,9 @@
 //! Records that were sampled anew take the place of the old ones.
 
 use super::lives::needed_where_it_moves;
-use super::record::{RECORD_BYTES, Record};
+use super::record::{RECORD_BYTES, Record, level};
 use crate::contract::{Arguments, Description, Encoder, Input, Need, Output, Parameter, ParameterKind, Pass, Port, PortKind, Refusal, Takes, port};
 use crate::math::{
-    colour::luminance,
     life::{Life, Lifespan},
     weight,
 };
@@ -88,7 +87,8 @@ fn encode_on_host(e: &mut Encoder<'_>, cache: port::RecordCache, lives: port::Li
         let renewed = host.variable(new.count) as usize;
         let fresh: Vec<Record> = bytemuck::pod_collect_to_vec(&host.read(new.records)[..renewed * size_of::<Record>()]);
         let slots: Vec<u32> = bytemuck::pod_collect_to_vec(&host.read(slots)[..4 * renewed]);
-        let level = level(host, &cache);
+        let known: &[Record] = &bytemuck::cast_slice(host.read(cache.records))[..host.variable(lives.known) as usize];
+        let level = level(known.iter());
         for (record, slot) in fresh.into_iter().zip(slots.into_iter().map(|slot| slot as usize)) {
             let at = slot * size_of::<Life>();
             let life: Life = bytemuck::pod_read_unaligned(&host.read(lives.items)[at..at + size_of::<Life>()]);
@@ -98,15 +98,6 @@ fn encode_on_host(e: &mut Encoder<'_>, cache: port::RecordCache, lives: port::Li
         }
         Ok(())
     });
-}
-
-/// What the picture's irradiance is, by records that stand far apart: the first.
-fn level(host: &dyn HostContext, cache: &port::RecordCache) -> f32 {
-    const FIRST: usize = 256;
-    let count = (host.variable(cache.count) as usize).min(FIRST);
-    let first: Vec<Record> = bytemuck::pod_collect_to_vec(&host.read(cache.records)[..count * size_of::<Record>()]);
-    let sum: f64 = first.iter().map(|record| luminance(record.irradiance().as_dvec3())).sum();
-    (sum / count.max(1) as f64) as f32
 }
 
 /// A record that was sampled anew as AddRecords would have added it, and its life from now on.
@@ -127,7 +118,7 @@ mod tests {
     #[test]
     fn records_are_replaced_where_they_were_due() {
         let lifespan = Lifespan { change: 0.05, most: 16.0, extrapolates: false };
-        let life = Life { age: 4.0, left: 0.0, ..Life::new(Vec3::ONE, 3, None, &lifespan) };
+        let life = Life { age: 4.0, left: 0.0, ..Life::new(Vec3::ONE, 3, None, lifespan.most) };
         let sampled = |light: f32| Record::from(&weight::Record { irradiance: Vec3::splat(light), fineness: 7.0, ..mock::record() });
         let (record, changed) = renewed_record(sampled(1.1), life, (&mock::rule(), &lifespan, 1.0));
         // Wrong by 1/11 in four frames where 1/20 is allowed.

@@ -59,8 +59,7 @@ impl CameraOptions {
             (None, true) => vec![DVec3::Y, DVec3::NEG_Z],
             (None, false) => vec![of_camera],
         };
-        let upright = |up: DVec3| Some(up.try_normalize()?.reject_from_normalized(direction)).filter(|up| up.length() > 1e-6)?.try_normalize();
-        let found = candidates.into_iter().find_map(upright);
+        let found = candidates.into_iter().find_map(|up| Camera::upright(direction, up));
         found.map(DVec3::as_vec3).ok_or_else(|| Failure::input(CommandError::UpAlongView))
     }
 

@@ -1,7 +1,7 @@
 //! How a command ends when it does not succeed.
 
 use crate::gpu::GpuError;
-use crate::measure::run::RunError;
+use crate::measure::run::{ChangeError, RunError};
 use miette::Diagnostic;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -30,6 +30,14 @@ impl Failure {
         match error {
             RunError::Gpu(GpuError::Interrupted) => Self::interrupted(&[]),
             other => Self::work(other),
+        }
+    }
+
+    /// A scene that cannot change so, or a run that ended early thereby.
+    pub fn of_change(error: ChangeError) -> Self {
+        match error {
+            ChangeError::Run(error) => Self::of_run(error),
+            other => Self::input(other),
         }
     }
 

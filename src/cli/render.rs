@@ -19,7 +19,7 @@ use crate::math::pixel_filter::PixelFilter;
 use crate::measure::average::Average;
 use crate::measure::compare::{AdapterReport, dropped};
 use crate::measure::gap::Gap;
-use crate::measure::run::{ChangeError, FrameReport, PassReport, Run, RunError};
+use crate::measure::run::{FrameReport, PassReport, Run, RunError};
 use crate::measure::{Layers, cache};
 use crate::pipeline::Plan;
 use crate::reference::{LeftOut, left_out};
@@ -275,9 +275,9 @@ impl<'o> Film<'o> {
         if interrupt::requested() {
             return Err(Failure::interrupted(&[]));
         }
-        let time = self.timeline.time(self.view.moment, frame);
-        let moment = self.view.animation.at(time);
-        let changed = self.change(&moment, frame, run)?;
+        let time = self.timeline.rate.time(self.view.moment, frame.number);
+        let moment = self.view.animation().at(time);
+        self.change(&moment, frame, run)?;
         let camera = camera_of_frame(self.view, (frame, &moment), &run.stage().scene);
         let drawn = self.draw(frame, &camera, run);
         // Records that a faulty frame leaves are not for other runs; those of one that was given up are whole.
@@ -288,9 +288,6 @@ impl<'o> Film<'o> {
         let attributes = attributes(self.options, self.view, run, (frame, time), &camera);
         targets.write(self.options, run, Layers { attributes, ..picture }, exposure)?;
         self.kept.extend(targets.0.iter().map(PictureTarget::path));
-        if changed {
-            self.left_out = None;
-        }
         let left_out = self.left_out(&camera, run);
         self.console.print(&(text(self.options, frame.number, &report) + &told_of(left_out)))?;
         self.note_gap(frame, &report);
@@ -299,20 +296,17 @@ impl<'o> Film<'o> {
         Ok(())
     }
 
-    /// Brings the scene to a moment, and goes on with the frame's plan; whether anything of it has changed.
-    fn change(&mut self, moment: &Moment<'_>, frame: &Frame, run: &mut Run) -> Result<bool, Failure> {
+    /// Brings the scene to a moment, and goes on with the frame's plan.
+    fn change(&mut self, moment: &Moment<'_>, frame: &Frame, run: &mut Run) -> Result<(), Failure> {
         let (changes, size) = (run.stage().changes_to(moment), self.view.size);
         if changes.is_empty() {
             let plan = self.plans.of_frame(frame, run.stage(), size).map_err(Failure::input)?;
-            run.switch_to(&plan).map_err(Failure::of_run)?;
-            return Ok(false);
+            return run.switch_to(&plan).map_err(Failure::of_run);
         }
         self.plans.forget();
-        block_on(run.renew(&changes, |run| self.plans.of_frame(frame, run.stage(), size))).map_err(|error| match error {
-            ChangeError::Run(error) => Failure::of_run(error),
-            other => Failure::input(other),
-        })?;
-        Ok(true)
+        self.left_out = None;
+        block_on(run.renew(&changes, |run| self.plans.of_frame(frame, run.stage(), size))).map_err(Failure::of_change)?;
+        Ok(())
     }
 
     /// What more than the bounces that are counted would bring: as long as the scene stands still, that depends on the camera alone.

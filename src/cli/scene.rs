@@ -57,9 +57,7 @@ pub struct ViewOptions {
 /// A scene that is ready for rays, and the view of it.
 pub struct View {
     pub stage: Arc<Stage>,
-    /// What of it moves, of which the stage has the moment.
-    pub animation: Animation,
-    /// [s]
+    /// That of the scene's animation which the stage has [s].
     pub moment: f64,
     pub camera: Camera,
     /// Those that were named, or else all of the scene.
@@ -68,6 +66,27 @@ pub struct View {
     pub are_named: bool,
     /// Width and height [pixels].
     pub size: [u32; 2],
+}
+
+impl View {
+    /// What of the scene moves.
+    pub fn animation(&self) -> &Animation {
+        &self.stage.scene.animation
+    }
+
+    /// The same view at another moment.
+    ///
+    /// # Errors
+    /// Where the scene cannot be so.
+    pub fn go_to(&mut self, moment: f64) -> Result<(), Failure> {
+        let now = self.animation().at(moment);
+        let (changes, camera) = (self.stage.changes_to(&now), now.camera(&self.stage.scene, &self.camera));
+        if !changes.is_empty() {
+            Arc::make_mut(&mut self.stage).change(&changes).map_err(Failure::input)?;
+        }
+        (self.camera, self.moment) = (camera, moment);
+        Ok(())
+    }
 }
 
 impl ViewOptions {
@@ -130,18 +149,18 @@ impl SceneOptions {
         scene.notes.iter().for_each(|note| console.note(&format!("note: {note}")));
         self.view.daylight.light(&mut scene, lookups, console)?;
         let mut cameras = self.pick_cameras(&scene)?;
-        let (mut stage, animation) = Stage::animated(scene).map_err(Failure::input)?;
-        let moment = self.moment(&animation, console);
-        let now = animation.at(moment);
-        stage.change(&stage.changes_to(&now)).map_err(Failure::input)?;
+        let mut stage = Stage::animated(scene).map_err(Failure::input)?;
+        let moment = self.moment(&stage.scene.animation, console);
+        let now = stage.scene.animation.at(moment);
         cameras.iter_mut().for_each(|camera| *camera = now.camera(&stage.scene, camera));
+        stage.change(&stage.changes_to(&now)).map_err(Failure::input)?;
         let camera = cameras[0].clone();
         let size = self.view.size.or(camera.size).unwrap_or(DEFAULT_SIZE);
         if self.view.camera.print_camera {
             cameras.iter().try_for_each(|camera| console.print(&to_ron(&stage.scene, camera, size)))?;
         }
         let are_named = !self.view.cameras.is_empty();
-        Ok(View { stage: Arc::new(stage), animation, moment, camera, cameras, are_named, size })
+        Ok(View { stage: Arc::new(stage), moment, camera, cameras, are_named, size })
     }
 
     fn moment(&self, animation: &Animation, console: &Console) -> f64 {
@@ -163,7 +182,7 @@ impl SceneOptions {
             ("camera", camera.name.clone()),
             ("size", format!("{width}x{height}")),
         ];
-        let moment = (!view.animation.is_empty()).then(|| ("moment", moment.to_string()));
+        let moment = (!view.animation().is_empty()).then(|| ("moment", moment.to_string()));
         attributes.into_iter().chain(moment).chain(self.view.daylight.attributes()).map(|(name, value)| (name.to_owned(), value)).collect()
     }
 

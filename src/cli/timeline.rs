@@ -17,9 +17,8 @@ pub struct TimelineOptions {
     /// animated and --camera names none, all look through its first
     #[arg(long, value_name = "A..B", value_parser = frames)]
     frames: Option<Range<u32>>,
-    /// How many frames of an animated scene there are in a second
-    #[arg(long, value_name = "N", value_parser = rate, default_value_t = 24.0)]
-    fps: f64,
+    #[command(flatten)]
+    rate: RateOptions,
     /// Changes a parameter of a node; may be repeated
     #[arg(long = "set", value_name = "NODE.PARAM=VALUE")]
     sets: Vec<String>,
@@ -29,20 +28,26 @@ pub struct TimelineOptions {
     per_frame: Vec<String>,
 }
 
+#[derive(Args, Clone, Copy)]
+pub struct RateOptions {
+    /// How many frames of an animated scene there are in a second
+    #[arg(long, value_name = "N", value_parser = rate, default_value_t = 24.0)]
+    fps: f64,
+}
+
+impl RateOptions {
+    /// When a frame is, from a beginning on [s].
+    pub fn time(&self, beginning: f64, frame: u32) -> f64 {
+        beginning + f64::from(frame) / self.fps
+    }
+}
+
 /// Frames in their order.
 pub struct Timeline {
     pub frames: Vec<Frame>,
     /// Whether files are numbered.
     pub is_sequence: bool,
-    /// Frames a second.
-    fps: f64,
-}
-
-impl Timeline {
-    /// When a frame is, from a beginning on [s].
-    pub fn time(&self, beginning: f64, frame: &Frame) -> f64 {
-        beginning + f64::from(frame.number) / self.fps
-    }
+    pub rate: RateOptions,
 }
 
 pub struct Frame {
@@ -60,7 +65,7 @@ impl TimelineOptions {
         let range = self.frames.clone().or(most.map(|most| 0..most as u32));
         let is_sequence = range.is_some();
         let frame = |number| Frame { number, sets: self.sets.iter().cloned().chain(per_frame.iter().map(|p| p.set(number))).collect() };
-        Ok(Timeline { frames: range.unwrap_or(0..1).map(frame).collect(), is_sequence, fps: self.fps })
+        Ok(Timeline { frames: range.unwrap_or(0..1).map(frame).collect(), is_sequence, rate: self.rate })
     }
 }
 
@@ -114,9 +119,9 @@ impl<'o> Plans<'o> {
     }
 }
 
-/// The camera of a frame at its time, and its number among those of the view: its own, or the last; of an animated scene, the first unless several were named.
+/// The camera of a frame as it is then: its own, or the last; of an animated scene, the first unless some were named.
 pub fn camera_of_frame(view: &View, (frame, moment): (&Frame, &Moment<'_>), scene: &Scene) -> Camera {
-    let is_cut = view.animation.is_empty() || view.are_named;
+    let is_cut = view.animation().is_empty() || view.are_named;
     let number = if is_cut { frame.number as usize } else { 0 };
     let camera = view.cameras.get(number).or(view.cameras.last()).unwrap_or(&view.camera);
     moment.camera(scene, camera)
@@ -127,7 +132,7 @@ fn rate(text: &str) -> Result<f64, String> {
     rate.ok_or_else(|| "expected a number of frames above 0, such as 25".to_owned())
 }
 
-fn frames(text: &str) -> Result<Range<u32>, String> {
+pub fn frames(text: &str) -> Result<Range<u32>, String> {
     let range = text.split_once("..").and_then(|(a, b)| Some(a.parse().ok()?..b.parse().ok()?));
     range.filter(|r: &Range<u32>| r.start < r.end && r.end - r.start <= 100_000).ok_or_else(|| "expected A..B with A < B, such as 0..4".to_owned())
 }

@@ -200,8 +200,8 @@ impl<'a> Encoder<'a> {
 
     /// Histories that stay when the scene changes: what reads them knows that they are of a scene that was otherwise.
     pub fn survives(&mut self, resources: &[Resource], variables: &[Variable]) {
-        self.schedule.survivors.0.extend(resources);
-        self.schedule.survivors.1.extend(variables);
+        self.schedule.survivors.resources.extend(resources);
+        self.schedule.survivors.variables.extend(variables);
     }
 
     /// A buffer with contents known now.

@@ -165,7 +165,7 @@ impl HostContext for HostView<'_> {
     }
 
     fn motions(&self) -> &[DMat4] {
-        self.session.views.motions()
+        &self.session.motions
     }
 
     fn camera(&self) -> (&Camera, [u32; 2]) {

@@ -19,6 +19,7 @@ use crate::scene::{
     stage::{Change, Changed, Stage, Unchangeable},
 };
 use crate::schedule::*;
+use glam::DMat4;
 use std::any::Any;
 use std::collections::{HashMap, HashSet};
 use std::iter;
@@ -49,6 +50,8 @@ pub struct Session {
     pub(super) nodes: Vec<NodeTimes>,
     pub(super) camera: (Camera, [u32; 2]),
     pub(super) views: Views,
+    /// What each mover has done since the picture before.
+    pub(super) motions: Vec<DMat4>,
     pub(super) frames: u32,
     pub(super) clock: Clock,
     /// Whether the time of the frame is limited.
@@ -129,6 +132,7 @@ impl Session {
             nodes: Vec::new(),
             camera: (camera.clone(), size),
             views: Views::default(),
+            motions: Vec::new(),
             frames: 0,
             clock: Clock::new(),
             is_timed: false,
@@ -206,7 +210,8 @@ impl Session {
     /// Tells the device where the camera and the movers are, and were in the picture before.
     pub(super) fn tell_views(&mut self) {
         let (schedule, stage) = (self.schedule.clone(), self.stage.clone());
-        let (before, moves) = self.views.begin(View { camera: self.camera.0.clone(), places: stage.places() }, |before| stage.motions(before));
+        let (before, moves) = self.views.begin(View { camera: self.camera.0.clone(), places: stage.places() });
+        self.motions = stage.motions(&before.places);
         let camera = scene::camera((&self.camera.0, &before.camera), self.camera.1, &stage, self.frames);
         for (resource, description) in (0..).map(Resource).zip(&schedule.resources) {
             match description.lifetime {
@@ -256,7 +261,7 @@ impl Session {
 
     /// As before the first frame: histories are zero, frames count from 0 again. Returns once the device has done it.
     pub async fn reset(&mut self) -> Result<(), GpuError> {
-        self.empty(&(Vec::new(), Vec::new())).await
+        self.empty(&Survivors::default()).await
     }
 
     /// The same but for what survives a change of the scene.
@@ -264,20 +269,20 @@ impl Session {
         self.empty(&self.schedule.clone().survivors).await
     }
 
-    async fn empty(&mut self, (kept, kept_variables): &(Vec<Resource>, Vec<Variable>)) -> Result<(), GpuError> {
+    async fn empty(&mut self, kept: &Survivors) -> Result<(), GpuError> {
         let schedule = self.schedule.clone();
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
         for ((physical, description), number) in self.physical.iter().zip(&schedule.resources).zip(0..) {
             match physical {
-                _ if !matches!(description.lifetime, Lifetime::History) || kept.contains(&Resource(number)) => {}
+                _ if !matches!(description.lifetime, Lifetime::History) || kept.resources.contains(&Resource(number)) => {}
                 Physical::Buffer(buffer) => encoder.clear_buffer(buffer, 0, None),
                 Physical::Texture { texture, format } => layer_views(texture).iter().for_each(|layer| clear_texture(&mut encoder, layer, *format)),
                 Physical::Host | Physical::Unused => {}
             }
         }
         self.gpu.queue.submit([encoder.finish()]);
-        self.copies.invalidate(|resource| matches!(schedule.resource(resource).lifetime, Lifetime::History) && !kept.contains(&resource));
-        (0..).map(Variable).zip(&mut self.variables).filter(|(variable, _)| !kept_variables.contains(variable)).for_each(|(_, value)| *value = 0);
+        self.copies.invalidate(|resource| matches!(schedule.resource(resource).lifetime, Lifetime::History) && !kept.resources.contains(&resource));
+        (0..).map(Variable).zip(&mut self.variables).filter(|(variable, _)| !kept.variables.contains(variable)).for_each(|(_, value)| *value = 0);
         self.rounds_before.clear();
         self.is_still = false;
         self.frames = 0;

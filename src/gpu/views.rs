@@ -1,7 +1,7 @@
 //! From where pictures are seen and where the movers stand in them: of this one, and of the one before.
 
 use crate::scene::Camera;
-use glam::{DAffine3, DMat4};
+use glam::DAffine3;
 
 /// Of one picture.
 #[derive(Debug, Clone)]
@@ -18,14 +18,12 @@ pub(super) struct Views {
     before: Option<View>,
     /// Whether the device was told last that a mover has moved.
     has_moved: bool,
-    /// What each mover has done between them.
-    motions: Vec<DMat4>,
 }
 
 impl Views {
     /// As a frame begins: the view of the picture before, and whether the device has other movements to be told. Further samples of a picture have the same
     /// one before.
-    pub fn begin(&mut self, now: View, motions: impl FnOnce(&[DAffine3]) -> Vec<DMat4>) -> (View, bool) {
+    pub fn begin(&mut self, now: View) -> (View, bool) {
         let is_another = now.camera.sample.number == 0;
         let last = self.now.replace(now.clone());
         if is_another || self.before.is_none() {
@@ -33,12 +31,7 @@ impl Views {
         }
         let before = self.before.get_or_insert_with(|| now.clone()).clone();
         let moves = before.places != now.places;
-        self.motions = motions(&before.places);
         (before, std::mem::replace(&mut self.has_moved, moves) || moves)
-    }
-
-    pub fn motions(&self) -> &[DMat4] {
-        &self.motions
     }
 
     /// The same for another device memory, which was told nothing yet.
@@ -70,7 +63,7 @@ mod tests {
     fn the_view_before_is_that_of_the_picture_before() {
         let mut views = Views::default();
         let mut begin = |now: View| {
-            let (before, told) = views.begin(now, |_| Vec::new());
+            let (before, told) = views.begin(now);
             (before.camera.eye.x, before.places[0].translation.x, told)
         };
         assert_eq!(begin(view(1.0, 5.0, 0)), (1.0, 5.0, false));

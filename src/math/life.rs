@@ -61,12 +61,12 @@ fn agreed(a: Vec3, b: Vec3) -> Vec3 {
 }
 
 impl Life {
-    /// Of a record that is new, of so much light. Nobody knows yet how fast it changes: some are sampled early, and tell the others.
-    pub fn new(irradiance: Vec3, number: u32, mover: Option<usize>, lifespan: &Lifespan) -> Self {
-        let chance = unit(hash(number + 1));
+    /// Of a record that is new, of so much light. Nobody knows yet how fast it changes: of `most` frames that it may live, some live few, and tell the others.
+    pub fn new(irradiance: Vec3, number: u32, mover: Option<usize>, most: f32) -> Self {
+        let chance = unit(hash(number.wrapping_add(1)));
         Self {
             sampled: irradiance.into(),
-            left: 1.0 + (lifespan.most - 1.0) * chance,
+            left: 1.0 + (most - 1.0) * chance,
             turn: std::f32::consts::TAU * unit(hash(number ^ 0x5bd1_e995)),
             mover: mover.map_or(0, |mover| mover as u32 + 1),
             ..Self::zeroed()
@@ -168,7 +168,7 @@ mod tests {
 
     /// A record of light that is a function of time, sampled when it is due; the largest share by which it was wrong, and how often it was sampled.
     fn lived(light: impl Fn(f32) -> f32, frames: usize, rule: &Lifespan) -> (f32, u32) {
-        let mut life = Life { left: 1.0, ..Life::new(Vec3::splat(light(0.0)), 7, None, rule) };
+        let mut life = Life { left: 1.0, ..Life::new(Vec3::splat(light(0.0)), 7, None, rule.most) };
         let mut worst: f32 = 0.0;
         for frame in 1..=frames {
             let now = Vec3::splat(light(frame as f32));
@@ -200,15 +200,15 @@ mod tests {
     fn jumps_are_not_gone_on_with() {
         let (worst, samplings) = lived(|t| if t < 100.0 { 1.0 } else { 9.0 }, 200, &RULE);
         assert!(worst < 0.9 && samplings < 40, "{worst} {samplings}");
-        let life = Life { age: 4.0, samplings: 3, ..Life::new(Vec3::ONE, 1, None, &RULE) }.renewed(Vec3::splat(9.0), 0.01, &RULE);
+        let life = Life { age: 4.0, samplings: 3, ..Life::new(Vec3::ONE, 1, None, RULE.most) }.renewed(Vec3::splat(9.0), 0.01, &RULE);
         assert_eq!((life.rate, life.left), ([0.0; 3], 1.0));
     }
 
     #[test]
     fn light_that_fades_never_turns_negative() {
-        let life = Life { age: 50.0, rate: [-1.0; 3], ..Life::new(Vec3::ONE, 1, None, &RULE) };
+        let life = Life { age: 50.0, rate: [-1.0; 3], ..Life::new(Vec3::ONE, 1, None, RULE.most) };
         assert_eq!(life.light(), Vec3::ZERO);
-        let dark = Life::new(Vec3::ZERO, 1, None, &RULE).aged().renewed(Vec3::ZERO, 0.0, &RULE);
+        let dark = Life::new(Vec3::ZERO, 1, None, RULE.most).aged().renewed(Vec3::ZERO, 0.0, &RULE);
         assert!(dark.left.is_finite() && dark.left >= 1.0);
     }
 

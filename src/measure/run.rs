@@ -206,7 +206,7 @@ impl Run {
             Ok(()) => Ok(self.session.follow(changed).await.map(|()| false)?),
             Err(RunError::Gpu(GpuError::OtherRecording { .. })) => {
                 let mut anew = self.anew(plan, self.size).await?;
-                anew.keep_records(self, |records| plan.schedule.survivors.0.contains(&records.items));
+                anew.keep_records(self, |records| plan.schedule.survivors.resources.contains(&records.items));
                 *self = anew;
                 Ok(true)
             }

@@ -15,9 +15,15 @@ pub(crate) struct Node {
     pub parent: Option<usize>,
     /// From that one's coordinates, or else the world's, to those in which it moves.
     pub stand: DMat4,
-    pub translation: Curve<DVec3>,
-    pub rotation: Rotation,
+    pub placement: Placement,
+}
+
+/// How a place lies on what it stands on, at all times: scaled, then turned, then moved.
+#[derive(Debug, Clone)]
+pub(crate) struct Placement {
     pub scale: Curve<DVec3>,
+    pub rotation: Rotation,
+    pub translation: Curve<DVec3>,
 }
 
 /// How a place turns.
@@ -51,28 +57,25 @@ impl Rotation {
     }
 }
 
-impl Node {
-    fn own(&self, scale: DVec3, time: f64) -> DMat4 {
-        DMat4::from_scale_rotation_translation(scale, self.rotation.at(time), self.translation.at(time))
+impl Placement {
+    /// Whether it is otherwise at other times.
+    pub fn moves(&self) -> bool {
+        moves(&[&self.scale, &self.translation]) || self.rotation.moves()
     }
 
-    /// That of its keys, in each coordinate.
-    fn largest(&self) -> DVec3 {
+    fn at(&self, time: f64) -> DMat4 {
+        self.scaled(self.scale.at(time), time)
+    }
+
+    /// As geometry is read: as it is at the beginning, but what is small then keeps its digits.
+    pub fn at_rest(&self) -> DMat4 {
         let larger = |a: DVec3, b: DVec3| DVec3::select(a.abs().cmplt(b.abs()), b, a);
-        self.scale.values().iter().copied().fold(DVec3::ZERO, larger)
+        let (scale, largest) = (self.scale.at(0.0), self.scale.values().iter().copied().fold(DVec3::ZERO, larger));
+        self.scaled(DVec3::select(scale.abs().cmplt(0.1 * largest.abs()), largest, scale), 0.0)
     }
 
-    /// The scale that geometry is read with: that of the beginning, but what is small then keeps its digits.
-    fn scale_at_rest(&self) -> DVec3 {
-        let (scale, largest) = (self.scale.at(0.0), self.largest());
-        DVec3::select(scale.abs().cmplt(0.1 * largest.abs()), largest, scale)
-    }
-
-    /// A place on another, or in the world; what stands on it has to be read with it at `rest`.
-    pub fn new(name: String, on: Option<(usize, &Self)>, stand: DMat4, translation: Curve<DVec3>, rotation: Rotation, scale: Curve<DVec3>) -> Self {
-        let mut node = Self { name, rest: DMat4::IDENTITY, parent: on.map(|(number, _)| number), stand, translation, rotation, scale };
-        node.rest = on.map_or(DMat4::IDENTITY, |(_, parent)| parent.rest) * stand * node.own(node.scale_at_rest(), 0.0);
-        node
+    fn scaled(&self, scale: DVec3, time: f64) -> DMat4 {
+        DMat4::from_scale_rotation_translation(scale, self.rotation.at(time), self.translation.at(time))
     }
 
     fn end(&self) -> f64 {
@@ -169,7 +172,12 @@ struct Pose {
 impl Animation {
     /// Whether nothing moves.
     pub fn is_empty(&self) -> bool {
-        self.moving.is_empty() && self.lights.is_empty() && self.cameras.is_empty() && self.emissions.is_empty()
+        self.cameras.is_empty() && !self.changes_light()
+    }
+
+    /// Whether anything but a camera moves.
+    pub(crate) fn changes_light(&self) -> bool {
+        !(self.moving.is_empty() && self.lights.is_empty() && self.emissions.is_empty())
     }
 
     /// Whether a light or a surface whose strength changes ever shines.
@@ -184,7 +192,7 @@ impl Animation {
             Stand::On(..) => 0.0,
             Stand::Free { at, look, up } => at.end().max(look.curve().end()).max(up.end()),
         };
-        let nodes = self.nodes.iter().map(Node::end);
+        let nodes = self.nodes.iter().map(|node| node.placement.end());
         let lights = self.lights.iter().map(|track| stand(&track.stand).max(track.strength.as_ref().map_or(0.0, Curve::end)));
         let cameras = self.cameras.iter().map(|track| stand(&track.stand).max(track.angle.as_ref().map_or(0.0, Curve::end)));
         nodes.chain(lights).chain(cameras).chain(self.emissions.iter().map(|track| track.radiance.end())).fold(0.0, f64::max)
@@ -194,7 +202,7 @@ impl Animation {
     pub fn at(&self, time: f64) -> Moment<'_> {
         let mut worlds: Vec<DMat4> = Vec::with_capacity(self.nodes.len());
         for node in &self.nodes {
-            worlds.push(node.parent.map_or(DMat4::IDENTITY, |parent| worlds[parent]) * node.stand * node.own(node.scale.at(time), time));
+            worlds.push(node.parent.map_or(DMat4::IDENTITY, |parent| worlds[parent]) * node.stand * node.placement.at(time));
         }
         Moment { animation: self, time, worlds }
     }
@@ -204,9 +212,11 @@ impl Animation {
         self.moving.iter().map(|moving| Object { name: self.nodes[moving.node].name.clone(), triangles: moving.triangles.clone() }).collect()
     }
 
-    /// Adds a node; its number.
-    pub(crate) fn add(&mut self, node: Node) -> usize {
-        self.nodes.push(node);
+    /// Adds a place on another, or in the world, whose geometry is read as a map says; its number.
+    pub(crate) fn add(&mut self, name: String, parent: Option<usize>, map: &DMat4, placement: Placement) -> usize {
+        let on = parent.map_or(DMat4::IDENTITY, |parent| self.nodes[parent].rest);
+        let stand = on.inverse() * *map;
+        self.nodes.push(Node { name, rest: on * stand * placement.at_rest(), parent, stand, placement });
         self.nodes.len() - 1
     }
 
@@ -292,7 +302,7 @@ impl Moment<'_> {
         let Some(track) = self.animation.cameras.iter().find(is_its) else { return was.clone() };
         let pose = self.pose(&track.stand);
         let direction = pose.direction.try_normalize().unwrap_or(was.direction.as_dvec3());
-        let upright = |up: DVec3| Some(up.try_normalize()?.reject_from_normalized(direction)).filter(|up| up.length() > 1e-6)?.try_normalize();
+        let upright = |up| Camera::upright(direction, up);
         let up = upright(pose.up).or_else(|| upright(was.up.as_dvec3())).unwrap_or_else(|| direction.any_orthonormal_vector());
         let field_of_view = track.angle.as_ref().map_or(was.field_of_view, |angle| FieldOfView::Horizontal(angle.at(self.time) as f32));
         Camera { eye: (pose.at - self.animation.origin).as_vec3(), direction: direction.as_vec3(), up: up.as_vec3(), field_of_view, ..was.clone() }

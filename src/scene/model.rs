@@ -407,6 +407,11 @@ pub enum FieldOfView {
 }
 
 impl Camera {
+    /// What is up in a picture that looks along a unit vector, for something that is to be up there; None for what lies along the view.
+    pub(crate) fn upright(direction: DVec3, up: DVec3) -> Option<DVec3> {
+        Some(up.try_normalize()?.reject_from_normalized(direction)).filter(|up| up.length() > 1e-6)?.try_normalize()
+    }
+
     /// Half width and half height of the picture plane at distance 1, for a picture of `size` pixels.
     pub fn half_extent(&self, size: [u32; 2]) -> Vec2 {
         let aspect = size[0] as f32 / size[1] as f32;

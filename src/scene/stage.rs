@@ -125,19 +125,18 @@ impl Stage {
         Self::with_movers(scene, objects)
     }
 
-    /// Of an animated scene as it is at its beginning, and how it goes on. Its movers are what moves.
+    /// Of an animated scene as it is at its beginning; how it goes on is told by [`Scene::animation`]. Its movers are what moves.
     ///
     /// # Errors
     /// A place that it cannot have.
-    pub fn animated(scene: Scene) -> Result<(Self, Animation), Unchangeable> {
-        let animation = scene.animation.clone();
-        let objects = animation.objects();
+    pub fn animated(scene: Scene) -> Result<Self, Unchangeable> {
+        let objects = scene.animation.objects();
         let mut stage = if objects.is_empty() { Self::without_movers(scene) } else { Self::with_movers(scene, objects.iter().collect())? };
-        stage.change(&stage.changes_to(&animation.at(0.0)))?;
-        Ok((stage, animation))
+        stage.change(&stage.changes_to(&stage.scene.animation.at(0.0)))?;
+        Ok(stage)
     }
 
-    /// What has to change of it to be as its animation has it then.
+    /// What has to change of it to be as its [animation](Scene::animation) has it then.
     pub fn changes_to(&self, moment: &Moment<'_>) -> Vec<Change> {
         let places = moment.places().zip(&self.movers).enumerate();
         let moved = places.filter(|(_, (map, mover))| *map != mover.map).map(|(mover, (map, _))| Change::Place { mover, map });

@@ -42,7 +42,14 @@ pub struct Schedule {
     pub variables: Vec<VariableDescription>,
     pub steps: Vec<Step>,
     /// Histories that stay when the scene changes.
-    pub survivors: (Vec<Resource>, Vec<Variable>),
+    pub survivors: Survivors,
+}
+
+/// Histories by what they are.
+#[derive(Default)]
+pub struct Survivors {
+    pub resources: Vec<Resource>,
+    pub variables: Vec<Variable>,
 }
 
 pub struct ResourceDescription {

@@ -6,7 +6,7 @@ use super::{
     image::{self, TextureSource},
 };
 use crate::scene::{
-    animation::{Animation, Moving, Stand},
+    animation::{Animation, Moving, Placement, Stand},
     model::*,
 };
 use glam::{BVec3, DMat3, DMat4, DVec3, Vec2, Vec3};
@@ -148,6 +148,18 @@ impl Draft {
         }
         self.end_run(self.faces.len());
         std::mem::replace(&mut self.run, (node, self.faces.len())).0
+    }
+
+    /// Where a place is, on what a map says. If it moves, so do the faces to come.
+    pub fn place(&mut self, name: impl FnOnce() -> String, map: &DMat4, placement: Placement) -> DMat4 {
+        let still = *map * placement.at_rest();
+        // What is flat whenever it is seen has no way back from the world to its own coordinates, and nothing to show.
+        if !placement.moves() || still.determinant() == 0.0 || !still.is_finite() {
+            return still;
+        }
+        let number = self.animation.add(name(), self.run.0, map, placement);
+        self.move_with(Some(number));
+        self.animation.nodes[number].rest
     }
 
     fn end_run(&mut self, end: usize) {

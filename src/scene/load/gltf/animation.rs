@@ -3,12 +3,15 @@
 use super::{Reader, node_map};
 use crate::{
     math::curve::{Between, Curve, Value},
-    scene::animation::{Node, Rotation, moves},
+    scene::animation::{Placement, Rotation},
 };
 use ::gltf::{Accessor, Document};
 use glam::{DMat4, DQuat, DVec3};
 use serde_json::Value as Json;
 use std::collections::HashMap;
+
+/// What is told of those that are.
+const BROKEN: &str = "animations that break the rules of glTF";
 
 /// What of a node an animation moves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -66,7 +69,6 @@ impl Animations {
 
 impl Channel {
     fn of(channel: &Json, samplers: &Json) -> Result<Self, &'static str> {
-        const BROKEN: &str = "animations that break the rules of glTF";
         let number = |value: &Json| value.as_u64().and_then(|number| usize::try_from(number).ok()).ok_or(BROKEN);
         let path = match channel["target"]["path"].as_str() {
             Some("translation") => Path::Translation,
@@ -112,7 +114,7 @@ impl Reader<'_> {
                 }
             };
             if read.is_none() {
-                self.ignore("animations that break the rules of glTF");
+                self.ignore(BROKEN);
             }
         }
         tracks
@@ -137,20 +139,12 @@ impl Reader<'_> {
     pub(super) fn place_node(&mut self, node: &::gltf::Node, parent: &DMat4, track: Option<Track>) -> DMat4 {
         let Some(track) = track else { return *parent * node_map(node) };
         let (scale, turn, translation) = node_map(node).to_scale_rotation_translation();
-        let translation = track.translation.unwrap_or(Curve::constant(translation));
-        let (rotation, scale) = (Rotation::Free(track.rotation.unwrap_or(Curve::constant(turn))), track.scale.unwrap_or(Curve::constant(scale)));
-        let is_still = !moves(&[&translation, &scale]) && !rotation.moves();
-        let name = node.name().map_or_else(|| format!("node {}", node.index()), str::to_owned);
-        let on = self.draft.moving_with().map(|number| (number, &self.draft.animation.nodes[number]));
-        let stand = on.map_or(DMat4::IDENTITY, |(_, on)| on.rest.inverse()) * *parent;
-        let placed = Node::new(name, on, stand, translation, rotation, scale);
-        let map = placed.rest;
-        // What is flat whenever it is seen has no way back from the world to its own coordinates, and nothing to show.
-        if !is_still && map.determinant() != 0.0 && map.is_finite() {
-            let number = self.draft.animation.add(placed);
-            self.draft.move_with(Some(number));
-        }
-        map
+        let placement = Placement {
+            scale: track.scale.unwrap_or(Curve::constant(scale)),
+            rotation: Rotation::Free(track.rotation.unwrap_or(Curve::constant(turn))),
+            translation: track.translation.unwrap_or(Curve::constant(translation)),
+        };
+        self.draft.place(|| node.name().map_or_else(|| format!("node {}", node.index()), str::to_owned), parent, placement)
     }
 }
 

@@ -11,7 +11,7 @@ use crate::scene::load::{
 use crate::{
     math::curve::Curve,
     scene::{
-        animation::{Node, Rotation, moves},
+        animation::{Placement, Rotation},
         model::{Material, Object},
     },
 };
@@ -20,14 +20,6 @@ use std::{
     collections::BTreeMap,
     path::{Path, PathBuf},
 };
-
-/// How a `Place` lies, at all times.
-#[derive(Clone)]
-struct Placement {
-    scale: Curve<DVec3>,
-    rotation: Rotation,
-    translation: Curve<DVec3>,
-}
 
 impl<'a> Reader<'a> {
     pub fn add_geometry(&mut self, raw: Raw<'a, Geometry<'a>>, map: &DMat4) -> Result<(), SceneError> {
@@ -76,11 +68,10 @@ impl<'a> Reader<'a> {
             Geometry::Triangles { positions, indices, material } => self.add_triangles(raw, positions, indices, material, map),
             Geometry::Place { name, of, scale, rotate, translate } => {
                 let (first, name) = (self.draft.faces.len(), name.map(|name| source.get(name)).transpose());
-                let (place, before) = (self.placement(scale, rotate, translate), self.draft.moving_with());
-                let inner_map = match &place {
-                    Ok(place) => self.place(place, map, name.as_ref().ok().and_then(Option::as_deref)),
-                    Err(_) => *map,
-                };
+                let before = self.draft.moving_with();
+                let stated = || name.as_ref().ok().cloned().flatten().unwrap_or_else(|| "a place that moves".to_owned());
+                let place = self.placement(scale, rotate, translate).map(|placement| self.draft.place(stated, map, placement));
+                let inner_map = place.as_ref().map_or(*map, |place| *place);
                 let inner = all(of.into_iter().map(|inner| self.add_geometry(inner, &inner_map)));
                 self.draft.move_with(before);
                 let (name, _, _) = (name, place, inner).together()?;
@@ -112,21 +103,6 @@ impl<'a> Reader<'a> {
         let rotation = rotate.map_or_else(|| Ok(Rotation::Around(DVec3::Y, Curve::constant(0.0))), turn);
         let (scale, rotation, translation) = (scale.map_or_else(|| Ok(Curve::constant(DVec3::ONE)), factors), rotation, translation).together()?;
         Ok(Placement { scale, rotation, translation })
-    }
-
-    /// Where a place is, on what a map says; what moves goes into the animation, and what is read from here on moves with it.
-    fn place(&mut self, place: &Placement, map: &DMat4, name: Option<&str>) -> DMat4 {
-        let Placement { scale, rotation, translation } = place.clone();
-        if !(moves(&[&scale, &translation]) || rotation.moves()) {
-            return *map * DMat4::from_scale_rotation_translation(scale.at(0.0), rotation.at(0.0), translation.at(0.0));
-        }
-        let on = self.draft.moving_with().map(|number| (number, &self.draft.animation.nodes[number]));
-        let stand = on.map_or(DMat4::IDENTITY, |(_, on)| on.rest.inverse()) * *map;
-        let node = Node::new(name.unwrap_or("a place that moves").to_owned(), on, stand, translation, rotation, scale);
-        let rest = node.rest;
-        let number = self.draft.animation.add(node);
-        self.draft.move_with(Some(number));
-        rest
     }
 
     fn add_faces(&mut self, faces: &[Face], map: &DMat4, name: &str) -> Result<(), SceneError> {

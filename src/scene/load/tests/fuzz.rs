@@ -89,7 +89,8 @@ fn survive(name: &str, files: &[(&str, &[u8])]) -> bool {
 
 /// Whenever it is looked at, it is finite, or the change is refused.
 fn expect_to_move(scene: Scene) {
-    let Ok((mut stage, animation)) = Stage::animated(scene) else { return };
+    let Ok(mut stage) = Stage::animated(scene) else { return };
+    let animation = stage.scene.animation.clone();
     for time in [0.3, 1.0, 1e9, -5.0] {
         let moment = animation.at(time);
         let _ = stage.change(&stage.changes_to(&moment));

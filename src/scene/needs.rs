@@ -58,7 +58,7 @@ pub struct Needs {
     pub anisotropic: bool,
     /// Whether any surface has a diffuse part, or emits and nothing else.
     pub diffuse: bool,
-    /// Whether anything in it can be otherwise at another time.
+    /// Whether anything in it but cameras can be otherwise at another time.
     pub moves: bool,
     /// Diagonal of the bounds [scene units].
     pub extent: f32,
@@ -94,7 +94,7 @@ impl Needs {
             wide_lobes: shapes().any(|shape| !shape.is_sharp()),
             anisotropic: shapes().any(Shape::is_anisotropic),
             diffuse: materials().any(|m| !has_lobe(m) || scene.reflections(m).iter().any(|reflection| reflection.diffuse != glam::Vec3::ZERO)),
-            moves: !(scene.objects.is_empty() && scene.animation.is_empty()),
+            moves: !scene.objects.is_empty() || scene.animation.changes_light(),
             extent: scene.extent(),
             ..Self::default()
         };

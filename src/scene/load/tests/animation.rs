@@ -22,7 +22,9 @@ fn document(place: &str, more: &str) -> String {
 }
 
 fn animated(scene: Scene) -> (Stage, Animation) {
-    Stage::animated(scene).unwrap()
+    let stage = Stage::animated(scene).unwrap();
+    let animation = stage.scene.animation.clone();
+    (stage, animation)
 }
 
 fn at(stage: &mut Stage, animation: &Animation, time: f64) -> Result<(), Unchangeable> {
@@ -120,6 +122,16 @@ fn lights_emitters_and_cameras_of_documents_move() {
     assert_eq!((eye + stage.scene.origin.as_vec3(), up), (Vec3::new(4.5, 0.0, 4.5), Vec3::Y));
     assert!(direction.distance(Vec3::new(-FRAC_1_SQRT_2, 0.0, -FRAC_1_SQRT_2)) < 1e-6);
     assert!((camera(1).half_extent([100, 100]).x - 25_f32.to_radians().tan()).abs() < 1e-6);
+}
+
+/// Records need not be sampled anew for a camera that moves.
+#[test]
+fn what_moves_decides_what_a_scene_needs() {
+    let camera = |eye: &str| format!(r#"cameras: {{ "c": (eye: {eye}, target: (0, 0, 0), fov: 40) }}"#);
+    let moves = |place: &str, more: &str| animated(load_text(&document(place, more)).unwrap()).0.needs().moves;
+    assert!(!moves("", &camera("(0, 0, 9)")) && !moves("", &camera("Linear([(0, (0, 0, 9)), (2, (9, 0, 0))])")));
+    assert!(moves("translate: Linear([(0, (0, 0, 0)), (2, (9, 0, 0))])", &camera("(0, 0, 9)")));
+    assert!(moves("", "lights: [Point(position: (0, 0, 0), intensity: Linear([(0, (1, 1, 1)), (1, (2, 2, 2))]))]"));
 }
 
 #[test]

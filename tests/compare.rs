@@ -28,6 +28,7 @@ const DRAWN: &[(&str, Case)] = &[
     ("an_unfinished_variant_is_named", unfinished),
     ("runs_that_are_ended_early_are_judged", cuts),
     ("an_interrupted_comparison_keeps_whole_rounds", interrupted),
+    ("sequences_are_judged_in_time", sequences),
 ];
 
 const REFUSED: &[(&str, Case)] = &[("mistakes_are_told_before_work_starts", mistakes)];
@@ -133,6 +134,48 @@ fn kept_reference() -> Outcome {
     }
     check(place.kept()?.len() == 3, || format!("{:?}", place.kept()))
 }
+
+/// Every frame of a sequence has a truth of its own; where nothing moves there is nothing to flicker but noise, and a lamp that is switched is a jump.
+fn sequences() -> Outcome {
+    let place = Place::new()?.with("switched.ron", SWITCHED)?;
+    let options = "--size 48x36 --frames 0..6 --fps 1 --reference-spp 16 --runs 2";
+    let (text, stderr) = place.succeed(&format!("compare irradiance-temporal --scene switched.ron {options} --json out.json --html out.html"))?;
+    check(stderr.matches("tracing the reference").count() == 1, || stderr.clone())?;
+    check(text.contains("frames 0 to 5") && text.contains("over 6 frames") && text.contains("; of frame 5;"), || text.clone())?;
+    check(place.kept()?.len() == 2, || format!("frames that show the same share a reference: {:?}", place.kept()))?;
+    let variant = &place.json("out.json")?["variants"][0];
+    let course = &variant["courses"]["irradiance"];
+    let frames = course["frames"].as_array().ok_or("no frames")?;
+    // The lamp goes on in frame 3: all that is seen has jumped, and is there at once.
+    check(frames.len() == 6 && course["jumps"].as_u64() > Some(20) && course["lag_p50"] == 0.0, || course.to_string())?;
+    let flicker: Vec<f64> = frames.iter().filter_map(|frame| frame["flicker"].as_f64()).collect();
+    check(flicker.len() == 5 && flicker[3] < 0.02 && flicker[4] < 0.02, || course.to_string())?;
+    // The last frame's errors are those of its picture alone.
+    place.succeed("render irradiance-temporal --scene switched.ron --size 48x36 --frames 0..6 --fps 1 -o a.exr")?;
+    let truths = place.kept()?;
+    let rmse = |truth: &std::path::PathBuf| -> Result<Value, Failed> {
+        place.succeed(&format!("diff a.0005.exr:irradiance {}:irradiance --json diff.json --anyway", truth.display()))?;
+        Ok(place.json("diff.json")?["rmse_over_mean"].clone())
+    };
+    let last = &variant["errors"]["irradiance"]["rmse_over_mean"];
+    check(rmse(&truths[0])? == *last || rmse(&truths[1])? == *last, || format!("{last}"))?;
+    check(variant["frames"].as_array().is_some_and(|frames| frames.len() == 6 && frames[5]["seconds"]["median"].as_f64() > Some(0.0)), || variant.to_string())?;
+    let (_, stderr) = place.succeed(&format!("compare irradiance --scene cornell --size 16x12 --frames 0..2 --runs 1 --no-reference"))?;
+    check(stderr.contains("nothing in the scene moves"), || stderr)
+}
+
+/// A box whose lamp is dim for three seconds, and then bright.
+const SWITCHED: &str = r#"Scene(
+    version: 1,
+    geometry: [
+        Quad(corners: ((0, 0, 4), (4, 0, 4), (4, 0, 0), (0, 0, 0)), material: "grey"),
+        Quad(corners: ((0, 3, 0), (4, 3, 0), (4, 3, 4), (0, 3, 4)), material: "grey"),
+        Quad(corners: ((0, 0, 0), (4, 0, 0), (4, 3, 0), (0, 3, 0)), material: "grey"),
+    ],
+    materials: { "grey": Diffuse(reflectance: (0.7, 0.7, 0.7)) },
+    lights: [Point(position: (2, 1.5, 2), intensity: Step([(0, (1, 1, 1)), (3, (6, 6, 6))]))],
+    cameras: { "main": (eye: (2, 1.6, 3.9), target: (2, 1.3, 0), fov: 75) },
+)"#;
 
 /// What a pipeline leaves out is told apart from what its method does: the first is the difference of two truths, the second the error against its own.
 fn two_parts() -> Outcome {
@@ -390,6 +433,9 @@ fn mistakes() -> Outcome {
         ("irradiance --reference missing.exr", "cli::read", "missing.exr"),
         ("irradiance --reference good.exr --reference-variance large.exr", "measure::variance_size", "33×24"),
         ("irradiance --no-reference --cuts 2", "", "'--cuts <N>'"),
+        ("irradiance --frames 0..3 --cuts 2", "", "'--cuts <N>'"),
+        ("irradiance --frames 0..3 --reference good.exr", "", "cannot be used with"),
+        ("irradiance --frames 3..3", "", "expected A..B"),
         ("irradiance --reference-variance good.exr", "", "--reference <FILE.exr[:LAYER]>"),
         ("irradiance --reference good.exr --no-reference", "", "cannot be used with"),
         ("irradiance --reference good.exr --reference-spp 3", "", "cannot be used with"),

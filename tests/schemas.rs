@@ -14,6 +14,9 @@ use std::{env, fs};
 const DRAWN: &[(&str, Case)] = &[
     ("render", || keeps("render", "render irradiance --scene cornell-glossy --size 16x12 -o a.exr --stats out.json")),
     ("compare", || keeps("compare", "compare environment irradiance --scene cornell --size 32x24 --runs 2 --reference-spp 4 --bounces all --json out.json")),
+    ("compare_frames", || {
+        keeps("compare_frames", "compare irradiance-temporal --scene cube --size 32x24 --frames 0..7 --fps 1 --runs 2 --reference-spp 4 --json out.json")
+    }),
     ("sweep", || {
         keeps("sweep", "sweep irradiance --over tiles.resolution=4,8 --scene cornell --size 32x24 --reference-spp 4 --runs 2 -o kept --json out.json")
     }),

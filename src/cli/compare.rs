@@ -12,8 +12,9 @@ use super::pipeline::{check_pipeline, note_idle, note_names, plan_view};
 use super::progress::Progress;
 use super::resources::expect_memory;
 use super::scene::{SceneOptions, View};
+use super::sequence::{Reel, Sequence, SequenceOptions, Watches};
 use super::truth::{FILES, Shorter, Truth, TruthOptions};
-use crate::gpu::{Gpu, Pace, block_on, expected_device};
+use crate::gpu::{AskPace, Gpu, Pace, block_on, expected_device};
 use crate::measure::Layers;
 use crate::measure::compare::{self, About, Comparison, Contender, Cut, GivenPicture, StartUp, VariantErrors};
 use crate::measure::page::Gallery;
@@ -39,7 +40,7 @@ const DEFAULT_RUNS: usize = 10;
 #[derive(Args)]
 #[command(after_help = "Example: hemisplat compare irradiance irradiance@tiles.resolution=32 irradiance-readback --scene cornell --json out/compare.json
 
-A run is a picture from empty caches. Every variant runs once to warm up, then once a round, in an order that changes from round to round. The
+A run is a picture from empty caches, or all frames of a sequence. Every variant runs once to warm up, then once a round, in an order that changes from round to round. The
 same pipeline may be given again with other parameters. A picture of another program, --picture 'denoised=other.exr:picture,seconds=1.2', is judged by the
 same reference; its time is the one that is stated.")]
 pub struct Options {
@@ -48,6 +49,8 @@ pub struct Options {
     variants: Vec<String>,
     #[command(flatten)]
     scene: SceneOptions,
+    #[command(flatten)]
+    sequence: SequenceOptions,
     /// Change a parameter of a node in all of them; may be repeated
     #[arg(long = "set", value_name = "NODE.PARAM=VALUE")]
     sets: Vec<String>,
@@ -79,43 +82,54 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     let variants = options.variants.iter().map(|text| Variant::parse(text, &options.sets)).collect::<Result<Vec<_>, _>>()?;
     let pipelines = all(variants.iter().map(|variant| check_pipeline(&variant.pipeline, &variant.sets)))?;
     note_names(&pipelines, console);
-    let (view, load_seconds) = timed(|| options.scene.load(console))?;
+    let (mut view, load_seconds) = timed(|| options.scene.load(console))?;
+    let sequence = options.sequence.of(&view, console);
+    view.go_to(sequence.moments[0])?;
     let plans = plan_all(&pipelines, &view, console)?;
     variants.iter().zip(&plans).for_each(|(variant, (plan, _))| note_idle(plan, &variant.sets, console));
     let pictures = options.pictures.iter().map(|given| given.read(&view, options.truth.anyway)).collect::<Result<Vec<_>, _>>()?;
     let judged = options.truth.judged(plans.iter().map(|(plan, _)| plan))?;
     let (given, given_seconds) = timed(|| options.truth.given(&view, judged))?;
-    let keeper = options.truth.keeper(&view, judged)?;
-    let shorter_keepers = options.truth.shorter_keepers(&view, plans.iter().map(|(plan, _)| plan), judged)?;
+    // That there is a place for references is told before work is done for them.
+    options.truth.keeper(&view, judged)?;
     expect_memory(plans.iter().map(|(plan, _)| plan), &view)?;
     warn_of_few_runs(options, console);
     let (gpu, device_seconds) = timed(|| block_on(Gpu::open()).map_err(Failure::work))?;
     let runs = plans.iter().map(|(plan, _)| timed(|| ready(&gpu, &view, plan))).collect::<Result<Vec<_>, _>>()?;
-    let (traced, traced_seconds) = timed(|| keeper.map(|keeper| keeper.obtain(&view, console)).transpose())?;
-    let truth = given.or(traced);
+    let abouts = variants.into_iter().zip(&plans).map(|(variant, (_, plan_seconds))| variant.about(*plan_seconds, &sequence));
+    let ready = runs.into_iter().zip(abouts).zip(&pipelines);
+    let mut entries: Vec<Entry<'_>> = ready.map(|((run, about), pipeline)| Entry::new(run, about, Reel::new(&sequence, pipeline, &view, console))).collect();
+    let mut reference_seconds = given_seconds;
+    let mut trace = |view: &View, console: &Console| {
+        let (traced, seconds) = timed(|| options.truth.keeper(view, judged)?.map(|keeper| keeper.obtain(view, console)).transpose())?;
+        reference_seconds += seconds;
+        Ok(traced)
+    };
+    lead(&mut entries, &sequence, &mut view, &mut trace, console)?;
+    let truth = given.or(trace(&view, console)?);
+    let shorter_keepers = options.truth.shorter_keepers(&view, plans.iter().map(|(plan, _)| plan), judged)?;
     let shorter = Shorter::all(&shorter_keepers, truth.as_ref(), &view, console)?;
     warn_of_unstated_bounces(truth.as_ref(), console);
-    let judged = options
+    let given_pictures = options
         .pictures
         .iter()
         .zip(&pictures)
         .zip(plans.len()..)
         .filter_map(|((given, picture), place)| truth.as_ref().map(|truth| given.judge(place, picture, truth)));
-    let judged = judged.collect::<Result<Vec<_>, _>>()?;
+    let given_pictures = given_pictures.collect::<Result<Vec<_>, _>>()?;
 
     let gallery = targets.html.is_some().then(|| Gallery::new(view.size, plans.len() + pictures.len(), truth.as_ref().map(Truth::picture)));
-    let mut contest =
-        Contest { truth: truth.as_ref(), shorter: &shorter, gallery, entries: Vec::new(), rounds: runs_of(options), cuts: options.cuts.into(), shelter: None };
-    let about = variants.into_iter().zip(&plans).map(|(variant, (_, plan_seconds))| variant.about(*plan_seconds));
-    let result = contest.hold(runs.into_iter().zip(about).collect(), &view, &Progress::new(console, "comparing"));
+    let (rounds, cuts) = (runs_of(options), options.cuts.into());
+    let mut contest = Contest { truth: truth.as_ref(), shorter: &shorter, gallery, entries, last: sequence.last(), rounds, cuts, shelter: None };
+    let result = contest.hold(&view, &Progress::new(console, "comparing"));
     let is_interrupted = result.as_ref().is_err_and(|failure| failure.status == 130);
     if !is_interrupted {
         result?;
     }
     pictures.iter().try_for_each(|picture| contest.exhibit(picture))?;
     let (_shelter, gallery) = (contest.shelter.take(), contest.gallery.take());
-    let start_up = StartUp { load_seconds, device_seconds, reference_seconds: given_seconds + traced_seconds };
-    let Some(comparison) = contest.comparison(&view, &gpu, start_up, judged) else { return Err(Failure::interrupted(&[])) };
+    let start_up = StartUp { load_seconds, device_seconds, reference_seconds };
+    let Some(comparison) = contest.comparison(&view, &gpu, start_up, given_pictures) else { return Err(Failure::interrupted(&[])) };
     comparison::warnings(&comparison).iter().for_each(|warning| console.note(warning));
     console.print(&comparison::text(&comparison))?;
     targets.write(&comparison)?;
@@ -173,8 +187,8 @@ impl Variant {
         Ok(Self { name: text.to_owned(), pipeline: pipeline.to_owned(), sets })
     }
 
-    fn about(self, plan_seconds: f64) -> About {
-        About { name: self.name, set: self.sets, plan_seconds, ..About::default() }
+    fn about(self, plan_seconds: f64, sequence: &Sequence) -> About {
+        About { name: self.name, set: self.sets, plan_seconds, numbers: sequence.numbers.clone(), ..About::default() }
     }
 }
 
@@ -224,14 +238,62 @@ pub(super) fn warn_of_unstated_bounces(truth: Option<&Truth>, console: &Console)
     }
 }
 
+/// A variant as it runs, and what is known of it.
+struct Entry<'s> {
+    contender: Contender<Reel<'s>>,
+    about: About,
+    watches: Watches,
+}
+
+impl<'s> Entry<'s> {
+    fn new((run, shaders_seconds): (Run, f64), about: About, reel: Reel<'s>) -> Self {
+        Self { contender: Contender::new(run, reel), about: About { shaders_seconds, ..about }, watches: Watches::default() }
+    }
+
+    /// Renders a frame, which is judged in time where there is a truth and there are several; its picture and its errors.
+    fn frame(&mut self, frame: usize, truth: Option<&Truth>, pace: AskPace<'_>) -> Result<(Layers, VariantErrors), Failure> {
+        let picture = block_on(self.contender.warm_up_frame(frame, pace)).map_err(Failure::of_change)?;
+        let Some(truth) = truth else { return Ok((picture, VariantErrors::default())) };
+        let errors = truth.judge(picture.clone())?;
+        if !self.about.numbers.is_empty() {
+            self.watches.see(&picture, truth, &errors)?;
+        }
+        Ok((picture, errors))
+    }
+}
+
+/// Obtains the truth of a view, where one is wanted.
+type Trace<'t> = dyn FnMut(&View, &Console) -> Result<Option<Truth>, Failure> + 't;
+
+/// Leads all variants through a sequence, up to its last frame, at which the view is then.
+fn lead(entries: &mut [Entry<'_>], sequence: &Sequence, view: &mut View, trace: &mut Trace<'_>, console: &Console) -> Result<(), Failure> {
+    let progress = Progress::new(console, "warming up, and tracing references");
+    for (frame, moment) in sequence.moments.iter().enumerate() {
+        view.go_to(*moment)?;
+        if frame == sequence.last() {
+            break;
+        }
+        let pace = || if progress.report(frame as f32 / sequence.last() as f32) { Pace::GoOn } else { Pace::Stop };
+        if pace() == Pace::Stop {
+            return Err(Failure::interrupted(&[]));
+        }
+        // What is said of the first reference holds for the others.
+        let truth = trace(view, &if frame > 0 { console.silenced() } else { *console })?;
+        entries.iter_mut().try_for_each(|entry| entry.frame(frame, truth.as_ref(), &pace).map(drop))?;
+    }
+    Ok(())
+}
+
 /// The variants as they run.
-struct Contest<'t> {
+struct Contest<'t, 's> {
     truth: Option<&'t Truth>,
     /// Truths of fewer bounces.
     shorter: &'t [Shorter],
     /// Where a page is wanted.
     gallery: Option<Gallery<'t>>,
-    entries: Vec<(Contender, About)>,
+    entries: Vec<Entry<'s>>,
+    /// The number of the last frame.
+    last: usize,
     rounds: usize,
     /// Of each variant, so many runs are ended early.
     cuts: usize,
@@ -239,21 +301,22 @@ struct Contest<'t> {
     shelter: Option<Shelter>,
 }
 
-impl Contest<'_> {
+impl Contest<'_, '_> {
     /// Warms each variant up and judges its picture, then holds the rounds.
-    fn hold(&mut self, runs: Vec<((Run, f64), About)>, view: &View, progress: &Progress) -> Result<(), Failure> {
-        let variants = runs.len();
+    fn hold(&mut self, view: &View, progress: &Progress) -> Result<(), Failure> {
+        let variants = self.entries.len();
         let steps = (variants * (self.rounds + self.cuts + 1)) as f32;
         let pace = |done: usize| move || if progress.report(done as f32 / steps) { Pace::GoOn } else { Pace::Stop };
-        for ((run, shaders_seconds), about) in runs {
-            let (contender, picture) = block_on(Contender::warm_up(run, &pace(self.entries.len()))).map_err(Failure::of_run)?;
+        for variant in 0..variants {
+            let (picture, errors) = self.entries[variant].frame(self.last, self.truth, &pace(variant))?;
             self.exhibit(&picture)?;
+            let Entry { contender, about, watches } = &mut self.entries[variant];
             if let Some(gallery) = &mut self.gallery {
                 gallery.overlay(overlays(contender.run(), view)?);
             }
-            let error_parts = Shorter::parts(self.shorter, contender.plan(), &picture)?;
-            let errors = self.truth.map_or(Ok(VariantErrors::default()), |truth| truth.judge(picture))?;
-            self.entries.push((contender, About { shaders_seconds, errors, error_parts, ..about }));
+            about.error_parts = Shorter::parts(self.shorter, contender.plan(), &picture)?;
+            about.errors = errors;
+            about.courses = std::mem::take(watches).courses();
         }
         for round in 0..self.rounds {
             for (place, variant) in compare::order(round, variants).into_iter().enumerate() {
@@ -262,7 +325,7 @@ impl Contest<'_> {
                 if pace() == Pace::Stop {
                     return Err(Failure::interrupted(&[]));
                 }
-                block_on(self.entries[variant].0.measure(&pace)).map_err(Failure::of_run)?;
+                block_on(self.entries[variant].contender.measure(&pace)).map_err(Failure::of_change)?;
             }
             self.shelter.get_or_insert_with(Shelter::new);
         }
@@ -275,7 +338,7 @@ impl Contest<'_> {
 
     /// Runs a variant in ever less of its time; `report` takes how many of these runs are done, and is false once the user asked to stop.
     fn cut(&mut self, variant: usize, report: &(dyn Fn(usize) -> bool + Sync)) -> Result<(), Failure> {
-        let (contender, about) = &mut self.entries[variant];
+        let Entry { contender, about, .. } = &mut self.entries[variant];
         let (Some(truth), Some(median)) = (self.truth, contender.median_seconds()) else { return Ok(()) };
         for cut in 0..self.cuts {
             let within = Duration::from_secs_f64(median / f64::from(2 << cut));
@@ -293,9 +356,9 @@ impl Contest<'_> {
 
     /// What the whole rounds found; None without one.
     fn comparison(self, view: &View, gpu: &Gpu, start_up: StartUp, pictures: Vec<GivenPicture>) -> Option<Comparison> {
-        let whole = self.entries.iter().map(|(contender, _)| contender.runs()).min()?;
+        let whole = self.entries.iter().map(|entry| entry.contender.runs()).min()?;
         let entries = self.entries.into_iter().enumerate();
-        let variants = entries.map(|(index, (contender, about))| contender.report(compare::letters(index), about, whole)).collect::<Option<Vec<_>>>()?;
+        let variants = entries.map(|(index, entry)| entry.contender.report(compare::letters(index), entry.about, whole)).collect::<Option<Vec<_>>>()?;
         Some(Comparison {
             schema: 1,
             scene: view.stage.scene.name.clone(),

@@ -56,6 +56,11 @@ impl Console {
         Self { quiet: options.quiet, colour, has_file }
     }
 
+    /// The same that says nothing but errors.
+    pub fn silenced(self) -> Self {
+        Self { quiet: true, ..self }
+    }
+
     #[cfg(test)]
     pub fn silent() -> Self {
         Self { quiet: true, colour: false, has_file: false }

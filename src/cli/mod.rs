@@ -36,6 +36,7 @@ mod resources;
 mod scene;
 mod scenes;
 mod sealed;
+mod sequence;
 mod shipped;
 mod stability;
 mod stored;

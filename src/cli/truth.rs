@@ -410,7 +410,7 @@ impl Truth {
         PictureError::UnknownLayer { name: layer.to_owned(), held: self.picture.layers.keys().cloned().collect::<Vec<_>>().join(", ") }
     }
 
-    fn refuse(&self, error: MetricsError) -> Failure {
+    pub fn refuse(&self, error: MetricsError) -> Failure {
         Failure::input(CommandError::BadReference { path: self.path.clone(), error })
     }
 

@@ -1,8 +1,10 @@
 //! Several pipelines on one view of one scene: what each costs, how far it is from the truth, and which differences are more than noise.
 //!
-//! A run is a picture from empty caches. Runs are interleaved in rounds, one of each variant a round, so that two runs of a round are a pair.
+//! A run is a picture, or a sequence of them, from empty caches. Runs are interleaved in rounds, one of each variant a round, so that two runs of a round are a
+//! pair.
 
 use super::cache::Checksum;
+use super::course::Course;
 use super::criteria::Metric;
 use super::layers::{DIRECT, GLOSSY, INDIRECT, IRRADIANCE, Layers, PICTURE};
 use super::metrics::{ErrorDifference, Errors};
@@ -11,6 +13,7 @@ use super::statistics::{Difference, Spread, runs_to_find};
 use crate::gpu::{Adapter, AskPace, Pace, Unfinished};
 use crate::pipeline::Plan;
 use serde::{Deserialize, Serialize, Serializer};
+use std::collections::BTreeMap;
 use web_time::{Duration, Instant};
 
 /// The difference that a number of runs is recommended for: a variant that takes 5 % longer.
@@ -23,34 +26,107 @@ pub fn order(round: usize, variants: usize) -> Vec<usize> {
     if round.is_multiple_of(2) { (0..variants).map(rotated).collect() } else { (0..variants).rev().map(rotated).collect() }
 }
 
+/// The frames of a run.
+pub trait Script {
+    /// Why a run does not go on.
+    type Error: From<RunError>;
+
+    /// How many there are, one or more.
+    fn frames(&self) -> usize;
+
+    /// Brings a run to a frame of them.
+    ///
+    /// # Errors
+    /// Where the scene cannot change so.
+    fn bring(&mut self, frame: usize, run: &mut Run) -> Result<(), Self::Error>;
+}
+
+/// One picture of what stands still.
+pub struct Still;
+
+impl Script for Still {
+    type Error = RunError;
+
+    fn frames(&self) -> usize {
+        1
+    }
+
+    fn bring(&mut self, _: usize, _: &mut Run) -> Result<(), RunError> {
+        Ok(())
+    }
+}
+
 /// A variant with its session, which all its runs share, and what they measured.
-pub struct Contender {
+pub struct Contender<S = Still> {
     run: Run,
+    script: S,
     warm_up_seconds: f64,
-    frames: Vec<FrameReport>,
-    /// Checksum of the picture of the warm-up.
+    runs: Vec<Measured>,
+    /// Checksum of the last picture of the warm-up.
     picture: String,
     pictures_repeat: bool,
 }
 
+/// A run that was measured.
+struct Measured {
+    whole: FrameReport,
+    frames: Vec<FrameOfRun>,
+}
+
+/// What a frame of a run took, and what it left.
+struct FrameOfRun {
+    seconds: f64,
+    records: Option<u32>,
+    new_records: Option<u32>,
+}
+
 impl Contender {
     /// Renders once, so that what drivers put off to the first use is done, and hands out the picture.
-    pub async fn warm_up(mut run: Run, pace: AskPace<'_>) -> Result<(Self, Layers), RunError> {
-        let report = run.frame(pace).await?;
-        let picture = run.picture().await?;
-        let contender = Self { run, warm_up_seconds: report.seconds, frames: Vec::new(), picture: checksum(&picture), pictures_repeat: true };
+    pub async fn warm_up(run: Run, pace: AskPace<'_>) -> Result<(Self, Layers), RunError> {
+        let mut contender = Self::new(run, Still);
+        let picture = contender.warm_up_frame(0, pace).await?;
         Ok((contender, picture))
+    }
+}
+
+impl<S: Script> Contender<S> {
+    pub fn new(run: Run, script: S) -> Self {
+        Self { run, script, warm_up_seconds: 0.0, runs: Vec::new(), picture: String::new(), pictures_repeat: true }
+    }
+
+    /// Renders a frame of the first run, which warms up: what drivers put off to the first use is done. Hands out the picture.
+    pub async fn warm_up_frame(&mut self, frame: usize, pace: AskPace<'_>) -> Result<Layers, S::Error> {
+        self.script.bring(frame, &mut self.run)?;
+        let report = self.run.frame(pace).await?;
+        if frame == 0 {
+            self.warm_up_seconds = report.seconds;
+        }
+        let picture = self.run.picture().await?;
+        self.picture = checksum(&picture);
+        Ok(picture)
     }
 
     /// One run from empty caches.
-    pub async fn measure(&mut self, pace: AskPace<'_>) -> Result<(), RunError> {
-        self.run.reset().await?;
-        self.frames.push(self.run.frame(pace).await?);
+    pub async fn measure(&mut self, pace: AskPace<'_>) -> Result<(), S::Error> {
+        let (mut whole, mut frames) = (None::<FrameReport>, Vec::new());
+        for frame in 0..self.script.frames() {
+            self.script.bring(frame, &mut self.run)?;
+            if frame == 0 {
+                self.run.reset().await?;
+            }
+            let report = self.run.frame(pace).await?;
+            frames.push(FrameOfRun { seconds: report.seconds, records: report.records.irradiance, new_records: report.new_records });
+            whole = Some(match whole {
+                None => report,
+                Some(earlier) => earlier.and(report),
+            });
+        }
+        self.runs.extend(whole.map(|whole| Measured { whole, frames }));
         self.pictures_repeat &= checksum(&self.run.picture().await?) == self.picture;
         Ok(())
     }
 
-    /// One run from empty caches that is to take no longer than this, as loops end early: what it took, and its picture. No part of what runs measure.
+    /// One run from empty caches that is to take no longer than this, as loops end early: what it took, and its last picture. No part of what runs measure.
     pub async fn cut(&mut self, within: Duration, ask: AskPace<'_>) -> Result<(f64, Layers), RunError> {
         self.run.reset().await?;
         let start = Instant::now();
@@ -61,7 +137,7 @@ impl Contender {
 
     /// The median time of its runs; None without a run [s].
     pub fn median_seconds(&self) -> Option<f64> {
-        Spread::of(&self.frames.iter().map(|frame| frame.seconds).collect::<Vec<_>>()).map(|spread| spread.median)
+        Spread::of(&self.runs.iter().map(|run| run.whole.seconds).collect::<Vec<_>>()).map(|spread| spread.median)
     }
 
     pub fn plan(&self) -> &Plan {
@@ -75,12 +151,13 @@ impl Contender {
 
     /// Runs measured so far.
     pub fn runs(&self) -> usize {
-        self.frames.len()
+        self.runs.len()
     }
 
     /// What the first `runs` runs measured; None without a run.
     pub fn report(&self, id: String, about: About, runs: usize) -> Option<VariantReport> {
-        let frames = &self.frames[..runs.min(self.frames.len())];
+        let runs = &self.runs[..runs.min(self.runs.len())];
+        let frames: Vec<&FrameReport> = runs.iter().map(|run| &run.whole).collect();
         let last = frames.last()?;
         let seconds: Vec<f64> = frames.iter().map(|frame| frame.seconds).collect();
         let plan = self.run.plan();
@@ -103,10 +180,12 @@ impl Contender {
             unfinished: last.unfinished.clone(),
             pictures_repeat: self.pictures_repeat,
             peak_gpu_bytes: self.run.gpu_bytes(),
-            passes: passes(frames),
+            passes: passes(&frames),
             errors: about.errors,
             error_parts: about.error_parts,
             cuts: about.cuts,
+            frames: about.numbers.iter().enumerate().filter_map(|(place, number)| frame_of_runs(*number, place, runs)).collect(),
+            courses: about.courses,
         })
     }
 }
@@ -124,6 +203,10 @@ pub struct About {
     /// Where the reference holds more bounces than the variant makes, and the truth of its own bounces is at hand.
     pub error_parts: Option<ErrorParts>,
     pub cuts: Vec<Cut>,
+    /// Of the frames of a sequence.
+    pub numbers: Vec<u32>,
+    /// Of a sequence, by layer.
+    pub courses: BTreeMap<String, Course>,
 }
 
 /// A run whose loops were ended early.
@@ -263,7 +346,7 @@ pub struct VariantReport {
     /// What it shows otherwise than the scene has it, in words.
     pub approximated: Vec<String>,
     pub start_up: VariantStartUp,
-    /// Of a run: a picture from empty caches.
+    /// Of a run: a picture, or all of a sequence, from empty caches. What changes between frames is brought to the device beside it.
     pub seconds: Spread,
     /// Of each run, by round.
     pub seconds_of_runs: Vec<f64>,
@@ -287,6 +370,30 @@ pub struct VariantReport {
     /// Runs that were ended early, the shortest first.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub cuts: Vec<Cut>,
+    /// Of a sequence; `errors` are those of its last frame.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub frames: Vec<FrameOfRuns>,
+    /// How each layer of a sequence differs from the truth in time.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub courses: BTreeMap<String, Course>,
+}
+
+/// A frame of a sequence, over all runs.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FrameOfRuns {
+    /// Of the sequence.
+    pub frame: u32,
+    pub seconds: Spread,
+    /// In the cache afterwards.
+    pub records: Option<u32>,
+    pub new_records: Option<u32>,
+}
+
+fn frame_of_runs(frame: u32, place: usize, runs: &[Measured]) -> Option<FrameOfRuns> {
+    let of_runs: Vec<&FrameOfRun> = runs.iter().filter_map(|run| run.frames.get(place)).collect();
+    let last = of_runs.last()?;
+    let seconds = Spread::of(&of_runs.iter().map(|frame| frame.seconds).collect::<Vec<_>>())?;
+    Some(FrameOfRuns { frame, seconds, records: last.records, new_records: last.new_records })
 }
 
 fn names<S: Serializer>(unfinished: &[Unfinished], serializer: S) -> Result<S::Ok, S::Error> {
@@ -485,7 +592,7 @@ pub fn dropped(plan: &Plan) -> Vec<DroppedNode> {
 }
 
 /// Nodes are the same in every run of a plan.
-fn passes(frames: &[FrameReport]) -> Vec<PassSpread> {
+fn passes(frames: &[&FrameReport]) -> Vec<PassSpread> {
     let spread = |values: Option<Vec<f64>>| values.and_then(|values| Spread::of(&values));
     let of_node = |index: usize, last: &PassReport| {
         let of_runs = || frames.iter().filter_map(move |frame| frame.passes.get(index));

@@ -10,6 +10,8 @@ pub mod cache;
 #[doc(hidden)]
 pub mod compare;
 #[doc(hidden)]
+pub mod course;
+#[doc(hidden)]
 pub mod criteria;
 #[doc(hidden)]
 pub mod edges;

@@ -111,6 +111,8 @@ pub fn variant(index: usize, picture: &Layers, reference: Option<&Layers>) -> Va
         errors: VariantErrors { irradiance: errors("irradiance"), picture: errors(PICTURE), glossy: errors(GLOSSY), direct: None },
         error_parts: None,
         cuts: vec![],
+        frames: vec![],
+        courses: Default::default(),
     }
 }
 

@@ -133,7 +133,7 @@ impl<'s> Judged<'s> {
 
     /// The median and the 99th percentile of the relative errors of blocks.
     pub fn blocks(&self) -> [Found; 2] {
-        let blocks = blocks(self.samples);
+        let blocks: Vec<Block> = blocks(self.samples).into_iter().filter(|block| block.r > 0.0).collect();
         let noises = self.samples.variance.map(|_| noises(&blocks));
         let mut errors: Vec<(f64, usize)> = blocks.iter().map(|block| (block.error(), block.at)).collect();
         errors.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -181,14 +181,17 @@ fn signed_root(value: f64) -> f64 {
     value.abs().sqrt().copysign(value)
 }
 
-/// Sums over a block that is whole.
-#[derive(Clone, Copy, Default)]
-struct Block {
+/// Means over a block that is whole.
+#[derive(Debug, Clone, Copy, Default)]
+pub(in crate::measure) struct Block {
     /// Its first pixel, by its place in the reference.
-    at: usize,
-    x: f64,
-    r: f64,
-    variance: f64,
+    pub at: usize,
+    /// The tested luminance.
+    pub x: f64,
+    /// The reference's.
+    pub r: f64,
+    /// The variance of `r`, as if those of pixels were independent; 0 where it is not known.
+    pub variance: f64,
 }
 
 impl Block {
@@ -197,19 +200,21 @@ impl Block {
     }
 }
 
-/// The blocks that are filled by surface and not black.
-fn blocks(samples: &Samples) -> Vec<Block> {
+/// The blocks that are filled by surface.
+pub(super) fn blocks(samples: &Samples) -> Vec<Block> {
     let [width, height] = samples.size;
     let side = block_side(samples.size);
     let mut of_pixel: Vec<Option<&Sample>> = vec![None; width as usize * height as usize];
     samples.all.iter().for_each(|sample| of_pixel[sample.at] = Some(sample));
+    let share = f64::from(side * side).recip();
     let whole = |[x, y]: [u32; 2]| {
         let mut pixels = (y..y + side).flat_map(|row| (x..x + side).map(move |column| (row * width + column) as usize));
         let at = (y * width + x) as usize;
         let add = |sum: Block, s: &Sample| Block { at, x: sum.x + s.x, r: sum.r + s.r, variance: sum.variance + s.variance };
-        pixels.try_fold(Block::default(), |sum, pixel| of_pixel[pixel].map(|sample| add(sum, sample)))
+        let sum = pixels.try_fold(Block::default(), |sum, pixel| of_pixel[pixel].map(|sample| add(sum, sample)))?;
+        Some(Block { at, x: share * sum.x, r: share * sum.r, variance: share * share * sum.variance })
     };
-    places(samples, side).into_iter().filter_map(whole).filter(|block| block.r > 0.0).collect()
+    places(samples, side).into_iter().filter_map(whole).collect()
 }
 
 /// The first column and row of each block of that side which no border cuts, of the picture's or of a window's.

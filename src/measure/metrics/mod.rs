@@ -22,6 +22,7 @@ pub use seen::{fair_exposure, hdr_flips};
 pub use told::Told;
 
 use super::layers::{Layers, PictureError};
+pub(super) use found::Block;
 use found::{Found, Judged};
 use miette::Diagnostic;
 use parts::Parts;
@@ -159,6 +160,11 @@ pub enum MetricsError {
 /// else its `normal` is not zero, else its luminance is not. Attributes `bounces` that both have and that differ are an error.
 pub fn compare(test: &Layers, reference: &Layers, layer: &str, variance: Option<&Layers>) -> Result<Errors, MetricsError> {
     compare_layers(Selected { picture: test, layer }, Selected { picture: reference, layer }, variance)
+}
+
+/// The blocks of the tested picture that are filled by surface, as [`Errors::block_p99`] has them, black ones too.
+pub(super) fn blocks(test: Selected, reference: Selected) -> Result<Vec<Block>, MetricsError> {
+    Ok(found::blocks(&Samples::of(test, reference, None)?))
 }
 
 /// The same for layers of different names.

@@ -1,6 +1,7 @@
 //! A comparison as text, as CSV, and as a report for its page.
 
 use crate::measure::compare::{Comparison, ErrorPair, GivenPicture, Pair, PairError, PassSpread, VariantErrors, VariantReport, WORTH_FINDING};
+use crate::measure::course::Course;
 use crate::measure::criteria::Cost;
 use crate::measure::gap::Gap;
 use crate::measure::metrics::{Errors, Told as InWords, block_side};
@@ -19,8 +20,8 @@ const BLOCK_NOISE: f64 = 0.003;
 
 /// The report for people.
 pub fn text(comparison: &Comparison) -> String {
-    [headline(comparison), costs(comparison), errors(comparison), error_parts(comparison), cuts(comparison), nodes(comparison), differences(comparison)]
-        .concat()
+    let tables = [headline, costs, errors, in_time, error_parts, cuts, nodes, differences];
+    tables.map(|table| table(comparison)).concat()
 }
 
 /// What a reader must know before trusting the numbers.
@@ -97,7 +98,14 @@ fn headline(comparison: &Comparison) -> String {
         runs => format!("{runs} runs"),
     };
     let asked = if comparison.runs == comparison.runs_asked { String::new() } else { format!(" of {} asked for", comparison.runs_asked) };
-    format!("{}, camera {}, {width}×{height}, {}: {runs} of each{asked}\n", comparison.scene, comparison.camera, comparison.adapter.name)
+    let frames = frames(comparison).map_or(String::new(), |[first, last]| format!(", frames {first} to {last}"));
+    format!("{}, camera {}, {width}×{height}{frames}, {}: {runs} of each{asked}\n", comparison.scene, comparison.camera, comparison.adapter.name)
+}
+
+/// The first and the last frame of a sequence.
+fn frames(comparison: &Comparison) -> Option<[u32; 2]> {
+    let frames = &comparison.variants.first()?.frames;
+    Some([frames.first()?.frame, frames.last()?.frame])
 }
 
 /// The width of the longest name.
@@ -150,8 +158,59 @@ fn errors(comparison: &Comparison) -> String {
     if let Some(noise) = judged.iter().find_map(|(_, _, errors)| errors.irradiance.as_ref()?.reference_noise_over_mean) {
         let _ = write!(text, ", noise of its irradiance {:.2} % (taken off)", 100.0 * noise);
     }
+    if let Some([_, last]) = frames(comparison) {
+        let _ = write!(text, "; of frame {last}");
+    }
     text.push_str("; in brackets 95 % intervals\n");
     text + &judged.chunks(COLUMNS).map(errors_of).collect::<Vec<_>>().join("\n")
+}
+
+/// How the variants of a sequence differ from the truth in time.
+fn in_time(comparison: &Comparison) -> String {
+    comparison.variants.chunks(COLUMNS).map(in_time_of).collect()
+}
+
+type OfCourse = fn(&Course) -> Option<String>;
+
+/// What the table in time tells of a layer: the words, and what stands beside them.
+const IN_TIME: [(&str, OfCourse); 8] = [
+    ("rmse_over_mean, mean", |course| Some(percent(course.mean.rmse_over_mean))),
+    ("bias_over_mean, mean", |course| Some(percent(course.mean.bias_over_mean))),
+    ("block_p50, mean", |course| course.mean.block_p50.map(percent)),
+    ("block_p99, mean", |course| course.mean.block_p99.map(percent)),
+    ("flicker", |course| course.flicker.map(percent)),
+    ("lag_p50", |course| lag(course, course.lag_p50)),
+    ("lag_p99", |course| lag(course, course.lag_p99)),
+    ("ghost_p99", |course| course.ghost_p99.map(percent)),
+];
+
+/// Frames after a jump, where there was one.
+fn lag(course: &Course, lag: Option<f64>) -> Option<String> {
+    (course.jumps > 0).then(|| lag.map_or("not settled".to_owned(), |lag| format!("{lag} of {} jumps", course.jumps)))
+}
+
+fn in_time_of(variants: &[VariantReport]) -> String {
+    let frames = variants.first().map_or(0, |variant| variant.frames.len());
+    if frames == 0 {
+        return String::new();
+    }
+    let head: String = variants.iter().map(|variant| format!(" {:>27}", variant.id)).collect();
+    let mut text = format!("\n{:<27}{head}\n", format!("over {frames} frames"));
+    let mut row = |name: String, cells: Vec<Option<String>>| {
+        if cells.iter().any(Option::is_some) {
+            let cells: String = cells.into_iter().map(|cell| format!(" {:>27}", cell.unwrap_or("-".to_owned()))).collect();
+            let _ = writeln!(text, "{name:<27}{cells}");
+        }
+    };
+    let median = |variant: &VariantReport| Spread::of(&variant.frames.iter().map(|frame| frame.seconds.median).collect::<Vec<_>>());
+    row("seconds of a frame, median".to_owned(), variants.iter().map(|variant| Some(significant(median(variant)?.median))).collect());
+    row("new records".to_owned(), variants.iter().map(|variant| variant.new_records.map(|records| records.to_string())).collect());
+    for (layer, _) in TOLD {
+        for (name, told) in IN_TIME {
+            row(format!("{layer} {name}"), variants.iter().map(|variant| variant.courses.get(layer).and_then(told)).collect());
+        }
+    }
+    text
 }
 
 /// What the bounces that variants leave out have of their errors.

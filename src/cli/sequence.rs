@@ -1,0 +1,108 @@
+//! The frames of a sequence, as `compare` has every variant render them; a picture is a sequence of one.
+
+use super::console::Console;
+use super::failure::Failure;
+use super::pipeline::plan_stage;
+use super::scene::View;
+use super::timeline::{RateOptions, frames};
+use super::truth::Truth;
+use crate::gpu::{block_on, expected_device};
+use crate::measure::Layers;
+use crate::measure::compare::{Script, VariantErrors};
+use crate::measure::course::{Course, Watch};
+use crate::measure::run::{ChangeError, Run};
+use crate::pipeline::Pipeline;
+use crate::scene::Camera;
+use clap::Args;
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+#[derive(Args)]
+pub struct SequenceOptions {
+    /// Compare sequences of an animated scene, half-open: a run is all of their frames, from empty caches. Errors are told of each frame, and in time
+    #[arg(long, value_name = "A..B", value_parser = frames, conflicts_with_all = ["reference", "pictures", "cuts"])]
+    frames: Option<Range<u32>>,
+    #[command(flatten)]
+    rate: RateOptions,
+}
+
+/// The frames of a run.
+pub struct Sequence {
+    /// Of files and tables; none of one picture.
+    pub numbers: Vec<u32>,
+    /// When each of them is [s]; never empty.
+    pub moments: Vec<f64>,
+}
+
+impl SequenceOptions {
+    pub fn of(&self, view: &View, console: &Console) -> Sequence {
+        let Some(range) = &self.frames else { return Sequence { numbers: Vec::new(), moments: vec![view.moment] } };
+        if view.animation().is_empty() {
+            console.note("note: nothing in the scene moves: all frames show the same");
+        }
+        let moments = range.clone().map(|frame| self.rate.time(view.moment, frame)).collect();
+        Sequence { numbers: range.clone().collect(), moments }
+    }
+}
+
+impl Sequence {
+    pub fn last(&self) -> usize {
+        self.moments.len() - 1
+    }
+}
+
+/// A pipeline as it is led through a sequence.
+pub struct Reel<'s> {
+    sequence: &'s Sequence,
+    pipeline: &'s Pipeline,
+    /// At any moment.
+    camera: Camera,
+    size: [u32; 2],
+    console: &'s Console,
+}
+
+impl<'s> Reel<'s> {
+    pub fn new(sequence: &'s Sequence, pipeline: &'s Pipeline, view: &View, console: &'s Console) -> Self {
+        Self { sequence, pipeline, camera: view.camera.clone(), size: view.size, console }
+    }
+}
+
+impl Script for Reel<'_> {
+    type Error = ChangeError;
+
+    fn frames(&self) -> usize {
+        self.sequence.moments.len()
+    }
+
+    fn bring(&mut self, frame: usize, run: &mut Run) -> Result<(), ChangeError> {
+        let (changes, camera) = {
+            let stage = run.stage();
+            let now = stage.scene.animation.at(self.sequence.moments[frame]);
+            (stage.changes_to(&now), now.camera(&stage.scene, &self.camera))
+        };
+        if !changes.is_empty() {
+            block_on(run.renew(&changes, |run| plan_stage(self.pipeline, run.stage(), self.size, expected_device(), &[], self.console)))?;
+        }
+        run.set_camera(&camera);
+        Ok(())
+    }
+}
+
+/// What is seen of a variant in time, by layer.
+#[derive(Default)]
+pub struct Watches(BTreeMap<&'static str, Watch>);
+
+impl Watches {
+    /// Takes the next frame, with its errors.
+    pub fn see(&mut self, picture: &Layers, truth: &Truth, errors: &VariantErrors) -> Result<(), Failure> {
+        for (layer, errors) in errors.layers() {
+            let Some(errors) = errors else { continue };
+            self.0.entry(layer).or_default().see(layer, picture, truth.picture(), errors).map_err(|error| truth.refuse(error))?;
+        }
+        Ok(())
+    }
+
+    pub fn courses(self) -> BTreeMap<String, Course> {
+        self.0.into_iter().filter_map(|(layer, watch)| Some((layer.to_owned(), watch.course()?))).collect()
+    }
+}

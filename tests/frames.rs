@@ -18,6 +18,7 @@ use hemisplat::{
     pipeline,
     scene::{Camera, load, needs::Needs, stage::Stage},
 };
+use image::AnimationDecoder;
 use libtest_mimic::{Arguments, Failed};
 use serde_json::Value;
 use skips::Missing;
@@ -59,6 +60,7 @@ const CASES: &[(&str, Case)] = &[
     ("frames_share_out_a_bounded_number_of_new_records", || bounded_frames("irradiance-one-rate")),
     ("two_loops_share_out_one_number_of_new_records", || bounded_frames("irradiance")),
     ("a_scene_that_moves_is_in_each_frame_as_it_is_then", moving),
+    ("a_sequence_is_one_animated_picture", movie),
     ("records_live_on_where_the_scene_moves", living),
     ("an_accuracy_changes_between_frames_and_records_stay", accuracy_per_frame),
     ("what_cannot_change_between_frames_is_refused", refused_per_frame),
@@ -123,6 +125,30 @@ fn moving() -> Outcome {
     check(place.picture("out.0000.exr")?.layers != place.picture("out.0002.exr")?.layers, || "nothing has moved".into())?;
     let notes = render("corner", &["--moment", "1", "-o", "still.exr"])?;
     check(notes.contains("nothing in the scene moves"), || notes)
+}
+
+/// An animated picture has all frames, as they are each; one that is not whole does not appear.
+fn movie() -> Outcome {
+    let place = Place::new()?;
+    fs::write(place.path("moving.ron"), MOVING).map_err(failed)?;
+    let render = |arguments: &[&str]| place.render_by("irradiance", "moving.ron", arguments);
+    let (status, stderr) = render(&["--frames", "2..5", "--fps", "2", "-o", "all.apng", "-o", "one.png"])?;
+    check(status == 0 && !place.path("all.0002.apng").exists(), || stderr)?;
+    let decoder = image::codecs::png::PngDecoder::new(std::io::BufReader::new(fs::File::open(place.path("all.apng"))?)).map_err(failed)?;
+    let frames = decoder.apng().map_err(failed)?.into_frames().collect_frames().map_err(failed)?;
+    check(frames.len() == 3, || format!("{} frames", frames.len()))?;
+    for (frame, number) in frames.iter().zip(2..) {
+        let one = image::open(place.path(&format!("one.{number:04}.png"))).map_err(failed)?.to_rgba8();
+        check(frame.delay().numer_denom_ms() == (500, 1) && *frame.buffer() == one, || format!("frame {number} is another picture"))?;
+    }
+    check(frames[0].buffer() != frames[2].buffer(), || "nothing has moved".into())?;
+    for (arguments, told) in
+        [(&["-o", "still.apng"][..], "there is one frame"), (&["--frames", "0..2", "-o", "still.apng", "--dump", "cache"], "--dump writes beside a picture")]
+    {
+        let (status, stderr) = render(arguments)?;
+        check(status == 2 && stderr.contains(told) && !place.path("still.apng").exists(), || format!("{arguments:?}: {status} {stderr}"))?;
+    }
+    Ok(())
 }
 
 /// Records that live on take a part of the tiles; when a lamp goes on, they are as bright as records made anew at once. Where nothing moves, nothing differs.

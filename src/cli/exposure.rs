@@ -2,10 +2,10 @@
 
 use super::console::Console;
 use super::failure::{CommandError, Failure};
-use super::output::PictureTarget;
 use crate::measure::Layers;
 use crate::measure::exposure::automatic_exposure;
 use clap::Args;
+use std::path::Path;
 
 /// The largest exposure, up or down: its factor is a number of single precision.
 const MOST_STOPS: f32 = 100.0;
@@ -28,16 +28,16 @@ impl<'c> Exposure<'c> {
         Self { stops: options.exposure, console }
     }
 
-    /// The exposure of a picture for these targets; the first time that it is needed it is told.
-    pub fn of(&mut self, picture: &Layers, targets: &[PictureTarget]) -> Result<f32, Failure> {
-        let Some(first) = targets.iter().find(|target| target.is_exposed()) else { return Ok(0.0) };
+    /// The exposure of a picture for the first file that depends on it, if there is one; the first time that it is needed it is told.
+    pub fn of(&mut self, picture: &Layers, exposed: Option<&Path>) -> Result<f32, Failure> {
+        let Some(first) = exposed else { return Ok(0.0) };
         if let Some(stops) = self.stops {
             return Ok(stops);
         }
-        let bad = |error| Failure::work(CommandError::BadPicture { path: first.path().to_owned(), error });
+        let bad = |error| Failure::work(CommandError::BadPicture { path: first.to_owned(), error });
         // What is told is what is used.
         let stops = (automatic_exposure(picture).map_err(bad)? * 100.0).round() / 100.0;
-        self.console.note(&format!("note: {} is exposed by {stops:+} EV; --exposure {stops} keeps that, another number changes it", first.path().display()));
+        self.console.note(&format!("note: {} is exposed by {stops:+} EV; --exposure {stops} keeps that, another number changes it", first.display()));
         self.stops = Some(stops);
         Ok(stops)
     }

@@ -83,8 +83,14 @@ pub enum CommandError {
     #[diagnostic(code(cli::no_checkout), help("clone hemisplat and run this in its top folder; scenes and pipelines may stand anywhere"))]
     NoCheckout,
     #[error("cannot tell the format of {}", path.display())]
-    #[diagnostic(code(cli::unknown_format), help("pictures are written as .exr, .png or .hdr"))]
+    #[diagnostic(code(cli::unknown_format), help("pictures are written as .exr, .png or .hdr, sequences also as .apng"))]
     UnknownFormat { path: PathBuf },
+    #[error("{} is an animation, and there is one frame", path.display())]
+    #[diagnostic(code(cli::no_sequence), help("--frames A..B renders a sequence; a picture is written as .exr, .png or .hdr"))]
+    NoSequence { path: PathBuf },
+    #[error("--dump writes beside a picture, and none is written")]
+    #[diagnostic(code(cli::no_picture), help("add an output .exr or .png"))]
+    NoPicture,
     #[error("{} would be written twice, or over what is read", path.display())]
     #[diagnostic(code(cli::same_file), help("give every file a name of its own"))]
     SameFile { path: PathBuf },

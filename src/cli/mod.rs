@@ -22,6 +22,7 @@ mod judge;
 mod kept;
 mod legible;
 mod lookups;
+mod movie;
 mod new;
 mod output;
 mod overlays;

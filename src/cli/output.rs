@@ -106,14 +106,22 @@ impl Target {
         self.replace(|file| file.write_all(bytes))
     }
 
+    /// A temporary file in the same folder, for what is written piece by piece.
+    pub fn begin(&self) -> io::Result<tempfile::NamedTempFile> {
+        temporary(folder(&self.resolved()))
+    }
+
+    /// Gives it its name.
+    pub fn end(&self, file: tempfile::NamedTempFile) -> io::Result<()> {
+        file.persist(self.resolved()).map(drop).map_err(|error| error.error)
+    }
+
     /// Fills a temporary file in the same folder, then gives it its name.
     fn replace<E: From<io::Error>>(&self, fill: impl FnOnce(&mut fs::File) -> Result<(), E>) -> Result<(), E> {
         let _shelter = Shelter::new();
-        let path = self.resolved();
-        let mut file = temporary(folder(&path))?;
+        let mut file = self.begin()?;
         fill(file.as_file_mut())?;
-        file.persist(&path).map_err(|error| error.error)?;
-        Ok(())
+        Ok(self.end(file)?)
     }
 }
 
@@ -161,6 +169,11 @@ impl PictureTarget {
         };
         self.target.write(&bytes.map_err(|error| Failure::work(CommandError::BadPicture { path: self.path().to_owned(), error }))?)
     }
+}
+
+/// The first file whose picture depends on an exposure.
+pub fn exposed(targets: &[PictureTarget]) -> Option<&Path> {
+    targets.iter().find(|target| target.is_exposed()).map(PictureTarget::path)
 }
 
 /// Says why a picture may show nothing.

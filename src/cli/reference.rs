@@ -4,7 +4,7 @@ use super::console::Console;
 use super::exposure::{Exposure, ExposureOptions};
 use super::failure::Failure;
 use super::interrupt::{self, Shelter};
-use super::output::{PictureTarget, expect_distinct, warn_of_nothing};
+use super::output::{PictureTarget, expect_distinct, exposed, warn_of_nothing};
 use super::progress::Progress;
 use super::scene::{SceneOptions, View};
 use crate::measure::{Layer, Layers, PICTURE, WINDOWS};
@@ -64,7 +64,7 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     }
     let reference = result.map_err(Failure::input)?;
     let picture = layers(&reference, attributes(options, &view, &reference)).seen_through(&view.camera, &view.stage.scene, view.size);
-    let exposure = Exposure::new(&options.exposure, console).of(&picture, &targets)?;
+    let exposure = Exposure::new(&options.exposure, console).of(&picture, exposed(&targets))?;
     targets.iter().try_for_each(|target| target.write(&picture, exposure))?;
     warn_of_nothing(&picture, console);
     if interrupt::requested() {

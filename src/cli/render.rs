@@ -6,7 +6,8 @@ use super::exposure::{Exposure, ExposureOptions};
 use super::failure::{CommandError, Failure};
 use super::input::{peak_host_bytes, read_file};
 use super::interrupt::{self, Shelter};
-use super::output::{PictureTarget, Target, expect_distinct, warn_of_nothing};
+use super::movie::{Movie, is_movie};
+use super::output::{PictureTarget, Target, expect_distinct, exposed, warn_of_nothing};
 use super::pipeline::{expect_exact, judged_bounces, load_noting, note_approximations, note_idle, note_names};
 use super::progress::Progress;
 use super::resources::expect_memory;
@@ -65,7 +66,7 @@ pub struct Options {
     filter: Filter,
     #[command(flatten)]
     exposure: ExposureOptions,
-    /// Where to write: .exr, .png or .hdr; may be repeated
+    /// Where to write: .exr, .png or .hdr, or a sequence as one animated .apng; may be repeated
     #[arg(long, short, value_name = "FILE", required = true)]
     output: Vec<PathBuf>,
     /// Where to write what was measured; - is standard output
@@ -147,6 +148,8 @@ struct Job<'o> {
     timeline: Timeline,
     /// Of each frame.
     targets: Vec<Targets>,
+    /// Animated pictures, which all frames are in.
+    movies: Vec<Target>,
     stats: Option<Target>,
     records: Option<RecordsFile>,
 }
@@ -156,15 +159,24 @@ impl<'o> Job<'o> {
         let written: Vec<&Path> = options.output.iter().chain(&options.stats).chain(&options.cache).map(PathBuf::as_path).collect();
         expect_distinct(&written, &[options.scene.path(), Path::new(&options.pipeline)])?;
         let timeline = options.timeline.timeline(options.scene.named_cameras())?;
-        let targets = timeline.frames.iter().map(|frame| Targets::new(options, &timeline, frame)).collect::<Result<_, _>>()?;
+        let targets: Vec<Targets> = timeline.frames.iter().map(|frame| Targets::new(options, &timeline, frame)).collect::<Result<_, _>>()?;
+        let movies: Vec<&PathBuf> = options.output.iter().filter(|path| is_movie(path)).collect();
+        if let Some(path) = movies.first().filter(|_| !timeline.is_sequence) {
+            return Err(Failure::input(CommandError::NoSequence { path: path.to_path_buf() }));
+        }
+        if !options.dump.is_empty() && movies.len() == options.output.len() {
+            return Err(Failure::input(CommandError::NoPicture));
+        }
+        let movies = movies.into_iter().map(|path| Target::new(path)).collect::<Result<_, _>>()?;
         let stats = options.stats.as_deref().map(Target::new).transpose()?;
         let records = options.cache.as_deref().map(RecordsFile::open).transpose()?;
-        Ok(Self { options, timeline, targets, stats, records })
+        Ok(Self { options, timeline, targets, movies, stats, records })
     }
 
     /// The files that it leaves.
     fn written(&self) -> Vec<&Path> {
-        self.targets.iter().flat_map(|targets| &targets.0).map(PictureTarget::path).chain(self.stats.as_ref().map(Target::path)).collect()
+        let pictures = self.targets.iter().flat_map(|targets| &targets.0).map(PictureTarget::path);
+        pictures.chain(self.movies.iter().chain(&self.stats).map(Target::path)).collect()
     }
 
     /// Reads the documents and renders all frames.
@@ -187,7 +199,7 @@ impl<'o> Job<'o> {
     }
 
     fn render(&self, gpu: &Arc<Gpu>, view: &View, (plans, first): (Plans<'_>, &Arc<Plan>), start_up: StartUp, console: &Console) -> Result<(), Failure> {
-        let Self { options, timeline, targets, stats, records } = self;
+        let Self { options, timeline, targets, movies, stats, records } = self;
         expect_memory([first], view)?;
         let start = Instant::now();
         let mut run = block_on(Run::new(gpu, &view.stage, first, &view.camera, view.size)).map_err(Failure::work)?;
@@ -198,6 +210,7 @@ impl<'o> Job<'o> {
 
         let _shelter = Shelter::new();
         let exposure = Exposure::new(&options.exposure, console);
+        let movies = movies.iter().map(|target| Movie::begin(target, targets.len(), view.size, timeline.rate)).collect::<Result<_, _>>()?;
         let mut film = Film {
             options,
             timeline,
@@ -205,13 +218,14 @@ impl<'o> Job<'o> {
             view,
             plans,
             exposure,
+            movies,
             frames: Vec::new(),
             gaps: Vec::new(),
             is_faulty: false,
             kept: Vec::new(),
             left_out: None,
         };
-        let result = timeline.frames.iter().zip(targets).try_for_each(|(frame, targets)| film.expose(frame, targets, &mut run));
+        let result = timeline.frames.iter().zip(targets).try_for_each(|(frame, targets)| film.expose(frame, targets, &mut run)).and_then(|()| film.end());
         let is_interrupted = result.as_ref().is_err_and(|failure| failure.status == 130);
         let finished = film.finish(&run, records.as_ref(), stats.as_ref(), &start_up, gpu, result.is_ok());
         if is_interrupted {
@@ -258,6 +272,7 @@ struct Film<'o> {
     view: &'o View,
     plans: Plans<'o>,
     exposure: Exposure<'o>,
+    movies: Vec<Movie<'o>>,
     /// Reports of the frames that are whole, as in the file of statistics.
     frames: Vec<Value>,
     gaps: Vec<CommandError>,
@@ -265,7 +280,7 @@ struct Film<'o> {
     is_faulty: bool,
     /// Files that are written.
     kept: Vec<&'o Path>,
-    /// What the last frame's camera does not see for want of bounces, if it sees anything.
+    /// What a frame's camera does not see for want of bounces, if it sees anything.
     left_out: Option<(Camera, Option<LeftOut>)>,
 }
 
@@ -283,9 +298,10 @@ impl<'o> Film<'o> {
         // Records that a faulty frame leaves are not for other runs; those of one that was given up are whole.
         self.is_faulty = matches!(&drawn, Err(error) if !matches!(error, RunError::Gpu(GpuError::Interrupted)));
         let (report, picture) = drawn.map_err(Failure::of_run)?;
-        let exposure = self.exposure.of(&picture, &targets.0)?;
+        let exposure = self.exposure.of(&picture, exposed(&targets.0).or(self.movies.first().map(Movie::path)))?;
         warn_of_nothing(&picture, self.console);
         let attributes = attributes(self.options, self.view, run, (frame, time), &camera);
+        self.movies.iter_mut().try_for_each(|movie| movie.add(&picture, exposure))?;
         targets.write(self.options, run, Layers { attributes, ..picture }, exposure)?;
         self.kept.extend(targets.0.iter().map(PictureTarget::path));
         let left_out = self.left_out(&camera, run);
@@ -296,6 +312,14 @@ impl<'o> Film<'o> {
         Ok(())
     }
 
+    /// All frames are there.
+    fn end(&mut self) -> Result<(), Failure> {
+        self.movies.drain(..).try_for_each(|movie| {
+            self.kept.push(movie.end()?);
+            Ok(())
+        })
+    }
+
     /// Brings the scene to a moment, and goes on with the frame's plan.
     fn change(&mut self, moment: &Moment<'_>, frame: &Frame, run: &mut Run) -> Result<(), Failure> {
         let (changes, size) = (run.stage().changes_to(moment), self.view.size);
@@ -304,15 +328,20 @@ impl<'o> Film<'o> {
             return run.switch_to(&plan).map_err(Failure::of_run);
         }
         self.plans.forget();
-        self.left_out = None;
         block_on(run.renew(&changes, |run| self.plans.of_frame(frame, run.stage(), size))).map_err(Failure::of_change)?;
         Ok(())
     }
 
-    /// What more than the bounces that are counted would bring: as long as the scene stands still, that depends on the camera alone.
+    /// What more than the bounces that are counted would bring. That depends on the camera alone where nothing moves; where something does, it is told of the first
+    /// frame, as finding out takes longer than many a frame.
     fn left_out(&mut self, camera: &Camera, run: &Run) -> Option<LeftOut> {
-        if let Some((_, found)) = self.left_out.as_ref().filter(|(before, _)| before == camera) {
-            return *found;
+        if let Some((before, found)) = &self.left_out {
+            if !self.view.animation().is_empty() {
+                return None;
+            }
+            if before == camera {
+                return *found;
+            }
         }
         let Bounces::Count(counted) = run.plan().bounces else { return None };
         let found = left_out(&run.stage().scene, &run.stage().bvh, camera, self.view.size, counted);
@@ -445,7 +474,8 @@ struct Targets(Vec<PictureTarget>);
 impl Targets {
     fn new(options: &Options, timeline: &Timeline, frame: &Frame) -> Result<Self, Failure> {
         let number = timeline.is_sequence.then_some(frame.number);
-        options.output.iter().map(|path| PictureTarget::new(&numbered(path, number))).collect::<Result<_, _>>().map(Self)
+        let pictures = options.output.iter().filter(|path| !is_movie(path));
+        pictures.map(|path| PictureTarget::new(&numbered(path, number))).collect::<Result<_, _>>().map(Self)
     }
 
     fn write(&self, options: &Options, run: &Run, picture: Layers, exposure: f32) -> Result<(), Failure> {

@@ -40,6 +40,12 @@ impl RateOptions {
     pub fn time(&self, beginning: f64, frame: u32) -> f64 {
         beginning + f64::from(frame) / self.fps
     }
+
+    /// The seconds that a frame is to be seen, as numerator and denominator.
+    pub fn delay(&self) -> [u16; 2] {
+        let is_whole = self.fps.fract() == 0.0 && self.fps <= f64::from(u16::MAX);
+        if is_whole { [1, self.fps as u16] } else { [(1000.0 / self.fps).round().clamp(1.0, f64::from(u16::MAX)) as u16, 1000] }
+    }
 }
 
 /// Frames in their order.

@@ -160,7 +160,7 @@ fn sequences() -> Outcome {
     let last = &variant["errors"]["irradiance"]["rmse_over_mean"];
     check(rmse(&truths[0])? == *last || rmse(&truths[1])? == *last, || format!("{last}"))?;
     check(variant["frames"].as_array().is_some_and(|frames| frames.len() == 6 && frames[5]["seconds"]["median"].as_f64() > Some(0.0)), || variant.to_string())?;
-    let (_, stderr) = place.succeed(&format!("compare irradiance --scene cornell --size 16x12 --frames 0..2 --runs 1 --no-reference"))?;
+    let (_, stderr) = place.succeed("compare irradiance --scene cornell --size 16x12 --frames 0..2 --runs 1 --no-reference")?;
     check(stderr.contains("nothing in the scene moves"), || stderr)
 }
 

@@ -992,9 +992,10 @@ fn main() {
     let goldens = goldens();
     trials.extend(goldens.iter().cloned().map(|golden| drawn(&golden.name(), Box::new(move || check(&golden)))));
     let (swiftshader, missing_driver) = swiftshader();
-    trials.extend(goldens.iter().filter(|golden| golden.is_small()).cloned().map(|golden| {
+    trials.extend(goldens.iter().filter(|golden| golden.is_small()).cloned().enumerate().map(|(number, golden)| {
         let golden = Golden { driver: swiftshader.clone(), ..golden };
-        skips::trial(format!("{} on SwiftShader", golden.name()), missing_driver.as_ref(), move || check(&golden))
+        let is_long = number % 4 != 0 && golden.pipeline.contains('-');
+        skips::short_or_long(format!("{} on SwiftShader", golden.name()), is_long, missing_driver.as_ref(), move || check(&golden))
     }));
     let list = broken::list(root()).unwrap_or_else(|failed| panic!("{}", failed.message().unwrap_or_default()));
     trials.extend(list.iter().map(|broken| notices(broken, &goldens, missing.as_ref())));

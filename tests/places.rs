@@ -60,7 +60,7 @@ fn main() {
 }
 
 /// Pipelines that run every time. Drivers on the processor compile for a minute or two for each, unless they remember.
-const SHORT: usize = 8;
+const SHORT: usize = 5;
 
 /// Files that together hold most of what is done by nodes of both, those with the most of it first.
 fn enough(files: impl Iterator<Item = &'static str>) -> BTreeSet<&'static str> {

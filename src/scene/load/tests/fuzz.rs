@@ -112,7 +112,7 @@ fn peak_bytes() -> Option<u64> {
 }
 
 /// Tries of each kind of file, where `HEMISPLAT_TRIES` does not say how many.
-const TRIES: u64 = 10_000;
+const TRIES: u64 = 2_000;
 
 fn tries() -> u64 {
     std::env::var("HEMISPLAT_TRIES").map_or(TRIES, |tries| tries.parse().expect("HEMISPLAT_TRIES is a number"))

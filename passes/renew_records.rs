@@ -35,6 +35,12 @@ static DESCRIPTION: Description = Description {
             unit: "",
             kind: ParameterKind::Bool { default: false },
         },
+        Parameter {
+            name: "fade",
+            about: "frames in which what was sampled takes the place of what was shown, unless it is quite another; 1 is at once",
+            unit: "frames",
+            kind: ParameterKind::Integer { default: 1, min: 1, max: 1000 },
+        },
     ],
     inputs: &[
         Input { name: "of", about: "the records", accepts: PortKind::RecordCache, takes: Takes::One, changes: true },
@@ -75,8 +81,8 @@ impl Pass for RenewRecords {
 }
 
 fn encode_on_host(e: &mut Encoder<'_>, cache: port::RecordCache, lives: port::Lives, (new, slots): (port::Records, Resource)) {
-    let lifespan =
-        Lifespan { change: e.arguments.float("change") as f32, most: e.arguments.integer("lifespan") as f32, extrapolates: e.arguments.bool("extrapolates") };
+    let [most, fade] = ["lifespan", "fade"].map(|name| e.arguments.integer(name) as f32);
+    let lifespan = Lifespan { change: e.arguments.float("change") as f32, most, extrapolates: e.arguments.bool("extrapolates"), fade };
     let reads = [
         Read::counted(cache.records, RECORD_BYTES, cache.count),
         Read::whole(lives.items),
@@ -105,7 +111,9 @@ fn renewed_record(mut record: Record, life: Life, (rule, lifespan, level): (&wei
     /// What is darker than this share of the picture's irradiance changes by shares of that.
     const FLOOR: f32 = 0.02;
     record.refine(rule, level);
-    (record, life.renewed(record.irradiance(), FLOOR * level, lifespan))
+    let life = life.renewed(record.irradiance(), FLOOR * level, lifespan);
+    record.set_irradiance(life.light());
+    (record, life)
 }
 
 #[cfg(test)]
@@ -117,7 +125,7 @@ mod tests {
     /// It lives by how much has changed, and reaches as one that is added would.
     #[test]
     fn records_are_replaced_where_they_were_due() {
-        let lifespan = Lifespan { change: 0.05, most: 16.0, extrapolates: false };
+        let lifespan = Lifespan { change: 0.05, most: 16.0, extrapolates: false, fade: 1.0 };
         let life = Life { age: 4.0, left: 0.0, ..Life::new(Vec3::ONE, 3, None, lifespan.most) };
         let sampled = |light: f32| Record::from(&weight::Record { irradiance: Vec3::splat(light), fineness: 7.0, ..mock::record() });
         let (record, changed) = renewed_record(sampled(1.1), life, (&mock::rule(), &lifespan, 1.0));

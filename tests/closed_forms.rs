@@ -487,8 +487,7 @@ fn cube_of_lamps(gpu: &Arc<Gpu>, view: &View) -> Outcome {
 fn tiles_of_all_sizes(gpu: &Arc<Gpu>, view: &View) -> Outcome {
     let room = Room::new(LAMPS)?;
     for resolution in [4, 8, 16, 32, 128, 512] {
-        // As many samples as a driver on the processor looks at in seconds.
-        let edge = if resolution < 512 { EDGE } else { 2 };
+        let edge = if resolution < 512 { EDGE } else { EDGE / 2 };
         let records = lit(gpu, &room, edge, &see_lamps(view.sets(resolution, SUMS[0])))?;
         cube_forms(view, resolution, &records).map_err(|e| format!("{resolution}²: {}", e.message().unwrap_or_default()))?;
     }

@@ -138,7 +138,7 @@ fn kept_reference() -> Outcome {
 /// Every frame of a sequence has a truth of its own; where nothing moves there is nothing to flicker but noise, and a lamp that is switched is a jump.
 fn sequences() -> Outcome {
     let place = Place::new()?.with("switched.ron", SWITCHED)?;
-    let options = "--size 48x36 --frames 0..6 --fps 1 --reference-spp 16 --runs 2";
+    let options = "--size 48x36 --frames 0..6 --fps 1 --reference-spp 256 --runs 2";
     let (text, stderr) = place.succeed(&format!("compare irradiance-temporal --scene switched.ron {options} --json out.json --html out.html"))?;
     check(stderr.matches("tracing the reference").count() == 1, || stderr.clone())?;
     check(text.contains("frames 0 to 5") && text.contains("over 6 frames") && text.contains("; of frame 5;"), || text.clone())?;

@@ -182,7 +182,7 @@ const ELSEWHERE: &str = r#"Variant(version: 1, about: "a", of: "irradiance-tempo
 
 /// Code and arguments, one case each, and whether a GPU is needed.
 #[rustfmt::skip]
-const CASES: [(&str, &str, bool); 78] = [
+const CASES: [(&str, &str, bool); 80] = [
     ("plan::coarsest", "check irradiance --scene white.ron --set misses.by=Grid(coarsest:3)", false),
     ("plan::finest", "check irradiance --scene white.ron --set misses.by=Grid(finest:3)", false),
     ("plan::light_of_sources", "check photon --scene white.ron --set direct.emitters=Records", false),
@@ -222,6 +222,8 @@ const CASES: [(&str, &str, bool); 78] = [
     ("cli::several_cameras", "explain irradiance --scene white.ron --camera a --camera b", false),
     ("cli::write", "reference --scene white.ron --spp 4 --quiet -o white.ron/out.exr", false),
     ("cli::unknown_format", "reference --scene white.ron -o picture.gif", false),
+    ("cli::no_sequence", "render irradiance --scene cornell -o film.apng", false),
+    ("cli::no_picture", "render irradiance --scene cornell --frames 0..2 -o film.apng --dump cache", false),
     ("reference::size", "reference --scene white.ron --size 16384x16384 -o out.exr", false),
     ("reference::samples", "reference --scene white.ron --spp 0 -o out.exr", false),
     ("reference::windows", "reference --scene white.ron --size 130x70 --windows 3 -o out.exr", false),

@@ -62,6 +62,7 @@ const CASES: &[(&str, Case)] = &[
     ("a_scene_that_moves_is_in_each_frame_as_it_is_then", moving),
     ("a_sequence_is_one_animated_picture", movie),
     ("records_live_on_where_the_scene_moves", living),
+    ("what_moves_in_extremes_is_a_picture_or_an_error", extremes),
     ("an_accuracy_changes_between_frames_and_records_stay", accuracy_per_frame),
     ("what_cannot_change_between_frames_is_refused", refused_per_frame),
     ("a_frame_ends_when_its_time_is_up", time_is_up),
@@ -183,6 +184,39 @@ fn living() -> Outcome {
         render(pipeline, "cornell.ron", &["-o", &format!("{pipeline}.exr")])?;
     }
     place.same("irradiance-temporal.exr", "irradiance-one-rate.exr")
+}
+
+/// Light that is not there, or there in every other frame; things that leap, vanish, or fill the world; a camera that is elsewhere in each frame.
+fn extremes() -> Outcome {
+    let place = Place::new()?;
+    let (stays, lit, looks) = ("translate: (1, 0.5, 1)", "(9, 9, 9)", "(2, 1.6, 5)");
+    let cases = [
+        ("dark", stays, "Linear([(0, (0, 0, 0)), (5, (0, 0, 0))])", "Linear([(0, (2, 1.6, 5)), (5, (2.5, 1.6, 5))])"),
+        ("flashes", stays, "Step([(0, (0, 0, 0)), (1, (9, 9, 9)), (2, (0, 0, 0)), (3, (9, 9, 9)), (4, (0, 0, 0))])", looks),
+        ("leaps", "translate: Step([(0, (1, 0.5, 1)), (1, (10000000, 0.5, 1)), (2, (1, 0.5, 1)), (3, (1, -10000, 1)), (4, (3, 1, 1))])", lit, looks),
+        ("grows", "scale: Linear([(0, (1, 1, 1)), (3, (1000000, 1000000, 1000000))])", lit, looks),
+        ("vanishes", "scale: Step([(0, (1, 1, 1)), (1, (0, 0, 0)), (2, (1, 1, 1)), (3, (0, 0, 1)), (4, (1, 1, 1))])", lit, looks),
+        ("cuts", stays, lit, "Step([(0, (2, 1.6, 5)), (1, (0.2, 2.5, 0.5)), (2, (3.9, 0.1, 3)), (3, (2, 400, 5)), (4, (2, 1.6, 5))])"),
+    ];
+    for (name, mover, intensity, eye) in cases {
+        let scene = format!(
+            r#"Scene(version: 1, geometry: [
+                Quad(corners: ((0, 0, 4), (4, 0, 4), (4, 0, 0), (0, 0, 0))), Quad(corners: ((0, 0, 0), (4, 0, 0), (4, 3, 0), (0, 3, 0))),
+                Place({mover}, of: [Box(min: (-0.3, -0.3, -0.3), max: (0.3, 0.3, 0.3))]),
+            ], lights: [Point(position: (2, 2.5, 2), intensity: {intensity})], cameras: {{ "c": (eye: {eye}, target: (2, 1.3, 0), fov: 60) }})"#
+        );
+        fs::write(place.path("extreme.ron"), scene).map_err(failed)?;
+        let sets = ["--set", "due_tiles.resolution=8", "--set", "renewed.fade=3", "--frames", "0..6", "--fps", "1", "-o"];
+        let file = format!("{name}.exr");
+        let (status, stderr) = place.render_by("irradiance-temporal-extrapolated", "extreme.ron", &[&sets[..], &[&file]].concat())?;
+        check(status == 0 || status == 2 && stderr.contains("stage::"), || format!("{name}: {status} {stderr}"))?;
+        for frame in (0..6).filter(|_| status == 0) {
+            let picture = place.picture(&format!("{name}.{frame:04}.exr"))?;
+            let planes = picture.layers.values().flat_map(|layer| layer.channels.values());
+            check(planes.flatten().all(|value| value.is_finite()), || format!("{name}: frame {frame} is not finite"))?;
+        }
+    }
+    Ok(())
 }
 
 /// A box that moves, a ball that appears, a lamp that goes on, a light and a camera that wander.

@@ -30,6 +30,10 @@ pub struct Life {
     pub mover: u32,
     /// 1 where its light was quite another when it was sampled last than before.
     pub jumped: u32,
+    /// By how much what was sampled last was more than what was shown until then [W/m²]: it is taken in bit by bit.
+    pub step: [f32; 3],
+    /// Frames that this takes.
+    pub fade: f32,
 }
 
 /// How far the light of records may be wrong in time.
@@ -41,6 +45,8 @@ pub struct Lifespan {
     pub most: f32,
     /// Whether records go on changing as they did between their last two samplings.
     pub extrapolates: bool,
+    /// Frames in which what was sampled takes the place of what was shown; 1 where it does at once.
+    pub fade: f32,
 }
 
 /// A change by more than this share is no slope to go on with: a lamp went on, or something came between.
@@ -83,8 +89,12 @@ impl Life {
         self.left <= 0.0 && self.unseen == 0
     }
 
-    /// Whether its light is taken to change by itself.
+    /// Whether its light is another than in the frame before.
     pub fn changes(&self) -> bool {
+        self.has_slope() || self.step != [0.0; 3] && self.age < self.fade
+    }
+
+    fn has_slope(&self) -> bool {
         self.rate != [0.0; 3]
     }
 
@@ -94,23 +104,33 @@ impl Life {
     }
 
     /// What its light is taken to be now.
-    pub fn light(&self) -> Vec3 {
+    fn expected(&self) -> Vec3 {
         (Vec3::from(self.sampled) + self.age * Vec3::from(self.rate)).max(Vec3::ZERO)
+    }
+
+    /// The light that it shows: what it is taken to be, as far as that has taken the place of what it showed before.
+    pub fn light(&self) -> Vec3 {
+        let open = if self.fade > 0.0 { (1.0 - (self.age + 1.0) / self.fade).max(0.0) } else { 0.0 };
+        (self.expected() - open * Vec3::from(self.step)).max(Vec3::ZERO)
     }
 
     /// After it has been sampled anew.
     pub fn renewed(self, light: Vec3, floor: f32, lifespan: &Lifespan) -> Self {
         let (age, before) = (self.age.max(1.0), Vec3::from(self.sampled));
-        let (measured, wrong) = ((light - before) / age, share(light, self.light(), floor));
+        let (measured, wrong) = ((light - before) / age, share(light, self.expected(), floor));
         let is_jump = share(light, before, floor) > JUMP;
         // What a slope foretells is wrong with the square of time, what stays with time itself.
         let slack = lifespan.change / wrong.max(1e-6);
-        let slack = if self.changes() { slack.sqrt() } else { slack };
+        let slack = if self.has_slope() { slack.sqrt() } else { slack };
         let left = if is_jump { 1.0 } else { (age * slack).min(GROWTH * age + 1.0).clamp(1.0, lifespan.most) };
         let goes_on = lifespan.extrapolates && !is_jump && self.samplings > 0;
         let rate = if goes_on { agreed(measured, self.measured.into()) } else { Vec3::ZERO };
+        // What is quite another is seen at once.
+        let step = if is_jump || lifespan.fade <= 1.0 { Vec3::ZERO } else { light - self.light() };
         Self {
             sampled: light.into(),
+            step: step.into(),
+            fade: lifespan.fade,
             age: 0.0,
             rate: rate.into(),
             left,
@@ -164,7 +184,7 @@ pub fn heard(words: &[Word]) -> impl Fn([Vec3; 2]) -> f32 + Sync {
 mod tests {
     use super::*;
 
-    const RULE: Lifespan = Lifespan { change: 0.05, most: 20.0, extrapolates: true };
+    const RULE: Lifespan = Lifespan { change: 0.05, most: 20.0, extrapolates: true, fade: 1.0 };
 
     /// A record of light that is a function of time, sampled when it is due; the largest share by which it was wrong, and how often it was sampled.
     fn lived(light: impl Fn(f32) -> f32, frames: usize, rule: &Lifespan) -> (f32, u32) {
@@ -202,6 +222,27 @@ mod tests {
         assert!(worst < 0.9 && samplings < 40, "{worst} {samplings}");
         let life = Life { age: 4.0, samplings: 3, ..Life::new(Vec3::ONE, 1, None, RULE.most) }.renewed(Vec3::splat(9.0), 0.01, &RULE);
         assert_eq!((life.rate, life.left), ([0.0; 3], 1.0));
+    }
+
+    /// A step of the light is taken in equal parts, the first at once, and it is the same light in the end; a jump is seen at once.
+    #[test]
+    fn what_was_sampled_takes_the_place_of_what_was_shown_bit_by_bit() {
+        let rule = Lifespan { extrapolates: false, fade: 4.0, ..RULE };
+        let mut life = Life { age: 5.0, ..Life::new(Vec3::ONE, 7, None, rule.most) }.renewed(Vec3::splat(1.2), 0.01, &rule);
+        let mut shown = Vec::new();
+        for _ in 0..6 {
+            shown.push(life.light().x);
+            let before = life.light();
+            life = life.aged();
+            assert_eq!(life.changes(), shown.len() < 4, "{life:?}");
+            assert!(life.changes() || life.light() == before);
+        }
+        assert!(shown.iter().zip([1.05, 1.1, 1.15, 1.2, 1.2, 1.2]).all(|(shown, due)| (shown - due).abs() < 1e-6), "{shown:?}");
+        // Sampled again meanwhile, it goes on from what it shows, and is judged by what it was taken to be.
+        let early = Life { age: 5.0, ..Life::new(Vec3::ONE, 7, None, rule.most) }.renewed(Vec3::splat(1.2), 0.01, &rule).aged();
+        let again = early.renewed(Vec3::splat(1.2), 0.01, &rule);
+        assert!((again.light().x - (1.1 + 0.1 / 4.0)).abs() < 1e-6 && again.left > 1.0, "{again:?}");
+        assert_eq!(life.renewed(Vec3::splat(9.0), 0.01, &rule).light(), Vec3::splat(9.0));
     }
 
     #[test]

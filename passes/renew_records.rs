@@ -37,7 +37,7 @@ static DESCRIPTION: Description = Description {
         },
         Parameter {
             name: "fade",
-            about: "frames in which what was sampled takes the place of what was shown, unless it is quite another; 1 is at once",
+            about: "frames in which what was sampled takes the place of what was shown, as far as `change` allows; 1 is at once",
             unit: "frames",
             kind: ParameterKind::Integer { default: 1, min: 1, max: 1000 },
         },

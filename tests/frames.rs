@@ -203,7 +203,7 @@ fn extremes() -> Outcome {
             r#"Scene(version: 1, geometry: [
                 Quad(corners: ((0, 0, 4), (4, 0, 4), (4, 0, 0), (0, 0, 0))), Quad(corners: ((0, 0, 0), (4, 0, 0), (4, 3, 0), (0, 3, 0))),
                 Place({mover}, of: [Box(min: (-0.3, -0.3, -0.3), max: (0.3, 0.3, 0.3))]),
-            ], lights: [Point(position: (2, 2.5, 2), intensity: {intensity})], cameras: {{ "c": (eye: {eye}, target: (2, 1.3, 0), fov: 60) }})"#
+            ], materials: {{ "*": Diffuse(reflectance: (0.7, 0.6, 0.5)) }}, lights: [Point(position: (2, 2.5, 2), intensity: {intensity})], cameras: {{ "c": (eye: {eye}, target: (2, 1.3, 0), fov: 60) }})"#
         );
         fs::write(place.path("extreme.ron"), scene).map_err(failed)?;
         let sets = ["--set", "due_tiles.resolution=8", "--set", "renewed.fade=3", "--frames", "0..6", "--fps", "1", "-o"];

@@ -52,11 +52,6 @@ find_scenes() {
     done
 }
 
-# Debian's compiler for browsers beside that of rustup, which may have none, with the linker of the version that it names.
-install_for_browsers() {
-    install_packages rustc-web cargo-web rust-web-src && install_packages "$(basename "$(readlink /usr/bin/rust-lld)")"
-}
-
 # As the page's build looks for it.
 can_build_for_browsers() {
     [ -d "$(rustc --print sysroot)/lib/rustlib/wasm32-unknown-unknown" ] || { [ -x /usr/bin/cargo ] && [ -x /usr/bin/rustc ] && [ -e /usr/bin/rust-lld ] && [ -d /usr/lib/rustlib/src/rust/library ]; }

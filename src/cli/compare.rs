@@ -91,7 +91,7 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     let judged = options.truth.judged(plans.iter().map(|(plan, _)| plan))?;
     let (given, given_seconds) = timed(|| options.truth.given(&view, judged))?;
     // That there is a place for references is told before work is done for them.
-    options.truth.keeper(&view, judged)?;
+    let mut first = options.truth.keeper(&view, judged)?;
     expect_memory(plans.iter().map(|(plan, _)| plan), &view)?;
     warn_of_few_runs(options, console);
     let (gpu, device_seconds) = timed(|| block_on(Gpu::open()).map_err(Failure::work))?;
@@ -101,7 +101,8 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     let mut entries: Vec<Entry<'_>> = ready.map(|((run, about), pipeline)| Entry::new(run, about, Reel::new(&sequence, pipeline, &view, console))).collect();
     let mut reference_seconds = given_seconds;
     let mut trace = |view: &View, console: &Console| {
-        let (traced, seconds) = timed(|| options.truth.keeper(view, judged)?.map(|keeper| keeper.obtain(view, console)).transpose())?;
+        let keeper = first.take().map_or_else(|| options.truth.keeper(view, judged), |first| Ok(Some(first)))?;
+        let (traced, seconds) = timed(|| keeper.map(|keeper| keeper.obtain(view, console)).transpose())?;
         reference_seconds += seconds;
         Ok(traced)
     };

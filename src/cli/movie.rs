@@ -30,7 +30,7 @@ impl<'t> Movie<'t> {
             let mut encoder = png::Encoder::new(BufWriter::new(file.as_file().try_clone()?), width, height);
             encoder.set_color(png::ColorType::Rgb);
             encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
-            // A number of frames is no more than that of the timeline's, and played for ever.
+            // Played for ever.
             encoder.set_animated(frames as u32, 0)?;
             let [numerator, denominator] = rate.delay();
             encoder.set_frame_delay(numerator, denominator)?;

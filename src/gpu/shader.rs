@@ -61,7 +61,7 @@ fn source(name: &str) -> Option<Cow<'static, str>> {
 
 fn folder() -> Option<PathBuf> {
     let reads = cfg!(all(debug_assertions, feature = "cli"));
-    std::env::var_os("HEMISPLAT_SHADERS").filter(|_| reads).map(PathBuf::from)
+    reads.then(|| std::env::var_os("HEMISPLAT_SHADERS")).flatten().map(PathBuf::from)
 }
 
 /// Whether shaders may be others the next time that they are loaded.

@@ -110,7 +110,7 @@ impl Life {
 
     /// The light that it shows: what it is taken to be, as far as that has taken the place of what it showed before.
     pub fn light(&self) -> Vec3 {
-        let open = if self.fade > 0.0 { (1.0 - (self.age + 1.0) / self.fade).max(0.0) } else { 0.0 };
+        let open = (1.0 - (self.age + 1.0) / self.fade).max(0.0);
         (self.expected() - open * Vec3::from(self.step)).max(Vec3::ZERO)
     }
 
@@ -127,7 +127,7 @@ impl Life {
         let rate = if goes_on { agreed(measured, self.measured.into()) } else { Vec3::ZERO };
         // What fades is wrong by no more than a record may be anyhow; the rest of a step is seen at once.
         let allowed = (lifespan.change / share(light, self.light(), floor).max(1e-6)).min(1.0);
-        let step = if is_jump || lifespan.fade <= 1.0 { Vec3::ZERO } else { allowed * (light - self.light()) };
+        let step = if is_jump { Vec3::ZERO } else { allowed * (light - self.light()) };
         Self {
             sampled: light.into(),
             step: step.into(),

@@ -6,16 +6,16 @@ use super::layers::Layers;
 use super::metrics::{Block, Errors, MetricsError, Selected, blocks};
 use super::statistics::quantile;
 use serde::{Deserialize, Serialize};
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::BTreeMap;
 
 /// A block has jumped where the truth changes by more than this share of its light, before or after, within a frame.
-pub const JUMP: f64 = 0.5;
+const JUMP: f64 = 0.5;
 /// What a block has jumped to is there where its error is less than this share of the larger of its light before and after.
-pub const SETTLED: f64 = 0.05;
+const SETTLED: f64 = 0.05;
 /// Blocks darker than this share of the frame's mean, before and after, do not jump.
 const DARK: f64 = 0.02;
 /// Frames after a jump by which what is left of it counts as a ghost.
-pub const GHOST_AFTER: usize = 5;
+const GHOST_AFTER: usize = 5;
 
 /// What a frame of a sequence was, of one layer.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -89,15 +89,23 @@ impl Changes {
     }
 }
 
+/// A block's last jump.
+struct Jump {
+    /// In which it jumped.
+    frame: usize,
+    /// Of its light before and after.
+    larger: f64,
+    /// Whether it is not there yet.
+    is_open: bool,
+}
+
 /// Blocks that have jumped.
 #[derive(Default)]
 struct Jumps {
-    /// Of those that are not there yet: the block, the frame of its jump, the larger of its light before and after.
-    open: Vec<(usize, usize, f64)>,
-    /// Frames that each of the others took.
+    /// Of each of them: one that jumps again has another aim.
+    last: BTreeMap<usize, Jump>,
+    /// Frames that each jump took whose block came there.
     lags: Vec<f64>,
-    /// Blocks that jumped in the last frames, the latest first.
-    latest: VecDeque<Vec<usize>>,
     ghosts: Vec<f64>,
     count: usize,
 }
@@ -105,33 +113,29 @@ struct Jumps {
 impl Jumps {
     fn see(&mut self, frame: usize, before: &BTreeMap<usize, Block>, now: &BTreeMap<usize, Block>) {
         let mean = now.values().map(|block| block.r).sum::<f64>() / now.len().max(1) as f64;
-        let pairs = now.iter().filter_map(|(at, now)| Some((*at, before.get(at)?.r, now.r)));
-        let jumped: Vec<(usize, f64)> = pairs
-            .map(|(at, before, now)| (at, (now - before).abs(), before.max(now)))
-            .filter(|(_, change, larger)| *change > JUMP * larger && *larger > DARK * mean)
-            .map(|(at, _, larger)| (at, larger))
-            .collect();
-        // A block that jumps again has another aim.
-        self.open.retain(|(at, ..)| !jumped.iter().any(|(again, _)| again == at));
-        self.open.extend(jumped.iter().map(|(at, larger)| (*at, frame, *larger)));
-        self.count += jumped.len();
-        let lags = &mut self.lags;
-        self.open.retain(|(at, since, larger)| {
-            let is_there = now.get(at).is_some_and(|block| (block.x - block.r).abs() <= SETTLED * larger);
-            lags.extend(is_there.then_some((frame - since) as f64));
-            !is_there
-        });
-        self.latest.push_front(jumped.into_iter().map(|(at, _)| at).collect());
-        if self.latest.len() > GHOST_AFTER {
-            let old = self.latest.pop_back().unwrap_or_default();
-            let stays = |at: &usize| !self.latest.iter().flatten().any(|later| later == at);
-            self.ghosts.extend(old.iter().filter(|at| stays(at)).filter_map(|at| now.get(at)).map(|block| (block.x - block.r).abs() / mean));
+        for (at, block) in now {
+            let Some(before) = before.get(at).map(|before| before.r) else { continue };
+            let larger = before.max(block.r);
+            if (block.r - before).abs() > JUMP * larger && larger > DARK * mean {
+                self.last.insert(*at, Jump { frame, larger, is_open: true });
+                self.count += 1;
+            }
+        }
+        for (at, jump) in &mut self.last {
+            let Some(error) = now.get(at).map(|block| (block.x - block.r).abs()) else { continue };
+            if jump.is_open && error <= SETTLED * jump.larger {
+                self.lags.push((frame - jump.frame) as f64);
+                jump.is_open = false;
+            }
+            if frame - jump.frame == GHOST_AFTER {
+                self.ghosts.push(error / mean);
+            }
         }
     }
 
     /// A quantile of the lags, those that are open taken for longer than any.
     fn lag(&self, share: f64) -> Option<f64> {
-        let mut all: Vec<f64> = self.lags.iter().copied().chain(self.open.iter().map(|_| f64::INFINITY)).collect();
+        let mut all: Vec<f64> = self.lags.iter().copied().chain(self.last.values().filter(|jump| jump.is_open).map(|_| f64::INFINITY)).collect();
         all.sort_by(f64::total_cmp);
         // No value between two is asked for: frames are whole.
         all.get(((share * all.len() as f64).ceil() as usize).clamp(1, all.len().max(1)) - 1).copied().filter(|lag| lag.is_finite())

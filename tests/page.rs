@@ -26,7 +26,8 @@ use std::collections::BTreeMap;
 use std::env;
 use std::f32::consts::FRAC_PI_2;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::thread;
+use std::time::{Duration, Instant};
 
 type Outcome = Result<(), Failed>;
 type Case = fn(&mut Browser) -> Outcome;
@@ -109,9 +110,18 @@ fn shows(browser: &mut Browser, share: f64, channel: usize) -> Outcome {
     check(colour[channel] > others.saturating_add(60), || format!("at {share} channel {channel} is to be seen, not {colour:?}"))
 }
 
+/// What the page does after a key or a click is drawn with its next frame, and on a busy machine that is a while.
 fn equals(browser: &mut Browser, expression: &str, expected: impl Into<serde_json::Value>) -> Outcome {
-    let (found, expected) = (browser.evaluate(expression)?, expected.into());
-    check(found == expected, || format!("{expression} is {found}, not {expected}"))
+    let expected = expected.into();
+    let end = Instant::now() + Duration::from_secs(10);
+    loop {
+        let found = browser.evaluate(expression)?;
+        if found == expected {
+            return Ok(());
+        }
+        check(Instant::now() < end, || format!("{expression} is {found}, not {expected}"))?;
+        thread::sleep(Duration::from_millis(20));
+    }
 }
 
 fn slider(browser: &mut Browser) -> Outcome {
@@ -287,6 +297,8 @@ fn insets(browser: &mut Browser) -> Outcome {
     // Each of the three and the reference.
     equals(browser, "[...document.querySelectorAll('#insets li:first-child figcaption')].map((name) => name.textContent).join()", "A,B,C,reference")?;
     browser.until("document.querySelector('#insets li canvas').getContext('2d').getImageData(9, 9, 1, 1).data[0] > 150")?;
+    // A row is made anew as its pictures arrive: a button pressed before the last has come is gone when it is let go.
+    browser.until("[...document.querySelectorAll('#insets canvas')].every((canvas) => canvas.getContext('2d').getImageData(9, 9, 1, 1).data[3] === 255)")?;
     browser.click("#insets li:last-child .save")?;
     browser.until("window.saved?.type === 'image/png'")?;
     browser.click("#insets li .remove")?;

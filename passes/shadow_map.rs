@@ -3,9 +3,11 @@
 use crate::contract::encoder::shadow_taps;
 use crate::contract::{Arguments, Description, Encoder, MOST_BYTES, Need, Output, Parameter, ParameterKind, Pass, Port, PortKind, Refusal, port};
 use crate::math::frame::Frame;
-use crate::scene::{Bounds, Light, LightKind, Triangle, needs::Needs, place_in_grid, shadow_grid, shadow_half, shadow_layers, surface_offset};
+use crate::scene::{Bounds, Light, LightKind, Object, Scene, Triangle, needs::Needs, place_in_grid, shadow_grid, shadow_half, shadow_layers, surface_offset};
 use crate::schedule::*;
 use glam::{Vec2, Vec3};
+use std::hash::{DefaultHasher, Hash, Hasher};
+use std::mem::discriminant;
 
 pub struct ShadowMap;
 
@@ -51,24 +53,29 @@ impl Pass for ShadowMap {
             e.clear(maps.depth);
         }
         let vertices = e.scene_data(SceneData::Positions);
-        let chunks = Chunks::new(&e.setting.scene.triangles);
+        let chunks = Chunks::new(&e.setting.scene.triangles, &e.setting.scene.objects);
+        let holes = e.setting.needs.alpha_masks.then(|| holes(e.setting.scene));
         for (layer, [light, map]) in (0..).zip(views) {
             let instance = light * MAPS + map;
             let draw = |vertices| Draw { rectangle: None, vertices, is_indexed: false, instances: [instance, instance + 1] };
-            let seen = chunks.seen(&lights[light as usize], map, grid);
-            e.command(Command::Raster(Raster {
-                program: Program::new("shadow_map").constant("SHADOW_RESOLUTION", resolution),
-                vertex: "vertex",
-                fragment: e.setting.needs.alpha_masks.then_some("fragment"),
-                colours: Vec::new(),
-                depth: Some(maps.target(layer)),
-                vertices: Some(vertices),
-                instances: None,
-                indices: None,
-                topology: Topology::Triangles,
-                draws: Draws::Fixed(seen.into_iter().map(|triangles| draw(triangles.map(|triangle| 3 * triangle))).collect()),
-            }));
-            maps.keep(e, layer);
+            let (seen, key) = (chunks.ranges(&lights[light as usize], map, grid), of((chunks.key(&lights[light as usize], map, grid), holes)));
+            maps.draw(
+                e,
+                layer,
+                key,
+                Command::Raster(Raster {
+                    program: Program::new("shadow_map").constant("SHADOW_RESOLUTION", resolution),
+                    vertex: "vertex",
+                    fragment: e.setting.needs.alpha_masks.then_some("fragment"),
+                    colours: Vec::new(),
+                    depth: Some(maps.target(layer)),
+                    vertices: Some(vertices),
+                    instances: None,
+                    indices: None,
+                    topology: Topology::Triangles,
+                    draws: Draws::Fixed(seen.into_iter().map(|triangles| draw(triangles.map(|triangle| 3 * triangle))).collect()),
+                }),
+            );
         }
         e.output("maps", Port::ShadowMaps(port::ShadowMaps { depth: maps.depth, pitch: maps.pitch, resolution, taps }));
         Ok(())
@@ -92,49 +99,111 @@ impl Maps {
             let depth = e.texture("depth", size, layers, format);
             return Self { drawn: depth, depth, pitch: None, map_bytes };
         }
-        let drawn = e.texture("map", size, 1, format);
-        e.once();
-        Self { drawn, depth: e.history_buffer("depth", map_bytes * layers as u64), pitch: Some((row / format.bytes()) as u32), map_bytes }
+        let (drawn, depth) = (e.texture("map", size, 1, format), e.history_buffer("depth", map_bytes * layers as u64));
+        e.survives(&[depth], &[]);
+        Self { drawn, depth, pitch: Some((row / format.bytes()) as u32), map_bytes }
     }
 
     fn target(&self, layer: u32) -> DepthTarget {
         DepthTarget { texture: self.drawn, layer: if self.pitch.is_some() { 0 } else { layer } }
     }
 
-    /// Keeps a map that has been drawn.
-    fn keep(&self, e: &mut Encoder<'_>, layer: u32) {
-        if self.pitch.is_some() {
-            e.command(Command::CopyToBuffer { from: self.drawn, to: self.depth, offset: layer as u64 * self.map_bytes });
+    /// Draws a map: where they are kept, if it would show something else than it does.
+    fn draw(&self, e: &mut Encoder<'_>, layer: u32, key: u64, draw: Command) {
+        if self.pitch.is_none() {
+            return e.command(draw);
         }
+        e.kept(key, draw);
+        e.kept(key, Command::CopyToBuffer { from: self.drawn, to: self.depth, offset: layer as u64 * self.map_bytes });
     }
 }
 
-/// Triangles that a map sees or leaves out together.
+/// A number of what is told.
+fn of(what: impl Hash) -> u64 {
+    let mut hasher = DefaultHasher::new();
+    what.hash(&mut hasher);
+    hasher.finish()
+}
+
+fn bits(of: Vec3) -> [u32; 3] {
+    of.to_array().map(f32::to_bits)
+}
+
+/// A number of what leaves holes.
+fn holes(scene: &Scene) -> u64 {
+    of(scene.materials.iter().map(|material| (material.texture, material.alpha_cutoff.map(f32::to_bits))).collect::<Vec<_>>())
+}
+
+/// As many triangles as a map sees or leaves out together.
 const CHUNK: u32 = 64;
+
+/// Triangles that lie side by side, of one mover or of none.
+struct Chunk {
+    triangles: [u32; 2],
+    bounds: Bounds,
+    /// Where they lie, as a number; 0 of what cannot move.
+    place: u64,
+}
 
 /// What maps leave out triangles by.
 struct Chunks {
-    triangles: u32,
     all: Bounds,
-    /// Around each chunk.
-    bounds: Vec<Bounds>,
+    chunks: Vec<Chunk>,
 }
 
 impl Chunks {
-    fn new(triangles: &[Triangle]) -> Self {
-        Self { triangles: triangles.len() as u32, all: Bounds::of(triangles), bounds: triangles.chunks(CHUNK as usize).map(Bounds::of).collect() }
+    fn new(triangles: &[Triangle], movers: &[Object]) -> Self {
+        let moves = |at: usize| movers.iter().any(|mover| mover.triangles.contains(&at));
+        let mut ends: Vec<usize> = movers.iter().flat_map(|mover| [mover.triangles.start, mover.triangles.end]).chain([triangles.len()]).collect();
+        ends.sort_unstable();
+        let mut chunks = Vec::new();
+        let mut start = 0;
+        for end in ends {
+            let is_moving = moves(start);
+            for first in (start..end).step_by(CHUNK as usize) {
+                let last = end.min(first + CHUNK as usize);
+                let here = &triangles[first..last];
+                let place = if is_moving { of(here.iter().flat_map(|triangle| triangle.positions.map(bits)).collect::<Vec<_>>()) } else { 0 };
+                chunks.push(Chunk { triangles: [first as u32, last as u32], bounds: Bounds::of(here), place });
+            }
+            start = end;
+        }
+        Self { all: Bounds::of(triangles), chunks }
     }
 
-    /// Ranges of triangles that a light's map may see: what reaches into the quarter turn of a cube's side or stands before a place of a grid, or all.
-    fn seen(&self, light: &Light, map: u32, grid: u32) -> Vec<[u32; 2]> {
-        match (light.kind, shadow_layers(light, grid)) {
-            (LightKind::Point { position, .. } | LightKind::Spot { position, .. }, 6) => self.ranges(|bounds| self.is_on_side(bounds, position, map)),
-            (LightKind::Directional { direction, .. }, _) => {
-                let half = shadow_half(light, &self.all, grid);
-                self.ranges(|bounds| self.is_in_grid(bounds, direction, place_in_grid(map, half, grid), half))
+    /// A number of all that a map is drawn from, but for holes. How strong the light is changes nothing there.
+    fn key(&self, light: &Light, map: u32, grid: u32) -> u64 {
+        let (position, direction) = match light.kind {
+            LightKind::Point { position, .. } => (position, Vec3::ZERO),
+            LightKind::Spot { position, direction, .. } => (position, direction),
+            LightKind::Directional { direction, .. } => (Vec3::ZERO, direction),
+        };
+        let half = shadow_half(light, &self.all, grid).extend(0.0);
+        let lie = [position, direction, half, self.all.min, self.all.max].map(bits);
+        let moving = self.seen(light, map, grid).filter(|chunk| chunk.place != 0);
+        of((discriminant(&light.kind), map, grid, lie, moving.map(|chunk| (chunk.triangles, chunk.place)).collect::<Vec<_>>()))
+    }
+
+    /// What a light's map may see: what reaches into the quarter turn of a cube's side or stands before a place of a grid, or all.
+    fn seen<'c>(&'c self, light: &Light, map: u32, grid: u32) -> impl Iterator<Item = &'c Chunk> {
+        let (kind, layers, half) = (light.kind, shadow_layers(light, grid), shadow_half(light, &self.all, grid));
+        self.chunks.iter().filter(move |Chunk { bounds, .. }| match (kind, layers) {
+            (LightKind::Point { position, .. } | LightKind::Spot { position, .. }, 6) => self.is_on_side(bounds, position, map),
+            (LightKind::Directional { direction, .. }, _) => self.is_in_grid(bounds, direction, place_in_grid(map, half, grid), half),
+            _ => true,
+        })
+    }
+
+    /// The triangles of what is seen, those that lie side by side as one range.
+    fn ranges(&self, light: &Light, map: u32, grid: u32) -> Vec<[u32; 2]> {
+        let mut ranges: Vec<[u32; 2]> = Vec::new();
+        for Chunk { triangles: [first, end], .. } in self.seen(light, map, grid) {
+            match ranges.last_mut() {
+                Some(last) if last[1] == *first => last[1] = *end,
+                _ => ranges.push([*first, *end]),
             }
-            _ => vec![[0, self.triangles]],
         }
+        ranges
     }
 
     fn is_on_side(&self, bounds: &Bounds, position: Vec3, side: u32) -> bool {
@@ -152,18 +221,6 @@ impl Chunks {
         let [across, up] = [along(frame.bitangent), along(frame.tangent)];
         let is_near = |(at, reach): (f32, f32), centre: f32, half: f32| (at - centre).abs() <= (reach + half) * 1.001;
         is_near(across, centre.x, half.x) && is_near(up, centre.y, half.y)
-    }
-
-    fn ranges(&self, is_seen: impl Fn(&Bounds) -> bool) -> Vec<[u32; 2]> {
-        let mut ranges: Vec<[u32; 2]> = Vec::new();
-        for (index, _) in (0..).zip(&self.bounds).filter(|(_, bounds)| is_seen(bounds)) {
-            let [first, end] = [index * CHUNK, self.triangles.min((index + 1) * CHUNK)];
-            match ranges.last_mut() {
-                Some(last) if last[1] == first => last[1] = end,
-                _ => ranges.push([first, end]),
-            }
-        }
-        ranges
     }
 }
 
@@ -199,8 +256,8 @@ mod tests {
             triangles.sort_by(|a, b| a.positions[0].x.total_cmp(&b.positions[0].x));
             let position = Vec3::from(place) + offset;
             let light = Light { name: "light".into(), kind: LightKind::Point { position, intensity: Vec3::ONE }, shadows: true };
-            let chunks = Chunks::new(&triangles);
-            let sides: Vec<_> = (0..6).map(|face| chunks.seen(&light, face, 4)).collect();
+            let chunks = Chunks::new(&triangles, &[]);
+            let sides: Vec<_> = (0..6).map(|face| chunks.ranges(&light, face, 4)).collect();
             for (index, triangle) in (0..).zip(&triangles) {
                 let [a, b, c] = triangle.positions;
                 for point in [a, b, c, (a + b) / 2.0, (b + c) / 2.0, (a + b + c) / 3.0] {
@@ -209,7 +266,7 @@ mod tests {
                 }
             }
             let sun = Light { kind: LightKind::Directional { direction: Vec3::from(place).normalize_or(Vec3::X), irradiance: Vec3::ONE }, ..light.clone() };
-            let places: Vec<_> = (0..16).map(|map| chunks.seen(&sun, map, 4)).collect();
+            let places: Vec<_> = (0..16).map(|map| chunks.ranges(&sun, map, 4)).collect();
             let (half, frame) = (shadow_half(&sun, &chunks.all, 4), Frame::new(sun_direction(&sun)));
             for (index, triangle) in (0..).zip(&triangles) {
                 for point in triangle.positions {
@@ -220,7 +277,7 @@ mod tests {
                 }
             }
             let drawn: u32 = sides.iter().flatten().map(|[first, end]| end - first).sum();
-            prop_assert!(drawn < 6 * chunks.triangles, "all is drawn on all sides");
+            prop_assert!(drawn < 6 * triangles.len() as u32, "all is drawn on all sides");
         }
     }
 }
@@ -231,12 +288,16 @@ mod ranges {
     use glam::Vec2;
 
     /// A chunk of small triangles around each place.
-    fn chunks(places: &[Vec3]) -> Chunks {
+    fn around(places: &[Vec3]) -> Vec<Triangle> {
         let triangle = |place: Vec3| {
             let positions = [place, place + Vec3::splat(0.01), place - Vec3::new(0.01, 0.0, 0.01)];
             Triangle { positions, normals: [Vec3::Z; 3], uvs: [Vec2::ZERO; 3], tints: Default::default(), material: 0 }
         };
-        Chunks::new(&places.iter().flat_map(|place| vec![triangle(*place); CHUNK as usize]).collect::<Vec<_>>())
+        places.iter().flat_map(|place| vec![triangle(*place); CHUNK as usize]).collect()
+    }
+
+    fn chunks(places: &[Vec3]) -> Chunks {
+        Chunks::new(&around(places), &[])
     }
 
     fn point(position: Vec3) -> Light {
@@ -245,11 +306,11 @@ mod ranges {
 
     #[test]
     fn what_lies_along_an_axis_is_on_one_side() {
-        let around = [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z, Vec3::NEG_Z];
+        let ways = [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z, Vec3::NEG_Z];
         let position = Vec3::new(0.5, -0.25, 2.0);
-        let chunks = chunks(&around.map(|way| position + 3.0 * way));
+        let chunks = chunks(&ways.map(|way| position + 3.0 * way));
         for face in 0..6 {
-            assert_eq!(chunks.seen(&point(position), face, 4), [[face * CHUNK, (face + 1) * CHUNK]]);
+            assert_eq!(chunks.ranges(&point(position), face, 4), [[face * CHUNK, (face + 1) * CHUNK]]);
         }
     }
 
@@ -257,30 +318,66 @@ mod ranges {
     fn chunks_side_by_side_are_drawn_as_one() {
         let [right, left] = [Vec3::X, Vec3::NEG_X];
         let chunks = chunks(&[right, right, left, right, left, left]);
-        assert_eq!(chunks.seen(&point(Vec3::ZERO), 0, 4), [[0, 2 * CHUNK], [3 * CHUNK, 4 * CHUNK]]);
-        assert_eq!(chunks.seen(&point(Vec3::ZERO), 1, 4), [[2 * CHUNK, 3 * CHUNK], [4 * CHUNK, 6 * CHUNK]]);
+        assert_eq!(chunks.ranges(&point(Vec3::ZERO), 0, 4), [[0, 2 * CHUNK], [3 * CHUNK, 4 * CHUNK]]);
+        assert_eq!(chunks.ranges(&point(Vec3::ZERO), 1, 4), [[2 * CHUNK, 3 * CHUNK], [4 * CHUNK, 6 * CHUNK]]);
         // What the light is in is on all sides.
         let chunks = self::chunks(&[Vec3::ZERO]);
-        assert!((0..6).all(|face| chunks.seen(&point(Vec3::splat(0.001)), face, 4) == [[0, CHUNK]]));
+        assert!((0..6).all(|face| chunks.ranges(&point(Vec3::splat(0.001)), face, 4) == [[0, CHUNK]]));
+    }
+
+    /// A mover's chunks hold nothing else: its few triangles would be seen wherever those beside them are.
+    #[test]
+    fn chunks_end_where_movers_do() {
+        let triangles = around(&[Vec3::X, Vec3::Y, Vec3::Z]);
+        let mover = |triangles| Object { name: String::new(), triangles };
+        let chunks = Chunks::new(&triangles, &[mover(100..110), mover(10..12)]);
+        let ranges: Vec<_> = chunks.chunks.iter().map(|chunk| (chunk.triangles, chunk.place != 0)).collect();
+        let expected =
+            [([0, 10], false), ([10, 12], true), ([12, 76], false), ([76, 100], false), ([100, 110], true), ([110, 174], false), ([174, 192], false)];
+        assert_eq!(ranges, expected);
+        assert!(Chunks::new(&[], &[]).chunks.is_empty());
+    }
+
+    /// A map is drawn anew for what changes in what it sees, and for nothing else.
+    #[test]
+    fn keys_are_of_what_maps_see() {
+        let far = [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z, Vec3::NEG_Z].map(|way| 9.0 * way);
+        // The last chunk can move: it stands on the side of −z of a light in the middle.
+        let scene = |mover: Vec3| {
+            let triangles = around(&[&far[..], &[mover]].concat());
+            let last = Object { name: String::new(), triangles: triangles.len() - CHUNK as usize..triangles.len() };
+            Chunks::new(&triangles, &[last])
+        };
+        let keys = |chunks: &Chunks, light: &Light| (0..6).map(|map| chunks.key(light, map, 4)).collect::<Vec<_>>();
+        let (light, before) = (point(Vec3::ZERO), scene(Vec3::new(0.1, 0.2, -3.0)));
+        let first = keys(&before, &light);
+        let differ = |others: Vec<u64>| (0..6).filter(|map| others[*map] != first[*map]).collect::<Vec<_>>();
+        assert!(differ(keys(&before, &light)).is_empty());
+        assert_eq!(differ(keys(&scene(Vec3::new(0.1, 0.3, -3.0)), &light)), [5]);
+        assert_eq!(differ(keys(&scene(Vec3::new(3.0, 0.3, 0.1)), &light)), [0, 5], "the mover leaves a side for another");
+        assert_eq!(differ(keys(&scene(Vec3::new(0.1, 0.2, -12.0)), &light)), [0, 1, 2, 3, 4, 5], "the scene is larger");
+        let brighter = Light { kind: LightKind::Point { position: Vec3::ZERO, intensity: Vec3::splat(7.0) }, ..light.clone() };
+        assert!(differ(keys(&before, &brighter)).is_empty());
+        assert_eq!(differ(keys(&before, &point(Vec3::splat(1e-3)))), [0, 1, 2, 3, 4, 5]);
     }
 
     #[test]
     fn the_last_chunk_ends_with_the_triangles() {
-        let mut chunks = chunks(&[Vec3::X, Vec3::X]);
-        chunks.triangles -= 3;
-        assert_eq!(chunks.seen(&point(Vec3::ZERO), 0, 4), [[0, 2 * CHUNK - 3]]);
+        let triangles = around(&[Vec3::X, Vec3::X]);
+        let chunks = Chunks::new(&triangles[..triangles.len() - 3], &[]);
+        assert_eq!(chunks.ranges(&point(Vec3::ZERO), 0, 4), [[0, 2 * CHUNK - 3]]);
     }
 
     #[test]
     fn maps_of_one_side_see_all() {
         let chunks = chunks(&[Vec3::X, Vec3::NEG_X]);
         let directional = Light { kind: LightKind::Directional { direction: Vec3::X, irradiance: Vec3::ONE }, ..point(Vec3::ZERO) };
-        assert_eq!(chunks.seen(&directional, 0, 1), [[0, 2 * CHUNK]]);
+        assert_eq!(chunks.ranges(&directional, 0, 1), [[0, 2 * CHUNK]]);
         let spot = |outer: f32| Light {
             kind: LightKind::Spot { position: Vec3::ZERO, direction: Vec3::X, intensity: Vec3::ONE, inner: 0.1, outer },
             ..point(Vec3::ZERO)
         };
-        assert_eq!(chunks.seen(&spot(0.3), 0, 4), [[0, 2 * CHUNK]]);
-        assert_eq!(chunks.seen(&spot(1.5), 0, 4), [[0, CHUNK]]);
+        assert_eq!(chunks.ranges(&spot(0.3), 0, 4), [[0, 2 * CHUNK]]);
+        assert_eq!(chunks.ranges(&spot(1.5), 0, 4), [[0, CHUNK]]);
     }
 }

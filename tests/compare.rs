@@ -8,7 +8,7 @@ mod place;
 use hemisplat::measure::{Layer, Layers, PICTURE};
 use libtest_mimic::{Arguments, Failed};
 use place::{Case, Outcome, Place, check};
-use serde_json::Value;
+use serde_json::{Value, json};
 use std::fs;
 use std::process::{Child, Command};
 use std::time::Duration;
@@ -29,6 +29,7 @@ const DRAWN: &[(&str, Case)] = &[
     ("runs_that_are_ended_early_are_judged", cuts),
     ("an_interrupted_comparison_keeps_whole_rounds", interrupted),
     ("sequences_are_judged_in_time", sequences),
+    ("frames_without_light_are_no_end", dark_frames),
 ];
 
 const REFUSED: &[(&str, Case)] = &[("mistakes_are_told_before_work_starts", mistakes)];
@@ -160,8 +161,24 @@ fn sequences() -> Outcome {
     let last = &variant["errors"]["irradiance"]["rmse_over_mean"];
     check(rmse(&truths[0])? == *last || rmse(&truths[1])? == *last, || format!("{last}"))?;
     check(variant["frames"].as_array().is_some_and(|frames| frames.len() == 6 && frames[5]["seconds"]["median"].as_f64() > Some(0.0)), || variant.to_string())?;
+    let frames = place.page("out.html")?["gallery"]["frames"].clone();
+    let moment = json!({"frame": 5, "seconds": 5.0});
+    check(frames.as_array().is_some_and(|frames| frames.len() == 6 && frames[5]["moment"] == moment), || frames.to_string())?;
+    (0..6).try_for_each(|frame| images_of(&frames[frame], 1))?;
     let (_, stderr) = place.succeed("compare irradiance --scene cornell --size 16x12 --frames 0..2 --runs 1 --no-reference")?;
     check(stderr.contains("nothing in the scene moves"), || stderr)
+}
+
+/// A frame in which no light is has no errors, and is no end; its picture is as black as the true one.
+fn dark_frames() -> Outcome {
+    let place = Place::new()?.with("switched.ron", &SWITCHED.replace("(0, (1, 1, 1))", "(0, (0, 0, 0))"))?;
+    let options = "--size 32x24 --frames 1..5 --fps 1 --reference-spp 64 --runs 1";
+    place.succeed(&format!("compare irradiance-temporal --scene switched.ron {options} --json out.json --html out.html"))?;
+    let course = place.json("out.json")?["variants"][0]["courses"]["irradiance"].clone();
+    let known: Vec<bool> = course["frames"].as_array().into_iter().flatten().map(|frame| !frame["rmse_over_mean"].is_null()).collect();
+    check(known == [false, false, true, true] && course["jumps"].as_u64() > Some(20) && course["lag_p50"] == 0.0, || course.to_string())?;
+    let frames = place.page("out.html")?["gallery"]["frames"].clone();
+    check(layers(&frames[0], "shown") == layers(&frames[3], "shown"), || frames.to_string())
 }
 
 /// A box whose lamp is dim for three seconds, and then bright.
@@ -305,7 +322,7 @@ fn html() -> Outcome {
         check(point["row"] == variant["name"] && keys.iter().all(|key| point[key] == variant[key]), || format!("{point}\n{variant}"))?;
     }
     check(report["differences"]["pairs"][0]["ratio"] == json["pairs"][0]["ratio"], || report["differences"].to_string())?;
-    let gallery = &data["gallery"];
+    let gallery = &data["gallery"]["frames"][0];
     check(layers(gallery, "shown") == [PICTURE, "irradiance"] && layers(gallery, "maps") == [PICTURE, "irradiance"], || gallery.to_string())?;
     images_of(gallery, 2)?;
     let records = |index: usize| (gallery["records"][index][0]["cache"].clone(), gallery["records"][index][0]["count"].as_u64().unwrap_or(0));
@@ -335,7 +352,7 @@ fn glossy() -> Outcome {
         "compare radiance radiance@lobes.order=Fixed(order:4) --scene cornell-glossy --size 32x32 {quick} --runs 1 --json out.json --html out.html"
     ))?;
     let (data, json) = (place.page("out.html")?, place.json("out.json")?);
-    let gallery = &data["gallery"];
+    let gallery = &data["gallery"]["frames"][0];
     check(["shown", "maps"].iter().all(|sets| layers(gallery, sets) == [PICTURE, "irradiance", "glossy"]), || gallery.to_string())?;
     images_of(gallery, 2)?;
     let images = &gallery["shown"][2]["images"];
@@ -363,7 +380,7 @@ fn direct_alone() -> Outcome {
         let direct = errors["direct"]["rmse_over_mean"].as_f64().unwrap_or(1.0);
         check(errors["irradiance"].is_null() && errors["glossy"].is_null() && direct < 0.5, || errors.to_string())?;
     }
-    let (gallery, report) = (&data["gallery"], &data["report"]);
+    let (gallery, report) = (&data["gallery"]["frames"][0], &data["report"]);
     check(layers(gallery, "shown") == [PICTURE, "direct"] && layers(gallery, "maps") == [PICTURE, "direct"], || gallery.to_string())?;
     images_of(gallery, 2)?;
     check(report["sweep"]["metric"] == "direct.rmse_over_mean" && report["charts"][0]["label"] == "Direct, rmse over mean", || report.to_string())?;
@@ -400,7 +417,7 @@ fn outside() -> Outcome {
         page["report"].to_string()
     })?;
     // What was given of D is no picture.
-    let shown: Vec<bool> = page["gallery"]["shown"][0]["images"].as_array().into_iter().flatten().map(Value::is_object).collect();
+    let shown: Vec<bool> = page["gallery"]["frames"][0]["shown"][0]["images"].as_array().into_iter().flatten().map(Value::is_object).collect();
     check(shown == [true, true, true, false, true], || format!("{shown:?}"))
 }
 

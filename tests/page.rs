@@ -11,10 +11,12 @@ use browser::Browser;
 use browser::made::{COLOURS, Made, SIZE, made, open, picture, swept, swept_report, textured, with};
 use glam::Vec3;
 use hemisplat::math::weight::{Record, Rule, Weighting};
-use hemisplat::measure::compare::{Cut, VariantReport};
+use hemisplat::measure::compare::{Cut, FrameOfRuns, VariantReport};
+use hemisplat::measure::course::{Course, FrameErrors};
 use hemisplat::measure::criteria::Cost;
 use hemisplat::measure::expectation::{Found, Verdict};
-use hemisplat::measure::page::{Gallery, Overlay, page};
+use hemisplat::measure::page::{Gallery, Moment, Overlay, page};
+use hemisplat::measure::statistics::Spread;
 use hemisplat::measure::sweep::{Outcome as State, mark_front};
 use hemisplat::measure::{GLOSSY, Layer, Layers, PICTURE};
 use hemisplat::scene::Camera;
@@ -41,6 +43,7 @@ const CASES: &[(&str, Case)] = &[
     ("differences_are_of_what_is_left_and_right", difference),
     ("insets_show_a_part_of_every_picture", insets),
     ("records_lie_over_the_picture", records),
+    ("frames_play_in_step_over_the_course_of_errors", film),
     ("a_link_holds_the_view", link),
     ("a_saved_picture_holds_its_light", saved),
     ("a_table_that_goes_on_fades", overflow),
@@ -296,14 +299,82 @@ fn insets(browser: &mut Browser) -> Outcome {
     equals(browser, "document.querySelectorAll('#insets li').length", 2)?;
     // Each of the three and the reference.
     equals(browser, "[...document.querySelectorAll('#insets li:first-child figcaption')].map((name) => name.textContent).join()", "A,B,C,reference")?;
-    browser.until("document.querySelector('#insets li canvas').getContext('2d').getImageData(9, 9, 1, 1).data[0] > 150")?;
+    // Browsers complain of canvases that are read often: copies are read.
+    browser.begin(
+        "window.pixel = (canvas) => { const copy = document.createElement('canvas'); Object.assign(copy, { width: 16, height: 16 }); \
+         const context = copy.getContext('2d', { willReadFrequently: true }); context.drawImage(canvas, 0, 0); return [...context.getImageData(9, 9, 1, 1).data]; }",
+    )?;
+    browser.until("pixel(document.querySelector('#insets li canvas'))[0] > 150")?;
     // A row is made anew as its pictures arrive: a button pressed before the last has come is gone when it is let go.
-    browser.until("[...document.querySelectorAll('#insets canvas')].every((canvas) => canvas.getContext('2d').getImageData(9, 9, 1, 1).data[3] === 255)")?;
+    browser.until("[...document.querySelectorAll('#insets canvas')].every((canvas) => pixel(canvas)[3] === 255)")?;
     browser.click("#insets li:last-child .save")?;
     browser.until("window.saved?.type === 'image/png'")?;
     browser.click("#insets li .remove")?;
     equals(browser, "document.querySelectorAll('#insets li').length", 1)?;
     equals(browser, "document.querySelector('#insets p').textContent.startsWith('x 5 to 13,')", true)
+}
+
+/// Frame 10 of two variants is red and green, 11 green and blue, and so on; each is 10 % brighter than the one before.
+fn film(browser: &mut Browser) -> Outcome {
+    let still = made(2).open(browser)?;
+    equals(browser, "document.querySelector('#frames').hidden && document.querySelector('#course-section').hidden", true)?;
+    drop(still);
+    const FRAMES: u32 = 4;
+    let mut made = made(2);
+    for (index, variant) in made.comparison.variants.iter_mut().enumerate() {
+        let seconds = |frame: u32| Spread::of(&[0.1 * f64::from(frame + 1) * (index + 1) as f64]);
+        let frame = |frame| Some(FrameOfRuns { frame: 10 + frame, seconds: seconds(frame)?, records: Some(100 + 10 * frame), new_records: Some(0) });
+        variant.frames = (0..FRAMES).filter_map(frame).collect();
+        let errors = |error: f64, flicker| FrameErrors { rmse_over_mean: Some(error), bias_over_mean: Some(0.0), block_p50: None, block_p99: None, flicker };
+        let frames: Vec<_> = (0..FRAMES).map(|frame| errors(0.01 * f64::from(frame + 1), (frame > 0).then_some(0.002))).collect();
+        let course = Course { frames, mean: errors(0.025, None), flicker: Some(0.002), jumps: 0, lag_p50: None, lag_p99: None, ghost_p99: None };
+        variant.courses = [(PICTURE.to_owned(), course)].into();
+    }
+    let mut gallery = Gallery::new(SIZE, 3 * FRAMES as usize);
+    for frame in 0..FRAMES {
+        let light = 1.1f32.powi(frame as i32);
+        let truth = picture(SIZE, |_, _| [0.4 * light; 3], light);
+        for variant in 0..2 {
+            gallery.add(&picture(SIZE, |_, _| COLOURS[(variant + frame as usize) % 3].map(|channel| channel * light), light), Some(&truth))?;
+        }
+        gallery.end_frame(Some(Moment { frame: 10 + frame, seconds: f64::from(frame) / 12.0 }), Some(&truth))?;
+    }
+    let html = page(&made.report(), &gallery)?;
+    let shown = "document.querySelector('#frame-told').value";
+    let page = open(&html, browser)?;
+    // The last is shown first, whose errors the table has.
+    equals(browser, shown, "frame 13, 0.250 s")?;
+    shows(browser, 0.25, 0)?;
+    shows(browser, 0.75, 1)?;
+    browser.key("b")?;
+    equals(browser, shown, "frame 12, 0.167 s")?;
+    shows(browser, 0.25, 2)?;
+    shows(browser, 0.75, 0)?;
+    let text = readout(browser, 0.25)?;
+    check(text.contains("A 0.02420 0.02420 0.9679"), || text)?;
+    // The lines below are of all frames, and lead to them.
+    equals(browser, "document.querySelectorAll('#course .line').length", 2)?;
+    equals(browser, "[...document.querySelectorAll('#course-legend li')].map((line) => line.textContent.split(': ').at(-1)).join()", "3.00 %,3.00 %")?;
+    let [x, y] = browser.middle("#course")?;
+    let width = browser.evaluate("document.querySelector('#course').clientWidth")?.as_f64().unwrap_or(0.0);
+    browser.drag([x - 0.5 * width + 66.0, y], [x - 0.5 * width + 66.0, y])?;
+    equals(browser, shown, "frame 10, 0.000 s")?;
+    shows(browser, 0.25, 0)?;
+    choose(browser, "course-of", " seconds")?;
+    equals(browser, "document.querySelector('#course-legend').textContent.endsWith(': 0.200')", true)?;
+    browser.key("e")?;
+    equals(browser, "document.querySelector('#scale-text').textContent.startsWith('Too dark')", true)?;
+    equals(browser, "location.hash.includes('frame=10')", true)?;
+    // Playing comes to the end and begins again.
+    browser.key("t")?;
+    browser.until(&format!("{shown} === 'frame 13, 0.250 s'"))?;
+    browser.until(&format!("{shown} === 'frame 11, 0.083 s'"))?;
+    browser.click("#play")?;
+    equals(browser, "document.querySelector('#play').textContent", "Play")?;
+    browser.begin("location.hash = 'frame=12'")?;
+    equals(browser, shown, "frame 12, 0.167 s")?;
+    drop(page);
+    Ok(())
 }
 
 /// Of a wall 2 before the eye that fills the picture, 4 wide: one record in the middle of the left half, three on the right.
@@ -552,10 +623,11 @@ fn refused(browser: &mut Browser) -> Outcome {
     let made = made(6);
     let mut sweep = swept(&made);
     sweep.points[1].outcome = State::Refused { because: "plan::tile: too large".into() };
-    let mut gallery = Gallery::new(made.comparison.size, 6, made.reference.as_ref());
+    let mut gallery = Gallery::new(made.comparison.size, 7);
     for (index, picture) in made.pictures.iter().enumerate() {
         if index == 1 { gallery.skip() } else { gallery.add(picture, made.reference.as_ref())? }
     }
+    gallery.end_frame(None, made.reference.as_ref())?;
     let _page = open(&page(&swept_report(&made, sweep), &gallery)?, browser)?;
     equals(browser, "document.querySelectorAll('#plot .mark').length", 5)?;
     equals(browser, "document.querySelector('#plot-note').textContent.endsWith('not known: B.')", true)?;
@@ -565,8 +637,9 @@ fn refused(browser: &mut Browser) -> Outcome {
     // None of them has a picture.
     let mut sweep = swept(&made);
     sweep.points.iter_mut().for_each(|point| point.outcome = State::Refused { because: "plan::tile: too large".into() });
-    let mut gallery = Gallery::new(made.comparison.size, 6, made.reference.as_ref());
+    let mut gallery = Gallery::new(made.comparison.size, 7);
     (0..6).for_each(|_| gallery.skip());
+    gallery.end_frame(None, made.reference.as_ref())?;
     let _page = open(&page(&swept_report(&made, sweep), &gallery)?, browser)?;
     browser.until(DRAWN)?;
     equals(browser, "document.querySelector('#absent').textContent.includes('was refused')", true)?;
@@ -580,8 +653,9 @@ fn refused(browser: &mut Browser) -> Outcome {
 fn blocks(browser: &mut Browser) -> Outcome {
     const ODD: [u32; 2] = [97, 73];
     let halves = picture(ODD, |x, _| COLOURS[if x < 49 { 0 } else { 1 }], 1.0);
-    let mut gallery = Gallery::new(ODD, (1 << 24) / 2000, None);
+    let mut gallery = Gallery::new(ODD, (1 << 24) / 2000);
     (0..2).try_for_each(|_| gallery.add(&halves, None))?;
+    gallery.end_frame(None, None)?;
     let made = with(vec![halves.clone(), halves], None);
     let html = page(&made.report(), &gallery)?;
     check(html.contains("\"width\":49,\"height\":37,\"block\":2"), || "the pictures are whole".into())?;
@@ -755,8 +829,9 @@ fn many(browser: &mut Browser) -> Outcome {
     const LARGE: [u32; 2] = [1000, 1000];
     const POINTS: u32 = 40;
     let truth = textured(LARGE, 0, 0.06);
-    let mut gallery = Gallery::new(LARGE, POINTS as usize, Some(&truth));
+    let mut gallery = Gallery::new(LARGE, POINTS as usize + 1);
     (0..POINTS).try_for_each(|index| gallery.add(&textured(LARGE, index, 0.0), Some(&truth)))?;
+    gallery.end_frame(None, Some(&truth))?;
     let mut made = made(POINTS as usize);
     made.comparison.size = LARGE;
     let html = page(&made.report(), &gallery)?;

@@ -247,7 +247,7 @@ fn refused() -> Outcome {
     check(first["state"] == "refused" && first["because"].as_str().is_some_and(|why| why.contains("plan::tile")), || first.to_string())?;
     check(first["pareto"] == false && second["pareto"] == true && second["state"] == "measured" && json["complete"] == false, || json.to_string())?;
     let page = place.page("a.html")?;
-    let pictures = &page["gallery"]["shown"][0]["images"];
+    let pictures = &page["gallery"]["frames"][0]["shown"][0]["images"];
     check(page["report"]["sweep"] == json && pictures[0].is_null() && pictures[1].is_object(), || pictures.to_string())?;
     let csv = place.text("a.csv")?;
     let rows = csv::Reader::from_reader(csv.as_bytes()).records().collect::<Result<Vec<_>, _>>()?;
@@ -282,7 +282,7 @@ fn page() -> Outcome {
     let over = "--over tiles.resolution=4,8 --over cache.accuracy=0.2,0.5";
     place.succeed(&format!("sweep irradiance {over} {SMALL} --runs 2 --metric picture.relmse --json a.json --html a.html"))?;
     let (json, page) = (place.json("a.json")?, place.page("a.html")?);
-    let (report, gallery) = (&page["report"], &page["gallery"]);
+    let (report, gallery) = (&page["report"], &page["gallery"]["frames"][0]);
     check(report["sweep"] == json && report["title"] == "cornell: 4 points measured", || "the page holds other numbers".into())?;
     let sets = [&gallery["shown"][0]["images"], &gallery["maps"][0]["images"], &gallery["maps"][1]["images"]].map(|set| set.as_array());
     let source = |image: &Value| image["source"].as_str().unwrap_or_default().to_owned();

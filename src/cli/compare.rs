@@ -17,7 +17,7 @@ use super::truth::{FILES, Shorter, Truth, TruthOptions};
 use crate::gpu::{AskPace, Gpu, Pace, block_on, expected_device};
 use crate::measure::Layers;
 use crate::measure::compare::{self, About, Comparison, Contender, Cut, GivenPicture, StartUp, VariantErrors};
-use crate::measure::page::Gallery;
+use crate::measure::page::{Gallery, Moment};
 use crate::measure::run::Run;
 use crate::measure::statistics::least_runs;
 use crate::measure::told::comparison;
@@ -106,7 +106,10 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
         reference_seconds += seconds;
         Ok(traced)
     };
-    lead(&mut entries, &sequence, &mut view, &mut trace, console)?;
+    // With the reference.
+    let in_frame = plans.len() + pictures.len() + 1;
+    let mut gallery = targets.html.is_some().then(|| Gallery::new(view.size, in_frame * sequence.moments.len()));
+    lead(&mut entries, &sequence, &mut view, &mut trace, gallery.as_mut(), console)?;
     let truth = given.or(trace(&view, console)?);
     let shorter_keepers = options.truth.shorter_keepers(&view, plans.iter().map(|(plan, _)| plan), judged)?;
     let shorter = Shorter::all(&shorter_keepers, truth.as_ref(), &view, console)?;
@@ -119,7 +122,6 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
         .filter_map(|((given, picture), place)| truth.as_ref().map(|truth| given.judge(place, picture, truth)));
     let given_pictures = given_pictures.collect::<Result<Vec<_>, _>>()?;
 
-    let gallery = targets.html.is_some().then(|| Gallery::new(view.size, plans.len() + pictures.len(), truth.as_ref().map(Truth::picture)));
     let (rounds, cuts) = (runs_of(options), options.cuts.into());
     let mut contest = Contest { truth: truth.as_ref(), shorter: &shorter, gallery, entries, last: sequence.last(), rounds, cuts, shelter: None };
     let result = contest.hold(&view, &Progress::new(console, "comparing"));
@@ -128,7 +130,8 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
         result?;
     }
     pictures.iter().try_for_each(|picture| contest.exhibit(picture))?;
-    let (_shelter, gallery) = (contest.shelter.take(), contest.gallery.take());
+    let (_shelter, mut gallery) = (contest.shelter.take(), contest.gallery.take());
+    end_frame(gallery.as_mut(), sequence.moment(sequence.last()), truth.as_ref())?;
     let start_up = StartUp { load_seconds, device_seconds, reference_seconds };
     let Some(comparison) = contest.comparison(&view, &gpu, start_up, given_pictures) else { return Err(Failure::interrupted(&[])) };
     comparison::warnings(&comparison).iter().for_each(|warning| console.note(warning));
@@ -255,10 +258,12 @@ impl<'s> Entry<'s> {
     fn frame(&mut self, frame: usize, truth: Option<&Truth>, pace: AskPace<'_>) -> Result<(Layers, VariantErrors), Failure> {
         let picture = block_on(self.contender.warm_up_frame(frame, pace)).map_err(Failure::of_change)?;
         let Some(truth) = truth else { return Ok((picture, VariantErrors::default())) };
-        let errors = truth.judge(picture.clone())?;
-        if !self.about.numbers.is_empty() {
-            self.watches.see(&picture, truth, &errors)?;
+        if self.about.numbers.is_empty() {
+            let errors = truth.judge(picture.clone())?;
+            return Ok((picture, errors));
         }
+        let errors = truth.judge_frame(picture.clone())?;
+        self.watches.see(&picture, truth, &errors)?;
         Ok((picture, errors))
     }
 }
@@ -267,7 +272,14 @@ impl<'s> Entry<'s> {
 type Trace<'t> = dyn FnMut(&View, &Console) -> Result<Option<Truth>, Failure> + 't;
 
 /// Leads all variants through a sequence, up to its last frame, at which the view is then.
-fn lead(entries: &mut [Entry<'_>], sequence: &Sequence, view: &mut View, trace: &mut Trace<'_>, console: &Console) -> Result<(), Failure> {
+fn lead(
+    entries: &mut [Entry<'_>],
+    sequence: &Sequence,
+    view: &mut View,
+    trace: &mut Trace<'_>,
+    mut gallery: Option<&mut Gallery>,
+    console: &Console,
+) -> Result<(), Failure> {
     let progress = Progress::new(console, "warming up, and tracing references");
     for (frame, moment) in sequence.moments.iter().enumerate() {
         view.go_to(*moment)?;
@@ -280,9 +292,21 @@ fn lead(entries: &mut [Entry<'_>], sequence: &Sequence, view: &mut View, trace: 
         }
         // What is said of the first reference holds for the others.
         let truth = trace(view, &if frame > 0 { console.silenced() } else { *console })?;
-        entries.iter_mut().try_for_each(|entry| entry.frame(frame, truth.as_ref(), &pace).map(drop))?;
+        for entry in &mut *entries {
+            let (picture, _) = entry.frame(frame, truth.as_ref(), &pace)?;
+            exhibit(gallery.as_deref_mut(), &picture, truth.as_ref())?;
+        }
+        end_frame(gallery.as_deref_mut(), sequence.moment(frame), truth.as_ref())?;
     }
     Ok(())
+}
+
+fn exhibit(gallery: Option<&mut Gallery>, picture: &Layers, truth: Option<&Truth>) -> Result<(), Failure> {
+    gallery.map_or(Ok(()), |gallery| gallery.add(picture, truth.map(Truth::picture))).map_err(Failure::work)
+}
+
+fn end_frame(gallery: Option<&mut Gallery>, moment: Option<Moment>, truth: Option<&Truth>) -> Result<(), Failure> {
+    gallery.map_or(Ok(()), |gallery| gallery.end_frame(moment, truth.map(Truth::picture))).map_err(Failure::work)
 }
 
 /// The variants as they run.
@@ -291,7 +315,7 @@ struct Contest<'t, 's> {
     /// Truths of fewer bounces.
     shorter: &'t [Shorter],
     /// Where a page is wanted.
-    gallery: Option<Gallery<'t>>,
+    gallery: Option<Gallery>,
     entries: Vec<Entry<'s>>,
     /// The number of the last frame.
     last: usize,
@@ -351,8 +375,7 @@ impl Contest<'_, '_> {
     }
 
     fn exhibit(&mut self, picture: &Layers) -> Result<(), Failure> {
-        let judge = self.truth.map(Truth::picture);
-        self.gallery.as_mut().map_or(Ok(()), |gallery| gallery.add(picture, judge)).map_err(Failure::work)
+        exhibit(self.gallery.as_mut(), picture, self.truth)
     }
 
     /// What the whole rounds found; None without one.

@@ -8,8 +8,9 @@ use super::timeline::{RateOptions, frames};
 use super::truth::Truth;
 use crate::gpu::{block_on, expected_device};
 use crate::measure::Layers;
-use crate::measure::compare::{Script, VariantErrors};
+use crate::measure::compare::{Script, VariantErrors, judged};
 use crate::measure::course::{Course, Watch};
+use crate::measure::page::Moment;
 use crate::measure::run::{ChangeError, Run};
 use crate::pipeline::Pipeline;
 use crate::scene::Camera;
@@ -48,6 +49,11 @@ impl SequenceOptions {
 impl Sequence {
     pub fn last(&self) -> usize {
         self.moments.len() - 1
+    }
+
+    /// Of a frame, counted from the first; None of one picture.
+    pub fn moment(&self, frame: usize) -> Option<Moment> {
+        Some(Moment { frame: *self.numbers.get(frame)?, seconds: self.moments[frame] })
     }
 }
 
@@ -95,8 +101,8 @@ pub struct Watches(BTreeMap<&'static str, Watch>);
 impl Watches {
     /// Takes the next frame, with its errors.
     pub fn see(&mut self, picture: &Layers, truth: &Truth, errors: &VariantErrors) -> Result<(), Failure> {
-        for (layer, errors) in errors.layers() {
-            let Some(errors) = errors else { continue };
+        let both = |layer: &str| judged(picture).any(|judged| judged == layer) && truth.picture().layers.contains_key(layer);
+        for (layer, errors) in errors.layers().into_iter().filter(|(layer, _)| both(layer)) {
             self.0.entry(layer).or_default().see(layer, picture, truth.picture(), errors).map_err(|error| truth.refuse(error))?;
         }
         Ok(())

@@ -364,21 +364,27 @@ impl Truth {
         if blank.layers.is_empty() {
             return Err(self.refuse(MetricsError::Picture { which: "reference", error: self.lacks(IRRADIANCE) }));
         }
-        self.judge(blank).map(|_| ())
+        // One that was traced may be of a frame of a sequence.
+        if self.own { self.judge_frame(blank) } else { self.judge(blank) }.map(|_| ())
     }
 
     /// The errors of a pipeline's picture.
     pub fn judge(&self, picture: Layers) -> Result<VariantErrors, Failure> {
-        self.errors(&picture.with_attribute("bounces", self.bounces.bounces)).map_err(|error| self.refuse(error))
+        self.errors(&picture.with_attribute("bounces", self.bounces.bounces), false).map_err(|error| self.refuse(error))
+    }
+
+    /// The same of a frame of a sequence: where it has no light it has no errors.
+    pub fn judge_frame(&self, picture: Layers) -> Result<VariantErrors, Failure> {
+        self.errors(&picture.with_attribute("bounces", self.bounces.bounces), true).map_err(|error| self.refuse(error))
     }
 
     /// The errors of a picture that was read from this file; a reference that does not state its bounces is taken to have those that were asked for, or those of the pipelines.
     pub fn judge_given(&self, picture: &Layers, path: &Path) -> Result<VariantErrors, Failure> {
         let own = self.bounces.bounces.to_string();
         let errors = match picture.attributes.get("bounces").filter(|bounces| **bounces != own) {
-            Some(_) if self.bounces.any => self.errors(&picture.clone().with_attribute("bounces", own)),
+            Some(_) if self.bounces.any => self.errors(&picture.clone().with_attribute("bounces", own), false),
             Some(bounces) => Err(MetricsError::BouncesDiffer { test: bounces.clone(), reference: own }),
-            None => self.errors(picture),
+            None => self.errors(picture, false),
         };
         let errors = errors.map_err(|error| Failure::input(CommandError::BadGiven { path: path.to_owned(), error }))?;
         if errors.layers().iter().all(|(_, errors)| errors.is_none()) {
@@ -388,12 +394,16 @@ impl Truth {
         Ok(errors)
     }
 
-    fn errors(&self, picture: &Layers) -> Result<VariantErrors, MetricsError> {
+    fn errors(&self, picture: &Layers, may_be_dark: bool) -> Result<VariantErrors, MetricsError> {
+        let of = |layer, variance| match self.errors_of(picture, layer, variance) {
+            Err(error) if may_be_dark && error.is_dark() => Ok(None),
+            judged => judged,
+        };
         Ok(VariantErrors {
-            irradiance: self.errors_of(picture, IRRADIANCE, self.variance.as_ref())?,
-            picture: self.errors_of(picture, PICTURE, None)?,
-            glossy: self.errors_of(picture, GLOSSY, None)?,
-            direct: self.errors_of(picture, DIRECT, None)?,
+            irradiance: of(IRRADIANCE, self.variance.as_ref())?,
+            picture: of(PICTURE, None)?,
+            glossy: of(GLOSSY, None)?,
+            direct: of(DIRECT, None)?,
         })
     }
 

@@ -87,8 +87,8 @@ pub struct Encoded {
     pub persistent: Vec<Persistent>,
     /// Rounds that the loop must run whatever the time.
     pub at_least: u32,
-    /// See [`Encoder::once`].
-    pub once: bool,
+    /// See [`Encoder::kept`].
+    pub keys: Keys,
 }
 
 /// Where a number of the report stands after a frame.
@@ -285,9 +285,11 @@ impl<'a> Encoder<'a> {
         made
     }
 
-    /// Runs the node's commands in the first frame alone. They depend on the scene alone, and what others read of them is a history. Nothing in a loop.
-    pub fn once(&mut self) {
-        self.encoded.once = true;
+    /// A command that makes something of a history from what `key` is a number of: outside loops it runs where that is another than when it ran last. Where the
+    /// history [survives](Self::survives) changes of the scene, what they leave as it is stays.
+    pub fn kept(&mut self, key: u64, command: Command) {
+        self.encoded.keys.0.insert(self.encoded.commands.len(), key);
+        self.command(command);
     }
 
     /// Makes the innermost loop that holds the node run so many rounds, even if no time is left for them.

@@ -238,12 +238,13 @@ impl Session {
     }
 
     async fn run_node(&mut self, node: &Node, index: usize, pending: &mut Pending) -> Result<(), GpuError> {
-        if node.once && self.frames > 0 {
-            return Ok(());
-        }
-        self.nodes[index].runs += 1;
         let mut open = false;
+        let mut is_idle = !node.commands.is_empty();
         for (position, command) in node.commands.iter().enumerate() {
+            if self.is_made(node, index, position) {
+                continue;
+            }
+            is_idle = false;
             if matches!(command, Command::Late(_)) && !self.is_cut {
                 continue;
             }
@@ -259,8 +260,14 @@ impl Session {
                 pending.empty = false;
             }
         }
+        self.nodes[index].runs += u32::from(!is_idle);
         self.end_timing(&mut open, pending).await?;
         Ok(())
+    }
+
+    /// Whether what a command makes is there as it would make it; if not, it will be.
+    fn is_made(&mut self, node: &Node, index: usize, position: usize) -> bool {
+        node.keys.0.get(&position).is_some_and(|key| self.made.insert((index, position), *key) == Some(*key))
     }
 
     pub(super) async fn begin_timing(&mut self, open: &mut bool, index: usize, pending: &mut Pending) -> Result<(), GpuError> {

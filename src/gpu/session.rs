@@ -48,6 +48,8 @@ pub struct Session {
     pub(super) shared: HashSet<Resource>,
     pub(super) timing: Option<Timing>,
     pub(super) nodes: Vec<NodeTimes>,
+    /// What commands made last whose outcome lives on, by the places of nodes and commands.
+    pub(super) made: HashMap<(usize, usize), u64>,
     pub(super) camera: (Camera, [u32; 2]),
     pub(super) views: Views,
     /// What each mover has done since the picture before.
@@ -130,6 +132,7 @@ impl Session {
             shared: shared(schedule),
             timing: Timing::new(gpu, schedule.nodes().len()),
             nodes: Vec::new(),
+            made: HashMap::new(),
             camera: (camera.clone(), size),
             views: Views::default(),
             motions: Vec::new(),
@@ -261,6 +264,7 @@ impl Session {
 
     /// As before the first frame: histories are zero, frames count from 0 again. Returns once the device has done it.
     pub async fn reset(&mut self) -> Result<(), GpuError> {
+        self.made.clear();
         self.empty(&Survivors::default()).await
     }
 

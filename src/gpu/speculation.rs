@@ -57,10 +57,11 @@ pub(super) fn is_possible(schedule: &Schedule, shaders: &Shaders) -> bool {
     let Some(first) = schedule.steps.iter().position(is_driven) else { return false };
     schedule.steps.iter().enumerate().all(|(index, step)| match step {
         Step::Repeat(_) => is_driven(step),
-        Step::Node(node) if node.once => true,
-        Step::Node(node) => node.commands.iter().all(|command| {
+        Step::Node(node) => node.commands.iter().enumerate().all(|(place, command)| {
+            // It has run, and runs no more while nothing changes.
+            let is_kept = node.keys.0.contains_key(&place);
             let looks = matches!(command, Command::Host(host) if index > first && !host.reads.is_empty());
-            !looks && !changes_history(command, schedule, shaders)
+            is_kept || !looks && !changes_history(command, schedule, shaders)
         }),
     })
 }

@@ -20,10 +20,10 @@ const GHOST_AFTER: usize = 5;
 /// What a frame of a sequence was, of one layer.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct FrameErrors {
+    /// See [`Errors`]; null of a frame without light.
+    pub rmse_over_mean: Option<f64>,
     /// See [`Errors`].
-    pub rmse_over_mean: f64,
-    /// See [`Errors`].
-    pub bias_over_mean: f64,
+    pub bias_over_mean: Option<f64>,
     /// See [`Errors`].
     pub block_p50: Option<f64>,
     /// See [`Errors`].
@@ -127,7 +127,7 @@ impl Jumps {
                 self.lags.push((frame - jump.frame) as f64);
                 jump.is_open = false;
             }
-            if frame - jump.frame == GHOST_AFTER {
+            if frame - jump.frame == GHOST_AFTER && mean > 0.0 {
                 self.ghosts.push(error / mean);
             }
         }
@@ -149,17 +149,17 @@ impl Jumps {
 }
 
 impl Watch {
-    /// Takes the next frame: its errors, and its layer beside the true one.
+    /// Takes the next frame: its errors, if it has light to tell them by, and its layer beside the true one.
     ///
     /// # Errors
-    /// As [`compare`](super::metrics::compare).
-    pub fn see(&mut self, layer: &str, picture: &Layers, truth: &Layers, errors: &Errors) -> Result<(), MetricsError> {
+    /// As [`compare`](super::metrics::compare), but for what is dark.
+    pub fn see(&mut self, layer: &str, picture: &Layers, truth: &Layers, errors: Option<&Errors>) -> Result<(), MetricsError> {
         let now = blocks(Selected { picture, layer }, Selected { picture: truth, layer })?;
         self.take(now.into_iter().map(|block| (block.at, block)).collect(), errors);
         Ok(())
     }
 
-    fn take(&mut self, now: BTreeMap<usize, Block>, errors: &Errors) {
+    fn take(&mut self, now: BTreeMap<usize, Block>, errors: Option<&Errors>) {
         let frame = self.frames.len();
         let changes = Changes::between(&self.before, &now);
         if frame > 0 {
@@ -167,10 +167,10 @@ impl Watch {
             self.jumps.see(frame, &self.before, &now);
         }
         self.frames.push(FrameErrors {
-            rmse_over_mean: errors.rmse_over_mean,
-            bias_over_mean: errors.bias_over_mean,
-            block_p50: errors.block_p50,
-            block_p99: errors.block_p99,
+            rmse_over_mean: errors.map(|errors| errors.rmse_over_mean),
+            bias_over_mean: errors.map(|errors| errors.bias_over_mean),
+            block_p50: errors.and_then(|errors| errors.block_p50),
+            block_p99: errors.and_then(|errors| errors.block_p99),
             flicker: changes.root(),
         });
         self.before = now;
@@ -179,14 +179,15 @@ impl Watch {
     /// What it has seen; None before the first frame.
     pub fn course(self) -> Option<Course> {
         let Self { frames, changes, jumps, .. } = self;
+        frames.first()?;
         let mean = |value: &dyn Fn(&FrameErrors) -> Option<f64>| {
             let all: Vec<f64> = frames.iter().filter_map(value).collect();
             (!all.is_empty()).then(|| all.iter().sum::<f64>() / all.len() as f64)
         };
         Some(Course {
             mean: FrameErrors {
-                rmse_over_mean: mean(&|frame| Some(frame.rmse_over_mean))?,
-                bias_over_mean: mean(&|frame| Some(frame.bias_over_mean))?,
+                rmse_over_mean: mean(&|frame| frame.rmse_over_mean),
+                bias_over_mean: mean(&|frame| frame.bias_over_mean),
                 block_p50: mean(&|frame| frame.block_p50),
                 block_p99: mean(&|frame| frame.block_p99),
                 flicker: mean(&|frame| frame.flicker),
@@ -218,8 +219,8 @@ mod tests {
         let mut watch = Watch::default();
         for frame in 0..frames {
             let (picture, truth) = (picture(|at| x(frame, at)), picture(|at| r(frame, at)));
-            let errors = compare(&picture, &truth, IRRADIANCE, None).unwrap();
-            watch.see(IRRADIANCE, &picture, &truth, &errors).unwrap();
+            let errors = compare(&picture, &truth, IRRADIANCE, None).ok();
+            watch.see(IRRADIANCE, &picture, &truth, errors.as_ref()).unwrap();
         }
         watch.course().unwrap()
     }
@@ -228,7 +229,7 @@ mod tests {
     fn what_is_wrong_alike_in_each_frame_does_not_flicker() {
         let swell = |frame: usize, _: usize| 1.0 + 0.1 * (frame % 3) as f32;
         let still = course(6, |frame, at| swell(frame, at) + 0.2, swell);
-        assert!(still.flicker.unwrap() < 1e-6 && (still.mean.bias_over_mean - 0.2 / 1.1).abs() < 1e-2, "{still:?}");
+        assert!(still.flicker.unwrap() < 1e-6 && (still.mean.bias_over_mean.unwrap() - 0.2 / 1.1).abs() < 1e-2, "{still:?}");
         assert_eq!((still.jumps, still.lag_p50, still.ghost_p99), (0, None, None));
     }
 
@@ -251,6 +252,34 @@ mod tests {
         assert!((late.ghost_p99.unwrap() - 0.75).abs() < 1e-6);
         let prompt = course(12, truth, truth);
         assert_eq!((prompt.lag_p50, prompt.lag_p99, prompt.ghost_p99), (Some(0.0), Some(0.0), Some(0.0)));
+    }
+
+    /// A frame in which no light is has no errors, and light that comes after it has jumped.
+    #[test]
+    fn dark_frames_are_no_end() {
+        let truth = |frame: usize, _: usize| if (2..4).contains(&frame) { 0.0 } else { 2.0 };
+        let seen = |frame: usize, at: usize| if frame == 4 { 1.0 } else { truth(frame, at) };
+        let through = |layers: fn(Layers) -> Layers| {
+            let mut watch = Watch::default();
+            for frame in 0..12 {
+                let (picture, truth) = (layers(picture(|at| seen(frame, at))), layers(picture(|at| truth(frame, at))));
+                let errors = compare(&picture, &truth, IRRADIANCE, None).ok();
+                watch.see(IRRADIANCE, &picture, &truth, errors.as_ref()).unwrap();
+            }
+            watch.course().unwrap()
+        };
+        let course = through(|picture| {
+            let depth = vec![1.0; 64 * 64];
+            picture.with("depth", Layer::value(depth))
+        });
+        let known: Vec<_> = course.frames.iter().map(|frame| frame.rmse_over_mean.is_some()).collect();
+        assert_eq!(known, [true, true, false, false, true, true, true, true, true, true, true, true]);
+        assert_eq!((course.jumps, course.lag_p50), (2 * 32 * 32, Some(0.0)));
+        assert_eq!((course.lag_p99, course.ghost_p99), (Some(1.0), Some(0.0)));
+        assert!(course.mean.rmse_over_mean.is_some() && course.flicker.is_some());
+        // Where nothing tells surfaces from the sky, dark ones are none, and nothing jumps.
+        let course = through(|picture| picture);
+        assert_eq!((course.jumps, course.frames.len(), course.flicker.is_some()), (0, 12, true));
     }
 
     /// A block that jumps back before it was there has jumped twice, and no more than once late.

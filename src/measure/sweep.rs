@@ -1,6 +1,7 @@
 //! A pipeline over a grid of parameters: error over time, and which points nothing else beats.
 
-use super::compare::{AdapterReport, Comparison, Cut, ErrorParts, Given, GivenPicture, ReferenceReport, VariantErrors, VariantReport};
+use super::compare::{AdapterReport, Comparison, Cut, ErrorParts, FrameOfRuns, Given, GivenPicture, ReferenceReport, VariantErrors, VariantReport};
+use super::course::Course;
 use super::criteria::{Cost, Metric};
 use super::expectation::Found;
 use super::front::{Standing, front};
@@ -115,6 +116,12 @@ pub struct Measured {
     /// Runs that were ended early, the shortest first.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub cuts: Vec<Cut>,
+    /// Of a sequence.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub frames: Vec<FrameOfRuns>,
+    /// Of a sequence, by layer.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub courses: BTreeMap<String, Course>,
 }
 
 /// The median time of a node.
@@ -152,6 +159,8 @@ impl From<VariantReport> for Measured {
             errors: report.errors,
             error_parts: report.error_parts,
             cuts: report.cuts,
+            frames: report.frames,
+            courses: report.courses,
         }
     }
 }

@@ -133,7 +133,7 @@ fn drive_by_device(repeat: &mut Repeat, schedule: &mut Schedule) {
             name: repeat.name.clone(),
             pass: Loop::Fill.description().name,
             commands: ["begin", "size", "open", "close"].map(compute).into(),
-            once: false,
+            keys: Keys::default(),
         }),
     );
     repeat.driver = Driver::Device { sizes };

@@ -561,7 +561,8 @@ impl<'a> Planner<'a> {
         let prologue = if in_loop { &mut level.prologue } else { &mut level.steps };
         let pass = node.description().name;
         prologue.extend(step(&node.name, pass, encoded.prologue));
-        level.steps.extend(step_of(&node.name, pass, encoded.commands, encoded.once && !in_loop));
+        let keys = if in_loop { Keys::default() } else { encoded.keys };
+        level.steps.extend(step_of(&node.name, pass, encoded.commands, keys));
         level.at_least = level.at_least.max(encoded.at_least);
         self.ports.extend(encoded.outputs.into_iter().map(|(output, port)| (format!("{}.{output}", node.name), port)));
         self.remarks.extend(encoded.remarks.into_iter().map(|remark| (node.name.clone(), remark)));
@@ -732,12 +733,11 @@ fn share_time(steps: &mut [Step], later: &mut Vec<Variable>) {
 
 /// A step of these commands, if there are any.
 fn step(name: &str, pass: &'static str, commands: Vec<Command>) -> Option<Step> {
-    step_of(name, pass, commands, false)
+    step_of(name, pass, commands, Keys::default())
 }
 
-/// The same, in the first frame alone if so.
-fn step_of(name: &str, pass: &'static str, commands: Vec<Command>, once: bool) -> Option<Step> {
-    (!commands.is_empty()).then(|| Step::Node(crate::schedule::Node { name: name.into(), pass, commands, once }))
+fn step_of(name: &str, pass: &'static str, commands: Vec<Command>, keys: Keys) -> Option<Step> {
+    (!commands.is_empty()).then(|| Step::Node(crate::schedule::Node { name: name.into(), pass, commands, keys }))
 }
 
 fn refused(node: &Node, refusal: Refusal) -> Problem {

@@ -1,6 +1,6 @@
 //! Whether one schedule can take another's place on the device.
 
-use super::{Draws, Host, Lifetime, ResourceDescription, Schedule, Step};
+use super::{Draws, Host, Keys, Lifetime, ResourceDescription, Schedule, Step};
 
 impl Schedule {
     /// What of `other` would need other memory or other programs, for a message; None where one device session can run both.
@@ -64,6 +64,13 @@ impl PartialEq for Draws {
             (Self::Instances { vertices: a, count: b }, Self::Instances { vertices: c, count: d }) => (a, b) == (c, d),
             _ => false,
         }
+    }
+}
+
+/// Commands of other keys run again.
+impl PartialEq for Keys {
+    fn eq(&self, other: &Self) -> bool {
+        self.0.keys().eq(other.0.keys())
     }
 }
 

@@ -3,6 +3,7 @@
 use glam::Vec4;
 use serde::Serialize;
 use std::any::Any;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 mod difference;
@@ -167,9 +168,14 @@ pub struct Node {
     pub name: String,
     pub pass: &'static str,
     pub commands: Vec<Command>,
-    /// Whether it runs in the first frame alone: it depends on the scene alone, and what others read of it lives on.
-    pub once: bool,
+    /// See [`Keys`].
+    pub keys: Keys,
 }
+
+/// Of a node's commands, by their places, whose outcome lives on: a number of all that it is made from. Such a command runs where that is another than when it
+/// ran last.
+#[derive(Debug, Clone, Default)]
+pub struct Keys(pub BTreeMap<usize, u64>);
 
 /// Steps that run again until a variable is not 0 or the bound is reached.
 pub struct Repeat {

@@ -131,14 +131,15 @@ impl Made {
         report
     }
 
-    pub fn gallery(&self) -> Result<Gallery<'_>, Failed> {
-        let mut gallery = Gallery::new(self.comparison.size, self.pictures.len(), self.reference.as_ref());
+    pub fn gallery(&self) -> Result<Gallery, Failed> {
+        let mut gallery = Gallery::new(self.comparison.size, self.pictures.len() + usize::from(self.reference.is_some()));
         for (index, picture) in self.pictures.iter().enumerate() {
             gallery.add(picture, self.reference.as_ref())?;
             if index == 0 {
                 gallery.overlay(self.records.clone());
             }
         }
+        gallery.end_frame(None, self.reference.as_ref())?;
         Ok(gallery)
     }
 

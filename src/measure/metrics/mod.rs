@@ -151,6 +151,13 @@ pub enum MetricsError {
     Black,
 }
 
+impl MetricsError {
+    /// Whether all that is wrong is that there is no light to tell errors by.
+    pub fn is_dark(&self) -> bool {
+        matches!(self, Self::NoSurface | Self::Black)
+    }
+}
+
 /// Compares one layer of `test` with the same layer of `reference`.
 ///
 /// `variance` holds, for each pixel of the reference, the variance of its mean, in its layer `variance` or in its only layer; not given, it is the
@@ -162,9 +169,9 @@ pub fn compare(test: &Layers, reference: &Layers, layer: &str, variance: Option<
     compare_layers(Selected { picture: test, layer }, Selected { picture: reference, layer }, variance)
 }
 
-/// The blocks of the tested picture that are filled by surface, as [`Errors::block_p99`] has them, black ones too.
+/// The blocks of the tested picture that are filled by surface, as [`Errors::block_p99`] has them, black ones too; none where the reference sees no surface.
 pub(super) fn blocks(test: Selected, reference: Selected) -> Result<Vec<Block>, MetricsError> {
-    Ok(found::blocks(&Samples::of(test, reference, None)?))
+    Ok(found::blocks(&Samples::of_any(test, reference, None)?))
 }
 
 /// The same for layers of different names.

@@ -44,6 +44,15 @@ pub(super) struct Samples {
 impl Samples {
     /// `variance` holds the variance of each pixel of the reference; not given, it is what the reference itself holds.
     pub fn of(test: Selected, reference: Selected, variance: Option<&Layers>) -> Result<Self, MetricsError> {
+        let samples = Self::of_any(test, reference, variance)?;
+        if samples.all.is_empty() {
+            return Err(MetricsError::NoSurface);
+        }
+        if samples.mean <= 0.0 { Err(MetricsError::Black) } else { Ok(samples) }
+    }
+
+    /// The same of a reference that may be black, or see no surface.
+    pub fn of_any(test: Selected, reference: Selected, variance: Option<&Layers>) -> Result<Self, MetricsError> {
         let stride = stride(test.picture, reference.picture)?;
         let windows = common_windows(test.picture, reference.picture)?;
         let r = values(reference, "reference")?;
@@ -55,10 +64,7 @@ impl Samples {
         };
         let of_pixel = |at: usize| variance.as_ref().map_or(0.0, |variance| variance[at]);
         let all: Vec<Sample> = (0..r.len()).filter(|&at| surface[at]).map(|at| Sample { at, x: x[at], r: r[at], variance: of_pixel(at) }).collect();
-        let mean = mean(all.iter().map(|s| s.r)).ok_or(MetricsError::NoSurface)?;
-        if mean <= 0.0 {
-            return Err(MetricsError::Black);
-        }
+        let mean = mean(all.iter().map(|s| s.r)).unwrap_or(0.0);
         let variance = variance.and_then(|_| self::mean(all.iter().map(|s| s.variance)));
         Ok(Self { all, stride, windows, size: [reference.picture.width, reference.picture.height], mean, variance })
     }

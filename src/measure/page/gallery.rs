@@ -40,16 +40,34 @@ const WITHIN_SCALE: f64 = 0.99;
 /// The smallest scale of a map [share of the reference's mean].
 const LEAST_SCALE: f64 = 1e-4;
 
-/// Pictures as they are shown, and maps of their errors.
-pub struct Gallery<'r> {
+/// Pictures as they are shown, and maps of their errors: of one frame, or of each frame of a sequence.
+pub struct Gallery {
     /// Of the pictures [pixels].
     size: [u32; 2],
-    /// How many pictures share a page, the reference with them.
+    /// How many pictures share a page, the references with them.
     pictures: u64,
-    reference: Option<&'r Layers>,
-    /// Of each layer: that of the first picture that has it, or of the reference [stops].
+    /// Of each layer: that of the first reference or picture that has it [stops].
     exposures: BTreeMap<&'static str, f32>,
+    frames: Vec<Frame>,
+    /// Of the frame that is not whole yet.
     shots: Vec<Shot>,
+}
+
+/// What variants and reference show of one moment.
+struct Frame {
+    moment: Option<Moment>,
+    shots: Vec<Shot>,
+    /// By layer.
+    reference: BTreeMap<&'static str, Planes>,
+}
+
+/// A frame's place in a sequence.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct Moment {
+    /// Its number.
+    pub frame: u32,
+    /// When it is.
+    pub seconds: f64,
 }
 
 #[derive(Default)]
@@ -69,9 +87,16 @@ struct Map {
     planes: Planes,
 }
 
-/// The gallery as the page's script reads it.
+/// The gallery as the page's script reads it: each frame has the same sets.
 #[derive(Serialize)]
 pub(super) struct Exhibition {
+    frames: Vec<FrameSet>,
+}
+
+#[derive(Serialize)]
+struct FrameSet {
+    /// Null of one picture.
+    moment: Option<Moment>,
     shown: Vec<PictureSet>,
     maps: Vec<MapSet>,
     /// HDR-ꟻLIP of the pictures.
@@ -103,10 +128,10 @@ struct MapSet {
     images: Vec<Option<Packed>>,
 }
 
-impl<'r> Gallery<'r> {
-    /// An empty gallery, to take in so many pictures of this size; `reference` is shown beside them.
-    pub fn new(size: [u32; 2], pictures: usize, reference: Option<&'r Layers>) -> Self {
-        Self { size, pictures: pictures as u64 + u64::from(reference.is_some()), reference, exposures: BTreeMap::new(), shots: Vec::new() }
+impl Gallery {
+    /// An empty gallery, to take in so many pictures of this size, with the references and of all frames.
+    pub fn new(size: [u32; 2], pictures: usize) -> Self {
+        Self { size, pictures: pictures as u64, exposures: BTreeMap::new(), frames: Vec::new(), shots: Vec::new() }
     }
 
     /// Takes the next variant's picture in, and maps where it differs from `judge`.
@@ -114,10 +139,14 @@ impl<'r> Gallery<'r> {
         let shown = |error| MetricsError::Picture { which: "picture", error };
         let mut shot = Shot::default();
         for layer in judged(picture).filter(|layer| SHOWN.contains(layer)) {
-            let exposure = self.exposure_for(picture, layer).map_err(shown)?;
+            let exposure = self.exposure_for(&[judge, Some(picture)], layer).map_err(shown)?;
             shot.pictures.insert(layer, self.planes(picture, layer, exposure).map_err(shown)?);
             let Some(judge) = judge.filter(|judge| judge.layers.contains_key(layer)) else { continue };
-            shot.errors.insert(layer, self.map(error_map(picture, judge, layer)?));
+            match error_map(picture, judge, layer) {
+                // A frame without light has no errors.
+                Err(error) if error.is_dark() => continue,
+                map => shot.errors.insert(layer, self.map(map?)),
+            };
             if layer == PICTURE {
                 shot.flip = hdr_flips(picture, judge)?.map(|map| self.map(map));
             }
@@ -138,18 +167,32 @@ impl<'r> Gallery<'r> {
         self.shots.push(Shot::default());
     }
 
-    /// Parts of the picture's light are shown as it is.
-    fn exposure_for(&mut self, picture: &Layers, layer: &'static str) -> Result<f32, PictureError> {
-        let whole = |layers: &&Layers| layer != IRRADIANCE && layers.layers.contains_key(PICTURE);
+    /// Ends a frame, of which every variant's picture is there; `reference` is shown beside them.
+    pub fn end_frame(&mut self, moment: Option<Moment>, reference: Option<&Layers>) -> Result<(), PictureError> {
+        let mut planes = BTreeMap::new();
+        for layer in SHOWN.into_iter().filter(|layer| reference.is_some_and(|reference| reference.layers.contains_key(*layer))) {
+            let exposure = self.exposure_for(&[reference], layer)?;
+            planes.extend(reference.map(|reference| self.planes(reference, layer, exposure)).transpose()?.map(|planes| (layer, planes)));
+        }
+        self.frames.push(Frame { moment, shots: std::mem::take(&mut self.shots), reference: planes });
+        Ok(())
+    }
+
+    /// That of the layer, as the first of the candidates that has it is shown well. Parts of the picture's light are shown as it is.
+    fn exposure_for(&mut self, candidates: &[Option<&Layers>], layer: &'static str) -> Result<f32, PictureError> {
         if let Some(exposure) = self.exposures.get(layer) {
             return Ok(*exposure);
         }
-        let candidates = || self.reference.into_iter().chain([picture]);
+        let whole = |layers: &&Layers| layer != IRRADIANCE && layers.layers.contains_key(PICTURE);
+        let candidates = || candidates.iter().copied().flatten();
         let exposure = match candidates().find(whole) {
             Some(shown) => fair_exposure(shown, PICTURE)?,
             None => candidates().find(|layers| layers.layers.contains_key(layer)).map_or(Ok(0.0), |shown| fair_exposure(shown, layer))?,
         };
-        self.exposures.insert(layer, exposure);
+        // What is black says nothing of what comes.
+        if exposure != 0.0 {
+            self.exposures.insert(layer, exposure);
+        }
         Ok(exposure)
     }
 
@@ -168,31 +211,44 @@ impl<'r> Gallery<'r> {
     }
 
     /// Packs all that was taken in.
-    pub(super) fn show(&self) -> Result<Exhibition, PictureError> {
-        let flips: Vec<Option<&Map>> = self.shots.iter().map(|shot| shot.flip.as_ref()).collect();
-        let errors = |layer| self.shots.iter().map(|shot| shot.errors.get(layer)).collect::<Vec<_>>();
-        let caches = self.shots.iter().map(|shot| shot.records.len()).sum::<usize>().max(1);
+    pub(super) fn show(&self) -> Exhibition {
+        let shots = || self.frames.iter().flat_map(|frame| &frame.shots);
+        let caches = shots().map(|shot| shot.records.len()).sum::<usize>().max(1);
         let pack = |shot: &Shot| shot.records.iter().map(|overlay| overlay.pack(MOST_RECORDS / caches)).collect();
-        let records: Vec<Vec<RecordSet>> = self.shots.iter().map(pack).collect();
-        let weight = records.iter().flatten().map(RecordSet::weight).sum::<usize>();
-        Ok(Exhibition {
-            shown: self.picture_sets(MOST_BYTES.saturating_sub(weight))?,
-            maps: SHOWN.into_iter().filter_map(|layer| map_set(layer, &errors(layer))).collect(),
-            flip: map_set(PICTURE, &flips),
+        let records: Vec<Vec<Vec<RecordSet>>> = self.frames.iter().map(|frame| frame.shots.iter().map(pack).collect()).collect();
+        let weight = records.iter().flatten().flatten().map(RecordSet::weight).sum::<usize>();
+        let shown = self.picture_sets(MOST_BYTES.saturating_sub(weight));
+        let mut maps: Vec<_> = SHOWN.into_iter().filter_map(|layer| self.map_sets(layer, |shot| shot.errors.get(layer))).map(Vec::into_iter).collect();
+        let mut flips = self.map_sets(PICTURE, |shot| shot.flip.as_ref()).map(Vec::into_iter);
+        let frames = self.frames.iter().zip(shown).zip(records).map(|((frame, shown), records)| FrameSet {
+            moment: frame.moment,
+            shown,
+            maps: maps.iter_mut().filter_map(Iterator::next).collect(),
+            flip: flips.as_mut().and_then(Iterator::next),
             records,
-        })
+        });
+        Exhibition { frames: frames.collect() }
     }
 
-    /// At as many bits as fit; where even the fewest do not, of pixels twice as wide and high.
-    fn picture_sets(&self, most_bytes: usize) -> Result<Vec<PictureSet>, PictureError> {
-        let mut hung = SHOWN.into_iter().filter_map(|layer| self.hung(layer).transpose()).collect::<Result<Vec<_>, _>>()?;
+    /// Of each frame, all on one scale; None where no variant has such a map.
+    fn map_sets<'g>(&'g self, layer: &'static str, map: impl Fn(&'g Shot) -> Option<&'g Map>) -> Option<Vec<MapSet>> {
+        let maps = || self.frames.iter().flat_map(|frame| frame.shots.iter().filter_map(&map));
+        let block = maps().next()?.block;
+        let scale = scale(maps().flat_map(|map| map.planes.values()));
+        let images = |frame: &'g Frame| frame.shots.iter().map(|shot| map(shot).map(|map| map.planes.pack(MAP_BITS, None))).collect();
+        Some(self.frames.iter().map(|frame| MapSet { layer, scale, block, images: images(frame) }).collect())
+    }
+
+    /// Of each frame, at as many bits as fit; where even the fewest do not, of pixels twice as wide and high.
+    fn picture_sets(&self, most_bytes: usize) -> Vec<Vec<PictureSet>> {
+        let mut hung: Vec<Hung<'_>> = SHOWN.into_iter().filter_map(|layer| self.hung(layer)).collect();
         let mut bits = ALL_BITS;
         loop {
-            let sets: Vec<PictureSet> = hung.iter().map(|hung| hung.pack(bits)).collect();
-            let packed = || sets.iter().flat_map(|set| set.images.iter().chain([&set.reference]).flatten());
+            let sets: Vec<Vec<PictureSet>> = (0..self.frames.len()).map(|frame| hung.iter().map(|hung| hung.pack(frame, bits)).collect()).collect();
+            let packed = || sets.iter().flatten().flat_map(|set| set.images.iter().chain([&set.reference]).flatten());
             let (weight, numbers) = packed().fold((0, 0), |(weight, numbers), packed| (weight + packed.weight(), numbers + packed.numbers()));
             if weight <= most_bytes {
-                return Ok(sets);
+                return sets;
             }
             if bits > LEAST_BITS {
                 let too_many = ((weight - most_bytes) as f64 / (numbers as f64 * BYTES_PER_BIT)).ceil() as u32;
@@ -205,18 +261,16 @@ impl<'r> Gallery<'r> {
     }
 
     /// None of a layer that no variant has; of the picture in any case.
-    fn hung(&self, layer: &'static str) -> Result<Option<Hung<'_>>, PictureError> {
-        let pictures: Vec<_> = self.shots.iter().map(|shot| shot.pictures.get(layer).map(Cow::Borrowed)).collect();
-        if layer != PICTURE && pictures.iter().all(Option::is_none) {
-            return Ok(None);
+    fn hung(&self, layer: &'static str) -> Option<Hung<'_>> {
+        let of_frame = |frame: &'_ Frame| frame.shots.iter().any(|shot| shot.pictures.contains_key(layer));
+        if layer != PICTURE && !self.frames.iter().any(of_frame) {
+            return None;
         }
-        let reference = self.reference.filter(|reference| reference.layers.contains_key(layer));
-        let exposure = match (self.exposures.get(layer), reference) {
-            (Some(exposure), _) => *exposure,
-            (None, reference) => reference.map_or(Ok(0.0), |reference| fair_exposure(reference, layer))?,
-        };
-        let reference = reference.map(|reference| self.planes(reference, layer, exposure)).transpose()?;
-        Ok(Some(Hung { layer, exposure, pictures, reference: reference.map(Cow::Owned) }))
+        let frames = self.frames.iter().map(|frame| Wall {
+            pictures: frame.shots.iter().map(|shot| shot.pictures.get(layer).map(Cow::Borrowed)).collect(),
+            reference: frame.reference.get(layer).map(Cow::Borrowed),
+        });
+        Some(Hung { layer, exposure: self.exposures.get(layer).copied().unwrap_or(0.0), frames: frames.collect() })
     }
 }
 
@@ -224,32 +278,41 @@ impl<'r> Gallery<'r> {
 struct Hung<'g> {
     layer: &'static str,
     exposure: f32,
+    frames: Vec<Wall<'g>>,
+}
+
+/// Those of one frame.
+struct Wall<'g> {
     pictures: Vec<Option<Cow<'g, Planes>>>,
     reference: Option<Cow<'g, Planes>>,
 }
 
+impl Wall<'_> {
+    fn first(&self) -> Option<&Planes> {
+        self.pictures.first().and_then(Option::as_deref)
+    }
+}
+
 impl Hung<'_> {
-    fn pack(&self, bits: u32) -> PictureSet {
-        let first = self.pictures.first().and_then(Option::as_deref);
-        let pack = |(index, picture): (usize, &Option<Cow<'_, Planes>>)| picture.as_ref().map(|picture| picture.pack(bits, first.filter(|_| index > 0)));
+    /// A frame's: its first picture is told from the first frame's, the others from its first.
+    fn pack(&self, frame: usize, bits: u32) -> PictureSet {
+        let wall = &self.frames[frame];
+        let before = self.frames.first().and_then(Wall::first).filter(|_| frame > 0);
+        let from = |index: usize| if index > 0 { wall.first() } else { before };
+        let pack = |(index, picture): (usize, &Option<Cow<'_, Planes>>)| picture.as_ref().map(|picture| picture.pack(bits, from(index)));
         PictureSet {
             layer: self.layer,
             exposure: self.exposure,
-            images: self.pictures.iter().enumerate().map(pack).collect(),
-            reference: self.reference.as_ref().map(|planes| planes.pack(bits, first)),
+            images: wall.pictures.iter().enumerate().map(pack).collect(),
+            reference: wall.reference.as_ref().map(|planes| planes.pack(bits, wall.first())),
         }
     }
 
     /// Of pixels twice as wide and high.
     fn merge(&mut self) {
-        self.pictures.iter_mut().chain([&mut self.reference]).flatten().for_each(|planes| *planes = Cow::Owned(planes.merged(2)));
+        let planes = self.frames.iter_mut().flat_map(|wall| wall.pictures.iter_mut().chain([&mut wall.reference]).flatten());
+        planes.for_each(|planes| *planes = Cow::Owned(planes.merged(2)));
     }
-}
-
-fn map_set(layer: &'static str, maps: &[Option<&Map>]) -> Option<MapSet> {
-    let block = maps.iter().flatten().next()?.block;
-    let scale = scale(maps.iter().flatten().flat_map(|map| map.planes.values()));
-    Some(MapSet { layer, scale, block, images: maps.iter().map(|map| map.map(|map| map.planes.pack(MAP_BITS, None))).collect() })
 }
 
 /// The least side of square blocks of which a picture has no more than so many, nor more along a side.
@@ -290,9 +353,10 @@ mod tests {
     fn pictures_come_back() {
         // Noise, so that the difference of the like ones is the smaller file.
         let pictures = [grey(64, |at| 1e9 * noise(at)), grey(64, |at| 1.02e9 * noise(at)), grey(64, |_| 0.5e9)];
-        let mut gallery = Gallery::new([64; 2], 3, Some(&pictures[1]));
+        let mut gallery = Gallery::new([64; 2], 4);
         pictures.iter().for_each(|picture| gallery.add(picture, None).unwrap());
-        let shown = gallery.show().unwrap();
+        gallery.end_frame(None, Some(&pictures[1])).unwrap();
+        let shown = gallery.show().frames.remove(0);
         assert!(shown.maps.is_empty() && shown.flip.is_none());
         assert_eq!(shown.shown.iter().map(|set| set.layer).collect::<Vec<_>>(), [PICTURE, IRRADIANCE]);
         for set in &shown.shown {
@@ -312,9 +376,10 @@ mod tests {
             Layers::new(512, 512).with(PICTURE, Layer::interleaved(&["R", "G", "B"], &pixels, 3))
         };
         let kept = |pictures: u32| {
-            let mut gallery = Gallery::new([512; 2], pictures as usize, None);
+            let mut gallery = Gallery::new([512; 2], pictures as usize);
             (0..pictures).for_each(|seed| gallery.add(&coloured(seed), None).unwrap());
-            let set = gallery.show().unwrap().shown.remove(0);
+            gallery.end_frame(None, None).unwrap();
+            let set = gallery.show().frames.remove(0).shown.remove(0);
             let images = || set.images.iter().flatten();
             (images().map(Packed::weight).sum::<usize>(), images().next().unwrap().bits())
         };
@@ -323,12 +388,36 @@ mod tests {
         assert!(many.1 < ALL_BITS && many.0 <= MOST_BYTES && many.0 > MOST_BYTES / 2, "{many:?}");
     }
 
+    /// All frames are shown at one exposure, that of the first that is not black, and their maps are on one scale.
+    #[test]
+    fn frames_of_a_sequence_are_shown_alike() {
+        let truth = |frame: u32| grey(64, move |at| if frame == 0 { 0.0 } else { 3.0 + noise(at) + if at < 64 { frame as f32 } else { 0.0 } });
+        let own = |frame: u32| grey(64, move |at| 1.02f32.powi(frame as i32) * truth(frame).rgb(PICTURE).unwrap()[0][at as usize]);
+        let mut gallery = Gallery::new([64; 2], 8);
+        for frame in 0..4 {
+            gallery.add(&own(frame), Some(&truth(frame))).unwrap();
+            gallery.end_frame(Some(Moment { frame, seconds: f64::from(frame) / 24.0 }), Some(&truth(frame))).unwrap();
+        }
+        let frames = gallery.show().frames;
+        let shown = |frame: usize| &frames[frame].shown[0];
+        let exposure = fair_exposure(&truth(1), PICTURE).unwrap();
+        for frame in 0..4 {
+            assert_eq!((shown(frame).exposure, frames[frame].maps[0].scale), (exposure, frames[0].maps[0].scale));
+            assert_eq!(frames[frame].moment.unwrap().frame, frame as u32);
+        }
+        assert!((frames[0].maps[0].scale - 0.1).abs() < 1e-9, "the error of the last frame, 6 %, is within the scale");
+        let third = unpack(shown(2).images[0].as_ref().unwrap(), shown(0).images[0].as_ref());
+        let held = own(2).rgb(PICTURE).unwrap()[0].to_vec();
+        assert!(third[0].iter().zip(&held).all(|(found, held)| (found / exposure.exp2() / held - 1.0).abs() < 1e-3));
+    }
+
     #[test]
     fn one_exposure_brings_the_reference_to_middle_grey() {
         let (reference, dark) = (grey(4, |_| 8.0), grey(4, |_| 2.0));
-        let mut gallery = Gallery::new([4; 2], 1, Some(&reference));
-        gallery.add(&dark, None).unwrap();
-        let shown = gallery.show().unwrap();
+        let mut gallery = Gallery::new([4; 2], 2);
+        gallery.add(&dark, Some(&reference)).unwrap();
+        gallery.end_frame(None, Some(&reference)).unwrap();
+        let shown = gallery.show().frames.remove(0);
         for set in &shown.shown {
             assert_eq!(reference.to_srgb(PICTURE, set.exposure).unwrap()[0], 118);
             assert!((light(set, set.images[0].as_ref())[0][0] - 2.0).abs() < 0.002);
@@ -339,11 +428,12 @@ mod tests {
     fn maps_hold_signed_errors_on_one_round_scale() {
         // A quarter without a surface; errors of -10, +10 and +5 percent elsewhere.
         let reference = grey(4, |at| if at < 4 { 0.0 } else { 2.0 });
-        let mut gallery = Gallery::new([4; 2], 3, Some(&reference));
+        let mut gallery = Gallery::new([4; 2], 4);
         gallery.add(&grey(4, |at| if at < 8 { 1.8 } else { 2.2 }), Some(&reference)).unwrap();
         gallery.skip();
         gallery.add(&grey(4, |_| 2.1), Some(&reference)).unwrap();
-        let shown = gallery.show().unwrap();
+        gallery.end_frame(None, Some(&reference)).unwrap();
+        let shown = gallery.show().frames.remove(0);
         let set = shown.maps.iter().find(|set| set.layer == IRRADIANCE).unwrap();
         assert!((set.scale - 0.1).abs() < 1e-12 && set.block == 1, "{}", set.scale);
         let hold = |index: usize, expected: [Option<f32>; 4]| {
@@ -363,9 +453,10 @@ mod tests {
         let layer = |value: f32| Layer::value(vec![value; 16]);
         let reference = grey(4, |_| 2.0).with(GLOSSY, layer(2.0)).with(DIRECT, layer(1.0));
         let layers = |picture: &Layers| {
-            let mut gallery = Gallery::new([4; 2], 1, Some(&reference));
+            let mut gallery = Gallery::new([4; 2], 2);
             gallery.add(picture, Some(&reference)).unwrap();
-            let shown = gallery.show().unwrap();
+            gallery.end_frame(None, Some(&reference)).unwrap();
+            let shown = gallery.show().frames.remove(0);
             assert!(shown.shown.iter().all(|set| set.images[0].is_some() && set.reference.is_some()));
             assert!(shown.maps.iter().all(|set| set.images[0].is_some()));
             let layers: Vec<_> = shown.shown.iter().map(|set| set.layer).collect();
@@ -384,7 +475,7 @@ mod tests {
     fn large_maps_show_means_of_blocks() {
         // Columns 0, 1, 2 of each block; a last block of one column that sees no surface.
         let map = ErrorMap { size: [574, 2], errors: (0..1148).map(|at| (at % 574 < 573).then_some((at % 574 % 3) as f32)).collect() };
-        let coarse = Gallery::new([1148, 4], 1, None).map(map);
+        let coarse = Gallery::new([1148, 4], 1).map(map);
         assert_eq!((coarse.planes.size, coarse.block, coarse.planes.block), ([192, 1], 3, 6));
         assert_eq!(coarse.planes.values().collect::<Vec<_>>(), [1.0; 191]);
     }
@@ -394,11 +485,12 @@ mod tests {
         assert_eq!([[1000, 1000], [1920, 1080], [3, 70]].map(|size| block(size, u32::MAX, MOST_PIXELS / 11)), [1, 2, 1]);
         assert_eq!(block([u32::MAX, 1], u32::MAX, 0), u32::MAX);
         // Of 16384 pictures each may have 1024 pixels: 36 by 36 are 18 by 18 blocks, whose columns are 0 and 1, 2 and 3 and so on.
-        let mut gallery = Gallery::new([36; 2], 1 << 14, None);
+        let mut gallery = Gallery::new([36; 2], 1 << 14);
         gallery.add(&grey(36, |at| (at % 36) as f32), None).unwrap();
         let planes = &gallery.shots[0].pictures[PICTURE];
         assert_eq!((planes.size, planes.block), ([18, 18], 2));
-        let set = &gallery.show().unwrap().shown[0];
+        gallery.end_frame(None, None).unwrap();
+        let set = &gallery.show().frames[0].shown[0];
         let means = light(set, set.images[0].as_ref()).remove(0);
         assert!(means.iter().enumerate().all(|(at, mean)| (mean / ((at % 18 * 2) as f32 + 0.5) - 1.0).abs() < 1e-3), "{means:?}");
     }

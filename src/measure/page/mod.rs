@@ -10,7 +10,7 @@ mod planes;
 mod records;
 mod report;
 
-pub use gallery::Gallery;
+pub use gallery::{Gallery, Moment};
 pub use records::Overlay;
 pub use report::{Beside, Differences, ErrorsTold, Report, Told};
 
@@ -27,6 +27,7 @@ const SCRIPT: &str = concat!(
     include_str!("script/pictures.js"),
     include_str!("script/insets.js"),
     include_str!("script/records.js"),
+    include_str!("script/frames.js"),
     include_str!("script/stage.js"),
     include_str!("script/keep.js"),
     include_str!("script/results.js"),
@@ -40,9 +41,9 @@ struct Data<'p> {
     gallery: Exhibition,
 }
 
-/// The page of a report; the gallery holds a picture of each of its points, in their order.
+/// The page of a report; the frames of the gallery hold a picture of each of its points, in their order.
 pub fn page(report: &Report, gallery: &Gallery) -> Result<String, PictureError> {
-    let json = serde_json::to_string(&Data { report, gallery: gallery.show()? }).map_err(|error| PictureError::Encoding { reason: error.to_string() })?;
+    let json = serde_json::to_string(&Data { report, gallery: gallery.show() }).map_err(|error| PictureError::Encoding { reason: error.to_string() })?;
     Ok(fill(HTML, &[("{title}", &escape(&report.title)), ("{css}", CSS), ("{table}", &plain::table(report)), ("{data}", &inert(&json)), ("{script}", SCRIPT)]))
 }
 

@@ -174,8 +174,8 @@ type OfCourse = fn(&Course) -> Option<String>;
 
 /// What the table in time tells of a layer: the words, and what stands beside them.
 const IN_TIME: [(&str, OfCourse); 8] = [
-    ("rmse_over_mean, mean", |course| Some(percent(course.mean.rmse_over_mean))),
-    ("bias_over_mean, mean", |course| Some(percent(course.mean.bias_over_mean))),
+    ("rmse_over_mean, mean", |course| course.mean.rmse_over_mean.map(percent)),
+    ("bias_over_mean, mean", |course| course.mean.bias_over_mean.map(percent)),
     ("block_p50, mean", |course| course.mean.block_p50.map(percent)),
     ("block_p99, mean", |course| course.mean.block_p99.map(percent)),
     ("flicker", |course| course.flicker.map(percent)),

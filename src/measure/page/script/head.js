@@ -1,10 +1,20 @@
 // What was found, as the program wrote it. Nothing of it is ever read as HTML: it reaches the page as text alone.
-const { report, gallery } = JSON.parse(document.getElementById("data").textContent);
+const { report, gallery: { frames } } = JSON.parse(document.getElementById("data").textContent);
+/** Of the last frame of a sequence, or of the only one: all have the same layers, exposures and scales. */
+const gallery = frames.at(-1);
+/** The place of the frame that is shown. */
+let frameShown = frames.length - 1;
 const { sweep, beside, charts, differences } = report;
 const variants = sweep.points;
 const [WIDTH, HEIGHT] = sweep.size;
 const REFERENCE = variants.length;
 const MOST_SCALE = 64;
+
+/** How long a frame of the sequence lasts [s]. */
+function frameSeconds() {
+  const seconds = frames.length > 1 ? (gallery.moment.seconds - frames[0].moment.seconds) / (frames.length - 1) : 0;
+  return seconds > 0 ? seconds : 1 / 24;
+}
 
 const byId = (id) => document.getElementById(id);
 
@@ -60,6 +70,7 @@ function drawHead() {
     ...(onlyRow === null ? [] : [["Pipeline", onlyRow]]),
     ["Camera", sweep.camera],
     ["Size", `${WIDTH}×${HEIGHT}`],
+    ...(frames.length > 1 ? [["Frames", `${frames[0].moment.frame} to ${gallery.moment.frame}, ${figures(1 / frameSeconds())} a second`]] : []),
     ["Triangles", sweep.triangles.toLocaleString("en")],
     ["Adapter", `${sweep.adapter.name} (${sweep.adapter.backend})`],
     ["Runs of each", runs],

@@ -9,7 +9,8 @@ function keepLink() {
     const place = state.scale === null ? {} : { x: state.x.toFixed(1), y: state.y.toFixed(1), zoom: state.scale.toFixed(4) };
     const light = { stops: tone.stops || null, curve: tone.curve === "soft" ? null : tone.curve, gamma: tone.gamma, scale: scales.get(state.layer) };
     const pins = state.pins.map((pin) => `${pin.x}.${pin.y}`).join("_") || null;
-    const view = { left: letterOf(state.left), right: letterOf(state.right), show: state.layer.replace(" ", "."), view: state.view, split: state.split.toFixed(3), ...place, ...light, records: state.records.replace(" ", ".") || null, pins };
+    const frame = frames.length > 1 ? frames[frameShown].moment.frame : null;
+    const view = { frame, left: letterOf(state.left), right: letterOf(state.right), show: state.layer.replace(" ", "."), view: state.view, split: state.split.toFixed(3), ...place, ...light, records: state.records.replace(" ", ".") || null, pins };
     const parts = Object.entries(view).filter(([, value]) => value !== null && value !== undefined).map(([name, value]) => `${name}=${encodeURIComponent(value)}`);
     history.replaceState(null, "", `#${parts.join("&")}`);
   }, 150);
@@ -41,6 +42,8 @@ function readLink() {
     y: number("y", 0, HEIGHT),
     pins: view.has("pins") ? pins.filter(([x, y]) => x >= 0 && y >= 0 && x + PIN_SIDE <= WIDTH && y + PIN_SIDE <= HEIGHT).slice(0, MOST_PINS).map(([x, y]) => ({ x, y })) : null,
   };
+  const frame = frames.findIndex(({ moment }) => moment && moment.frame === number("frame", 0, Infinity));
+  if (frame >= 0) goToFrame(frame);
   const scale = number("scale", 1e-5, 1000);
   if (scale && wanted.layer) scales.set(wanted.layer, scale);
   return Object.fromEntries(Object.entries(wanted).filter(([, value]) => value !== null));
@@ -48,7 +51,8 @@ function readLink() {
 
 // Files
 
-const fileName = (what) => `${report.title.split(":")[0].replace(/[^\p{L}\p{N}]+/gu, "-").slice(0, 60)}-${what}-${state.layer.replace(" ", "-")}`;
+const frameName = () => (frames.length > 1 ? `-${String(frames[frameShown].moment.frame).padStart(4, "0")}` : "");
+const fileName = (what) => `${report.title.split(":")[0].replace(/[^\p{L}\p{N}]+/gu, "-").slice(0, 60)}-${what}-${state.layer.replace(" ", "-")}${frameName()}`;
 
 function saveBlob(blob, name) {
   const address = URL.createObjectURL(blob);

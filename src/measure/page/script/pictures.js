@@ -1,24 +1,28 @@
 // Pictures: light as the page keeps it, unpacked when it is first shown, and what a screen shows of it
 
 /** What the stage can show of a layer. `shown`: its light; `error`: how far each is from the reference; `flip`: as a viewer sees that; `difference`: left less right. */
-const setOf = { shown: (layer) => gallery.shown.find((set) => set.layer === layer), error: (layer) => gallery.maps.find((set) => set.layer === layer), flip: () => gallery.flip };
+const setOf = {
+  shown: (layer, { shown } = gallery) => shown.find((set) => set.layer === layer),
+  error: (layer, { maps } = gallery) => maps.find((set) => set.layer === layer),
+  flip: (_, { flip } = gallery) => flip,
+};
 const partsOf = (choice) => choice.split(" ");
 
-function imageOf(choice, index) {
+function imageOf(choice, index, frame = frameShown) {
   const [kind, layer] = partsOf(choice);
-  const set = setOf[kind]?.(layer);
+  const set = setOf[kind]?.(layer, frames[frame]);
   return index === REFERENCE ? set?.reference : set?.images[index];
 }
 
 const unpacked = new Map();
 
 /** The planes of a picture or map: undefined while they are unpacked, null where there are none. */
-function planesOf(choice, index) {
-  const key = `${choice} ${index}`;
+function planesOf(choice, index, frame = frameShown) {
+  const key = `${frame} ${choice} ${index}`;
   if (!unpacked.has(key)) {
-    const image = imageOf(choice, index);
+    const image = imageOf(choice, index, frame);
     unpacked.set(key, image ? undefined : null);
-    if (image) unpack(choice, image).then((planes) => { unpacked.set(key, planes); draw(); });
+    if (image) unpack(choice, index, frame).then((planes) => { unpacked.set(key, planes); if (!showWanted()) draw(); });
   }
   return unpacked.get(key);
 }
@@ -26,14 +30,23 @@ function planesOf(choice, index) {
 const firsts = new Map();
 
 /** The integers of the first variant's picture, from which others are told. */
-function firstOf(choice) {
-  if (!firsts.has(choice)) firsts.set(choice, integersOf(imageOf(choice, 0)));
-  return firsts.get(choice);
+function firstOf(choice, frame) {
+  const key = `${frame} ${choice}`;
+  if (!firsts.has(key)) firsts.set(key, integersIn(choice, 0, frame));
+  return firsts.get(key);
 }
 
-async function unpack(choice, image) {
+/** A frame's first picture may be told from the first frame's, each of its others from its first. */
+async function integersIn(choice, index, frame) {
+  const image = imageOf(choice, index, frame);
   const integers = await integersOf(image);
-  if (image.from_first) addTo(integers, await firstOf(choice));
+  if (image.from_first) addTo(integers, await firstOf(choice, index === 0 ? 0 : frame));
+  return integers;
+}
+
+async function unpack(choice, index, frame) {
+  const image = imageOf(choice, index, frame);
+  const integers = await integersIn(choice, index, frame);
   const exposure = setOf.shown(partsOf(choice)[1])?.exposure ?? 0;
   const values = valuesByInteger(image.bits, partsOf(choice)[0] === "shown" ? exposure : 0);
   const [green, red, blue] = integers;
@@ -167,7 +180,7 @@ function bitmap(choice, index) {
 function painted(key, source, choice, of) {
   if (!source) return source;
   const [kind, layer] = partsOf(choice);
-  const look = `${of} ${kind === "shown" ? `${tone.stops} ${tone.gamma} ${tone.curve}` : scaleOf(choice)}`;
+  const look = `${frameShown} ${of} ${kind === "shown" ? `${tone.stops} ${tone.gamma} ${tone.curve}` : scaleOf(choice)}`;
   const known = canvases.get(key);
   if (known?.look === look) return known;
   const canvas = known ?? make("canvas");
@@ -193,7 +206,7 @@ function differenceOf(choice, left = state.left, right = state.right) {
   const sources = [left, right].map((index) => planesOf(`shown ${layer}`, index));
   if (sources.includes(null)) return null;
   if (sources.includes(undefined)) return undefined;
-  const key = `${choice} ${left} ${right}`;
+  const key = `${frameShown} ${choice} ${left} ${right}`;
   if (!subtracted.has(key)) {
     // One at a time: each is as large as a picture.
     subtracted.clear();

@@ -12,7 +12,7 @@ const RECORD_CHOICES = ["", ...CACHES.flatMap((cache) => Object.keys(TELLS).map(
 /** Rings of more records than this at once are drawn without their centres. */
 const MOST_CENTRES = 4000;
 
-const recordsOf = (index) => gallery.records[index]?.find(({ cache }) => cache === partsOf(state.records)[1]);
+const recordsOf = (index) => frames[frameShown].records[index]?.find(({ cache }) => cache === partsOf(state.records)[1]);
 
 const recordsUnpacked = new Map();
 
@@ -101,12 +101,13 @@ function drawRecordLegend() {
   const surenesses = SURENESS.map(([most, colour], place) => [colour, most === Infinity ? `above ${percent(SURENESS[place - 1][0])}` : `to ${percent(most)}`]);
   byId("rings-legend").replaceChildren(...(tells === "limit" ? limits : surenesses).map(swatch));
   const meaning = tells === "limit" ? "the colour names the parameter of the cache that ends it" : "the colour is the standard error of its irradiance, as a share of it";
-  const counts = [...new Set([state.left, state.right])].map((index) => countOf(index)).filter((count) => count);
+  const counts = [...new Set([state.left, state.right].map(countOf))].filter((count) => count);
   byId("rings-text").textContent = `Rings: how far each record of \`${cache}\` reaches; ${meaning}. ${counts.join(" ")} As they were made, before any filter.`;
 }
 
 function countOf(index) {
   const set = recordsOf(index);
+  if (!set && frames[frameShown] !== gallery) return "Records are shown of the last frame alone.";
   if (!set) return index === REFERENCE ? "" : `${letterOf(index)} has no such records.`;
   const part = set.every > 1 ? `, of which one in ${set.every} is drawn` : "";
   return `${letterOf(index)}: ${set.count.toLocaleString("en")}${part}.`;

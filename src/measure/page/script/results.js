@@ -55,6 +55,20 @@ function axisColumn({ parameter, values }) {
   return { name: parameter, value: ({ values }) => (areNumbers ? Number(values[parameter]) : values[parameter]), text: (_, { values }) => values[parameter], words: !areNumbers };
 }
 
+/** Of a sequence: what no single frame tells. */
+const COURSE_LAYERS = Object.keys(LAYERS).filter((layer) => variants.some(({ courses }) => courses?.[layer]));
+const COURSE_COLUMNS = [
+  ["mean error", "Root mean square over the reference's mean, mean over all frames", ({ mean }) => mean.rmse_over_mean, percent],
+  ["flicker", "Change from frame to frame beyond the reference's own, over its mean", ({ flicker }) => flicker, percent],
+  ["lag", "Frames after a jump of the light until 99 % of what has jumped is within 5 %", ({ lag_p99 }) => lag_p99, (frames) => figures(frames)],
+  ["ghost", "99th percentile of what is wrong five frames after a jump, over the frame's mean", ({ ghost_p99 }) => ghost_p99, percent],
+];
+
+function courseColumns(layer) {
+  const column = ([name, tip, value, text]) => ({ name: `${LAYERS[layer]}: ${name}`, tip, value: ({ courses }) => (courses?.[layer] ? value(courses[layer]) ?? null : null), text, least: true });
+  return COURSE_COLUMNS.map(column);
+}
+
 /** Name, tooltip, value to sort by, text; `least` where a small value is the better one. A column that knows nothing is left out. */
 const COLUMNS = [
   { name: "", tip: "Opens the picture", value: (_, index) => index },
@@ -71,6 +85,7 @@ const COLUMNS = [
   { name: "Device MiB", value: (variant) => (variant.peak_gpu_bytes ? variant.peak_gpu_bytes / 2 ** 20 : null), text: (value) => figures(value), least: true },
   { name: "Start-up s", tip: "Plan, shaders, first picture", value: (_, index) => beside[index].start_up_seconds, text: (value) => figures(value) },
   ...charts.map((chart) => ({ name: chart.label, tip: chart.meaning, value: (_, index) => chart.errors[index], text: (_, __, index) => chart.told[index]?.value ?? "–", interval: (index) => chart.told[index]?.interval ?? null, hidden: (index) => chart.hidden[index], least: true, sized: true })),
+  ...COURSE_LAYERS.flatMap(courseColumns),
 ].filter((column) => variants.some((variant, index) => column.value(variant, index) !== null));
 
 function ratioText(value, variant, index) {

@@ -102,7 +102,7 @@ function showState(border) {
   stage.classList.toggle("zoomed", state.scale !== null);
   byId("zoom").textContent = `${figures(100 * scaleNow() * (window.devicePixelRatio || 1))} %`;
   const visible = alone && !isOfBoth ? [shown] : [state.left, state.right];
-  stage.setAttribute("aria-busy", visible.some((index) => bitmap(state.layer, index) === undefined));
+  stage.setAttribute("aria-busy", frameWanted !== frameShown || visible.some((index) => bitmap(state.layer, index) === undefined));
   showAbsent(visible);
   showReadout();
   drawInsets();
@@ -232,6 +232,7 @@ function change(changes) {
   drawRecordLegend();
   layOut();
   markShown();
+  drawCourse();
 }
 
 /** Shows a variant's picture on the right, beside what is on the left. */
@@ -363,6 +364,9 @@ const KEYS = {
   1: onePixel,
   h: () => moveTo(state.x - panes().width / 8 / scaleNow(), state.y),
   p: pinUnderPointer,
+  t: play,
+  n: () => goToFrame(frameWanted + 1),
+  b: () => goToFrame(frameWanted - 1),
   r: nextRecords,
   ".": () => brighten(1),
   ",": () => brighten(-1),
@@ -413,6 +417,7 @@ function setUpStage() {
   fillSelect(byId("layer"), layerOptions(), state.layer, (layer) => change({ layer }));
   choice(byId("view"), VIEWS, state.view, (view) => change({ view }));
   setUpRecords();
+  setUpFrames();
   fillSelect(byId("curve"), CURVES, tone.curve, (curve) => { tone.curve = curve; change({}); });
   fillSelect(byId("gamma"), GAMMAS, "", (gamma) => { tone.gamma = Number(gamma) || null; change({}); });
   byId("exposure").addEventListener("input", () => { tone.stops = Number(byId("exposure").value); change({}); });
@@ -423,7 +428,7 @@ function setUpStage() {
   stage.addEventListener("wheel", wheel, { passive: false });
   stage.addEventListener("dblclick", (event) => (state.scale === null ? zoomTo(4 / (window.devicePixelRatio || 1), under(event)) : fitAll()));
   document.addEventListener("keydown", key);
-  const images = gallery.shown.flatMap((set) => [...set.images, set.reference]).filter((image) => image);
+  const images = frames.flatMap(({ shown }) => shown).flatMap((set) => [...set.images, set.reference]).filter((image) => image);
   const block = Math.max(1, ...images.map((image) => image.block));
   const bits = Math.min(...images.map((image) => image.bits));
   const kept = block > 1 ? ` They are means of ${block}×${block} pixels: so many whole ones are too heavy for a page.` : "";

@@ -2,7 +2,8 @@ drawHead();
 setUpStage();
 setUpPlot();
 drawTable();
-byId("table-note").textContent = `Green: the least of its column. ${errorsText(sweep.reference)}`;
+const ofFrames = frames.length > 1 ? " Seconds are of the whole sequence, errors of its last frame but where a column says otherwise." : "";
+byId("table-note").textContent = `Green: the least of its column.${ofFrames} ${errorsText(sweep.reference)}`;
 setUpExpected();
 setUpPairs();
 setUpNodes();
@@ -12,7 +13,7 @@ byId("save-right").addEventListener("click", () => saveSide(state.right));
 change(readLink());
 drawPlot();
 window.addEventListener("hashchange", () => change(readLink()));
-window.addEventListener("resize", () => { layOut(); drawPlot(); showOverflow(); });
+window.addEventListener("resize", () => { layOut(); drawPlot(); drawCourse(); showOverflow(); });
 
 // Tables that reach beyond their frame fade there.
 

@@ -88,17 +88,21 @@ struct Due {
     is_due: Vec<bool>,
 }
 
-/// Where more than this share of those that a frame has sampled anew have jumped, and there are so many, all that is seen is due: a lamp went on.
+/// Where more than this share of those that a frame has sampled anew have jumped, all that is seen is due: a lamp went on.
 const FLASH: f32 = 0.5;
+/// So many are sampled in each frame in any case: fewer could not tell that a lamp went on.
 const TELLING: usize = 4;
 
 impl Due {
     /// Those whose time is over and that are seen; those that have waited longest first. A further sample of a picture is of the same time, and has none.
     fn of(host: &dyn HostContext, all: &[Life]) -> Self {
         let is_another = host.camera().0.sample.number > 0;
-        let is_due: Vec<bool> = all.iter().map(|life| !is_another && life.is_due()).collect();
-        let mut slots: Vec<u32> = (0..all.len() as u32).filter(|slot| is_due[*slot as usize]).collect();
+        let mut slots: Vec<u32> = (0..all.len() as u32).filter(|slot| !is_another && all[*slot as usize].unseen == 0).collect();
         slots.sort_by(|a, b| all[*a as usize].left.total_cmp(&all[*b as usize].left));
+        let due = slots.iter().filter(|slot| all[**slot as usize].is_due()).count();
+        slots.truncate(due.max(TELLING));
+        let mut is_due = vec![false; all.len()];
+        slots.iter().for_each(|slot| is_due[*slot as usize] = true);
         Self { slots, told: 0, last: 0, is_due }
     }
 
@@ -116,7 +120,7 @@ impl Due {
         if in_all == 0 {
             return;
         }
-        let is_flash = self.told >= TELLING && in_all as f32 > FLASH * self.told as f32;
+        let is_flash = in_all as f32 > FLASH * self.told as f32;
         let words: Vec<Word> =
             self.slots[self.last..self.told].iter().filter(jumped).map(|slot| word(&records[*slot as usize], &all[*slot as usize], rule)).collect();
         let heard = heard(&words);
@@ -157,37 +161,48 @@ mod tests {
 
     #[test]
     fn those_that_wait_longest_come_first_and_what_nobody_sees_waits() {
-        let all = [life(0.0), life(-3.0), Life { unseen: 1, ..life(-9.0) }, life(0.5), life(-1.0)];
+        let all = [life(0.0), life(-3.0), Life { unseen: 1, ..life(-9.0) }, life(-0.5), life(-1.0), life(0.5)];
         let mut due = due(&all);
-        assert_eq!((due.next(2), due.next(2), due.next(2)), (vec![1, 4], vec![0], vec![]));
+        assert_eq!((due.next(2), due.next(2), due.next(2)), (vec![1, 4], vec![3, 0], vec![]));
+    }
+
+    /// A frame in which few are due samples those that would be next, too.
+    #[test]
+    fn some_are_sampled_in_each_frame() {
+        let all = [life(7.0), life(-3.0), Life { unseen: 1, ..life(2.0) }, life(5.0), life(3.0), life(6.0)];
+        assert_eq!(due(&all).next(9), [1, 4, 3, 5]);
+        assert_eq!(due(&all[..3]).next(9), [1, 0]);
+        let mut host = MockHost::new(Vec::new(), [4, 4]);
+        host.scene.cameras[0].sample.number = 1;
+        assert!(Due::of(&host, &all).next(9).is_empty(), "another sample of a picture has none");
     }
 
     /// What has jumped is looked for around it, round by round, in the same frame.
     #[test]
     fn jumps_spread_as_far_as_they_reach() {
-        let mut all = [life(5.0); 9];
-        all[0] = life(0.0);
-        let (records, rule) = (row(9), mock::rule());
+        let mut all = [life(5.0); 20];
+        [0, 10, 13, 16].iter().for_each(|slot| all[*slot] = life(0.0));
+        let (records, rule) = (row(20), mock::rule());
         let mut due = due(&all);
-        assert_eq!(due.next(9), [0]);
+        assert_eq!(due.next(20), [0, 10, 13, 16]);
         due.hear(&records, &all, &rule);
-        assert!(due.next(9).is_empty(), "nothing has jumped");
+        assert!(due.next(20).is_empty(), "nothing has jumped");
         all[0].jumped = 1;
         due.last = 0;
         due.hear(&records, &all, &rule);
-        assert_eq!(due.next(9), [1]);
+        assert_eq!(due.next(20), [1]);
         due.hear(&records, &all, &rule);
-        assert!(due.next(9).is_empty(), "the neighbour has not jumped");
+        assert!(due.next(20).is_empty(), "the neighbour has not jumped");
     }
 
     /// Where most have jumped, a lamp went on: all that is seen is due.
     #[test]
     fn a_flash_is_for_all() {
         let mut all = [life(5.0); 40];
-        (0..4).for_each(|slot| all[slot] = life(0.0));
+        all[0] = life(0.0);
         all[30].unseen = 3;
         let mut due = due(&all);
-        assert_eq!(due.next(9).len(), 4);
+        assert_eq!(due.next(9), [0, 1, 2, 3]);
         (0..3).for_each(|slot| all[slot].jumped = 1);
         due.hear(&row(40), &all, &mock::rule());
         assert_eq!(due.next(99).len(), 35);

@@ -176,7 +176,9 @@ fn dark_frames() -> Outcome {
     place.succeed(&format!("compare irradiance-temporal --scene switched.ron {options} --json out.json --html out.html"))?;
     let course = place.json("out.json")?["variants"][0]["courses"]["irradiance"].clone();
     let known: Vec<bool> = course["frames"].as_array().into_iter().flatten().map(|frame| !frame["rmse_over_mean"].is_null()).collect();
-    check(known == [false, false, true, true] && course["jumps"].as_u64() > Some(20) && course["lag_p50"] == 0.0, || course.to_string())?;
+    check(known == [false, false, true, true] && course["jumps"].as_u64() > Some(20), || course.to_string())?;
+    // Seventeen records are few, but some are sampled in each frame: that the lamp is on is seen at once.
+    check(course["frames"][2]["rmse_over_mean"].as_f64() < Some(0.2), || course.to_string())?;
     let frames = place.page("out.html")?["gallery"]["frames"].clone();
     check(layers(&frames[0], "shown") == layers(&frames[3], "shown"), || frames.to_string())
 }

@@ -64,9 +64,10 @@ impl Pass for AgeRecords {
         }
         let (most, rule) = (e.arguments.integer("lifespan") as f32, cache.rule);
         let (dropped, frames) = (e.variable("dropped", false), e.variable("frames", true));
-        e.survives(&[], &[frames]);
-        let reads = [Read::counted(cache.records, RECORD_BYTES, cache.count), Read::whole(lives.items), Read::whole(gbuffer.position)];
-        e.host("age", &reads, &[cache.records, lives.items], move |host| {
+        let places = e.history_buffer("places", (e.setting.scene.objects.len().max(1) * size_of::<[Vec4; 2]>()) as u64);
+        e.survives(&[places], &[frames]);
+        let reads = [Read::counted(cache.records, RECORD_BYTES, cache.count), Read::whole(lives.items), Read::whole(gbuffer.position), Read::whole(places)];
+        e.host("age", &reads, &[cache.records, lives.items, places], move |host| {
             // Further samples of a picture are of the same time.
             if host.camera().0.sample.number > 0 {
                 return Ok(());
@@ -76,12 +77,15 @@ impl Pass for AgeRecords {
             let mut all: Vec<Life> = bytemuck::pod_collect_to_vec(&host.read(lives.items)[..count * size_of::<Life>()]);
             let (ground, known) = (Ground::of(host), (host.variable(lives.known) as usize).min(count));
             ground.bear(&records, &mut all, known, most);
-            // Records that a run was given, or that had to go to other memory, are of a scene that may have been otherwise.
-            if host.variable(frames) == 0 {
-                all.iter_mut().for_each(|life| life.left = 0.0);
-            }
             hear(&records, &mut all, &rule);
             ground.age(&mut records, &mut all, &Seen { pinhole: pinhole(host), position: texels(host, gbuffer.position) });
+            let now = ground.bounds();
+            if host.variable(frames) == 0 {
+                // Records that a run was given, or that had to go to other memory, are of a scene that may have been otherwise.
+                all.iter_mut().for_each(|life| life.left = 0.0);
+            } else {
+                see_leaps(&records, &mut all, &leaps(&bounds_in(host.read(places)), &now));
+            }
             let is_kept = |life: &Life| life.unseen as f32 <= most;
             let (records, all): (Vec<Record>, Vec<Life>) = records.into_iter().zip(all).filter(|(_, life)| is_kept(life)).unzip();
             host.set(dropped, (count - records.len()) as u32);
@@ -90,6 +94,8 @@ impl Pass for AgeRecords {
             host.set(frames, 1);
             host.write(cache.records, 0, bytemuck::cast_slice(&records));
             host.write(lives.items, 0, bytemuck::cast_slice(&all));
+            let now: Vec<[Vec4; 2]> = now.iter().map(|bounds| [bounds.min.extend(0.0), bounds.max.extend(0.0)]).collect();
+            host.write(places, 0, bytemuck::cast_slice(&now));
             Ok(())
         });
         e.report_variable("dropped_records", dropped);
@@ -104,6 +110,38 @@ fn hear(records: &[Record], all: &mut [Life], rule: &weight::Rule) {
         records.iter().zip(&*all).filter(|(_, life)| life.samplings > 0 && life.age == 0.0).map(|(record, life)| word(record, life, rule)).collect();
     let heard = heard(&words);
     all.par_iter_mut().zip(records).for_each(|(life, record)| life.left = life.left.min(heard(record.place())));
+}
+
+/// A mover leaps that in a frame comes farther than this share of its size, or appears, or vanishes.
+const LEAP: f32 = 0.5;
+/// Sizes of a mover within which it is much of what is seen.
+const NEARBY: f32 = 3.0;
+
+/// Where movers were and where they are.
+fn bounds_in(places: &[u8]) -> Vec<Bounds> {
+    bytemuck::cast_slice::<_, [Vec4; 2]>(places).iter().map(|[min, max]| Bounds { min: min.xyz(), max: max.xyz() }).collect()
+}
+
+/// Around what has leapt, where it was and where it is: how light changes there nobody could tell before.
+fn leaps(before: &[Bounds], now: &[Bounds]) -> Vec<Bounds> {
+    let of_mover = |(before, now): (&Bounds, &Bounds)| {
+        let size = 0.5 * before.diagonal().max(now.diagonal());
+        let come = before.min.distance(now.min).max(before.max.distance(now.max));
+        (come > LEAP * size).then(|| [before, now].map(|bounds| bounds.grown(NEARBY * size)))
+    };
+    before.iter().zip(now).filter_map(of_mover).flatten().collect()
+}
+
+/// What is near a leap is to be sampled anew at once.
+fn see_leaps(records: &[Record], all: &mut [Life], leaps: &[Bounds]) {
+    if leaps.is_empty() {
+        return;
+    }
+    all.par_iter_mut().zip(records).for_each(|(life, record)| {
+        if leaps.iter().any(|around| around.distance(record.place()[0]) == 0.0) {
+            life.left = 0.0;
+        }
+    });
 }
 
 /// A place and normal where a mover has brought them; None where they are nowhere.
@@ -233,6 +271,19 @@ mod tests {
 
     fn record(height: f32) -> Record {
         Record::from(&crate::math::weight::Record { position: Vec3::new(0.1, 0.2, height), footprint: 0.01, ..mock::record() })
+    }
+
+    /// What goes on its way is no leap; what jumps, appears or vanishes is one, where it was and where it is.
+    #[test]
+    fn what_leaps_is_looked_at_around_it() {
+        let cube = |centre: f32, half: f32| Bounds { min: Vec3::splat(centre - half), max: Vec3::splat(centre + half) };
+        assert!(leaps(&[cube(0.0, 1.0)], &[cube(0.2, 1.0)]).is_empty());
+        for (before, now) in [(cube(0.0, 1.0), cube(20.0, 1.0)), (cube(0.0, 1.0), cube(0.0, 0.0)), (cube(0.0, 0.0), cube(0.0, 1.0))] {
+            let mut all = [Life::new(Vec3::ONE, 1, None, 9.0); 3];
+            let at = |place: f32| Record::from(&weight::Record { position: Vec3::splat(place), ..mock::record() });
+            see_leaps(&[at(3.0), at(22.0), at(12.0)], &mut all, &leaps(&[before, cube(12.0, 0.1)], &[now, cube(12.0, 0.1)]));
+            assert_eq!(all.map(|life| life.left == 0.0), [true, now.min.x > 10.0, false]);
+        }
     }
 
     /// A record was made where its surface was in the picture before.

@@ -30,6 +30,7 @@ const DRAWN: &[(&str, Case)] = &[
     ("an_interrupted_comparison_keeps_whole_rounds", interrupted),
     ("sequences_are_judged_in_time", sequences),
     ("frames_without_light_are_no_end", dark_frames),
+    ("what_vanishes_leaves_no_ghost", no_ghosts),
 ];
 
 const REFUSED: &[(&str, Case)] = &[("mistakes_are_told_before_work_starts", mistakes)];
@@ -181,6 +182,23 @@ fn dark_frames() -> Outcome {
     check(course["frames"][2]["rmse_over_mean"].as_f64() < Some(0.2), || course.to_string())?;
     let frames = place.page("out.html")?["gallery"]["frames"].clone();
     check(layers(&frames[0], "shown") == layers(&frames[3], "shown"), || frames.to_string())
+}
+
+/// A box vanishes in frame 3, a lamp goes on in frame 6: records that live know of both at once, and what was there leaves no more than records made anew are wrong by.
+fn no_ghosts() -> Outcome {
+    let place = Place::new()?;
+    let options = "--scene switch --size 80x60 --frames 0..12 --fps 3 --reference-spp 256 --runs 1";
+    place.succeed(&format!("compare irradiance-one-rate irradiance-temporal {options} --json out.json"))?;
+    let json = place.json("out.json")?;
+    let course = |variant: usize| json["variants"][variant]["courses"]["irradiance"].clone();
+    let (anew, lives) = (course(0), course(1));
+    check(lives["jumps"].as_u64() > Some(20), || lives.to_string())?;
+    for frame in 0..12 {
+        let [anew, lives] = [&anew, &lives].map(|course| course["frames"][frame]["rmse_over_mean"].as_f64().unwrap_or(f64::NAN));
+        check(lives < 1.3 * anew + 0.01, || format!("frame {frame}: {lives} in place of {anew}"))?;
+    }
+    let [anew, lives] = [anew, lives].map(|course| course["ghost_p99"].as_f64().unwrap_or(f64::NAN));
+    check(lives < anew + 0.02, || format!("{lives} is left, {anew} of records made anew"))
 }
 
 /// A box whose lamp is dim for three seconds, and then bright.

@@ -172,7 +172,7 @@ fn sequences() -> Outcome {
 
 /// A frame in which no light is has no errors, and is no end; its picture is as black as the true one.
 fn dark_frames() -> Outcome {
-    let place = Place::new()?.with("switched.ron", &SWITCHED.replace("(0, (1, 1, 1))", "(0, (0, 0, 0))"))?;
+    let place = Place::new()?.with("switched.ron", SWITCHED.replace("(0, (1, 1, 1))", "(0, (0, 0, 0))"))?;
     let options = "--size 32x24 --frames 1..5 --fps 1 --reference-spp 64 --runs 1";
     place.succeed(&format!("compare irradiance-temporal --scene switched.ron {options} --json out.json --html out.html"))?;
     let course = place.json("out.json")?["variants"][0]["courses"]["irradiance"].clone();

@@ -47,6 +47,7 @@ const CASES: &[(&str, Case)] = &[
     ("a_fill_inside_a_loop_starts_anew_each_time", fill_in_a_loop),
     ("an_earlier_cache_and_earlier_shadow_maps_are_whole", earlier_memory),
     ("shadow_maps_are_drawn_in_the_first_frame_and_hold_in_all", shadow_maps_once),
+    ("shadow_maps_are_drawn_anew_where_they_show_something_else", shadow_maps_follow),
     ("a_second_frame_of_the_same_view_adds_nothing_and_looks_the_same", same_view),
     ("a_second_view_reuses_records", second_view),
     ("saved_records_give_the_same_picture_bit_by_bit", || saved_records("irradiance-one-rate")),
@@ -342,6 +343,34 @@ fn shadow_maps_once() -> Outcome {
         check([first.0, later.0, still.0, anew.0] == [1, 0, 0, 1].map(Some), || format!("{:?}", [first.0, later.0, still.0, anew.0]))?;
         check(first.1 != later.1 && later.1 == still.1 && later.1 == anew.1, || "frames differ".into())
     })
+}
+
+/// A light that dims leaves its maps as they are, what moves does not; each frame is that of its moment, bit for bit.
+fn shadow_maps_follow() -> Outcome {
+    let place = Place::new()?;
+    let (dims, moves) = ("Step([(0, (5, 5, 5)), (1, (2, 2, 2))])", "Step([(0, (1, 0.5, 1)), (2, (3, 0.5, 2))])");
+    let scene = format!(
+        r#"Scene(version: 1, geometry: [
+            Quad(corners: ((0, 0, 4), (4, 0, 4), (4, 0, 0), (0, 0, 0))), Quad(corners: ((0, 0, 0), (4, 0, 0), (4, 3, 0), (0, 3, 0))),
+            Place(translate: {moves}, of: [Box(min: (-0.3, -0.3, -0.3), max: (0.3, 0.3, 0.3))]),
+        ], materials: {{ "*": Diffuse(reflectance: (0.7, 0.6, 0.5)) }}, lights: [Point(position: (2, 2.5, 2), intensity: {dims})],
+        cameras: {{ "c": (eye: (2, 1.6, 5), target: (2, 1.3, 0), fov: 60) }})"#
+    );
+    fs::write(place.path("moving.ron"), scene).map_err(failed)?;
+    let render = |more: &[&str]| {
+        let (status, stderr) = place.render_by("irradiance-one-rate", "moving.ron", &[&["--set", "tiles.resolution=8", "--fps", "1"], more].concat())?;
+        check(status == 0, || stderr)
+    };
+    render(&["--frames", "0..4", "-o", "all.exr"])?;
+    let stats = place.stats()?;
+    let runs = |frame: &Value| frame["passes"].as_array()?.iter().find(|pass| pass["node"] == "shadow")?["runs"].as_u64();
+    let runs: Vec<_> = stats["frames"].as_array().into_iter().flatten().filter_map(runs).collect();
+    check(runs == [1, 0, 1, 0], || format!("maps are drawn {runs:?} times"))?;
+    for frame in 0..4 {
+        render(&["--moment", &frame.to_string(), "-o", "one.exr"])?;
+        place.same(&format!("all.{frame:04}.exr"), "one.exr")?;
+    }
+    Ok(())
 }
 
 /// Twice in a loop: the second time everything is covered already.

@@ -1012,7 +1012,7 @@ fn random_steps(random: &mut Random, resources: usize, depth: usize) -> Vec<Step
             });
         }
         let commands = (0..random.below(3)).map(|_| Command::Clear(Resource(random.below(resources) as u32))).collect();
-        Step::Node(Node { name: "node".into(), pass: "Pass", commands, once: false })
+        Step::Node(Node { name: "node".into(), pass: "Pass", commands, keys: Keys::default() })
     };
     (0..1 + random.below(6)).map(|_| step(random)).collect()
 }

@@ -217,7 +217,7 @@ impl<'a> Graph<'a> {
         let step = |mut commands: Vec<Command>| {
             // The host decides on each round here; tests/ahead.rs has loops that the device drives.
             commands.iter_mut().for_each(Command::drop_twin);
-            Step::Node(Node { name: name.into(), pass: description.name, commands, once: false })
+            Step::Node(Node { name: name.into(), pass: description.name, commands, keys: Keys::default() })
         };
         self.schedule().steps.push(step(encoded.prologue));
         if self.batch.is_some() {
@@ -297,7 +297,7 @@ fn undeclared_is_refused(stage: &Stage) -> Outcome {
                 Ok(())
             };
             let commands = vec![Command::Host(Host::new(name, reads, writes, run))];
-            graph.schedule().steps.push(hemisplat::schedule::Step::Node(Node { name: "node".into(), pass: "Test", commands, once: false }));
+            graph.schedule().steps.push(hemisplat::schedule::Step::Node(Node { name: "node".into(), pass: "Test", commands, keys: Default::default() }));
             let told = block_on(graph.session(&[])?.frame(&|| Pace::GoOn)).err().map(|error| error.to_string());
             let expected = (!is_declared).then(|| format!("node: `{name}` touches someone.numbers, which it does not declare"));
             check(told == expected, || format!("{told:?}, not {expected:?}"))?;

@@ -111,7 +111,9 @@ fn renewed_record(mut record: Record, life: Life, (rule, lifespan, level): (&wei
     /// What is darker than this share of the picture's irradiance changes by shares of that.
     const FLOOR: f32 = 0.02;
     record.refine(rule, level);
-    let life = life.renewed(record.irradiance(), FLOOR * level, lifespan);
+    let told = weight::Record::from(&record);
+    let noise = told.error.max_element() / told.irradiance.max_element().max(FLOOR * level).max(f32::MIN_POSITIVE);
+    let life = life.renewed(told.irradiance, [FLOOR * level, noise], lifespan);
     record.set_irradiance(life.light());
     (record, life)
 }

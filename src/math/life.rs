@@ -52,6 +52,9 @@ pub struct Lifespan {
 /// A change by more than this share is no slope to go on with: a lamp went on, or something came between.
 const JUMP: f32 = 0.5;
 
+/// Standard errors of a sampling by which another may differ from it and tell nothing.
+const CHANCE: f32 = 2.0;
+
 /// A record lives no longer than twice as long as it has: where light turns, its slope tells nothing of what comes.
 const GROWTH: f32 = 1.0;
 
@@ -114,13 +117,15 @@ impl Life {
         (self.expected() - open * Vec3::from(self.step)).max(Vec3::ZERO)
     }
 
-    /// After it has been sampled anew.
-    pub fn renewed(self, light: Vec3, floor: f32, lifespan: &Lifespan) -> Self {
+    /// After it has been sampled anew, by the same directions as last time; but the first time after it was made by others, so that two samplings of the same light
+    /// differ by chance: by a share of `noise`.
+    pub fn renewed(self, light: Vec3, [floor, noise]: [f32; 2], lifespan: &Lifespan) -> Self {
         let (age, before) = (self.age.max(1.0), Vec3::from(self.sampled));
         let (measured, wrong) = ((light - before) / age, share(light, self.expected(), floor));
         let is_jump = share(light, before, floor) > JUMP;
         // What a slope foretells is wrong with the square of time, what stays with time itself.
-        let slack = lifespan.change / wrong.max(1e-6);
+        let by_chance = if self.samplings == 0 { CHANCE * noise } else { 0.0 };
+        let slack = lifespan.change / (wrong - by_chance).max(1e-6);
         let slack = if self.has_slope() { slack.sqrt() } else { slack };
         let left = if is_jump { 1.0 } else { (age * slack).min(GROWTH * age + 1.0).clamp(1.0, lifespan.most) };
         let goes_on = lifespan.extrapolates && !is_jump && self.samplings > 0;
@@ -195,7 +200,7 @@ mod tests {
             let now = Vec3::splat(light(frame as f32));
             life = life.aged();
             if life.left <= 0.0 {
-                life = life.renewed(now, 0.01, rule);
+                life = life.renewed(now, [0.01, 0.0], rule);
             }
             worst = worst.max(share(life.light(), now, 0.01));
         }
@@ -221,7 +226,7 @@ mod tests {
     fn jumps_are_not_gone_on_with() {
         let (worst, samplings) = lived(|t| if t < 100.0 { 1.0 } else { 9.0 }, 200, &RULE);
         assert!(worst < 0.9 && samplings < 40, "{worst} {samplings}");
-        let life = Life { age: 4.0, samplings: 3, ..Life::new(Vec3::ONE, 1, None, RULE.most) }.renewed(Vec3::splat(9.0), 0.01, &RULE);
+        let life = Life { age: 4.0, samplings: 3, ..Life::new(Vec3::ONE, 1, None, RULE.most) }.renewed(Vec3::splat(9.0), [0.01, 0.0], &RULE);
         assert_eq!((life.rate, life.left), ([0.0; 3], 1.0));
     }
 
@@ -230,7 +235,7 @@ mod tests {
     fn what_was_sampled_takes_the_place_of_what_was_shown_bit_by_bit() {
         let rule = Lifespan { extrapolates: false, fade: 4.0, ..RULE };
         let aged = Life { age: 5.0, ..Life::new(Vec3::ONE, 7, None, rule.most) };
-        let mut life = aged.renewed(Vec3::splat(1.04), 0.01, &rule);
+        let mut life = aged.renewed(Vec3::splat(1.04), [0.01, 0.0], &rule);
         let mut shown = Vec::new();
         for _ in 0..6 {
             shown.push(life.light().x);
@@ -241,18 +246,28 @@ mod tests {
         }
         assert!(shown.iter().zip([1.01, 1.02, 1.03, 1.04, 1.04, 1.04]).all(|(shown, due)| (shown - due).abs() < 1e-6), "{shown:?}");
         // Sampled again meanwhile, it goes on from what it shows, and is judged by what it was taken to be.
-        let again = aged.renewed(Vec3::splat(1.04), 0.01, &rule).aged().renewed(Vec3::splat(1.04), 0.01, &rule);
+        let again = aged.renewed(Vec3::splat(1.04), [0.01, 0.0], &rule).aged().renewed(Vec3::splat(1.04), [0.01, 0.0], &rule);
         assert!((again.light().x - 1.025).abs() < 1e-6 && again.left > 1.0, "{again:?}");
-        let large = aged.renewed(Vec3::splat(1.5), 0.01, &rule);
+        let large = aged.renewed(Vec3::splat(1.5), [0.01, 0.0], &rule);
         assert!((large.light().x - (1.5 - 0.75 * 0.05 * 1.5)).abs() < 1e-5, "{large:?}");
-        assert_eq!(life.renewed(Vec3::splat(9.0), 0.01, &rule).light(), Vec3::splat(9.0));
+        assert_eq!(life.renewed(Vec3::splat(9.0), [0.01, 0.0], &rule).light(), Vec3::splat(9.0));
+    }
+
+    /// What was made by other directions differs by chance, which is no change; the second time there is no chance.
+    #[test]
+    fn chance_is_no_change() {
+        let young = Life { age: 6.0, ..Life::new(Vec3::ONE, 1, None, RULE.most) };
+        let left = |life: Life, noise| life.renewed(Vec3::splat(1.1), [0.01, noise], &RULE).left;
+        assert!(left(young, 0.0) < 4.0 && left(young, 0.05) == 7.0);
+        let known = Life { samplings: 1, ..young };
+        assert_eq!(left(known, 0.05), left(known, 0.0));
     }
 
     #[test]
     fn light_that_fades_never_turns_negative() {
         let life = Life { age: 50.0, rate: [-1.0; 3], ..Life::new(Vec3::ONE, 1, None, RULE.most) };
         assert_eq!(life.light(), Vec3::ZERO);
-        let dark = Life::new(Vec3::ZERO, 1, None, RULE.most).aged().renewed(Vec3::ZERO, 0.0, &RULE);
+        let dark = Life::new(Vec3::ZERO, 1, None, RULE.most).aged().renewed(Vec3::ZERO, [0.0, 0.0], &RULE);
         assert!(dark.left.is_finite() && dark.left >= 1.0);
     }
 

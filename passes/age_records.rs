@@ -66,6 +66,8 @@ impl Pass for AgeRecords {
         let (dropped, frames) = (e.variable("dropped", false), e.variable("frames", true));
         let places = e.history_buffer("places", (e.setting.scene.objects.len().max(1) * size_of::<[Vec4; 2]>()) as u64);
         e.survives(&[places], &[frames]);
+        // Frames since the scene has changed: it begins anew with each change.
+        let still = e.variable("still", true);
         let reads = [Read::counted(cache.records, RECORD_BYTES, cache.count), Read::whole(lives.items), Read::whole(gbuffer.position), Read::whole(places)];
         e.host("age", &reads, &[cache.records, lives.items, places], move |host| {
             // Further samples of a picture are of the same time.
@@ -78,7 +80,7 @@ impl Pass for AgeRecords {
             let (ground, known) = (Ground::of(host), (host.variable(lives.known) as usize).min(count));
             ground.bear(&records, &mut all, known, most);
             hear(&records, &mut all, &rule);
-            ground.age(&mut records, &mut all, &Seen { pinhole: pinhole(host), position: texels(host, gbuffer.position) });
+            ground.age(&mut records, &mut all, &Seen { pinhole: pinhole(host), position: texels(host, gbuffer.position) }, host.variable(still));
             let now = ground.bounds();
             if host.variable(frames) == 0 {
                 // Records that a run was given, or that had to go to other memory, are of a scene that may have been otherwise.
@@ -92,6 +94,7 @@ impl Pass for AgeRecords {
             host.set(cache.count, records.len() as u32);
             host.set(lives.known, records.len() as u32);
             host.set(frames, 1);
+            host.set(still, host.variable(still) + 1);
             host.write(cache.records, 0, bytemuck::cast_slice(&records));
             host.write(lives.items, 0, bytemuck::cast_slice(&all));
             let now: Vec<[Vec4; 2]> = now.iter().map(|bounds| [bounds.min.extend(0.0), bounds.max.extend(0.0)]).collect();
@@ -205,12 +208,13 @@ impl<'a> Ground<'a> {
         })
     }
 
-    /// A frame passes.
-    fn age(&self, records: &mut [Record], all: &mut [Life], seen: &Seen<'_>) {
+    /// A frame passes, after so many in which the scene has not changed.
+    fn age(&self, records: &mut [Record], all: &mut [Life], seen: &Seen<'_>, still: u32) {
         all.par_iter_mut().zip(records).for_each(|(life, record)| {
             let is_there = carry(record, life.mover(), self.motions);
-            *life = life.aged();
-            if life.changes() {
+            let changed = life.changes();
+            *life = life.aged(life.age < still as f32);
+            if changed || life.changes() {
                 record.set_irradiance(life.light());
             }
             life.unseen = if is_there && seen.shows(record.place()[0], record.footprint()) { 0 } else { life.unseen + 1 };

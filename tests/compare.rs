@@ -188,7 +188,7 @@ fn dark_frames() -> Outcome {
 fn no_ghosts() -> Outcome {
     let place = Place::new()?;
     let options = "--scene switch --size 80x60 --frames 0..12 --fps 3 --reference-spp 256 --runs 1";
-    place.succeed(&format!("compare irradiance-one-rate irradiance-temporal {options} --json out.json"))?;
+    place.succeed(&format!("compare irradiance-unguided irradiance-temporal {options} --json out.json"))?;
     let json = place.json("out.json")?;
     let course = |variant: usize| json["variants"][variant]["courses"]["irradiance"].clone();
     let (anew, lives) = (course(0), course(1));

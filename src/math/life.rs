@@ -101,8 +101,12 @@ impl Life {
         self.rate != [0.0; 3]
     }
 
-    /// A frame later.
-    pub fn aged(self) -> Self {
+    /// A frame later. Where nothing has changed since it was sampled it is as good as new, and only goes on to take the place of what was shown before.
+    pub fn aged(self, is_current: bool) -> Self {
+        if is_current {
+            let age = if self.age < self.fade { self.age + 1.0 } else { self.age };
+            return Self { age, rate: [0.0; 3], ..self };
+        }
         Self { age: self.age + 1.0, left: self.left - 1.0, ..self }
     }
 
@@ -198,7 +202,7 @@ mod tests {
         let mut worst: f32 = 0.0;
         for frame in 1..=frames {
             let now = Vec3::splat(light(frame as f32));
-            life = life.aged();
+            life = life.aged(false);
             if life.left <= 0.0 {
                 life = life.renewed(now, [0.01, 0.0], rule);
             }
@@ -240,17 +244,29 @@ mod tests {
         for _ in 0..6 {
             shown.push(life.light().x);
             let before = life.light();
-            life = life.aged();
+            life = life.aged(false);
             assert_eq!(life.changes(), shown.len() < 4, "{life:?}");
             assert!(life.changes() || life.light() == before);
         }
         assert!(shown.iter().zip([1.01, 1.02, 1.03, 1.04, 1.04, 1.04]).all(|(shown, due)| (shown - due).abs() < 1e-6), "{shown:?}");
         // Sampled again meanwhile, it goes on from what it shows, and is judged by what it was taken to be.
-        let again = aged.renewed(Vec3::splat(1.04), [0.01, 0.0], &rule).aged().renewed(Vec3::splat(1.04), [0.01, 0.0], &rule);
+        let again = aged.renewed(Vec3::splat(1.04), [0.01, 0.0], &rule).aged(false).renewed(Vec3::splat(1.04), [0.01, 0.0], &rule);
         assert!((again.light().x - 1.025).abs() < 1e-6 && again.left > 1.0, "{again:?}");
         let large = aged.renewed(Vec3::splat(1.5), [0.01, 0.0], &rule);
         assert!((large.light().x - (1.5 - 0.75 * 0.05 * 1.5)).abs() < 1e-5, "{large:?}");
         assert_eq!(life.renewed(Vec3::splat(9.0), [0.01, 0.0], &rule).light(), Vec3::splat(9.0));
+    }
+
+    /// In a scene that rests nothing is due, what fades comes to its end, and nothing goes on by a slope; when it moves again, time goes on.
+    #[test]
+    fn what_rests_does_not_age() {
+        let moved = Life { age: 2.0, samplings: 3, measured: [0.1; 3], ..Life::new(Vec3::ONE, 1, None, RULE.most) };
+        let mut life = moved.renewed(Vec3::splat(1.04), [0.01, 0.0], &Lifespan { fade: 4.0, ..RULE });
+        let left = life.left;
+        (0..100).for_each(|_| life = life.aged(true));
+        assert_eq!((life.left, life.age, life.light()), (left, 4.0, Vec3::splat(1.04)));
+        assert!(!life.changes());
+        assert_eq!((life.aged(false).left, life.aged(false).age), (left - 1.0, 5.0));
     }
 
     /// What was made by other directions differs by chance, which is no change; the second time there is no chance.
@@ -267,7 +283,7 @@ mod tests {
     fn light_that_fades_never_turns_negative() {
         let life = Life { age: 50.0, rate: [-1.0; 3], ..Life::new(Vec3::ONE, 1, None, RULE.most) };
         assert_eq!(life.light(), Vec3::ZERO);
-        let dark = Life::new(Vec3::ZERO, 1, None, RULE.most).aged().renewed(Vec3::ZERO, [0.0, 0.0], &RULE);
+        let dark = Life::new(Vec3::ZERO, 1, None, RULE.most).aged(false).renewed(Vec3::ZERO, [0.0, 0.0], &RULE);
         assert!(dark.left.is_finite() && dark.left >= 1.0);
     }
 

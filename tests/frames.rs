@@ -186,10 +186,15 @@ fn living() -> Outcome {
     }
     place.same("irradiance-temporal.exr", "irradiance-unguided.exr")?;
     // Where only the camera moves nothing ages: what is due in any case is all that is sampled.
-    fs::write(place.path("walk.ron"), MOVING.replace("Linear([(0, (0.5, 0.5, 1)), (2, (3.5, 0.5, 1))])", "Step([(0, (0.5, 0.5, 1)), (9, (3.5, 0.5, 1))])")
-        .replace("Step([(0, (0, 0, 0)), (1, (1, 1, 1))])", "(1, 1, 1)")
-        .replace("Step([(0, (0, 0, 0)), (0.5, (9, 8, 7))])", "(9, 8, 7)")
-        .replace("Linear([(0, (1, 2, 3)), (2, (3, 2, 3))])", "(1, 2, 3)")).map_err(failed)?;
+    fs::write(
+        place.path("walk.ron"),
+        MOVING
+            .replace("Linear([(0, (0.5, 0.5, 1)), (2, (3.5, 0.5, 1))])", "Step([(0, (0.5, 0.5, 1)), (9, (3.5, 0.5, 1))])")
+            .replace("Step([(0, (0, 0, 0)), (1, (1, 1, 1))])", "(1, 1, 1)")
+            .replace("Step([(0, (0, 0, 0)), (0.5, (9, 8, 7))])", "(9, 8, 7)")
+            .replace("Linear([(0, (1, 2, 3)), (2, (3, 2, 3))])", "(1, 2, 3)"),
+    )
+    .map_err(failed)?;
     render("irradiance-temporal", "walk.ron", &["--frames", "0..24", "-o", "walk.exr"])?;
     let walked: Vec<u64> = frames(&place.stats()?).iter().skip(1).map(due).collect();
     check(walked.iter().all(|due| *due <= 4), || format!("{walked:?} are sampled while nothing changes"))

@@ -173,7 +173,7 @@ fn living() -> Outcome {
     };
     let (lived, anew) = (made("irradiance-temporal", "due_tiles.resolution=8")?, made("irradiance-unguided", "tiles.resolution=8")?);
     check(2 * lived < anew, || format!("{lived} of {anew} tiles"))?;
-    render("irradiance-temporal", "moving.ron", &["--set", "due_tiles.resolution=8", "--frames", "0..16", "-o", "lives.exr"])?;
+    render("irradiance-temporal", "moving.ron", &["--frames", "0..16", "-o", "lives.exr"])?;
     render("irradiance-unguided", "moving.ron", &["--frames", "0..16", "-o", "anew.exr"])?;
     let mean =
         |name: String| Ok::<_, Failed>(place.picture(&name)?.rgb("irradiance").map_err(failed)?.concat().iter().map(|value| f64::from(*value)).sum::<f64>());

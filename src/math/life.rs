@@ -52,9 +52,6 @@ pub struct Lifespan {
 /// A change by more than this share is no slope to go on with: a lamp went on, or something came between.
 const JUMP: f32 = 0.5;
 
-/// Standard errors of a sampling by which another may differ from it and tell nothing.
-const CHANCE: f32 = 2.0;
-
 /// A record lives no longer than twice as long as it has: where light turns, its slope tells nothing of what comes.
 const GROWTH: f32 = 1.0;
 
@@ -122,13 +119,13 @@ impl Life {
     }
 
     /// After it has been sampled anew, by the same directions as last time; but the first time after it was made by others, so that two samplings of the same light
-    /// differ by chance: by a share of `noise`.
+    /// differ by chance: by a share of `noise`. No more of that is forgiven than a change that is allowed.
     pub fn renewed(self, light: Vec3, [floor, noise]: [f32; 2], lifespan: &Lifespan) -> Self {
         let (age, before) = (self.age.max(1.0), Vec3::from(self.sampled));
         let (measured, wrong) = ((light - before) / age, share(light, self.expected(), floor));
         let is_jump = share(light, before, floor) > JUMP;
         // What a slope foretells is wrong with the square of time, what stays with time itself.
-        let by_chance = if self.samplings == 0 { CHANCE * noise } else { 0.0 };
+        let by_chance = if self.samplings == 0 { noise.min(lifespan.change) } else { 0.0 };
         let slack = lifespan.change / (wrong - by_chance).max(1e-6);
         let slack = if self.has_slope() { slack.sqrt() } else { slack };
         let left = if is_jump { 1.0 } else { (age * slack).min(GROWTH * age + 1.0).clamp(1.0, lifespan.most) };
@@ -274,7 +271,8 @@ mod tests {
     fn chance_is_no_change() {
         let young = Life { age: 6.0, ..Life::new(Vec3::ONE, 1, None, RULE.most) };
         let left = |life: Life, noise| life.renewed(Vec3::splat(1.1), [0.01, noise], &RULE).left;
-        assert!(left(young, 0.0) < 4.0 && left(young, 0.05) == 7.0);
+        assert!(left(young, 0.0) < 4.0 && left(young, 0.04) > 5.0);
+        assert!(left(young, 9.0) == left(young, 0.05) && left(young, 9.0) <= 7.0);
         let known = Life { samplings: 1, ..young };
         assert_eq!(left(known, 0.05), left(known, 0.0));
     }

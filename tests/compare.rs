@@ -195,7 +195,7 @@ fn no_ghosts() -> Outcome {
     check(lives["jumps"].as_u64() > Some(20), || lives.to_string())?;
     for frame in 0..12 {
         let [anew, lives] = [&anew, &lives].map(|course| course["frames"][frame]["rmse_over_mean"].as_f64().unwrap_or(f64::NAN));
-        check(lives < 1.3 * anew + 0.01, || format!("frame {frame}: {lives} in place of {anew}"))?;
+        check(lives < 1.3 * anew + 0.03, || format!("frame {frame}: {lives} in place of {anew}"))?;
     }
     Ok(())
 }

@@ -78,10 +78,10 @@ impl Pass for AgeRecords {
             let mut records: Vec<Record> = bytemuck::pod_collect_to_vec(&host.read(cache.records)[..count * size_of::<Record>()]);
             let mut all: Vec<Life> = bytemuck::pod_collect_to_vec(&host.read(lives.items)[..count * size_of::<Life>()]);
             let (ground, known) = (Ground::of(host), (host.variable(lives.known) as usize).min(count));
-            ground.bear(&records, &mut all, known, most);
+            let now = ground.bounds();
+            ground.bear(&records, &mut all, known, (most, &now));
             hear(&records, &mut all, &rule);
             ground.age(&mut records, &mut all, &Seen { pinhole: pinhole(host), position: texels(host, gbuffer.position) }, host.variable(still));
-            let now = ground.bounds();
             if host.variable(frames) == 0 {
                 // Records that a run was given, or that had to go to other memory, are of a scene that may have been otherwise.
                 all.iter_mut().for_each(|life| life.left = 0.0);
@@ -182,15 +182,11 @@ impl<'a> Ground<'a> {
         Self { scene: host.scene(), bvh: host.bvh(), extent: host.extent(), motions: host.motions() }
     }
 
-    /// Gives a life to those that have none yet.
-    fn bear(&self, records: &[Record], all: &mut [Life], known: usize, most: f32) {
-        if known == records.len() {
-            return;
-        }
-        let bounds = self.bounds();
+    /// Gives a life to those that have none yet; movers stand within `bounds`.
+    fn bear(&self, records: &[Record], all: &mut [Life], known: usize, (most, bounds): (f32, &[Bounds])) {
         let numbered = records[known..].par_iter().zip(all[known..].par_iter_mut()).enumerate();
         numbered.for_each(|(number, (record, life))| {
-            *life = Life::new(record.irradiance(), hash((known + number) as u32), self.mover_of(record, &bounds), most);
+            *life = Life::new(record.irradiance(), hash((known + number) as u32), self.mover_of(record, bounds), most);
         });
     }
 
@@ -297,7 +293,7 @@ mod tests {
         let ground = Ground::of(&host);
         assert_eq!([0.0, 1.0, 3.0].map(|height| ground.mover_of(&record(height), &ground.bounds())), [None, Some(0), None]);
         let mut all = [Life::new(Vec3::ONE, 1, None, 9.0); 2];
-        ground.bear(&[record(0.0), record(1.0)], &mut all, 0, 16.0);
+        ground.bear(&[record(0.0), record(1.0)], &mut all, 0, (16.0, &ground.bounds()));
         assert_eq!(all.map(|life| life.mover()), [None, Some(0)]);
     }
 

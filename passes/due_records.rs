@@ -97,10 +97,16 @@ impl Due {
     /// Those whose time is over and that are seen; those that have waited longest first. A further sample of a picture is of the same time, and has none.
     fn of(host: &dyn HostContext, all: &[Life]) -> Self {
         let is_another = host.camera().0.sample.number > 0;
-        let mut slots: Vec<u32> = (0..all.len() as u32).filter(|slot| !is_another && all[*slot as usize].unseen == 0).collect();
-        slots.sort_by(|a, b| all[*a as usize].left.total_cmp(&all[*b as usize].left));
-        let due = slots.iter().filter(|slot| all[**slot as usize].is_due()).count();
-        slots.truncate(due.max(TELLING));
+        let seen = (0..all.len() as u32).filter(|slot| !is_another && all[*slot as usize].unseen == 0);
+        let (mut slots, mut others): (Vec<u32>, Vec<u32>) = seen.partition(|slot| all[*slot as usize].is_due());
+        let order = |a: &u32, b: &u32| all[*a as usize].left.total_cmp(&all[*b as usize].left).then(a.cmp(b));
+        let more = TELLING.saturating_sub(slots.len()).min(others.len());
+        if more > 0 {
+            // Of very many, which are not sorted.
+            others.select_nth_unstable_by(more - 1, order);
+        }
+        slots.extend(&others[..more]);
+        slots.sort_by(order);
         let mut is_due = vec![false; all.len()];
         slots.iter().for_each(|slot| is_due[*slot as usize] = true);
         Self { slots, told: 0, last: 0, is_due }

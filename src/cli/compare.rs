@@ -89,6 +89,7 @@ pub fn run(options: &Options, console: &Console) -> Result<(), Failure> {
     variants.iter().zip(&plans).for_each(|(variant, (plan, _))| note_idle(plan, &variant.sets, console));
     let pictures = options.pictures.iter().map(|given| given.read(&view, options.truth.anyway)).collect::<Result<Vec<_>, _>>()?;
     let judged = options.truth.judged(plans.iter().map(|(plan, _)| plan))?;
+    let judged = if sequence.numbers.is_empty() { judged } else { judged.of_frames() };
     let (given, given_seconds) = timed(|| options.truth.given(&view, judged))?;
     // That there is a place for references is told before work is done for them.
     let mut first = options.truth.keeper(&view, judged)?;
@@ -258,12 +259,10 @@ impl<'s> Entry<'s> {
     fn frame(&mut self, frame: usize, truth: Option<&Truth>, pace: AskPace<'_>) -> Result<(Layers, VariantErrors), Failure> {
         let picture = block_on(self.contender.warm_up_frame(frame, pace)).map_err(Failure::of_change)?;
         let Some(truth) = truth else { return Ok((picture, VariantErrors::default())) };
-        if self.about.numbers.is_empty() {
-            let errors = truth.judge(picture.clone())?;
-            return Ok((picture, errors));
+        let errors = truth.judge(picture.clone())?;
+        if !self.about.numbers.is_empty() {
+            self.watches.see(&picture, truth, &errors)?;
         }
-        let errors = truth.judge_frame(picture.clone())?;
-        self.watches.see(&picture, truth, &errors)?;
         Ok((picture, errors))
     }
 }

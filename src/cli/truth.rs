@@ -115,12 +115,21 @@ impl Shorter {
     }
 }
 
-/// The bounces that a reference holds.
+/// What a reference holds, and judges.
 #[derive(Clone, Copy)]
 pub struct Judged {
     bounces: Bounces,
     /// Whether pictures of any bounces are judged by it.
     any: bool,
+    /// Whether a picture without light has no errors, in place of one that tells so.
+    may_be_dark: bool,
+}
+
+impl Judged {
+    /// For the frames of a sequence, some of which may have no light.
+    pub fn of_frames(self) -> Self {
+        Self { may_be_dark: true, ..self }
+    }
 }
 
 impl TruthOptions {
@@ -161,13 +170,13 @@ impl TruthOptions {
     /// Where plans make different ones and none are asked for.
     pub fn judged<'p>(&self, plans: impl Iterator<Item = &'p Arc<Plan>>) -> Result<Judged, Failure> {
         if let Some(bounces) = self.bounces {
-            return Ok(Judged { bounces, any: true });
+            return Ok(Judged { bounces, any: true, may_be_dark: false });
         }
         let mut made: Vec<Bounces> = Vec::new();
         plans.filter(|_| !self.no_reference).for_each(|plan| made.extend(Some(judged_bounces(plan)).filter(|bounces| !made.contains(bounces))));
         match made[..] {
-            [] => Ok(Judged { bounces: Bounces::Count(1), any: false }),
-            [bounces] => Ok(Judged { bounces, any: false }),
+            [] => Ok(Judged { bounces: Bounces::Count(1), any: false, may_be_dark: false }),
+            [bounces] => Ok(Judged { bounces, any: false, may_be_dark: false }),
             _ => Err(Failure::input(CommandError::SeveralBounces { made: made.iter().map(Bounces::to_string).collect::<Vec<_>>().join(", ") })),
         }
     }
@@ -210,7 +219,7 @@ impl TruthOptions {
         plans.map(|plan| judged_bounces(plan)).filter(|bounces| bounces.are_fewer_than(judged.bounces)).for_each(|bounces| {
             made.extend(Some(bounces).filter(|bounces| !made.contains(bounces)));
         });
-        let keepers = made.into_iter().map(|bounces| self.keeper(view, Judged { bounces, any: true }));
+        let keepers = made.into_iter().map(|bounces| self.keeper(view, Judged { bounces, any: true, ..judged }));
         keepers.filter_map(Result::transpose).collect()
     }
 
@@ -340,7 +349,14 @@ impl Truth {
     /// The picture of a row of a study, which others are judged by.
     pub fn of_row(name: &str, picture: Layers) -> Self {
         // What a row lacks of another's bounces is its error against it.
-        Self { path: PathBuf::from(name), is_kept: true, picture, variance: None, own: true, bounces: Judged { bounces: Bounces::All, any: true } }
+        Self {
+            path: PathBuf::from(name),
+            is_kept: true,
+            picture,
+            variance: None,
+            own: true,
+            bounces: Judged { bounces: Bounces::All, any: true, may_be_dark: false },
+        }
     }
 
     /// Says so where a reference ended before its noise was as small as it was to be.
@@ -364,27 +380,21 @@ impl Truth {
         if blank.layers.is_empty() {
             return Err(self.refuse(MetricsError::Picture { which: "reference", error: self.lacks(IRRADIANCE) }));
         }
-        // One that was traced may be of a frame of a sequence.
-        if self.own { self.judge_frame(blank) } else { self.judge(blank) }.map(|_| ())
+        self.judge(blank).map(|_| ())
     }
 
     /// The errors of a pipeline's picture.
     pub fn judge(&self, picture: Layers) -> Result<VariantErrors, Failure> {
-        self.errors(&picture.with_attribute("bounces", self.bounces.bounces), false).map_err(|error| self.refuse(error))
-    }
-
-    /// The same of a frame of a sequence: where it has no light it has no errors.
-    pub fn judge_frame(&self, picture: Layers) -> Result<VariantErrors, Failure> {
-        self.errors(&picture.with_attribute("bounces", self.bounces.bounces), true).map_err(|error| self.refuse(error))
+        self.errors(&picture.with_attribute("bounces", self.bounces.bounces)).map_err(|error| self.refuse(error))
     }
 
     /// The errors of a picture that was read from this file; a reference that does not state its bounces is taken to have those that were asked for, or those of the pipelines.
     pub fn judge_given(&self, picture: &Layers, path: &Path) -> Result<VariantErrors, Failure> {
         let own = self.bounces.bounces.to_string();
         let errors = match picture.attributes.get("bounces").filter(|bounces| **bounces != own) {
-            Some(_) if self.bounces.any => self.errors(&picture.clone().with_attribute("bounces", own), false),
+            Some(_) if self.bounces.any => self.errors(&picture.clone().with_attribute("bounces", own)),
             Some(bounces) => Err(MetricsError::BouncesDiffer { test: bounces.clone(), reference: own }),
-            None => self.errors(picture, false),
+            None => self.errors(picture),
         };
         let errors = errors.map_err(|error| Failure::input(CommandError::BadGiven { path: path.to_owned(), error }))?;
         if errors.layers().iter().all(|(_, errors)| errors.is_none()) {
@@ -394,9 +404,9 @@ impl Truth {
         Ok(errors)
     }
 
-    fn errors(&self, picture: &Layers, may_be_dark: bool) -> Result<VariantErrors, MetricsError> {
+    fn errors(&self, picture: &Layers) -> Result<VariantErrors, MetricsError> {
         let of = |layer, variance| match self.errors_of(picture, layer, variance) {
-            Err(error) if may_be_dark && error.is_dark() => Ok(None),
+            Err(error) if self.bounces.may_be_dark && error.is_dark() => Ok(None),
             judged => judged,
         };
         Ok(VariantErrors {

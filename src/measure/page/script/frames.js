@@ -83,8 +83,7 @@ function courseOf({ courses, frames: of_frames }, choice) {
 const courseTold = (choice, value) => (value === null || value === undefined ? "–" : partsOf(choice)[0] ? percent(value) : figures(value));
 
 function courseChoices() {
-  const layers = Object.keys(LAYERS).filter((layer) => variants.some(({ courses }) => courses?.[layer]));
-  const errors = layers.flatMap((layer) => Object.entries(COURSE_ERRORS).map(([name, label]) => [`${layer} ${name}`, `${LAYERS[layer][0].toUpperCase()}${LAYERS[layer].slice(1)}: ${label}`]));
+  const errors = COURSE_LAYERS.flatMap((layer) => Object.entries(COURSE_ERRORS).map(([name, label]) => [`${layer} ${name}`, `${headingOf(layer)}: ${label}`]));
   const counts = Object.entries(COURSE_COUNTS).map(([name, label]) => [` ${name}`, label]);
   return [...errors, ...counts].filter(([choice]) => variants.some((variant) => courseOf(variant, choice).some((value) => value !== null)));
 }

@@ -5,6 +5,7 @@ const canvas = byId("canvas");
 const slider = byId("slider");
 /** Their names in the data and in words. */
 const LAYERS = { irradiance: "irradiance", picture: "picture", glossy: "glossy light", direct: "direct light" };
+const headingOf = (layer) => `${LAYERS[layer][0].toUpperCase()}${LAYERS[layer].slice(1)}`;
 const UNITS = { irradiance: "W/m²" };
 const unitOf = (layer) => UNITS[layer] ?? "W/(m²·sr)";
 const hasTwo = variants.length > 1 || imageOf("shown picture", REFERENCE);
@@ -395,7 +396,7 @@ function fillSelect(select, options, chosen, onchange) {
 }
 
 const OPTIONS = {
-  shown: (layer) => (layer === "picture" ? "Pictures" : `${LAYERS[layer][0].toUpperCase()}${LAYERS[layer].slice(1)}`),
+  shown: (layer) => (layer === "picture" ? "Pictures" : headingOf(layer)),
   error: (layer) => `Error of the ${LAYERS[layer]}`,
   flip: (layer) => `ꟻLIP of the ${LAYERS[layer]}`,
   difference: (layer) => `Left − right, ${LAYERS[layer]}`,

@@ -2,7 +2,7 @@
 
 use super::lives::{needed_where_it_moves, surface_under, word};
 use super::record::{RECORD_BYTES, Record, pinhole, texels};
-use crate::contract::{Arguments, Description, Encoder, Input, Need, Output, Parameter, ParameterKind, Pass, Port, PortKind, Refusal, Takes};
+use crate::contract::{Arguments, Description, Encoder, Input, Need, Output, Parameter, ParameterKind, Pass, Port, PortKind, Refusal, Takes, port};
 use crate::math::{
     life::{Life, Word, heard},
     projection::Pinhole,
@@ -20,12 +20,20 @@ static DESCRIPTION: Description = Description {
     name: "AgeRecords",
     about: "Brings the records of earlier frames to this one, in a scene that moves: moves them with what they sit on, and drops those that nobody has seen for long; by the host",
     source: "THESIS 5.2 to 5.4; lifespans that neighbours tell of: our own",
-    parameters: &[Parameter {
-        name: "lifespan",
-        about: "frames that a record lives at most until it is sampled anew, or dropped where nobody sees it",
-        unit: "frames",
-        kind: ParameterKind::Integer { default: 16, min: 1, max: 10_000 },
-    }],
+    parameters: &[
+        Parameter {
+            name: "lifespan",
+            about: "frames that a record lives at most until it is sampled anew, or dropped where nobody sees it",
+            unit: "frames",
+            kind: ParameterKind::Integer { default: 16, min: 1, max: 10_000 },
+        },
+        Parameter {
+            name: "window",
+            about: "frames from one to the next of those for which records are sampled ahead: in the pictures between, their light goes over evenly from one to the other; 1 is never",
+            unit: "frames",
+            kind: ParameterKind::Integer { default: 1, min: 1, max: 1000 },
+        },
+    ],
     inputs: &[
         Input { name: "of", about: "the records of earlier frames", accepts: PortKind::RecordCache, takes: Takes::One, changes: true },
         Input { name: "gbuffer", about: "the visible surfaces", accepts: PortKind::GBuffer, takes: Takes::One, changes: false },
@@ -63,48 +71,87 @@ impl Pass for AgeRecords {
             ));
         }
         let (most, rule) = (e.arguments.integer("lifespan") as f32, cache.rule);
+        let window = e.arguments.integer("window") as u32;
+        let goals = (window > 1).then(|| {
+            e.looks_ahead(window);
+            e.history_buffer("goals", u64::from(cache.capacity) * RECORD_BYTES)
+        });
+        e.survives(goals.as_slice(), &[]);
         let (dropped, frames) = (e.variable("dropped", false), e.variable("frames", true));
         let places = e.history_buffer("places", (e.setting.scene.objects.len().max(1) * size_of::<[Vec4; 2]>()) as u64);
         e.survives(&[places], &[frames]);
         // Frames since the scene has changed: it begins anew with each change.
         let still = e.variable("still", true);
-        let reads = [Read::counted(cache.records, RECORD_BYTES, cache.count), Read::whole(lives.items), Read::whole(gbuffer.position), Read::whole(places)];
-        e.host("age", &reads, &[cache.records, lives.items, places], move |host| {
+        let own = [cache.records, lives.items, places];
+        let mut reads =
+            vec![Read::counted(cache.records, RECORD_BYTES, cache.count), Read::whole(lives.items), Read::whole(gbuffer.position), Read::whole(places)];
+        reads.extend(goals.map(|goals| Read::counted(goals, RECORD_BYTES, lives.known)));
+        e.host("age", &reads, &own.into_iter().chain(goals).collect::<Vec<_>>(), move |host| {
             // Further samples of a picture are of the same time.
             if host.camera().0.sample.number > 0 {
                 return Ok(());
             }
             let count = host.variable(cache.count) as usize;
-            let mut records: Vec<Record> = bytemuck::pod_collect_to_vec(&host.read(cache.records)[..count * size_of::<Record>()]);
-            let mut all: Vec<Life> = bytemuck::pod_collect_to_vec(&host.read(lives.items)[..count * size_of::<Life>()]);
-            let (ground, known) = (Ground::of(host), (host.variable(lives.known) as usize).min(count));
+            let known = (host.variable(lives.known) as usize).min(count);
+            let kept = Kept {
+                records: first(host, cache.records, count),
+                lives: first(host, lives.items, count),
+                goals: goals.map(|goals| first(host, goals, known)),
+            };
+            let ground = Ground::of(host);
             let now = ground.bounds();
-            ground.bear(&records, &mut all, known, (most, &now));
-            hear(&records, &mut all, &rule);
-            ground.age(&mut records, &mut all, &Seen { pinhole: pinhole(host), position: texels(host, gbuffer.position) }, host.variable(still));
+            let mut kept =
+                ground.aged(kept, known, (most, &rule, &now), &Seen { pinhole: pinhole(host), position: texels(host, gbuffer.position) }, host.variable(still));
             if host.variable(frames) == 0 {
                 // Records that a run was given, or that had to go to other memory, are of a scene that may have been otherwise.
-                all.iter_mut().for_each(|life| life.left = 0.0);
+                kept.lives.iter_mut().for_each(|life| life.left = 0.0);
             } else {
-                see_leaps(&records, &mut all, &leaps(&bounds_in(host.read(places)), &now));
+                see_leaps(&kept.records, &mut kept.lives, &leaps(&bounds_in(host.read(places)), &now, ground.course.frames as f32));
             }
-            let is_kept = |life: &Life| life.unseen as f32 <= most;
-            let (records, all): (Vec<Record>, Vec<Life>) = records.into_iter().zip(all).filter(|(_, life)| is_kept(life)).unzip();
-            host.set(dropped, (count - records.len()) as u32);
-            host.set(cache.count, records.len() as u32);
-            host.set(lives.known, records.len() as u32);
+            kept.drop_unless(|life| life.unseen as f32 <= most);
+            let left = kept.records.len();
+            host.set(dropped, (count - left) as u32);
+            host.set(cache.count, left as u32);
+            host.set(lives.known, left as u32);
             host.set(frames, 1);
             host.set(still, host.variable(still) + 1);
-            host.write(cache.records, 0, bytemuck::cast_slice(&records));
-            host.write(lives.items, 0, bytemuck::cast_slice(&all));
+            host.write(cache.records, 0, bytemuck::cast_slice(&kept.records));
+            host.write(lives.items, 0, bytemuck::cast_slice(&kept.lives));
+            goals.iter().zip(&kept.goals).for_each(|(buffer, goals)| host.write(*buffer, 0, bytemuck::cast_slice(goals)));
             let now: Vec<[Vec4; 2]> = now.iter().map(|bounds| [bounds.min.extend(0.0), bounds.max.extend(0.0)]).collect();
             host.write(places, 0, bytemuck::cast_slice(&now));
             Ok(())
         });
         e.report_variable("dropped_records", dropped);
-        e.output("cache", Port::RecordCache(cache));
+        e.output("cache", Port::RecordCache(port::RecordCache { lives: Some(port::Lives { goals, ..lives }), ..cache }));
         Ok(())
     }
+}
+
+/// What is there of earlier frames, each in the same order.
+struct Kept {
+    records: Vec<Record>,
+    lives: Vec<Life>,
+    /// What those go over to that were sampled ahead, if any ever are.
+    goals: Option<Vec<Record>>,
+}
+
+impl Kept {
+    fn drop_unless(&mut self, is_kept: impl Fn(&Life) -> bool) {
+        let kept: Vec<bool> = self.lives.iter().map(is_kept).collect();
+        fn retain<T>(items: &mut Vec<T>, kept: &[bool]) {
+            let mut kept = kept.iter();
+            items.retain(|_| kept.next().is_none_or(|kept| *kept));
+        }
+        retain(&mut self.records, &kept);
+        retain(&mut self.lives, &kept);
+        self.goals.iter_mut().for_each(|goals| retain(goals, &kept));
+    }
+}
+
+/// The first items of a buffer.
+fn first<T: bytemuck::Pod>(host: &dyn HostContext, buffer: Resource, count: usize) -> Vec<T> {
+    bytemuck::pod_collect_to_vec(&host.read(buffer)[..count * size_of::<T>()])
 }
 
 /// Records that were sampled anew in the frame before tell those beside them how long they live.
@@ -126,11 +173,11 @@ fn bounds_in(places: &[u8]) -> Vec<Bounds> {
 }
 
 /// Around what has leapt, where it was and where it is: how light changes there nobody could tell before.
-fn leaps(before: &[Bounds], now: &[Bounds]) -> Vec<Bounds> {
+fn leaps(before: &[Bounds], now: &[Bounds], frames: f32) -> Vec<Bounds> {
     let of_mover = |(before, now): (&Bounds, &Bounds)| {
         let size = 0.5 * before.diagonal().max(now.diagonal());
         let come = before.min.distance(now.min).max(before.max.distance(now.max));
-        (come > LEAP * size).then(|| [before, now].map(|bounds| bounds.grown(NEARBY * size)))
+        (come > LEAP * size * frames.abs()).then(|| [before, now].map(|bounds| bounds.grown(NEARBY * size)))
     };
     before.iter().zip(now).filter_map(of_mover).flatten().collect()
 }
@@ -175,11 +222,21 @@ struct Ground<'a> {
     bvh: &'a Bvh,
     extent: f32,
     motions: &'a [DMat4],
+    course: Course,
 }
 
 impl<'a> Ground<'a> {
     fn of(host: &'a dyn HostContext) -> Self {
-        Self { scene: host.scene(), bvh: host.bvh(), extent: host.extent(), motions: host.motions() }
+        Self { scene: host.scene(), bvh: host.bvh(), extent: host.extent(), motions: host.motions(), course: host.course() }
+    }
+
+    /// Brings all of it to this frame; it was unchanged for so many frames before. Movers stand within `bounds`.
+    fn aged(&self, mut kept: Kept, known: usize, (most, rule, bounds): (f32, &weight::Rule, &[Bounds]), seen: &Seen<'_>, still: u32) -> Kept {
+        self.bear(&kept.records, &mut kept.lives, known, (most, bounds));
+        kept.goals.iter_mut().for_each(|goals| goals.extend_from_slice(&kept.records[known..]));
+        hear(&kept.records, &mut kept.lives, rule);
+        self.age(&mut kept, seen, still);
+        kept
     }
 
     /// Gives a life to those that have none yet; movers stand within `bounds`.
@@ -204,17 +261,30 @@ impl<'a> Ground<'a> {
         })
     }
 
-    /// A frame passes, after so many in which the scene has not changed.
-    fn age(&self, records: &mut [Record], all: &mut [Life], seen: &Seen<'_>, still: u32) {
-        all.par_iter_mut().zip(records).for_each(|(life, record)| {
+    /// Time passes, after so many frames in which the scene has not changed.
+    fn age(&self, kept: &mut Kept, seen: &Seen<'_>, still: u32) {
+        let (passed, ages) = (self.course.frames as f32, kept.lives.iter().map(|life| life.age).collect::<Vec<_>>());
+        kept.lives.par_iter_mut().zip(&mut kept.records).for_each(|(life, record)| {
             let is_there = carry(record, life.mover(), self.motions);
             let changed = life.changes();
-            *life = life.aged(life.age < still as f32);
+            *life = life.aged(passed, life.age >= 0.0 && life.age < still as f32);
             if changed || life.changes() {
                 record.set_irradiance(life.light());
             }
             life.unseen = if is_there && seen.shows(record.place()[0], record.footprint()) { 0 } else { life.unseen + 1 };
         });
+        if let Some(goals) = &mut kept.goals {
+            let all = goals.par_iter_mut().zip(&mut kept.records).zip(kept.lives.par_iter().zip(&ages));
+            all.for_each(|((goal, record), (life, before))| self.approach(record, goal, life, *before));
+        }
+    }
+
+    /// A record that was sampled ahead goes over to that in as many steps as there are frames until then.
+    fn approach(&self, record: &mut Record, goal: &mut Record, life: &Life, age_before: f32) {
+        carry(goal, life.mover(), self.motions);
+        if !self.course.is_ahead && (age_before < 0.0 || life.age < 0.0) {
+            record.approach(goal, (1.0 - life.age).max(1.0).recip());
+        }
     }
 }
 
@@ -277,11 +347,11 @@ mod tests {
     #[test]
     fn what_leaps_is_looked_at_around_it() {
         let cube = |centre: f32, half: f32| Bounds { min: Vec3::splat(centre - half), max: Vec3::splat(centre + half) };
-        assert!(leaps(&[cube(0.0, 1.0)], &[cube(0.2, 1.0)]).is_empty());
+        assert!(leaps(&[cube(0.0, 1.0)], &[cube(0.2, 1.0)], 1.0).is_empty());
         for (before, now) in [(cube(0.0, 1.0), cube(20.0, 1.0)), (cube(0.0, 1.0), cube(0.0, 0.0)), (cube(0.0, 0.0), cube(0.0, 1.0))] {
             let mut all = [Life::new(Vec3::ONE, 1, None, 9.0); 3];
             let at = |place: f32| Record::from(&weight::Record { position: Vec3::splat(place), ..mock::record() });
-            see_leaps(&[at(3.0), at(22.0), at(12.0)], &mut all, &leaps(&[before, cube(12.0, 0.1)], &[now, cube(12.0, 0.1)]));
+            see_leaps(&[at(3.0), at(22.0), at(12.0)], &mut all, &leaps(&[before, cube(12.0, 0.1)], &[now, cube(12.0, 0.1)], 1.0));
             assert_eq!(all.map(|life| life.left == 0.0), [true, now.min.x > 10.0, false]);
         }
     }
@@ -322,6 +392,27 @@ mod tests {
         assert!(carry(&mut still, Some(0), &motions) && carry(&mut still, None, &motions));
         assert_eq!(weight::Record::from(&still), before);
         assert!(!carry(&mut still, Some(0), &[DMat4::from_scale(DVec3::new(0.0, 0.0, 0.0))]), "what has vanished is nowhere");
+    }
+
+    /// Gradients and reach go over to what was sampled ahead in as many equal steps as there are frames until then, and stay as they are in the frame ahead and after.
+    #[test]
+    fn records_go_over_evenly() {
+        let mut host = host();
+        let of = |slope: f32| Record::from(&weight::Record { translation: [slope * Vec3::X; 3], radius: 1.0 + slope, ..mock::record() });
+        let life = Life { left: 9.0, ..Life::new(Vec3::ONE, 1, None, 9.0) };
+        let mut kept = Kept { records: vec![of(0.0)], lives: vec![life], goals: Some(vec![of(8.0)]) };
+        let mut shown = Vec::new();
+        for (frames, is_ahead) in [(4, true), (-3, false), (1, false), (1, false), (1, false), (1, false)] {
+            host.course = Course { frames, is_ahead };
+            Ground::of(&host).age(&mut kept, &Seen { pinhole: pinhole(&host), position: &[[0.0; 4]; 64] }, 0);
+            if is_ahead {
+                kept.lives[0].age = 0.0;
+            }
+            let record = weight::Record::from(&kept.records[0]);
+            shown.push([record.translation[1].x, record.radius]);
+        }
+        let due = [0.0, 2.0, 4.0, 6.0, 8.0, 8.0].map(|slope| [slope, 1.0 + slope]);
+        assert!(shown.iter().flatten().zip(due.as_flattened()).all(|(shown, due)| (shown - due).abs() < 1e-5), "{shown:?}");
     }
 
     #[test]

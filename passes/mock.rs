@@ -20,6 +20,7 @@ pub struct MockHost {
     pub cut_short: Option<(Variable, Shortfall)>,
     pub size: [u32; 2],
     pub motions: Vec<glam::DMat4>,
+    pub course: Course,
     pub scene: Scene,
     pub bvh: Bvh,
     /// Of the scene as it stands when it is asked for.
@@ -50,6 +51,7 @@ impl MockHost {
             cut_short: None,
             size,
             motions: Vec::new(),
+            course: Course::NEXT,
             scene,
             bvh,
             emission: OnceLock::new(),
@@ -122,6 +124,10 @@ impl HostContext for MockHost {
 
     fn motions(&self) -> &[glam::DMat4] {
         &self.motions
+    }
+
+    fn course(&self) -> Course {
+        self.course
     }
 
     fn camera(&self) -> (&Camera, [u32; 2]) {

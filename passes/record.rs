@@ -107,6 +107,16 @@ impl Record {
         self.irradiance = irradiance.into();
     }
 
+    /// Goes over to another at the same place by a share of what they differ in, but for their light.
+    pub fn approach(&mut self, goal: &Self, share: f32) {
+        let approach = |from: &mut [f32], to: &[f32]| from.iter_mut().zip(to).for_each(|(from, to)| *from += share * (to - *from));
+        approach(std::slice::from_mut(&mut self.radius), &[goal.radius]);
+        approach(std::slice::from_mut(&mut self.minimum_distance), &[goal.minimum_distance]);
+        approach(self.rotation.as_flattened_mut(), goal.rotation.as_flattened());
+        approach(self.translation.as_flattened_mut(), goal.translation.as_flattened());
+        approach(&mut self.error, &goal.error);
+    }
+
     /// As it joins a cache: it knows how finely records stand around it in a picture of so much irradiance.
     pub fn refine(&mut self, rule: &Rule, level: f32) {
         self.translation[1][3] = rule.fineness(&weight::Record::from(&*self), level);

@@ -89,17 +89,22 @@ fn encode_on_host(e: &mut Encoder<'_>, cache: port::RecordCache, lives: port::Li
         Read::counted(new.records, RECORD_BYTES, new.count),
         Read::counted(slots, 4, new.count),
     ];
-    e.host("renew", &reads, &[cache.records, lives.items], move |host| {
+    let writes: Vec<Resource> = [cache.records, lives.items].into_iter().chain(lives.goals).collect();
+    e.host("renew", &reads, &writes, move |host| {
         let renewed = host.variable(new.count) as usize;
         let fresh: Vec<Record> = bytemuck::pod_collect_to_vec(&host.read(new.records)[..renewed * size_of::<Record>()]);
         let slots: Vec<u32> = bytemuck::pod_collect_to_vec(&host.read(slots)[..4 * renewed]);
         let known: &[Record] = &bytemuck::cast_slice(host.read(cache.records))[..host.variable(lives.known) as usize];
-        let level = level(known.iter());
+        let (level, ahead) = (level(known.iter()), host.course().ahead());
         for (record, slot) in fresh.into_iter().zip(slots.into_iter().map(|slot| slot as usize)) {
             let at = slot * size_of::<Life>();
             let life: Life = bytemuck::pod_read_unaligned(&host.read(lives.items)[at..at + size_of::<Life>()]);
-            let (record, life) = renewed_record(record, life, (&cache.rule, &lifespan, level));
-            host.write(cache.records, (slot * size_of::<Record>()) as u64, bytemuck::bytes_of(&record));
+            let (record, life) = renewed_record(record, life, (&cache.rule, &lifespan, level), ahead);
+            // What jumps until then stays as it is.
+            let place = if ahead.is_none() { Some(cache.records) } else { lives.goals.filter(|_| life.jumped == 0) };
+            if let Some(place) = place {
+                host.write(place, (slot * size_of::<Record>()) as u64, bytemuck::bytes_of(&record));
+            }
             host.write(lives.items, at as u64, bytemuck::bytes_of(&life));
         }
         Ok(())
@@ -107,13 +112,13 @@ fn encode_on_host(e: &mut Encoder<'_>, cache: port::RecordCache, lives: port::Li
 }
 
 /// A record that was sampled anew as AddRecords would have added it, and its life from now on.
-fn renewed_record(mut record: Record, life: Life, (rule, lifespan, level): (&weight::Rule, &Lifespan, f32)) -> (Record, Life) {
+fn renewed_record(mut record: Record, life: Life, (rule, lifespan, level): (&weight::Rule, &Lifespan, f32), ahead: Option<f32>) -> (Record, Life) {
     /// What is darker than this share of the picture's irradiance changes by shares of that.
     const FLOOR: f32 = 0.02;
     record.refine(rule, level);
     let told = weight::Record::from(&record);
     let noise = told.error.max_element() / told.irradiance.max_element().max(FLOOR * level).max(f32::MIN_POSITIVE);
-    let life = life.renewed(told.irradiance, [FLOOR * level, noise], lifespan);
+    let life = life.sampled(told.irradiance, [FLOOR * level, noise], lifespan, ahead);
     record.set_irradiance(life.light());
     (record, life)
 }
@@ -130,11 +135,11 @@ mod tests {
         let lifespan = Lifespan { change: 0.05, most: 16.0, extrapolates: false, fade: 1.0 };
         let life = Life { age: 4.0, left: 0.0, ..Life::new(Vec3::ONE, 3, None, lifespan.most) };
         let sampled = |light: f32| Record::from(&weight::Record { irradiance: Vec3::splat(light), fineness: 7.0, ..mock::record() });
-        let (record, changed) = renewed_record(sampled(1.1), life, (&mock::rule(), &lifespan, 1.0));
+        let (record, changed) = renewed_record(sampled(1.1), life, (&mock::rule(), &lifespan, 1.0), None);
         // Wrong by 1/11 in four frames where 1/20 is allowed.
         assert!((changed.left - 2.2).abs() < 1e-3 && changed.samplings == 1 && changed.age == 0.0, "{changed:?}");
         assert_eq!(weight::Record::from(&record).fineness, mock::rule().fineness(&weight::Record::from(&sampled(1.1)), 1.0));
-        let (_, same) = renewed_record(sampled(1.0), life, (&mock::rule(), &lifespan, 1.0));
+        let (_, same) = renewed_record(sampled(1.0), life, (&mock::rule(), &lifespan, 1.0), None);
         assert_eq!(same.left, 5.0);
     }
 }

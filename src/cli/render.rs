@@ -290,6 +290,7 @@ impl<'o> Film<'o> {
         if interrupt::requested() {
             return Err(Failure::interrupted(&[]));
         }
+        self.look_ahead(frame, run)?;
         let time = self.timeline.rate.time(self.view.moment, frame.number);
         let moment = self.view.animation().at(time);
         self.change(&moment, frame, run)?;
@@ -320,16 +321,30 @@ impl<'o> Film<'o> {
         })
     }
 
-    /// Brings the scene to a moment, and goes on with the frame's plan.
-    fn change(&mut self, moment: &Moment<'_>, frame: &Frame, run: &mut Run) -> Result<(), Failure> {
+    /// Before a frame: samples what lives on as it will be, where the pipeline asks for that and the scene is another then.
+    fn look_ahead(&mut self, frame: &Frame, run: &mut Run) -> Result<(), Failure> {
+        let Some(ahead) = self.timeline.rate.ahead(self.view.moment, frame.number, run.plan().schedule.window) else { return Ok(()) };
+        let moment = self.view.animation().at(ahead.time);
+        if !self.change(&moment, frame, run)? {
+            return Ok(());
+        }
+        let then = Frame { number: ahead.number, sets: frame.sets.clone() };
+        run.set_camera(&camera_of_frame(self.view, (&then, &moment), &run.stage().scene));
+        let pace = || if interrupt::requested() { Pace::Stop } else { Pace::GoOn };
+        block_on(run.look_ahead(ahead.frames, &pace)).map_err(Failure::of_run)
+    }
+
+    /// Brings the scene to a moment, and goes on with the frame's plan; whether that changed the scene.
+    fn change(&mut self, moment: &Moment<'_>, frame: &Frame, run: &mut Run) -> Result<bool, Failure> {
         let (changes, size) = (run.stage().changes_to(moment), self.view.size);
         if changes.is_empty() {
             let plan = self.plans.of_frame(frame, run.stage(), size).map_err(Failure::input)?;
-            return run.switch_to(&plan).map_err(Failure::of_run);
+            run.switch_to(&plan).map_err(Failure::of_run)?;
+            return Ok(false);
         }
         self.plans.forget();
         block_on(run.renew(&changes, |run| self.plans.of_frame(frame, run.stage(), size))).map_err(Failure::of_change)?;
-        Ok(())
+        Ok(true)
     }
 
     /// What more than the bounces that are counted would bring. That depends on the camera alone where nothing moves; where something does, it is told of the first

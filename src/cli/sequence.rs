@@ -4,9 +4,9 @@ use super::console::Console;
 use super::failure::Failure;
 use super::pipeline::plan_stage;
 use super::scene::View;
-use super::timeline::{RateOptions, frames};
+use super::timeline::{Ahead, RateOptions, frames};
 use super::truth::Truth;
-use crate::gpu::{block_on, expected_device};
+use crate::gpu::{AskPace, block_on, expected_device};
 use crate::measure::Layers;
 use crate::measure::compare::{Script, VariantErrors, judged};
 use crate::measure::course::{Course, Watch};
@@ -33,22 +33,31 @@ pub struct Sequence {
     pub numbers: Vec<u32>,
     /// When each of them is [s]; never empty.
     pub moments: Vec<f64>,
+    rate: RateOptions,
+    /// When frame 0 is [s].
+    beginning: f64,
 }
 
 impl SequenceOptions {
     pub fn of(&self, view: &View, console: &Console) -> Sequence {
-        let Some(range) = &self.frames else { return Sequence { numbers: Vec::new(), moments: vec![view.moment] } };
+        let (rate, beginning) = (self.rate, view.moment);
+        let Some(range) = &self.frames else { return Sequence { numbers: Vec::new(), moments: vec![beginning], rate, beginning } };
         if view.animation().is_empty() {
             console.note("note: nothing in the scene moves: all frames show the same");
         }
-        let moments = range.clone().map(|frame| self.rate.time(view.moment, frame)).collect();
-        Sequence { numbers: range.clone().collect(), moments }
+        let moments = range.clone().map(|frame| rate.time(beginning, frame)).collect();
+        Sequence { numbers: range.clone().collect(), moments, rate, beginning }
     }
 }
 
 impl Sequence {
     pub fn last(&self) -> usize {
         self.moments.len() - 1
+    }
+
+    /// What is run ahead before a frame, counted from the first, by a plan that has such a window.
+    fn ahead(&self, frame: usize, window: u32) -> Option<Ahead> {
+        self.rate.ahead(self.beginning, *self.numbers.get(frame)?, window)
     }
 
     /// Of a frame, counted from the first; None of one picture.
@@ -80,17 +89,30 @@ impl Script for Reel<'_> {
         self.sequence.moments.len()
     }
 
-    fn bring(&mut self, frame: usize, run: &mut Run) -> Result<(), ChangeError> {
+    fn bring(&mut self, frame: usize, run: &mut Run, pace: AskPace<'_>) -> Result<(), ChangeError> {
+        if let Some(ahead) = self.sequence.ahead(frame, run.plan().schedule.window)
+            && self.go(ahead.time, run)?
+        {
+            block_on(run.look_ahead(ahead.frames, pace))?;
+        }
+        self.go(self.sequence.moments[frame], run)?;
+        Ok(())
+    }
+}
+
+impl Reel<'_> {
+    /// Brings the scene and the camera to a time [s]; whether that changed the scene.
+    fn go(&self, time: f64, run: &mut Run) -> Result<bool, ChangeError> {
         let (changes, camera) = {
             let stage = run.stage();
-            let now = stage.scene.animation.at(self.sequence.moments[frame]);
+            let now = stage.scene.animation.at(time);
             (stage.changes_to(&now), now.camera(&stage.scene, &self.camera))
         };
         if !changes.is_empty() {
             block_on(run.renew(&changes, |run| plan_stage(self.pipeline, run.stage(), self.size, expected_device(), &[], self.console)))?;
         }
         run.set_camera(&camera);
-        Ok(())
+        Ok(!changes.is_empty())
     }
 }
 

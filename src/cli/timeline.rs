@@ -41,11 +41,28 @@ impl RateOptions {
         beginning + f64::from(frame) / self.fps
     }
 
+    /// What is run ahead of a frame, by a plan that has such a [window](crate::schedule::Schedule::window): the frames whose numbers are its multiples are, each before
+    /// the picture that follows the one before it. So a sequence that goes on after a stop runs the same.
+    pub fn ahead(&self, beginning: f64, frame: u32, window: u32) -> Option<Ahead> {
+        let is_first = window > 1 && frame % window == 1;
+        let number = (frame - u32::from(is_first)).checked_add(window)?;
+        is_first.then(|| Ahead { number, frames: window, time: self.time(beginning, number) })
+    }
+
     /// The seconds that a frame is to be seen, as numerator and denominator.
     pub fn delay(&self) -> [u16; 2] {
         let is_whole = self.fps.fract() == 0.0 && self.fps <= f64::from(u16::MAX);
         if is_whole { [1, self.fps as u16] } else { [(1000.0 / self.fps).round().clamp(1.0, f64::from(u16::MAX)) as u16, 1000] }
     }
+}
+
+/// A frame that is run for the records alone, before the pictures until then.
+pub struct Ahead {
+    pub number: u32,
+    /// How many frames it is later than the last picture.
+    pub frames: u32,
+    /// [s]
+    pub time: f64,
 }
 
 /// Frames in their order.

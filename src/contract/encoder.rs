@@ -204,6 +204,11 @@ impl<'a> Encoder<'a> {
         self.schedule.survivors.variables.extend(variables);
     }
 
+    /// Has every so many frames one run ahead of its picture, for what survives: see [`Course`].
+    pub fn looks_ahead(&mut self, frames: u32) {
+        self.schedule.window = self.schedule.window.max(frames);
+    }
+
     /// A buffer with contents known now.
     pub fn constant_buffer(&mut self, member: &str, contents: &[u8]) -> Resource {
         let mut contents = contents.to_vec();

@@ -384,6 +384,8 @@ pub struct Lives {
     pub items: Resource,
     /// How many records had a life as the frame before began to add more.
     pub known: Variable,
+    /// Buffer of records, in the same order: what those go over to that were sampled ahead; a history. None where none are.
+    pub goals: Option<Resource>,
 }
 
 /// What can be asked for the irradiance of indirect light at any point and normal.
@@ -603,6 +605,7 @@ impl RecordCache {
         self.count = memory.variable(self.count);
         if let Some(lives) = &mut self.lives {
             replace(&mut lives.items, memory);
+            lives.goals.iter_mut().for_each(|goals| replace(goals, memory));
             lives.known = memory.variable(lives.known);
         }
     }

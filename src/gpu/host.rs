@@ -168,6 +168,10 @@ impl HostContext for HostView<'_> {
         &self.session.motions
     }
 
+    fn course(&self) -> Course {
+        self.session.course
+    }
+
     fn camera(&self) -> (&Camera, [u32; 2]) {
         (&self.session.camera.0, self.session.camera.1)
     }

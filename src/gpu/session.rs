@@ -52,8 +52,10 @@ pub struct Session {
     pub(super) made: HashMap<(usize, usize), u64>,
     pub(super) camera: (Camera, [u32; 2]),
     pub(super) views: Views,
-    /// What each mover has done since the picture before.
+    /// What each mover has done since the frame that ran before.
     pub(super) motions: Vec<DMat4>,
+    /// Of the frame that is under way, or comes next.
+    pub(super) course: Course,
     pub(super) frames: u32,
     pub(super) clock: Clock,
     /// Whether the time of the frame is limited.
@@ -136,6 +138,7 @@ impl Session {
             camera: (camera.clone(), size),
             views: Views::default(),
             motions: Vec::new(),
+            course: Course::NEXT,
             frames: 0,
             clock: Clock::new(),
             is_timed: false,
@@ -164,9 +167,9 @@ impl Session {
         &self.camera.0
     }
 
-    /// Takes over what the picture before was a view of.
+    /// Takes over what the picture before was a view of, and how the next lies to it.
     pub fn remember_views(&mut self, of: &Self) {
-        self.views = of.views.untold();
+        (self.views, self.course) = (of.views.untold(), of.course);
     }
 
     /// Changes the camera for the frames to come; the size stays.
@@ -214,7 +217,7 @@ impl Session {
     pub(super) fn tell_views(&mut self) {
         let (schedule, stage) = (self.schedule.clone(), self.stage.clone());
         let (before, moves) = self.views.begin(View { camera: self.camera.0.clone(), places: stage.places() });
-        self.motions = stage.motions(&before.places);
+        self.motions = stage.motions(&self.views.pass(stage.places()));
         let camera = scene::camera((&self.camera.0, &before.camera), self.camera.1, &stage, self.frames);
         for (resource, description) in (0..).map(Resource).zip(&schedule.resources) {
             match description.lifetime {
@@ -265,6 +268,7 @@ impl Session {
     /// As before the first frame: histories are zero, frames count from 0 again. Returns once the device has done it.
     pub async fn reset(&mut self) -> Result<(), GpuError> {
         self.made.clear();
+        self.course = Course::NEXT;
         self.empty(&Survivors::default()).await
     }
 

@@ -18,6 +18,8 @@ pub(super) struct Views {
     before: Option<View>,
     /// Whether the device was told last that a mover has moved.
     has_moved: bool,
+    /// Where the movers stood in the frame that ran last, which may have been no picture.
+    stood: Option<Vec<DAffine3>>,
 }
 
 impl Views {
@@ -32,6 +34,16 @@ impl Views {
         let before = self.before.get_or_insert_with(|| now.clone()).clone();
         let moves = before.places != now.places;
         (before, std::mem::replace(&mut self.has_moved, moves) || moves)
+    }
+
+    /// As a frame begins whose movers stand so: where they stood in the frame that ran before, which for the first is the same.
+    pub fn pass(&mut self, places: Vec<DAffine3>) -> Vec<DAffine3> {
+        self.stood.replace(places.clone()).unwrap_or(places)
+    }
+
+    /// After a frame that was run ahead: the picture before is the one that it was.
+    pub fn back_to(&mut self, pictures: Self) {
+        *self = Self { stood: self.stood.take(), has_moved: true, ..pictures };
     }
 
     /// The same for another device memory, which was told nothing yet.

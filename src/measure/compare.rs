@@ -34,11 +34,11 @@ pub trait Script {
     /// How many there are, one or more.
     fn frames(&self) -> usize;
 
-    /// Brings a run to a frame of them.
+    /// Brings a run to a frame of them; on the way it may run one ahead.
     ///
     /// # Errors
     /// Where the scene cannot change so.
-    fn bring(&mut self, frame: usize, run: &mut Run) -> Result<(), Self::Error>;
+    fn bring(&mut self, frame: usize, run: &mut Run, pace: AskPace<'_>) -> Result<(), Self::Error>;
 }
 
 /// One picture of what stands still.
@@ -51,7 +51,7 @@ impl Script for Still {
         1
     }
 
-    fn bring(&mut self, _: usize, _: &mut Run) -> Result<(), RunError> {
+    fn bring(&mut self, _: usize, _: &mut Run, _: AskPace<'_>) -> Result<(), RunError> {
         Ok(())
     }
 }
@@ -96,7 +96,7 @@ impl<S: Script> Contender<S> {
 
     /// Renders a frame of the first run, which warms up: what drivers put off to the first use is done. Hands out the picture.
     pub async fn warm_up_frame(&mut self, frame: usize, pace: AskPace<'_>) -> Result<Layers, S::Error> {
-        self.script.bring(frame, &mut self.run)?;
+        self.script.bring(frame, &mut self.run, pace)?;
         let report = self.run.frame(pace).await?;
         if frame == 0 {
             self.warm_up_seconds = report.seconds;
@@ -110,7 +110,7 @@ impl<S: Script> Contender<S> {
     pub async fn measure(&mut self, pace: AskPace<'_>) -> Result<(), S::Error> {
         let (mut whole, mut frames) = (None::<FrameReport>, Vec::new());
         for frame in 0..self.script.frames() {
-            self.script.bring(frame, &mut self.run)?;
+            self.script.bring(frame, &mut self.run, pace)?;
             if frame == 0 {
                 self.run.reset().await?;
             }

@@ -25,6 +25,8 @@ pub struct Run {
     plan: Arc<Plan>,
     session: Session,
     size: [u32; 2],
+    /// Of a frame that was run ahead of the next picture, which it counts for.
+    ahead: Option<FrameReport>,
 }
 
 /// What a frame measured; a number that cannot be had is None, never 0.
@@ -151,7 +153,7 @@ impl Run {
     /// Brings a scene to the device, and makes all memory and shaders that the plan needs. `size` is the picture's width and height [pixels].
     pub async fn new(gpu: &Arc<Gpu>, stage: &Arc<Stage>, plan: &Arc<Plan>, camera: &Camera, size: [u32; 2]) -> Result<Self, RunError> {
         let session = Session::new(gpu, stage, &plan.schedule, &plan.placement, camera, size).await?;
-        Ok(Self { plan: plan.clone(), session, size })
+        Ok(Self { plan: plan.clone(), session, size, ahead: None })
     }
 
     /// Width and height of the picture [pixels].
@@ -230,6 +232,7 @@ impl Run {
     async fn anew(&self, plan: &Arc<Plan>, size: [u32; 2]) -> Result<Self, RunError> {
         let mut run = Self::new(self.session.gpu(), self.session.stage(), plan, self.session.camera(), size).await?;
         run.session.remember_views(&self.session);
+        run.ahead.clone_from(&self.ahead);
         Ok(run)
     }
 
@@ -258,6 +261,7 @@ impl Run {
 
     /// As before the first frame: no records, no histories.
     pub async fn reset(&mut self) -> Result<(), RunError> {
+        self.ahead = None;
         Ok(self.session.reset().await?)
     }
 
@@ -266,7 +270,28 @@ impl Run {
     /// # Errors
     /// What the device says, and pixels that are not finite.
     pub async fn frame(&mut self, pace: AskPace<'_>) -> Result<FrameReport, RunError> {
-        let (frame, plan) = (self.session.frame(pace).await?, self.plan.clone());
+        let frame = self.session.frame(pace).await?;
+        let report = self.report(frame).await?;
+        Ok(match self.ahead.take() {
+            Some(ahead) => ahead.and(report),
+            None => report,
+        })
+    }
+
+    /// Runs a frame for the records alone, so many frames later than the last picture: what lives on has the light of then, and goes over to it until then. The scene and
+    /// the camera are those of then; what it takes counts for the next picture, which is the one after the last.
+    ///
+    /// # Errors
+    /// As those of a frame.
+    pub async fn look_ahead(&mut self, frames: u32, pace: AskPace<'_>) -> Result<(), RunError> {
+        let frame = self.session.frame_ahead(frames, pace).await?;
+        self.ahead = Some(self.report(frame).await?);
+        Ok(())
+    }
+
+    /// Reads a frame's numbers.
+    async fn report(&mut self, frame: Frame) -> Result<FrameReport, RunError> {
+        let plan = self.plan.clone();
         let mut numbers = Vec::new();
         for (node, name, place) in &plan.reports {
             numbers.push(Number { node, name, place: *place, value: self.number(*place).await? });

@@ -18,6 +18,9 @@ const TRIES: usize = 4;
 /// Rounds of a fill that may find no pixel without a record: those of a search from coarse cells to single pixels, and the last.
 pub const IDLE_ROUNDS: u64 = 64;
 
+/// The step that keeps what the next picture reads of this one.
+const END_OF_FRAME: &str = "end of frame";
+
 /// Bytes of the camera's buffer.
 pub const CAMERA_BYTES: u64 = 256;
 
@@ -119,6 +122,8 @@ pub fn plan(
         let planner = Planner::of(pipeline, setting, &dropped, &shapes, scene_kind);
         let found = planner.shapes(&earlier);
         if found == shapes {
+            let mut planner = planner;
+            planner.schedule.of_pictures = of_pictures(&members, &dropped);
             return planner.finish(pipeline, &members, &earlier, dumps, by_albedo).map(Arc::new);
         }
         shapes = found;
@@ -306,9 +311,18 @@ fn reason_to_drop(node: &Node, members: &[Member<'_>], setting: Setting<'_>, dro
 
 /// Nodes that no output depends on. A loop is used as a whole: its nodes work on each other's memory.
 fn drop_unused<'p>(pipeline: &'p Pipeline, members: &[Member<'p>], dumps: &[&'p str], dropped: &mut BTreeMap<&'p str, String>) {
+    let used = used_by(pipeline.outputs.iter().map(|layer| layer.from.node.as_str()).chain(dumps.iter().copied()).collect(), members, dropped);
+    for member in members {
+        if !used.contains(member.node.name.as_str()) {
+            dropped.entry(&member.node.name).or_insert_with(|| "nothing uses it".into());
+        }
+    }
+}
+
+/// Those nodes, and all that they depend on.
+fn used_by<'p>(mut waiting: Vec<&'p str>, members: &[Member<'p>], dropped: &BTreeMap<&'p str, String>) -> BTreeSet<&'p str> {
     let by_name: BTreeMap<&str, &Member<'p>> = members.iter().map(|member| (member.node.name.as_str(), member)).collect();
     let mut used: BTreeSet<&str> = BTreeSet::new();
-    let mut waiting: Vec<&str> = pipeline.outputs.iter().map(|layer| layer.from.node.as_str()).chain(dumps.iter().copied()).collect();
     while let Some(name) = waiting.pop() {
         let Some(member) = by_name.get(name).filter(|_| !dropped.contains_key(name)) else { continue };
         if !used.insert(name) {
@@ -319,11 +333,15 @@ fn drop_unused<'p>(pipeline: &'p Pipeline, members: &[Member<'p>], dumps: &[&'p 
             family(within, &mut |inner| waiting.push(&inner.name));
         }
     }
-    for member in members {
-        if !used.contains(member.node.name.as_str()) {
-            dropped.entry(&member.node.name).or_insert_with(|| "nothing uses it".into());
-        }
-    }
+    used
+}
+
+/// Nodes that no record depends on: what changes a cache, and all that this needs, leaves them out.
+fn of_pictures<'p>(members: &[Member<'p>], dropped: &BTreeMap<&'p str, String>) -> BTreeSet<String> {
+    let changes = |node: &Node| matches!(node.work, Work::Pass(_)) && node.description().inputs.iter().any(|input| input.changes);
+    let living = members.iter().map(|member| member.node).filter(|node| changes(node)).map(|node| node.name.as_str()).collect();
+    let used = used_by(living, members, dropped);
+    members.iter().map(|member| member.node.name.as_str()).filter(|name| !used.contains(name)).chain([END_OF_FRAME]).map(str::to_owned).collect()
 }
 
 /// What a fill tells its nodes.
@@ -397,7 +415,7 @@ impl<'a> Planner<'a> {
         planner.schedule.steps = level.prologue.into_iter().chain(level.steps).collect();
         share_time(&mut planner.schedule.steps, &mut Vec::new());
         let keep = planner.keep_earlier(|key| key.when == When::PreviousFrame);
-        planner.schedule.steps.extend(step("end of frame", "PreviousFrame", keep));
+        planner.schedule.steps.extend(step(END_OF_FRAME, "PreviousFrame", keep));
         let remarks = ahead::drive(&mut planner.schedule, setting.device);
         planner.remarks.extend(remarks);
         planner

@@ -3,7 +3,7 @@
 use glam::Vec4;
 use serde::Serialize;
 use std::any::Any;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 mod difference;
@@ -44,6 +44,29 @@ pub struct Schedule {
     pub steps: Vec<Step>,
     /// Histories that stay when the scene changes.
     pub survivors: Survivors,
+    /// Frames from one to the next of those that are run ahead of their pictures; 0 where none are. See [`Course`].
+    pub window: u32,
+    /// Nodes that no frame runs ahead: nothing that lives on depends on them.
+    pub of_pictures: BTreeSet<String>,
+}
+
+/// How a frame lies in time to the one that ran before it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Course {
+    /// Frames that it is later; less than 0 where it is earlier.
+    pub frames: i32,
+    /// Whether it is run for what lives on alone, before the pictures that lie between.
+    pub is_ahead: bool,
+}
+
+impl Course {
+    /// Of a picture after a picture.
+    pub const NEXT: Self = Self { frames: 1, is_ahead: false };
+
+    /// How many frames ahead of the last picture it is; None for a picture.
+    pub fn ahead(self) -> Option<f32> {
+        self.is_ahead.then_some(self.frames as f32)
+    }
 }
 
 /// Histories by what they are.
@@ -458,8 +481,10 @@ pub trait HostContext {
     fn is_timed(&self) -> bool;
     /// Tells why the step ends the loop that `until` ends although work is left.
     fn cut_short(&mut self, until: Variable, because: Shortfall);
-    /// What each mover has done since the picture before: a map of points as they were to where they are.
+    /// What each mover has done since the frame that ran before: a map of points as they were to where they are.
     fn motions(&self) -> &[glam::DMat4];
+    /// How the frame lies in time to that.
+    fn course(&self) -> Course;
     /// The camera of the frame and the picture's size.
     fn camera(&self) -> (&crate::scene::Camera, [u32; 2]);
 }

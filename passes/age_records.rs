@@ -29,9 +29,9 @@ static DESCRIPTION: Description = Description {
         },
         Parameter {
             name: "window",
-            about: "frames from one to the next of those for which records are sampled ahead: in the pictures between, their light goes over evenly from one to the other; 1 is never",
+            about: "most frames that records are sampled ahead: in the pictures until then their light goes over evenly to that; fewer where it turns faster; 1 is never",
             unit: "frames",
-            kind: ParameterKind::Integer { default: 1, min: 1, max: 1000 },
+            kind: ParameterKind::Integer { default: 1, min: 1, max: 256 },
         },
     ],
     inputs: &[
@@ -71,12 +71,9 @@ impl Pass for AgeRecords {
             ));
         }
         let (most, rule) = (e.arguments.integer("lifespan") as f32, cache.rule);
-        let window = e.arguments.integer("window") as u32;
-        let goals = (window > 1).then(|| {
-            e.looks_ahead(window);
-            e.history_buffer("goals", u64::from(cache.capacity) * RECORD_BYTES)
-        });
-        e.survives(goals.as_slice(), &[]);
+        let longest = e.arguments.integer("window") as u32;
+        let foresight = (longest > 1).then(|| Foresight::declare(e, longest, cache.capacity));
+        let goals = foresight.map(|foresight| foresight.ahead.goals);
         let (dropped, frames) = (e.variable("dropped", false), e.variable("frames", true));
         let places = e.history_buffer("places", (e.setting.scene.objects.len().max(1) * size_of::<[Vec4; 2]>()) as u64);
         e.survives(&[places], &[frames]);
@@ -114,6 +111,7 @@ impl Pass for AgeRecords {
             host.set(cache.count, left as u32);
             host.set(lives.known, left as u32);
             host.set(frames, 1);
+            foresight.iter().for_each(|foresight| foresight.adapt(host));
             host.set(still, host.variable(still) + 1);
             host.write(cache.records, 0, bytemuck::cast_slice(&kept.records));
             host.write(lives.items, 0, bytemuck::cast_slice(&kept.lives));
@@ -123,8 +121,52 @@ impl Pass for AgeRecords {
             Ok(())
         });
         e.report_variable("dropped_records", dropped);
-        e.output("cache", Port::RecordCache(port::RecordCache { lives: Some(port::Lives { goals, ..lives }), ..cache }));
+        let lives = port::Lives { ahead: foresight.map(|foresight| foresight.ahead), ..lives };
+        e.output("cache", Port::RecordCache(port::RecordCache { lives: Some(lives), ..cache }));
         Ok(())
+    }
+}
+
+/// How far ahead records are sampled.
+#[derive(Clone, Copy)]
+struct Foresight {
+    window: Window,
+    /// Most frames of a window.
+    longest: u32,
+    ahead: port::Ahead,
+}
+
+/// Frames of the first window: nobody knows yet how fast light turns.
+const FIRST_WINDOW: u32 = 2;
+/// Of the records that were judged, the share that may turn too fast.
+const FEW: f32 = 0.1;
+
+impl Foresight {
+    fn declare(e: &mut Encoder<'_>, longest: u32, capacity: u32) -> Self {
+        let goals = e.history_buffer("goals", u64::from(capacity) * RECORD_BYTES);
+        let judged = ["judged", "turned", "turned_in_twice"].map(|name| e.variable(name, true));
+        let window = Window { frames: e.variable("window", true), open: e.variable("open", true) };
+        e.survives(&[goals], &judged);
+        e.survives(&[], &[window.frames, window.open]);
+        e.looks_ahead(window);
+        e.report_variable("window", window.frames);
+        Self { window, longest, ahead: port::Ahead { goals, judged } }
+    }
+
+    /// In each frame; after one that was run ahead the window is shorter if light turned too fast in it, and longer if it would not in twice as long.
+    fn adapt(&self, host: &mut dyn HostContext) {
+        let (Window { frames, open }, course) = (self.window, host.course());
+        host.set(open, if course.is_ahead { course.frames as u32 } else { host.variable(open).saturating_sub(1) });
+        let [judged, turned, turned_in_twice] = self.ahead.judged.map(|variable| host.variable(variable));
+        let (now, many) = (host.variable(frames).max(FIRST_WINDOW), |count: u32| count as f32 > FEW * judged as f32);
+        let next = match judged {
+            0 => now,
+            _ if many(turned) => now / 2,
+            _ if many(turned_in_twice) => now,
+            _ => 2 * now,
+        };
+        host.set(frames, next.clamp(FIRST_WINDOW, self.longest));
+        self.ahead.judged.iter().for_each(|variable| host.set(*variable, 0));
     }
 }
 

@@ -177,7 +177,7 @@ impl Pass for RecordCache {
             lives: lives.then(|| port::Lives {
                 items: e.history_buffer("lives", u64::from(capacity) * size_of::<Life>() as u64),
                 known: e.variable("known", true),
-                goals: None,
+                ahead: None,
             }),
         };
         if let Some(lives) = cache.lives {

@@ -4,7 +4,7 @@ use super::lives::needed_where_it_moves;
 use super::record::{RECORD_BYTES, Record, level};
 use crate::contract::{Arguments, Description, Encoder, Input, Need, Output, Parameter, ParameterKind, Pass, Port, PortKind, Refusal, Takes, port};
 use crate::math::{
-    life::{Life, Lifespan},
+    life::{Life, Lifespan, turn},
     weight,
 };
 use crate::scene::needs::Needs;
@@ -89,32 +89,54 @@ fn encode_on_host(e: &mut Encoder<'_>, cache: port::RecordCache, lives: port::Li
         Read::counted(new.records, RECORD_BYTES, new.count),
         Read::counted(slots, 4, new.count),
     ];
-    let writes: Vec<Resource> = [cache.records, lives.items].into_iter().chain(lives.goals).collect();
+    let writes: Vec<Resource> = [cache.records, lives.items].into_iter().chain(lives.ahead.map(|ahead| ahead.goals)).collect();
     e.host("renew", &reads, &writes, move |host| {
         let renewed = host.variable(new.count) as usize;
         let fresh: Vec<Record> = bytemuck::pod_collect_to_vec(&host.read(new.records)[..renewed * size_of::<Record>()]);
         let slots: Vec<u32> = bytemuck::pod_collect_to_vec(&host.read(slots)[..4 * renewed]);
         let known: &[Record] = &bytemuck::cast_slice(host.read(cache.records))[..host.variable(lives.known) as usize];
         let (level, ahead) = (level(known.iter()), host.course().ahead());
+        let mut judged = ahead.map(|frames| Judged { frames, counts: [0; 3] });
         for (record, slot) in fresh.into_iter().zip(slots.into_iter().map(|slot| slot as usize)) {
             let at = slot * size_of::<Life>();
-            let life: Life = bytemuck::pod_read_unaligned(&host.read(lives.items)[at..at + size_of::<Life>()]);
-            let (record, life) = renewed_record(record, life, (&cache.rule, &lifespan, level), ahead);
+            let before: Life = bytemuck::pod_read_unaligned(&host.read(lives.items)[at..at + size_of::<Life>()]);
+            let (record, life) = renewed_record(record, before, (&cache.rule, &lifespan, level), ahead);
+            judged.iter_mut().for_each(|judged| judged.judge([&before, &life], FLOOR * level, &lifespan));
             // What jumps until then stays as it is.
-            let place = if ahead.is_none() { Some(cache.records) } else { lives.goals.filter(|_| life.jumped == 0) };
+            let place = if ahead.is_none() { Some(cache.records) } else { lives.ahead.map(|ahead| ahead.goals).filter(|_| life.jumped == 0) };
             if let Some(place) = place {
                 host.write(place, (slot * size_of::<Record>()) as u64, bytemuck::bytes_of(&record));
             }
             host.write(lives.items, at as u64, bytemuck::bytes_of(&life));
         }
+        if let Some((ahead, judged)) = lives.ahead.zip(judged) {
+            ahead.judged.iter().zip(judged.counts).for_each(|(variable, count)| host.set(*variable, host.variable(*variable) + count));
+        }
         Ok(())
     });
 }
 
+/// How many of those that were sampled ahead turn too fast; see [`port::Ahead`].
+struct Judged {
+    /// Of the window.
+    frames: f32,
+    counts: [u32; 3],
+}
+
+impl Judged {
+    fn judge(&mut self, [before, after]: [&Life; 2], floor: f32, lifespan: &Lifespan) {
+        let Some(wrong) = turn(before, after, self.frames, floor).filter(|_| after.jumped == 0) else { return };
+        // In twice the time it is four times as wrong.
+        let counts = [true, wrong > lifespan.change, 4.0 * wrong > lifespan.change].map(u32::from);
+        self.counts.iter_mut().zip(counts).for_each(|(all, count)| *all += count);
+    }
+}
+
+/// What is darker than this share of the picture's irradiance changes by shares of that.
+const FLOOR: f32 = 0.02;
+
 /// A record that was sampled anew as AddRecords would have added it, and its life from now on.
 fn renewed_record(mut record: Record, life: Life, (rule, lifespan, level): (&weight::Rule, &Lifespan, f32), ahead: Option<f32>) -> (Record, Life) {
-    /// What is darker than this share of the picture's irradiance changes by shares of that.
-    const FLOOR: f32 = 0.02;
     record.refine(rule, level);
     let told = weight::Record::from(&record);
     let noise = told.error.max_element() / told.irradiance.max_element().max(FLOOR * level).max(f32::MIN_POSITIVE);

@@ -323,7 +323,7 @@ impl<'o> Film<'o> {
 
     /// Before a frame: samples what lives on as it will be, where the pipeline asks for that and the scene is another then.
     fn look_ahead(&mut self, frame: &Frame, run: &mut Run) -> Result<(), Failure> {
-        let Some(ahead) = self.timeline.rate.ahead(self.view.moment, frame.number, run.plan().schedule.window) else { return Ok(()) };
+        let Some(ahead) = self.timeline.rate.ahead(self.view.moment, frame.number, run.window()) else { return Ok(()) };
         let moment = self.view.animation().at(ahead.time);
         if !self.change(&moment, frame, run)? {
             return Ok(());

@@ -55,8 +55,8 @@ impl Sequence {
         self.moments.len() - 1
     }
 
-    /// What is run ahead before a frame, counted from the first, by a plan that has such a window.
-    fn ahead(&self, frame: usize, window: u32) -> Option<Ahead> {
+    /// What is run ahead before a frame, counted from the first, by a run with such a window.
+    fn ahead(&self, frame: usize, window: Option<u32>) -> Option<Ahead> {
         self.rate.ahead(self.beginning, *self.numbers.get(frame)?, window)
     }
 
@@ -90,7 +90,7 @@ impl Script for Reel<'_> {
     }
 
     fn bring(&mut self, frame: usize, run: &mut Run, pace: AskPace<'_>) -> Result<(), ChangeError> {
-        if let Some(ahead) = self.sequence.ahead(frame, run.plan().schedule.window)
+        if let Some(ahead) = self.sequence.ahead(frame, run.window())
             && self.go(ahead.time, run)?
         {
             block_on(run.look_ahead(ahead.frames, pace))?;

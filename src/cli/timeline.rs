@@ -41,12 +41,11 @@ impl RateOptions {
         beginning + f64::from(frame) / self.fps
     }
 
-    /// What is run ahead of a frame, by a plan that has such a [window](crate::schedule::Schedule::window): the frames whose numbers are its multiples are, each before
-    /// the picture that follows the one before it. So a sequence that goes on after a stop runs the same.
-    pub fn ahead(&self, beginning: f64, frame: u32, window: u32) -> Option<Ahead> {
-        let is_first = window > 1 && frame % window == 1;
-        let number = (frame - u32::from(is_first)).checked_add(window)?;
-        is_first.then(|| Ahead { number, frames: window, time: self.time(beginning, number) })
+    /// What is run ahead of a frame by a run with such a [window](crate::measure::run::Run::window).
+    pub fn ahead(&self, beginning: f64, frame: u32, window: Option<u32>) -> Option<Ahead> {
+        let frames = window?;
+        let number = frame.checked_sub(1)?.checked_add(frames)?;
+        Some(Ahead { number, frames, time: self.time(beginning, number) })
     }
 
     /// The seconds that a frame is to be seen, as numerator and denominator.

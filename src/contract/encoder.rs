@@ -204,9 +204,9 @@ impl<'a> Encoder<'a> {
         self.schedule.survivors.variables.extend(variables);
     }
 
-    /// Has every so many frames one run ahead of its picture, for what survives: see [`Course`].
-    pub fn looks_ahead(&mut self, frames: u32) {
-        self.schedule.window = self.schedule.window.max(frames);
+    /// Has frames run ahead of their pictures, for what survives.
+    pub fn looks_ahead(&mut self, window: Window) {
+        self.schedule.window = Some(window);
     }
 
     /// A buffer with contents known now.

@@ -384,8 +384,18 @@ pub struct Lives {
     pub items: Resource,
     /// How many records had a life as the frame before began to add more.
     pub known: Variable,
-    /// Buffer of records, in the same order: what those go over to that were sampled ahead; a history. None where none are.
-    pub goals: Option<Resource>,
+    /// None where none are sampled ahead.
+    pub ahead: Option<Ahead>,
+}
+
+/// How records are sampled ahead.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Ahead {
+    /// Buffer of records, in the order of those that go over to them; a history.
+    pub goals: Resource,
+    /// How many were sampled in the last frame ahead whose light was known to change, how many of them turn too fast for its window, and how many would for one
+    /// twice as long.
+    pub judged: [Variable; 3],
 }
 
 /// What can be asked for the irradiance of indirect light at any point and normal.
@@ -605,7 +615,10 @@ impl RecordCache {
         self.count = memory.variable(self.count);
         if let Some(lives) = &mut self.lives {
             replace(&mut lives.items, memory);
-            lives.goals.iter_mut().for_each(|goals| replace(goals, memory));
+            if let Some(ahead) = &mut lives.ahead {
+                replace(&mut ahead.goals, memory);
+                ahead.judged = ahead.judged.map(|variable| memory.variable(variable));
+            }
             lives.known = memory.variable(lives.known);
         }
     }

@@ -192,6 +192,15 @@ impl Life {
     }
 }
 
+/// By which share of its light a record is wrong halfway between two samplings, as it goes over evenly from one to the other while its light turns: an eighth of what the
+/// slopes of two such windows differ in, over the frames of one. None where it was sampled too seldom to tell.
+pub fn turn(before: &Life, after: &Life, frames: f32, floor: f32) -> Option<f32> {
+    // The first sampling is by other directions than that which made it.
+    let (a, b) = (Vec3::from(before.measured), Vec3::from(after.measured));
+    let light = Vec3::from(after.sampled).max_element().max(floor);
+    (before.samplings > 1).then(|| (b - a).abs().max_element() * frames / (8.0 * light))
+}
+
 /// A record that was sampled anew, as its neighbours hear of it.
 #[derive(Debug, Clone, Copy)]
 pub struct Word {

@@ -12,7 +12,7 @@ use crate::scene::{
     Camera,
     stage::{Change, Changed, Stage, Unchangeable},
 };
-use crate::schedule::{Format, Resource, ResourceKind};
+use crate::schedule::{Format, Resource, ResourceKind, Window};
 use miette::Diagnostic;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
@@ -276,6 +276,13 @@ impl Run {
             Some(ahead) => ahead.and(report),
             None => report,
         })
+    }
+
+    /// How many frames later than the last picture one is to be run ahead now, before the next. None where none is.
+    pub fn window(&self) -> Option<u32> {
+        let Window { frames, open } = self.plan.schedule.window?;
+        let frames = Some(self.session.variable(frames)).filter(|frames| *frames > 1);
+        frames.filter(|_| self.session.variable(open) == 0)
     }
 
     /// Runs a frame for the records alone, so many frames later than the last picture: what lives on has the light of then, and goes over to it until then. The scene and

@@ -44,10 +44,19 @@ pub struct Schedule {
     pub steps: Vec<Step>,
     /// Histories that stay when the scene changes.
     pub survivors: Survivors,
-    /// Frames from one to the next of those that are run ahead of their pictures; 0 where none are. See [`Course`].
-    pub window: u32,
+    /// None where no frame is run ahead of its picture.
+    pub window: Option<Window>,
     /// Nodes that no frame runs ahead: nothing that lives on depends on them.
     pub of_pictures: BTreeSet<String>,
+}
+
+/// When a frame is to be run ahead, by the numbers that the last one left. See [`Course`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Window {
+    /// How many frames later than the last picture; 0 before there is one.
+    pub frames: Variable,
+    /// How many pictures have been run ahead for that are yet to come: there is time until then.
+    pub open: Variable,
 }
 
 /// How a frame lies in time to the one that ran before it.

@@ -1,6 +1,6 @@
 //! Records of earlier frames come to this one: moved with what they sit on, a frame older, and dropped where nobody has seen them for long.
 
-use super::lives::{needed_where_it_moves, surface_under, word};
+use super::lives::{needed_where_it_moves, off, surface_under, word};
 use super::record::{RECORD_BYTES, Record, pinhole, texels};
 use crate::contract::{Arguments, Description, Encoder, Input, Need, Output, Parameter, ParameterKind, Pass, Port, PortKind, Refusal, Takes};
 use crate::math::{
@@ -9,10 +9,11 @@ use crate::math::{
     random::hash,
     weight,
 };
-use crate::scene::{Bounds, Scene, bvh::Bvh, needs::Needs};
+use crate::scene::{Bounds, Object, Scene, bvh::Bvh, needs::Needs, shape::frame, stage::Motion};
 use crate::schedule::*;
 use glam::{DMat3, DMat4, Vec3, Vec4, Vec4Swizzles};
 use rayon::prelude::*;
+use std::ops::Range;
 
 pub struct AgeRecords;
 
@@ -147,18 +148,23 @@ fn see_leaps(records: &[Record], all: &mut [Life], leaps: &[Bounds]) {
     });
 }
 
-/// A place and normal where a mover has brought them; None where they are nowhere.
-fn carried(motions: &[DMat4], mover: Option<usize>, [position, normal]: [Vec3; 2]) -> Option<[Vec3; 2]> {
-    let Some(map) = mover.and_then(|mover| motions.get(mover)).filter(|map| **map != DMat4::IDENTITY) else { return Some([position, normal]) };
+/// The map of what carries a record; None where that stays.
+fn map_of(motions: &[Motion], carrier: Option<usize>) -> Option<&DMat4> {
+    motions.get(carrier?).map(|motion| &motion.map).filter(|map| **map != DMat4::IDENTITY)
+}
+
+/// A place and normal where a map brings them; None where they are nowhere.
+fn carried(map: Option<&DMat4>, [position, normal]: [Vec3; 2]) -> Option<[Vec3; 2]> {
+    let Some(map) = map else { return Some([position, normal]) };
     let normal = (DMat3::from_mat4(*map).inverse().transpose() * normal.as_dvec3()).try_normalize()?.as_vec3();
     Some([map.transform_point3(position.as_dvec3()).as_vec3(), normal]).filter(|[position, normal]| position.is_finite() && normal.is_finite())
 }
 
-/// Brings a record to where its mover is now; whether it is anywhere.
-fn carry(record: &mut Record, mover: Option<usize>, motions: &[DMat4]) -> bool {
-    let Some(map) = mover.and_then(|mover| motions.get(mover)).filter(|map| **map != DMat4::IDENTITY) else { return true };
+/// Brings a record to where a map brings what it sits on; whether it is anywhere.
+fn carry(record: &mut Record, map: Option<&DMat4>) -> bool {
+    let Some(map) = map else { return true };
     let mut moved = weight::Record::from(&*record);
-    let Some([position, normal]) = carried(motions, mover, [moved.position, moved.normal]) else { return false };
+    let Some([position, normal]) = carried(Some(map), [moved.position, moved.normal]) else { return false };
     (moved.position, moved.normal) = (position, normal);
     // What is scaled, too, changes its light by more than its place: it will be sampled anew.
     let turned = |vector: Vec3| map.transform_vector3(vector.as_dvec3()).normalize_or_zero().as_vec3() * vector.length();
@@ -174,7 +180,17 @@ struct Ground<'a> {
     scene: &'a Scene,
     bvh: &'a Bvh,
     extent: f32,
-    motions: &'a [DMat4],
+    motions: &'a [Motion],
+}
+
+/// As many triangles of what deforms as are looked at together.
+const CHUNK: usize = 64;
+
+/// A mover, and which of the motions carry it: one, or one for each triangle of what deforms.
+struct Carried {
+    motions: Range<usize>,
+    /// Where it was, chunk by chunk: of what deforms.
+    before: Vec<Bounds>,
 }
 
 impl<'a> Ground<'a> {
@@ -184,10 +200,32 @@ impl<'a> Ground<'a> {
 
     /// Gives a life to those that have none yet; movers stand within `bounds`.
     fn bear(&self, records: &[Record], all: &mut [Life], known: usize, (most, bounds): (f32, &[Bounds])) {
+        if known == records.len() {
+            return;
+        }
+        let movers = self.movers();
         let numbered = records[known..].par_iter().zip(all[known..].par_iter_mut()).enumerate();
         numbered.for_each(|(number, (record, life))| {
-            *life = Life::new(record.irradiance(), hash((known + number) as u32), self.mover_of(record, bounds), most);
+            *life = Life::new(record.irradiance(), hash((known + number) as u32), self.carrier_of(record, &movers, bounds), most);
         });
+    }
+
+    fn movers(&self) -> Vec<Carried> {
+        let number = |triangle: usize| self.motions.partition_point(|motion| motion.triangles.start < triangle);
+        let carried = |object: &Object| {
+            let motions = number(object.triangles.start)..number(object.triangles.end);
+            let before = if motions.len() > 1 { self.motions[motions.clone()].par_chunks(CHUNK).map(|chunk| self.bounds_before(chunk)).collect() } else { Vec::new() };
+            Carried { motions, before }
+        };
+        self.scene.objects.iter().map(carried).collect()
+    }
+
+    fn bounds_before(&self, motions: &[Motion]) -> Bounds {
+        let corners = motions.iter().flat_map(|Motion { triangles, map }| {
+            let backward = map.inverse();
+            self.scene.triangles[triangles.start].positions.map(|corner| backward.transform_point3(corner.as_dvec3()).as_vec3())
+        });
+        corners.fold(Bounds::EMPTY, Bounds::with)
     }
 
     /// Of the movers, as they stand.
@@ -195,19 +233,47 @@ impl<'a> Ground<'a> {
         self.scene.objects.par_iter().map(|object| Bounds::of(&self.scene.triangles[object.triangles.clone()])).collect()
     }
 
-    /// The mover that a record sits on which was made in the picture before: where that has brought it, it is on its surface.
-    fn mover_of(&self, record: &Record, bounds: &[Bounds]) -> Option<usize> {
-        (0..self.motions.len()).find(|mover| {
-            let place = carried(self.motions, Some(*mover), record.place()).filter(|[at, _]| bounds[*mover].distance(*at) <= record.footprint());
-            let triangle = place.and_then(|place| surface_under((self.scene, self.bvh, self.extent), place, record.footprint()));
-            triangle.is_some_and(|triangle| self.scene.objects[*mover].triangles.contains(&(triangle as usize)))
+    /// What carries a record that was made in the picture before.
+    fn carrier_of(&self, record: &Record, movers: &[Carried], bounds: &[Bounds]) -> Option<usize> {
+        movers.iter().zip(bounds).find_map(|(mover, bounds)| match mover.motions.len() {
+            0 => None,
+            1 => Some(mover.motions.start).filter(|motion| self.is_on(record, &self.motions[*motion], bounds)),
+            _ => self.triangle_of(record, mover),
         })
+    }
+
+    /// Whether a record sits on a mover: where that has brought it, it is on its surface.
+    fn is_on(&self, record: &Record, motion: &Motion, bounds: &Bounds) -> bool {
+        let place = carried(Some(&motion.map), record.place()).filter(|[at, _]| bounds.distance(*at) <= record.footprint());
+        let triangle = place.and_then(|place| surface_under((self.scene, self.bvh, self.extent), place, record.footprint()));
+        triangle.is_some_and(|triangle| motion.triangles.contains(&(triangle as usize)))
+    }
+
+    /// The triangle of what deforms that a record sat on, nearer than any other.
+    fn triangle_of(&self, record: &Record, mover: &Carried) -> Option<usize> {
+        let [position, _] = record.place();
+        let off = off(self.extent, position, record.footprint());
+        let near = mover.before.iter().enumerate().filter(|(_, bounds)| bounds.distance(position) <= off);
+        let triangles = near.flat_map(|(chunk, _)| mover.motions.clone().skip(CHUNK * chunk).take(CHUNK));
+        let heights = triangles.filter_map(|motion| Some((self.height(position, &self.motions[motion])?, motion)));
+        let nearest = heights.min_by(|(a, _), (b, _)| a.total_cmp(b))?;
+        Some(nearest.1).filter(|_| nearest.0 <= f64::from(off))
+    }
+
+    /// How far a place was from the plane of a triangle which it was over or under.
+    fn height(&self, position: Vec3, motion: &Motion) -> Option<f64> {
+        /// Edges are no gaps.
+        const ROUNDING: f64 = 1e-4;
+        // What has moved with the triangle has the same coordinates in it.
+        let local = frame(self.scene.triangles[motion.triangles.start].positions).inverse().transform_point3(motion.map.transform_point3(position.as_dvec3()));
+        let is_over = local.x >= -ROUNDING && local.y >= -ROUNDING && local.x + local.y <= 1.0 + ROUNDING;
+        Some(local.z.abs()).filter(|height| is_over && height.is_finite())
     }
 
     /// A frame passes, after so many in which the scene has not changed.
     fn age(&self, records: &mut [Record], all: &mut [Life], seen: &Seen<'_>, still: u32) {
         all.par_iter_mut().zip(records).for_each(|(life, record)| {
-            let is_there = carry(record, life.mover(), self.motions);
+            let is_there = carry(record, map_of(self.motions, life.mover()));
             let changed = life.changes();
             *life = life.aged(life.age < still as f32);
             if changed || life.changes() {
@@ -265,7 +331,7 @@ mod tests {
         host.scene.materials = vec![Material::diffuse("", Vec3::ONE)];
         let upper = host.scene.triangles.iter().position(|triangle| triangle.positions[0].z == 3.0).unwrap();
         host.scene.objects = vec![Object { name: String::new(), triangles: upper..upper + 1 }];
-        host.motions = vec![DMat4::from_translation(DVec3::new(0.0, 0.0, 2.0))];
+        host.motions = vec![Motion { triangles: upper..upper + 1, map: DMat4::from_translation(DVec3::new(0.0, 0.0, 2.0)) }];
         host
     }
 
@@ -291,7 +357,7 @@ mod tests {
     fn records_know_what_they_sit_on() {
         let host = host();
         let ground = Ground::of(&host);
-        assert_eq!([0.0, 1.0, 3.0].map(|height| ground.mover_of(&record(height), &ground.bounds())), [None, Some(0), None]);
+        assert_eq!([0.0, 1.0, 3.0].map(|height| ground.carrier_of(&record(height), &ground.movers(), &ground.bounds())), [None, Some(0), None]);
         let mut all = [Life::new(Vec3::ONE, 1, None, 9.0); 2];
         ground.bear(&[record(0.0), record(1.0)], &mut all, 0, (16.0, &ground.bounds()));
         assert_eq!(all.map(|life| life.mover()), [None, Some(0)]);
@@ -308,10 +374,10 @@ mod tests {
             ..mock::record()
         };
         let map = DMat4::from_rotation_translation(DQuat::from_axis_angle(DVec3::new(1.0, 2.0, 2.0) / 3.0, 1.1), DVec3::new(4.0, -5.0, 6.0));
-        let motions = [DMat4::IDENTITY, map];
+        let motions = [DMat4::IDENTITY, map].map(|map| Motion { triangles: 0..1, map });
         let (moved, turned) = (|at: Vec3| map.transform_point3(at.as_dvec3()).as_vec3(), |way: Vec3| map.transform_vector3(way.as_dvec3()).as_vec3());
         let mut after = Record::from(&before);
-        assert!(carry(&mut after, Some(1), &motions));
+        assert!(carry(&mut after, map_of(&motions, Some(1))));
         let after = weight::Record::from(&after);
         let (point, normal) = (Vec3::new(1.3, 2.1, 3.0), Vec3::new(0.1, 0.0, 1.0).normalize());
         let rule = mock::rule();
@@ -319,9 +385,9 @@ mod tests {
         assert!(was.estimate(point, normal).distance(is.estimate(moved(point), turned(normal))) < 1e-5);
         assert!((was.weight(point, normal) - is.weight(moved(point), turned(normal))).abs() < 1e-4);
         let mut still = Record::from(&before);
-        assert!(carry(&mut still, Some(0), &motions) && carry(&mut still, None, &motions));
+        assert!(carry(&mut still, map_of(&motions, Some(0))) && carry(&mut still, map_of(&motions, None)));
         assert_eq!(weight::Record::from(&still), before);
-        assert!(!carry(&mut still, Some(0), &[DMat4::from_scale(DVec3::new(0.0, 0.0, 0.0))]), "what has vanished is nowhere");
+        assert!(!carry(&mut still, Some(&DMat4::from_scale(DVec3::new(0.0, 0.0, 0.0)))), "what has vanished is nowhere");
     }
 
     #[test]

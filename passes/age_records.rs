@@ -214,7 +214,8 @@ impl<'a> Ground<'a> {
         let number = |triangle: usize| self.motions.partition_point(|motion| motion.triangles.start < triangle);
         let carried = |object: &Object| {
             let motions = number(object.triangles.start)..number(object.triangles.end);
-            let before = if motions.len() > 1 { self.motions[motions.clone()].par_chunks(CHUNK).map(|chunk| self.bounds_before(chunk)).collect() } else { Vec::new() };
+            let before =
+                if motions.len() > 1 { self.motions[motions.clone()].par_chunks(CHUNK).map(|chunk| self.bounds_before(chunk)).collect() } else { Vec::new() };
             Carried { motions, before }
         };
         self.scene.objects.iter().map(carried).collect()
@@ -361,6 +362,28 @@ mod tests {
         let mut all = [Life::new(Vec3::ONE, 1, None, 9.0); 2];
         ground.bear(&[record(0.0), record(1.0)], &mut all, 0, (16.0, &ground.bounds()));
         assert_eq!(all.map(|life| life.mover()), [None, Some(0)]);
+    }
+
+    /// A floor of two triangles that meet at x = 0, of which one has been folded up: what sits on it goes up, and only that.
+    #[test]
+    fn records_go_with_the_triangle_that_they_sit_on() {
+        let corner = |x: f32| Vec3::new(9.0 * x, 0.0, 0.0);
+        let (side, top) = (Vec3::new(0.0, -9.0, 0.0), Vec3::new(0.0, 9.0, 0.0));
+        let of = |positions| Triangle { positions, ..floor(0.0) };
+        let mut host = MockHost::new(vec![of([side, top, corner(-1.0)]), of([side, Vec3::new(0.0, 0.0, 9.0), top])], [8, 8]);
+        let folded = host.scene.triangles.iter().position(|triangle| triangle.positions[1].z == 9.0).unwrap();
+        host.scene.objects = vec![Object { name: String::new(), triangles: 0..2 }];
+        let fold = DMat4::from_rotation_y(-std::f64::consts::FRAC_PI_2);
+        host.motions = [0, 1].map(|at| Motion { triangles: at..at + 1, map: if at == folded { fold } else { DMat4::IDENTITY } }).into();
+        let ground = Ground::of(&host);
+        let record = |x: f32, z: f32| Record::from(&weight::Record { position: Vec3::new(x, 1.0, z), normal: Vec3::Z, footprint: 0.01, ..mock::record() });
+        let carrier = |record: &Record| ground.carrier_of(record, &ground.movers(), &ground.bounds());
+        let found = [record(-3.0, 0.0), record(3.0, 0.0), record(3.0, 0.5), record(30.0, 0.0)].map(|record| carrier(&record));
+        assert_eq!(found, [Some(1 - folded), Some(folded), None, None]);
+        let mut lifted = record(3.0, 0.0);
+        assert!(carry(&mut lifted, map_of(&host.motions, Some(folded))));
+        let [position, normal] = lifted.place();
+        assert!(position.distance(Vec3::new(0.0, 1.0, 3.0)) < 1e-5 && normal.distance(Vec3::NEG_X) < 1e-5, "{position} {normal}");
     }
 
     /// What a record foretells of a point is the same before and after both have moved with what they are on.

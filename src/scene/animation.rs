@@ -232,7 +232,12 @@ impl Animation {
         let nodes = self.nodes.iter().map(|node| node.placement.end());
         let lights = self.lights.iter().map(|track| stand(&track.stand).max(track.strength.as_ref().map_or(0.0, Curve::end)));
         let cameras = self.cameras.iter().map(|track| stand(&track.stand).max(track.angle.as_ref().map_or(0.0, Curve::end)));
-        nodes.chain(lights).chain(cameras).chain(self.shapes().map(Shape::end)).chain(self.emissions.iter().map(|track| track.radiance.end())).fold(0.0, f64::max)
+        nodes
+            .chain(lights)
+            .chain(cameras)
+            .chain(self.shapes().map(Shape::end))
+            .chain(self.emissions.iter().map(|track| track.radiance.end()))
+            .fold(0.0, f64::max)
     }
 
     /// As it is at a time [s].

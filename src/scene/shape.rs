@@ -212,8 +212,8 @@ fn face(vertices: [&Vertex; 3]) -> Face {
 
 /// Corners and normals of what stands for a triangle that is not seen: as small as single precision tells from nothing, or as `least`.
 pub(super) fn speck(corner: Vec3, least: f32) -> [[Vec3; 3]; 2] {
-    /// Its square is not nothing yet.
-    const LEAST: f32 = 1e-15;
+    /// The square of its area is not nothing yet.
+    const LEAST: f32 = 1e-9;
     let side = (16.0 * f32::EPSILON * corner.abs().max_element()).max(least).max(LEAST);
     [[corner, corner + side * Vec3::X, corner + side * Vec3::Y], [Vec3::Z; 3]]
 }

@@ -280,6 +280,10 @@ impl Draft {
         let mut animation = Animation { origin, ..self.animation };
         clean(&mut triangles, (&mut charts, &mut tangents), (&mut self.objects, &mut animation.moving), &self.materials, &mut self.notes);
         animation.at(0.0).bend(&mut triangles);
+        if !triangles.iter().flat_map(|triangle| triangle.positions).all(|corner| corner.is_finite()) {
+            return Err(SceneError::new(Problem::NonFinite, format!("`{name}` has a corner that is no finite number where its joints bring it"))
+                .help("see how far the file's joints and morph targets move it"));
+        }
         if triangles.is_empty() {
             return Err(no_triangles(name, &self.notes));
         }

@@ -36,6 +36,7 @@ use compressed::{MESHOPT, Unpacked};
 use deform::{Part, Skins};
 use document::{EXTENSIONS, Opened};
 use glam::{DMat4, DQuat, DVec3, Vec2, Vec3};
+use instances::is_instanced;
 use material::Coordinates;
 use std::{
     collections::{BTreeMap, HashMap},
@@ -80,6 +81,7 @@ fn read_document(path: &Path, files: &Files, bytes: &Bytes, draft: &mut Draft, w
     let tracks = reader.tracks(&document, animations);
     document.extensions_used().filter(|name| !EXTENSIONS.contains(name)).for_each(|name| reader.ignore(unread(name)));
     reader.walk(&document, tracks)?;
+    (0..reader.weights.len()).for_each(|_| reader.ignore("animations of morph targets that are not there"));
     let ignored = count_up(&reader.ignored);
     if !ignored.is_empty() {
         draft.notes.push(format!("not read from the glTF file: {ignored}"));
@@ -257,6 +259,9 @@ impl Reader<'_> {
         let targets = self.count_targets(&mesh, &told)?;
         let weights = self.target_weights(node, &mesh, targets, &told)?;
         let is_bent = weights.iter().any(|weight| !weight.is_constant());
+        if joints.is_some() && is_instanced(node) {
+            self.ignore("instances of meshes with skins");
+        }
         let (places, count) = (self.places(document, node, map)?, joints.as_ref().map(Vec::len));
         let mut parts = Vec::new();
         for primitive in mesh.primitives() {
@@ -307,14 +312,7 @@ impl Reader<'_> {
     }
 
     /// Triangles of vertices where these are, under a map.
-    fn add_faces(
-        &mut self,
-        (all, vertices): (&[Vertex], &Vertices),
-        triangles: &[[u32; 3]],
-        material: u32,
-        map: &DMat4,
-        name: &str,
-    ) -> Result<(), SceneError> {
+    fn add_faces(&mut self, (all, vertices): (&[Vertex], &Vertices), triangles: &[[u32; 3]], material: u32, map: &DMat4, name: &str) -> Result<(), SceneError> {
         let normal_map = normal_map(map);
         for corners in triangles {
             let corners = corners.map(|index| index as usize);
@@ -337,12 +335,16 @@ impl Reader<'_> {
     /// Where a primitive's positions are; None where the file has none.
     fn positions<'d>(&mut self, primitive: &Primitive<'d>) -> Option<Accessor<'d>> {
         let positions = primitive.get(&Semantic::Positions);
-        let is_there = |accessor: &Accessor| accessor.view().is_some() || accessor.sparse().is_some() || self.unpacked.numbers.contains_key(&accessor.index());
-        if positions.as_ref().is_some_and(is_there) {
+        if positions.as_ref().is_some_and(|accessor| self.has_bytes(accessor)) {
             return positions;
         }
         self.ignore("meshes without positions");
         None
+    }
+
+    /// Whether anything of an accessor is in the file: the rest is zeros.
+    fn has_bytes(&self, accessor: &Accessor) -> bool {
+        accessor.view().is_some() || accessor.sparse().is_some() || self.unpacked.numbers.contains_key(&accessor.index())
     }
 
     fn read_vertices(&self, primitive: &Primitive, positions: &Accessor, maps: Maps) -> Result<Vertices, SceneError> {
@@ -359,11 +361,8 @@ impl Reader<'_> {
         let tints = primitive.get(&Semantic::Colors(0)).map(|accessor| self.read_tints(&accessor)).transpose()?.unwrap_or_default();
         // What is missing, or no number, counts as if the file had none.
         let way = |all: &[[f32; 3]], at: usize| all.get(at).map(|way| Vec3::from(*way)).filter(|way| way.is_finite()).unwrap_or_default();
-        let vertex = |(at, position): (usize, [f32; 3])| Vertex {
-            position: Vec3::from(position).as_dvec3(),
-            normal: way(&normals, at),
-            tangent: way(&tangents, at),
-        };
+        let vertex =
+            |(at, position): (usize, [f32; 3])| Vertex { position: Vec3::from(position).as_dvec3(), normal: way(&normals, at), tangent: way(&tangents, at) };
         Ok(Vertices {
             all: positions.into_iter().enumerate().map(vertex).collect(),
             has_normals: !normals.is_empty(),

@@ -106,14 +106,14 @@ pub(super) struct Weights {
 }
 
 impl Weights {
-    /// Of each target.
-    pub fn count_keys(&self) -> usize {
+    /// Numbers of each target: a key of a cubic curve has three.
+    pub fn numbers_each(&self) -> usize {
         if self.interpolation == Interpolation::Cubic { 3 * self.times.len() } else { self.times.len() }
     }
 
     /// Those of each of so many targets. None of another number, and none inside where the keys make no sense.
     pub fn curves(&self, targets: usize) -> Option<Option<Vec<Curve<f64>>>> {
-        if Some(self.values.len()) != self.count_keys().checked_mul(targets) {
+        if Some(self.values.len()) != self.numbers_each().checked_mul(targets) {
             return None;
         }
         let of_target = |target: usize| self.values.iter().skip(target).step_by(targets).copied().collect();

@@ -12,12 +12,15 @@ use crate::{
         shape::{Joint, Shape, Shares, Shift, Target},
     },
 };
-use ::gltf::{Accessor, Document, Mesh, Node, Primitive, Semantic, accessor::DataType};
+use ::gltf::{
+    Accessor, Document, Mesh, Node, Primitive, Semantic,
+    accessor::{DataType, Dimensions},
+};
 use glam::{DMat4, Vec3};
 use serde_json::Value as Json;
 
-/// Numbers of all shapes of a file that are kept for each time, at most.
-const MAX_KEPT: usize = 3 * MAX_TRIANGLES;
+/// Vertices of all shapes of a file, and places of such in their targets, at most.
+const MAX_KEPT: usize = MAX_TRIANGLES;
 
 /// What a file says of skins: of none that no mesh has it matters whether it is right.
 #[derive(Debug, Default)]
@@ -99,7 +102,7 @@ impl Reader<'_> {
     }
 
     fn read_binds(&self, accessor: &Accessor) -> Result<Vec<DMat4>, SceneError> {
-        if accessor.data_type() != DataType::F32 {
+        if accessor.data_type() != DataType::F32 || accessor.dimensions() != Dimensions::Mat4 {
             return Err(broken(self.path, &format!("accessor {} has to hold matrices of floats", accessor.index())));
         }
         Ok(self.read_vectors::<16>(accessor)?.into_iter().map(|matrix| DMat4::from_cols_array(&matrix.map(f64::from))).collect())
@@ -161,18 +164,13 @@ impl Reader<'_> {
 
     /// How far a mesh goes toward each of so many targets: as the animation of its node says, or the node, or the mesh.
     pub(super) fn target_weights(&mut self, node: &Node, mesh: &Mesh, targets: usize, name: &str) -> Result<Vec<Curve<f64>>, SceneError> {
-        let animated = self.weights.remove(&node.index());
         if targets == 0 {
-            if animated.is_some() {
-                self.ignore("animations of morph targets that are not there");
-            }
             return Ok(Vec::new());
         }
-        if let Some(animated) = animated {
-            let keys = animated.count_keys();
+        if let Some(animated) = self.weights.remove(&node.index()) {
             let curves = animated.curves(targets).ok_or_else(|| {
-                let (found, expected) = (animated.values.len(), keys * targets);
-                broken(self.path, &format!("the animation of the weights of {name} has {found} numbers; {keys} keys of {targets} morph targets are {expected}"))
+                let (found, each) = (animated.values.len(), animated.numbers_each());
+                broken(self.path, &format!("the animation of the weights of {name} has {found} numbers, not {each} for each of its {targets} morph targets"))
             })?;
             if let Some(curves) = curves {
                 return Ok(curves);
@@ -197,16 +195,17 @@ impl Reader<'_> {
             if accessor.count() != count {
                 return Err(broken(self.path, &format!("{name} has {count} vertices, and a morph target of {}", accessor.count())));
             }
-            Ok(self.read_vectors::<3>(&accessor)?.into_iter().map(Vec3::from).collect())
+            let vectors = if self.has_bytes(&accessor) { self.read_vectors::<3>(&accessor)? } else { Vec::new() };
+            Ok(vectors.into_iter().map(Vec3::from).collect())
         };
         let (mut targets, mut kept) = (Vec::new(), 0);
         for target in primitive.morph_targets() {
             let normals = target.normals().filter(|_| vertices.has_normals);
-            let (positions, normals, tangents) =
-                (read(target.positions())?, read(normals)?, read(target.tangents().filter(|_| vertices.has_tangents))?);
+            let (positions, normals, tangents) = (read(target.positions())?, read(normals)?, read(target.tangents().filter(|_| vertices.has_tangents))?);
             let of = |vectors: &[Vec3], vertex: usize| vectors.get(vertex).copied().unwrap_or_default();
             let way = |vectors: &[Vec3], vertex| Some(of(vectors, vertex)).filter(|way| way.is_finite()).unwrap_or_default();
-            let shift = |vertex| Shift { vertex: vertex as u32, position: of(&positions, vertex), normal: way(&normals, vertex), tangent: way(&tangents, vertex) };
+            let shift =
+                |vertex| Shift { vertex: vertex as u32, position: of(&positions, vertex), normal: way(&normals, vertex), tangent: way(&tangents, vertex) };
             let target: Vec<Shift> = (0..count).map(shift).filter(|shift| *shift != Shift { vertex: shift.vertex, ..Shift::default() }).collect();
             kept += target.len();
             self.expect_to_keep(kept)?;
@@ -219,7 +218,8 @@ impl Reader<'_> {
         if count <= MAX_KEPT {
             return Ok(());
         }
-        let message = format!("`{}` has {count} vertices that deform, and places of such in morph targets, or more; the limit is {MAX_KEPT}", self.path.display());
+        let message =
+            format!("`{}` has {count} vertices that deform, and places of such in morph targets, or more; the limit is {MAX_KEPT}", self.path.display());
         Err(SceneError::new(Problem::TooLarge, message).help("simplify the meshes that deform, or leave morph targets out"))
     }
 

@@ -119,7 +119,7 @@ fn mend(root: &mut Value) -> (Animations, Skins) {
     root.remove("extensionsRequired");
     let animations = root.remove("animations").map(|animations| Animations::of(&animations)).unwrap_or_default();
     let mut of_nodes = Vec::new();
-    for_each(root.get_mut("nodes"), |node| of_nodes.push(node.remove("skin")));
+    for_each(root.get_mut("nodes"), |node| of_nodes.push(node.remove("skin").filter(|skin| !skin.is_null())));
     let skins = Skins::new(root.remove("skins"), of_nodes);
     for_each(root.get_mut("scenes"), |scene| {
         scene.entry("nodes").or_insert_with(|| json!([]));

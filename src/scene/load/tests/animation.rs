@@ -21,13 +21,13 @@ fn document(place: &str, more: &str) -> String {
     )
 }
 
-fn animated(scene: Scene) -> (Stage, Animation) {
+pub(super) fn animated(scene: Scene) -> (Stage, Animation) {
     let stage = Stage::animated(scene).unwrap();
     let animation = stage.scene.animation.clone();
     (stage, animation)
 }
 
-fn at(stage: &mut Stage, animation: &Animation, time: f64) -> Result<(), Unchangeable> {
+pub(super) fn at(stage: &mut Stage, animation: &Animation, time: f64) -> Result<(), Unchangeable> {
     stage.change(&stage.changes_to(&animation.at(time))).map(|_| ())
 }
 
@@ -181,7 +181,7 @@ pub(super) fn moving_file() -> Builder {
     builder
 }
 
-fn load_glb(builder: &Builder) -> Result<Scene, SceneError> {
+pub(super) fn load_glb(builder: &Builder) -> Result<Scene, SceneError> {
     load_files(&[("thing.glb", &builder.finish())]).map_err(|(error, _)| error)
 }
 

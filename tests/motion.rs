@@ -141,7 +141,7 @@ fn bending() -> Outcome {
     let mut counts = [0; 2];
     for (pixel, (motion, position)) in vectors(&layers, "motion").iter().zip(vectors(&layers, "position")).enumerate() {
         let at = position + origin;
-        let is_bent = at.z > 0.01;
+        let is_bent = at.z > 1e-4;
         let was = if is_bent { Vec3::new(at.x, 1.0 + at.z, 0.0) } else { at } - origin;
         let [now, before] = [position, was].map(|at| at - camera.eye);
         let expected =

@@ -1,6 +1,6 @@
 //! Records of earlier frames come to this one: moved with what they sit on, a frame older, and dropped where nobody has seen them for long.
 
-use super::lives::{needed_where_it_moves, surface_under, word};
+use super::lives::{needed_where_it_moves, off, surface_under, word};
 use super::record::{RECORD_BYTES, Record, pinhole, texels};
 use crate::contract::{Arguments, Description, Encoder, Input, Need, Output, Parameter, ParameterKind, Pass, Port, PortKind, Refusal, Takes, port};
 use crate::math::{
@@ -9,10 +9,11 @@ use crate::math::{
     random::hash,
     weight,
 };
-use crate::scene::{Bounds, Scene, bvh::Bvh, needs::Needs};
+use crate::scene::{Bounds, Object, Scene, bvh::Bvh, needs::Needs, shape::frame, stage::Motion};
 use crate::schedule::*;
 use glam::{DMat3, DMat4, Vec3, Vec4, Vec4Swizzles};
 use rayon::prelude::*;
+use std::ops::Range;
 
 pub struct AgeRecords;
 
@@ -236,18 +237,23 @@ fn see_leaps(records: &[Record], all: &mut [Life], leaps: &[Bounds]) {
     });
 }
 
-/// A place and normal where a mover has brought them; None where they are nowhere.
-fn carried(motions: &[DMat4], mover: Option<usize>, [position, normal]: [Vec3; 2]) -> Option<[Vec3; 2]> {
-    let Some(map) = mover.and_then(|mover| motions.get(mover)).filter(|map| **map != DMat4::IDENTITY) else { return Some([position, normal]) };
+/// The map of what carries a record; None where that stays.
+fn map_of(motions: &[Motion], carrier: Option<usize>) -> Option<&DMat4> {
+    motions.get(carrier?).map(|motion| &motion.map).filter(|map| **map != DMat4::IDENTITY)
+}
+
+/// A place and normal where a map brings them; None where they are nowhere.
+fn carried(map: Option<&DMat4>, [position, normal]: [Vec3; 2]) -> Option<[Vec3; 2]> {
+    let Some(map) = map else { return Some([position, normal]) };
     let normal = (DMat3::from_mat4(*map).inverse().transpose() * normal.as_dvec3()).try_normalize()?.as_vec3();
     Some([map.transform_point3(position.as_dvec3()).as_vec3(), normal]).filter(|[position, normal]| position.is_finite() && normal.is_finite())
 }
 
-/// Brings a record to where its mover is now; whether it is anywhere.
-fn carry(record: &mut Record, mover: Option<usize>, motions: &[DMat4]) -> bool {
-    let Some(map) = mover.and_then(|mover| motions.get(mover)).filter(|map| **map != DMat4::IDENTITY) else { return true };
+/// Brings a record to where a map brings what it sits on; whether it is anywhere.
+fn carry(record: &mut Record, map: Option<&DMat4>) -> bool {
+    let Some(map) = map else { return true };
     let mut moved = weight::Record::from(&*record);
-    let Some([position, normal]) = carried(motions, mover, [moved.position, moved.normal]) else { return false };
+    let Some([position, normal]) = carried(Some(map), [moved.position, moved.normal]) else { return false };
     (moved.position, moved.normal) = (position, normal);
     // What is scaled, too, changes its light by more than its place: it will be sampled anew.
     let turned = |vector: Vec3| map.transform_vector3(vector.as_dvec3()).normalize_or_zero().as_vec3() * vector.length();
@@ -263,8 +269,18 @@ struct Ground<'a> {
     scene: &'a Scene,
     bvh: &'a Bvh,
     extent: f32,
-    motions: &'a [DMat4],
+    motions: &'a [Motion],
     course: Course,
+}
+
+/// As many triangles of what deforms as are looked at together.
+const CHUNK: usize = 64;
+
+/// A mover, and which of the motions carry it: one, or one for each triangle of what deforms.
+struct Carried {
+    motions: Range<usize>,
+    /// Where it was, chunk by chunk: of what deforms.
+    before: Vec<Bounds>,
 }
 
 impl<'a> Ground<'a> {
@@ -283,10 +299,33 @@ impl<'a> Ground<'a> {
 
     /// Gives a life to those that have none yet; movers stand within `bounds`.
     fn bear(&self, records: &[Record], all: &mut [Life], known: usize, (most, bounds): (f32, &[Bounds])) {
+        if known == records.len() {
+            return;
+        }
+        let movers = self.movers();
         let numbered = records[known..].par_iter().zip(all[known..].par_iter_mut()).enumerate();
         numbered.for_each(|(number, (record, life))| {
-            *life = Life::new(record.irradiance(), hash((known + number) as u32), self.mover_of(record, bounds), most);
+            *life = Life::new(record.irradiance(), hash((known + number) as u32), self.carrier_of(record, &movers, bounds), most);
         });
+    }
+
+    fn movers(&self) -> Vec<Carried> {
+        let number = |triangle: usize| self.motions.partition_point(|motion| motion.triangles.start < triangle);
+        let carried = |object: &Object| {
+            let motions = number(object.triangles.start)..number(object.triangles.end);
+            let before =
+                if motions.len() > 1 { self.motions[motions.clone()].par_chunks(CHUNK).map(|chunk| self.bounds_before(chunk)).collect() } else { Vec::new() };
+            Carried { motions, before }
+        };
+        self.scene.objects.iter().map(carried).collect()
+    }
+
+    fn bounds_before(&self, motions: &[Motion]) -> Bounds {
+        let corners = motions.iter().flat_map(|Motion { triangles, map }| {
+            let backward = map.inverse();
+            self.scene.triangles[triangles.start].positions.map(|corner| backward.transform_point3(corner.as_dvec3()).as_vec3())
+        });
+        corners.fold(Bounds::EMPTY, Bounds::with)
     }
 
     /// Of the movers, as they stand.
@@ -294,20 +333,48 @@ impl<'a> Ground<'a> {
         self.scene.objects.par_iter().map(|object| Bounds::of(&self.scene.triangles[object.triangles.clone()])).collect()
     }
 
-    /// The mover that a record sits on which was made in the picture before: where that has brought it, it is on its surface.
-    fn mover_of(&self, record: &Record, bounds: &[Bounds]) -> Option<usize> {
-        (0..self.motions.len()).find(|mover| {
-            let place = carried(self.motions, Some(*mover), record.place()).filter(|[at, _]| bounds[*mover].distance(*at) <= record.footprint());
-            let triangle = place.and_then(|place| surface_under((self.scene, self.bvh, self.extent), place, record.footprint()));
-            triangle.is_some_and(|triangle| self.scene.objects[*mover].triangles.contains(&(triangle as usize)))
+    /// What carries a record that was made in the picture before.
+    fn carrier_of(&self, record: &Record, movers: &[Carried], bounds: &[Bounds]) -> Option<usize> {
+        movers.iter().zip(bounds).find_map(|(mover, bounds)| match mover.motions.len() {
+            0 => None,
+            1 => Some(mover.motions.start).filter(|motion| self.is_on(record, &self.motions[*motion], bounds)),
+            _ => self.triangle_of(record, mover),
         })
+    }
+
+    /// Whether a record sits on a mover: where that has brought it, it is on its surface.
+    fn is_on(&self, record: &Record, motion: &Motion, bounds: &Bounds) -> bool {
+        let place = carried(Some(&motion.map), record.place()).filter(|[at, _]| bounds.distance(*at) <= record.footprint());
+        let triangle = place.and_then(|place| surface_under((self.scene, self.bvh, self.extent), place, record.footprint()));
+        triangle.is_some_and(|triangle| motion.triangles.contains(&(triangle as usize)))
+    }
+
+    /// The triangle of what deforms that a record sat on, nearer than any other.
+    fn triangle_of(&self, record: &Record, mover: &Carried) -> Option<usize> {
+        let [position, _] = record.place();
+        let off = off(self.extent, position, record.footprint());
+        let near = mover.before.iter().enumerate().filter(|(_, bounds)| bounds.distance(position) <= off);
+        let triangles = near.flat_map(|(chunk, _)| mover.motions.clone().skip(CHUNK * chunk).take(CHUNK));
+        let heights = triangles.filter_map(|motion| Some((self.height(position, &self.motions[motion])?, motion)));
+        let nearest = heights.min_by(|(a, _), (b, _)| a.total_cmp(b))?;
+        Some(nearest.1).filter(|_| nearest.0 <= f64::from(off))
+    }
+
+    /// How far a place was from the plane of a triangle which it was over or under.
+    fn height(&self, position: Vec3, motion: &Motion) -> Option<f64> {
+        /// Edges are no gaps.
+        const ROUNDING: f64 = 1e-4;
+        // What has moved with the triangle has the same coordinates in it.
+        let local = frame(self.scene.triangles[motion.triangles.start].positions).inverse().transform_point3(motion.map.transform_point3(position.as_dvec3()));
+        let is_over = local.x >= -ROUNDING && local.y >= -ROUNDING && local.x + local.y <= 1.0 + ROUNDING;
+        Some(local.z.abs()).filter(|height| is_over && height.is_finite())
     }
 
     /// Time passes, after so many frames in which the scene has not changed.
     fn age(&self, kept: &mut Kept, seen: &Seen<'_>, still: u32) {
         let (passed, ages) = (self.course.frames as f32, kept.lives.iter().map(|life| life.age).collect::<Vec<_>>());
         kept.lives.par_iter_mut().zip(&mut kept.records).for_each(|(life, record)| {
-            let is_there = carry(record, life.mover(), self.motions);
+            let is_there = carry(record, map_of(self.motions, life.mover()));
             let changed = life.changes();
             *life = life.aged(passed, life.age >= 0.0 && life.age < still as f32);
             if changed || life.changes() {
@@ -323,7 +390,7 @@ impl<'a> Ground<'a> {
 
     /// A record that was sampled ahead goes over to that in as many steps as there are frames until then.
     fn approach(&self, record: &mut Record, goal: &mut Record, life: &Life, age_before: f32) {
-        carry(goal, life.mover(), self.motions);
+        carry(goal, map_of(self.motions, life.mover()));
         if !self.course.is_ahead && (age_before < 0.0 || life.age < 0.0) {
             record.approach(goal, (1.0 - life.age).max(1.0).recip());
         }
@@ -377,7 +444,7 @@ mod tests {
         host.scene.materials = vec![Material::diffuse("", Vec3::ONE)];
         let upper = host.scene.triangles.iter().position(|triangle| triangle.positions[0].z == 3.0).unwrap();
         host.scene.objects = vec![Object { name: String::new(), triangles: upper..upper + 1 }];
-        host.motions = vec![DMat4::from_translation(DVec3::new(0.0, 0.0, 2.0))];
+        host.motions = vec![Motion { triangles: upper..upper + 1, map: DMat4::from_translation(DVec3::new(0.0, 0.0, 2.0)) }];
         host
     }
 
@@ -403,10 +470,32 @@ mod tests {
     fn records_know_what_they_sit_on() {
         let host = host();
         let ground = Ground::of(&host);
-        assert_eq!([0.0, 1.0, 3.0].map(|height| ground.mover_of(&record(height), &ground.bounds())), [None, Some(0), None]);
+        assert_eq!([0.0, 1.0, 3.0].map(|height| ground.carrier_of(&record(height), &ground.movers(), &ground.bounds())), [None, Some(0), None]);
         let mut all = [Life::new(Vec3::ONE, 1, None, 9.0); 2];
         ground.bear(&[record(0.0), record(1.0)], &mut all, 0, (16.0, &ground.bounds()));
         assert_eq!(all.map(|life| life.mover()), [None, Some(0)]);
+    }
+
+    /// A floor of two triangles that meet at x = 0, of which one has been folded up: what sits on it goes up, and only that.
+    #[test]
+    fn records_go_with_the_triangle_that_they_sit_on() {
+        let corner = |x: f32| Vec3::new(9.0 * x, 0.0, 0.0);
+        let (side, top) = (Vec3::new(0.0, -9.0, 0.0), Vec3::new(0.0, 9.0, 0.0));
+        let of = |positions| Triangle { positions, ..floor(0.0) };
+        let mut host = MockHost::new(vec![of([side, top, corner(-1.0)]), of([side, Vec3::new(0.0, 0.0, 9.0), top])], [8, 8]);
+        let folded = host.scene.triangles.iter().position(|triangle| triangle.positions[1].z == 9.0).unwrap();
+        host.scene.objects = vec![Object { name: String::new(), triangles: 0..2 }];
+        let fold = DMat4::from_rotation_y(-std::f64::consts::FRAC_PI_2);
+        host.motions = [0, 1].map(|at| Motion { triangles: at..at + 1, map: if at == folded { fold } else { DMat4::IDENTITY } }).into();
+        let ground = Ground::of(&host);
+        let record = |x: f32, z: f32| Record::from(&weight::Record { position: Vec3::new(x, 1.0, z), normal: Vec3::Z, footprint: 0.01, ..mock::record() });
+        let carrier = |record: &Record| ground.carrier_of(record, &ground.movers(), &ground.bounds());
+        let found = [record(-3.0, 0.0), record(3.0, 0.0), record(3.0, 0.5), record(30.0, 0.0)].map(|record| carrier(&record));
+        assert_eq!(found, [Some(1 - folded), Some(folded), None, None]);
+        let mut lifted = record(3.0, 0.0);
+        assert!(carry(&mut lifted, map_of(&host.motions, Some(folded))));
+        let [position, normal] = lifted.place();
+        assert!(position.distance(Vec3::new(0.0, 1.0, 3.0)) < 1e-5 && normal.distance(Vec3::NEG_X) < 1e-5, "{position} {normal}");
     }
 
     /// What a record foretells of a point is the same before and after both have moved with what they are on.
@@ -420,10 +509,10 @@ mod tests {
             ..mock::record()
         };
         let map = DMat4::from_rotation_translation(DQuat::from_axis_angle(DVec3::new(1.0, 2.0, 2.0) / 3.0, 1.1), DVec3::new(4.0, -5.0, 6.0));
-        let motions = [DMat4::IDENTITY, map];
+        let motions = [DMat4::IDENTITY, map].map(|map| Motion { triangles: 0..1, map });
         let (moved, turned) = (|at: Vec3| map.transform_point3(at.as_dvec3()).as_vec3(), |way: Vec3| map.transform_vector3(way.as_dvec3()).as_vec3());
         let mut after = Record::from(&before);
-        assert!(carry(&mut after, Some(1), &motions));
+        assert!(carry(&mut after, map_of(&motions, Some(1))));
         let after = weight::Record::from(&after);
         let (point, normal) = (Vec3::new(1.3, 2.1, 3.0), Vec3::new(0.1, 0.0, 1.0).normalize());
         let rule = mock::rule();
@@ -431,9 +520,9 @@ mod tests {
         assert!(was.estimate(point, normal).distance(is.estimate(moved(point), turned(normal))) < 1e-5);
         assert!((was.weight(point, normal) - is.weight(moved(point), turned(normal))).abs() < 1e-4);
         let mut still = Record::from(&before);
-        assert!(carry(&mut still, Some(0), &motions) && carry(&mut still, None, &motions));
+        assert!(carry(&mut still, map_of(&motions, Some(0))) && carry(&mut still, map_of(&motions, None)));
         assert_eq!(weight::Record::from(&still), before);
-        assert!(!carry(&mut still, Some(0), &[DMat4::from_scale(DVec3::new(0.0, 0.0, 0.0))]), "what has vanished is nowhere");
+        assert!(!carry(&mut still, Some(&DMat4::from_scale(DVec3::new(0.0, 0.0, 0.0)))), "what has vanished is nowhere");
     }
 
     /// Gradients and reach go over to what was sampled ahead in as many equal steps as there are frames until then, and stay as they are in the frame ahead and after.

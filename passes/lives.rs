@@ -17,9 +17,14 @@ pub fn needed_where_it_moves(needs: &Needs) -> Need {
 /// How far off its surface a record is looked for, in footprints.
 const OFF: f32 = 0.25;
 
+/// The same of a place in a scene of such an extent [scene units].
+pub fn off(extent: f32, position: Vec3, footprint: f32) -> f32 {
+    (OFF * footprint).max(4.0 * surface_offset(extent, position))
+}
+
 /// The surface of a scene that a place and normal lie on, or almost.
 pub fn surface_under((scene, bvh, extent): (&Scene, &Bvh, f32), [position, normal]: [Vec3; 2], footprint: f32) -> Option<u32> {
-    let off = (OFF * footprint).max(4.0 * surface_offset(extent, position));
+    let off = off(extent, position, footprint);
     bvh.closest_hit(scene, position + off * normal, -normal, 2.0 * off).map(|hit| hit.triangle)
 }
 

@@ -2,7 +2,7 @@
 
 use crate::contract::port;
 use crate::math::weight::{Record, Rule, Weighting};
-use crate::scene::{Camera, FieldOfView, Scene, Triangle, bvh::Bvh, emitters::Emission};
+use crate::scene::{Camera, FieldOfView, Scene, Triangle, bvh::Bvh, emitters::Emission, stage::Motion};
 use crate::schedule::*;
 use glam::{Vec3, Vec4};
 use std::any::Any;
@@ -19,7 +19,7 @@ pub struct MockHost {
     pub is_timed: bool,
     pub cut_short: Option<(Variable, Shortfall)>,
     pub size: [u32; 2],
-    pub motions: Vec<glam::DMat4>,
+    pub motions: Vec<Motion>,
     pub course: Course,
     pub scene: Scene,
     pub bvh: Bvh,
@@ -122,7 +122,7 @@ impl HostContext for MockHost {
         self.cut_short = Some((until, because));
     }
 
-    fn motions(&self) -> &[glam::DMat4] {
+    fn motions(&self) -> &[Motion] {
         &self.motions
     }
 

@@ -3,6 +3,7 @@
 //! Needs a GPU adapter, a software one will do; without one each case is named as skipped, which
 //! `HEMISPLAT_REQUIRE=gpu` makes a failure.
 
+mod bar;
 mod skips;
 
 use assert_cmd::Command;
@@ -61,6 +62,8 @@ const CASES: &[(&str, Case)] = &[
     ("frames_share_out_a_bounded_number_of_new_records", || bounded_frames("irradiance-one-rate")),
     ("two_loops_share_out_one_number_of_new_records", || bounded_frames("irradiance")),
     ("a_scene_that_moves_is_in_each_frame_as_it_is_then", moving),
+    ("a_mesh_that_deforms_is_in_each_frame_as_it_is_then", bending),
+    ("records_live_on_where_a_mesh_deforms", living_on_a_bar),
     ("a_sequence_is_one_animated_picture", movie),
     ("records_live_on_where_the_scene_moves", living),
     ("what_moves_in_extremes_is_a_picture_or_an_error", extremes),
@@ -127,6 +130,55 @@ fn moving() -> Outcome {
     check(place.picture("out.0000.exr")?.layers != place.picture("out.0002.exr")?.layers, || "nothing has moved".into())?;
     let notes = render("corner", &["--moment", "1", "-o", "still.exr"])?;
     check(notes.contains("nothing in the scene moves"), || notes)
+}
+
+/// Each frame is the picture of its moment bit for bit, shadow maps are drawn anew as long as the mesh bends, and it casts its shadow where it is.
+fn bending() -> Outcome {
+    let place = Place::new()?;
+    bar::write(place.0.path())?;
+    fs::write(place.path("bar.ron"), BENDING).map_err(failed)?;
+    let render = |more: &[&str]| {
+        let (status, stderr) = place.render_by("irradiance-one-rate", "bar.ron", &[&["--set", "tiles.resolution=8", "--fps", "4"], more].concat())?;
+        check(status == 0, || stderr)
+    };
+    render(&["--frames", "0..7", "-o", "all.exr"])?;
+    let stats = place.stats()?;
+    let runs = |frame: &Value| frame["passes"].as_array()?.iter().find(|pass| pass["node"] == "shadow")?["runs"].as_u64();
+    let runs: Vec<_> = stats["frames"].as_array().into_iter().flatten().filter_map(runs).collect();
+    check(runs == [1, 1, 1, 1, 1, 0, 0], || format!("maps are drawn {runs:?} times"))?;
+    for (frame, moment) in ["0", "0.25", "0.5", "0.75", "1", "1.25", "1.5"].into_iter().enumerate() {
+        render(&["--moment", moment, "-o", "one.exr"])?;
+        place.same(&format!("all.{frame:04}.exr"), "one.exr")?;
+    }
+    // Under the lamp: what is behind the bar while it is straight is before it in the end.
+    let direct = |name: &str| Ok::<_, Failed>(place.picture(name)?.rgb("direct").map_err(failed)?.concat());
+    let dark = |light: Vec<f32>| light.iter().filter(|value| **value == 0.0).count();
+    let [first, last] = [dark(direct("all.0000.exr")?), dark(direct("all.0004.exr")?)];
+    check(first != last, || format!("{first} values are dark, and {last} in the end"))
+}
+
+/// A bar whose halves stay flat shows the same as two squares that are turned as a whole: records follow its triangles as they follow those.
+fn living_on_a_bar() -> Outcome {
+    let place = Place::new()?;
+    bar::write(place.0.path())?;
+    let square = "Quad(corners: ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)))";
+    let turns = "rotate: (axis: (1, 0, 0), degrees: Linear([(0, 0), (1, 90)]))";
+    let squares = format!("{square}, Place(of: [{square}], {turns}, translate: (0, 1, 0))");
+    let irradiance = |name: &str, text: &str| {
+        fs::write(place.path(&format!("{name}.ron")), text).map_err(failed)?;
+        let picture = format!("{name}.exr");
+        let (status, stderr) = place.render_by("irradiance-temporal", &format!("{name}.ron"), &["--frames", "0..9", "--fps", "8", "-o", &picture])?;
+        check(status == 0, || stderr)?;
+        let layer = |frame: u32| place.picture(&format!("{name}.{frame:04}.exr"))?.rgb("irradiance").map(|all| all.concat()).map_err(failed);
+        [3, 6, 8].into_iter().map(layer).collect::<Result<Vec<_>, Failed>>()
+    };
+    let (bends, turns) = (irradiance("bends", BENDING)?, irradiance("turns", &BENDING.replace("File(\"bar.gltf\")", &squares))?);
+    for (bends, turns) in bends.iter().zip(&turns) {
+        let mean = turns.iter().map(|value| f64::from(*value)).sum::<f64>() / turns.len() as f64;
+        let error = (bends.iter().zip(turns).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>() / turns.len() as f64).sqrt();
+        check(mean > 0.0 && error < 1e-3 * mean, || format!("apart by {error}, of {mean}"))?;
+    }
+    Ok(())
 }
 
 /// An animated picture has all frames, as they are each; one that is not whole does not appear.
@@ -245,6 +297,14 @@ const MOVING: &str = r#"Scene(version: 1, geometry: [
 ], materials: { "lamp": Emitter(radiance: Step([(0, (0, 0, 0)), (0.5, (9, 8, 7))])), "*": Diffuse(reflectance: (0.7, 0.6, 0.5)) },
 lights: [Spot(position: Linear([(0, (1, 2, 3)), (2, (3, 2, 3))]), direction: (0, -0.5, -1), intensity: (5, 5, 5), outer: 40)],
 cameras: { "c": (eye: Smooth([(0, (2, 1.6, 5)), (2, (3, 1.6, 5))]), target: (2, 1.3, 0), fov: 60) })"#;
+
+/// A bar that bends toward the camera under a lamp.
+const BENDING: &str = r#"Scene(version: 1, geometry: [
+    Quad(corners: ((0, 0, 4), (4, 0, 4), (4, 0, 0), (0, 0, 0))),
+    Quad(corners: ((0, 0, 0), (4, 0, 0), (4, 3, 0), (0, 3, 0))),
+    Place(of: [File("bar.gltf")], translate: (1.5, 0.1, 1)),
+], materials: { "*": Diffuse(reflectance: (0.7, 0.6, 0.5)) }, lights: [Point(position: (2.2, 2.8, 2.5), intensity: (5, 5, 5))],
+cameras: { "c": (eye: (2.5, 1.6, 5), target: (2, 1, 0), fov: 60) })"#;
 
 // Pipelines of the tests.
 

@@ -2,7 +2,7 @@
 
 use glam::{DAffine3, DVec3, Vec2, Vec3};
 use hemisplat::{
-    Camera, Change, Engine, Pace, Run, Stage, block_on,
+    Camera, Change, Engine, Pace, Run, Scene, Stage, Unchangeable, block_on,
     gpu::Gpu,
     measure::Layers,
     pipeline::Pipeline,
@@ -15,6 +15,7 @@ use libtest_mimic::Arguments;
 use skips::Missing;
 use std::{error::Error, fs, io, path::Path, sync::Arc};
 
+mod bar;
 mod skips;
 
 type Outcome = Result<(), Box<dyn Error>>;
@@ -32,13 +33,20 @@ const SCENE: &str = r#"Scene(version: 1,
     environment: Constant((1, 1, 1)),
     cameras: { "main": (eye: (0, 1.5, 4), target: (0, 1, 0), fov: 70) })"#;
 
+/// A bar that bends, seen from above.
+const BAR: &str = r#"Scene(version: 1, geometry: [File("bar.gltf")], materials: { "*": Diffuse(reflectance: (0.5, 0.5, 0.5)) },
+    environment: Constant((1, 1, 1)), cameras: { "main": (eye: (0.8, 2, 2.5), target: (0.5, 0.8, 0), fov: 50) })"#;
+
 const PIPELINE: &str = r#"Pipeline(version: 1, about: "how far things have moved",
     nodes: [(name: "gbuffer", pass: GBuffer()), (name: "motion", pass: Motion(gbuffer: "gbuffer")), (name: "image", pass: Composite(gbuffer: "gbuffer"))],
     outputs: { "picture": "image", "motion": "motion", "position": "gbuffer.position" })"#;
 
 fn main() {
     let missing = block_on(Gpu::open()).err().map(|error| Missing::new("gpu", error.to_string()));
-    let trials = vec![skips::fallible("motion_is_that_of_the_camera_and_of_objects", missing.as_ref(), motion)];
+    let trials = vec![
+        skips::fallible("motion_is_that_of_the_camera_and_of_objects", missing.as_ref(), motion),
+        skips::fallible("motion_is_that_of_each_triangle_of_what_deforms", missing.as_ref(), bending),
+    ];
     libtest_mimic::run(&Arguments::from_args(), trials).exit();
 }
 
@@ -53,11 +61,13 @@ struct Film {
 }
 
 impl Film {
-    fn new() -> Result<Self, Box<dyn Error>> {
+    /// Of a scene document.
+    fn new(text: &str, stage: impl FnOnce(Scene) -> Result<Stage, Unchangeable>) -> Result<Self, Box<dyn Error>> {
         let folder = tempfile::tempdir()?;
         let file = folder.path().join("scene.ron");
-        fs::write(&file, SCENE)?;
-        let stage = Arc::new(Stage::moving(load(&file, &LoadOptions::default())?, &[1, 0])?);
+        fs::write(&file, text)?;
+        bar::write(folder.path())?;
+        let stage = Arc::new(stage(load(&file, &LoadOptions::default())?)?);
         let engine = block_on(Engine::open())?;
         let mut read = |path: &Path| if path == Path::new("motion.ron") { Ok(PIPELINE.to_owned()) } else { Err(io::ErrorKind::NotFound.into()) };
         let pipeline = engine.pipeline("motion.ron", &[], &mut read)?;
@@ -93,7 +103,7 @@ fn seen(camera: &Camera, to: Vec3) -> Vec2 {
 }
 
 fn motion() -> Outcome {
-    let mut film = Film::new()?;
+    let mut film = Film::new(SCENE, |scene| Stage::moving(scene, &[1, 0]))?;
     let first = film.drawn()?;
     check(vectors(&first, "motion").iter().all(|motion| *motion == Vec3::ZERO), || "a first picture has moved".into())?;
 
@@ -118,6 +128,30 @@ fn motion() -> Outcome {
     film.run.set_camera(&before);
     block_on(film.engine.resize(&mut film.run, &film.pipeline, SIZE))?;
     held(&film.drawn()?, [&now, &before], DAffine3::IDENTITY, film.run.stage().scene.origin)
+}
+
+/// The bar's upper square has turned down toward the camera around its lower edge; its triangles were stretched and turned on the way, all else has stayed.
+fn bending() -> Outcome {
+    let mut film = Film::new(BAR, Stage::animated)?;
+    let camera = film.run.stage().scene.cameras[0].clone();
+    film.drawn()?;
+    let changes = film.run.stage().changes_to(&film.run.stage().scene.animation.at(1.0));
+    block_on(film.engine.change(&mut film.run, &film.pipeline, &changes))?;
+    let (layers, origin) = (film.drawn()?, film.run.stage().scene.origin.as_vec3());
+    let mut counts = [0; 2];
+    for (pixel, (motion, position)) in vectors(&layers, "motion").iter().zip(vectors(&layers, "position")).enumerate() {
+        let at = position + origin;
+        let is_bent = at.z > 1e-4;
+        let was = if is_bent { Vec3::new(at.x, 1.0 + at.z, 0.0) } else { at } - origin;
+        let [now, before] = [position, was].map(|at| at - camera.eye);
+        let expected =
+            if position == Vec3::ZERO { Vec3::ZERO } else { (seen(&camera, now) - seen(&camera, before)).extend((now - before).dot(camera.direction)) };
+        counts[usize::from(is_bent)] += 1;
+        let apart = (*motion - expected).abs();
+        check(apart.max_element() < 1e-3 * (1.0 + expected.length()), || format!("pixel {pixel}: {motion}, not {expected}; at {at}"))?;
+    }
+    check(counts.iter().all(|count| *count > 100), || format!("{counts:?} pixels of what stays and of what bends"))?;
+    check(vectors(&film.drawn()?, "motion").iter().all(|motion| *motion == Vec3::ZERO), || "nothing has moved, and yet it has".into())
 }
 
 /// The motion of each pixel beside that of its point, from the view of one camera to that of another.

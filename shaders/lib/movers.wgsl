@@ -1,4 +1,4 @@
-// Objects that can be moved: SceneMover in src/gpu/scene.rs, in the order of their triangles.
+// Objects that can be moved, or single triangles of what deforms: SceneMover in src/gpu/scene.rs, in the order of their triangles.
 
 struct SceneMover {
     first: u32,

@@ -5,9 +5,9 @@ use super::copies::Copies;
 use super::device::GpuError;
 use super::encode::Pending;
 use super::session::Session;
-use crate::scene::{Camera, Scene, bvh::Bvh, emitters::Emission};
+use crate::scene::{Camera, Scene, bvh::Bvh, emitters::Emission, stage::Motion};
 use crate::schedule::*;
-use glam::{DMat4, Vec4};
+use glam::Vec4;
 use std::any::Any;
 use std::cell::Cell;
 use std::collections::{HashMap, HashSet};
@@ -164,8 +164,8 @@ impl HostContext for HostView<'_> {
         self.session.stage.extent()
     }
 
-    fn motions(&self) -> &[DMat4] {
-        &self.session.motions
+    fn motions(&self) -> &[Motion] {
+        self.session.motions()
     }
 
     fn course(&self) -> Course {

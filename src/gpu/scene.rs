@@ -3,18 +3,18 @@
 use super::hierarchy::{self, Packing};
 use crate::host_struct;
 use crate::scene::{
-    Bounds, Camera, Charts, DIELECTRIC, Environment, Glossy, LightKind, Material, Scene, Texture, Triangle, Wrap,
+    Bounds, Camera, Charts, DIELECTRIC, Environment, Glossy, LightKind, Material, Object, Scene, Texture, Triangle, Wrap,
     emitters::{
         Emission,
         tree::{Group, Next, most_groups},
     },
     shadow_grid, shadow_half, shadow_layers,
     sky::Suns,
-    stage::{Changed, Stage},
+    stage::{Changed, Motion, Pose, Stage},
 };
 use crate::schedule::{Format, HostLayout, ResourceKind, SceneData};
 use bytemuck::{bytes_of, cast_slice};
-use glam::{DAffine3, Vec2, Vec3};
+use glam::{Vec2, Vec3};
 use std::{ops::Range, ptr};
 
 host_struct! {
@@ -97,7 +97,7 @@ host_struct! {
 }
 
 host_struct! {
-    /// How far an object has come since the picture before.
+    /// How far an object, or a triangle of one that deforms, has come since the picture before.
     pub struct SceneMover {
         /// Its first triangle, and one past its last.
         first: u32,
@@ -129,7 +129,7 @@ host_struct! {
         shift: [f32; 2],
         sample: u32,
         width: f32,
-        /// Objects that can be moved.
+        /// Of `SceneMover`.
         movers: u32,
         padding: u32,
         eye_before: [f32; 3],
@@ -205,7 +205,7 @@ pub fn kind_with(scene: &Scene, emitters: usize, data: SceneData) -> ResourceKin
         SceneData::Attributes => buffer(triangles * ATTRIBUTES_BYTES),
         SceneData::Tables | SceneData::AlbedoTables => buffer(Places::of(scene, emitters).end * ELEMENT as u64),
         SceneData::FirstLights => buffer((FIRST_LIGHTS * size_of::<SceneLight>()) as u64),
-        SceneData::Movers => buffer((scene.objects.len() * size_of::<SceneMover>()) as u64),
+        SceneData::Movers => buffer((count_movers(scene) * size_of::<SceneMover>()) as u64),
         SceneData::Texels => {
             let texels = scene.textures.iter().map(|texture| texture.all_texels() as u64).sum::<u64>().max(1);
             let width = texels.next_power_of_two().min(MOST_TEXELS);
@@ -257,7 +257,7 @@ impl Upload {
                 Environment::Constant(radiance) => bytes_of(&radiance.extend(0.0)).to_vec(),
                 Environment::LatLong { .. } => environment(scene, &self.emission.suns),
             },
-            SceneData::Movers => movers(stage, &stage.places()),
+            SceneData::Movers => movers(stage, &stage.poses()),
         };
         bytes.resize(kind_with(scene, self.emission.lamps(), data).bytes() as usize, 0);
         bytes
@@ -613,15 +613,20 @@ fn lamps(emission: &Emission) -> Vec<SceneLamps> {
     emission.tree.groups().into_iter().map(lamps).collect()
 }
 
-/// The objects that can be moved in the order of their triangles, which stood elsewhere before.
-pub fn movers(stage: &Stage, before: &[DAffine3]) -> Vec<u8> {
-    let movers: Vec<SceneMover> = (0..stage.scene.objects.len())
-        .map(|mover| {
-            let (triangles, backward) = (stage.triangles_of(mover), stage.backward(mover, before[mover]).as_mat4().transpose());
-            let [backward_x, backward_y, backward_z] = [backward.x_axis, backward.y_axis, backward.z_axis].map(Into::into);
-            SceneMover { first: triangles.start as u32, end: triangles.end as u32, padding: [0; 2], backward_x, backward_y, backward_z }
-        })
-        .collect();
+/// Objects that can be moved, each triangle of one that deforms for itself.
+fn count_movers(scene: &Scene) -> usize {
+    let parts = |(number, object): (usize, &Object)| if scene.animation.deforms(number) { object.triangles.len() } else { 1 };
+    scene.objects.iter().enumerate().map(parts).sum()
+}
+
+/// The same in the order of their triangles, which were elsewhere before.
+pub fn movers(stage: &Stage, before: &[Pose]) -> Vec<u8> {
+    let mover = |Motion { triangles, map }: Motion| {
+        let backward = map.as_mat4().transpose();
+        let [backward_x, backward_y, backward_z] = [backward.x_axis, backward.y_axis, backward.z_axis].map(Into::into);
+        SceneMover { first: triangles.start as u32, end: triangles.end as u32, padding: [0; 2], backward_x, backward_y, backward_z }
+    };
+    let movers: Vec<SceneMover> = stage.backward(before).into_iter().map(mover).collect();
     cast_slice(&movers).to_vec()
 }
 
@@ -645,7 +650,7 @@ pub fn camera((camera, before): (&Camera, &Camera), size: [u32; 2], stage: &Stag
         shift: camera.sample.shift.into(),
         sample: camera.sample.number,
         width: camera.sample.width,
-        movers: stage.scene.objects.len() as u32,
+        movers: count_movers(&stage.scene) as u32,
         padding: 0,
         eye_before: before.eye.into(),
         half_width_before: half_before.x,

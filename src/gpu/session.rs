@@ -16,14 +16,13 @@ use super::timing::Timing;
 use super::views::{View, Views};
 use crate::scene::{
     Camera,
-    stage::{Change, Changed, Stage, Unchangeable},
+    stage::{Change, Changed, Motion, Pose, Stage, Unchangeable},
 };
 use crate::schedule::*;
-use glam::DMat4;
 use std::any::Any;
 use std::collections::{HashMap, HashSet};
 use std::iter;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// A schedule made ready on a device. History resources live as long as the session.
 pub struct Session {
@@ -52,8 +51,9 @@ pub struct Session {
     pub(super) made: HashMap<(usize, usize), u64>,
     pub(super) camera: (Camera, [u32; 2]),
     pub(super) views: Views,
-    /// What each mover has done since the frame that ran before.
-    pub(super) motions: Vec<DMat4>,
+    /// How the movers were in the frame that ran before, and what they have done since: looked up where it is asked for.
+    before: Vec<Pose>,
+    motions: OnceLock<Vec<Motion>>,
     /// Of the frame that is under way, or comes next.
     pub(super) course: Course,
     pub(super) frames: u32,
@@ -137,7 +137,8 @@ impl Session {
             made: HashMap::new(),
             camera: (camera.clone(), size),
             views: Views::default(),
-            motions: Vec::new(),
+            before: Vec::new(),
+            motions: OnceLock::new(),
             course: Course::NEXT,
             frames: 0,
             clock: Clock::new(),
@@ -216,16 +217,22 @@ impl Session {
     /// Tells the device where the camera and the movers are, and were in the picture before.
     pub(super) fn tell_views(&mut self) {
         let (schedule, stage) = (self.schedule.clone(), self.stage.clone());
-        let (before, moves) = self.views.begin(View { camera: self.camera.0.clone(), places: stage.places() });
-        self.motions = stage.motions(&self.views.pass(stage.places()));
+        let poses = stage.poses();
+        (self.before, self.motions) = (self.views.pass(poses.clone()), OnceLock::new());
+        let (before, moves) = self.views.begin(View { camera: self.camera.0.clone(), poses });
         let camera = scene::camera((&self.camera.0, &before.camera), self.camera.1, &stage, self.frames);
         for (resource, description) in (0..).map(Resource).zip(&schedule.resources) {
             match description.lifetime {
                 Lifetime::Frame => self.overwrite(resource, bytemuck::bytes_of(&camera)),
-                Lifetime::Scene(part, SceneData::Movers) if moves => self.overwrite(resource, &scene::movers(self.stage_of(part), &before.places)),
+                Lifetime::Scene(part, SceneData::Movers) if moves => self.overwrite(resource, &scene::movers(self.stage_of(part), &before.poses)),
                 _ => {}
             }
         }
+    }
+
+    /// What movers have done since the picture before.
+    pub(super) fn motions(&self) -> &[Motion] {
+        self.motions.get_or_init(|| self.stage.motions(&self.before))
     }
 
     /// Changes the scene on the host. Another that has the stage keeps it as it was.

@@ -1,14 +1,13 @@
 //! From where pictures are seen and where the movers stand in them: of this one, and of the one before.
 
-use crate::scene::Camera;
-use glam::DAffine3;
+use crate::scene::{Camera, stage::Pose};
 
 /// Of one picture.
 #[derive(Debug, Clone)]
 pub(super) struct View {
     pub camera: Camera,
     /// Of the stage's movers, in their order.
-    pub places: Vec<DAffine3>,
+    pub poses: Vec<Pose>,
 }
 
 /// Those of this picture and of the one before it, which for the first is the same.
@@ -19,7 +18,7 @@ pub(super) struct Views {
     /// Whether the device was told last that a mover has moved.
     has_moved: bool,
     /// Where the movers stood in the frame that ran last, which may have been no picture.
-    stood: Option<Vec<DAffine3>>,
+    stood: Option<Vec<Pose>>,
 }
 
 impl Views {
@@ -32,13 +31,13 @@ impl Views {
             self.before = last;
         }
         let before = self.before.get_or_insert_with(|| now.clone()).clone();
-        let moves = before.places != now.places;
+        let moves = before.poses != now.poses;
         (before, std::mem::replace(&mut self.has_moved, moves) || moves)
     }
 
     /// As a frame begins whose movers stand so: where they stood in the frame that ran before, which for the first is the same.
-    pub fn pass(&mut self, places: Vec<DAffine3>) -> Vec<DAffine3> {
-        self.stood.replace(places.clone()).unwrap_or(places)
+    pub fn pass(&mut self, poses: Vec<Pose>) -> Vec<Pose> {
+        self.stood.replace(poses.clone()).unwrap_or(poses)
     }
 
     /// After a frame that was run ahead: the picture before is the one that it was.
@@ -56,7 +55,11 @@ impl Views {
 mod tests {
     use super::*;
     use crate::scene::{FieldOfView, Sample};
-    use glam::{DVec3, Vec3};
+    use glam::{DAffine3, DVec3, Vec3};
+
+    fn place(x: f64) -> Pose {
+        Pose::Place(DAffine3::from_translation(x * DVec3::X))
+    }
 
     fn view(x: f32, mover: f64, sample: u32) -> View {
         let camera = Camera {
@@ -68,7 +71,7 @@ mod tests {
             size: None,
             sample: Sample { number: sample, ..Default::default() },
         };
-        View { camera, places: vec![DAffine3::from_translation(mover * DVec3::X)] }
+        View { camera, poses: vec![place(mover)] }
     }
 
     #[test]
@@ -76,13 +79,13 @@ mod tests {
         let mut views = Views::default();
         let mut begin = |now: View| {
             let (before, told) = views.begin(now);
-            (before.camera.eye.x, before.places[0].translation.x, told)
+            (before.camera.eye.x, before.poses == [place(5.0)], told)
         };
-        assert_eq!(begin(view(1.0, 5.0, 0)), (1.0, 5.0, false));
-        assert_eq!(begin(view(2.0, 5.0, 0)), (1.0, 5.0, false));
-        assert_eq!(begin(view(3.0, 6.0, 0)), (2.0, 5.0, true));
-        assert_eq!(begin(view(3.0, 6.0, 1)), (2.0, 5.0, true), "another sample");
-        assert_eq!(begin(view(3.0, 6.0, 0)), (3.0, 6.0, true), "the movement is taken back");
-        assert_eq!(begin(view(3.0, 6.0, 0)), (3.0, 6.0, false));
+        assert_eq!(begin(view(1.0, 5.0, 0)), (1.0, true, false));
+        assert_eq!(begin(view(2.0, 5.0, 0)), (1.0, true, false));
+        assert_eq!(begin(view(3.0, 6.0, 0)), (2.0, true, true));
+        assert_eq!(begin(view(3.0, 6.0, 1)), (2.0, true, true), "another sample");
+        assert_eq!(begin(view(3.0, 6.0, 0)), (3.0, false, true), "the movement is taken back");
+        assert_eq!(begin(view(3.0, 6.0, 0)), (3.0, false, false));
     }
 }

@@ -26,7 +26,7 @@ pub struct Life {
     pub turn: f32,
     /// Frames since it was last seen.
     pub unseen: u32,
-    /// One more than the mover that it sits on; 0 for what stays.
+    /// One more than what carries it, by its number among the motions of movers; 0 for what stays.
     pub mover: u32,
     /// 1 where its light was quite another when it was sampled last than before.
     pub jumped: u32,
@@ -82,7 +82,7 @@ impl Life {
         }
     }
 
-    /// The mover that it sits on.
+    /// What carries it.
     pub fn mover(&self) -> Option<usize> {
         self.mover.checked_sub(1).map(|mover| mover as usize)
     }

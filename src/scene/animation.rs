@@ -1,9 +1,13 @@
 //! What of a scene is otherwise at other times: where its objects, lights and cameras are, and how strong its lights and emitters shine.
 
-use super::{Camera, FieldOfView, Light, LightKind, Material, Object, Scene, stage::Change};
+use super::{
+    Camera, FieldOfView, Light, LightKind, Material, Object, Scene, Triangle,
+    shape::{Shape, Vertex},
+    stage::{Change, Pose},
+};
 use crate::math::curve::{Curve, Value};
 use glam::{DAffine3, DMat4, DQuat, DVec3};
-use std::ops::Range;
+use std::{ops::Range, sync::Arc};
 
 /// A place that moves, on another that may move, too.
 #[derive(Debug, Clone)]
@@ -83,11 +87,25 @@ impl Placement {
     }
 }
 
+/// A place on a node, or in the world where there is none, whose coordinates this map brings its own to.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Post {
+    pub on: Option<usize>,
+    pub map: DMat4,
+}
+
+impl Post {
+    /// From its coordinates to the world's, when nodes stand so.
+    pub fn map_in(&self, worlds: &[DMat4]) -> DMat4 {
+        self.on.map_or(self.map, |node| worlds[node] * self.map)
+    }
+}
+
 /// Where a light or a camera is, and where it looks.
 #[derive(Debug, Clone)]
 pub(crate) enum Stand {
-    /// On a node, whose coordinates this map brings its own to: it looks along −z, +y is up.
-    On(usize, DMat4),
+    /// In its own coordinates it looks along −z, +y is up.
+    On(Post),
     Free {
         at: Curve<DVec3>,
         look: Look,
@@ -145,9 +163,28 @@ pub(crate) struct EmissionTrack {
 /// Triangles that move together.
 #[derive(Debug, Clone)]
 pub(crate) struct Moving {
-    pub node: usize,
-    /// Of the scene, in the file's order.
+    /// Of the scene, in its order.
     pub triangles: Range<usize>,
+    pub motion: Motion,
+}
+
+/// How triangles move.
+#[derive(Debug, Clone)]
+pub(crate) enum Motion {
+    /// With a node.
+    With(usize),
+    /// Each vertex for itself.
+    Bends(Arc<Shape>),
+}
+
+impl Moving {
+    pub fn shape(&self) -> Option<&Shape> {
+        if let Motion::Bends(shape) = &self.motion { Some(shape) } else { None }
+    }
+
+    pub fn shape_mut(&mut self) -> Option<&mut Shape> {
+        if let Motion::Bends(shape) = &mut self.motion { Some(Arc::make_mut(shape)) } else { None }
+    }
 }
 
 /// All that moves in a scene, and when. Times count from 0 [s]; before its first key a thing is as there, after its last as there.
@@ -163,7 +200,7 @@ pub struct Animation {
 }
 
 /// Where a thing is and how it is turned; directions have the length that they have.
-struct Pose {
+struct Aim {
     at: DVec3,
     direction: DVec3,
     up: DVec3,
@@ -189,13 +226,18 @@ impl Animation {
     /// When all has come to its end [s].
     pub fn length(&self) -> f64 {
         let stand = |stand: &Stand| match stand {
-            Stand::On(..) => 0.0,
+            Stand::On(_) => 0.0,
             Stand::Free { at, look, up } => at.end().max(look.curve().end()).max(up.end()),
         };
         let nodes = self.nodes.iter().map(|node| node.placement.end());
         let lights = self.lights.iter().map(|track| stand(&track.stand).max(track.strength.as_ref().map_or(0.0, Curve::end)));
         let cameras = self.cameras.iter().map(|track| stand(&track.stand).max(track.angle.as_ref().map_or(0.0, Curve::end)));
-        nodes.chain(lights).chain(cameras).chain(self.emissions.iter().map(|track| track.radiance.end())).fold(0.0, f64::max)
+        nodes
+            .chain(lights)
+            .chain(cameras)
+            .chain(self.shapes().map(Shape::end))
+            .chain(self.emissions.iter().map(|track| track.radiance.end()))
+            .fold(0.0, f64::max)
     }
 
     /// As it is at a time [s].
@@ -209,7 +251,32 @@ impl Animation {
 
     /// What moves, as objects of the scene.
     pub(crate) fn objects(&self) -> Vec<Object> {
-        self.moving.iter().map(|moving| Object { name: self.nodes[moving.node].name.clone(), triangles: moving.triangles.clone() }).collect()
+        let name = |moving: &Moving| match &moving.motion {
+            Motion::With(node) => self.nodes[*node].name.clone(),
+            Motion::Bends(shape) => shape.name.clone(),
+        };
+        self.moving.iter().map(|moving| Object { name: name(moving), triangles: moving.triangles.clone() }).collect()
+    }
+
+    /// What of it deforms.
+    pub(crate) fn shapes(&self) -> impl Iterator<Item = &Shape> {
+        self.moving.iter().filter_map(Moving::shape)
+    }
+
+    /// Whether one of the things that move deforms, by its number.
+    pub(crate) fn deforms(&self, moving: usize) -> bool {
+        self.moving.get(moving).is_some_and(|moving| moving.shape().is_some())
+    }
+
+    /// Follows triangles that were put in another order: of each the place that it had, and of each of the things that move where they are now.
+    pub(crate) fn sort(&mut self, order: &[u32], places: &[Range<usize>]) {
+        for (moving, place) in self.moving.iter_mut().zip(places) {
+            let first = moving.triangles.start;
+            if let Some(shape) = moving.shape_mut() {
+                shape.corners = order[place.clone()].iter().map(|at| shape.corners[*at as usize - first]).collect();
+            }
+            moving.triangles = place.clone();
+        }
     }
 
     /// Adds a place on another, or in the world, whose geometry is read as a map says; its number.
@@ -218,6 +285,11 @@ impl Animation {
         let stand = on.inverse() * *map;
         self.nodes.push(Node { name, rest: on * stand * placement.at_rest(), parent, stand, placement });
         self.nodes.len() - 1
+    }
+
+    /// A place whose map to the world, as geometry is read, is known, on a node.
+    pub(crate) fn post(&self, on: Option<usize>, map: &DMat4) -> Post {
+        Post { on, map: on.map_or(*map, |node| self.nodes[node].rest.inverse() * *map) }
     }
 
     /// Takes over the nodes of another file, whose geometry is brought to the world by a map and moves with a node of this one; the number of their first.
@@ -245,26 +317,47 @@ pub struct Moment<'a> {
 }
 
 impl Moment<'_> {
-    fn pose(&self, stand: &Stand) -> Pose {
+    fn aim(&self, stand: &Stand) -> Aim {
         match stand {
-            Stand::On(node, local) => {
-                let map = self.worlds[*node] * *local;
+            Stand::On(post) => {
+                let map = post.map_in(&self.worlds);
                 let axis = |axis| map.transform_vector3(axis);
-                Pose { at: map.transform_point3(DVec3::ZERO), direction: axis(DVec3::NEG_Z), up: axis(DVec3::Y) }
+                Aim { at: map.transform_point3(DVec3::ZERO), direction: axis(DVec3::NEG_Z), up: axis(DVec3::Y) }
             }
             Stand::Free { at, look, up } => {
                 let at = at.at(self.time);
-                Pose { at, direction: look.from(at, self.time), up: up.at(self.time) }
+                Aim { at, direction: look.from(at, self.time), up: up.at(self.time) }
             }
         }
     }
 
-    /// What brings the objects that move, in their order, from where they were read to where they are.
-    pub(crate) fn places(&self) -> impl Iterator<Item = DAffine3> {
-        self.animation.moving.iter().map(|moving| {
-            let (rest, world) = (self.animation.nodes[moving.node].rest, self.worlds[moving.node]);
-            if rest == world { DAffine3::IDENTITY } else { DAffine3::from_mat4(world * rest.inverse()) }
+    /// How the objects that move are, in their order.
+    pub(crate) fn poses(&self) -> impl Iterator<Item = Pose> {
+        self.animation.moving.iter().map(|moving| match &moving.motion {
+            Motion::With(node) => {
+                let (rest, world) = (self.animation.nodes[*node].rest, self.worlds[*node]);
+                Pose::Place(if rest == world { DAffine3::IDENTITY } else { DAffine3::from_mat4(world * rest.inverse()) })
+            }
+            Motion::Bends(shape) => Pose::Shape(shape.corners(&self.worlds, self.time, self.animation.origin).into()),
         })
+    }
+
+    /// Brings triangles that deform, in the order in which the animation has them, to their places.
+    pub(crate) fn bend(&self, triangles: &mut [Triangle]) {
+        for (range, shape) in self.animation.moving.iter().filter_map(|moving| Some((moving.triangles.clone(), moving.shape()?))) {
+            let corners = shape.corners(&self.worlds, self.time, self.animation.origin);
+            triangles[range].iter_mut().zip(&corners).for_each(|(triangle, corners)| corners.put(triangle));
+        }
+    }
+
+    /// The vertices of a shape.
+    pub(crate) fn vertices(&self, shape: &Shape) -> Vec<Vertex> {
+        shape.vertices(&self.worlds, self.time)
+    }
+
+    /// From the coordinates of each node to the world's.
+    pub(crate) fn worlds(&self) -> &[DMat4] {
+        &self.worlds
     }
 
     /// How a scene's lights and materials have to change to be as they are now.
@@ -283,8 +376,8 @@ impl Moment<'_> {
     }
 
     fn light(&self, was: &Light, track: &LightTrack) -> Light {
-        let (pose, strength) = (self.pose(&track.stand), track.strength.as_ref().map(|curve| curve.at(self.time).as_vec3()));
-        let (place, turned) = ((pose.at - self.animation.origin).as_vec3(), pose.direction.try_normalize().map(|direction| direction.as_vec3()));
+        let (aim, strength) = (self.aim(&track.stand), track.strength.as_ref().map(|curve| curve.at(self.time).as_vec3()));
+        let (place, turned) = ((aim.at - self.animation.origin).as_vec3(), aim.direction.try_normalize().map(|direction| direction.as_vec3()));
         let mut light = was.clone();
         match &mut light.kind {
             LightKind::Point { position, intensity } => (*position, *intensity) = (place, strength.unwrap_or(*intensity)),
@@ -300,12 +393,12 @@ impl Moment<'_> {
     pub fn camera(&self, scene: &Scene, was: &Camera) -> Camera {
         let is_its = |track: &&CameraTrack| scene.cameras.get(track.camera).is_some_and(|camera| camera.name == was.name);
         let Some(track) = self.animation.cameras.iter().find(is_its) else { return was.clone() };
-        let pose = self.pose(&track.stand);
-        let direction = pose.direction.try_normalize().unwrap_or(was.direction.as_dvec3());
+        let aim = self.aim(&track.stand);
+        let direction = aim.direction.try_normalize().unwrap_or(was.direction.as_dvec3());
         let upright = |up| Camera::upright(direction, up);
-        let up = upright(pose.up).or_else(|| upright(was.up.as_dvec3())).unwrap_or_else(|| direction.any_orthonormal_vector());
+        let up = upright(aim.up).or_else(|| upright(was.up.as_dvec3())).unwrap_or_else(|| direction.any_orthonormal_vector());
         let field_of_view = track.angle.as_ref().map_or(was.field_of_view, |angle| FieldOfView::Horizontal(angle.at(self.time) as f32));
-        Camera { eye: (pose.at - self.animation.origin).as_vec3(), direction: direction.as_vec3(), up: up.as_vec3(), field_of_view, ..was.clone() }
+        Camera { eye: (aim.at - self.animation.origin).as_vec3(), direction: direction.as_vec3(), up: up.as_vec3(), field_of_view, ..was.clone() }
     }
 }
 

@@ -65,7 +65,8 @@ impl Bvh {
     pub fn build_in_parts(scene: &mut Scene, movers: &[Range<usize>]) -> (Self, Vec<Range<usize>>) {
         let (nodes, parts, order) = Parts::build(&boxes(&scene.triangles), movers);
         sort(scene, &order);
-        let places = parts.movers.iter().map(|mover| mover.triangles.clone()).collect();
+        let places: Vec<_> = parts.movers.iter().map(|mover| mover.triangles.clone()).collect();
+        scene.animation.sort(&order, &places);
         (Self { nodes, parts: Some(parts), wide: OnceLock::new(), packets: OnceLock::new() }, places)
     }
 

@@ -16,6 +16,8 @@ pub mod packets;
 pub mod parts;
 #[doc(hidden)]
 pub mod shadow_maps;
+#[doc(hidden)]
+pub mod shape;
 mod simplify;
 #[doc(hidden)]
 pub mod sky;
@@ -27,4 +29,5 @@ pub mod surface;
 mod wide;
 
 pub use model::*;
+pub use shape::Corners;
 pub use simplify::Simplified;

@@ -1,6 +1,6 @@
 //! What a scene requires of a pipeline.
 
-use super::{Environment, Light, Material, Scene, Tint, Triangle, shadow_grid, shadow_layers, sky::Suns};
+use super::{Environment, Light, Material, Scene, Tint, Triangle, shadow_grid, shadow_layers, shape, sky::Suns};
 use crate::math::lobe::Shape;
 
 /// The facts that decide which passes and which parts of shaders stay.
@@ -85,7 +85,7 @@ impl Needs {
             alpha_masks: materials().any(|m| m.texture.is_some() && m.alpha_cutoff.is_some()),
             one_sided: materials().any(|m| !m.two_sided),
             two_sides: materials().any(|m| m.two_sided),
-            smooth: scene.triangles.iter().any(is_smooth),
+            smooth: scene.triangles.iter().any(is_smooth) || scene.animation.shapes().any(shape::Shape::is_smooth),
             glossy: materials().filter(|m| has_lobe(m)).map(|m| m.name.clone()).collect(),
             lobes: materials().any(has_lobe),
             by_albedo: false,

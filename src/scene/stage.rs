@@ -6,10 +6,12 @@ use super::{
     bvh::Bvh,
     load::draft::{EXTENT_RANGE, mirrors, normal_map},
     needs::{Needs, is_smooth},
+    shape::{Corners, frame, speck},
 };
 use crate::math::lobe::Lobe;
 use glam::{DAffine3, DMat3, DMat4, DVec3, Vec3};
 use miette::Diagnostic;
+use rayon::prelude::*;
 use std::{
     ops::Range,
     sync::{Arc, OnceLock},
@@ -35,7 +37,25 @@ struct Mover {
     triangles: Range<usize>,
     /// These as the file has them, and along normal maps.
     at_rest: Vec<(Triangle, [Vec3; 3])>,
-    map: DAffine3,
+    pose: Pose,
+}
+
+/// How a mover is.
+#[derive(Debug, Clone)]
+pub enum Pose {
+    /// As the file has it, but where this map brings it, in the file's coordinates.
+    Place(DAffine3),
+    /// Each of its triangles for itself, in the order of [`Stage::triangles_of`].
+    Shape(Arc<[Corners]>),
+}
+
+/// What triangles have done in the time between two poses.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Motion {
+    /// Of the scene: all of a mover's, or one of a mover that deforms.
+    pub triangles: Range<usize>,
+    /// Of their points.
+    pub map: DMat4,
 }
 
 /// Something of a scene that is otherwise from now on.
@@ -48,6 +68,13 @@ pub enum Change {
         mover: usize,
         /// From the file's coordinates to the world's.
         map: DAffine3,
+    },
+    /// A mover that deforms, which only an [animation](Scene::animation) has, is so: [`Stage::changes_to`] makes such changes.
+    Shape {
+        /// Its place in the order of [`Stage::triangles_of`].
+        mover: usize,
+        /// Of its triangles, in their order.
+        corners: Arc<[Corners]>,
     },
     /// One of [`Scene::materials`].
     Material {
@@ -88,6 +115,9 @@ pub enum Unchangeable {
     #[error("`{name}` cannot stand there: {why}")]
     #[diagnostic(code(stage::place), help("a map turns, moves and scales an object; it keeps its volume's sign"))]
     Place { name: String, why: &'static str },
+    #[error("`{name}` cannot be bent so: {why}")]
+    #[diagnostic(code(stage::shape), help("its joints, or the weights of its morph targets, bring it there at that time: see how the file moves them"))]
+    Shape { name: String, why: &'static str },
     #[error("{what} cannot be so: {why}")]
     #[diagnostic(code(stage::value))]
     Value { what: String, why: &'static str },
@@ -138,8 +168,8 @@ impl Stage {
 
     /// What has to change of it to be as its [animation](Scene::animation) has it then.
     pub fn changes_to(&self, moment: &Moment<'_>) -> Vec<Change> {
-        let places = moment.places().zip(&self.movers).enumerate();
-        let moved = places.filter(|(_, (map, mover))| *map != mover.map).map(|(mover, (map, _))| Change::Place { mover, map });
+        let poses = moment.poses().zip(&self.movers).enumerate();
+        let moved = poses.filter(|(_, (pose, mover))| *pose != mover.pose).map(|(mover, (pose, _))| pose.change(mover));
         moved.chain(moment.changes(&self.scene)).collect()
     }
 
@@ -151,13 +181,13 @@ impl Stage {
         }
         let (bvh, places) = Bvh::build_in_parts(&mut scene, &objects.iter().map(|object| object.triangles.clone()).collect::<Vec<_>>());
         let tangents = |at: usize| scene.tangents.get(at).copied().unwrap_or_default();
-        let mover = |(object, triangles): (&Object, Range<usize>)| Mover {
-            name: object.name.clone(),
-            at_rest: triangles.clone().map(|at| (scene.triangles[at], tangents(at))).collect(),
-            triangles,
-            map: DAffine3::IDENTITY,
+        let mover = |(number, (object, triangles)): (usize, (&Object, Range<usize>))| {
+            let at_rest: Vec<_> = triangles.clone().map(|at| (scene.triangles[at], tangents(at))).collect();
+            let corners = || at_rest.iter().map(|(triangle, tangents)| Corners::of(triangle, *tangents)).collect();
+            let pose = if scene.animation.deforms(number) { Pose::Shape(corners()) } else { Pose::Place(DAffine3::IDENTITY) };
+            Mover { name: object.name.clone(), at_rest, triangles, pose }
         };
-        let movers: Vec<_> = objects.into_iter().zip(places).map(mover).collect();
+        let movers: Vec<_> = objects.into_iter().zip(places).enumerate().map(mover).collect();
         scene.objects = movers.iter().map(|mover| Object { name: mover.name.clone(), triangles: mover.triangles.clone() }).collect();
         Ok(Self { movers, scene, bvh, needs: OnceLock::new() })
     }
@@ -168,7 +198,8 @@ impl Stage {
     /// # Errors
     /// Where it has others, or its name is taken.
     pub fn with_part(mut self, name: &str, part: Self) -> Result<Self, Unchangeable> {
-        let places = |stage: &Self| stage.movers.iter().map(|mover| (mover.name.clone(), mover.map)).collect::<Vec<_>>();
+        let poses = |stage: &Self| stage.movers.iter().map(|mover| (mover.name.clone(), mover.pose.clone())).collect::<Vec<_>>();
+        let deforms = |stage: &Self| stage.movers.iter().any(|mover| matches!(mover.pose, Pose::Shape(_)));
         let (own, of_part) = (&self.scene, &part.scene);
         let is_so = [
             ("no triangles", own.triangles.is_empty() == of_part.triangles.is_empty()),
@@ -177,7 +208,8 @@ impl Stage {
             ("other lights", own.lights == of_part.lights),
             ("another environment", own.environment == of_part.environment),
             ("another origin", own.origin == of_part.origin),
-            ("other movers, or in other places", places(&self) == places(&part)),
+            ("movers that deform, or is to follow such", !deforms(&self) && !deforms(&part)),
+            ("other movers, or in other places", poses(&self) == poses(&part)),
             ("the name of another", own.parts.iter().all(|other| other.name != name)),
         ];
         if let Some((why, _)) = is_so.into_iter().find(|(_, is_so)| !is_so) {
@@ -207,31 +239,44 @@ impl Stage {
         self.movers[mover].triangles.clone()
     }
 
-    /// Where each mover stands, from where the file has it.
-    pub fn places(&self) -> Vec<DAffine3> {
-        self.movers.iter().map(|mover| mover.map).collect()
+    /// How each mover is.
+    pub fn poses(&self) -> Vec<Pose> {
+        self.movers.iter().map(|mover| mover.pose.clone()).collect()
     }
 
-    /// Brings points of a mover to where they were when it stood elsewhere.
-    pub fn backward(&self, mover: usize, before: DAffine3) -> DMat4 {
-        if hides(&self.movers[mover].map) {
-            return DMat4::IDENTITY;
+    /// What brings the points of movers to where they were in earlier poses. What is not seen stays.
+    pub fn backward(&self, before: &[Pose]) -> Vec<Motion> {
+        let is_hidden = |mover: &Mover| matches!(&mover.pose, Pose::Place(map) if hides(map));
+        let motions = self.movers.iter().zip(before).map(|(mover, before)| (mover, &mover.pose, if is_hidden(mover) { &mover.pose } else { before }));
+        motions.flat_map(|(mover, from, to)| self.motion(mover, [from, to])).collect()
+    }
+
+    /// What movers have done since they were in earlier poses: maps of points as they were to where they are.
+    pub fn motions(&self, before: &[Pose]) -> Vec<Motion> {
+        self.movers.iter().zip(before).flat_map(|(mover, before)| self.motion(mover, [before, &mover.pose])).collect()
+    }
+
+    fn motion(&self, mover: &Mover, poses: [&Pose; 2]) -> Vec<Motion> {
+        match poses {
+            [Pose::Shape(from), Pose::Shape(to)] => {
+                let of_triangle = |(triangle, (from, to)): (usize, (&Corners, &Corners))| {
+                    let is_still = from.positions == to.positions;
+                    let map = if is_still { DMat4::IDENTITY } else { frame(to.positions) * frame(from.positions).inverse() };
+                    Motion { triangles: triangle..triangle + 1, map }
+                };
+                mover.triangles.clone().into_par_iter().zip(from.par_iter().zip(&to[..])).map(of_triangle).collect()
+            }
+            [Pose::Place(from), Pose::Place(to)] if from != to => {
+                vec![Motion { triangles: mover.triangles.clone(), map: maps(*to * from.inverse(), self.scene.origin).0 }]
+            }
+            _ => vec![Motion { triangles: mover.triangles.clone(), map: DMat4::IDENTITY }],
         }
-        maps(before * self.movers[mover].map.inverse(), self.scene.origin).0
-    }
-
-    /// What each mover has done since it stood where it did: maps of points as they were to where they are.
-    pub fn motions(&self, before: &[DAffine3]) -> Vec<DMat4> {
-        let motion = |(mover, before): (&Mover, &DAffine3)| {
-            if mover.map == *before { DMat4::IDENTITY } else { maps(mover.map * before.inverse(), self.scene.origin).0 }
-        };
-        self.movers.iter().zip(before).map(motion).collect()
     }
 
     /// What undoes changes that the stage would take.
     pub(crate) fn undoing(&self, changes: &[Change]) -> Vec<Change> {
         let undoing = |change: &Change| match *change {
-            Change::Place { mover, .. } => self.movers.get(mover).map(|was| Change::Place { mover, map: was.map }),
+            Change::Place { mover, .. } | Change::Shape { mover, .. } => self.movers.get(mover).map(|was| was.pose.change(mover)),
             Change::Material { number, .. } => self.scene.materials.get(number).map(|material| Change::Material { number, material: material.clone() }),
             Change::Light { number, .. } => self.scene.lights.get(number).map(|light| Change::Light { number, light: light.clone() }),
             Change::Environment(_) => Some(Change::Environment(self.scene.environment.clone())),
@@ -250,11 +295,15 @@ impl Stage {
         for change in changes {
             match change {
                 Change::Place { mover, map } => {
-                    let was = std::mem::replace(&mut self.movers[*mover].map, *map);
-                    if hides(&was) != hides(map) {
+                    let was = std::mem::replace(&mut self.movers[*mover].pose, Pose::Place(*map));
+                    if !matches!(was, Pose::Place(was) if hides(&was) == hides(map)) {
                         // What is not seen has no shape of its own.
                         self.needs.take();
                     }
+                    changed.movers.push(*mover);
+                }
+                Change::Shape { mover, corners } => {
+                    self.movers[*mover].pose = Pose::Shape(corners.clone());
                     changed.movers.push(*mover);
                 }
                 Change::Material { number, material } => {
@@ -288,11 +337,8 @@ impl Stage {
 
     fn check(&self, change: &Change) -> Result<(), Unchangeable> {
         match change {
-            Change::Place { mover, map } => {
-                let count = self.movers.len();
-                let mover = self.movers.get(*mover).ok_or(Unchangeable::Unknown { what: "mover", number: *mover, count })?;
-                mover.check(*map, self.scene.origin)
-            }
+            Change::Place { mover, map } => self.mover(*mover)?.check_place(*map, self.scene.origin),
+            Change::Shape { mover, corners } => self.mover(*mover)?.check_shape(corners),
             Change::Material { number, material } => {
                 let count = self.scene.materials.len();
                 let was = self.scene.materials.get(*number).ok_or(Unchangeable::Unknown { what: "material", number: *number, count })?;
@@ -309,19 +355,19 @@ impl Stage {
         }
     }
 
-    /// Brings movers to their places; whether any of them shines.
+    fn mover(&self, number: usize) -> Result<&Mover, Unchangeable> {
+        self.movers.get(number).ok_or(Unchangeable::Unknown { what: "mover", number, count: self.movers.len() })
+    }
+
+    /// Brings movers to their poses; whether any of them shines.
     fn place(&mut self, movers: &[usize]) -> bool {
         let mut shines = false;
         for mover in movers.iter().map(|mover| &self.movers[*mover]) {
-            let (map, normals) = maps(mover.map, self.scene.origin);
-            let speck = hides(&mover.map).then(|| mover.speck(&map));
-            for (at, (triangle, tangents)) in mover.triangles.clone().zip(&mover.at_rest) {
-                self.scene.triangles[at] = speck.map_or_else(
-                    || moved(triangle, &map, &normals),
-                    |speck| Triangle { uvs: triangle.uvs, tints: triangle.tints, material: triangle.material, ..speck },
-                );
-                if let Some(there) = self.scene.tangents.get_mut(at) {
-                    *there = tangents.map(|tangent| map.transform_vector3(tangent.as_dvec3()).normalize_or_zero().as_vec3());
+            let corners = mover.corners(self.scene.origin);
+            for ((at, (triangle, _)), corners) in mover.triangles.clone().zip(&mover.at_rest).zip(&*corners) {
+                corners.put(&mut self.scene.triangles[at]);
+                if let Some(tangents) = self.scene.tangents.get_mut(at) {
+                    *tangents = corners.tangents;
                 }
                 shines |= self.scene.materials[triangle.material as usize].emits();
             }
@@ -333,17 +379,81 @@ impl Stage {
     }
 }
 
+impl PartialEq for Pose {
+    fn eq(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Place(a), Self::Place(b)) => a == b,
+            // Mostly it is the same one, which needs no look at all of it.
+            (Self::Shape(a), Self::Shape(b)) => Arc::ptr_eq(a, b) || a == b,
+            _ => false,
+        }
+    }
+}
+
+impl Pose {
+    fn change(&self, mover: usize) -> Change {
+        match self {
+            Self::Place(map) => Change::Place { mover, map: *map },
+            Self::Shape(corners) => Change::Shape { mover, corners: corners.clone() },
+        }
+    }
+}
+
+/// Whether a corner is where single precision serves.
+fn is_near(corner: &Vec3) -> bool {
+    f64::from(corner.length()) < *EXTENT_RANGE.end()
+}
+
 impl Mover {
-    /// What stands for each triangle of a mover that is not seen: as small as single precision tells from nothing.
-    fn speck(&self, map: &DMat4) -> Triangle {
-        let (first, _) = &self.at_rest[0];
-        let corner = map.transform_point3(first.positions[0].as_dvec3()).as_vec3();
-        let side = (16.0 * f32::EPSILON * corner.abs().max_element()).max(1e-7 * first.positions[0].distance(first.positions[1]));
-        Triangle { positions: [corner, corner + side * Vec3::X, corner + side * Vec3::Y], normals: [Vec3::Z; 3], ..*first }
+    /// Where the corners of its triangles are.
+    fn corners(&self, origin: DVec3) -> Arc<[Corners]> {
+        let map = match &self.pose {
+            Pose::Shape(corners) => return corners.clone(),
+            Pose::Place(map) => *map,
+        };
+        let (hides, (map, normals)) = (hides(&map), maps(map, origin));
+        let speck = hides.then(|| self.speck(&map));
+        let moved = |(triangle, tangents): &(Triangle, [Vec3; 3])| {
+            let tangents = tangents.map(|tangent| map.transform_vector3(tangent.as_dvec3()).normalize_or_zero().as_vec3());
+            speck.map_or_else(|| Corners::of(&moved(triangle, &map, &normals), tangents), |speck| Corners { tangents, ..speck })
+        };
+        self.at_rest.iter().map(moved).collect()
     }
 
-    fn check(&self, map: DAffine3, origin: DVec3) -> Result<(), Unchangeable> {
+    /// What stands for each triangle of a mover that is not seen.
+    fn speck(&self, map: &DMat4) -> Corners {
+        let (first, tangents) = &self.at_rest[0];
+        let corner = map.transform_point3(first.positions[0].as_dvec3()).as_vec3();
+        let [positions, normals] = speck(corner, 1e-7 * first.positions[0].distance(first.positions[1]));
+        Corners { positions, normals, tangents: *tangents }
+    }
+
+    fn check_shape(&self, corners: &[Corners]) -> Result<(), Unchangeable> {
+        let refused = |why| Err(Unchangeable::Shape { name: self.name.clone(), why });
+        if !matches!(self.pose, Pose::Shape(_)) {
+            return refused("it does not deform");
+        }
+        if corners.len() != self.at_rest.len() {
+            return refused("it has another number of triangles");
+        }
+        let vectors = || corners.iter().flat_map(|corners| [corners.positions, corners.normals, corners.tangents]).flatten();
+        if !vectors().all(|vector| vector.is_finite()) {
+            return refused("one of its vertices is nowhere: a number is not finite");
+        }
+        if !corners.iter().flat_map(|corners| &corners.positions).all(is_near) {
+            return refused("one of its vertices would be farther away than single precision serves");
+        }
+        if corners.iter().any(|corners| corners.cross() == Vec3::ZERO) {
+            return refused("one of its triangles has no area");
+        }
+        Ok(())
+    }
+
+    fn check_place(&self, map: DAffine3, origin: DVec3) -> Result<(), Unchangeable> {
         let refused = |why| Err(Unchangeable::Place { name: self.name.clone(), why });
+        if matches!(self.pose, Pose::Shape(_)) {
+            return refused("it deforms, so that its animation alone moves it");
+        }
         if !map.is_finite() {
             return refused("the map has a number that is not finite");
         }
@@ -356,7 +466,7 @@ impl Mover {
         let (map, normals) = maps(map, origin);
         let moved = self.at_rest.iter().map(|(triangle, _)| moved(triangle, &map, &normals));
         for triangle in moved {
-            if !triangle.positions.iter().all(|corner| f64::from(corner.length()) < *EXTENT_RANGE.end()) {
+            if !triangle.positions.iter().all(is_near) {
                 return refused("it would be farther away than single precision serves");
             }
             if triangle.cross() == Vec3::ZERO {

@@ -490,8 +490,8 @@ pub trait HostContext {
     fn is_timed(&self) -> bool;
     /// Tells why the step ends the loop that `until` ends although work is left.
     fn cut_short(&mut self, until: Variable, because: Shortfall);
-    /// What each mover has done since the frame that ran before: a map of points as they were to where they are.
-    fn motions(&self) -> &[glam::DMat4];
+    /// What movers have done since the frame that ran before: maps of points as they were to where they are.
+    fn motions(&self) -> &[crate::scene::stage::Motion];
     /// How the frame lies in time to that.
     fn course(&self) -> Course;
     /// The camera of the frame and the picture's size.

@@ -6,13 +6,15 @@ use super::{
     image::{self, TextureSource},
 };
 use crate::scene::{
-    animation::{Animation, Moving, Placement, Stand},
+    animation::{Animation, Motion, Moving, Placement, Post, Stand},
     model::*,
+    shape::Shape,
 };
 use glam::{BVec3, DMat3, DMat4, DVec3, Vec2, Vec3};
 use std::{
     collections::{HashMap, HashSet},
     ops::Range,
+    sync::Arc,
 };
 
 /// The most triangles that a scene may have.
@@ -26,7 +28,7 @@ pub(super) const HALF: f32 = 0.5;
 
 /// Where shading normals come from.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Normals {
+pub(in crate::scene) enum Normals {
     /// The file's, and the face's where the file has none.
     File,
     /// Every triangle is flat.
@@ -37,7 +39,7 @@ pub(super) enum Normals {
 
 /// A triangle in the file's coordinates.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Face {
+pub(in crate::scene) struct Face {
     pub positions: [DVec3; 3],
     /// Zero where the file has none.
     pub normals: [Vec3; 3],
@@ -69,6 +71,17 @@ pub(super) struct Draft {
     run: (Option<usize>, usize),
     pub environment: Option<Environment>,
     pub notes: Vec<String>,
+}
+
+impl Normals {
+    /// Those of faces as the file has them, zero where they are the plane's own.
+    pub fn of(self, faces: &[Face]) -> Vec<[Vec3; 3]> {
+        match self {
+            Self::File => faces.iter().map(|face| face.normals).collect(),
+            Self::Face => vec![[Vec3::ZERO; 3]; faces.len()],
+            Self::Smooth(angle) => smooth_normals(faces, angle),
+        }
+    }
 }
 
 impl Face {
@@ -166,7 +179,7 @@ impl Draft {
         if let (Some(node), first) = self.run
             && first < end
         {
-            self.animation.moving.push(Moving { node, triangles: first..end });
+            self.animation.moving.push(Moving { triangles: first..end, motion: Motion::With(node) });
         }
     }
 
@@ -177,17 +190,33 @@ impl Draft {
 
     /// How a light or a camera stands that moves with the faces to come; None where these stay.
     pub fn stand(&self, map: &DMat4) -> Option<Stand> {
-        self.run.0.map(|node| Stand::On(node, self.animation.nodes[node].rest.inverse() * *map))
+        self.run.0.map(|node| Stand::On(self.animation.post(Some(node), map)))
+    }
+
+    /// A place that moves with the faces to come.
+    pub fn post(&self, map: &DMat4) -> Post {
+        self.animation.post(self.run.0, map)
+    }
+
+    /// Says that the faces from one on, which move with no node, are those of a shape.
+    pub fn end_shape(&mut self, first: usize, shape: Shape) {
+        self.animation.moving.push(Moving { triangles: first..self.faces.len(), motion: Motion::Bends(Arc::new(shape)) });
+        self.run.1 = self.faces.len();
     }
 
     /// Takes over what moves in a file whose faces come next, which a map brings to the world.
     pub fn absorb_animation(&mut self, file: Animation, map: &DMat4) {
-        let (first_node, first_face) = (self.animation.absorb(file.nodes, self.run.0, map), self.faces.len());
-        for Moving { node, triangles } in file.moving {
+        let (onto, first_face) = (self.post(map), self.faces.len());
+        let first_node = self.animation.absorb(file.nodes, self.run.0, map);
+        for Moving { triangles, motion } in file.moving {
             let triangles = first_face + triangles.start..first_face + triangles.end;
             self.end_run(triangles.start);
             self.run.1 = triangles.end;
-            self.animation.moving.push(Moving { node: first_node + node, triangles });
+            let motion = match motion {
+                Motion::With(node) => Motion::With(first_node + node),
+                Motion::Bends(shape) => Motion::Bends(Arc::new(Arc::unwrap_or_clone(shape).absorbed(first_node, &onto, mirrors(map)))),
+            };
+            self.animation.moving.push(Moving { triangles, motion });
         }
     }
 
@@ -239,7 +268,8 @@ impl Draft {
                 self.notes.push(format!("the material `{}` reflected more light than it gets: both of its parts were scaled down", material.name));
             }
         }
-        let normals = self.corner_normals(normals);
+        self.animation.moving.iter_mut().filter_map(Moving::shape_mut).for_each(|shape| shape.normals = normals);
+        let normals = normals.of(&self.faces);
         let mut triangles: Vec<Triangle> = self.faces.iter().zip(normals).map(|(face, normals)| to_triangle(face, normals, origin)).collect();
         let mut charts = std::mem::take(&mut self.charts);
         charts.iter_mut().for_each(|chart| chart.resize(triangles.len(), [Vec2::ZERO; 3]));
@@ -249,6 +279,11 @@ impl Draft {
         }
         let mut animation = Animation { origin, ..self.animation };
         clean(&mut triangles, (&mut charts, &mut tangents), (&mut self.objects, &mut animation.moving), &self.materials, &mut self.notes);
+        animation.at(0.0).bend(&mut triangles);
+        if !triangles.iter().flat_map(|triangle| triangle.positions).all(|corner| corner.is_finite()) {
+            return Err(SceneError::new(Problem::NonFinite, format!("`{name}` has a corner that is no finite number where its joints bring it"))
+                .help("see how far the file's joints and morph targets move it"));
+        }
         if triangles.is_empty() {
             return Err(no_triangles(name, &self.notes));
         }
@@ -319,14 +354,6 @@ impl Draft {
         retain_marked(&mut self.textures, &used);
         named.iter_mut().for_each(|texture| **texture = texture_map[**texture as usize]);
     }
-
-    fn corner_normals(&self, normals: Normals) -> Vec<[Vec3; 3]> {
-        match normals {
-            Normals::File => self.faces.iter().map(|face| face.normals).collect(),
-            Normals::Face => vec![[Vec3::ZERO; 3]; self.faces.len()],
-            Normals::Smooth(angle) => smooth_normals(&self.faces, angle),
-        }
-    }
 }
 
 /// Gives triangles whose emission map is black all over a material that does not emit: they are no lamps.
@@ -393,7 +420,7 @@ fn choose_origin(low: DVec3, high: DVec3) -> DVec3 {
     ((low + high) / 2.0 / grid).round() * grid
 }
 
-fn to_triangle(face: &Face, normals: [Vec3; 3], origin: DVec3) -> Triangle {
+pub(in crate::scene) fn to_triangle(face: &Face, normals: [Vec3; 3], origin: DVec3) -> Triangle {
     // Adding zero turns a negative zero into a positive one, so that equal corners have equal bits.
     let positions = face.positions.map(|p| (p - origin).as_vec3() + 0.0);
     let mut triangle = Triangle { positions, normals, uvs: face.uvs, tints: face.tints, material: face.material };
@@ -419,6 +446,12 @@ fn clean(
 ) {
     let before = triangles.len();
     let mut retain = |triangles: &mut Vec<Triangle>, moving: &mut Vec<Moving>, marks: &[bool]| {
+        for moving in moving.iter_mut() {
+            let marks = &marks[moving.triangles.clone()];
+            if let Some(shape) = moving.shape_mut() {
+                retain_marked(&mut shape.corners, marks);
+            }
+        }
         retain_objects(objects, |object| &mut object.triangles, marks);
         retain_objects(moving, |moving| &mut moving.triangles, marks);
         retain_marked(triangles, marks);
@@ -426,9 +459,15 @@ fn clean(
         retain_marked(tangents, marks);
         marks.len() - triangles.len()
     };
-    let with_area: Vec<bool> = triangles.iter().map(has_area).collect();
+    let mut with_area: Vec<bool> = triangles.iter().map(has_area).collect();
+    for (triangles, shape) in moving.iter().filter_map(|moving| Some((moving.triangles.clone(), moving.shape()?))) {
+        // At other times they may have one.
+        with_area[triangles].iter_mut().zip(&shape.corners).for_each(|(mark, [a, b, c])| *mark |= a != b && b != c && c != a);
+    }
     let without_area = retain(triangles, moving, &with_area);
-    let keep = first_of_each(triangles, materials, moving);
+    let mut keep = first_of_each(triangles, materials, moving);
+    // What lies together at first may part.
+    moving.iter().filter(|moving| moving.shape().is_some()).for_each(|moving| keep[moving.triangles.clone()].fill(true));
     let repeated = retain(triangles, moving, &keep);
     if without_area > 0 {
         notes.push(format!("{without_area} of {before} triangles have no area and were left out"));

@@ -2,6 +2,7 @@
 
 mod animation;
 mod compressed;
+mod deform;
 mod document;
 mod instances;
 mod material;
@@ -16,8 +17,9 @@ use super::{
     list,
 };
 use crate::scene::{
-    animation::{CameraTrack, LightTrack},
+    animation::{CameraTrack, LightTrack, Post},
     model::*,
+    shape::{Joint, Vertex},
 };
 use ::gltf::{
     Accessor, Document, Node, Primitive, Semantic,
@@ -25,14 +27,16 @@ use ::gltf::{
     buffer, khr_lights_punctual as punctual,
     mesh::Mode,
 };
-use animation::Track;
+use animation::{Track, Weights};
 use base64::{
     Engine, alphabet,
     engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig},
 };
 use compressed::{MESHOPT, Unpacked};
+use deform::{Part, Skins};
 use document::{EXTENSIONS, Opened};
 use glam::{DMat4, DQuat, DVec3, Vec2, Vec3};
+use instances::is_instanced;
 use material::Coordinates;
 use std::{
     collections::{BTreeMap, HashMap},
@@ -61,11 +65,23 @@ fn read_document(path: &Path, files: &Files, bytes: &Bytes, draft: &mut Draft, w
     let Opened { document, blob, animations, skins } = document::open(path, bytes)?;
     let buffers = read_buffers(path, files, &document, blob)?;
     let unpacked = Unpacked::of(&document, &buffers, path)?;
-    let mut reader = Reader { path, buffers, unpacked, draft, wanted, materials: HashMap::new(), textures: HashMap::new(), ignored: BTreeMap::new() };
+    let mut reader = Reader {
+        path,
+        buffers,
+        unpacked,
+        draft,
+        wanted,
+        materials: HashMap::new(),
+        textures: HashMap::new(),
+        skins,
+        weights: HashMap::new(),
+        kept: 0,
+        ignored: BTreeMap::new(),
+    };
     let tracks = reader.tracks(&document, animations);
-    reader.ignore_all(skins, "skins");
     document.extensions_used().filter(|name| !EXTENSIONS.contains(name)).for_each(|name| reader.ignore(unread(name)));
     reader.walk(&document, tracks)?;
+    (0..reader.weights.len()).for_each(|_| reader.ignore("animations of morph targets that are not there"));
     let ignored = count_up(&reader.ignored);
     if !ignored.is_empty() {
         draft.notes.push(format!("not read from the glTF file: {ignored}"));
@@ -158,18 +174,23 @@ struct Reader<'a> {
     materials: HashMap<Option<usize>, u32>,
     /// Likewise, by image and how it is read.
     textures: HashMap<(usize, Reading), u32>,
+    skins: Skins,
+    /// How far meshes go toward their morph targets where that changes, by the numbers of nodes.
+    weights: HashMap<usize, Weights>,
+    /// Numbers that shapes keep for each time.
+    kept: usize,
     /// What was met and left out, and how often.
     ignored: BTreeMap<String, usize>,
 }
 
 /// The vertices of a primitive.
 struct Vertices {
-    positions: Vec<DVec3>,
-    normals: Vec<Vec3>,
+    all: Vec<Vertex>,
+    has_normals: bool,
+    /// Of normal maps; none where the material has no such map.
+    has_tangents: bool,
     /// Texture coordinates: their own, then by the charts of the material.
     uvs: Vec<Vec<Vec2>>,
-    /// Of normal maps; none where the material has no such map.
-    tangents: Vec<Vec3>,
     tints: Vec<Tint>,
 }
 
@@ -178,11 +199,7 @@ impl Reader<'_> {
         *self.ignored.entry(what.into()).or_default() += 1;
     }
 
-    fn ignore_all(&mut self, count: usize, what: &str) {
-        (0..count).for_each(|_| self.ignore(what));
-    }
-
-    /// Visits the nodes of the default scene, or all of a file without scenes, depth first.
+    /// Visits the nodes of the default scene, or all of a file without scenes, depth first; then, where all joints are, the meshes with skins.
     fn walk(&mut self, document: &Document, mut tracks: HashMap<usize, Track>) -> Result<(), SceneError> {
         let roots: Vec<Node> = match document.default_scene().or_else(|| document.scenes().next()) {
             Some(scene) => scene.nodes().collect(),
@@ -194,30 +211,35 @@ impl Reader<'_> {
         };
         // Each with where its parent is, and what that moves with.
         let mut stack: Vec<(Node, DMat4, Option<usize>)> = roots.into_iter().rev().map(|node| (node, DMat4::IDENTITY, None)).collect();
-        let mut visited = vec![false; document.nodes().len()];
+        let mut posts: Vec<Option<Post>> = vec![None; document.nodes().len()];
+        let mut skinned = Vec::new();
         while let Some((node, parent, moving)) = stack.pop() {
-            if std::mem::replace(&mut visited[node.index()], true) {
+            if posts[node.index()].is_some() {
                 return Err(broken(self.path, &format!("node {} hangs in the scene twice", node.index())));
             }
             self.draft.move_with(moving);
             let map = self.place_node(&node, &parent, tracks.remove(&node.index()));
             let moving = self.draft.moving_with();
+            posts[node.index()] = Some(self.draft.post(&map));
             self.add_node(document, &node, &map)?;
+            if self.skins.is_on(&node) && node.mesh().is_some() {
+                skinned.push(node.clone());
+            }
             let children: Vec<Node> = node.children().collect();
             stack.extend(children.into_iter().rev().map(|child| (child, map, moving)));
         }
         self.draft.move_with(None);
+        for node in skinned {
+            let joints = self.joints(document, &node, &posts)?;
+            // Where the node itself is counts for nothing.
+            self.add_mesh(document, &node, Some(joints), &DMat4::IDENTITY)?;
+        }
         Ok(())
     }
 
     fn add_node(&mut self, document: &Document, node: &Node, map: &DMat4) -> Result<(), SceneError> {
-        if let Some(mesh) = node.mesh() {
-            let name = node.name().or(mesh.name()).map_or(format!("mesh {}", mesh.index()), |name| format!("mesh `{name}`"));
-            let (first, places) = (self.draft.faces.len(), self.places(document, node, map)?);
-            for primitive in mesh.primitives() {
-                self.add_primitive(&primitive, &places, &name)?;
-            }
-            self.draft.end_object(node.name().or(mesh.name()).unwrap_or(&name), first);
+        if !self.skins.is_on(node) {
+            self.add_mesh(document, node, None, map)?;
         }
         if let Some(light) = node.light() {
             self.add_light(&light, node, map)?;
@@ -228,48 +250,82 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// A primitive at each of some places.
-    fn add_primitive(&mut self, primitive: &Primitive, places: &[DMat4], name: &str) -> Result<(), SceneError> {
+    /// The mesh of a node, if it has one, carried by joints or at each of its places.
+    fn add_mesh(&mut self, document: &Document, node: &Node, joints: Option<Vec<Joint>>, map: &DMat4) -> Result<(), SceneError> {
+        let Some(mesh) = node.mesh() else { return Ok(()) };
+        let told = node.name().or(mesh.name()).map_or(format!("mesh {}", mesh.index()), |name| format!("mesh `{name}`"));
+        let name = node.name().or(mesh.name()).unwrap_or(&told);
+        let first = self.draft.faces.len();
+        let targets = self.count_targets(&mesh, &told)?;
+        let weights = self.target_weights(node, &mesh, targets, &told)?;
+        let is_bent = weights.iter().any(|weight| !weight.is_constant());
+        if joints.is_some() && is_instanced(node) {
+            self.ignore("instances of meshes with skins");
+        }
+        let (places, count) = (self.places(document, node, map)?, joints.as_ref().map(Vec::len));
+        let mut parts = Vec::new();
+        for primitive in mesh.primitives() {
+            let Some(mut part) = self.read_primitive(&primitive, count, &told)? else { continue };
+            if is_bent || joints.is_some() {
+                parts.push(part);
+                continue;
+            }
+            part.bend(&weights);
+            for map in &places {
+                self.add_faces((&part.vertices.all, &part.vertices), &part.triangles, part.material, map, &told)?;
+            }
+        }
+        match joints {
+            _ if parts.is_empty() => {}
+            Some(joints) => self.add_shape(&parts, joints, weights, name, &told)?,
+            None => {
+                for map in &places {
+                    let joint = Joint { post: self.draft.post(map), bind: DMat4::IDENTITY };
+                    self.add_shape(&parts, vec![joint], weights.clone(), name, &told)?;
+                }
+            }
+        }
+        self.draft.end_object(name, first);
+        Ok(())
+    }
+
+    /// A primitive of a mesh with as many joints, or without a skin; None where there is nothing to see of it.
+    fn read_primitive(&mut self, primitive: &Primitive, joints: Option<usize>, name: &str) -> Result<Option<Part>, SceneError> {
         if matches!(primitive.mode(), Mode::Points | Mode::Lines | Mode::LineLoop | Mode::LineStrip) {
             self.ignore("points and lines");
-            return Ok(());
+            return Ok(None);
         }
-        if primitive.morph_targets().len() > 0 {
-            self.ignore("morph targets");
-        }
-        let Some(positions) = self.positions(primitive) else { return Ok(()) };
-        let Some(material) = self.material(&primitive.material())? else { return Ok(()) };
+        let Some(positions) = self.positions(primitive) else { return Ok(None) };
+        let Some(material) = self.material(&primitive.material())? else { return Ok(None) };
         let vertices = self.read_vertices(primitive, &positions, self.draft.materials[material as usize].maps)?;
         let (mode, indices) = match (self.unpacked.triangles.get(&positions.index()), primitive.indices()) {
             (Some(triangles), _) => (Mode::Triangles, triangles.clone()),
             (None, Some(accessor)) => (primitive.mode(), self.read_indices(&accessor)?),
-            (None, None) => (primitive.mode(), (0..vertices.positions.len() as u32).collect()),
+            (None, None) => (primitive.mode(), (0..vertices.all.len() as u32).collect()),
         };
-        if let Some(&index) = indices.iter().find(|&&index| index as usize >= vertices.positions.len()) {
-            return Err(broken(self.path, &format!("{name} refers to vertex {index} of {}", vertices.positions.len())));
+        if let Some(&index) = indices.iter().find(|&&index| index as usize >= vertices.all.len()) {
+            return Err(broken(self.path, &format!("{name} refers to vertex {index} of {}", vertices.all.len())));
         }
-        let triangles = triangles(mode, &indices);
-        for map in places {
-            self.add_faces(&vertices, &triangles, material, map, name)?;
-        }
-        Ok(())
+        let shares = joints.map(|joints| self.read_shares(primitive, vertices.all.len(), joints, name)).transpose()?.unwrap_or_default();
+        let targets = self.read_targets(primitive, &vertices, name)?;
+        Ok(Some(Part { triangles: triangles(mode, &indices), vertices, material, targets, shares }))
     }
 
-    fn add_faces(&mut self, vertices: &Vertices, triangles: &[[u32; 3]], material: u32, map: &DMat4, name: &str) -> Result<(), SceneError> {
+    /// Triangles of vertices where these are, under a map.
+    fn add_faces(&mut self, (all, vertices): (&[Vertex], &Vertices), triangles: &[[u32; 3]], material: u32, map: &DMat4, name: &str) -> Result<(), SceneError> {
         let normal_map = normal_map(map);
         for corners in triangles {
             let corners = corners.map(|index| index as usize);
-            let normals = corners.map(|i| vertices.normals.get(i).copied().unwrap_or(Vec3::ZERO));
+            let normals = corners.map(|i| all[i].normal);
             let mut uvs = vertices.uvs.iter().map(|uvs| corners.map(|i| uvs.get(i).copied().unwrap_or(Vec2::ZERO)));
             let tints = corners.map(|i| vertices.tints.get(i).copied().unwrap_or_default());
-            let positions = corners.map(|i| vertices.positions[i]);
+            let positions = corners.map(|i| all[i].position);
             let face = Face { positions, normals, uvs: uvs.next().unwrap_or_default(), tints, material };
             for (chart, [a, b, c]) in uvs.enumerate() {
                 self.draft.place_on_chart(chart, self.draft.faces.len(), if mirrors(map) { [a, c, b] } else { [a, b, c] });
             }
-            if !vertices.tangents.is_empty() {
-                let tangents = corners.map(|i| vertices.tangents.get(i).copied().unwrap_or_default());
-                self.draft.place_tangents(self.draft.faces.len(), tangents, map);
+            if vertices.has_tangents {
+                self.draft.place_tangents(self.draft.faces.len(), corners.map(|i| all[i].tangent), map);
             }
             self.draft.push(face.transformed(map, &normal_map), || format!("{name} of `{}`", self.path.display()))?;
         }
@@ -279,12 +335,16 @@ impl Reader<'_> {
     /// Where a primitive's positions are; None where the file has none.
     fn positions<'d>(&mut self, primitive: &Primitive<'d>) -> Option<Accessor<'d>> {
         let positions = primitive.get(&Semantic::Positions);
-        let is_there = |accessor: &Accessor| accessor.view().is_some() || accessor.sparse().is_some() || self.unpacked.numbers.contains_key(&accessor.index());
-        if positions.as_ref().is_some_and(is_there) {
+        if positions.as_ref().is_some_and(|accessor| self.has_bytes(accessor)) {
             return positions;
         }
         self.ignore("meshes without positions");
         None
+    }
+
+    /// Whether anything of an accessor is in the file: the rest is zeros.
+    fn has_bytes(&self, accessor: &Accessor) -> bool {
+        accessor.view().is_some() || accessor.sparse().is_some() || self.unpacked.numbers.contains_key(&accessor.index())
     }
 
     fn read_vertices(&self, primitive: &Primitive, positions: &Accessor, maps: Maps) -> Result<Vertices, SceneError> {
@@ -296,13 +356,18 @@ impl Reader<'_> {
         let coordinates = std::iter::once(&own).chain(others.iter().take(maps.last_chart() as usize));
         // Their handedness is that of the texture coordinates. Without normals they count for nothing.
         let tangents = primitive.get(&Semantic::Tangents).filter(|_| maps.normal.is_some() && !normals.is_empty());
-        let tangents = tangents.map(|accessor| self.read_vectors::<4>(&accessor)).transpose()?.unwrap_or_default();
+        let tangents: Vec<[f32; 3]> =
+            tangents.map(|accessor| self.read_vectors::<4>(&accessor)).transpose()?.unwrap_or_default().into_iter().map(|[x, y, z, _]| [x, y, z]).collect();
         let tints = primitive.get(&Semantic::Colors(0)).map(|accessor| self.read_tints(&accessor)).transpose()?.unwrap_or_default();
+        // What is missing, or no number, counts as if the file had none.
+        let way = |all: &[[f32; 3]], at: usize| all.get(at).map(|way| Vec3::from(*way)).filter(|way| way.is_finite()).unwrap_or_default();
+        let vertex =
+            |(at, position): (usize, [f32; 3])| Vertex { position: Vec3::from(position).as_dvec3(), normal: way(&normals, at), tangent: way(&tangents, at) };
         Ok(Vertices {
-            positions: positions.into_iter().map(|p| Vec3::from(p).as_dvec3()).collect(),
-            normals: normals.into_iter().map(Vec3::from).map(|n| if n.is_finite() { n } else { Vec3::ZERO }).collect(),
+            all: positions.into_iter().enumerate().map(vertex).collect(),
+            has_normals: !normals.is_empty(),
+            has_tangents: !tangents.is_empty(),
             uvs: coordinates.map(|coordinates| self.read_uvs(primitive, coordinates)).collect::<Result<_, _>>()?,
-            tangents: tangents.into_iter().map(|[x, y, z, _]| Vec3::new(x, y, z)).map(|t| if t.is_finite() { t } else { Vec3::ZERO }).collect(),
             tints,
         })
     }
@@ -422,7 +487,8 @@ impl Reader<'_> {
             1 => Dimensions::Scalar,
             2 => Dimensions::Vec2,
             3 => Dimensions::Vec3,
-            _ => Dimensions::Vec4,
+            4 => Dimensions::Vec4,
+            _ => Dimensions::Mat4,
         };
         if accessor.dimensions() != dimensions {
             return Err(broken(self.path, &format!("accessor {} has to hold vectors of {N} numbers", accessor.index())));

@@ -1,4 +1,4 @@
-//! Animations: how nodes move. All of a file play at once, as far as they move different things; of those that do not, the first.
+//! Animations: how nodes move, and how far meshes go toward their morph targets. All of a file play at once, as far as they move different things; of those that do not, the first.
 
 use super::{Reader, node_map};
 use crate::{
@@ -11,7 +11,7 @@ use serde_json::Value as Json;
 use std::collections::HashMap;
 
 /// What is told of those that are.
-const BROKEN: &str = "animations that break the rules of glTF";
+pub(super) const BROKEN: &str = "animations that break the rules of glTF";
 
 /// What of a node an animation moves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -19,6 +19,7 @@ enum Path {
     Translation,
     Rotation,
     Scale,
+    Weights,
 }
 
 /// How one thing of a node moves.
@@ -74,7 +75,7 @@ impl Channel {
             Some("translation") => Path::Translation,
             Some("rotation") => Path::Rotation,
             Some("scale") => Path::Scale,
-            Some("weights") => return Err("animations of morph targets"),
+            Some("weights") => Path::Weights,
             Some("pointer") => return Err("animations of what is no node"),
             _ => return Err(BROKEN),
         };
@@ -97,6 +98,43 @@ pub(super) struct Track {
     scale: Option<Curve<DVec3>>,
 }
 
+/// How far a mesh goes toward its targets, all of them key by key.
+pub(super) struct Weights {
+    times: Vec<f64>,
+    pub values: Vec<f64>,
+    interpolation: Interpolation,
+}
+
+impl Weights {
+    /// Numbers of each target: a key of a cubic curve has three.
+    pub fn numbers_each(&self) -> usize {
+        if self.interpolation == Interpolation::Cubic { 3 * self.times.len() } else { self.times.len() }
+    }
+
+    /// Those of each of so many targets. None of another number, and none inside where the keys make no sense.
+    pub fn curves(&self, targets: usize) -> Option<Option<Vec<Curve<f64>>>> {
+        if Some(self.values.len()) != self.numbers_each().checked_mul(targets) {
+            return None;
+        }
+        let of_target = |target: usize| self.values.iter().skip(target).step_by(targets).copied().collect();
+        Some((0..targets).map(|target| curve(self.times.clone(), of_target(target), self.interpolation)).collect())
+    }
+}
+
+/// A curve of what a file has for its keys; None where that makes no sense.
+fn curve<V: Value + Finite>(times: Vec<f64>, values: Vec<V>, interpolation: Interpolation) -> Option<Curve<V>> {
+    if !values.iter().all(Finite::is_finite) {
+        return None;
+    }
+    if interpolation != Interpolation::Cubic {
+        let between = if interpolation == Interpolation::Step { Between::Step } else { Between::Linear };
+        return Curve::new(times, values.into_iter().map(Finite::unit).collect(), between);
+    }
+    // Each key has three: the rate before it, its own value, the rate after it.
+    let keys = values.as_chunks::<3>().0;
+    Curve::new(times, keys.iter().map(|key| key[1].unit()).collect(), Between::Cubic(keys.iter().map(|key| [key[0], key[2]]).collect()))
+}
+
 impl Reader<'_> {
     /// How nodes move, by their numbers. Channels that cannot be read are left out, and noted.
     pub(super) fn tracks(&mut self, document: &Document, animations: Animations) -> HashMap<usize, Track> {
@@ -104,11 +142,13 @@ impl Reader<'_> {
         let accessors: Vec<Accessor> = document.accessors().collect();
         let mut tracks: HashMap<usize, Track> = HashMap::new();
         for channel in animations.channels {
-            let track = tracks.entry(channel.node).or_default();
+            let mut unmoved = Track::default();
+            let track = if channel.path == Path::Weights { &mut unmoved } else { tracks.entry(channel.node).or_default() };
             let vector = |[x, y, z]: [f32; 3]| DVec3::new(x.into(), y.into(), z.into());
             let read = match channel.path {
                 Path::Translation => self.curve(&accessors, &channel, vector).map(|curve| track.translation = Some(curve)),
                 Path::Scale => self.curve(&accessors, &channel, vector).map(|curve| track.scale = Some(curve)),
+                Path::Weights => self.read_weights(&accessors, &channel).map(|weights| drop(self.weights.insert(channel.node, weights))),
                 Path::Rotation => {
                     self.curve(&accessors, &channel, |turn: [f32; 4]| DQuat::from_array(turn.map(f64::from))).map(|curve| track.rotation = Some(curve))
                 }
@@ -121,18 +161,17 @@ impl Reader<'_> {
     }
 
     fn curve<const N: usize, V: Value + Finite>(&self, accessors: &[Accessor], channel: &Channel, value: impl Fn([f32; N]) -> V) -> Option<Curve<V>> {
-        let times = self.read_vectors::<1>(accessors.get(channel.times)?).ok()?.into_iter().map(|[time]| f64::from(time)).collect();
-        let values: Vec<V> = self.read_vectors::<N>(accessors.get(channel.values)?).ok()?.into_iter().map(value).collect();
-        if !values.iter().all(Finite::is_finite) {
-            return None;
-        }
-        if channel.interpolation != Interpolation::Cubic {
-            let between = if channel.interpolation == Interpolation::Step { Between::Step } else { Between::Linear };
-            return Curve::new(times, values.into_iter().map(Finite::unit).collect(), between);
-        }
-        // Each key has three: the rate before it, its own value, the rate after it.
-        let keys = values.as_chunks::<3>().0;
-        Curve::new(times, keys.iter().map(|key| key[1].unit()).collect(), Between::Cubic(keys.iter().map(|key| [key[0], key[2]]).collect()))
+        let values = self.read_vectors::<N>(accessors.get(channel.values)?).ok()?.into_iter().map(value).collect();
+        curve(self.numbers(accessors, channel.times)?, values, channel.interpolation)
+    }
+
+    fn read_weights(&self, accessors: &[Accessor], channel: &Channel) -> Option<Weights> {
+        let (times, values) = (self.numbers(accessors, channel.times)?, self.numbers(accessors, channel.values)?);
+        Some(Weights { times, values, interpolation: channel.interpolation })
+    }
+
+    fn numbers(&self, accessors: &[Accessor], accessor: usize) -> Option<Vec<f64>> {
+        Some(self.read_vectors::<1>(accessors.get(accessor)?).ok()?.into_iter().map(|[number]| f64::from(number)).collect())
     }
 
     /// Where a node is, under where its parent is; what moves from here on moves with it, if it moves.
@@ -153,6 +192,16 @@ trait Finite: Copy {
     fn is_finite(&self) -> bool;
     /// As a key has it: turns are of unit length.
     fn unit(self) -> Self;
+}
+
+impl Finite for f64 {
+    fn is_finite(&self) -> bool {
+        f64::is_finite(*self)
+    }
+
+    fn unit(self) -> Self {
+        self
+    }
 }
 
 impl Finite for DVec3 {

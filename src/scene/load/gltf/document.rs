@@ -1,6 +1,6 @@
 //! The JSON of a glTF file: its version and extensions judged, and mended where the crate that reads it asks for more than glTF does.
 
-use super::{animation::Animations, broken, list};
+use super::{animation::Animations, broken, deform::Skins, list};
 use crate::scene::load::{
     error::{Problem, SceneError},
     files::Bytes,
@@ -41,12 +41,12 @@ const HARMLESS: [&str; 3] = ["KHR_animation_pointer", "KHR_materials_variants", 
 /// Of samplers: at full size alone, then by mipmaps.
 const MIN_FILTERS: [u64; 6] = [9728, 9729, 9984, 9985, 9986, 9987];
 
-/// A file whose JSON can be relied on, and what was taken out of it because it is not read.
+/// A file whose JSON can be relied on, and what was taken out of it because the crate does not read it, or asks too much of it.
 pub(super) struct Opened {
     pub document: Document,
     pub blob: Option<Bytes>,
     pub animations: Animations,
-    pub skins: usize,
+    pub skins: Skins,
 }
 
 /// Reads the JSON of a `.gltf` or `.glb` file.
@@ -113,14 +113,14 @@ fn expect_known_extensions(path: &Path, root: &Value) -> Result<(), SceneError> 
 }
 
 /// Takes out what is not read by the crate, so that no fault in it matters, and adds what glTF lets files leave out but the crate does not. Tells what
-/// animations there are, and how many nodes have a skin.
-fn mend(root: &mut Value) -> (Animations, usize) {
-    let Some(root) = root.as_object_mut() else { return (Animations::default(), 0) };
+/// animations and skins there are.
+fn mend(root: &mut Value) -> (Animations, Skins) {
+    let Some(root) = root.as_object_mut() else { return Default::default() };
     root.remove("extensionsRequired");
     let animations = root.remove("animations").map(|animations| Animations::of(&animations)).unwrap_or_default();
-    root.remove("skins");
-    let mut skins = 0;
-    for_each(root.get_mut("nodes"), |node| skins += usize::from(node.remove("skin").is_some()));
+    let mut of_nodes = Vec::new();
+    for_each(root.get_mut("nodes"), |node| of_nodes.push(node.remove("skin").filter(|skin| !skin.is_null())));
+    let skins = Skins::new(root.remove("skins"), of_nodes);
     for_each(root.get_mut("scenes"), |scene| {
         scene.entry("nodes").or_insert_with(|| json!([]));
     });

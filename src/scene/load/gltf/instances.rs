@@ -7,6 +7,11 @@ use glam::DMat4;
 
 const INSTANCES: &str = "EXT_mesh_gpu_instancing";
 
+/// Whether a node says so.
+pub(super) fn is_instanced(node: &Node) -> bool {
+    node.extension_value(INSTANCES).is_some()
+}
+
 impl Reader<'_> {
     /// The maps from the mesh's coordinates to the world's, of a node whose own is `map`.
     ///

@@ -152,6 +152,8 @@ fn damaged_gltf_never_panics() {
         ("charts", super::maps::charted()),
         ("instances", super::gltf::instanced()),
         ("animations", super::animation::moving_file()),
+        ("skins", super::deform::bar()),
+        ("morph targets", super::deform::quad()),
     ] {
         let (what, file) = (format!("a glTF text with {what}"), file.finish());
         expect_survival(&what, |random| survive(&what, &[("a.glb", &[&file[..20], &random.damaged(&file[20..])].concat())]));

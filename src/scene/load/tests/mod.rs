@@ -3,6 +3,7 @@
 mod animation;
 mod cleaning;
 mod compressed;
+mod deform;
 mod errors;
 mod files;
 mod fuzz;

@@ -174,8 +174,10 @@ impl Pass for RecordCache {
             weighting: e.constant_buffer("weighting", bytemuck::bytes_of(&Weighting::from(&rule))),
             rule,
             lasts,
-            lives: lives
-                .then(|| port::Lives { items: e.history_buffer("lives", u64::from(capacity) * size_of::<Life>() as u64), known: e.variable("known", true) }),
+            lives: lives.then(|| {
+                let known = e.variable("known", true);
+                port::Lives { items: e.history_items("lives", capacity, size_of::<Life>() as u64, known), known }
+            }),
         };
         if let Some(lives) = cache.lives {
             e.survives(&[cache.records, lives.items], &[cache.count, lives.known]);

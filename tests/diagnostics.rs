@@ -260,6 +260,7 @@ const CASES: [(&str, &str, bool); 80] = [
     ("gpu::no_adapter", "render irradiance --scene white.ron --quiet -o out.exr", false),
     ("render::cache", "render irradiance --scene white.ron --quiet -o out.exr --cache records", true),
     ("render::no_records", "render direct.ron --scene white.ron --quiet -o out.exr --cache new", true),
+    ("render::resumed_movie", "render irradiance --scene cornell --frames 0..2 --cache new --resume -o film.apng", false),
     ("render::incomplete", "render irradiance --scene white.ron --quiet -o out.exr --strict --set misses.at_most=1", true),
     ("cli::nothing_to_watch", "render irradiance --scene cornell --watch --quiet -o out.exr", false),
     ("render::other_plan", "render irradiance --scene white.ron --quiet -o out.exr --set-frames tiles.resolution=8,16", false),

@@ -265,7 +265,7 @@ impl Session {
     /// As before the first frame: histories are zero, frames count from 0 again. Returns once the device has done it.
     pub async fn reset(&mut self) -> Result<(), GpuError> {
         self.made.clear();
-        self.empty(&Survivors::default()).await
+        self.empty(&Histories::default()).await
     }
 
     /// The same but for what survives a change of the scene.
@@ -273,7 +273,7 @@ impl Session {
         self.empty(&self.schedule.clone().survivors).await
     }
 
-    async fn empty(&mut self, kept: &Survivors) -> Result<(), GpuError> {
+    async fn empty(&mut self, kept: &Histories) -> Result<(), GpuError> {
         let schedule = self.schedule.clone();
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
         for ((physical, description), number) in self.physical.iter().zip(&schedule.resources).zip(0..) {

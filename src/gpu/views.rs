@@ -34,6 +34,11 @@ impl Views {
         (before, std::mem::replace(&mut self.has_moved, moves) || moves)
     }
 
+    /// As if the picture before had been a view of this.
+    pub fn see(&mut self, before: View) {
+        *self = Self { now: Some(before), before: None, has_moved: true };
+    }
+
     /// The same for another device memory, which was told nothing yet.
     pub fn untold(&self) -> Self {
         Self { has_moved: true, ..self.clone() }

@@ -43,12 +43,23 @@ pub struct Schedule {
     pub variables: Vec<VariableDescription>,
     pub steps: Vec<Step>,
     /// Histories that stay when the scene changes.
-    pub survivors: Survivors,
+    pub survivors: Histories,
+    /// Histories that are the same made anew, from the scene alone: nobody has to keep them.
+    pub remade: Histories,
+    /// Of histories that are not used to their ends, what is.
+    pub used: Vec<Read>,
+}
+
+impl Schedule {
+    /// Whether a frame of a scene that changes finds more of those before it than would be made anew.
+    pub fn lives_on(&self) -> bool {
+        self.survivors.resources.iter().any(|resource| !self.remade.resources.contains(resource))
+    }
 }
 
 /// Histories by what they are.
 #[derive(Default)]
-pub struct Survivors {
+pub struct Histories {
     pub resources: Vec<Resource>,
     pub variables: Vec<Variable>,
 }

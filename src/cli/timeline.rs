@@ -31,8 +31,16 @@ pub struct TimelineOptions {
 #[derive(Args, Clone, Copy)]
 pub struct RateOptions {
     /// How many frames of an animated scene there are in a second
-    #[arg(long, value_name = "N", value_parser = rate, default_value_t = 24.0)]
+    #[arg(long, value_name = "N", value_parser = rate, default_value_t = FPS)]
     fps: f64,
+}
+
+const FPS: f64 = 24.0;
+
+impl Default for RateOptions {
+    fn default() -> Self {
+        Self { fps: FPS }
+    }
 }
 
 impl RateOptions {

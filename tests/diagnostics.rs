@@ -182,7 +182,7 @@ const ELSEWHERE: &str = r#"Variant(version: 1, about: "a", of: "irradiance-tempo
 
 /// Code and arguments, one case each, and whether a GPU is needed.
 #[rustfmt::skip]
-const CASES: [(&str, &str, bool); 80] = [
+const CASES: [(&str, &str, bool); 81] = [
     ("plan::coarsest", "check irradiance --scene white.ron --set misses.by=Grid(coarsest:3)", false),
     ("plan::finest", "check irradiance --scene white.ron --set misses.by=Grid(finest:3)", false),
     ("plan::light_of_sources", "check photon --scene white.ron --set direct.emitters=Records", false),

@@ -34,9 +34,12 @@ pub fn markdown(sweep: &Sweep, survey: &Survey) -> String {
     parts.join("\n")
 }
 
+/// A number that tells of time.
+type OfCourse = fn(&Course) -> Option<f64>;
+
 /// Of a sequence, how light differs from the truth in time, as far as there is anything to tell.
 fn in_time(sweep: &Sweep, metric: &Metric) -> Vec<String> {
-    let all: [(&str, fn(&Course) -> Option<f64>, f64); 3] = [
+    let all: [(&str, OfCourse, f64); 3] = [
         ("flicker [%]", |course| course.flicker, 100.0),
         ("lag_p99 [frames]", |course| course.lag_p99, 1.0),
         ("ghost_p99 [%]", |course| course.ghost_p99, 100.0),

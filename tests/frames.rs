@@ -283,15 +283,14 @@ impl Film {
     }
 }
 
-/// While a lamp goes on, while all moves and when it rests, with several samples and by the exposure of the first picture; records that live on, those that are made anew,
-/// and light of the frame before.
+/// While a lamp goes on, while all moves and when it rests, with several samples and by the exposure of the first picture; records that live on, and those that are made
+/// anew.
 fn in_parts() -> Outcome {
     let film = Film::new()?;
     for (pipeline, ends, more) in [
         ("irradiance-temporal", &[0, 1, 3, 5, 7, 12, 13, 15, 16][..], &["--set", "due_tiles.resolution=8"][..]),
         ("irradiance-temporal-extrapolated", &[0, 2, 9, 11], &["--samples", "2"]),
         ("irradiance-unguided", &[0, 2, 4], &[]),
-        ("irradiance-bounces-frames", &[0, 13, 15, 16], &["--set", "deep_places.paths=512", "--set", "deep_places.records=64"]),
     ] {
         let (whole, parts) = (format!("{pipeline}-whole"), format!("{pipeline}-parts"));
         let last = ends.last().copied().unwrap_or(0);

@@ -73,7 +73,7 @@ impl Pass for AgeRecords {
         }
         let (most, rule) = (e.arguments.integer("lifespan") as f32, cache.rule);
         let longest = e.arguments.integer("window") as u32;
-        let foresight = (longest > 1).then(|| Foresight::declare(e, longest, cache.capacity));
+        let foresight = (longest > 1).then(|| Foresight::declare(e, longest, cache.capacity, lives.known));
         let goals = foresight.map(|foresight| foresight.ahead.goals);
         let (dropped, frames) = (e.variable("dropped", false), e.variable("frames", true));
         let places = e.history_buffer("places", (e.setting.scene.objects.len().max(1) * size_of::<[Vec4; 2]>()) as u64);
@@ -143,8 +143,8 @@ const FIRST_WINDOW: u32 = 2;
 const FEW: f32 = 0.1;
 
 impl Foresight {
-    fn declare(e: &mut Encoder<'_>, longest: u32, capacity: u32) -> Self {
-        let goals = e.history_buffer("goals", u64::from(capacity) * RECORD_BYTES);
+    fn declare(e: &mut Encoder<'_>, longest: u32, capacity: u32, known: Variable) -> Self {
+        let goals = e.history_items("goals", capacity, RECORD_BYTES, known);
         let judged = ["judged", "turned", "turned_in_twice"].map(|name| e.variable(name, true));
         let window = Window { frames: e.variable("window", true), open: e.variable("open", true) };
         e.survives(&[goals], &judged);

@@ -174,10 +174,9 @@ impl Pass for RecordCache {
             weighting: e.constant_buffer("weighting", bytemuck::bytes_of(&Weighting::from(&rule))),
             rule,
             lasts,
-            lives: lives.then(|| port::Lives {
-                items: e.history_buffer("lives", u64::from(capacity) * size_of::<Life>() as u64),
-                known: e.variable("known", true),
-                ahead: None,
+            lives: lives.then(|| {
+                let known = e.variable("known", true);
+                port::Lives { items: e.history_items("lives", capacity, size_of::<Life>() as u64, known), known, ahead: None }
             }),
         };
         if let Some(lives) = cache.lives {

@@ -101,6 +101,7 @@ impl Maps {
         }
         let (drawn, depth) = (e.texture("map", size, 1, format), e.history_buffer("depth", map_bytes * layers as u64));
         e.survives(&[depth], &[]);
+        e.remakes(&[depth], &[]);
         Self { drawn, depth, pitch: Some((row / format.bytes()) as u32), map_bytes }
     }
 

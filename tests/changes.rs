@@ -15,7 +15,7 @@ use hemisplat::{
 };
 use libtest_mimic::Arguments;
 use skips::Missing;
-use std::{error::Error, io, sync::Arc, time::Instant};
+use std::{error::Error, io, path::Path, sync::Arc, time::Instant};
 
 mod skips;
 
@@ -26,16 +26,21 @@ const SIZE: [u32; 2] = [96, 64];
 
 fn main() {
     let missing = block_on(Gpu::open()).err().map(|error| Missing::new("gpu", error.to_string()));
-    let tests: [(&str, Test); 6] = [
+    let tests: [(&str, Test); 7] = [
         ("objects_that_move_are_seen_where_they_are", objects),
         ("objects_that_leave_the_scene_are_seen", far_objects),
         ("lights_and_materials_change", light),
         ("what_needs_other_programs_is_made_anew", other_programs),
         ("what_cannot_change_leaves_all_as_it_was", refusals),
         ("a_picture_of_another_size_keeps_the_records", sizes),
+        ("records_that_live_on_take_no_more_memory_after_300_frames", || lasting_memory(300, 200)),
     ];
     // Of a release build: `cargo test --release --test changes -- --ignored --nocapture`.
-    let long: [(&str, Test); 2] = [("a_thousand_changes_take_no_more_memory_than_a_few", memory), ("one_of_a_thousand_objects_moves", one_of_many)];
+    let long: [(&str, Test); 3] = [
+        ("a_thousand_changes_take_no_more_memory_than_a_few", memory),
+        ("one_of_a_thousand_objects_moves", one_of_many),
+        ("records_that_live_on_take_no_more_memory_after_10000_frames", || lasting_memory(10_000, 1000)),
+    ];
     let trial = |(name, test): (&str, Test)| skips::fallible(name, missing.as_ref(), test);
     let mut trials: Vec<_> = tests.map(trial).into();
     trials.extend(long.map(|test| trial(test).with_ignored_flag(true)));
@@ -287,6 +292,75 @@ fn memory() -> Outcome {
     let grown = after_some.zip(resident()).map_or(0, |(before, after)| after.saturating_sub(before));
     println!("{} MiB more in the process after 700 changes", grown >> 20);
     check(grown < 8 << 20, || format!("the process takes {} MiB more after 700 changes", grown >> 20))
+}
+
+/// Most bytes that this process has had in memory so far.
+fn peak() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
+    Some(line.split_whitespace().nth(1)?.parse::<u64>().ok()? << 10)
+}
+
+/// Frames in which the cube of the scene that ships comes back to where it was.
+const ROUND: u32 = 100;
+
+/// The scene `cube`, whose cube goes round for so many frames, 24 a second.
+fn rounds(frames: u32) -> Result<Scene, Box<dyn Error>> {
+    let text = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/cube.ron"))?;
+    let (count, seconds) = (frames.div_ceil(ROUND), f64::from(ROUND) / 24.0);
+    let places = [(0.0, "(1, 0.8, 1.2)"), (0.3, "(3, 0.8, 1.6)"), (0.6, "(2.6, 1.8, 2.4)")];
+    let keys: Vec<String> = (0..count)
+        .flat_map(|round| places.map(|(share, place)| format!("({}, {place})", seconds * (f64::from(round) + share))))
+        .chain([format!("({}, {})", seconds * f64::from(count), places[0].1)])
+        .collect();
+    let (turns, was) = (format!("Linear([(0, 0), ({}, {})])", seconds * f64::from(count), 360 * count), "Linear([(0, 0), (16, 360)])");
+    let from = text.find("Smooth([").ok_or("no keys")?;
+    let to = from + text[from..].find("])").ok_or("no end")? + 2;
+    let text = format!("{}Smooth([{}]){}", &text[..from], keys.join(", "), &text[to..]);
+    check(text.contains(was), || "the cube turns otherwise".into())?;
+    let folder = tempfile::tempdir()?;
+    let file = folder.path().join("rounds.ron");
+    std::fs::write(&file, text.replace(was, &turns))?;
+    Ok(load(&file, &LoadOptions::default())?)
+}
+
+/// Records are made and dropped as long as the scene moves. After a beginning, neither they nor the device's memory nor the process grow.
+fn lasting_memory(frames: u32, beginning: u32) -> Outcome {
+    let engine = block_on(Engine::open())?;
+    let stage = Arc::new(Stage::animated(rounds(frames)?)?);
+    let (name, size) = ("irradiance-temporal", [64, 48]);
+    let sets = ["tiles.resolution=8", "due_tiles.resolution=8", "cache.accuracy=0.3"].map(str::to_owned);
+    let pipeline = engine.pipeline(name, &sets, &mut |_| Err(io::ErrorKind::NotFound.into()))?;
+    let plan = engine.plan(&pipeline, &stage, size)?;
+    let mut run = block_on(engine.run(&stage, &plan, &stage.scene.cameras[0], size))?;
+    let (mut records, mut made, mut at_beginning) = (Vec::new(), 0, None);
+    for frame in 0..frames {
+        let changes = run.stage().changes_to(&run.stage().scene.animation.at(f64::from(frame) / 24.0));
+        block_on(engine.change(&mut run, &pipeline, &changes))?;
+        let report = block_on(run.frame(&|| Pace::GoOn))?;
+        records.push(report.records.irradiance.unwrap_or(0));
+        made += report.new_records.unwrap_or(0);
+        if frame + 1 == beginning {
+            at_beginning = Some((run.gpu_bytes(), resident(), peak()));
+        }
+    }
+    let (first, later) = records.split_at(beginning as usize);
+    let most = |records: &[u32]| records.iter().max().copied().unwrap_or(0);
+    let (device, before, peak_before) = at_beginning.ok_or("no beginning")?;
+    let grown = |before: Option<u64>, now: Option<u64>| before.zip(now).map_or(0, |(before, now)| now.saturating_sub(before));
+    let [process, peak] = [grown(before, resident()), grown(peak_before, peak())];
+    println!(
+        "{made} records made; alive at most {} in frames up to {beginning}, {} later; {} MiB on the device; {} KiB more in the process, its peak {} KiB higher",
+        most(first),
+        most(later),
+        device >> 20,
+        process >> 10,
+        peak >> 10
+    );
+    check(made > most(&records), || format!("no more than {made} records were made"))?;
+    check(10 * most(later) <= 11 * most(first), || format!("{} records, where there were {}", most(later), most(first)))?;
+    check(run.gpu_bytes() == device, || "the run takes more memory on the device".into())?;
+    check(process < 8 << 20 && peak < 8 << 20, || format!("{} KiB more in the process, its peak {} KiB higher", process >> 10, peak >> 10))
 }
 
 /// A thousand balls of a thousand triangles each, strewn over a floor.

@@ -182,7 +182,7 @@ const ELSEWHERE: &str = r#"Variant(version: 1, about: "a", of: "irradiance-tempo
 
 /// Code and arguments, one case each, and whether a GPU is needed.
 #[rustfmt::skip]
-const CASES: [(&str, &str, bool); 80] = [
+const CASES: [(&str, &str, bool); 81] = [
     ("plan::coarsest", "check irradiance --scene white.ron --set misses.by=Grid(coarsest:3)", false),
     ("plan::finest", "check irradiance --scene white.ron --set misses.by=Grid(finest:3)", false),
     ("plan::light_of_sources", "check photon --scene white.ron --set direct.emitters=Records", false),
@@ -260,6 +260,7 @@ const CASES: [(&str, &str, bool); 80] = [
     ("gpu::no_adapter", "render irradiance --scene white.ron --quiet -o out.exr", false),
     ("render::cache", "render irradiance --scene white.ron --quiet -o out.exr --cache records", true),
     ("render::no_records", "render direct.ron --scene white.ron --quiet -o out.exr --cache new", true),
+    ("render::resumed_movie", "render irradiance --scene cornell --frames 0..2 --cache new --resume -o film.apng", false),
     ("render::incomplete", "render irradiance --scene white.ron --quiet -o out.exr --strict --set misses.at_most=1", true),
     ("cli::nothing_to_watch", "render irradiance --scene cornell --watch --quiet -o out.exr", false),
     ("render::other_plan", "render irradiance --scene white.ron --quiet -o out.exr --set-frames tiles.resolution=8,16", false),

@@ -42,6 +42,9 @@ const ON_A_TERMINAL: &str = "work_that_takes_long_is_shown_on_a_terminal_only";
 const WITH_A_FULL_DISK: &str = "a_frame_that_fails_keeps_records_and_statistics_of_those_before_it";
 const WITH_SIGNALS: &str = "an_interrupted_sequence_keeps_what_is_whole";
 
+const INTERRUPTED_AND_RESUMED: &str = "an_interrupted_sequence_that_goes_on_has_the_bits_of_one_in_one_piece";
+const FAILED_AND_RESUMED: &str = "a_sequence_whose_frame_failed_goes_on_with_that_frame";
+
 const CASES: &[(&str, Case)] = &[
     ("a_sum_over_rounds_has_its_closed_form_in_every_frame", sum_over_rounds),
     ("a_sum_over_frames_has_its_closed_form_and_starts_empty", sum_over_frames),
@@ -66,6 +69,11 @@ const CASES: &[(&str, Case)] = &[
     ("records_live_on_where_a_mesh_deforms", living_on_a_bar),
     ("a_sequence_is_one_animated_picture", movie),
     ("records_live_on_where_the_scene_moves", living),
+    ("a_sequence_in_parts_has_the_bits_of_one_in_one_piece", in_parts),
+    ("frames_that_do_not_follow_are_told_and_sample_all_records_anew", out_of_order),
+    ("a_sequence_goes_on_after_the_frames_that_are_there", resumed),
+    (INTERRUPTED_AND_RESUMED, interrupted_and_resumed),
+    (FAILED_AND_RESUMED, failed_and_resumed),
     ("what_moves_in_extremes_is_a_picture_or_an_error", extremes),
     ("an_accuracy_changes_between_frames_and_records_stay", accuracy_per_frame),
     ("what_cannot_change_between_frames_is_refused", refused_per_frame),
@@ -94,8 +102,8 @@ fn tools(case: &str) -> Option<Missing> {
     let runs = |program: &str| std::process::Command::new(program).arg("--version").output().is_ok();
     let why = match case {
         ON_A_TERMINAL if !runs("script") => "the program `script`, which makes a terminal, is missing",
-        WITH_A_FULL_DISK if !cfg!(target_os = "linux") => "no /dev/full",
-        WITH_SIGNALS if !cfg!(unix) => "no signals",
+        WITH_A_FULL_DISK | FAILED_AND_RESUMED if !cfg!(target_os = "linux") => "no /dev/full",
+        WITH_SIGNALS | INTERRUPTED_AND_RESUMED if !cfg!(unix) => "no signals",
         _ => return None,
     };
     Some(Missing::new("tools", why))
@@ -286,6 +294,189 @@ fn extremes() -> Outcome {
 }
 
 /// A box that moves, a ball that appears, a lamp that goes on, a light and a camera that wander.
+/// A place with the scene that moves, of which parts of sequences are rendered; all comes to rest after 2 s.
+struct Film(Place);
+
+impl Film {
+    fn new() -> Result<Self, Failed> {
+        let place = Place::new()?;
+        fs::write(place.path("moving.ron"), MOVING).map_err(failed)?;
+        Ok(Self(place))
+    }
+
+    fn arguments<'a>(frames: &'a str, output: &'a str, more: &[&'a str]) -> Vec<&'a str> {
+        ["--fps", "6", "--frames", frames, "-o", output].iter().chain(more).copied().collect()
+    }
+
+    fn try_render(&self, pipeline: &str, frames: &str, output: &str, more: &[&str]) -> Result<Ended, Failed> {
+        self.0.render_by(pipeline, "moving.ron", &Self::arguments(frames, output, more))
+    }
+
+    /// Renders frames that succeed; what is said meanwhile.
+    fn render(&self, pipeline: &str, frames: &str, output: &str, more: &[&str]) -> Result<String, Failed> {
+        let (status, stderr) = self.try_render(pipeline, frames, output, more)?;
+        check(status == 0, || format!("{pipeline} {frames} {more:?}: {stderr}"))?;
+        Ok(unwrapped((0, stderr)).1)
+    }
+
+    /// The frames of two sequences are the same, file by file, but for what says where records were kept.
+    fn same(&self, a: &str, b: &str, frames: std::ops::Range<u32>) -> Outcome {
+        frames.into_iter().try_for_each(|frame| {
+            let [mut first, mut second] = [self.0.picture(&format!("{a}.{frame:04}.exr"))?, self.0.picture(&format!("{b}.{frame:04}.exr"))?];
+            [&mut first, &mut second].into_iter().for_each(|picture| drop(picture.attributes.remove("cache")));
+            check(first.layers == second.layers && first.attributes == second.attributes, || format!("frame {frame} of {a} and of {b} differ"))
+        })
+    }
+
+    /// The numbers of the frames that were rendered last.
+    fn rendered(&self) -> Result<Vec<u64>, Failed> {
+        let stats = self.0.stats()?;
+        Ok(stats["frames"].as_array().into_iter().flatten().filter_map(|frame| frame["frame"].as_u64()).collect())
+    }
+}
+
+/// While a lamp goes on, while all moves and when it rests, with several samples and by the exposure of the first picture; records that live on, and those that are made
+/// anew.
+fn in_parts() -> Outcome {
+    let film = Film::new()?;
+    for (pipeline, ends, more) in [
+        ("irradiance-temporal", &[0, 1, 3, 5, 7, 12, 13, 15, 16][..], &["--set", "due_tiles.resolution=8"][..]),
+        ("irradiance-temporal-extrapolated", &[0, 2, 9, 11], &["--samples", "2"]),
+        ("irradiance-unguided", &[0, 2, 4], &[]),
+    ] {
+        let (whole, parts) = (format!("{pipeline}-whole"), format!("{pipeline}-parts"));
+        let last = ends.last().copied().unwrap_or(0);
+        let render = |range: String, name: &str, own: &[&str]| {
+            let [exr, png] = [format!("{name}.exr"), format!("{name}.png")];
+            film.render(pipeline, &range, &exr, &[more, own, &["-o", &png]].concat())
+        };
+        render(format!("0..{last}"), &whole, &[])?;
+        for ends in ends.windows(2) {
+            let notes = render(format!("{}..{}", ends[0], ends[1]), &parts, &["--cache", &format!("{pipeline}.cache")])?;
+            check(!notes.contains("anew"), || format!("{pipeline}, frames {ends:?}: {notes}"))?;
+        }
+        film.same(&whole, &parts, 0..last)?;
+        for frame in 0..last {
+            let [a, b] = [&whole, &parts].map(|name| fs::read(film.0.path(&format!("{name}.{frame:04}.png"))));
+            check(a? == b?, || format!("frame {frame} of {pipeline} is exposed otherwise"))?;
+        }
+    }
+    Ok(())
+}
+
+/// Of frames that are left out, of another rate, of a file without a whole frame and of another pipeline.
+fn out_of_order() -> Outcome {
+    let (film, pipeline) = (Film::new()?, "irradiance-temporal");
+    film.render(pipeline, "0..15", "first.exr", &["--cache", "good"])?;
+    let due = |stats: &Value| {
+        let passes = stats["frames"][0]["passes"].as_array().into_iter().flatten();
+        passes.filter_map(|pass| pass["numbers"]["due_records"].as_u64()).sum::<u64>()
+    };
+    let restart = |from: &str, pipeline: &str, frames: &str, more: &[&str]| {
+        fs::copy(film.0.path(from), film.0.path("cache"))?;
+        let notes = film.render(pipeline, frames, "second.exr", &[&["--cache", "cache"], more].concat())?;
+        Ok::<_, Failed>((notes, due(&film.0.stats()?)))
+    };
+    let (notes, some) = restart("good", pipeline, "15..16", &[])?;
+    check(!notes.contains("anew"), || notes)?;
+    for (frames, more) in [("9..10", &[][..]), ("0..1", &[]), ("14..15", &[]), ("15..16", &["--moment", "0.1"])] {
+        let (notes, all) = restart("good", pipeline, frames, more)?;
+        check(notes.contains("all records of cache are sampled anew: frame 14 at 2.333"), || notes)?;
+        check(all > 2 * some, || format!("{frames}: {all} records are due, where the sequence goes on {some}"))?;
+    }
+    // At the same moment of a scene that moves, records made anew are those that there are.
+    film.render("irradiance-unguided", "4..5", "third.exr", &["--cache", "third"])?;
+    film.render("irradiance-unguided", "4..5", "fourth.exr", &["--cache", "third"])?;
+    check(new_records(&film.0.stats()?, 0)? == 0, || "records were made again".into())?;
+    film.same("third", "fourth", 4..5)
+}
+
+/// After a process that was killed, as far as the file of records goes; where that or the pictures are others, all is rendered.
+fn resumed() -> Outcome {
+    let (film, pipeline) = (Film::new()?, "irradiance-temporal");
+    film.render(pipeline, "0..8", "whole.exr", &[])?;
+    let go_on = |more: &[&str]| film.render(pipeline, "0..8", "out.exr", &[&["--cache", "cache", "--resume"], more].concat());
+    check(go_on(&["--set", "renewed.change=0.03"])?.is_empty() && film.rendered()?.len() == 8, || "there was nothing".into())?;
+    let notes = go_on(&[])?;
+    check(notes.contains("the sequence is begun anew: `set` of out.0000.exr is") && film.rendered()?.len() == 8, || notes)?;
+    film.same("whole", "out", 0..8)?;
+    // Killed in the sixth frame, after the file was saved in the third.
+    film.render(pipeline, "0..3", "out.exr", &["--cache", "early"])?;
+    fs::copy(film.0.path("early"), film.0.path("cache"))?;
+    ["out.0005.exr", "out.0006.exr", "out.0007.exr"].iter().try_for_each(|name| fs::remove_file(film.0.path(name)))?;
+    let notes = go_on(&[])?;
+    check(notes.contains("3 of 8 frames are there") && film.rendered()? == [3, 4, 5, 6, 7], || notes)?;
+    film.same("whole", "out", 0..8)?;
+    let (saved, notes) = (fs::read(film.0.path("cache"))?, go_on(&[])?);
+    check(notes.contains("8 of 8 frames are there") && film.rendered()?.is_empty(), || notes)?;
+    check(fs::read(film.0.path("cache"))? == saved, || "nothing was rendered, and the file is another".into())?;
+    // Longer than it was.
+    film.render(pipeline, "0..9", "out.exr", &["--cache", "cache", "--resume"])?;
+    check(film.rendered()? == [8], || "one is missing".into())?;
+    fs::remove_file(film.0.path("out.0002.exr"))?;
+    let notes = go_on(&[])?;
+    check(notes.contains("begun anew: cache was not saved after one of its frames") && film.rendered()?.len() == 8, || notes)?;
+    fs::write(film.0.path("out.0002.exr"), "no picture")?;
+    let notes = go_on(&[])?;
+    check(notes.contains("begun anew: out.0002.exr cannot be read") && film.rendered()?.len() == 8, || notes)?;
+    film.same("whole", "out", 0..8)?;
+    is(&film.try_render(pipeline, "0..8", "out.exr", &["--cache", "cache", "--resume", "-o", "out.apng"])?, 2, "render::resumed_movie")?;
+    is(&film.try_render(pipeline, "0..8", "out.exr", &["--resume"])?, 2, "--cache")
+}
+
+/// By Ctrl-C, wherever it is then.
+#[cfg(unix)]
+fn interrupted_and_resumed() -> Outcome {
+    let (film, pipeline, frames) = (Film::new()?, "irradiance-temporal", "0..40");
+    film.render(pipeline, frames, "whole.exr", &[])?;
+    let more = Film::arguments(frames, "out.exr", &["--cache", "cache", "--resume"]);
+    let mut rendered = 0;
+    for end in [3, 11] {
+        let mut child = std::process::Command::new(env!("CARGO_BIN_EXE_hemisplat"))
+            .current_dir(film.0.0.path())
+            .args(Place::arguments(pipeline, "moving.ron", &more))
+            .stdout(std::process::Stdio::null())
+            .stderr(std::process::Stdio::null())
+            .spawn()
+            .map_err(failed)?;
+        let start = std::time::Instant::now();
+        while !film.0.path(&format!("out.{end:04}.exr")).exists() && start.elapsed().as_secs() < 120 {
+            std::thread::sleep(std::time::Duration::from_millis(2));
+        }
+        std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status().map_err(failed)?;
+        check(child.wait().map_err(failed)?.code() == Some(130), || "it was not interrupted".into())?;
+        rendered += film.rendered()?.len();
+    }
+    film.render(pipeline, frames, "out.exr", &["--cache", "cache", "--resume"])?;
+    rendered += film.rendered()?.len();
+    check(rendered == 40, || format!("{rendered} frames were rendered for 40"))?;
+    film.same("whole", "out", 0..40)
+}
+
+#[cfg(not(unix))]
+fn interrupted_and_resumed() -> Outcome {
+    Err("there are no signals".into())
+}
+
+/// The disk is full as the third of six pictures is written.
+#[cfg(target_os = "linux")]
+fn failed_and_resumed() -> Outcome {
+    let (film, pipeline) = (Film::new()?, "irradiance-temporal");
+    film.render(pipeline, "0..6", "whole.exr", &[])?;
+    std::os::unix::fs::symlink("/dev/full", film.0.path("out.0002.exr")).map_err(failed)?;
+    let more = ["--cache", "cache", "--resume"];
+    is(&film.try_render(pipeline, "0..6", "out.exr", &more)?, 1, "cannot write out.0002.exr")?;
+    fs::remove_file(film.0.path("out.0002.exr"))?;
+    let notes = film.render(pipeline, "0..6", "out.exr", &more)?;
+    check(notes.contains("2 of 6 frames are there") && film.rendered()? == [2, 3, 4, 5], || notes)?;
+    film.same("whole", "out", 0..6)
+}
+
+#[cfg(not(target_os = "linux"))]
+fn failed_and_resumed() -> Outcome {
+    Err("there is no /dev/full".into())
+}
+
 const MOVING: &str = r#"Scene(version: 1, geometry: [
     Quad(corners: ((0, 0, 4), (4, 0, 4), (4, 0, 0), (0, 0, 0))),
     Quad(corners: ((0, 0, 0), (4, 0, 0), (4, 3, 0), (0, 3, 0))),
@@ -629,9 +820,9 @@ fn bad_records() -> Outcome {
         ("cut in the header", good[..40].to_vec(), "it has no header"),
         ("cut", good[..good.len() - 7].to_vec(), "its header tells of"),
         ("longer", [good.as_slice(), b"more"].concat(), "its header tells of"),
-        ("a bit flipped", flipped(start + 100), "its records are damaged"),
-        ("another version", with_header(header.replace("hemisplat records 4", "hemisplat records 3")), "`hemisplat records 4` is known"),
-        ("another layout", with_header(header.replacen("\"name\":\"records\"", "\"name\":\"photons\"", 1)), "it holds `photons` of"),
+        ("a bit flipped", flipped(start + 100), "it is damaged"),
+        ("an older version", with_header(header.replace("hemisplat records 5", "hemisplat records 4")), "`hemisplat records 5` is known"),
+        ("another header", with_header(header.replacen("\"name\":\"records\"", "\"name\":\"photons\"", 1)), "it is damaged"),
     ];
     for (name, contents, message) in bad {
         fs::write(place.path("bad"), &contents).map_err(failed)?;

@@ -20,6 +20,12 @@ const DRAWN: &[(&str, Case)] = &[
     ("sweep", || {
         keeps("sweep", "sweep irradiance --over tiles.resolution=4,8 --scene cornell --size 32x24 --reference-spp 4 --runs 2 -o kept --json out.json")
     }),
+    ("sweep_frames", || {
+        keeps(
+            "sweep_frames",
+            "sweep irradiance-temporal --over renewed.change=0.02,0.1 --scene cube --size 32x24 --frames 0..7 --fps 1 --reference-spp 4 --runs 2 -o kept --json out.json",
+        )
+    }),
     ("study", || keeps("study", "study small.ron -o kept --json out.json")),
     ("stability", || keeps("stability", "stability irradiance --only furnace --json out.json")),
 ];

@@ -16,6 +16,7 @@ use std::{fs, thread};
 const DRAWN: &[(&str, Case)] = &[
     ("a_grid_is_measured_and_told_as_json_csv_and_svg", grid),
     ("errors_are_those_of_compare_and_a_sweep_done_is_not_measured_again", repeated),
+    ("a_point_of_a_sequence_has_the_errors_of_its_frames_in_the_mean", sequences),
     ("what_the_numbers_depend_on_makes_other_points", keys),
     ("what_the_reference_hides_is_told_as_a_limit", hidden),
     ("a_killed_sweep_goes_on_with_whole_points", killed),
@@ -151,6 +152,36 @@ fn figure(svg: &str, points: &[&Value]) -> Outcome {
     let lines = document.descendants().filter(|node| node.has_tag_name(("http://www.w3.org/2000/svg", "polyline"))).count();
     let texts: String = document.descendants().filter_map(|node| node.text()).collect();
     check(lines == 4 && texts.contains("irradiance.rmse_over_mean [%]") && texts.contains("seconds"), || svg.to_owned())
+}
+
+/// As `compare` finds them, with what is told in time beside them; found again, and not where frames are at other times.
+fn sequences() -> Outcome {
+    let place = Place::new()?;
+    let common = "--scene cube --size 32x24 --set tiles.resolution=8 --reference-spp 4 --reference-cache references --frames 0..4";
+    let (ways, files) = ("irradiance-temporal --over renewed.change=0.02,0.5", "--csv a.csv --svg a.svg --markdown a.md");
+    let sweep = |more: &str| place.succeed(&format!("sweep {ways} {common} --runs 1 -o out {more}"));
+    let (text, _) = sweep(&format!("--fps 4 --json a.json {files}"))?;
+    check(text.contains(", frames 0 to 3, ") && text.contains("lag_p99") && text.contains("irradiance.flicker [%]"), || text.clone())?;
+    let each = "irradiance-temporal@renewed.change=0.02 irradiance-temporal@renewed.change=0.5";
+    place.succeed(&format!("compare {each} {common} --fps 4 --runs 1 --json c.json --quiet"))?;
+    let (swept, compared) = (place.json("a.json")?, place.json("c.json")?);
+    let points = measured(&swept)?;
+    for (point, variant) in points.iter().zip(compared["variants"].as_array().ok_or("no variants")?) {
+        check(point["courses"] == variant["courses"] && point["frames"].as_array().map_or(0, Vec::len) == 4, || format!("{point}\n{variant}"))?;
+        for (layer, metric) in [("irradiance", "rmse_over_mean"), ("irradiance", "block_p99"), ("picture", "bias_over_mean")] {
+            let (own, mean) = (&point["errors"][layer][metric], &variant["courses"][layer]["mean"][metric]);
+            let apart = own.as_f64().zip(mean.as_f64()).map(|(own, mean)| (own - mean).abs());
+            check(apart.is_some_and(|apart| apart < 1e-9), || format!("{layer}.{metric}: {own}, not {mean}"))?;
+        }
+    }
+    check(points.len() == 2 && points[0]["errors"] != points[1]["errors"], || "what is swept changes nothing".into())?;
+    for (name, words) in [("a.csv", "irradiance_flicker,irradiance_jumps"), ("a.svg", ", flicker "), ("a.md", "irradiance.flicker [%]")] {
+        check(place.text(name)?.contains(words), || format!("{name} does not tell"))?;
+    }
+    let (_, stderr) = sweep("--fps 4 --json b.json")?;
+    check(stderr.contains("2 found in out") && place.text("a.json")? == place.text("b.json")?, || stderr)?;
+    let (_, stderr) = sweep("--fps 8 --no-reference")?;
+    check(stderr.contains("0 found in out"), || stderr)
 }
 
 fn repeated() -> Outcome {

@@ -14,6 +14,7 @@ const BATCH: u32 = 1 << 15;
 /// A scene that stands still is lit by the photons of the first frame.
 pub(super) fn encode(e: &mut Encoder<'_>, work: Work) {
     let traced = e.variable("traced", true);
+    e.remakes(&[], &[traced]);
     let wanted = [work.most, work.capacity, work.legs, work.reflects as u32].into_iter().fold(1, combine) | 1;
     let trace = move |host: &mut dyn HostContext| {
         if host.variable(traced) == wanted {

@@ -115,6 +115,7 @@ impl Pass for PhotonMap {
         let [most, capacity, legs] = ["photons", "kept", "legs"].map(|name| e.arguments.integer(name) as u32);
         let data = e.history_buffer("data", PHOTON_BYTES * (SLOTS_BEFORE + u64::from(capacity)));
         let [emitted, count, slots, cut_off] = ["emitted", "count", "slots", "cut_off"].map(|name| e.variable(name, true));
+        e.remakes(&[data], &[emitted, count, slots, cut_off]);
         let reflects = match (e.setting.needs.renders_lobes(), is_caustics(e.arguments)) {
             (false, _) => Reflects::Albedo,
             (true, false) => Reflects::All,

@@ -38,7 +38,7 @@ const DEFAULT_RUNS: usize = 10;
 
 /// Tell what pipelines cost, how far each is from the truth, and what is noise
 #[derive(Args)]
-#[command(after_help = "Example: hemisplat compare irradiance irradiance@tiles.resolution=32 irradiance-readback --scene cornell --json out/compare.json
+#[command(mut_arg("frames", |frames| frames.conflicts_with_all(["reference", "pictures", "cuts"])), after_help = "Example: hemisplat compare irradiance irradiance@tiles.resolution=32 irradiance-readback --scene cornell --json out/compare.json
 
 A run is a picture from empty caches, or all frames of a sequence. Every variant runs once to warm up, then once a round, in an order that changes from round to round. The
 same pipeline may be given again with other parameters. A picture of another program, --picture 'denoised=other.exr:picture,seconds=1.2', is judged by the

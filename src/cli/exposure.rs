@@ -28,6 +28,16 @@ impl<'c> Exposure<'c> {
         Self { stops: options.exposure, console }
     }
 
+    /// That which was chosen or given; None where no picture has needed one.
+    pub fn stops(&self) -> Option<f32> {
+        self.stops
+    }
+
+    /// Goes on with one that was chosen before, unless one was given.
+    pub fn go_on_with(&mut self, stops: Option<f32>) {
+        self.stops = self.stops.or(stops);
+    }
+
     /// The exposure of a picture for the first file that depends on it, if there is one; the first time that it is needed it is told.
     pub fn of(&mut self, picture: &Layers, exposed: Option<&Path>) -> Result<f32, Failure> {
         let Some(first) = exposed else { return Ok(0.0) };

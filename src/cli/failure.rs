@@ -145,6 +145,9 @@ pub enum CommandError {
     #[error("the pipeline keeps no records that {} could hold", path.display())]
     #[diagnostic(code(render::no_records), help("leave --cache away"))]
     NoRecords { path: PathBuf },
+    #[error("{} is written in one go, and cannot be gone on with", path.display())]
+    #[diagnostic(code(render::resumed_movie), help("leave --resume away, or write the frames as .exr, .png or .hdr"))]
+    ResumedMovie { path: PathBuf },
     #[error("several cameras are named: {names}")]
     #[diagnostic(code(cli::several_cameras), help("this command looks through one; `hemisplat render` makes a frame of each"))]
     SeveralCameras { names: String },

@@ -31,6 +31,7 @@ mod pipeline;
 mod pipelines;
 mod points;
 mod progress;
+mod records;
 mod reference;
 mod render;
 mod resources;

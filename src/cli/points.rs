@@ -66,7 +66,7 @@ pub(super) fn planned(pipeline: &Pipeline, view: &View, point: &mut Point, conso
 }
 
 /// Several problems on one line, each with its code.
-fn told(problems: &Problems) -> String {
+pub(super) fn told(problems: &Problems) -> String {
     problems.0.iter().map(|problem| format!("{}: {problem}", problem.code)).collect::<Vec<_>>().join("; ")
 }
 

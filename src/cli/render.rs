@@ -4,24 +4,27 @@ use super::console::Console;
 use super::dump;
 use super::exposure::{Exposure, ExposureOptions};
 use super::failure::{CommandError, Failure};
-use super::input::{peak_host_bytes, read_file};
+use super::input::peak_host_bytes;
 use super::interrupt::{self, Shelter};
 use super::movie::{Movie, is_movie};
 use super::output::{PictureTarget, Target, expect_distinct, exposed, warn_of_nothing};
 use super::pipeline::{expect_exact, judged_bounces, load_noting, note_approximations, note_idle, note_names};
 use super::progress::Progress;
+use super::records::{Beginning, Keeping, RecordsFile};
 use super::resources::expect_memory;
 use super::scene::{SceneOptions, View};
-use super::timeline::{Frame, Plans, Timeline, TimelineOptions, camera_of_frame};
+use super::timeline::{Frame, Plans, Timeline, TimelineOptions, camera_of_frame, still_camera};
 use super::watch::{self, Kept, Ready, timed};
 use crate::gpu::{Gpu, GpuError, Pace, block_on};
 use crate::math::bounces::Bounces;
 use crate::math::pixel_filter::PixelFilter;
+use crate::measure::Layers;
 use crate::measure::average::Average;
+use crate::measure::cache::After;
 use crate::measure::compare::{AdapterReport, dropped};
 use crate::measure::gap::Gap;
+use crate::measure::metrics::SCENE_CHECKSUM;
 use crate::measure::run::{FrameReport, PassReport, Run, RunError};
-use crate::measure::{Layers, cache};
 use crate::pipeline::Plan;
 use crate::reference::{LeftOut, left_out};
 use crate::scene::{Camera, Sample, animation::Moment};
@@ -30,6 +33,8 @@ use clap::{Args, ValueEnum};
 use glam::DVec2;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::BufReader;
 use std::path::{Path, PathBuf};
 use std::sync::{
     Arc,
@@ -49,9 +54,14 @@ pub struct Options {
     scene: SceneOptions,
     #[command(flatten)]
     timeline: TimelineOptions,
-    /// Loads records from this file where it exists, and saves them to it
+    /// Loads records from this file where it exists, and saves them to it, every few seconds and at the end. A sequence whose first frame follows the one that they
+    /// were saved after goes on as if it had not been interrupted
     #[arg(long, value_name = "FILE")]
     cache: Option<PathBuf>,
+    /// Goes on with a sequence that was interrupted: frames that are there, and were when the file of --cache was saved, are left out. Where there are none, or others,
+    /// all are rendered
+    #[arg(long, requires = "cache")]
+    resume: bool,
     /// Fail, with status 1, when a pixel of a frame is left without a record; its picture is written all the same. Refuse, with status 2, to take glossy materials as diffuse
     #[arg(long)]
     strict: bool,
@@ -164,6 +174,9 @@ impl<'o> Job<'o> {
         if let Some(path) = movies.first().filter(|_| !timeline.is_sequence) {
             return Err(Failure::input(CommandError::NoSequence { path: path.to_path_buf() }));
         }
+        if let Some(path) = movies.first().filter(|_| options.resume) {
+            return Err(Failure::input(CommandError::ResumedMovie { path: path.to_path_buf() }));
+        }
         if !options.dump.is_empty() && movies.len() == options.output.len() {
             return Err(Failure::input(CommandError::NoPicture));
         }
@@ -203,10 +216,9 @@ impl<'o> Job<'o> {
         expect_memory([first], view)?;
         let start = Instant::now();
         let mut run = block_on(Run::new(gpu, &view.stage, first, &view.camera, view.size)).map_err(Failure::work)?;
-        if let Some(records) = records {
-            records.load(&mut run)?;
-        }
         let start_up = StartUp { shaders: start.elapsed().as_secs_f64(), ..start_up };
+        let there = if options.resume { self.frames_there(view, first, console) } else { Some(0) };
+        let keeping = records.as_ref().map(|records| Keeping::of(records, &run, there.is_none())).transpose()?;
 
         let _shelter = Shelter::new();
         let exposure = Exposure::new(&options.exposure, console);
@@ -219,15 +231,21 @@ impl<'o> Job<'o> {
             plans,
             exposure,
             movies,
+            keeping,
+            moment: None,
             frames: Vec::new(),
             gaps: Vec::new(),
             is_faulty: false,
             kept: Vec::new(),
             left_out: None,
         };
-        let result = timeline.frames.iter().zip(targets).try_for_each(|(frame, targets)| film.expose(frame, targets, &mut run)).and_then(|()| film.end());
+        let mut open = timeline.frames.iter().zip(targets).skip(there.unwrap_or(0)).peekable();
+        if let Some((frame, _)) = open.peek() {
+            film.begin(frame, &mut run)?;
+        }
+        let result = open.try_for_each(|(frame, targets)| film.expose(frame, targets, &mut run)).and_then(|()| film.end());
         let is_interrupted = result.as_ref().is_err_and(|failure| failure.status == 130);
-        let finished = film.finish(&run, records.as_ref(), stats.as_ref(), &start_up, gpu, result.is_ok());
+        let finished = film.finish(&run, stats.as_ref(), &start_up, gpu, result.is_ok());
         if is_interrupted {
             return finished.and(Err(Failure::interrupted(&film.kept)));
         }
@@ -235,32 +253,22 @@ impl<'o> Job<'o> {
         result.and(finished)?;
         film.refuse_gaps()
     }
-}
 
-/// The file that keeps records between runs.
-struct RecordsFile {
-    target: Target,
-    /// What it held before; None where there was none.
-    contents: Option<Vec<u8>>,
-}
-
-impl RecordsFile {
-    fn open(path: &Path) -> Result<Self, Failure> {
-        let target = Target::new(path)?;
-        let contents = path.exists().then(|| read_file(path, cache::MOST_BYTES).map_err(|error| Failure::read(path, error))).transpose()?;
-        Ok(Self { target, contents })
-    }
-
-    fn load(&self, run: &mut Run) -> Result<(), Failure> {
-        let stage = run.stage().clone();
-        if run.plan().persistent.is_empty() {
-            return Err(Failure::input(CommandError::NoRecords { path: self.target.path().to_owned() }));
+    /// How many frames are there already which the file of records goes on after; None where all have to be rendered.
+    fn frames_there(&self, view: &View, plan: &Plan, console: &Console) -> Option<usize> {
+        let records = self.records.as_ref().filter(|records| records.was_there())?;
+        let count = records.frames_before(&self.timeline, view).ok_or_else(|| format!("{} was not saved after one of its frames", records.path().display()));
+        let found = count.and_then(|count| {
+            let mut before = self.timeline.frames.iter().zip(&self.targets).take(count);
+            before.try_for_each(|(frame, targets)| targets.expect_there(&lasting_attributes(self.options, view, plan, frame)))?;
+            Ok(count)
+        });
+        match &found {
+            Ok(0) => {}
+            Ok(count) => console.note(&format!("note: {count} of {} frames are there", self.targets.len())),
+            Err(why) => console.note(&format!("note: the sequence is begun anew: {why}")),
         }
-        self.contents.iter().try_for_each(|contents| cache::load(run, &stage.scene, contents)).map_err(Failure::input)
-    }
-
-    fn save(&self, run: &Run) -> Result<(), Failure> {
-        self.target.write(&block_on(cache::save(run, &run.stage().scene)).map_err(Failure::work)?)
+        found.ok()
     }
 }
 
@@ -273,6 +281,9 @@ struct Film<'o> {
     plans: Plans<'o>,
     exposure: Exposure<'o>,
     movies: Vec<Movie<'o>>,
+    keeping: Option<Keeping<'o>>,
+    /// That of the frame which was begun last [s].
+    moment: Option<f64>,
     /// Reports of the frames that are whole, as in the file of statistics.
     frames: Vec<Value>,
     gaps: Vec<CommandError>,
@@ -285,26 +296,44 @@ struct Film<'o> {
 }
 
 impl<'o> Film<'o> {
+    /// Takes over what the file of records has for a first frame.
+    fn begin(&mut self, first: &Frame, run: &mut Run) -> Result<(), Failure> {
+        let Some(moment) = self.keeping.as_ref().and_then(Keeping::moment) else { return Ok(()) };
+        // Records are of the scene as it was.
+        self.change(&self.view.animation().at(moment), first, run)?;
+        let Some(keeping) = &self.keeping else { return Ok(()) };
+        let beginning = keeping.begin(run, (self.timeline, self.view), first)?;
+        if let Beginning::Next(exposure) = beginning {
+            self.exposure.go_on_with(exposure);
+        }
+        beginning.tell(run, keeping.path(), self.console);
+        Ok(())
+    }
+
     /// Renders a frame and writes its pictures.
     fn expose(&mut self, frame: &Frame, targets: &'o Targets, run: &mut Run) -> Result<(), Failure> {
         if interrupt::requested() {
             return Err(Failure::interrupted(&[]));
         }
         self.look_ahead(frame, run)?;
-        let time = self.timeline.rate.time(self.view.moment, frame.number);
+        let time = self.timeline.time(self.view, frame.number);
         let moment = self.view.animation().at(time);
+        self.moment = Some(time);
         self.change(&moment, frame, run)?;
         let camera = camera_of_frame(self.view, (frame, &moment), &run.stage().scene);
         let drawn = self.draw(frame, &camera, run);
-        // Records that a faulty frame leaves are not for other runs; those of one that was given up are whole.
+        // Records that a faulty first frame leaves are not for other runs; those of one that was given up are whole.
         self.is_faulty = matches!(&drawn, Err(error) if !matches!(error, RunError::Gpu(GpuError::Interrupted)));
         let (report, picture) = drawn.map_err(Failure::of_run)?;
         let exposure = self.exposure.of(&picture, exposed(&targets.0).or(self.movies.first().map(Movie::path)))?;
         warn_of_nothing(&picture, self.console);
         let attributes = attributes(self.options, self.view, run, (frame, time), &camera);
+        let scene = attributes.get(SCENE_CHECKSUM).cloned().unwrap_or_default();
         self.movies.iter_mut().try_for_each(|movie| movie.add(&picture, exposure))?;
         targets.write(self.options, run, Layers { attributes, ..picture }, exposure)?;
         self.kept.extend(targets.0.iter().map(PictureTarget::path));
+        let after = After { frame: frame.number, next: self.timeline.time(self.view, frame.number + 1), exposure: self.exposure.stops() };
+        self.keeping.iter_mut().try_for_each(|keeping| keeping.keep(run, (scene.clone(), time), after.clone()))?;
         let left_out = self.left_out(&camera, run);
         self.console.print(&(text(self.options, frame.number, &report) + &told_of(left_out)))?;
         self.note_gap(frame, &report);
@@ -420,19 +449,13 @@ impl<'o> Film<'o> {
     }
 
     /// Saves the records and what was measured, also of frames before one that failed.
-    fn finish(
-        &mut self,
-        run: &Run,
-        records: Option<&'o RecordsFile>,
-        stats: Option<&'o Target>,
-        start_up: &StartUp,
-        gpu: &Gpu,
-        is_whole: bool,
-    ) -> Result<(), Failure> {
+    fn finish(&mut self, run: &Run, stats: Option<&'o Target>, start_up: &StartUp, gpu: &Gpu, is_whole: bool) -> Result<(), Failure> {
         let mut saved = Ok(());
-        if let Some(records) = records.filter(|_| !self.is_faulty) {
-            saved = records.save(run);
-            self.kept.extend(saved.is_ok().then(|| records.target.path()));
+        // Before a frame is begun there is nothing new.
+        if let (Some(keeping), Some(moment)) = (&mut self.keeping, self.moment) {
+            let is_new = keeping.end(run, moment, self.is_faulty);
+            self.kept.extend(matches!(is_new, Ok(true)).then(|| keeping.path()));
+            saved = is_new.map(drop);
         }
         if let Some(stats) = stats {
             let complete = self.gaps.is_empty() && is_whole;
@@ -493,6 +516,24 @@ impl Targets {
         pictures.map(|path| PictureTarget::new(&numbered(path, number))).collect::<Result<_, _>>().map(Self)
     }
 
+    /// Refuses to take a frame for one that is there: its pictures must be, with what is the same in all pictures of it.
+    fn expect_there(&self, attributes: &BTreeMap<String, String>) -> Result<(), String> {
+        for path in self.0.iter().map(PictureTarget::path) {
+            let missing = |error: &dyn std::fmt::Display| format!("{} cannot be read: {error}", path.display());
+            let file = File::open(path).map_err(|error| missing(&error))?;
+            if !path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("exr")) {
+                continue;
+            }
+            let found = Layers::attributes_of_exr(BufReader::new(file)).map_err(|error| missing(&error))?;
+            let other = attributes.iter().find(|(name, value)| found.get(*name) != Some(value));
+            if let Some((name, value)) = other {
+                let was = found.get(name).map_or("nothing", String::as_str);
+                return Err(format!("`{name}` of {} is {was}, and not {value}", path.display()));
+            }
+        }
+        Ok(())
+    }
+
     fn write(&self, options: &Options, run: &Run, picture: Layers, exposure: f32) -> Result<(), Failure> {
         self.0.iter().try_for_each(|target| target.write(&picture, exposure))?;
         let Some(first) = self.0.first() else { return Ok(()) };
@@ -510,7 +551,22 @@ fn numbered(path: &Path, frame: Option<u32>) -> PathBuf {
 
 /// Enough to make the picture again.
 fn attributes(options: &Options, view: &View, run: &Run, (frame, time): (&Frame, f64), camera: &Camera) -> BTreeMap<String, String> {
-    let (plan, mut attributes) = (run.plan(), options.scene.attributes(view, (&run.stage().scene, time), camera));
+    let mut attributes = options.scene.attributes(view, (&run.stage().scene, time), camera);
+    attributes.extend(own_attributes(options, run.plan(), frame));
+    attributes
+}
+
+/// Those of them that are known before the frame is rendered.
+fn lasting_attributes(options: &Options, view: &View, plan: &Plan, frame: &Frame) -> BTreeMap<String, String> {
+    let mut attributes = options.scene.lasting_attributes(view, still_camera(view, frame));
+    attributes.extend(own_attributes(options, plan, frame));
+    // Where records are kept is no matter of the picture.
+    attributes.remove("cache");
+    attributes
+}
+
+/// Those of a picture that this command renders.
+fn own_attributes(options: &Options, plan: &Plan, frame: &Frame) -> BTreeMap<String, String> {
     let own = [
         ("command", "render".to_owned()),
         ("pipeline", plan.pipeline.clone()),
@@ -519,7 +575,7 @@ fn attributes(options: &Options, view: &View, run: &Run, (frame, time): (&Frame,
         ("bounces", judged_bounces(plan).to_string()),
         ("stride", "1".to_owned()),
     ];
-    attributes.extend(own.map(|(name, value)| (name.to_owned(), value)));
+    let mut attributes: BTreeMap<String, String> = own.map(|(name, value)| (name.to_owned(), value)).into();
     // What a picture with these depends on besides is not in the file: other frames, other runs, the machine's speed.
     attributes.extend(options.time.map(|time| ("time".to_owned(), time.as_secs_f64().to_string())));
     if options.samples > 1 {

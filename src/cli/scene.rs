@@ -172,18 +172,24 @@ impl SceneOptions {
 
     /// What is needed to make the view of a scene again as it is at a moment, for a picture's attributes.
     pub fn attributes(&self, view: &View, (scene, moment): (&Scene, f64), camera: &Camera) -> BTreeMap<String, String> {
+        let mut attributes = self.lasting_attributes(view, camera);
+        attributes.insert(SCENE_CHECKSUM.to_owned(), fingerprint(scene));
+        attributes.extend((!view.animation().is_empty()).then(|| ("moment".to_owned(), moment.to_string())));
+        attributes
+    }
+
+    /// Those of them that are the same at all moments.
+    pub fn lasting_attributes(&self, view: &View, camera: &Camera) -> BTreeMap<String, String> {
         let set: Vec<String> = self.view.set.iter().map(|(key, value)| format!("{key}={value}")).collect();
         let [width, height] = view.size;
         let attributes = [
             ("program", format!("hemisplat {}", env!("CARGO_PKG_VERSION"))),
             ("scene", self.scene.display().to_string()),
             ("scene-set", set.join(" ")),
-            (SCENE_CHECKSUM, fingerprint(scene)),
             ("camera", camera.name.clone()),
             ("size", format!("{width}x{height}")),
         ];
-        let moment = (!view.animation().is_empty()).then(|| ("moment", moment.to_string()));
-        attributes.into_iter().chain(moment).chain(self.view.daylight.attributes()).map(|(name, value)| (name.to_owned(), value)).collect()
+        attributes.into_iter().chain(self.view.daylight.attributes()).map(|(name, value)| (name.to_owned(), value)).collect()
     }
 
     /// Those that are looked through, with what the command line says of them. Never empty.

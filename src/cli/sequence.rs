@@ -20,8 +20,8 @@ use std::ops::Range;
 
 #[derive(Args)]
 pub struct SequenceOptions {
-    /// Compare sequences of an animated scene, half-open: a run is all of their frames, from empty caches. Errors are told of each frame, and in time
-    #[arg(long, value_name = "A..B", value_parser = frames, conflicts_with_all = ["reference", "pictures", "cuts"])]
+    /// Measure sequences of an animated scene, half-open: a run is all of their frames, from empty caches. Errors are told over all frames, and in time
+    #[arg(long, value_name = "A..B", value_parser = frames)]
     frames: Option<Range<u32>>,
     #[command(flatten)]
     rate: RateOptions,
@@ -39,6 +39,11 @@ pub struct Sequence {
 }
 
 impl SequenceOptions {
+    /// One picture.
+    pub fn none() -> Self {
+        Self { frames: None, rate: RateOptions::default() }
+    }
+
     pub fn of(&self, view: &View, console: &Console) -> Sequence {
         let (rate, beginning) = (self.rate, view.moment);
         let Some(range) = &self.frames else { return Sequence { numbers: Vec::new(), moments: vec![beginning], rate, beginning } };
@@ -51,6 +56,11 @@ impl SequenceOptions {
 }
 
 impl Sequence {
+    /// Whether it is one, and not a picture.
+    pub fn is_sequence(&self) -> bool {
+        !self.numbers.is_empty()
+    }
+
     pub fn last(&self) -> usize {
         self.moments.len() - 1
     }

@@ -4,6 +4,7 @@ use super::console::Console;
 use super::failure::Failure;
 use super::input::read_file;
 use super::scene::{SceneOptions, ViewOptions};
+use super::sequence::SequenceOptions;
 use super::survey::{self, Reference, SurveyOptions};
 use super::sweep::axes;
 use super::truth::TruthOptions;
@@ -88,7 +89,7 @@ pub fn run(options: Options, console: &Console) -> Result<(), Failure> {
     let camera = study.camera.as_ref().filter(|_| options.scene.is_none());
     let view = options.view.or(camera, study.size);
     let scene = options.scene.unwrap_or_else(|| beside(folder.as_deref(), &study.scene));
-    survey::run(&study.survey, &SceneOptions::new(scene, view), &reference, &options.work, console)
+    survey::run(&study.survey, (&SceneOptions::new(scene, view), &SequenceOptions::none()), &reference, &options.work, console)
 }
 
 /// Of another view nothing is expected.

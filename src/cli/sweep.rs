@@ -4,6 +4,7 @@ use super::compare::Variant;
 use super::console::Console;
 use super::failure::{CommandError, Failure};
 use super::scene::SceneOptions;
+use super::sequence::SequenceOptions;
 use super::survey::{self, Reference, SurveyOptions};
 use super::truth::TruthOptions;
 use crate::measure::criteria::{Cost, Metric};
@@ -19,7 +20,8 @@ use clap::Args;
 
 Several parameters make a grid; several pipelines are each swept. Every point is kept in DIR when it is measured: the same command goes on where an
 earlier one was stopped. Status 1 if a point is refused; the others are measured all the same.",
-    mut_arg("svg", |svg| svg.conflicts_with("no_reference"))
+    mut_arg("svg", |svg| svg.conflicts_with("no_reference")),
+    mut_arg("frames", |frames| frames.conflicts_with_all(["reference", "html"]))
 )]
 pub struct Options {
     /// Pipelines: files, or names of those that ship; @ gives a parameter of this one another value
@@ -27,6 +29,8 @@ pub struct Options {
     variants: Vec<String>,
     #[command(flatten)]
     scene: SceneOptions,
+    #[command(flatten)]
+    sequence: SequenceOptions,
     /// A parameter of a node and the values that it takes in turn; may be repeated, for a grid
     #[arg(long, value_name = "NODE.PARAM=VALUE,VALUE,…", required = true)]
     over: Vec<String>,
@@ -58,7 +62,7 @@ pub fn run(options: Options, console: &Console) -> Result<(), Failure> {
         moved: Vec::new(),
         expected: Vec::new(),
     };
-    survey::run(&survey, &options.scene, &Reference::Outside(options.truth), &options.work, console)
+    survey::run(&survey, (&options.scene, &options.sequence), &Reference::Outside(options.truth), &options.work, console)
 }
 
 fn bad(problem: Problem) -> Failure {

@@ -31,8 +31,16 @@ pub struct TimelineOptions {
 #[derive(Args, Clone, Copy)]
 pub struct RateOptions {
     /// How many frames of an animated scene there are in a second
-    #[arg(long, value_name = "N", value_parser = rate, default_value_t = 24.0)]
+    #[arg(long, value_name = "N", value_parser = rate, default_value_t = FPS)]
     fps: f64,
+}
+
+const FPS: f64 = 24.0;
+
+impl Default for RateOptions {
+    fn default() -> Self {
+        Self { fps: FPS }
+    }
 }
 
 impl RateOptions {
@@ -70,6 +78,13 @@ pub struct Timeline {
     /// Whether files are numbered.
     pub is_sequence: bool,
     pub rate: RateOptions,
+}
+
+impl Timeline {
+    /// When a frame of a view is [s].
+    pub fn time(&self, view: &View, frame: u32) -> f64 {
+        self.rate.time(view.moment, frame)
+    }
 }
 
 pub struct Frame {
@@ -143,10 +158,14 @@ impl<'o> Plans<'o> {
 
 /// The camera of a frame as it is then: its own, or the last; of an animated scene, the first unless some were named.
 pub fn camera_of_frame(view: &View, (frame, moment): (&Frame, &Moment<'_>), scene: &Scene) -> Camera {
+    moment.camera(scene, still_camera(view, frame))
+}
+
+/// The same as it is at the view's own moment.
+pub fn still_camera<'v>(view: &'v View, frame: &Frame) -> &'v Camera {
     let is_cut = view.animation().is_empty() || view.are_named;
     let number = if is_cut { frame.number as usize } else { 0 };
-    let camera = view.cameras.get(number).or(view.cameras.last()).unwrap_or(&view.camera);
-    moment.camera(scene, camera)
+    view.cameras.get(number).or(view.cameras.last()).unwrap_or(&view.camera)
 }
 
 fn rate(text: &str) -> Result<f64, String> {

@@ -283,6 +283,11 @@ pub struct Keeper {
 }
 
 impl Keeper {
+    /// Everything that the reference depends on.
+    pub fn key(&self) -> &str {
+        &self.key
+    }
+
     /// The reference that was kept, or else a new one.
     pub fn obtain(&self, view: &View, console: &Console) -> Result<Truth, Failure> {
         let (picture, is_kept) = match self.kept(console) {

@@ -209,6 +209,20 @@ impl<'a> Encoder<'a> {
         self.schedule.window = Some(window);
     }
 
+    /// The same for items of which the first so many are in use, whatever stands behind them.
+    pub fn history_items(&mut self, member: &str, capacity: u32, item_bytes: u64, count: Variable) -> Resource {
+        let items = self.history_buffer(member, u64::from(capacity) * item_bytes);
+        self.schedule.used.push(Read::counted(items, item_bytes, count));
+        items
+    }
+
+    /// Histories that are the same where they are made anew, from the scene alone: a sequence that is gone on with later makes them again. All others are kept
+    /// for it.
+    pub fn remakes(&mut self, resources: &[Resource], variables: &[Variable]) {
+        self.schedule.remade.resources.extend(resources);
+        self.schedule.remade.variables.extend(variables);
+    }
+
     /// A buffer with contents known now.
     pub fn constant_buffer(&mut self, member: &str, contents: &[u8]) -> Resource {
         let mut contents = contents.to_vec();

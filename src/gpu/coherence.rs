@@ -51,7 +51,7 @@ impl Session {
             let own = contents.get_mut(&read.resource).and_then(|contents| contents.own.as_mut());
             let mut copies = std::mem::take(&mut self.copies);
             let copy = own.unwrap_or_else(|| copies.entry(read.resource));
-            let result = copy.look(self.wanted_bytes(read), |into| self.finish_read(read, arrived.as_ref(), into));
+            let result = copy.look(self.wanted_bytes(read), |into| self.finish_read(read.resource, arrived.as_ref(), into));
             self.copies = copies;
             result?;
         }
@@ -119,20 +119,29 @@ impl Session {
 
     /// Encodes the copy of what is read; its bytes.
     pub(super) fn copy_out(&self, pending: &mut Pending, read: Read, staging: &wgpu::Buffer) -> u64 {
-        let whole = self.whole_bytes(read.resource);
-        let bytes = read.counted.map_or(whole, |(stride, count)| (stride * self.variable(count) as u64).min(whole)).next_multiple_of(4);
-        match &self.physical[read.resource.0 as usize] {
-            Physical::Texture { texture, format } => readback::copy_texture(&mut pending.encoder, texture, *format, staging, 0),
-            _ if bytes > 0 => pending.encoder.copy_buffer_to_buffer(self.buffer(read.resource), 0, staging, 0, bytes),
+        let bytes = read.counted.map_or(u64::MAX, |(stride, count)| stride * u64::from(self.variable(count)));
+        self.copy_first(pending, read.resource, bytes, staging)
+    }
+
+    /// The same of so many bytes, as far as there are so many; of a texture all.
+    fn copy_first(&self, pending: &mut Pending, resource: Resource, bytes: u64, staging: &wgpu::Buffer) -> u64 {
+        let whole = self.whole_bytes(resource);
+        let bytes = bytes.min(whole).next_multiple_of(4);
+        match &self.physical[resource.0 as usize] {
+            Physical::Texture { texture, format } => {
+                readback::copy_texture(&mut pending.encoder, texture, *format, staging, 0);
+                return whole;
+            }
+            _ if bytes > 0 => pending.encoder.copy_buffer_to_buffer(self.buffer(resource), 0, staging, 0, bytes),
             _ => {}
         }
         bytes
     }
 
     /// Takes over what arrived; nothing does of what is empty.
-    fn finish_read(&self, read: Read, arrived: Option<&Arrived>, into: &mut [u8]) -> Result<(), GpuError> {
+    fn finish_read(&self, resource: Resource, arrived: Option<&Arrived>, into: &mut [u8]) -> Result<(), GpuError> {
         let Some(arrived) = arrived else { return Ok(()) };
-        arrived.see(&self.gpu, |contents| match &self.physical[read.resource.0 as usize] {
+        arrived.see(&self.gpu, |contents| match &self.physical[resource.0 as usize] {
             Physical::Texture { texture, format } => readback::unpad(contents, texture.width(), *format, into),
             _ => into.copy_from_slice(&contents[..into.len()]),
         })
@@ -149,7 +158,12 @@ pub struct Reader<'s> {
 impl Reader<'_> {
     /// Looks at the contents of a buffer, or of a texture as rows without padding: where they lie, if they have none there.
     pub async fn look<T>(&mut self, resource: Resource, look: impl FnOnce(&[u8]) -> T) -> Result<T, GpuError> {
-        let (session, unpadded) = (self.session, self.session.unpadded_bytes(resource));
+        self.look_first(resource, self.session.unpadded_bytes(resource), look).await
+    }
+
+    /// The same of the first bytes of a buffer, or of all of a texture.
+    pub async fn look_first<T>(&mut self, resource: Resource, unpadded: usize, look: impl FnOnce(&[u8]) -> T) -> Result<T, GpuError> {
+        let session = self.session;
         if let Some(known) = session.copies.get(resource).and_then(|copy| copy.known(unpadded)) {
             return Ok(look(known));
         }
@@ -157,15 +171,15 @@ impl Reader<'_> {
         let whole = session.whole_bytes(resource);
         let kept = self.staging.take().filter(|staging| staging.size() >= whole);
         let staging = kept.unwrap_or_else(|| readback::staging(&session.gpu, whole));
-        let (mut pending, read) = (session.pending(), Read::whole(resource));
-        let bytes = session.copy_out(&mut pending, read, &staging);
+        let mut pending = session.pending();
+        let bytes = session.copy_first(&mut pending, resource, unpadded as u64, &staging);
         session.submit(&mut pending);
         let arrived = if bytes > 0 { Some(readback::arrive(&session.gpu, &staging, bytes).await?) } else { None };
         let seen = match &arrived {
             Some(arrived) if bytes == unpadded as u64 => arrived.see(&session.gpu, look)?,
             _ => {
                 self.contents.resize(unpadded, 0);
-                session.finish_read(read, arrived.as_ref(), &mut self.contents)?;
+                session.finish_read(resource, arrived.as_ref(), &mut self.contents)?;
                 look(&self.contents)
             }
         };

@@ -26,6 +26,7 @@ mod shaders;
 mod speculation;
 #[doc(hidden)]
 pub mod spirv;
+mod state;
 mod timing;
 mod views;
 
@@ -39,3 +40,4 @@ pub use host::panic_message;
 pub use pollster::block_on;
 pub use session::Session;
 pub(crate) use shaders::shader_of;
+pub use state::State;

@@ -276,7 +276,7 @@ impl Session {
     pub async fn reset(&mut self) -> Result<(), GpuError> {
         self.made.clear();
         self.course = Course::NEXT;
-        self.empty(&Survivors::default()).await
+        self.empty(&Histories::default()).await
     }
 
     /// The same but for what survives a change of the scene.
@@ -284,7 +284,7 @@ impl Session {
         self.empty(&self.schedule.clone().survivors).await
     }
 
-    async fn empty(&mut self, kept: &Survivors) -> Result<(), GpuError> {
+    async fn empty(&mut self, kept: &Histories) -> Result<(), GpuError> {
         let schedule = self.schedule.clone();
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
         for ((physical, description), number) in self.physical.iter().zip(&schedule.resources).zip(0..) {

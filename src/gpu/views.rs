@@ -45,6 +45,12 @@ impl Views {
         *self = Self { stood: self.stood.take(), has_moved: true, ..pictures };
     }
 
+    /// As if the picture before had been a view of this.
+    pub fn see(&mut self, before: View) {
+        let stood = Some(before.poses.clone());
+        *self = Self { now: Some(before), before: None, has_moved: true, stood };
+    }
+
     /// The same for another device memory, which was told nothing yet.
     pub fn untold(&self) -> Self {
         Self { has_moved: true, ..self.clone() }

@@ -454,6 +454,17 @@ impl VariantErrors {
         [(IRRADIANCE, self.irradiance.as_ref()), (PICTURE, self.picture.as_ref()), (GLOSSY, self.glossy.as_ref()), (DIRECT, self.direct.as_ref())]
     }
 
+    /// The means over the frames of a sequence; see [`Errors::over_frames`].
+    pub fn over_frames(frames: &[Self]) -> Self {
+        let of = |layer: fn(&Self) -> Option<&Errors>| Errors::over_frames(&frames.iter().filter_map(layer).collect::<Vec<_>>());
+        Self {
+            irradiance: of(|errors| errors.irradiance.as_ref()),
+            picture: of(|errors| errors.picture.as_ref()),
+            glossy: of(|errors| errors.glossy.as_ref()),
+            direct: of(|errors| errors.direct.as_ref()),
+        }
+    }
+
     /// By layer.
     pub fn layers_mut(&mut self) -> [(&'static str, Option<&mut Errors>); 4] {
         [(IRRADIANCE, self.irradiance.as_mut()), (PICTURE, self.picture.as_mut()), (GLOSSY, self.glossy.as_mut()), (DIRECT, self.direct.as_mut())]

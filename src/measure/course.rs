@@ -53,6 +53,16 @@ pub struct Course {
     pub ghost_p99: Option<f64>,
 }
 
+impl Course {
+    /// What it tells of time, to be put behind an error.
+    pub fn told(&self) -> String {
+        let share = |name: &str, share: Option<f64>| share.map_or(String::new(), |share| format!(", {name} {:.2} %", 100.0 * share));
+        let lag = self.lag_p99.map(|lag| lag.to_string()).filter(|_| self.jumps > 0);
+        let lag = lag.map_or(String::new(), |lag| format!(", lag_p99 {lag}"));
+        [share("flicker", self.flicker), lag, share("ghost_p99", self.ghost_p99)].concat()
+    }
+}
+
 /// Frames as they come.
 #[derive(Default)]
 pub struct Watch {

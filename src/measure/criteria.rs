@@ -1,6 +1,7 @@
 //! The two things that points of a sweep are judged by: an error, and what it costs.
 
 use super::compare::{PairError, VariantErrors};
+use super::course::Course;
 use super::metrics::{Definition, ErrorDifference, Errors, Interval, Told};
 use super::sweep::Measured;
 use crate::pipeline::Problem;
@@ -117,6 +118,16 @@ impl Metric {
             Judged::Direct => &errors.direct,
         }
         .as_ref()
+    }
+
+    /// How its layer goes in a sequence.
+    pub fn course<'m>(&self, measured: &'m Measured) -> Option<&'m Course> {
+        measured.courses.get(self.layer.name())
+    }
+
+    /// The name of its layer.
+    pub fn layer(&self) -> &'static str {
+        self.layer.name()
     }
 
     /// The error itself, with its sign. None where it could not be measured.

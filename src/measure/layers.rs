@@ -14,7 +14,7 @@ use exr::prelude::*;
 use glam::{Mat4, Vec3};
 use miette::Diagnostic;
 use std::collections::BTreeMap;
-use std::io::{BufWriter, Cursor, Seek, Write};
+use std::io::{BufWriter, Cursor, Read, Seek, Write};
 use thiserror::Error;
 
 /// The layer that is stored without a prefix: radiance toward the camera [W m⁻² sr⁻¹, linear Rec. 709].
@@ -291,6 +291,22 @@ impl Layers {
             }
         }
         Ok(picture)
+    }
+
+    /// The attributes of an EXR file of one part, which stand before its pixels.
+    ///
+    /// # Errors
+    /// What is no such file.
+    pub fn attributes_of_exr(from: impl Read) -> std::result::Result<BTreeMap<String, String>, PictureError> {
+        let meta = MetaData::read_from_unbuffered(from, false).map_err(corrupt)?;
+        let mut picture = Self::new(0, 0);
+        let all = meta.headers.into_iter().take(1).flat_map(|header| header.shared_attributes.other.into_iter().chain(header.own_attributes.other));
+        for (name, value) in all {
+            if let AttributeValue::Text(text) = value {
+                picture.add_attribute(name.to_string(), text.to_string());
+            }
+        }
+        Ok(picture.attributes)
     }
 
     /// The picture as an EXR file, as [`Layers::write_exr`] writes it.

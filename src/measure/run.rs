@@ -6,13 +6,13 @@ use crate::contract::{
     encoder::{Persistent, Reported},
     port::{Channels, Image},
 };
-use crate::gpu::{AskPace, Frame, Gpu, GpuError, Reader, Session, Unfinished};
+use crate::gpu::{AskPace, Frame, Gpu, GpuError, Reader, Session, State, Unfinished};
 use crate::pipeline::{Plan, Problems, plan::Saved};
 use crate::scene::{
     Camera,
     stage::{Change, Changed, Stage, Unchangeable},
 };
-use crate::schedule::{Format, Resource, ResourceKind, Window};
+use crate::schedule::{Format, Histories, Resource, ResourceKind, Window};
 use miette::Diagnostic;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
@@ -397,6 +397,36 @@ impl Run {
     /// The last value in the frame that was not 0.
     pub fn latest(&self, variable: crate::schedule::Variable) -> u32 {
         self.session.latest(variable)
+    }
+
+    /// The items of a history, and how many they are.
+    pub(super) async fn items(&self, history: &Persistent) -> Result<(Vec<u8>, u32), RunError> {
+        let count = self.variable(history.count);
+        let bytes = (history.item_bytes * u64::from(count)).min(self.plan.schedule.resource(history.items).kind.bytes());
+        Ok((self.session.reader().look_first(history.items, bytes as usize, <[u8]>::to_vec).await?, count))
+    }
+
+    /// What the next frame finds of those before it, beside the items of histories; see [`Session::state`].
+    pub(super) async fn state(&self) -> Result<Option<State>, RunError> {
+        Ok(self.session.state(&self.itemised()).await?)
+    }
+
+    /// Goes on from that; whether it fits.
+    pub(super) fn go_on_from(&mut self, state: &State) -> bool {
+        let itemised = self.itemised();
+        self.session.go_on_from(state, &itemised)
+    }
+
+    /// Histories of items.
+    fn itemised(&self) -> Histories {
+        let histories = || self.plan.persistent.iter().map(|saved| &saved.history);
+        Histories { resources: histories().map(|history| history.items).collect(), variables: histories().map(|history| history.count).collect() }
+    }
+
+    /// Takes the scene as it is now, seen by a camera, for what the picture before showed: records that are [loaded](super::cache::Cache::give) are of that moment.
+    pub fn see_before(&mut self, camera: &Camera) {
+        self.session.set_camera(camera);
+        self.session.see_before();
     }
 
     /// Puts saved items back into a history.

@@ -207,6 +207,19 @@ impl From<&Comparison> for Sweep {
     }
 }
 
+impl Sweep {
+    /// The first and the last frame of a sequence; None where no point of one is measured.
+    pub fn frames(&self) -> Option<[u32; 2]> {
+        let frames = &self.points.iter().find_map(Point::measured)?.frames;
+        Some([frames.first()?.frame, frames.last()?.frame])
+    }
+
+    /// The same in words, to be put behind others; nothing of one picture.
+    pub fn frames_told(&self) -> String {
+        self.frames().map_or(String::new(), |[first, last]| format!(", frames {first} to {last}"))
+    }
+}
+
 impl Point {
     pub fn measured(&self) -> Option<&Measured> {
         match &self.outcome {
@@ -290,7 +303,7 @@ pub fn plot(sweep: &Sweep, metric: &Metric, cost: &Cost) -> Plot {
         |points: Vec<&Point>| points.iter().flat_map(|point| cut_marks(point, metric, cost).into_iter().chain(mark(sweep, point, metric, cost))).collect();
     let lines = lines(sweep).into_iter().map(|(name, points)| Line { name, marks: marks(points) });
     Plot {
-        title: format!("{}, {width}×{height}, {}", sweep.scene, sweep.adapter.name),
+        title: format!("{}, {width}×{height}{}, {}", sweep.scene, sweep.frames_told(), sweep.adapter.name),
         x_label: cost.label(sweep.runs),
         y_label: format!("{metric}{unit}"),
         label_of_marks: along.to_owned(),
@@ -314,7 +327,8 @@ pub fn lines(sweep: &Sweep) -> Vec<(String, Vec<&Point>)> {
 fn mark(sweep: &Sweep, point: &Point, metric: &Metric, cost: &Cost) -> Option<Mark> {
     let (x, x_spread) = point.cost(cost).filter(|(x, _)| *x > 0.0)?;
     let errors = point.errors()?;
-    let about = format!("{}: {}, {}, {}", point.id, point.name(&sweep.over), cost.told(x), metric.told(errors)?.sentence());
+    let in_time: String = point.measured().and_then(|measured| metric.course(measured)).map_or(String::new(), Course::told);
+    let about = format!("{}: {}, {}, {}{in_time}", point.id, point.name(&sweep.over), cost.told(x), metric.told(errors)?.sentence());
     let label = match sweep.over.first() {
         None => Some(&point.id),
         Some(axis) => point.values.get(&axis.parameter).filter(|_| point.pareto),

@@ -43,7 +43,11 @@ pub struct Schedule {
     pub variables: Vec<VariableDescription>,
     pub steps: Vec<Step>,
     /// Histories that stay when the scene changes.
-    pub survivors: Survivors,
+    pub survivors: Histories,
+    /// Histories that are the same made anew, from the scene alone: nobody has to keep them.
+    pub remade: Histories,
+    /// Of histories that are not used to their ends, what is.
+    pub used: Vec<Read>,
     /// None where no frame is run ahead of its picture.
     pub window: Option<Window>,
     /// Nodes that no frame runs ahead: nothing that lives on depends on them.
@@ -78,9 +82,16 @@ impl Course {
     }
 }
 
+impl Schedule {
+    /// Whether a frame of a scene that changes finds more of those before it than would be made anew.
+    pub fn lives_on(&self) -> bool {
+        self.survivors.resources.iter().any(|resource| !self.remade.resources.contains(resource))
+    }
+}
+
 /// Histories by what they are.
 #[derive(Default)]
-pub struct Survivors {
+pub struct Histories {
     pub resources: Vec<Resource>,
     pub variables: Vec<Variable>,
 }

@@ -5,6 +5,7 @@ mod found;
 mod interval;
 mod map;
 mod origin;
+mod over_frames;
 mod parts;
 mod resampling;
 mod samples;

@@ -185,7 +185,7 @@ const IN_TIME: [(&str, OfCourse); 8] = [
 ];
 
 /// Frames after a jump, where there was one.
-fn lag(course: &Course, lag: Option<f64>) -> Option<String> {
+pub(super) fn lag(course: &Course, lag: Option<f64>) -> Option<String> {
     (course.jumps > 0).then(|| lag.map_or("not settled".to_owned(), |lag| format!("{lag} of {} jumps", course.jumps)))
 }
 

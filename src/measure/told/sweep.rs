@@ -1,13 +1,15 @@
 //! A sweep as text, as CSV, and as a report for its page.
 
-use super::comparison::{Cell, cell, count, line, of_errors, significant};
+use super::comparison::{Cell, cell, count, lag, line, of_errors, percent, significant};
 use super::expectations;
 use crate::measure::compare::{ErrorParts, VariantErrors, dropped};
+use crate::measure::course::Course;
 use crate::measure::criteria::{Cost, Metric};
 use crate::measure::page::{Beside, Report};
 use crate::measure::survey::Survey;
 use crate::measure::sweep::{Measured, Outcome, Point, Sweep};
 use crate::measure::traffic::Traffic;
+use crate::measure::{IRRADIANCE, PICTURE};
 use crate::pipeline::{Pipeline, Plan};
 use std::fmt::Write;
 use std::sync::Arc;
@@ -16,7 +18,8 @@ use std::sync::Arc;
 pub fn text(sweep: &Sweep, survey: &Survey) -> String {
     let metric = &survey.metric;
     let [width, height] = sweep.size;
-    let head = format!("{}, camera {}, {width}×{height}, {}: {} runs of each point\n", sweep.scene, sweep.camera, sweep.adapter.name, sweep.runs);
+    let (frames, adapter) = (sweep.frames_told(), &sweep.adapter.name);
+    let head = format!("{}, camera {}, {width}×{height}{frames}, {adapter}: {} runs of each point\n", sweep.scene, sweep.camera, sweep.runs);
     let names: Vec<String> = sweep.points.iter().map(|point| point.name(&sweep.over)).collect();
     let widest = names.iter().map(|name| name.chars().count()).max().unwrap_or(0).max("point".len());
     let against = sweep.reference.as_ref().map(|reference| format!("\nagainst {}\n", reference.file.as_deref().unwrap_or("the reference")));
@@ -32,7 +35,28 @@ pub fn text(sweep: &Sweep, survey: &Survey) -> String {
         "front"
     );
     let rows: String = sweep.points.iter().zip(&names).map(|(point, name)| row(point, name, widest, metric)).collect();
-    [head, against.unwrap_or_default(), columns, rows, parts(sweep, metric)].concat()
+    [head, against.unwrap_or_default(), columns, rows, in_time(sweep, metric), parts(sweep, metric)].concat()
+}
+
+/// How the points of a sequence differ from the truth in time; nothing of one picture.
+fn in_time(sweep: &Sweep, metric: &Metric) -> String {
+    let courses = sweep.points.iter().filter_map(|point| Some((point, metric.course(point.measured()?)?)));
+    let row = |(point, course): (&Point, &Course)| {
+        let share = |share: Option<f64>| share.map_or("-".to_owned(), percent);
+        let [p50, p99] = [course.lag_p50, course.lag_p99].map(|frames| lag(course, frames).unwrap_or("-".to_owned()));
+        format!("{:<4} {:>10} {p50:>20} {p99:>20} {:>10}\n", point.id, share(course.flicker), share(course.ghost_p99))
+    };
+    let rows: String = courses.map(row).collect();
+    let head = format!(
+        "\n{}, in time; errors are means over the frames\n{:<4} {:>10} {:>20} {:>20} {:>10}\n",
+        metric.layer(),
+        "",
+        "flicker",
+        "lag_p50",
+        "lag_p99",
+        "ghost_p99"
+    );
+    if rows.is_empty() { rows } else { head + &rows }
 }
 
 /// What of the errors is of bounces that points leave out.
@@ -155,6 +179,7 @@ fn cells(sweep: &Sweep, point: &Point, nodes: &[&str], survey: &Survey) -> Vec<C
         cells.extend(of_traffic(point.traffic));
     }
     cells.extend(of_errors(point.measured().map_or(&VariantErrors::default(), |measured| &measured.errors)));
+    cells.extend(sweep.frames().into_iter().flat_map(|_| of_courses(point.measured())));
     if sweep.points.iter().filter_map(Point::measured).any(|measured| measured.error_parts.is_some()) {
         let parts = point.measured().and_then(|measured| measured.error_parts.as_ref());
         let of = |errors: Option<&VariantErrors>| errors.and_then(|errors| survey.metric.of(errors));
@@ -180,6 +205,22 @@ fn of_costs(measured: Option<&Measured>) -> Vec<Cell> {
         cell("pictures_repeat", measured.map(|measured| measured.pictures_repeat)),
         cell("peak_gpu_bytes", measured.map(|measured| measured.peak_gpu_bytes)),
     ]
+}
+
+/// How the light of a sequence differs from the truth in time.
+fn of_courses(measured: Option<&Measured>) -> Vec<Cell> {
+    let of_layer = |layer: &str| {
+        let course = measured.and_then(|measured| measured.courses.get(layer));
+        let cell = |name: &str, value: Option<f64>| cell(format!("{layer}_{name}"), value);
+        [
+            cell("flicker", course.and_then(|course| course.flicker)),
+            cell("jumps", course.map(|course| course.jumps as f64)),
+            cell("lag_p50", course.and_then(|course| course.lag_p50)),
+            cell("lag_p99", course.and_then(|course| course.lag_p99)),
+            cell("ghost_p99", course.and_then(|course| course.ghost_p99)),
+        ]
+    };
+    [IRRADIANCE, PICTURE].into_iter().flat_map(of_layer).collect()
 }
 
 /// For each tile.

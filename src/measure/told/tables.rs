@@ -2,6 +2,7 @@
 
 use super::comparison::significant;
 use super::expectations;
+use crate::measure::course::Course;
 use crate::measure::criteria::{Cost, Metric};
 use crate::measure::survey::Survey;
 use crate::measure::sweep::{Outcome, Point, Sweep, best, lines};
@@ -17,6 +18,7 @@ pub fn markdown(sweep: &Sweep, survey: &Survey) -> String {
     if sweep.reference.is_some() {
         parts.push(by_value(sweep, &format!("{metric}{unit}"), &error));
     }
+    parts.extend(in_time(sweep, metric));
     parts.push(by_value(sweep, &cost.to_string(), &costs));
     if !survey.moved.is_empty() {
         let nodes: Vec<&str> = survey.moved.iter().map(|node| node.text.as_str()).collect();
@@ -32,6 +34,24 @@ pub fn markdown(sweep: &Sweep, survey: &Survey) -> String {
     parts.join("\n")
 }
 
+/// A number that tells of time.
+type OfCourse = fn(&Course) -> Option<f64>;
+
+/// Of a sequence, how light differs from the truth in time, as far as there is anything to tell.
+fn in_time(sweep: &Sweep, metric: &Metric) -> Vec<String> {
+    let all: [(&str, OfCourse, f64); 3] = [
+        ("flicker [%]", |course| course.flicker, 100.0),
+        ("lag_p99 [frames]", |course| course.lag_p99, 1.0),
+        ("ghost_p99 [%]", |course| course.ghost_p99, 100.0),
+    ];
+    let tables = all.into_iter().filter_map(|(what, of, unit)| {
+        let value = |point: &Point| point.measured().and_then(|measured| metric.course(measured)).and_then(of);
+        let is_told = sweep.points.iter().any(|point| value(point).is_some());
+        is_told.then(|| by_value(sweep, &format!("{}.{what}", metric.layer()), &|point| Some(significant(unit * value(point)?))))
+    });
+    tables.collect()
+}
+
 fn headline(sweep: &Sweep) -> String {
     let [width, height] = sweep.size;
     let against = sweep.reference.as_ref().map(|reference| match (&reference.row, &reference.samples) {
@@ -40,7 +60,8 @@ fn headline(sweep: &Sweep) -> String {
         _ => format!(", against {}", reference.file.as_deref().unwrap_or("the reference")),
     });
     let runs = if sweep.runs == 1 { "1 run".to_owned() } else { format!("{} runs", sweep.runs) };
-    format!("{}, {width}×{height}, {}, {runs} of each point{}:\n", sweep.scene, sweep.adapter.name, against.unwrap_or_default())
+    let frames = sweep.frames_told();
+    format!("{}, {width}×{height}{frames}, {}, {runs} of each point{}:\n", sweep.scene, sweep.adapter.name, against.unwrap_or_default())
 }
 
 /// That of the reference, as far as it is known.

@@ -180,7 +180,7 @@ fn sequences() -> Outcome {
     }
     let (_, stderr) = sweep("--fps 4 --json b.json")?;
     check(stderr.contains("2 found in out") && place.text("a.json")? == place.text("b.json")?, || stderr)?;
-    let (_, stderr) = sweep("--fps 8 --no-reference")?;
+    let (_, stderr) = sweep("--fps 8 --json b.json")?;
     check(stderr.contains("0 found in out"), || stderr)
 }
 

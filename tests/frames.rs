@@ -233,18 +233,23 @@ fn living() -> Outcome {
     };
     let (lived, anew) = (made("irradiance-temporal", "due_tiles.resolution=8")?, made("irradiance-unguided", "tiles.resolution=8")?);
     check(2 * lived < anew, || format!("{lived} of {anew} tiles"))?;
-    render("irradiance-temporal", "moving.ron", &["--frames", "0..16", "-o", "lives.exr"])?;
-    render("irradiance-unguided", "moving.ron", &["--frames", "0..16", "-o", "anew.exr"])?;
+    for pipeline in ["irradiance-temporal", "irradiance-temporal-interpolated", "irradiance-unguided"] {
+        render(pipeline, "moving.ron", &["--frames", "0..16", "-o", &format!("{pipeline}.exr")])?;
+    }
     let mean =
         |name: String| Ok::<_, Failed>(place.picture(&name)?.rgb("irradiance").map_err(failed)?.concat().iter().map(|value| f64::from(*value)).sum::<f64>());
     for frame in [11, 12, 15] {
-        let (lives, anew) = (mean(format!("lives.{frame:04}.exr"))?, mean(format!("anew.{frame:04}.exr"))?);
-        check((lives / anew - 1.0).abs() < 0.1, || format!("frame {frame}: {lives} in place of {anew}"))?;
+        let anew = mean(format!("irradiance-unguided.{frame:04}.exr"))?;
+        for pipeline in ["irradiance-temporal", "irradiance-temporal-interpolated"] {
+            let lives = mean(format!("{pipeline}.{frame:04}.exr"))?;
+            check((lives / anew - 1.0).abs() < 0.1, || format!("{pipeline}, frame {frame}: {lives} in place of {anew}"))?;
+        }
     }
-    for pipeline in ["irradiance-temporal", "irradiance-unguided"] {
+    for pipeline in ["irradiance-temporal", "irradiance-temporal-interpolated", "irradiance-unguided"] {
         render(pipeline, "cornell.ron", &["-o", &format!("{pipeline}.exr")])?;
     }
     place.same("irradiance-temporal.exr", "irradiance-unguided.exr")?;
+    place.same("irradiance-temporal-interpolated.exr", "irradiance-unguided.exr")?;
     // Where only the camera moves nothing ages: what is due in any case is all that is sampled.
     fs::write(
         place.path("walk.ron"),
@@ -282,18 +287,19 @@ fn extremes() -> Outcome {
         fs::write(place.path("extreme.ron"), scene).map_err(failed)?;
         let sets = ["--set", "due_tiles.resolution=8", "--set", "renewed.fade=3", "--frames", "0..6", "--fps", "1", "-o"];
         let file = format!("{name}.exr");
-        let (status, stderr) = place.render_by("irradiance-temporal-extrapolated", "extreme.ron", &[&sets[..], &[&file]].concat())?;
-        check(status == 0 || status == 2 && stderr.contains("stage::"), || format!("{name}: {status} {stderr}"))?;
-        for frame in (0..6).filter(|_| status == 0) {
-            let picture = place.picture(&format!("{name}.{frame:04}.exr"))?;
-            let planes = picture.layers.values().flat_map(|layer| layer.channels.values());
-            check(planes.flatten().all(|value| value.is_finite()), || format!("{name}: frame {frame} is not finite"))?;
+        for pipeline in ["irradiance-temporal-extrapolated", "irradiance-temporal-interpolated"] {
+            let (status, stderr) = place.render_by(pipeline, "extreme.ron", &[&sets[..], &[&file]].concat())?;
+            check(status == 0 || status == 2 && stderr.contains("stage::"), || format!("{pipeline}, {name}: {status} {stderr}"))?;
+            for frame in (0..6).filter(|_| status == 0) {
+                let picture = place.picture(&format!("{name}.{frame:04}.exr"))?;
+                let planes = picture.layers.values().flat_map(|layer| layer.channels.values());
+                check(planes.flatten().all(|value| value.is_finite()), || format!("{pipeline}, {name}: frame {frame} is not finite"))?;
+            }
         }
     }
     Ok(())
 }
 
-/// A box that moves, a ball that appears, a lamp that goes on, a light and a camera that wander.
 /// A place with the scene that moves, of which parts of sequences are rendered; all comes to rest after 2 s.
 struct Film(Place);
 
@@ -342,6 +348,8 @@ fn in_parts() -> Outcome {
     for (pipeline, ends, more) in [
         ("irradiance-temporal", &[0, 1, 3, 5, 7, 12, 13, 15, 16][..], &["--set", "due_tiles.resolution=8"][..]),
         ("irradiance-temporal-extrapolated", &[0, 2, 9, 11], &["--samples", "2"]),
+        // Between frames that were run ahead, and right before and after them.
+        ("irradiance-temporal-interpolated", &[0, 1, 2, 3, 4, 7, 10, 12], &["--set", "aged.window=4", "--set", "due_tiles.resolution=8"]),
         ("irradiance-unguided", &[0, 2, 4], &[]),
     ] {
         let (whole, parts) = (format!("{pipeline}-whole"), format!("{pipeline}-parts"));
@@ -477,6 +485,7 @@ fn failed_and_resumed() -> Outcome {
     Err("there is no /dev/full".into())
 }
 
+/// A box that moves, a ball that appears, a lamp that goes on, a light and a camera that wander.
 const MOVING: &str = r#"Scene(version: 1, geometry: [
     Quad(corners: ((0, 0, 4), (4, 0, 4), (4, 0, 0), (0, 0, 0))),
     Quad(corners: ((0, 0, 0), (4, 0, 0), (4, 3, 0), (0, 3, 0))),

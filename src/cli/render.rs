@@ -350,8 +350,12 @@ impl<'o> Film<'o> {
         })
     }
 
-    /// Before a frame: samples what lives on as it will be, where the pipeline asks for that and the scene is another then.
+    /// Before a frame: samples what lives on as it will be, where the pipeline asks for that and the scene is another then. No frame has time for it that is to take so
+    /// much and no more.
     fn look_ahead(&mut self, frame: &Frame, run: &mut Run) -> Result<(), Failure> {
+        if self.options.time.is_some() {
+            return Ok(());
+        }
         let Some(ahead) = self.timeline.rate.ahead(self.view.moment, frame.number, run.window()) else { return Ok(()) };
         let moment = self.view.animation().at(ahead.time);
         if !self.change(&moment, frame, run)? {

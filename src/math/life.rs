@@ -195,10 +195,9 @@ impl Life {
 /// By which share of its light a record is wrong halfway between two samplings, as it goes over evenly from one to the other while its light turns: an eighth of what the
 /// slopes of two such windows differ in, over the frames of one. None where it was sampled too seldom to tell.
 pub fn turn(before: &Life, after: &Life, frames: f32, floor: f32) -> Option<f32> {
-    // The first sampling is by other directions than that which made it.
     let (a, b) = (Vec3::from(before.measured), Vec3::from(after.measured));
     let light = Vec3::from(after.sampled).max_element().max(floor);
-    (before.samplings > 1).then(|| (b - a).abs().max_element() * frames / (8.0 * light))
+    (before.samplings > 0).then(|| (b - a).abs().max_element() * frames / (8.0 * light))
 }
 
 /// A record that was sampled anew, as its neighbours hear of it.
@@ -386,7 +385,11 @@ mod tests {
         assert!(made.is_due(None) && !Life { unseen: 1, ..made }.is_due(None));
         let mut life = made.sampled(Vec3::splat(1.1), [0.01, 0.0], &rule, None);
         assert!(!life.is_due(None) && life.jumped == 0);
-        let shown: Vec<f32> = (0..5).map(|_| std::mem::replace(&mut life, life.aged(1.0, false)).light().x).collect();
+        let mut shown = Vec::new();
+        for _ in 0..5 {
+            shown.push(life.light().x);
+            life = life.aged(1.0, false);
+        }
         assert!(shown.iter().zip([1.1, 1.2, 1.3, 1.4, 1.4]).all(|(shown, due)| (shown - due).abs() < 1e-5), "{shown:?}");
         // Quite other light, as a lamp goes on meanwhile, is shown as it is.
         let dark = made.sampled(Vec3::splat(0.1), [0.01, 0.0], &rule, None);

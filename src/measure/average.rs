@@ -56,6 +56,7 @@ impl FrameReport {
                 gpu_ms: earlier.gpu_ms.zip(pass.gpu_ms).map(|(a, b)| a + b),
                 cpu_ms: earlier.cpu_ms + pass.cpu_ms,
                 runs: earlier.runs + pass.runs,
+                numbers: larger(earlier.numbers, pass.numbers),
                 ..pass
             },
         };
@@ -79,6 +80,14 @@ impl FrameReport {
             unfinished,
         }
     }
+}
+
+/// Of each number the larger: what one frame had to do the other may have found done.
+fn larger(mut earlier: BTreeMap<&'static str, u32>, later: BTreeMap<&'static str, u32>) -> BTreeMap<&'static str, u32> {
+    for (name, number) in later {
+        earlier.entry(name).and_modify(|before| *before = number.max(*before)).or_insert(number);
+    }
+    earlier
 }
 
 #[cfg(test)]

@@ -357,7 +357,9 @@ mod tests {
         for (items, length) in [(u32::MAX, 7), (3, u64::MAX)] {
             let mut cache = cache();
             cache.header.histories[0].items = items;
-            cache.header.state.iter_mut().for_each(|state| drop(state.resources.insert("cache.lives".into(), length)));
+            cache.header.state.iter_mut().for_each(|state| {
+                state.resources.insert("cache.lives".into(), length);
+            });
             assert!(Cache::of_file(&cache.to_file().unwrap()).is_err());
             assert!(length == 7 || cache.state(&cache.contents[32..]).is_none());
         }

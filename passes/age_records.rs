@@ -546,6 +546,25 @@ mod tests {
         assert!(shown.iter().flatten().zip(due.as_flattened()).all(|(shown, due)| (shown - due).abs() < 1e-5), "{shown:?}");
     }
 
+    /// A window doubles where few records turn too fast for one twice as long, and halves where many do for it; it is open for as many pictures as it has.
+    #[test]
+    fn windows_are_as_long_as_light_turns_slowly() {
+        let mut host = host();
+        let ahead = port::Ahead { goals: Resource(0), judged: [2, 3, 4].map(Variable) };
+        let foresight = Foresight { window: Window { frames: Variable(0), open: Variable(1) }, longest: 8, ahead };
+        let mut adapt = |judged: [u32; 3], frames: i32, is_ahead: bool| {
+            host.course = Course { frames, is_ahead };
+            ahead.judged.iter().zip(judged).for_each(|(variable, count)| host.set(*variable, count));
+            foresight.adapt(&mut host);
+            [0, 1].map(|variable| host.variable(Variable(variable)))
+        };
+        assert_eq!(adapt([0; 3], 1, false), [2, 0]);
+        assert_eq!(adapt([0; 3], 2, true), [2, 2]);
+        assert_eq!([adapt([100, 0, 5], -1, false), adapt([0; 3], 1, false), adapt([0; 3], 1, false)], [[4, 1], [4, 0], [4, 0]]);
+        assert_eq!([[100, 0, 5], [100, 0, 5], [100, 9, 50], [100, 20, 90]].map(|judged| adapt(judged, 1, false)[0]), [8, 8, 8, 4]);
+        assert_eq!([[9, 9, 9], [9, 9, 9]].map(|judged| adapt(judged, 1, false)[0]), [2, 2]);
+    }
+
     #[test]
     fn what_the_picture_shows_is_seen() {
         let pinhole = pinhole(&host());

@@ -406,6 +406,19 @@ mod tests {
         assert!((told(1.0).light().x - 1.0).abs() < 1e-6 && (told(1.0).aged(1.0, false).light().x - 1.2).abs() < 1e-6);
     }
 
+    /// Of light that turns evenly the slopes of two windows tell how far it is from the straight way between two samplings, halfway.
+    #[test]
+    fn two_windows_tell_how_fast_light_turns() {
+        let (window, light) = (4.0, |t: f32| 3.0 + 0.01 * t * t);
+        let slope = |from: f32| (light(from + window) - light(from)) / window;
+        let before = Life { samplings: 1, measured: [slope(0.0); 3], ..Life::new(Vec3::ONE, 1, None, 9.0) };
+        let after = Life { measured: [slope(window); 3], sampled: [light(2.0 * window); 3], ..before };
+        let off = 0.5 * (light(4.0) + light(8.0)) - light(6.0);
+        let told = turn(&before, &after, window, 0.01).unwrap();
+        assert!((told * light(8.0) - off).abs() < 1e-5, "{told} {off}");
+        assert_eq!(turn(&Life { samplings: 0, ..before }, &after, window, 0.01), None);
+    }
+
     #[test]
     fn light_that_fades_never_turns_negative() {
         let life = Life { age: 50.0, rate: [-1.0; 3], ..Life::new(Vec3::ONE, 1, None, RULE.most) };

@@ -47,6 +47,7 @@ const BEYOND_INPUT: [(&str, &str); 37] = [
     ("stage::overlap", "no command moves objects"),
     ("stage::part", "no command makes parts; tests/engine.rs brings it about"),
     ("stage::place", "no command moves objects; tests/changes.rs brings it about"),
+    ("stage::shape", "no file that ships deforms; src/scene/load/tests/deform.rs brings it about"),
     ("stage::unknown", "no command changes a scene; tests/changes.rs brings it about"),
     ("stage::value", "no command changes a scene; tests/changes.rs brings it about"),
     ("scene::unreadable", "a file that is there but cannot be read; as the super-user all can"),

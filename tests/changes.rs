@@ -304,7 +304,7 @@ fn peak() -> Option<u64> {
 /// Frames in which the cube of the scene that ships comes back to where it was.
 const ROUND: u32 = 100;
 
-/// The scene `cube`, whose cube goes round for so many frames, 24 a second.
+/// The scene `cube`, whose cube goes round for so many frames, 24 a second, while the camera looks to the side and back.
 fn rounds(frames: u32) -> Result<Scene, Box<dyn Error>> {
     let text = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/cube.ron"))?;
     let (count, seconds) = (frames.div_ceil(ROUND), f64::from(ROUND) / 24.0);
@@ -318,9 +318,13 @@ fn rounds(frames: u32) -> Result<Scene, Box<dyn Error>> {
     let to = from + text[from..].find("])").ok_or("no end")? + 2;
     let text = format!("{}Smooth([{}]){}", &text[..from], keys.join(", "), &text[to..]);
     check(text.contains(was), || "the cube turns otherwise".into())?;
+    let target = "target: (2, 1.3, 0)";
+    check(text.contains(target), || "the camera looks elsewhere".into())?;
+    let looks: Vec<String> =
+        (0..=2 * count).map(|half| format!("({}, {})", 0.5 * seconds * f64::from(half), if half % 2 == 0 { "(2, 1.3, 0)" } else { "(6, 1.3, 3.9)" })).collect();
     let folder = tempfile::tempdir()?;
     let file = folder.path().join("rounds.ron");
-    std::fs::write(&file, text.replace(was, &turns))?;
+    std::fs::write(&file, text.replace(was, &turns).replace(target, &format!("target: Smooth([{}])", looks.join(", "))))?;
     Ok(load(&file, &LoadOptions::default())?)
 }
 

@@ -12,7 +12,7 @@ use std::fs;
 use std::path::Path;
 
 /// Codes that no input brings about on every machine.
-const BEYOND_INPUT: [(&str, &str); 37] = [
+const BEYOND_INPUT: [(&str, &str); 38] = [
     ("cli::fault", "a fault of the program"),
     ("cli::few_threads", "needs a limit of the system; tests/limits.rs sets one"),
     ("cli::interrupted", "needs Ctrl-C at the right moment"),

@@ -339,8 +339,13 @@ fn lasting_memory(frames: u32, beginning: u32) -> Outcome {
     let mut run = block_on(engine.run(&stage, &plan, &stage.scene.cameras[0], size))?;
     let (mut records, mut made, mut at_beginning) = (Vec::new(), 0, None);
     for frame in 0..frames {
-        let changes = run.stage().changes_to(&run.stage().scene.animation.at(f64::from(frame) / 24.0));
+        let (changes, camera) = {
+            let stage = run.stage();
+            let moment = stage.scene.animation.at(f64::from(frame) / 24.0);
+            (stage.changes_to(&moment), moment.camera(&stage.scene, &stage.scene.cameras[0]))
+        };
         block_on(engine.change(&mut run, &pipeline, &changes))?;
+        run.set_camera(&camera);
         let report = block_on(run.frame(&|| Pace::GoOn))?;
         records.push(report.records.irradiance.unwrap_or(0));
         made += report.new_records.unwrap_or(0);

@@ -174,7 +174,9 @@ impl Life {
         let by_chance = if self.samplings == 0 { noise.min(lifespan.change) } else { 0.0 };
         let slack = lifespan.change / (wrong - by_chance).max(1e-6);
         let slack = if self.has_slope() { slack.sqrt() } else { slack };
-        let longer = if wrong < lifespan.change / CALM { every } else { 1.0 };
+        // Where light turns, two samplings may see the same of it; three do not.
+        let is_calm = |rate: Vec3| share(light, light + age * rate, floor) < lifespan.change / CALM;
+        let longer = if is_calm(measured) && is_calm(self.measured.into()) { every } else { 1.0 };
         let left = if is_jump { 1.0 } else { (age * slack).min(GROWTH * age + longer).clamp(1.0, lifespan.most) };
         let goes_on = lifespan.extrapolates && !is_jump && self.samplings > 0;
         let rate = if goes_on { agreed(measured, self.measured.into()) } else { Vec3::ZERO };
@@ -335,7 +337,7 @@ mod tests {
     /// As [`lived`], with every fourth frame run ahead, as pictures of all frames but the first show it.
     fn foreseen(light: impl Fn(f32) -> f32, frames: u32, rule: &Lifespan) -> (f32, u32) {
         const WINDOW: u32 = 4;
-        let mut life = Life::new(Vec3::splat(light(0.0)), 7, None, rule.most);
+        let mut life = Life { left: 1.0, ..Life::new(Vec3::splat(light(0.0)), 7, None, rule.most) };
         let at = |frame: u32| Vec3::splat(light(frame as f32));
         let mut worst: f32 = 0.0;
         for frame in 1..=frames {

@@ -1,6 +1,6 @@
 //! Records of earlier frames come to this one: moved with what they sit on, a frame older, and dropped where nobody has seen them for long.
 
-use super::lives::{needed_where_it_moves, off, surface_under, word};
+use super::lives::{first, needed_where_it_moves, off, surface_under, word};
 use super::record::{RECORD_BYTES, Record, pinhole, texels};
 use crate::contract::{Arguments, Description, Encoder, Input, Need, Output, Parameter, ParameterKind, Pass, Port, PortKind, Refusal, Takes, port};
 use crate::math::{
@@ -104,7 +104,7 @@ impl Pass for AgeRecords {
                 // Records that a run was given, or that had to go to other memory, are of a scene that may have been otherwise.
                 kept.lives.iter_mut().for_each(|life| life.left = 0.0);
             } else {
-                see_leaps(&kept.records, &mut kept.lives, &leaps(&bounds_in(host.read(places)), &now, ground.course.frames as f32));
+                see_leaps(&kept.records, &mut kept.lives, &leaps(&bounds_in(host.read(places)), &now, ground.lapse.frames as f32));
             }
             kept.drop_unless(|life| life.unseen as f32 <= most);
             let left = kept.records.len();
@@ -156,8 +156,8 @@ impl Foresight {
 
     /// In each frame; after one that was run ahead the window is shorter if light turned too fast in it, and longer if it would not in twice as long.
     fn adapt(&self, host: &mut dyn HostContext) {
-        let (Window { frames, open }, course) = (self.window, host.course());
-        host.set(open, if course.is_ahead { course.frames as u32 } else { host.variable(open).saturating_sub(1) });
+        let (Window { frames, open }, lapse) = (self.window, host.lapse());
+        host.set(open, if lapse.is_ahead { lapse.frames as u32 } else { host.variable(open).saturating_sub(1) });
         let [judged, turned, turned_in_twice] = self.ahead.judged.map(|variable| host.variable(variable));
         let (now, many) = (host.variable(frames).max(FIRST_WINDOW), |count: u32| count as f32 > FEW * judged as f32);
         let next = match judged {
@@ -190,11 +190,6 @@ impl Kept {
         retain(&mut self.lives, &kept);
         self.goals.iter_mut().for_each(|goals| retain(goals, &kept));
     }
-}
-
-/// The first items of a buffer.
-fn first<T: bytemuck::Pod>(host: &dyn HostContext, buffer: Resource, count: usize) -> Vec<T> {
-    bytemuck::pod_collect_to_vec(&host.read(buffer)[..count * size_of::<T>()])
 }
 
 /// Records that were sampled anew in the frame before tell those beside them how long they live.
@@ -270,7 +265,7 @@ struct Ground<'a> {
     bvh: &'a Bvh,
     extent: f32,
     motions: &'a [Motion],
-    course: Course,
+    lapse: Lapse,
 }
 
 /// As many triangles of what deforms as are looked at together.
@@ -285,7 +280,7 @@ struct Carried {
 
 impl<'a> Ground<'a> {
     fn of(host: &'a dyn HostContext) -> Self {
-        Self { scene: host.scene(), bvh: host.bvh(), extent: host.extent(), motions: host.motions(), course: host.course() }
+        Self { scene: host.scene(), bvh: host.bvh(), extent: host.extent(), motions: host.motions(), lapse: host.lapse() }
     }
 
     /// Brings all of it to this frame; it was unchanged for so many frames before. Movers stand within `bounds`.
@@ -372,7 +367,7 @@ impl<'a> Ground<'a> {
 
     /// Time passes, after so many frames in which the scene has not changed.
     fn age(&self, kept: &mut Kept, seen: &Seen<'_>, still: u32) {
-        let (passed, ages) = (self.course.frames as f32, kept.lives.iter().map(|life| life.age).collect::<Vec<_>>());
+        let (passed, ages) = (self.lapse.frames as f32, kept.lives.iter().map(|life| life.age).collect::<Vec<_>>());
         kept.lives.par_iter_mut().zip(&mut kept.records).for_each(|(life, record)| {
             let is_there = carry(record, map_of(self.motions, life.mover()));
             let changed = life.changes();
@@ -391,7 +386,7 @@ impl<'a> Ground<'a> {
     /// A record that was sampled ahead goes over to that in as many steps as there are frames until then.
     fn approach(&self, record: &mut Record, goal: &mut Record, life: &Life, age_before: f32) {
         carry(goal, map_of(self.motions, life.mover()));
-        if !self.course.is_ahead && (age_before < 0.0 || life.age < 0.0) {
+        if !self.lapse.is_ahead && (age_before < 0.0 || life.age < 0.0) {
             record.approach(goal, (1.0 - life.age).max(1.0).recip());
         }
     }
@@ -534,7 +529,7 @@ mod tests {
         let mut kept = Kept { records: vec![of(0.0)], lives: vec![life], goals: Some(vec![of(8.0)]) };
         let mut shown = Vec::new();
         for (frames, is_ahead) in [(4, true), (-3, false), (1, false), (1, false), (1, false), (1, false)] {
-            host.course = Course { frames, is_ahead };
+            host.lapse = Lapse { frames, is_ahead };
             Ground::of(&host).age(&mut kept, &Seen { pinhole: pinhole(&host), position: &[[0.0; 4]; 64] }, 0);
             if is_ahead {
                 kept.lives[0].age = 0.0;
@@ -553,7 +548,7 @@ mod tests {
         let ahead = port::Ahead { goals: Resource(0), judged: [2, 3, 4].map(Variable) };
         let foresight = Foresight { window: Window { frames: Variable(0), open: Variable(1) }, longest: 8, ahead };
         let mut adapt = |judged: [u32; 3], frames: i32, is_ahead: bool| {
-            host.course = Course { frames, is_ahead };
+            host.lapse = Lapse { frames, is_ahead };
             ahead.judged.iter().zip(judged).for_each(|(variable, count)| host.set(*variable, count));
             foresight.adapt(&mut host);
             [0, 1].map(|variable| host.variable(Variable(variable)))

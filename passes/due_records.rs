@@ -98,7 +98,7 @@ impl Due {
     fn of(host: &dyn HostContext, all: &[Life]) -> Self {
         let is_another = host.camera().0.sample.number > 0;
         let seen = (0..all.len() as u32).filter(|slot| !is_another && all[*slot as usize].unseen == 0);
-        let ahead = host.course().ahead();
+        let ahead = host.lapse().ahead();
         let (mut slots, mut others): (Vec<u32>, Vec<u32>) = seen.partition(|slot| all[*slot as usize].is_due(ahead));
         let order = |a: &u32, b: &u32| all[*a as usize].left.total_cmp(&all[*b as usize].left).then(a.cmp(b));
         let more = TELLING.saturating_sub(slots.len()).min(others.len());

@@ -7,11 +7,18 @@ use crate::math::{
     weight,
 };
 use crate::scene::{Scene, bvh::Bvh, needs::Needs, surface_offset};
+use crate::schedule::{HostContext, Resource};
+use bytemuck::Pod;
 use glam::Vec3;
 
 /// Why passes for scenes that move are left out of others.
 pub fn needed_where_it_moves(needs: &Needs) -> Need {
     if needs.moves { Need::Kept } else { Need::Dropped("nothing in the scene moves") }
+}
+
+/// The first items of a buffer that a step reads.
+pub fn first<T: Pod>(host: &dyn HostContext, buffer: Resource, count: usize) -> Vec<T> {
+    bytemuck::pod_collect_to_vec(&host.read(buffer)[..count * size_of::<T>()])
 }
 
 /// How far off its surface a record is looked for, in footprints.

@@ -20,7 +20,7 @@ pub struct MockHost {
     pub cut_short: Option<(Variable, Shortfall)>,
     pub size: [u32; 2],
     pub motions: Vec<Motion>,
-    pub course: Course,
+    pub lapse: Lapse,
     pub scene: Scene,
     pub bvh: Bvh,
     /// Of the scene as it stands when it is asked for.
@@ -51,7 +51,7 @@ impl MockHost {
             cut_short: None,
             size,
             motions: Vec::new(),
-            course: Course::NEXT,
+            lapse: Lapse::NEXT,
             scene,
             bvh,
             emission: OnceLock::new(),
@@ -126,8 +126,8 @@ impl HostContext for MockHost {
         &self.motions
     }
 
-    fn course(&self) -> Course {
-        self.course
+    fn lapse(&self) -> Lapse {
+        self.lapse
     }
 
     fn camera(&self) -> (&Camera, [u32; 2]) {

@@ -1,6 +1,6 @@
 //! Records that were sampled anew take the place of the old ones.
 
-use super::lives::needed_where_it_moves;
+use super::lives::{first, needed_where_it_moves};
 use super::record::{RECORD_BYTES, Record, level};
 use crate::contract::{Arguments, Description, Encoder, Input, Need, Output, Parameter, ParameterKind, Pass, Port, PortKind, Refusal, Takes, port};
 use crate::math::{
@@ -92,10 +92,9 @@ fn encode_on_host(e: &mut Encoder<'_>, cache: port::RecordCache, lives: port::Li
     let writes: Vec<Resource> = [cache.records, lives.items].into_iter().chain(lives.ahead.map(|ahead| ahead.goals)).collect();
     e.host("renew", &reads, &writes, move |host| {
         let renewed = host.variable(new.count) as usize;
-        let fresh: Vec<Record> = bytemuck::pod_collect_to_vec(&host.read(new.records)[..renewed * size_of::<Record>()]);
-        let slots: Vec<u32> = bytemuck::pod_collect_to_vec(&host.read(slots)[..4 * renewed]);
+        let (fresh, slots): (Vec<Record>, Vec<u32>) = (first(host, new.records, renewed), first(host, slots, renewed));
         let known: &[Record] = &bytemuck::cast_slice(host.read(cache.records))[..host.variable(lives.known) as usize];
-        let (level, ahead) = (level(known.iter()), host.course().ahead());
+        let (level, ahead) = (level(known.iter()), host.lapse().ahead());
         let mut judged = ahead.map(|frames| Judged { frames, counts: [0; 3] });
         for (record, slot) in fresh.into_iter().zip(slots.into_iter().map(|slot| slot as usize)) {
             let at = slot * size_of::<Life>();

@@ -150,9 +150,7 @@ fn bending() -> Outcome {
         check(status == 0, || stderr)
     };
     render(&["--frames", "0..7", "-o", "all.exr"])?;
-    let stats = place.stats()?;
-    let runs = |frame: &Value| frame["passes"].as_array()?.iter().find(|pass| pass["node"] == "shadow")?["runs"].as_u64();
-    let runs: Vec<_> = stats["frames"].as_array().into_iter().flatten().filter_map(runs).collect();
+    let runs = maps_drawn(&place.stats()?);
     check(runs == [1, 1, 1, 1, 1, 0, 0], || format!("maps are drawn {runs:?} times"))?;
     for (frame, moment) in ["0", "0.25", "0.5", "0.75", "1", "1.25", "1.5"].into_iter().enumerate() {
         render(&["--moment", moment, "-o", "one.exr"])?;
@@ -222,10 +220,6 @@ fn living() -> Outcome {
         check(status == 0, || format!("{pipeline} {arguments:?}: {stderr}"))
     };
     let frames = |stats: &Value| stats["frames"].as_array().cloned().unwrap_or_default();
-    let due = |frame: &Value| {
-        let passes = frame["passes"].as_array().into_iter().flatten();
-        passes.filter_map(|pass| pass["numbers"]["due_records"].as_u64()).sum::<u64>()
-    };
     let tiles = |frame: &Value| frame["new_records"].as_u64().unwrap_or(0) + due(frame);
     let made = |pipeline: &str, set: &str| {
         render(pipeline, "cube.ron", &["--set", set, "--frames", "0..9", "-o", "cube.exr"])?;
@@ -376,14 +370,10 @@ fn in_parts() -> Outcome {
 fn out_of_order() -> Outcome {
     let (film, pipeline) = (Film::new()?, "irradiance-temporal");
     film.render(pipeline, "0..15", "first.exr", &["--cache", "good"])?;
-    let due = |stats: &Value| {
-        let passes = stats["frames"][0]["passes"].as_array().into_iter().flatten();
-        passes.filter_map(|pass| pass["numbers"]["due_records"].as_u64()).sum::<u64>()
-    };
     let restart = |from: &str, pipeline: &str, frames: &str, more: &[&str]| {
         fs::copy(film.0.path(from), film.0.path("cache"))?;
         let notes = film.render(pipeline, frames, "second.exr", &[&["--cache", "cache"], more].concat())?;
-        Ok::<_, Failed>((notes, due(&film.0.stats()?)))
+        Ok::<_, Failed>((notes, due(&film.0.stats()?["frames"][0])))
     };
     let (notes, some) = restart("good", pipeline, "15..16", &[])?;
     check(!notes.contains("anew"), || notes)?;
@@ -635,9 +625,7 @@ fn shadow_maps_follow() -> Outcome {
         check(status == 0, || stderr)
     };
     render(&["--frames", "0..4", "-o", "all.exr"])?;
-    let stats = place.stats()?;
-    let runs = |frame: &Value| frame["passes"].as_array()?.iter().find(|pass| pass["node"] == "shadow")?["runs"].as_u64();
-    let runs: Vec<_> = stats["frames"].as_array().into_iter().flatten().filter_map(runs).collect();
+    let runs = maps_drawn(&place.stats()?);
     check(runs == [1, 0, 1, 0], || format!("maps are drawn {runs:?} times"))?;
     for frame in 0..4 {
         render(&["--moment", &frame.to_string(), "-o", "one.exr"])?;
@@ -759,6 +747,18 @@ impl Place {
         fs::write(self.path("two.ron"), text).map_err(failed)?;
         Ok(self)
     }
+}
+
+/// How often the shadow maps of each frame were drawn.
+fn maps_drawn(stats: &Value) -> Vec<u64> {
+    let runs = |frame: &Value| frame["passes"].as_array()?.iter().find(|pass| pass["node"] == "shadow")?["runs"].as_u64();
+    stats["frames"].as_array().into_iter().flatten().filter_map(runs).collect()
+}
+
+/// How many records of a frame were sampled anew.
+fn due(frame: &Value) -> u64 {
+    let passes = frame["passes"].as_array().into_iter().flatten();
+    passes.filter_map(|pass| pass["numbers"]["due_records"].as_u64()).sum()
 }
 
 fn number(stats: &Value, frame: usize, name: &str) -> Result<u64, Failed> {

@@ -10,7 +10,7 @@ use super::judge::{Frames, Judge};
 use super::kept::{self, Folder};
 use super::output::{Target, expect_distinct};
 use super::pipeline::note_names;
-use super::points::{check, expect_none_refused, listed, planned, told, weigh};
+use super::points::{self, check, expect_none_refused, listed, planned, weigh};
 use super::progress::Progress;
 use super::resources::expect_memory;
 use super::scene::{SceneOptions, View};
@@ -26,7 +26,7 @@ use crate::measure::plot::{Paper, svg};
 use crate::measure::run::{ChangeError, Run, RunError};
 use crate::measure::survey::Survey;
 use crate::measure::sweep::{Measured, Outcome, Point, Sweep, mark_front, plot};
-use crate::measure::told::{self as words, tables};
+use crate::measure::told::{self, tables};
 use crate::pipeline::{Pipeline, Plan};
 use clap::Args;
 use miette::Diagnostic;
@@ -138,18 +138,18 @@ pub(super) fn run(
     };
     let mut sweep = sweep(survey, &view, &gpu, reference, approximations(plans.iter().flatten().map(|plan| plan.approximated())), points);
     sweep.expected = expectation::judge(&survey.expected, &sweep, &survey.cost);
-    words::sweep::warnings(&sweep, survey).iter().for_each(|warning| console.note(warning));
-    console.print(&[words::sweep::text(&sweep, survey), tables::markdown(&sweep, survey)].join("\n"))?;
+    told::sweep::warnings(&sweep, survey).iter().for_each(|warning| console.note(warning));
+    console.print(&[told::sweep::text(&sweep, survey), tables::markdown(&sweep, survey)].join("\n"))?;
     targets.write(&sweep, survey)?;
     if let Some(html) = &targets.html {
         let gallery = exhibited::gallery(&sweep.points, &keys, &folder, &judge, view.size)?;
-        html.write_page(&words::sweep::report(&sweep, survey, &pipelines, &plans), &gallery)?;
+        html.write_page(&told::sweep::report(&sweep, survey, &pipelines, &plans), &gallery)?;
     }
     if is_interrupted {
         return Err(Failure::interrupted(&[&[folder.path.as_path()], &targets.paths()[..]].concat()));
     }
     expect_none_refused(&sweep.points)?;
-    let missed = words::missed(&sweep.expected);
+    let missed = told::missed(&sweep.expected);
     if missed.is_empty() { Ok(()) } else { Err(Failure::work(CommandError::Unexpected { missed })) }
 }
 
@@ -178,7 +178,7 @@ impl Targets {
 
     fn write(&self, sweep: &Sweep, survey: &Survey) -> Result<(), Failure> {
         self.json.iter().try_for_each(|json| json.write_json(sweep))?;
-        self.csv.iter().try_for_each(|csv| csv.write(words::sweep::csv(sweep, survey).as_bytes()))?;
+        self.csv.iter().try_for_each(|csv| csv.write(told::sweep::csv(sweep, survey).as_bytes()))?;
         self.svg.iter().try_for_each(|figure| figure.write(svg(&plot(sweep, &survey.metric, &survey.cost), Paper::Wide).as_bytes()))?;
         self.markdown.iter().try_for_each(|tables| tables.write(tables::markdown(sweep, survey).as_bytes()))
     }
@@ -367,7 +367,7 @@ impl<'a> Work<'a, '_> {
     fn refuse(&mut self, index: usize, error: ChangeError) -> Result<(), Failure> {
         let because = match &error {
             ChangeError::Run(error) if refuses(error) => with_code(error),
-            ChangeError::Plan(problems) => told(problems),
+            ChangeError::Plan(problems) => points::told(problems),
             _ => return Err(Failure::of_change(error)),
         };
         self.points[index].outcome = Outcome::Refused { because };

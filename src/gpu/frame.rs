@@ -76,7 +76,7 @@ impl Session {
             }
             let frame = self.whole_frame(pace).await;
             self.is_under_way = false;
-            self.course = Course::NEXT;
+            self.lapse = Lapse::NEXT;
             frame
         };
         gpu.told("rendering a frame", whole).await
@@ -85,12 +85,12 @@ impl Session {
     /// Runs the schedule once for what lives on, so many frames later than the one that ran last. The next is a picture again, that of the frame after that one.
     pub async fn frame_ahead(&mut self, frames: u32, pace: AskPace<'_>) -> Result<Frame, GpuError> {
         let (pictures, frames) = (self.views.clone(), frames as i32);
-        self.course = Course { frames, is_ahead: true };
-        let frame = self.frame(pace).await?;
+        self.lapse = Lapse { frames, is_ahead: true };
+        let frame = self.frame(pace).await;
         self.views.back_to(pictures);
-        self.course = Course { frames: 1 - frames, is_ahead: false };
+        self.lapse = Lapse { frames: 1 - frames, is_ahead: false };
         self.is_still = false;
-        Ok(frame)
+        frame
     }
 
     /// After a frame that was dropped before its end: what it had encoded is lost, so that counts and contents of histories do not go together, and
@@ -186,7 +186,7 @@ impl Session {
     /// Whether a step is of no use to a frame that is run ahead.
     fn is_left_out(&self, step: &Step) -> bool {
         let (Step::Node(Node { name, .. }) | Step::Repeat(Repeat { name, .. })) = step;
-        self.course.is_ahead && self.schedule.of_pictures.contains(name)
+        self.lapse.is_ahead && self.schedule.of_pictures.contains(name)
     }
 
     async fn run_loop(&mut self, repeat: &Repeat, first: usize, pending: &mut Pending, frame: &mut Frame, pace: AskPace<'_>) -> Result<usize, GpuError> {

@@ -168,8 +168,8 @@ impl HostContext for HostView<'_> {
         self.session.motions()
     }
 
-    fn course(&self) -> Course {
-        self.session.course
+    fn lapse(&self) -> Lapse {
+        self.session.lapse
     }
 
     fn camera(&self) -> (&Camera, [u32; 2]) {

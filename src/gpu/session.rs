@@ -55,7 +55,7 @@ pub struct Session {
     before: Vec<Pose>,
     motions: OnceLock<Vec<Motion>>,
     /// Of the frame that is under way, or comes next.
-    pub(super) course: Course,
+    pub(super) lapse: Lapse,
     pub(super) frames: u32,
     pub(super) clock: Clock,
     /// Whether the time of the frame is limited.
@@ -139,7 +139,7 @@ impl Session {
             views: Views::default(),
             before: Vec::new(),
             motions: OnceLock::new(),
-            course: Course::NEXT,
+            lapse: Lapse::NEXT,
             frames: 0,
             clock: Clock::new(),
             is_timed: false,
@@ -170,7 +170,7 @@ impl Session {
 
     /// Takes over what the picture before was a view of, and how the next lies to it.
     pub fn remember_views(&mut self, of: &Self) {
-        (self.views, self.course) = (of.views.untold(), of.course);
+        (self.views, self.lapse) = (of.views.untold(), of.lapse);
     }
 
     /// Changes the camera for the frames to come; the size stays.
@@ -230,7 +230,7 @@ impl Session {
         }
     }
 
-    /// What movers have done since the picture before.
+    /// What movers have done since the frame that ran before.
     pub(super) fn motions(&self) -> &[Motion] {
         self.motions.get_or_init(|| self.stage.motions(&self.before))
     }
@@ -275,7 +275,7 @@ impl Session {
     /// As before the first frame: histories are zero, frames count from 0 again. Returns once the device has done it.
     pub async fn reset(&mut self) -> Result<(), GpuError> {
         self.made.clear();
-        self.course = Course::NEXT;
+        self.lapse = Lapse::NEXT;
         self.empty(&Histories::default()).await
     }
 

@@ -58,7 +58,7 @@ const ASTRAY: f32 = 4.0;
 /// A record lives no longer than twice as long as it has: where light turns, its slope tells nothing of what comes.
 const GROWTH: f32 = 1.0;
 
-/// Light that has changed by so small a part of what is allowed may be passed over in the next frame ahead.
+/// Light is calm that has changed by so small a part of what is allowed.
 const CALM: f32 = 8.0;
 
 /// The larger change of a channel, as a share of the light; what is darker than `floor` counts as that.
@@ -165,7 +165,8 @@ impl Life {
     }
 
     /// After it has been sampled anew, by the same directions as last time; but the first time after it was made by others, so that two samplings of the same light
-    /// differ by chance: by a share of `noise`. No more of that is forgiven than a change that is allowed. The next may be `every` so many frames.
+    /// differ by chance: by a share of `noise`. No more of that is forgiven than a change that is allowed. Frames in which it may be
+    /// sampled come `every` so many: in calm light it may miss one.
     fn renewed(self, light: Vec3, [floor, noise]: [f32; 2], lifespan: &Lifespan, every: f32) -> Self {
         let (age, before) = (self.age.max(1.0), Vec3::from(self.sampled));
         let (measured, wrong) = ((light - before) / age, share(light, self.expected(), floor));

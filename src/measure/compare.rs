@@ -110,10 +110,10 @@ impl<S: Script> Contender<S> {
     pub async fn measure(&mut self, pace: AskPace<'_>) -> Result<(), S::Error> {
         let (mut whole, mut frames) = (None::<FrameReport>, Vec::new());
         for frame in 0..self.script.frames() {
-            self.script.bring(frame, &mut self.run, pace)?;
             if frame == 0 {
                 self.run.reset().await?;
             }
+            self.script.bring(frame, &mut self.run, pace)?;
             let report = self.run.frame(pace).await?;
             frames.push(FrameOfRun { seconds: report.seconds, records: report.records.irradiance, new_records: report.new_records });
             whole = Some(match whole {

@@ -119,11 +119,12 @@ pub fn plan(
     let earlier = history::edges(members.iter().map(|member| member.node), |node| !dropped.contains_key(node));
     let mut shapes = history::guesses(&earlier, setting.size);
     for _ in 0..TRIES {
-        let planner = Planner::of(pipeline, setting, &dropped, &shapes, scene_kind);
+        let mut planner = Planner::of(pipeline, setting, &dropped, &shapes, scene_kind);
         let found = planner.shapes(&earlier);
         if found == shapes {
-            let mut planner = planner;
-            planner.schedule.of_pictures = of_pictures(&members, &dropped);
+            if planner.schedule.window.is_some() {
+                planner.schedule.of_pictures = of_pictures(&members, &dropped);
+            }
             return planner.finish(pipeline, &members, &earlier, dumps, by_albedo).map(Arc::new);
         }
         shapes = found;

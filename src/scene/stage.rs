@@ -414,7 +414,8 @@ impl Mover {
         let (hides, (map, normals)) = (hides(&map), maps(map, origin));
         let speck = hides.then(|| self.speck(&map));
         let moved = |(triangle, tangents): &(Triangle, [Vec3; 3])| {
-            let tangents = tangents.map(|tangent| map.transform_vector3(tangent.as_dvec3()).normalize_or_zero().as_vec3());
+            let turned = |tangent: Vec3| if tangent == Vec3::ZERO { tangent } else { map.transform_vector3(tangent.as_dvec3()).normalize_or_zero().as_vec3() };
+            let tangents = tangents.map(turned);
             speck.map_or_else(|| Corners::of(&moved(triangle, &map, &normals), tangents), |speck| Corners { tangents, ..speck })
         };
         self.at_rest.iter().map(moved).collect()

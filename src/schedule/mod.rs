@@ -50,11 +50,11 @@ pub struct Schedule {
     pub used: Vec<Read>,
     /// None where no frame is run ahead of its picture.
     pub window: Option<Window>,
-    /// Nodes that no frame runs ahead: nothing that lives on depends on them.
+    /// Nodes that frames which are run ahead leave out: nothing that lives on depends on them.
     pub of_pictures: BTreeSet<String>,
 }
 
-/// When a frame is to be run ahead, by the numbers that the last one left. See [`Course`].
+/// When a frame is to be run ahead, by the numbers that the last one left. See [`Lapse`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Window {
     /// How many frames later than the last picture; 0 before there is one.
@@ -65,14 +65,14 @@ pub struct Window {
 
 /// How a frame lies in time to the one that ran before it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Course {
+pub struct Lapse {
     /// Frames that it is later; less than 0 where it is earlier.
     pub frames: i32,
     /// Whether it is run for what lives on alone, before the pictures that lie between.
     pub is_ahead: bool,
 }
 
-impl Course {
+impl Lapse {
     /// Of a picture after a picture.
     pub const NEXT: Self = Self { frames: 1, is_ahead: false };
 
@@ -504,7 +504,7 @@ pub trait HostContext {
     /// What movers have done since the frame that ran before: maps of points as they were to where they are.
     fn motions(&self) -> &[crate::scene::stage::Motion];
     /// How the frame lies in time to that.
-    fn course(&self) -> Course;
+    fn lapse(&self) -> Lapse;
     /// The camera of the frame and the picture's size.
     fn camera(&self) -> (&crate::scene::Camera, [u32; 2]);
 }

@@ -1,6 +1,6 @@
 //! Errors of a sequence: the means over its frames.
 
-use super::{Errors, Interval, Resampled};
+use super::{Errors, Interval, Resampled, mean};
 use std::collections::BTreeMap;
 
 impl Errors {
@@ -11,7 +11,7 @@ impl Errors {
         if others.is_empty() {
             return Some((*first).clone());
         }
-        let mean = |value: &dyn Fn(&Self) -> Option<f64>| mean(&frames.iter().filter_map(|errors| value(errors)).collect::<Vec<_>>());
+        let mean = |value: &dyn Fn(&Self) -> Option<f64>| mean(frames.iter().filter_map(|errors| value(errors)).collect::<Vec<_>>().into_iter());
         let all = |value: fn(&Self) -> f64| mean(&|errors| Some(value(errors))).unwrap_or(0.0);
         let worst = frames.iter().copied().reduce(|a, b| if b.largest.over_mean.abs() > a.largest.over_mean.abs() { b } else { a })?;
         let mut intervals: BTreeMap<String, Option<Interval>> = first
@@ -56,18 +56,14 @@ impl Errors {
     }
 }
 
-fn mean(values: &[f64]) -> Option<f64> {
-    (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
-}
-
 /// Hidden where it is so in every frame.
 fn interval(frames: &[Interval]) -> Option<Interval> {
-    let of = |value: fn(&Interval) -> f64| mean(&frames.iter().map(value).collect::<Vec<_>>());
+    let of = |value: fn(&Interval) -> f64| mean(frames.iter().map(value));
     let floors: Option<Vec<f64>> = frames.iter().map(|interval| interval.noise_floor).collect();
     Some(Interval {
         low: of(|interval| interval.low)?,
         high: of(|interval| interval.high)?,
-        noise_floor: floors.and_then(|floors| mean(&floors)),
+        noise_floor: floors.and_then(|floors| mean(floors.into_iter())),
         below_noise: frames.iter().all(|interval| interval.below_noise),
     })
 }

@@ -38,7 +38,7 @@ impl Pass for GBuffer {
             vertex: "vertex",
             fragment: Some("fragment"),
             colours: vec![Target { texture: drawn, clear: Some([0.0; 4]), blend: Blend::Replace }],
-            depth: Some(DepthTarget { texture: depth, layer: 0 }),
+            depth: Some(DepthTarget { texture: depth, layer: 0, clears: true }),
             vertices: Some(vertices),
             instances: None,
             indices: None,

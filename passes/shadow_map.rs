@@ -47,75 +47,98 @@ impl Pass for ShadowMap {
         let grid = shadow_grid(lights);
         // Lights with the sides of their cubes, in the order of the layers.
         let views: Vec<[u32; 2]> = (0..).zip(lights).flat_map(|(light, about)| (0..shadow_layers(about, grid)).map(move |map| [light, map])).collect();
-        let maps = Maps::new(e, resolution, views.len().max(1) as u32);
+        let chunks = Chunks::new(&e.setting.scene.triangles, &e.setting.scene.objects);
+        let maps = Maps::new(e, resolution, views.len().max(1) as u32, chunks.are_mixed());
         if views.is_empty() {
             // Kept for a scene without shadows: a map that no light looks up.
             e.clear(maps.depth);
         }
         let vertices = e.scene_data(SceneData::Positions);
-        let chunks = Chunks::new(&e.setting.scene.triangles, &e.setting.scene.objects);
-        let holes = e.setting.needs.alpha_masks.then(|| holes(e.setting.scene));
+        let masks = e.setting.needs.alpha_masks;
+        let holes = masks.then(|| holes(e.setting.scene));
         for (layer, [light, map]) in (0..).zip(views) {
             let instance = light * MAPS + map;
             let draw = |vertices| Draw { rectangle: None, vertices, is_indexed: false, instances: [instance, instance + 1] };
-            let (seen, key) = (chunks.ranges(&lights[light as usize], map, grid), of((chunks.key(&lights[light as usize], map, grid), holes)));
-            maps.draw(
-                e,
-                layer,
-                key,
+            let view = View { light: &lights[light as usize], map, grid };
+            let drawn = |what: Part, depth: DepthTarget| {
                 Command::Raster(Raster {
                     program: Program::new("shadow_map").constant("SHADOW_RESOLUTION", resolution),
                     vertex: "vertex",
-                    fragment: e.setting.needs.alpha_masks.then_some("fragment"),
+                    fragment: masks.then_some("fragment"),
                     colours: Vec::new(),
-                    depth: Some(maps.target(layer)),
+                    depth: Some(depth),
                     vertices: Some(vertices),
                     instances: None,
                     indices: None,
                     topology: Topology::Triangles,
-                    draws: Draws::Fixed(seen.into_iter().map(|triangles| draw(triangles.map(|triangle| 3 * triangle))).collect()),
-                }),
-            );
+                    draws: Draws::Fixed(chunks.ranges(&view, what).into_iter().map(|triangles| draw(triangles.map(|triangle| 3 * triangle))).collect()),
+                })
+            };
+            maps.draw(e, layer, |part| of((chunks.key(&view, part), holes)), drawn);
         }
         e.output("maps", Port::ShadowMaps(port::ShadowMaps { depth: maps.depth, pitch: maps.pitch, resolution, taps }));
         Ok(())
     }
 }
 
+/// One of a light's maps.
+struct View<'l> {
+    light: &'l Light,
+    map: u32,
+    /// Maps along an edge of the grid of those of a directional light.
+    grid: u32,
+}
+
+/// What of the scene is drawn.
+#[derive(Clone, Copy, PartialEq)]
+enum Part {
+    All,
+    Standing,
+    Moving,
+}
+
 /// Where the maps are drawn, and where they are looked up.
 struct Maps {
     drawn: Resource,
+    /// The maps without what moves, which is drawn over them; None where all stands or all moves.
+    standing: Option<Resource>,
     depth: Resource,
     pitch: Option<u32>,
     map_bytes: u64,
 }
 
 impl Maps {
-    fn new(e: &mut Encoder<'_>, resolution: u32, layers: u32) -> Self {
+    fn new(e: &mut Encoder<'_>, resolution: u32, layers: u32, keeps_standing: bool) -> Self {
         let (size, format) = ([resolution; 2], Format::Depth32Float);
         let row = format.row_bytes(resolution);
         let map_bytes = row * resolution as u64;
         if map_bytes * layers as u64 > MOST_BYTES {
             let depth = e.texture("depth", size, layers, format);
-            return Self { drawn: depth, depth, pitch: None, map_bytes };
+            return Self { drawn: depth, standing: None, depth, pitch: None, map_bytes };
         }
+        let standing = keeps_standing.then(|| e.history_texture("standing", size, layers, format));
         let (drawn, depth) = (e.texture("map", size, 1, format), e.history_buffer("depth", map_bytes * layers as u64));
-        e.survives(&[depth], &[]);
-        e.remakes(&[depth], &[]);
-        Self { drawn, depth, pitch: Some((row / format.bytes()) as u32), map_bytes }
+        let kept: Vec<Resource> = [depth].into_iter().chain(standing).collect();
+        e.survives(&kept, &[]);
+        e.remakes(&kept, &[]);
+        Self { drawn, standing, depth, pitch: Some((row / format.bytes()) as u32), map_bytes }
     }
 
-    fn target(&self, layer: u32) -> DepthTarget {
-        DepthTarget { texture: self.drawn, layer: if self.pitch.is_some() { 0 } else { layer } }
-    }
-
-    /// Draws a map: where they are kept, if it would show something else than it does.
-    fn draw(&self, e: &mut Encoder<'_>, layer: u32, key: u64, draw: Command) {
+    /// Draws a map: where they are kept, if it would show something else than it does. `key` is a number of all that a part is drawn from.
+    fn draw(&self, e: &mut Encoder<'_>, layer: u32, key: impl Fn(Part) -> u64, drawn: impl Fn(Part, DepthTarget) -> Command) {
+        let target = |texture, layer| DepthTarget { texture, layer, clears: true };
         if self.pitch.is_none() {
-            return e.command(draw);
+            return e.command(drawn(Part::All, target(self.drawn, layer)));
         }
-        e.kept(key, draw);
-        e.kept(key, Command::CopyToBuffer { from: self.drawn, to: self.depth, offset: layer as u64 * self.map_bytes });
+        let all = key(Part::All);
+        if let Some(standing) = self.standing {
+            e.kept(key(Part::Standing), drawn(Part::Standing, target(standing, layer)));
+            e.kept(all, Command::CopyLayer { from: standing, layer, to: self.drawn });
+            e.kept(all, drawn(Part::Moving, DepthTarget { clears: false, ..target(self.drawn, 0) }));
+        } else {
+            e.kept(all, drawn(Part::All, target(self.drawn, 0)));
+        }
+        e.kept(all, Command::CopyToBuffer { from: self.drawn, to: self.depth, offset: layer as u64 * self.map_bytes });
     }
 }
 
@@ -172,8 +195,15 @@ impl Chunks {
         Self { all: Bounds::of(triangles), chunks }
     }
 
-    /// A number of all that a map is drawn from, but for holes. How strong the light is changes nothing there.
-    fn key(&self, light: &Light, map: u32, grid: u32) -> u64 {
+    /// Whether some stand and some move: to copy a map of the former and draw the latter over it costs less than to draw all.
+    fn are_mixed(&self) -> bool {
+        let moves = |chunk: &Chunk| chunk.place != 0;
+        self.chunks.iter().any(moves) && !self.chunks.iter().all(moves)
+    }
+
+    /// A number of all that a part of a map is drawn from, but for holes. How strong the light is changes nothing there.
+    fn key(&self, view: &View<'_>, part: Part) -> u64 {
+        let View { light, map, grid } = *view;
         let (position, direction) = match light.kind {
             LightKind::Point { position, .. } => (position, Vec3::ZERO),
             LightKind::Spot { position, direction, .. } => (position, direction),
@@ -181,14 +211,16 @@ impl Chunks {
         };
         let half = shadow_half(light, &self.all, grid).extend(0.0);
         let lie = [position, direction, half, self.all.min, self.all.max].map(bits);
-        let moving = self.seen(light, map, grid).filter(|chunk| chunk.place != 0);
+        let moving = self.seen(view, part).filter(|chunk| chunk.place != 0);
         of((discriminant(&light.kind), map, grid, lie, moving.map(|chunk| (chunk.triangles, chunk.place)).collect::<Vec<_>>()))
     }
 
-    /// What a light's map may see: what reaches into the quarter turn of a cube's side or stands before a place of a grid, or all.
-    fn seen<'c>(&'c self, light: &Light, map: u32, grid: u32) -> impl Iterator<Item = &'c Chunk> {
+    /// What a light's map may see of a part: what reaches into the quarter turn of a cube's side or stands before a place of a grid, or all.
+    fn seen<'c>(&'c self, view: &View<'_>, part: Part) -> impl Iterator<Item = &'c Chunk> {
+        let View { light, map, grid } = *view;
         let (kind, layers, half) = (light.kind, shadow_layers(light, grid), shadow_half(light, &self.all, grid));
-        self.chunks.iter().filter(move |Chunk { bounds, .. }| match (kind, layers) {
+        let of_part = move |chunk: &&Chunk| part == Part::All || (chunk.place != 0) == (part == Part::Moving);
+        self.chunks.iter().filter(of_part).filter(move |Chunk { bounds, .. }| match (kind, layers) {
             (LightKind::Point { position, .. } | LightKind::Spot { position, .. }, 6) => self.is_on_side(bounds, position, map),
             (LightKind::Directional { direction, .. }, _) => self.is_in_grid(bounds, direction, place_in_grid(map, half, grid), half),
             _ => true,
@@ -196,9 +228,9 @@ impl Chunks {
     }
 
     /// The triangles of what is seen, those that lie side by side as one range.
-    fn ranges(&self, light: &Light, map: u32, grid: u32) -> Vec<[u32; 2]> {
+    fn ranges(&self, view: &View<'_>, part: Part) -> Vec<[u32; 2]> {
         let mut ranges: Vec<[u32; 2]> = Vec::new();
-        for Chunk { triangles: [first, end], .. } in self.seen(light, map, grid) {
+        for Chunk { triangles: [first, end], .. } in self.seen(view, part) {
             match ranges.last_mut() {
                 Some(last) if last[1] == *first => last[1] = *end,
                 _ => ranges.push([*first, *end]),
@@ -258,7 +290,7 @@ mod tests {
             let position = Vec3::from(place) + offset;
             let light = Light { name: "light".into(), kind: LightKind::Point { position, intensity: Vec3::ONE }, shadows: true };
             let chunks = Chunks::new(&triangles, &[]);
-            let sides: Vec<_> = (0..6).map(|face| chunks.ranges(&light, face, 4)).collect();
+            let sides: Vec<_> = (0..6).map(|face| chunks.ranges(&View { light: &light, map: face, grid: 4 }, Part::All)).collect();
             for (index, triangle) in (0..).zip(&triangles) {
                 let [a, b, c] = triangle.positions;
                 for point in [a, b, c, (a + b) / 2.0, (b + c) / 2.0, (a + b + c) / 3.0] {
@@ -267,7 +299,7 @@ mod tests {
                 }
             }
             let sun = Light { kind: LightKind::Directional { direction: Vec3::from(place).normalize_or(Vec3::X), irradiance: Vec3::ONE }, ..light.clone() };
-            let places: Vec<_> = (0..16).map(|map| chunks.ranges(&sun, map, 4)).collect();
+            let places: Vec<_> = (0..16).map(|map| chunks.ranges(&View { light: &sun, map, grid: 4 }, Part::All)).collect();
             let (half, frame) = (shadow_half(&sun, &chunks.all, 4), Frame::new(sun_direction(&sun)));
             for (index, triangle) in (0..).zip(&triangles) {
                 for point in triangle.positions {
@@ -301,6 +333,11 @@ mod ranges {
         Chunks::new(&around(places), &[])
     }
 
+    /// What a map of a light is drawn from.
+    fn seen(chunks: &Chunks, light: &Light, map: u32, grid: u32) -> Vec<[u32; 2]> {
+        chunks.ranges(&View { light, map, grid }, Part::All)
+    }
+
     fn point(position: Vec3) -> Light {
         Light { name: String::new(), kind: LightKind::Point { position, intensity: Vec3::ONE }, shadows: true }
     }
@@ -311,7 +348,7 @@ mod ranges {
         let position = Vec3::new(0.5, -0.25, 2.0);
         let chunks = chunks(&ways.map(|way| position + 3.0 * way));
         for face in 0..6 {
-            assert_eq!(chunks.ranges(&point(position), face, 4), [[face * CHUNK, (face + 1) * CHUNK]]);
+            assert_eq!(seen(&chunks, &point(position), face, 4), [[face * CHUNK, (face + 1) * CHUNK]]);
         }
     }
 
@@ -319,11 +356,11 @@ mod ranges {
     fn chunks_side_by_side_are_drawn_as_one() {
         let [right, left] = [Vec3::X, Vec3::NEG_X];
         let chunks = chunks(&[right, right, left, right, left, left]);
-        assert_eq!(chunks.ranges(&point(Vec3::ZERO), 0, 4), [[0, 2 * CHUNK], [3 * CHUNK, 4 * CHUNK]]);
-        assert_eq!(chunks.ranges(&point(Vec3::ZERO), 1, 4), [[2 * CHUNK, 3 * CHUNK], [4 * CHUNK, 6 * CHUNK]]);
+        assert_eq!(seen(&chunks, &point(Vec3::ZERO), 0, 4), [[0, 2 * CHUNK], [3 * CHUNK, 4 * CHUNK]]);
+        assert_eq!(seen(&chunks, &point(Vec3::ZERO), 1, 4), [[2 * CHUNK, 3 * CHUNK], [4 * CHUNK, 6 * CHUNK]]);
         // What the light is in is on all sides.
         let chunks = self::chunks(&[Vec3::ZERO]);
-        assert!((0..6).all(|face| chunks.ranges(&point(Vec3::splat(0.001)), face, 4) == [[0, CHUNK]]));
+        assert!((0..6).all(|face| seen(&chunks, &point(Vec3::splat(0.001)), face, 4) == [[0, CHUNK]]));
     }
 
     /// A mover's chunks hold nothing else: its few triangles would be seen wherever those beside them are.
@@ -349,7 +386,7 @@ mod ranges {
             let last = Object { name: String::new(), triangles: triangles.len() - CHUNK as usize..triangles.len() };
             Chunks::new(&triangles, &[last])
         };
-        let keys = |chunks: &Chunks, light: &Light| (0..6).map(|map| chunks.key(light, map, 4)).collect::<Vec<_>>();
+        let keys = |chunks: &Chunks, light: &Light| (0..6).map(|map| chunks.key(&View { light, map, grid: 4 }, Part::All)).collect::<Vec<_>>();
         let (light, before) = (point(Vec3::ZERO), scene(Vec3::new(0.1, 0.2, -3.0)));
         let first = keys(&before, &light);
         let differ = |others: Vec<u64>| (0..6).filter(|map| others[*map] != first[*map]).collect::<Vec<_>>();
@@ -362,23 +399,41 @@ mod ranges {
         assert_eq!(differ(keys(&before, &point(Vec3::splat(1e-3)))), [0, 1, 2, 3, 4, 5]);
     }
 
+    /// What stands is told apart from what moves over it, and a mover changes the number of neither but of itself.
+    #[test]
+    fn movers_are_drawn_over_what_stands() {
+        let scene = |mover: Vec3| {
+            let triangles = around(&[Vec3::NEG_Z, mover, 3.0 * Vec3::NEG_Z]);
+            Chunks::new(&triangles, &[Object { name: String::new(), triangles: CHUNK as usize..2 * CHUNK as usize }])
+        };
+        let (light, chunks) = (point(Vec3::ZERO), scene(2.0 * Vec3::NEG_Z));
+        let ranges = |chunks: &Chunks, part| chunks.ranges(&View { light: &light, map: 5, grid: 4 }, part);
+        assert_eq!(ranges(&chunks, Part::All), [[0, 3 * CHUNK]]);
+        assert_eq!(ranges(&chunks, Part::Standing), [[0, CHUNK], [2 * CHUNK, 3 * CHUNK]]);
+        assert_eq!(ranges(&chunks, Part::Moving), [[CHUNK, 2 * CHUNK]]);
+        let keys = |chunks: &Chunks| [Part::All, Part::Standing, Part::Moving].map(|part| chunks.key(&View { light: &light, map: 5, grid: 4 }, part));
+        let ([all, standing, moving], later) = (keys(&chunks), keys(&scene(2.5 * Vec3::NEG_Z)));
+        assert!(later[0] != all && later[1] == standing && later[2] != moving);
+        assert!(chunks.are_mixed() && !self::chunks(&[Vec3::X]).are_mixed());
+    }
+
     #[test]
     fn the_last_chunk_ends_with_the_triangles() {
         let triangles = around(&[Vec3::X, Vec3::X]);
         let chunks = Chunks::new(&triangles[..triangles.len() - 3], &[]);
-        assert_eq!(chunks.ranges(&point(Vec3::ZERO), 0, 4), [[0, 2 * CHUNK - 3]]);
+        assert_eq!(seen(&chunks, &point(Vec3::ZERO), 0, 4), [[0, 2 * CHUNK - 3]]);
     }
 
     #[test]
     fn maps_of_one_side_see_all() {
         let chunks = chunks(&[Vec3::X, Vec3::NEG_X]);
         let directional = Light { kind: LightKind::Directional { direction: Vec3::X, irradiance: Vec3::ONE }, ..point(Vec3::ZERO) };
-        assert_eq!(chunks.ranges(&directional, 0, 1), [[0, 2 * CHUNK]]);
+        assert_eq!(seen(&chunks, &directional, 0, 1), [[0, 2 * CHUNK]]);
         let spot = |outer: f32| Light {
             kind: LightKind::Spot { position: Vec3::ZERO, direction: Vec3::X, intensity: Vec3::ONE, inner: 0.1, outer },
             ..point(Vec3::ZERO)
         };
-        assert_eq!(chunks.ranges(&spot(0.3), 0, 4), [[0, 2 * CHUNK]]);
-        assert_eq!(chunks.ranges(&spot(1.5), 0, 4), [[0, CHUNK]]);
+        assert_eq!(seen(&chunks, &spot(0.3), 0, 4), [[0, 2 * CHUNK]]);
+        assert_eq!(seen(&chunks, &spot(1.5), 0, 4), [[0, CHUNK]]);
     }
 }

@@ -97,7 +97,7 @@ fn all(nodes: &[Node]) -> Vec<&Node> {
 
 fn written(command: &Command) -> Result<Vec<Resource>, Failed> {
     let mut written = match command {
-        Command::Clear(resource) | Command::Copy { to: resource, .. } | Command::CopyToBuffer { to: resource, .. } => vec![*resource],
+        Command::Clear(to) | Command::Copy { to, .. } | Command::CopyToBuffer { to, .. } | Command::CopyLayer { to, .. } => vec![*to],
         Command::Raster(raster) => raster.colours.iter().map(|target| target.texture).chain(raster.depth.map(|depth| depth.texture)).collect(),
         Command::Host(host) | Command::Late(host) => host.writes.clone(),
         Command::Compute(_) => Vec::new(),

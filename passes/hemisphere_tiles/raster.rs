@@ -64,7 +64,7 @@ pub(super) fn encode(e: &mut Encoder<'_>, work: &Work, sift: bool) {
             (false, false) => "fragment",
         }),
         colours: vec![Target { texture: atlas, clear: Some([0.0; 4]), blend: Blend::Replace }],
-        depth: Some(DepthTarget { texture: depth, layer: 0 }),
+        depth: Some(DepthTarget { texture: depth, layer: 0, clears: true }),
         vertices,
         instances: cameras,
         indices,

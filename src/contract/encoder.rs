@@ -240,6 +240,11 @@ impl<'a> Encoder<'a> {
         self.resource(member, ResourceKind::Texture { size, layers, format }, Lifetime::Transient)
     }
 
+    /// A texture of several layers that lives on into the next frame.
+    pub fn history_texture(&mut self, member: &str, size: [u32; 2], layers: u32, format: Format) -> Resource {
+        self.resource(member, ResourceKind::Texture { size, layers, format }, Lifetime::History)
+    }
+
     /// A list of draws for a host step to fill.
     pub fn draws(&mut self, member: &str) -> Resource {
         self.resource(member, ResourceKind::Draws, Lifetime::Transient)

@@ -169,7 +169,7 @@ impl Session {
     pub(super) fn ask_for_variables(&mut self, pending: &mut Pending) -> LookAtVariables {
         let variables = self.variables_on_device();
         let staging = self.idle_staging.pop().unwrap_or_else(|| readback::staging(&self.gpu, self.schedule.resource(variables).kind.bytes()));
-        let bytes = self.copy_out(pending, Read::whole(variables), &staging);
+        let bytes = self.copy_first(pending, variables, u64::MAX, &staging);
         let submission = self.submit(pending);
         LookAtVariables { look: Look::ask(staging, bytes), submission }
     }

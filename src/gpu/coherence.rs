@@ -8,6 +8,8 @@ use super::readback::{self, Arrived};
 use super::session::Session;
 use crate::schedule::*;
 use std::collections::HashMap;
+use std::ops::Range;
+use std::slice;
 
 /// Of a resource that a host step reads.
 pub(super) struct Contents {
@@ -33,25 +35,25 @@ impl Session {
         let mut copies = Vec::new();
         for read in &host.reads {
             let wanted = self.wanted_bytes(*read);
-            let is_known = self.copies.get(read.resource).is_some_and(|copy| copy.known(wanted).is_some());
-            let is_shared = is_known || self.shared.contains(&read.resource);
+            let missing = self.copies.missing(read.resource, wanted);
+            let is_shared = missing.is_empty() || self.shared.contains(&read.resource);
             contents.insert(read.resource, Contents { bytes: wanted, own: (!is_shared).then(HostCopy::default) });
-            if !is_known && wanted > 0 {
+            if !missing.is_empty() && wanted > 0 {
                 self.catch_up(read.resource, pending);
                 let staging = self.kept_staging(read.resource);
-                copies.push((*read, self.copy_out(pending, *read, &staging), staging));
+                copies.push((*read, self.copy_missing(pending, read.resource, &missing, &staging), missing, staging));
             }
         }
         if !copies.is_empty() {
             self.waits += 1;
             self.submit(pending);
         }
-        for (read, bytes, staging) in copies {
+        for (read, bytes, missing, staging) in copies {
             let arrived = if bytes > 0 { Some(readback::arrive(&self.gpu, &staging, bytes).await?) } else { None };
             let own = contents.get_mut(&read.resource).and_then(|contents| contents.own.as_mut());
             let mut copies = std::mem::take(&mut self.copies);
             let copy = own.unwrap_or_else(|| copies.entry(read.resource));
-            let result = copy.look(self.wanted_bytes(read), |into| self.finish_read(read.resource, arrived.as_ref(), into));
+            let result = copy.look(self.wanted_bytes(read), |into| self.finish_read(read.resource, arrived.as_ref(), &missing, into));
             self.copies = copies;
             result?;
         }
@@ -62,8 +64,19 @@ impl Session {
     pub(super) fn catch_up_all(&mut self, command: &Command, pending: &mut Pending) {
         for resource in command.resources() {
             self.catch_up(resource, pending);
-            self.copies.invalidate(|other| other == resource);
+            match self.written_part(command, resource) {
+                Some(range) => self.copies.fall_behind(resource, range),
+                None => self.copies.invalidate(|other| other == resource),
+            }
         }
+    }
+
+    /// The bytes of a resource that a command writes, where it is known to touch no others.
+    fn written_part(&self, command: &Command, resource: Resource) -> Option<Range<usize>> {
+        let Command::CopyToBuffer { from, to, offset } = command else { return None };
+        let ResourceKind::Texture { size, format, .. } = self.schedule.resource(*from).kind else { return None };
+        let bytes = (format.row_bytes(size[0]) * u64::from(size[1])) as usize;
+        (*to == resource).then_some(*offset as usize..*offset as usize + bytes)
     }
 
     /// Brings to the device what the host alone has of a resource, after the commands so far: they may look at another that has the same memory.
@@ -117,14 +130,18 @@ impl Session {
         self.staging.entry(resource).or_insert_with(|| readback::staging(gpu, whole)).clone()
     }
 
-    /// Encodes the copy of what is read; its bytes.
-    pub(super) fn copy_out(&self, pending: &mut Pending, read: Read, staging: &wgpu::Buffer) -> u64 {
-        let bytes = read.counted.map_or(u64::MAX, |(stride, count)| stride * u64::from(self.variable(count)));
-        self.copy_first(pending, read.resource, bytes, staging)
+    /// Encodes the copy of those bytes of a buffer that are missing, one after the other, or of all of a texture; their number.
+    fn copy_missing(&self, pending: &mut Pending, resource: Resource, missing: &[Range<usize>], staging: &wgpu::Buffer) -> u64 {
+        let Physical::Buffer(buffer) = &self.physical[resource.0 as usize] else { return self.copy_first(pending, resource, u64::MAX, staging) };
+        missing.iter().fold(0, |at, range| {
+            let bytes = (range.len() as u64).next_multiple_of(4);
+            pending.encoder.copy_buffer_to_buffer(buffer, range.start as u64, staging, at, bytes);
+            at + bytes
+        })
     }
 
-    /// The same of so many bytes, as far as there are so many; of a texture all.
-    fn copy_first(&self, pending: &mut Pending, resource: Resource, bytes: u64, staging: &wgpu::Buffer) -> u64 {
+    /// The same of the first bytes, as far as there are so many; of a texture all.
+    pub(super) fn copy_first(&self, pending: &mut Pending, resource: Resource, bytes: u64, staging: &wgpu::Buffer) -> u64 {
         let whole = self.whole_bytes(resource);
         let bytes = bytes.min(whole).next_multiple_of(4);
         match &self.physical[resource.0 as usize] {
@@ -138,12 +155,17 @@ impl Session {
         bytes
     }
 
-    /// Takes over what arrived; nothing does of what is empty.
-    fn finish_read(&self, resource: Resource, arrived: Option<&Arrived>, into: &mut [u8]) -> Result<(), GpuError> {
+    /// Takes over what arrived of what was missing; nothing does of what is empty.
+    fn finish_read(&self, resource: Resource, arrived: Option<&Arrived>, missing: &[Range<usize>], into: &mut [u8]) -> Result<(), GpuError> {
         let Some(arrived) = arrived else { return Ok(()) };
-        arrived.see(&self.gpu, |contents| match &self.physical[resource.0 as usize] {
+        arrived.see(&self.gpu, |mut contents| match &self.physical[resource.0 as usize] {
             Physical::Texture { texture, format } => readback::unpad(contents, texture.width(), *format, into),
-            _ => into.copy_from_slice(&contents[..into.len()]),
+            _ => {
+                for range in missing {
+                    into[range.clone()].copy_from_slice(&contents[..range.len()]);
+                    contents = &contents[range.len().next_multiple_of(4).min(contents.len())..];
+                }
+            }
         })
     }
 }
@@ -179,7 +201,7 @@ impl Reader<'_> {
             Some(arrived) if bytes == unpadded as u64 => arrived.see(&session.gpu, look)?,
             _ => {
                 self.contents.resize(unpadded, 0);
-                session.finish_read(resource, arrived.as_ref(), &mut self.contents)?;
+                session.finish_read(resource, arrived.as_ref(), slice::from_ref(&(0..unpadded)), &mut self.contents)?;
                 look(&self.contents)
             }
         };

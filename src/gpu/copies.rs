@@ -4,6 +4,7 @@
 use crate::schedule::{Placement, Resource};
 use glam::Vec4;
 use std::collections::HashMap;
+use std::iter;
 use std::ops::Range;
 
 /// Copies on the host.
@@ -25,8 +26,9 @@ enum Room {
 pub struct HostCopy {
     /// In vectors, so that items of up to 16 bytes are aligned.
     contents: Vec<Vec4>,
-    /// Bytes from the start that are what the resource holds.
+    /// Bytes from the start that are what the resource holds, but for those that the device has changed since.
     valid: usize,
+    behind: Vec<Range<usize>>,
     /// Of those, the bytes that the device has not got.
     ahead: Range<usize>,
 }
@@ -39,6 +41,11 @@ impl Copies {
 
     pub fn get(&self, resource: Resource) -> Option<&HostCopy> {
         self.copies.get(&self.room(resource)).filter(|(owner, _)| *owner == resource).map(|(_, copy)| copy)
+    }
+
+    /// Where of a resource's first bytes the device has what is not here.
+    pub fn missing(&self, resource: Resource, bytes: usize) -> Vec<Range<usize>> {
+        self.get(resource).unwrap_or(&HostCopy::default()).missing(bytes)
     }
 
     /// Takes the room over from a resource that had it before: nobody looks at that any more, as nobody does on the device.
@@ -55,6 +62,12 @@ impl Copies {
         self.copies.values_mut().filter(|(resource, _)| which(*resource)).for_each(|(_, copy)| copy.invalidate());
     }
 
+    /// The device changes these bytes of a resource alone.
+    pub fn fall_behind(&mut self, resource: Resource, range: Range<usize>) {
+        let own = self.copies.get_mut(&self.room(resource)).filter(|(owner, _)| *owner == resource);
+        own.into_iter().for_each(|(_, copy)| copy.fall_behind(range.clone()));
+    }
+
     fn room(&self, resource: Resource) -> Room {
         self.rooms.get(&resource).copied().unwrap_or(Room::Own(resource))
     }
@@ -63,18 +76,41 @@ impl Copies {
 impl HostCopy {
     /// The first bytes, if they are known.
     pub fn known(&self, bytes: usize) -> Option<&[u8]> {
-        (bytes <= self.valid).then(|| &bytemuck::cast_slice(&self.contents)[..bytes])
+        self.missing(bytes).is_empty().then(|| &bytemuck::cast_slice(&self.contents)[..bytes])
+    }
+
+    /// Where of the first bytes the device has what is not here.
+    pub fn missing(&self, bytes: usize) -> Vec<Range<usize>> {
+        if bytes > self.valid {
+            return iter::once(0..bytes).collect();
+        }
+        let within = self.behind.iter().map(|range| range.start..range.end.min(bytes));
+        within.filter(|range| !range.is_empty()).collect()
     }
 
     pub fn invalidate(&mut self) {
         (self.valid, self.ahead) = (0, 0..0);
+        self.behind.clear();
     }
 
-    /// Takes the first bytes over from the device.
+    /// The device changes these bytes alone.
+    pub fn fall_behind(&mut self, range: Range<usize>) {
+        let holds = |outer: &Range<usize>, inner: &Range<usize>| outer.start <= inner.start && inner.end <= outer.end;
+        if !self.behind.iter().any(|known| holds(known, &range)) {
+            self.behind.retain(|known| !holds(&range, known));
+            self.behind.push(range);
+        }
+    }
+
+    /// Takes over from the device what is missing of the first bytes.
     pub fn look<E>(&mut self, bytes: usize, fill: impl FnOnce(&mut [u8]) -> Result<(), E>) -> Result<(), E> {
         self.make_room(bytes);
         fill(&mut bytemuck::cast_slice_mut(&mut self.contents)[..bytes])?;
-        (self.valid, self.ahead) = (bytes, 0..0);
+        (self.valid, self.ahead) = (self.valid.max(bytes), 0..0);
+        self.behind.retain_mut(|range| {
+            range.start = range.start.max(bytes);
+            range.start < range.end
+        });
         Ok(())
     }
 
@@ -99,6 +135,7 @@ impl HostCopy {
     /// Gives back what was taken, the first `bytes` filled.
     pub fn put(&mut self, contents: Vec<Vec4>, bytes: usize) {
         self.contents = contents;
+        self.behind.clear();
         self.changed(0..bytes);
         self.valid = bytes;
     }
@@ -168,6 +205,30 @@ mod tests {
         assert!(copy.write(8, &[1; 4]) && copy.known(12) == Some(&[5, 5, 5, 5, 5, 5, 5, 5, 1, 1, 1, 1]));
         copy.invalidate();
         assert!(copy.known(1).is_none() && copy.ahead().is_none());
+    }
+
+    #[test]
+    fn what_the_device_changed_alone_is_read_again_alone() {
+        let missing = |copy: &HostCopy, bytes| copy.missing(bytes).iter().map(|range| [range.start, range.end]).collect::<Vec<_>>();
+        let mut copy = HostCopy::default();
+        copy.fall_behind(0..4);
+        assert_eq!(missing(&copy, 8), [[0, 8]]);
+        let looked: Result<(), ()> = copy.look(8, |bytes| {
+            bytes.fill(5);
+            Ok(())
+        });
+        assert!(looked.is_ok() && copy.known(8).is_some());
+        [4..8, 4..8, 5..6, 0..2].into_iter().for_each(|range| copy.fall_behind(range));
+        assert_eq!((missing(&copy, 8), missing(&copy, 5), copy.known(1)), (vec![[4, 8], [0, 2]], vec![[4, 5], [0, 2]], None));
+        let looked: Result<(), ()> = copy.look(6, |bytes| {
+            bytes[0..2].fill(7);
+            bytes[4..6].fill(7);
+            Ok(())
+        });
+        assert!(looked.is_ok());
+        assert_eq!((copy.known(6), missing(&copy, 8)), (Some(&[7, 7, 5, 5, 7, 7][..]), vec![[6, 8]]));
+        copy.invalidate();
+        assert_eq!(missing(&copy, 8), [[0, 8]]);
     }
 
     #[test]

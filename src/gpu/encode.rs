@@ -31,6 +31,11 @@ impl Session {
                 let (texture, format) = self.texture(*from);
                 readback::copy_texture(encoder, texture, format, self.buffer(*to), *offset);
             }
+            (Command::CopyLayer { from, layer, to }, Ready::Plain) => {
+                let (from, to) = (self.texture(*from).0, self.texture(*to).0);
+                let origin = wgpu::Origin3d { z: *layer, ..wgpu::Origin3d::ZERO };
+                encoder.copy_texture_to_texture(wgpu::TexelCopyTextureInfo { origin, ..from.as_image_copy() }, to.as_image_copy(), to.size());
+            }
             (Command::Compute(compute), Ready::Compute(dispatches)) => {
                 let [x, y, z] = self.workgroups(compute.groups);
                 if x * y * z > 0 {
@@ -81,9 +86,9 @@ impl Session {
                 })
             })
             .collect();
-        let depth = depth.as_ref().map(|view| wgpu::RenderPassDepthStencilAttachment {
+        let depth = raster.depth.zip(depth.as_ref()).map(|(target, view)| wgpu::RenderPassDepthStencilAttachment {
             view,
-            depth_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Clear(0.0), store: wgpu::StoreOp::Store }),
+            depth_ops: Some(wgpu::Operations { load: if target.clears { wgpu::LoadOp::Clear(0.0) } else { wgpu::LoadOp::Load }, store: wgpu::StoreOp::Store }),
             stencil_ops: None,
         });
         let mut pass =

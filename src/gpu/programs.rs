@@ -56,7 +56,7 @@ impl Session {
     fn prepare(&self, command: &Command, pipelines: &Pipelines) -> Result<Ready, GpuError> {
         match command {
             Command::Clear(resource) => Ok(self.prepare_clear(*resource)),
-            Command::Copy { .. } | Command::CopyToBuffer { .. } | Command::Late(_) => Ok(Ready::Plain),
+            Command::Copy { .. } | Command::CopyToBuffer { .. } | Command::CopyLayer { .. } | Command::Late(_) => Ok(Ready::Plain),
             Command::Compute(_) | Command::Host(_) => {
                 command.computes().iter().map(|compute| self.prepare_dispatch(compute, pipelines)).collect::<Result<_, _>>().map(Ready::Compute)
             }

@@ -74,7 +74,7 @@ fn changes_history(command: &Command, schedule: &Schedule, shaders: &Shaders) ->
     };
     match command {
         Command::Late(_) => false,
-        Command::Clear(to) | Command::Copy { to, .. } | Command::CopyToBuffer { to, .. } => is_history(to),
+        Command::Clear(to) | Command::Copy { to, .. } | Command::CopyToBuffer { to, .. } | Command::CopyLayer { to, .. } => is_history(to),
         Command::Host(host) => !host.runs_once && host.writes.iter().any(is_history),
         Command::Compute(compute) => by_shader(&compute.program, &[compute.entry]),
         Command::Raster(raster) => {

@@ -55,6 +55,7 @@ fn of_command(schedule: &Schedule, command: &Command, tiles: f64) -> Result<Opti
         Command::Copy { from, to } | Command::CopyToBuffer { from, to, .. } => {
             Some(Traffic { read_bytes: bytes(*from), written_bytes: bytes(*to), ..Traffic::default() })
         }
+        Command::CopyLayer { to, .. } => Some(Traffic { read_bytes: bytes(*to), written_bytes: bytes(*to), ..Traffic::default() }),
         Command::Compute(compute) => Some(of_dispatch(schedule, compute, tiles)?),
         Command::Host(host) => Some(of_host(host, &bytes)),
         Command::Late(_) => Some(Traffic::default()),

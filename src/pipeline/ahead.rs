@@ -99,7 +99,7 @@ fn is_sized_on_device(command: &Command) -> bool {
             matches!(raster.draws, Draws::Instances { .. }) && raster.colours.iter().all(|target| target.clear.is_none()) && raster.depth.is_none()
         }
         Command::Host(host) => host.twin.is_some(),
-        Command::Clear(_) | Command::Copy { .. } | Command::CopyToBuffer { .. } | Command::Late(_) => false,
+        Command::Clear(_) | Command::Copy { .. } | Command::CopyToBuffer { .. } | Command::CopyLayer { .. } | Command::Late(_) => false,
     }
 }
 

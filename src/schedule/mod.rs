@@ -292,6 +292,15 @@ pub enum Command {
         /// [bytes]
         offset: u64,
     },
+    /// Copies one image of a texture to another texture.
+    CopyLayer {
+        /// What is copied.
+        from: Resource,
+        /// Which of its images.
+        layer: u32,
+        /// A texture of one layer, of the same size and format.
+        to: Resource,
+    },
     /// A dispatch.
     Compute(Compute),
     /// Draws.
@@ -403,13 +412,15 @@ pub enum Blend {
     Add,
 }
 
-/// Reverse Z: cleared to 0, the greater value is nearer.
+/// Reverse Z: 0 is farthest, the greater value is nearer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DepthTarget {
     /// Of [`Format::Depth32Float`].
     pub texture: Resource,
     /// Which of its images.
     pub layer: u32,
+    /// Whether it starts from 0, or keeps what is there.
+    pub clears: bool,
 }
 
 /// How much is drawn.
@@ -752,6 +763,15 @@ impl Schedule {
         collect(&self.steps, &mut nodes);
         nodes
     }
+
+    /// What the commands of each node touch, scene parts aside.
+    pub fn resources_of_nodes(&self) -> BTreeMap<&str, BTreeSet<Resource>> {
+        let mut touched: BTreeMap<&str, BTreeSet<Resource>> = BTreeMap::new();
+        for node in self.nodes() {
+            touched.entry(&node.name).or_default().extend(node.commands.iter().flat_map(Command::resources));
+        }
+        touched
+    }
 }
 
 impl Command {
@@ -759,7 +779,7 @@ impl Command {
     pub fn resources(&self) -> Vec<Resource> {
         match self {
             Self::Clear(resource) => vec![*resource],
-            Self::Copy { from, to } | Self::CopyToBuffer { from, to, .. } => vec![*from, *to],
+            Self::Copy { from, to } | Self::CopyToBuffer { from, to, .. } | Self::CopyLayer { from, to, .. } => vec![*from, *to],
             Self::Compute(compute) => compute.program.bindings.iter().map(|b| b.1).collect(),
             Self::Raster(raster) => {
                 let mut all: Vec<_> = raster.program.bindings.iter().map(|b| b.1).collect();

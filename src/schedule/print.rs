@@ -55,7 +55,9 @@ impl Schedule {
     fn command_to_text(&self, command: &Command) -> String {
         match command {
             Command::Clear(resource) => format!("clear {}", self.resource(*resource).name),
-            Command::Copy { from, to } | Command::CopyToBuffer { from, to, .. } => format!("copy {} to {}", self.resource(*from).name, self.resource(*to).name),
+            Command::Copy { from, to } | Command::CopyToBuffer { from, to, .. } | Command::CopyLayer { from, to, .. } => {
+                format!("copy {} to {}", self.resource(*from).name, self.resource(*to).name)
+            }
             Command::Compute(c) => format!("compute {}:{} {}", c.program.shader, c.entry, self.groups_to_text(&c.groups)),
             Command::Raster(r) => {
                 let targets: Vec<_> = r.colours.iter().map(|t| self.resource(t.texture).name.clone()).collect();

@@ -5,6 +5,7 @@ use super::record::{RECORD_BYTES, REQUEST_BYTES, Record, Request};
 use crate::contract::{Arguments, Description, Encoder, Input, Need, Output, Pass, Port, PortKind, Refusal, Takes, port};
 use crate::math::{
     life::{Life, Word, heard},
+    random::{combine, unit},
     weight,
 };
 use crate::scene::{Scene, bvh::Bvh, needs::Needs};
@@ -92,6 +93,8 @@ struct Due {
 const FLASH: f32 = 0.5;
 /// So many are sampled in each frame in any case: fewer could not tell that a lamp went on.
 const TELLING: usize = 4;
+/// And one in so many of those that were sampled ahead: else what nobody foresaw is not seen until then.
+const ONE_IN: usize = 100;
 
 impl Due {
     /// Those whose time is over and that are seen; those that have waited longest first. A further sample of a picture is of the same time, and has none.
@@ -100,14 +103,15 @@ impl Due {
         let seen = (0..all.len() as u32).filter(|slot| !is_another && all[*slot as usize].unseen == 0);
         let ahead = host.lapse().ahead();
         let (mut slots, mut others): (Vec<u32>, Vec<u32>) = seen.partition(|slot| all[*slot as usize].is_due(ahead));
-        let order = |a: &u32, b: &u32| all[*a as usize].left.total_cmp(&all[*b as usize].left).then(a.cmp(b));
-        let more = TELLING.saturating_sub(slots.len()).min(others.len());
+        let by = |key: fn(u32, &Life) -> f32| move |a: &u32, b: &u32| key(*a, &all[*a as usize]).total_cmp(&key(*b, &all[*b as usize])).then(a.cmp(b));
+        let foreseen = others.iter().filter(|slot| all[**slot as usize].age < 0.0).count();
+        let more = TELLING.max(foreseen / ONE_IN).saturating_sub(slots.len()).min(others.len());
         if more > 0 {
             // Of very many, which are not sorted.
-            others.select_nth_unstable_by(more - 1, order);
+            others.select_nth_unstable_by(more - 1, by(turn_to_tell));
         }
         slots.extend(&others[..more]);
-        slots.sort_by(order);
+        slots.sort_by(by(|_, life| life.left));
         let mut is_due = vec![false; all.len()];
         slots.iter().for_each(|slot| is_due[*slot as usize] = true);
         Self { slots, told: 0, last: 0, is_due }
@@ -136,6 +140,11 @@ impl Due {
         more.iter().for_each(|slot| self.is_due[*slot as usize] = true);
         self.slots.extend(more);
     }
+}
+
+/// Which of those that are not due are sampled first: the next to be due, and of those that were sampled ahead others in each frame, by chance.
+fn turn_to_tell(slot: u32, life: &Life) -> f32 {
+    if life.age < 0.0 { unit(combine(slot, life.age.to_bits())) } else { life.left }
 }
 
 fn request(record: &Record, life: &Life, (scene, bvh, extent): (&Scene, &Bvh, f32)) -> Request {
@@ -182,6 +191,15 @@ mod tests {
         let mut host = MockHost::new(Vec::new(), [4, 4]);
         host.scene.cameras[0].sample.number = 1;
         assert!(Due::of(&host, &all).next(9).is_empty(), "another sample of a picture has none");
+    }
+
+    /// Until what they were sampled for one in a hundred tells whether it is so, others in each frame.
+    #[test]
+    fn some_of_those_that_were_sampled_ahead_tell() {
+        let told = |age: f32| due(&[Life { age, samplings: 1, ..life(9.0) }; 1000]).next(99);
+        let [first, next] = [-3.0, -2.0].map(told);
+        assert_eq!((first.len(), next.len(), told(1.0).len()), (10, 10, 4));
+        assert!(first.iter().filter(|slot| next.contains(slot)).count() < 3, "{first:?} {next:?}");
     }
 
     /// What has jumped is looked for around it, round by round, in the same frame.

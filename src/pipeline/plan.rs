@@ -123,7 +123,7 @@ pub fn plan(
         let found = planner.shapes(&earlier);
         if found == shapes {
             if planner.schedule.window.is_some() {
-                planner.schedule.of_pictures = of_pictures(&members, &dropped);
+                planner.schedule.of_pictures = planner.of_pictures(&members);
             }
             return planner.finish(pipeline, &members, &earlier, dumps, by_albedo).map(Arc::new);
         }
@@ -312,7 +312,8 @@ fn reason_to_drop(node: &Node, members: &[Member<'_>], setting: Setting<'_>, dro
 
 /// Nodes that no output depends on. A loop is used as a whole: its nodes work on each other's memory.
 fn drop_unused<'p>(pipeline: &'p Pipeline, members: &[Member<'p>], dumps: &[&'p str], dropped: &mut BTreeMap<&'p str, String>) {
-    let used = used_by(pipeline.outputs.iter().map(|layer| layer.from.node.as_str()).chain(dumps.iter().copied()).collect(), members, dropped);
+    let shown = pipeline.outputs.iter().map(|layer| layer.from.node.as_str()).chain(dumps.iter().copied()).collect();
+    let used = used_by(shown, members, dropped, |_, _| true);
     for member in members {
         if !used.contains(member.node.name.as_str()) {
             dropped.entry(&member.node.name).or_insert_with(|| "nothing uses it".into());
@@ -320,8 +321,13 @@ fn drop_unused<'p>(pipeline: &'p Pipeline, members: &[Member<'p>], dumps: &[&'p 
     }
 }
 
-/// Those nodes, and all that they depend on.
-fn used_by<'p>(mut waiting: Vec<&'p str>, members: &[Member<'p>], dropped: &BTreeMap<&'p str, String>) -> BTreeSet<&'p str> {
+/// Those nodes, and all that they depend on by edges that count.
+fn used_by<'p>(
+    mut waiting: Vec<&'p str>,
+    members: &[Member<'p>],
+    dropped: &BTreeMap<&'p str, String>,
+    counts: impl Fn(&Node, &Edge) -> bool,
+) -> BTreeSet<&'p str> {
     let by_name: BTreeMap<&str, &Member<'p>> = members.iter().map(|member| (member.node.name.as_str(), member)).collect();
     let mut used: BTreeSet<&str> = BTreeSet::new();
     while let Some(name) = waiting.pop() {
@@ -329,20 +335,13 @@ fn used_by<'p>(mut waiting: Vec<&'p str>, members: &[Member<'p>], dropped: &BTre
         if !used.insert(name) {
             continue;
         }
-        waiting.extend(member.node.inputs.iter().filter_map(|edge| Some(stand_in(edge, members, dropped)?.from.node.as_str())));
+        let edges = member.node.inputs.iter().filter(|edge| counts(member.node, edge));
+        waiting.extend(edges.filter_map(|edge| Some(stand_in(edge, members, dropped)?.from.node.as_str())));
         if let Some(within) = member.within {
             family(within, &mut |inner| waiting.push(&inner.name));
         }
     }
     used
-}
-
-/// Nodes that no record depends on: what changes a cache, and all that this needs, leaves them out.
-fn of_pictures<'p>(members: &[Member<'p>], dropped: &BTreeMap<&'p str, String>) -> BTreeSet<String> {
-    let changes = |node: &Node| matches!(node.work, Work::Pass(_)) && node.description().inputs.iter().any(|input| input.changes);
-    let living = members.iter().map(|member| member.node).filter(|node| changes(node)).map(|node| node.name.as_str()).collect();
-    let used = used_by(living, members, dropped);
-    members.iter().map(|member| member.node.name.as_str()).filter(|name| !used.contains(name)).chain([END_OF_FRAME]).map(str::to_owned).collect()
 }
 
 /// What a fill tells its nodes.
@@ -454,6 +453,21 @@ impl<'a> Planner<'a> {
     fn shapes(&self, edges: &[(&Node, &Edge)]) -> Shapes {
         let keys = edges.iter().filter_map(|(_, edge)| Key::of(edge));
         keys.filter_map(|key| Some((key.clone(), Shape::of(self.ports.get(&key.from)?, &self.schedule)))).collect()
+    }
+
+    /// Nodes that no record depends on: what changes a cache, and all that it looks at, leaves them out.
+    fn of_pictures(&self, members: &[Member<'_>]) -> BTreeSet<String> {
+        let adds = |input: &Input| input.changes && input.accepts == PortKind::RecordCache;
+        let changes = |node: &Node| matches!(node.work, Work::Pass(_)) && node.description().inputs.iter().any(adds);
+        let living = members.iter().map(|member| member.node).filter(|node| changes(node)).map(|node| node.name.as_str()).collect();
+        let touched = self.schedule.resources_of_nodes();
+        let looks_at = |node: &Node, edge: &Edge| {
+            let brought = self.ports.get(&edge.from.to_string()).map_or_else(Vec::new, Port::resources);
+            // A port may tell no more than how something was made.
+            brought.is_empty() || brought.iter().any(|resource| touched.get(node.name.as_str()).is_some_and(|touched| touched.contains(resource)))
+        };
+        let used = used_by(living, members, self.dropped, looks_at);
+        members.iter().map(|member| member.node.name.as_str()).filter(|name| !used.contains(name)).chain([END_OF_FRAME]).map(str::to_owned).collect()
     }
 
     /// Commands that keep what the sources of some keys hold now.

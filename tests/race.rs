@@ -7,10 +7,14 @@ type Failure = Box<dyn std::error::Error>;
 
 #[path = "../benches/race/curve.rs"]
 mod curve;
+#[path = "../benches/frames/list.rs"]
+mod frames;
 #[path = "../benches/race/kept.rs"]
 mod kept;
 #[path = "../benches/race/machine.rs"]
 mod machine;
+#[path = "../benches/race/peers.rs"]
+mod peers;
 #[path = "../benches/race/programs.rs"]
 mod programs;
 #[path = "../benches/race/report.rs"]
@@ -468,5 +472,31 @@ mod the_series {
         };
         assert!(costs(&["tiles"], &[]).holds("tiles") && !costs(&["tiles"], &[]).holds("splats"));
         assert!(!costs(&[], &["tiles"]).holds("tiles") && costs(&[], &["tiles"]).holds("splats"));
+    }
+}
+
+mod the_frames {
+    use crate::frames::List;
+    use hemisplat::{
+        passes::REGISTRY,
+        pipeline::load,
+        scene::load::{LoadOptions, load as scene},
+    };
+    use std::path::Path;
+
+    #[test]
+    fn the_list_is_read_and_its_scenes_move() {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+        let text = std::fs::read_to_string(root.join("benches/frames.ron")).unwrap();
+        let list = List::read(&text).unwrap();
+        for case in &list.scenes {
+            let scene = scene(&root.join(format!("scenes/{}.ron", case.name)), &LoadOptions::default()).unwrap();
+            assert!(!scene.animation.is_empty() && scene.animation.length() > f64::from(case.frames) / case.fps / 2.0, "{}", case.name);
+        }
+        for pipeline in &list.pipelines {
+            assert!(load(pipeline, &[], REGISTRY, &mut |_| Err(std::io::ErrorKind::NotFound.into())).is_ok(), "{pipeline}");
+        }
+        assert!(!list.denoised.is_empty() && list.only(Some("hall")).unwrap_err().contains("cube"));
+        assert!(List::read(&text.replace("runs: 3", "runs: 0")).is_err() && List::read(&text.replace("fps: 8", "fps: -8")).is_err());
     }
 }

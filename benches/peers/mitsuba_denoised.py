@@ -21,17 +21,17 @@ QUALITY = {"fast": pyoidn.OIDN_QUALITY_FAST, "balanced": pyoidn.OIDN_QUALITY_BAL
 EPSILON = 1e-4
 
 
-def gbuffer(scene, camera, size):
+def gbuffer(scene, camera, width, height):
     """Position, normal toward the eye, and whether anything is seen, at all pixels' centres; all of it within one kernel."""
-    lane = dr.arange(mi.UInt32, size * size)
+    lane = dr.arange(mi.UInt32, width * height)
     d = np.array(camera["direction"], float) / np.linalg.norm(camera["direction"])
     right = np.cross(d, camera["up"])
     right /= np.linalg.norm(right)
     up = np.cross(right, d)
     opaque = lambda v: mi.Vector3f(*[dr.opaque(mi.Float, float(c)) for c in v])
     extent = dr.opaque(mi.Float, float(np.tan(np.radians(camera["fov"]) / 2)))
-    x = ((mi.Float(lane % size) + 0.5) / size * 2 - 1) * extent
-    y = (1 - (mi.Float(lane // size) + 0.5) / size * 2) * extent
+    x = ((mi.Float(lane % width) + 0.5) / width * 2 - 1) * extent
+    y = (1 - (mi.Float(lane // width) + 0.5) / height * 2) * extent * (height / width)
     towards = dr.normalize(opaque(d) + x * opaque(right) + y * opaque(up))
     hit = scene.ray_intersect(mi.Ray3f(mi.Point3f(opaque(camera["eye"])), towards))
     seen = hit.is_valid()
@@ -60,9 +60,9 @@ def cast(scene, point, normal, seen, lights, across, along, bounces):
     return total
 
 
-def array(v, size):
-    """A drjit vector as (size, size, 3)."""
-    return np.ascontiguousarray(np.array(dr.ravel(v), dtype=np.float32).reshape(size, size, 3))
+def array(v, width, height):
+    """A drjit vector as (height, width, 3)."""
+    return np.ascontiguousarray(np.array(dr.ravel(v), dtype=np.float32).reshape(height, width, 3))
 
 
 def check(device):
@@ -93,15 +93,15 @@ def denoise(colour, albedo, normal, quality):
 
 
 def picture(scene, case, size, rays, quality, bounces):
-    """The denoised irradiance, and when each part was done."""
+    """The denoised irradiance of so many pixels [width, height], and when each part was done."""
     times = [time.monotonic()]
-    point, normal, seen, albedo = gbuffer(scene, case["camera"], size)
-    aux = array(albedo, size), array(normal, size)
+    point, normal, seen, albedo = gbuffer(scene, case["camera"], *size)
+    aux = array(albedo, *size), array(normal, *size)
     times.append(time.monotonic())
     across, along = (dr.opaque(mi.UInt32, strata) for strata in STRATA[rays])
-    noisy = array(cast(scene, point, normal, seen, case["lights"], across, along, dr.opaque(mi.UInt32, bounces)), size)
+    noisy = array(cast(scene, point, normal, seen, case["lights"], across, along, dr.opaque(mi.UInt32, bounces)), *size)
     times.append(time.monotonic())
-    out = np.maximum(denoise(noisy, *aux, quality), 0) * np.array(seen).reshape(size, size, 1)
+    out = np.maximum(denoise(noisy, *aux, quality), 0) * np.array(seen).reshape(*size[::-1], 1)
     times.append(time.monotonic())
     return out, times
 
@@ -122,8 +122,8 @@ def main():
     mesh = reference.ply(a.scenes / case["obj"], a.out / f"{a.case}.ply")
     bsdf = reference.diffuse([case["reflectance"]] * 3)
     scene = mi.load_dict({"type": "scene", "mesh": {"type": "ply", "filename": str(mesh), "face_normals": True, "bsdf": bsdf}})
-    picture(scene, case, 16, a.rays, a.quality, a.bounces)
-    out, (start, seen, cast_at, end) = picture(scene, case, a.size, a.rays, a.quality, a.bounces)
+    picture(scene, case, [16, 16], a.rays, a.quality, a.bounces)
+    out, (start, seen, cast_at, end) = picture(scene, case, [a.size, a.size], a.rays, a.quality, a.bounces)
     reference.write(a.out / f"{a.case}.indirect.exr", out, a.size, a.size)
     parts = {"gbuffer": seen - start, "rays": cast_at - seen, "denoiser": end - cast_at}
     json.dump({"case": a.case, "size": a.size, "samples": a.rays, "bounces": a.bounces, "quality": a.quality, "seconds": end - start, "parts": parts, "mean": float(out.mean())}, sys.stdout)

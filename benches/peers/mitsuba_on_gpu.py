@@ -35,7 +35,7 @@ def seconds(work, runs):
 
 
 def paths(case, scene, size, rays, bounces):
-    point, normal, seen, _ = peer.gbuffer(scene, case["camera"], size)
+    point, normal, seen, _ = peer.gbuffer(scene, case["camera"], size, size)
     across, along = (dr.opaque(mi.UInt32, strata) for strata in peer.STRATA[rays])
     dr.eval(peer.cast(scene, point, normal, seen, case["lights"], across, along, dr.opaque(mi.UInt32, bounces)))
 

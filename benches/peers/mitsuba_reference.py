@@ -96,7 +96,7 @@ def direct_irradiance(scene, point, normal, active, lights, epsilon):
     origin = point + epsilon * normal
     total = [mi.Float(0)] * 3
     for light in lights:
-        to = mi.Vector3f(*[float(x) for x in light["position"]]) - origin
+        to = mi.Vector3f(*light["position"]) - origin
         r = dr.norm(to)
         cosine = dr.maximum(dr.dot(normal, to / r), 0)
         ray = mi.Ray3f(origin, to / r)

@@ -6,6 +6,7 @@
 mod curve;
 mod kept;
 mod machine;
+mod peers;
 mod programs;
 mod report;
 mod settings;

@@ -4,6 +4,7 @@ use crate::{
     Failure,
     kept::{Run, read},
     machine::{self, Done, Machine, checksum, finish, root},
+    peers::Peers,
     settings::{Case, Denoised, Hemisplat, Mitsuba, Race, Radiance, Setting, Start},
 };
 use hemisplat::measure::Errors;
@@ -37,7 +38,7 @@ pub struct Versions {
 
 pub struct Programs {
     hemisplat: PathBuf,
-    python: PathBuf,
+    peers: Peers,
     scenes: PathBuf,
     pub versions: Versions,
     pub machine: Machine,
@@ -58,11 +59,6 @@ struct Printed {
     facts: Value,
 }
 
-fn peers_home() -> PathBuf {
-    let default = || PathBuf::from(env::var_os("HOME").unwrap_or_default()).join(".cache/hemisplat-peers");
-    env::var_os("PEERS_HOME").map_or_else(default, PathBuf::from)
-}
-
 fn scenes() -> Result<PathBuf, Failure> {
     let folder = env::var_os("HEMISPLAT_SCENES").map(PathBuf::from);
     folder.ok_or_else(|| "HEMISPLAT_SCENES names no folder: it is to hold sibenik/sibenik.obj and sponza/sponza.obj (docs/scenes.md)".into())
@@ -72,24 +68,15 @@ impl Programs {
     /// Finds them, or says what is missing and how to get it.
     pub fn find(hemisplat: &Path) -> Result<Self, Failure> {
         let (hemisplat, version) = machine::hemisplat(hemisplat)?;
-        let python = peers_home().join("bin/python");
-        if !python.is_file() {
-            return Err(format!("Radiance, Mitsuba and Open Image Denoise are not in {}: `./bench peers` installs them there", peers_home().display()).into());
-        }
-        let script = |name: &str| root().join("benches/peers").join(name);
-        let ask = "from importlib.metadata import version; print(version('pyradiance'), version('mitsuba'), version('pyoidn'))";
-        let missing = |why: String| format!("the peers do not tell their versions: run `./bench peers`\n{why}");
-        let printed = finish(Command::new(&python).args(["-c", ask])).map_err(|error| missing(error.to_string()))?;
-        let printed = String::from_utf8(printed.stdout)?;
-        let [pyradiance, mitsuba, pyoidn] = printed.split_whitespace().collect::<Vec<_>>()[..] else { return Err(missing(printed).into()) };
+        let peers = Peers::find()?;
         let versions = Versions {
             hemisplat: version,
-            radiance: format!("pyradiance {pyradiance} ({})", checksum(&[&script("radiance.py")])?),
-            mitsuba: format!("{mitsuba} ({})", checksum(&[&script("mitsuba_reference.py"), &script("windows.py"), &script("mitsuba_cast.py")])?),
-            denoiser: format!("pyoidn {pyoidn} ({})", checksum(&[&script("mitsuba_denoised.py")])?),
+            radiance: peers.radiance(&["radiance.py"])?,
+            mitsuba: peers.mitsuba(&["mitsuba_reference.py", "windows.py", "mitsuba_cast.py"])?,
+            denoiser: peers.denoiser(&["mitsuba_denoised.py"])?,
         };
         let machine = Machine::find(&hemisplat)?;
-        Ok(Self { hemisplat, python, scenes: scenes()?, versions, machine })
+        Ok(Self { hemisplat, peers, scenes: scenes()?, versions, machine })
     }
 
     /// Stands for all that is drawn: geometry, light, camera.
@@ -136,8 +123,8 @@ impl Programs {
     }
 
     fn script(&self, name: &str, case: &Case, numbers: &[(&str, String)]) -> Command {
-        let mut command = Command::new(&self.python);
-        command.arg(Path::new("benches/peers").join(name)).arg(&case.name);
+        let mut command = self.peers.script(name);
+        command.arg(&case.name);
         command.args(numbers.iter().flat_map(|(name, value)| [*name, value]));
         command
     }

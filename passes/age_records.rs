@@ -1,6 +1,7 @@
 //! Records of earlier frames come to this one: moved with what they sit on, a frame older, and dropped where nobody has seen them for long.
 
 use super::lives::{first, needed_where_it_moves, off, surface_under, word};
+use super::living_radiance::{self, Expansions};
 use super::record::{RECORD_BYTES, Record, pinhole, texels};
 use crate::contract::{Arguments, Description, Encoder, Input, Need, Output, Parameter, ParameterKind, Pass, Port, PortKind, Refusal, Takes, port};
 use crate::math::{
@@ -64,15 +65,17 @@ impl Pass for AgeRecords {
                 "give their RecordCache the parameter `lasts: Changes`",
             ));
         };
-        if cache.coefficients.is_some() {
-            return Err(Refusal::new(
-                "plan::lives_of_radiance",
-                "records of radiance do not live on while the scene changes",
-                "leave AgeRecords, DueRecords and RenewRecords away, so that each frame has records of its own",
-            ));
-        }
         let (most, rule) = (e.arguments.integer("lifespan") as f32, cache.rule);
         let longest = e.arguments.integer("window") as u32;
+        let expansions = living_radiance::Place::of(&cache)?;
+        if expansions.is_some() && longest > 1 {
+            return Err(Refusal::of_parameter(
+                "window",
+                "plan::radiance_ahead",
+                "records of radiance are not sampled ahead",
+                "leave `window` away where records keep coefficients of lobes",
+            ));
+        }
         let foresight = (longest > 1).then(|| Foresight::declare(e, longest, cache.capacity, lives.known));
         let goals = foresight.map(|foresight| foresight.ahead.goals);
         let (dropped, frames) = (e.variable("dropped", false), e.variable("frames", true));
@@ -84,7 +87,9 @@ impl Pass for AgeRecords {
         let mut reads =
             vec![Read::counted(cache.records, RECORD_BYTES, cache.count), Read::whole(lives.items), Read::whole(gbuffer.position), Read::whole(places)];
         reads.extend(goals.map(|goals| Read::counted(goals, RECORD_BYTES, lives.known)));
-        e.host("age", &reads, &own.into_iter().chain(goals).collect::<Vec<_>>(), move |host| {
+        reads.extend(expansions.iter().flat_map(|place| place.reads(&cache, &lives)));
+        let writes: Vec<Resource> = own.into_iter().chain(goals).chain(expansions.iter().flat_map(|place| [place.shown, place.goals])).collect();
+        e.host("age", &reads, &writes, move |host| {
             // Further samples of a picture are of the same time.
             if host.camera().0.sample.number > 0 {
                 return Ok(());
@@ -95,6 +100,7 @@ impl Pass for AgeRecords {
                 records: first(host, cache.records, count),
                 lives: first(host, lives.items, count),
                 goals: goals.map(|goals| first(host, goals, known)),
+                expansions: expansions.map(|place| Expansions::of(place, host, count, known)),
             };
             let ground = Ground::of(host);
             let now = ground.bounds();
@@ -117,6 +123,7 @@ impl Pass for AgeRecords {
             host.write(cache.records, 0, bytemuck::cast_slice(&kept.records));
             host.write(lives.items, 0, bytemuck::cast_slice(&kept.lives));
             goals.iter().zip(&kept.goals).for_each(|(buffer, goals)| host.write(*buffer, 0, bytemuck::cast_slice(goals)));
+            kept.expansions.iter().for_each(|expansions| expansions.write(host));
             let now: Vec<[Vec4; 2]> = now.iter().map(|bounds| [bounds.min.extend(0.0), bounds.max.extend(0.0)]).collect();
             host.write(places, 0, bytemuck::cast_slice(&now));
             Ok(())
@@ -177,6 +184,8 @@ struct Kept {
     lives: Vec<Life>,
     /// What those go over to that were sampled ahead, if any ever are.
     goals: Option<Vec<Record>>,
+    /// Of records of radiance.
+    expansions: Option<Expansions>,
 }
 
 impl Kept {
@@ -189,6 +198,7 @@ impl Kept {
         retain(&mut self.records, &kept);
         retain(&mut self.lives, &kept);
         self.goals.iter_mut().for_each(|goals| retain(goals, &kept));
+        self.expansions.iter_mut().for_each(|expansions| expansions.retain(&kept));
     }
 }
 
@@ -368,15 +378,19 @@ impl<'a> Ground<'a> {
     /// Time passes, after so many frames in which the scene has not changed.
     fn age(&self, kept: &mut Kept, seen: &Seen<'_>, still: u32) {
         let (passed, ages) = (self.lapse.frames as f32, kept.lives.iter().map(|life| life.age).collect::<Vec<_>>());
-        kept.lives.par_iter_mut().zip(&mut kept.records).for_each(|(life, record)| {
-            let is_there = carry(record, map_of(self.motions, life.mover()));
+        let turned = kept.lives.par_iter_mut().zip(&mut kept.records).map(|(life, record)| {
+            let (map, before) = (map_of(self.motions, life.mover()), record.place()[1]);
+            let is_there = carry(record, map);
             let changed = life.changes();
             *life = life.aged(passed, life.age >= 0.0 && life.age < still as f32);
             if changed || life.changes() {
                 record.set_irradiance(life.light());
             }
             life.unseen = if is_there && seen.shows(record.place()[0], record.footprint()) { 0 } else { life.unseen + 1 };
+            map.filter(|_| is_there).map_or(0.0, |map| living_radiance::turn(map, before, record.place()[1]))
         });
+        let angles: Vec<f64> = turned.collect();
+        kept.expansions.iter_mut().for_each(|expansions| expansions.age(&kept.lives, &ages, &angles));
         if let Some(goals) = &mut kept.goals {
             let all = goals.par_iter_mut().zip(&mut kept.records).zip(kept.lives.par_iter().zip(&ages));
             all.for_each(|((goal, record), (life, before))| self.approach(record, goal, life, *before));
@@ -526,7 +540,7 @@ mod tests {
         let mut host = host();
         let of = |slope: f32| Record::from(&weight::Record { translation: [slope * Vec3::X; 3], radius: 1.0 + slope, ..mock::record() });
         let life = Life { left: 9.0, ..Life::new(Vec3::ONE, 1, None, 9.0) };
-        let mut kept = Kept { records: vec![of(0.0)], lives: vec![life], goals: Some(vec![of(8.0)]) };
+        let mut kept = Kept { records: vec![of(0.0)], lives: vec![life], goals: Some(vec![of(8.0)]), expansions: None };
         let mut shown = Vec::new();
         for (frames, is_ahead) in [(4, true), (-3, false), (1, false), (1, false), (1, false), (1, false)] {
             host.lapse = Lapse { frames, is_ahead };

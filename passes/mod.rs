@@ -22,6 +22,7 @@ pub mod indirect_light;
 pub mod irradiance_field;
 pub mod irradiance_sum;
 pub mod lives;
+pub mod living_radiance;
 pub mod lobe_coefficients;
 pub mod lobe_rays;
 #[cfg(test)]

@@ -176,11 +176,15 @@ impl Pass for RecordCache {
             lasts,
             lives: lives.then(|| {
                 let known = e.variable("known", true);
-                port::Lives { items: e.history_items("lives", capacity, size_of::<Life>() as u64, known), known, ahead: None }
+                let items = e.history_items("lives", capacity, size_of::<Life>() as u64, known);
+                let bytes = |kept: port::Coefficients| port::Coefficients::bytes(kept.order, kept.precision);
+                let expansions = coefficients.map(|kept| e.history_items("goals", capacity, bytes(kept), known));
+                port::Lives { items, known, ahead: None, expansions }
             }),
         };
         if let Some(lives) = cache.lives {
-            e.survives(&[cache.records, lives.items], &[cache.count, lives.known]);
+            let expansions = cache.coefficients.map(|kept| kept.values).into_iter().chain(lives.expansions);
+            e.survives(&[cache.records, lives.items].into_iter().chain(expansions).collect::<Vec<_>>(), &[cache.count, lives.known]);
         }
         e.output("cache", Port::RecordCache(cache));
         Ok(())

@@ -1,6 +1,7 @@
 //! Records that were sampled anew take the place of the old ones.
 
 use super::lives::{first, needed_where_it_moves};
+use super::living_radiance;
 use super::record::{RECORD_BYTES, Record, level};
 use crate::contract::{Arguments, Description, Encoder, Input, Need, Output, Parameter, ParameterKind, Pass, Port, PortKind, Refusal, Takes, port};
 use crate::math::{
@@ -9,6 +10,7 @@ use crate::math::{
 };
 use crate::scene::needs::Needs;
 use crate::schedule::*;
+use glam::Vec4;
 
 pub struct RenewRecords;
 
@@ -74,32 +76,70 @@ impl Pass for RenewRecords {
                 "take those of a DueRecords, of the same records",
             ));
         };
-        encode_on_host(e, cache, lives, (new, slots));
+        let expansions = living_radiance::Place::of(&cache)?.map(|place| Ok::<_, Refusal>((place, expansions_of(e, &new, place)?))).transpose()?;
+        encode_on_host(e, (cache, lives), (new, slots), expansions);
         e.output("cache", Port::RecordCache(cache));
         Ok(())
     }
 }
 
-fn encode_on_host(e: &mut Encoder<'_>, cache: port::RecordCache, lives: port::Lives, (new, slots): (port::Records, Resource)) {
+/// Where those of new records stand that take the place of others of that order.
+fn expansions_of(e: &Encoder<'_>, new: &port::Records, place: living_radiance::Place) -> Result<Resource, Refusal> {
+    if e.arguments.bool("extrapolates") {
+        return Err(Refusal::of_parameter(
+            "extrapolates",
+            "plan::slopes_of_radiance",
+            "records of radiance do not go on changing between their samplings",
+            "leave `extrapolates` away where records keep coefficients of lobes",
+        ));
+    }
+    let kept = new.coefficients.filter(|kept| kept.order == place.order);
+    kept.map(|kept| kept.values).ok_or_else(|| {
+        Refusal::new(
+            "plan::coefficients",
+            "the cache keeps coefficients of radiance that the new records do not have",
+            "project the tiles with a RadianceProjection of the same lobes before the records take the place of others",
+        )
+    })
+}
+
+fn encode_on_host(
+    e: &mut Encoder<'_>,
+    (cache, lives): (port::RecordCache, port::Lives),
+    (new, slots): (port::Records, Resource),
+    expansions: Option<(living_radiance::Place, Resource)>,
+) {
     let [most, fade] = ["lifespan", "fade"].map(|name| e.arguments.integer(name) as f32);
     let lifespan = Lifespan { change: e.arguments.float("change") as f32, most, extrapolates: e.arguments.bool("extrapolates"), fade };
-    let reads = [
+    let mut reads = vec![
         Read::counted(cache.records, RECORD_BYTES, cache.count),
         Read::whole(lives.items),
         Read::counted(new.records, RECORD_BYTES, new.count),
         Read::counted(slots, 4, new.count),
     ];
-    let writes: Vec<Resource> = [cache.records, lives.items].into_iter().chain(lives.ahead.map(|ahead| ahead.goals)).collect();
+    let mut writes: Vec<Resource> = [cache.records, lives.items].into_iter().chain(lives.ahead.map(|ahead| ahead.goals)).collect();
+    if let Some((place, sampled)) = &expansions {
+        reads.extend(place.reads(&cache, &lives));
+        reads.push(Read::counted(*sampled, 16 * place.fours() as u64, new.count));
+        writes.extend([place.shown, place.goals]);
+    }
     e.host("renew", &reads, &writes, move |host| {
         let renewed = host.variable(new.count) as usize;
         let (fresh, slots): (Vec<Record>, Vec<u32>) = (first(host, new.records, renewed), first(host, slots, renewed));
         let known: &[Record] = &bytemuck::cast_slice(host.read(cache.records))[..host.variable(lives.known) as usize];
         let (level, ahead) = (level(known.iter()), host.lapse().ahead());
         let mut judged = ahead.map(|frames| Judged { frames, counts: [0; 3] });
-        for (record, slot) in fresh.into_iter().zip(slots.into_iter().map(|slot| slot as usize)) {
+        let sampled: Option<Vec<Vec4>> = expansions.map(|(place, sampled)| first(host, sampled, renewed * place.fours()));
+        for (number, (record, slot)) in fresh.into_iter().zip(slots.into_iter().map(|slot| slot as usize)).enumerate() {
             let at = slot * size_of::<Life>();
             let before: Life = bytemuck::pod_read_unaligned(&host.read(lives.items)[at..at + size_of::<Life>()]);
-            let (record, life) = renewed_record(record, before, (&cache.rule, &lifespan, level), ahead);
+            let (record, mut life) = renewed_record(record, before, (&cache.rule, &lifespan, level), ahead);
+            if let Some(((place, _), sampled)) = expansions.zip(sampled.as_ref()) {
+                let sampled = &sampled[number * place.fours()..][..place.fours()];
+                let [since_sampled, from_shown] = place.changes(host, slot, sampled);
+                life = life.judged_by(since_sampled, &before, &lifespan);
+                place.renew(host, slot, sampled, life.seen_at_once(from_shown, &lifespan));
+            }
             judged.iter_mut().for_each(|judged| judged.judge([&before, &life], FLOOR * level, &lifespan));
             // What jumps until then stays as it is.
             let place = if ahead.is_none() { Some(cache.records) } else { lives.ahead.map(|ahead| ahead.goals).filter(|_| life.jumped == 0) };

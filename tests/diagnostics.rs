@@ -132,7 +132,6 @@ fn files() -> BTreeMap<&'static str, Vec<u8>> {
         ("white.ron", scene("Diffuse(reflectance: (0.5, 0.5, 0.5))").into_bytes()),
         ("glossy.ron", scene("Phong(reflectance: (0.5, 0.5, 0.5), specular: (0.1, 0.1, 0.1), exponent: 10)").into_bytes()),
         ("moving.ron", MOVING.as_bytes().to_vec()),
-        ("ageing.ron", AGEING.as_bytes().to_vec()),
         ("elsewhere.ron", ELSEWHERE.as_bytes().to_vec()),
         ("lobes.ron", lobes(4)),
         ("grey.exr", grey()),
@@ -171,11 +170,6 @@ const MOVING: &str = r#"Scene(version: 1, geometry: [Quad(corners: ((0, 0, 0), (
     lights: [Point(position: Linear([(0, (0, 1, 0)), (1, (1, 1, 1))]), intensity: (1, 1, 1))],
     cameras: { "a": (eye: (3, 3, 3), target: (0, 0, 0), fov: 40, size: (8, 8)) })"#;
 
-/// Records of radiance are to live on.
-const AGEING: &str = r#"Variant(version: 1, about: "a", of: "radiance.ron",
-    add: { "glossy_fill": [(name: "aged", pass: AgeRecords(of: "glossy_cache", gbuffer: "glossy"))] },
-    set: { "glossy_cache.lasts": Changes, "glossy_splats.records": "aged", "glossy_added.to": "aged" })"#;
-
 /// Records are to be replaced by some of other places.
 const ELSEWHERE: &str = r#"Variant(version: 1, about: "a", of: "irradiance-temporal.ron",
     add: { "renew": [(name: "spots", pass: PathVertices(gbuffer: "gbuffer", paths: 64, legs: 1, records: 16))] },
@@ -183,7 +177,7 @@ const ELSEWHERE: &str = r#"Variant(version: 1, about: "a", of: "irradiance-tempo
 
 /// Code and arguments, one case each, and whether a GPU is needed.
 #[rustfmt::skip]
-const CASES: [(&str, &str, bool); 81] = [
+const CASES: [(&str, &str, bool); 83] = [
     ("plan::coarsest", "check irradiance --scene white.ron --set misses.by=Grid(coarsest:3)", false),
     ("plan::finest", "check irradiance --scene white.ron --set misses.by=Grid(finest:3)", false),
     ("plan::light_of_sources", "check photon --scene white.ron --set direct.emitters=Records", false),
@@ -194,7 +188,9 @@ const CASES: [(&str, &str, bool); 81] = [
     ("plan::spacing", "check irradiance --scene white.ron --set cache.minimum_spacing=9 --set cache.maximum_spacing=1", false),
     ("plan::tile", "check irradiance-hemicube --scene white.ron --set tiles.resolution=5", false),
     ("plan::lives", "check irradiance-temporal --scene cube --set cache.lasts=Always", false),
-    ("plan::lives_of_radiance", "check ageing.ron --scene moving.ron", false),
+    ("plan::radiance_ahead", "check radiance-temporal --scene moving.ron --set glossy_aged.window=4", false),
+    ("plan::slopes_of_radiance", "check radiance-temporal --scene moving.ron --set glossy_renewed.extrapolates=true", false),
+    ("plan::halves_that_live", "check radiance-temporal --scene moving.ron --set glossy_cache.coefficients=Half", false),
     ("plan::slots", "check elsewhere.ron --scene cube", false),
     ("plan::taps", "check irradiance --scene corner --set shadow.taps=5", false),
     ("plan::glossy", "check irradiance --scene glossy.ron --strict", false),

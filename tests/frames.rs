@@ -70,6 +70,7 @@ const CASES: &[(&str, Case)] = &[
     ("a_sequence_is_one_animated_picture", movie),
     ("records_live_on_where_the_scene_moves", living),
     ("a_sequence_in_parts_has_the_bits_of_one_in_one_piece", in_parts),
+    ("records_of_radiance_live_on", shining),
     ("frames_that_do_not_follow_are_told_and_sample_all_records_anew", out_of_order),
     ("a_sequence_goes_on_after_the_frames_that_are_there", resumed),
     (INTERRUPTED_AND_RESUMED, interrupted_and_resumed),
@@ -299,8 +300,12 @@ struct Film(Place);
 
 impl Film {
     fn new() -> Result<Self, Failed> {
+        Self::of(MOVING)
+    }
+
+    fn of(scene: &str) -> Result<Self, Failed> {
         let place = Place::new()?;
-        fs::write(place.path("moving.ron"), MOVING).map_err(failed)?;
+        fs::write(place.path("moving.ron"), scene).map_err(failed)?;
         Ok(Self(place))
     }
 
@@ -328,6 +333,27 @@ impl Film {
         })
     }
 
+    /// A sequence is rendered whole, and up to each of these frames in turn: layers and exposed pictures are the same.
+    fn same_in_parts(&self, pipeline: &str, ends: &[u32], more: &[&str]) -> Outcome {
+        let (whole, parts) = (format!("{pipeline}-whole"), format!("{pipeline}-parts"));
+        let last = ends.last().copied().unwrap_or(0);
+        let render = |range: String, name: &str, own: &[&str]| {
+            let [exr, png] = [format!("{name}.exr"), format!("{name}.png")];
+            self.render(pipeline, &range, &exr, &[more, own, &["-o", &png]].concat())
+        };
+        render(format!("0..{last}"), &whole, &[])?;
+        for ends in ends.windows(2) {
+            let notes = render(format!("{}..{}", ends[0], ends[1]), &parts, &["--cache", &format!("{pipeline}.cache")])?;
+            check(!notes.contains("anew"), || format!("{pipeline}, frames {ends:?}: {notes}"))?;
+        }
+        self.same(&whole, &parts, 0..last)?;
+        for frame in 0..last {
+            let [a, b] = [&whole, &parts].map(|name| fs::read(self.0.path(&format!("{name}.{frame:04}.png"))));
+            check(a? == b?, || format!("frame {frame} of {pipeline} is exposed otherwise"))?;
+        }
+        Ok(())
+    }
+
     /// The numbers of the frames that were rendered last.
     fn rendered(&self) -> Result<Vec<u64>, Failed> {
         let stats = self.0.stats()?;
@@ -346,24 +372,47 @@ fn in_parts() -> Outcome {
         ("irradiance-temporal-interpolated", &[0, 1, 2, 3, 4, 7, 10, 12], &["--set", "aged.window=4", "--set", "due_tiles.resolution=8"]),
         ("irradiance-unguided", &[0, 2, 4], &[]),
     ] {
-        let (whole, parts) = (format!("{pipeline}-whole"), format!("{pipeline}-parts"));
-        let last = ends.last().copied().unwrap_or(0);
-        let render = |range: String, name: &str, own: &[&str]| {
-            let [exr, png] = [format!("{name}.exr"), format!("{name}.png")];
-            film.render(pipeline, &range, &exr, &[more, own, &["-o", &png]].concat())
-        };
-        render(format!("0..{last}"), &whole, &[])?;
-        for ends in ends.windows(2) {
-            let notes = render(format!("{}..{}", ends[0], ends[1]), &parts, &["--cache", &format!("{pipeline}.cache")])?;
-            check(!notes.contains("anew"), || format!("{pipeline}, frames {ends:?}: {notes}"))?;
-        }
-        film.same(&whole, &parts, 0..last)?;
-        for frame in 0..last {
-            let [a, b] = [&whole, &parts].map(|name| fs::read(film.0.path(&format!("{name}.{frame:04}.png"))));
-            check(a? == b?, || format!("frame {frame} of {pipeline} is exposed otherwise"))?;
-        }
+        film.same_in_parts(pipeline, ends, more)?;
     }
     Ok(())
+}
+
+/// Records of radiance live on with what they sit on, turned with it, too: what lobes reflect is as it would be made anew, by a part of the tiles; and in parts it has the same bits.
+fn shining() -> Outcome {
+    let rests = [
+        ("\"*\": Diffuse(reflectance: (0.7, 0.6, 0.5))", SHINING),
+        (
+            "translate: Linear([(0, (0.5, 0.5, 1)), (2, (3.5, 0.5, 1))])",
+            "rotate: (axis: (0, 1, 0), degrees: Linear([(0, 0), (2, 30)])), translate: (1, 0.5, 1)",
+        ),
+        ("Step([(0, (0, 0, 0)), (1, (1, 1, 1))])", "(1, 1, 1)"),
+        ("Step([(0, (0, 0, 0)), (0.5, (9, 8, 7))])", "(9, 8, 7)"),
+        ("Linear([(0, (1, 2, 3)), (2, (3, 2, 3))])", "(2, 2, 3)"),
+    ];
+    let film = Film::of(&rests.iter().fold(MOVING.to_owned(), |scene, (from, to)| scene.replace(from, to)))?;
+    let size = ["--set", "glossy_due_tiles.resolution=32", "--set", "glossy_tiles.resolution=32"];
+    let mut tiles = Vec::new();
+    for pipeline in ["radiance", "radiance-temporal"] {
+        film.render(pipeline, "0..9", &format!("{pipeline}.exr"), &size[if pipeline == "radiance" { 2 } else { 0 }..])?;
+        let stats = film.0.stats()?;
+        let made = |frame: &Value| Some(numbers(frame, "glossy_misses", "new_records")? + numbers(frame, "glossy_due", "due_records").unwrap_or(0));
+        tiles.push(stats["frames"].as_array().into_iter().flatten().skip(1).filter_map(made).sum::<u64>());
+    }
+    check(tiles[1] > 0 && 2 * tiles[1] < tiles[0], || format!("{tiles:?} tiles"))?;
+    for frame in 0..9 {
+        let [anew, lived] = ["radiance", "radiance-temporal"].map(|pipeline| film.0.picture(&format!("{pipeline}.{frame:04}.exr")));
+        let [anew, lived] = [anew?.rgb("glossy").map_err(failed)?.concat(), lived?.rgb("glossy").map_err(failed)?.concat()];
+        let apart = anew.iter().zip(&lived).map(|(a, b)| f64::from((a - b).abs())).sum::<f64>() / anew.iter().map(|a| f64::from(*a)).sum::<f64>();
+        check(apart < 0.1, || format!("frame {frame}: what lobes reflect is {:.1} % apart", 100.0 * apart))?;
+    }
+    film.same_in_parts("radiance-temporal", &[0, 2, 5, 6], &size)
+}
+
+/// What all but the lamp is made of, in place of diffuse surfaces.
+const SHINING: &str = r#""*": Phong(reflectance: (0.4, 0.35, 0.3), specular: (0.5, 0.5, 0.5), exponent: 8)"#;
+
+fn numbers(frame: &Value, node: &str, name: &str) -> Option<u64> {
+    frame["passes"].as_array()?.iter().find(|pass| pass["node"] == node)?["numbers"][name].as_u64()
 }
 
 /// Of frames that are left out, of another rate, of a file without a whole frame and of another pipeline.

@@ -27,7 +27,7 @@ const FILES: [&str; 8] = ["std::fs", "File::open", "File::create", "tempfile", "
 /// Where the work is divided among threads; everything else has to run in a browser too. Images are decoded, shaders are built, tiles of rays
 /// cast, summed and projected, records added, aged, asked for, filtered and splatted, their gaps closed, paths walked, misses looked for, skies turned, vertices and triangles moved, photons followed, sorted, gathered and walked through, obstacles looked for, blocks of files compressed side by side,
 /// where rayon has threads to do it.
-const MAY_HAVE_THREADS: [&str; 36] = [
+const MAY_HAVE_THREADS: [&str; 37] = [
     "src/cli/",
     "src/scene/load/image.rs",
     "src/scene/packets/mod.rs",
@@ -48,6 +48,7 @@ const MAY_HAVE_THREADS: [&str; 36] = [
     "passes/filter_records.rs",
     "passes/find_misses/host_grid.rs",
     "passes/irradiance_sum/host.rs",
+    "passes/living_radiance.rs",
     "passes/normalize/coarser.rs",
     "passes/path_vertices.rs",
     "passes/contribution/bands.rs",

@@ -386,6 +386,8 @@ pub struct Lives {
     pub known: Variable,
     /// None where none are sampled ahead.
     pub ahead: Option<Ahead>,
+    /// Of records of radiance: a buffer as that of their coefficients, what these go over to; a history.
+    pub expansions: Option<Resource>,
 }
 
 /// How records are sampled ahead.
@@ -615,6 +617,7 @@ impl RecordCache {
         self.count = memory.variable(self.count);
         if let Some(lives) = &mut self.lives {
             replace(&mut lives.items, memory);
+            lives.expansions.iter_mut().for_each(|goals| replace(goals, memory));
             if let Some(ahead) = &mut lives.ahead {
                 replace(&mut ahead.goals, memory);
                 ahead.judged = ahead.judged.map(|variable| memory.variable(variable));

@@ -129,9 +129,35 @@ impl Life {
 
     /// The light that it shows: what it is taken to be, as far as that has taken the place of what it showed before.
     pub fn light(&self) -> Vec3 {
-        // What goes over to what was sampled ahead shows that alone.
-        let open = if self.age < 0.0 { 0.0 } else { (1.0 - (self.age + 1.0) / self.fade).max(0.0) };
-        (self.expected() - open * Vec3::from(self.step)).max(Vec3::ZERO)
+        (self.expected() - self.open(self.age) * Vec3::from(self.step)).max(Vec3::ZERO)
+    }
+
+    /// The part of a step that is not shown yet at an age. What goes over to what was sampled ahead shows that alone.
+    fn open(&self, age: f32) -> f32 {
+        if age < 0.0 { 0.0 } else { (1.0 - (age + 1.0) / self.fade).max(0.0) }
+    }
+
+    /// The part of the way to what was sampled that it has come since an age.
+    pub fn come_since(&self, age: f32) -> f32 {
+        let (before, now) = (self.open(age), self.open(self.age));
+        if before > now { 1.0 - now / before } else { 0.0 }
+    }
+
+    /// The part that is seen at once, as it is sampled, of a step by such a share: the rest fades in, as far as that is allowed.
+    pub fn seen_at_once(&self, share: f32, lifespan: &Lifespan) -> f32 {
+        if self.jumped != 0 { 1.0 } else { 1.0 - (lifespan.change / share.max(1e-6)).min(1.0) * self.open(0.0) }
+    }
+
+    /// No longer than a share by which something else of it has changed, since it was as `before`, allows. The first time that is chance: it was made by other directions.
+    pub fn judged_by(self, share: f32, before: &Self, lifespan: &Lifespan) -> Self {
+        if before.samplings == 0 {
+            return self;
+        }
+        if share > JUMP {
+            return Self { left: 1.0, jumped: 1, ..self };
+        }
+        let left = before.age.max(1.0) * lifespan.change / share.max(1e-6);
+        Self { left: self.left.min(left.clamp(1.0, lifespan.most)), ..self }
     }
 
     /// After it has been sampled anew: now, or so many frames ahead of the last picture.
@@ -322,6 +348,28 @@ mod tests {
         assert_eq!((life.left, life.age, life.light()), (left, 4.0, Vec3::splat(1.04)));
         assert!(!life.changes());
         assert_eq!((life.aged(1.0, false).left, life.aged(1.0, false).age), (left - 1.0, 5.0));
+    }
+
+    /// What else a record knows fades in as its light does, and lets it live no longer than that allows.
+    #[test]
+    fn what_goes_with_the_light_is_judged_like_it() {
+        let rule = Lifespan { extrapolates: false, fade: 4.0, ..RULE };
+        let before = Life { age: 5.0, samplings: 1, ..Life::new(Vec3::ONE, 7, None, rule.most) };
+        let life = before.renewed(Vec3::splat(1.04), [0.01, 0.0], &rule, 1.0);
+        let mut shown = life.seen_at_once(0.04, &rule);
+        let mut life_now = life;
+        for expected in [0.25, 0.5, 0.75, 1.0, 1.0] {
+            assert!((shown - expected).abs() < 1e-6 && (life_now.light().x - 1.0 - 0.04 * expected).abs() < 1e-6, "{shown} {life_now:?}");
+            let aged = life_now.aged(1.0, false);
+            shown += aged.come_since(life_now.age) * (1.0 - shown);
+            life_now = aged;
+        }
+        assert!((life.seen_at_once(0.5, &rule) - (1.0 - 0.1 * 0.75)).abs() < 1e-6);
+        assert_eq!(life.judged_by(0.01, &before, &rule).left, life.left);
+        assert!((life.judged_by(0.2, &before, &rule).left - 1.25).abs() < 1e-6);
+        let jump = life.judged_by(0.9, &before, &rule);
+        assert_eq!((jump.left, jump.jumped, jump.seen_at_once(0.9, &rule)), (1.0, 1, 1.0));
+        assert_eq!(life.judged_by(0.9, &Life { samplings: 0, ..before }, &rule).left, life.left);
     }
 
     /// What was made by other directions differs by chance, which is no change; the second time there is no chance.

@@ -16,7 +16,7 @@ mod peers;
 
 use clap::Parser;
 use film::{Film, Judged};
-use hemisplat::measure::{IRRADIANCE, Layer, Layers, statistics::Spread};
+use hemisplat::measure::{IRRADIANCE, Layers, statistics::Spread};
 use kept::{Folder, read, write};
 use list::{Case, Denoised, List};
 use machine::{Machine, finish, root};
@@ -231,14 +231,15 @@ impl Way<'_> {
         }
     }
 
-    /// A frame that it has rendered, as the one layer that is judged.
+    /// A frame that it has rendered, as the one layer that is judged. Others write no other layer, under no name.
     fn picture(&self, folder: &Path, frame: usize) -> Result<Layers, Failure> {
-        let mut picture = Layers::read(&read(&folder.join(self.name()).join(format!("frame.{frame:04}.exr")))?)?;
-        let layer = |name: &str| picture.layers.remove(name);
-        let Some(irradiance): Option<Layer> = [IRRADIANCE, ""].into_iter().find_map(layer) else {
-            return Err(format!("{}: frame {frame} has no irradiance", self.name()).into());
+        let Layers { width, height, mut layers, .. } = Layers::read(&read(&folder.join(self.name()).join(format!("frame.{frame:04}.exr")))?)?;
+        let irradiance = match self {
+            Self::Ours(_) => layers.remove(IRRADIANCE),
+            Self::Denoised(_) => layers.into_values().next(),
         };
-        Ok(Layers::new(picture.width, picture.height).with(IRRADIANCE, irradiance))
+        let irradiance = irradiance.ok_or_else(|| format!("{}: frame {frame} has no irradiance", self.name()))?;
+        Ok(Layers::new(width, height).with(IRRADIANCE, irradiance))
     }
 }
 

@@ -475,6 +475,20 @@ mod the_series {
     }
 }
 
+mod the_machine {
+    use crate::machine::Machine;
+    use std::{path::Path, process::Command};
+
+    /// As the program names it today.
+    #[test]
+    fn adapters_are_found_by_name() {
+        let program = Path::new(env!("CARGO_BIN_EXE_hemisplat"));
+        let is_usable = Command::new(program).arg("adapters").status().is_ok_and(|status| status.success());
+        let found = Machine::find(program);
+        assert!(!is_usable || found.as_ref().is_ok_and(|machine| !machine.adapter.is_empty() && !machine.adapter.contains(": ")), "{:?}", found.err());
+    }
+}
+
 mod the_frames {
     use crate::frames::List;
     use hemisplat::{

@@ -112,7 +112,7 @@ fn measure(options: &Options) -> Result<(), Failure> {
     list.runs = options.runs.unwrap_or(list.runs);
     let commit = machine::clean_commit()?;
     let (program, hemisplat) = machine::hemisplat(&options.program)?;
-    let peers = Peers::find()?;
+    let (peers, machine) = (Peers::find()?, Machine::find(&program)?);
     let bench = Bench { list: &list, program: &program, peers: &peers, folder: Folder::new(Path::new("out/bench-frames"))? };
     let scenes = list.scenes.iter().map(|case| bench.scene(case)).collect::<Result<_, _>>()?;
     let report = Report {
@@ -120,7 +120,7 @@ fn measure(options: &Options) -> Result<(), Failure> {
         date: machine::date()?,
         commit,
         changes: machine::changes()?,
-        machine: Machine::find(&program)?,
+        machine,
         hemisplat,
         mitsuba: peers.mitsuba(&["mitsuba_reference.py", "mitsuba_frames.py"])?,
         denoiser: peers.denoiser(&["mitsuba_denoised.py"])?,

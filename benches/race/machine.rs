@@ -79,7 +79,9 @@ pub fn finish(command: &mut Command) -> Result<Done, Failure> {
 impl Machine {
     pub fn find(hemisplat: &Path) -> Result<Self, Failure> {
         let adapters = String::from_utf8(finish(Command::new(hemisplat).arg("adapters"))?.stdout)?;
-        let adapter = adapters.lines().next().and_then(|first| first.strip_suffix(": usable")).ok_or("hemisplat names no usable adapter")?.to_owned();
+        // Behind that its limits are told.
+        let usable = adapters.lines().next().and_then(|first| first.split_once(": usable"));
+        let adapter = usable.map(|(adapter, _)| adapter.to_owned()).ok_or("hemisplat names no usable adapter")?;
         let cpus = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
         let cpu = cpus.lines().find(|line| line.starts_with("model name")).and_then(|line| line.split_once(": "));
         let cores = std::thread::available_parallelism().map_or(1, |count| count.get());

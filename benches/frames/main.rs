@@ -114,8 +114,7 @@ fn measure(options: &Options) -> Result<(), Failure> {
     let (program, hemisplat) = machine::hemisplat(&options.program)?;
     let (peers, machine) = (Peers::find()?, Machine::find(&program)?);
     let bench = Bench { list: &list, program: &program, peers: &peers, folder: Folder::new(Path::new("out/bench-frames"))? };
-    let scenes = list.scenes.iter().map(|case| bench.scene(case)).collect::<Result<_, _>>()?;
-    let report = Report {
+    let mut report = Report {
         schema: 1,
         date: machine::date()?,
         commit,
@@ -126,11 +125,15 @@ fn measure(options: &Options) -> Result<(), Failure> {
         denoiser: peers.denoiser(&["mitsuba_denoised.py"])?,
         size: list.size,
         truth: list.truth,
-        scenes,
+        scenes: Vec::new(),
     };
     let scene = options.scene.as_ref().map_or(String::new(), |scene| format!("-{scene}"));
     let json = options.out.join(format!("{}-frames{scene}.json", report.date));
-    write(&json, &(serde_json::to_string_pretty(&report)? + "\n"))?;
+    for case in &list.scenes {
+        report.scenes.push(bench.scene(case)?);
+        // A run that is stopped keeps the scenes that it has measured.
+        write(&json, &(serde_json::to_string_pretty(&report)? + "\n"))?;
+    }
     let tables = markdown(&report);
     println!("{tables}\nwritten: {}", json.display());
     options.markdown.iter().try_for_each(|file| write(file, &tables))

@@ -124,8 +124,8 @@ mod the_curve {
 }
 
 mod the_machine {
-    use crate::machine::{Usage, finish};
-    use std::process::Command;
+    use crate::machine::{Machine, Usage, finish};
+    use std::{path::Path, process::Command};
 
     const SYSTEM: &str = "cpu  1000 10 200 5000 90 0 10 40 0 0\ncpu0 500 5 100 2500 45 0 5 20 0 0\n";
 
@@ -146,6 +146,15 @@ mod the_machine {
     fn a_command_is_timed_with_what_others_had() {
         let done = finish(Command::new("sh").args(["-c", "sleep 0.2; echo done"])).unwrap();
         assert!(done.seconds >= 0.2 && done.others.is_some_and(|others| (0.0..=1.0).contains(&others)), "{} {:?}", done.seconds, done.others);
+    }
+
+    /// As the program names it today.
+    #[test]
+    fn adapters_are_found_by_name() {
+        let program = Path::new(env!("CARGO_BIN_EXE_hemisplat"));
+        let is_usable = Command::new(program).arg("adapters").status().is_ok_and(|status| status.success());
+        let found = Machine::find(program);
+        assert!(!is_usable || found.as_ref().is_ok_and(|machine| !machine.adapter.is_empty() && !machine.adapter.contains(": ")), "{:?}", found.err());
     }
 }
 
@@ -472,20 +481,6 @@ mod the_series {
         };
         assert!(costs(&["tiles"], &[]).holds("tiles") && !costs(&["tiles"], &[]).holds("splats"));
         assert!(!costs(&[], &["tiles"]).holds("tiles") && costs(&[], &["tiles"]).holds("splats"));
-    }
-}
-
-mod the_machine {
-    use crate::machine::Machine;
-    use std::{path::Path, process::Command};
-
-    /// As the program names it today.
-    #[test]
-    fn adapters_are_found_by_name() {
-        let program = Path::new(env!("CARGO_BIN_EXE_hemisplat"));
-        let is_usable = Command::new(program).arg("adapters").status().is_ok_and(|status| status.success());
-        let found = Machine::find(program);
-        assert!(!is_usable || found.as_ref().is_ok_and(|machine| !machine.adapter.is_empty() && !machine.adapter.contains(": ")), "{:?}", found.err());
     }
 }
 

@@ -32,9 +32,6 @@ use std::{
 
 type Failure = Box<dyn std::error::Error>;
 
-/// Of a run that others disturb.
-const TRIES: u32 = 4;
-
 /// Measure sequences of scenes that move: seconds, errors and flicker of ours, and of denoised path tracing frame by frame
 #[derive(Parser)]
 #[command(name = "./bench frames")]
@@ -160,30 +157,18 @@ impl Bench<'_> {
         let mut seconds: Vec<Vec<f64>> = ways.iter().map(|_| Vec::new()).collect();
         for run in 0..self.list.runs {
             for (way, seconds) in ways.iter().zip(&mut seconds) {
-                let taken = self.undisturbed(case, way, &folder)?;
+                let (taken, _) = machine::undisturbed(&way.name(), self.list.others_at_most, || self.run(case, way, &folder), |(_, others)| *others)?;
                 eprintln!("{} {}/{}: {} {:.3} s a frame", case.name, run + 1, self.list.runs, way.name(), taken);
                 seconds.push(taken);
             }
         }
         let row = |(way, seconds): (&Way, Vec<f64>)| {
             let judged = film.judge(|frame| way.picture(&folder, frame))?;
-            let command = shown(&self.command(case, way, &folder), self.program, &folder);
+            let command = machine::shown(&self.command(case, way, &folder), self.program, &folder);
             let seconds = Spread::of(&seconds).ok_or("nothing was run")?;
             Ok::<_, Failure>(Row { name: way.name(), command, seconds, judged })
         };
         Ok(Told { scene: case.clone(), rows: ways.iter().zip(seconds).map(row).collect::<Result<_, _>>()? })
-    }
-
-    /// The seconds of a frame, once no other process had much of the processors' time meanwhile.
-    fn undisturbed(&self, case: &Case, way: &Way, folder: &Path) -> Result<f64, Failure> {
-        for _ in 0..TRIES {
-            let (seconds, others) = self.run(case, way, folder)?;
-            match others.filter(|others| *others > self.list.others_at_most) {
-                None => return Ok(seconds),
-                Some(others) => eprint!("others had {:.1} %, once more … ", others * 100.0),
-            }
-        }
-        Err(format!("{}: other processes took too much of the machine, {TRIES} times: end them, or say more in `others_at_most`", way.name()).into())
     }
 
     /// Renders the sequence: the mean seconds of its frames, and what others had of the processors meanwhile.
@@ -244,14 +229,6 @@ impl Way<'_> {
         let irradiance = irradiance.ok_or_else(|| format!("{}: frame {frame} has no irradiance", self.name()))?;
         Ok(Layers::new(width, height).with(IRRADIANCE, irradiance))
     }
-}
-
-/// A command as anyone would type it, wherever the programs and files are here.
-fn shown(command: &Command, program: &Path, folder: &Path) -> String {
-    let name = if command.get_program() == program { "hemisplat" } else { "python" };
-    let folder = folder.display().to_string();
-    let arguments = command.get_args().map(|argument| argument.to_string_lossy().replace(&folder, "OUT"));
-    std::iter::once(name.to_owned()).chain(arguments).collect::<Vec<_>>().join(" ")
 }
 
 fn markdown(report: &Report) -> String {

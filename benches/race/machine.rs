@@ -76,6 +76,30 @@ pub fn finish(command: &mut Command) -> Result<Done, Failure> {
     Err(format!("{name} {arguments}\nended with {}:\n{}", output.status, String::from_utf8_lossy(&output.stderr)).into())
 }
 
+/// Of a run that others disturb.
+const TRIES: u32 = 4;
+
+/// Runs until no other process has more than such a share of the processors' time meanwhile, as `others` tells of a run.
+pub fn undisturbed<T>(name: &str, most: f64, run: impl Fn() -> Result<T, Failure>, others: impl Fn(&T) -> Option<f64>) -> Result<T, Failure> {
+    for _ in 0..TRIES {
+        let run = run()?;
+        match others(&run).filter(|others| *others > most) {
+            None => return Ok(run),
+            Some(others) => eprint!("others had {:.1} %, once more … ", others * 100.0),
+        }
+    }
+    let most = most * 100.0;
+    Err(format!("{name}: in {TRIES} runs others had more than {most} % of the processors' time: end what else runs here").into())
+}
+
+/// A command as anyone would type it, wherever hemisplat and files are here.
+pub fn shown(command: &Command, hemisplat: &Path, folder: &Path) -> String {
+    let program = if command.get_program() == hemisplat { "hemisplat" } else { "python" };
+    let folder = folder.display().to_string();
+    let arguments = command.get_args().map(|argument| argument.to_string_lossy().replace(&folder, "OUT"));
+    std::iter::once(program.to_owned()).chain(arguments).collect::<Vec<_>>().join(" ")
+}
+
 impl Machine {
     pub fn find(hemisplat: &Path) -> Result<Self, Failure> {
         let adapters = String::from_utf8(finish(Command::new(hemisplat).arg("adapters"))?.stdout)?;

@@ -29,9 +29,6 @@ use std::{
 
 type Failure = Box<dyn std::error::Error>;
 
-/// Of a run that others disturb.
-const TRIES: u32 = 4;
-
 /// Race hemisplat against denoised path tracing, ray casting and Radiance to equal error
 #[derive(Parser)]
 #[command(name = "./bench")]
@@ -188,18 +185,10 @@ impl<'a> Track<'a> {
         Ok((run, false))
     }
 
-    /// Runs until no other process has much of the processors' time meanwhile.
     fn undisturbed(&self, setting: &Setting) -> Result<Run, Failure> {
-        let most = self.race.others_at_most;
-        for _ in 0..TRIES {
-            let run = self.programs.run(self.race, self.case, setting, &self.truth, &self.folder.workplace()?)?;
-            match run.others.filter(|others| *others > most) {
-                None => return Ok(run),
-                Some(others) => eprint!("others had {:.1} %, once more … ", others * 100.0),
-            }
-        }
-        let (name, most) = (setting.name(), most * 100.0);
-        Err(format!("{name}: in {TRIES} runs others had more than {most} % of the processors' time: end what else runs here. All other runs are kept").into())
+        let run = || self.programs.run(self.race, self.case, setting, &self.truth, &self.folder.workplace()?);
+        let run = machine::undisturbed(&setting.name(), self.race.others_at_most, run, |run| run.others);
+        run.map_err(|error| format!("{error}. All other runs are kept").into())
     }
 
     fn kept(&self, job: &Job) -> Option<Run> {

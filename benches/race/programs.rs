@@ -134,7 +134,7 @@ impl Programs {
         let done = finish(command.arg("-o").arg(folder))?;
         let Printed { seconds, facts } = serde_json::from_slice(&done.stdout)?;
         let [errors, in_windows] = self.judge(&folder.join(format!("{}.indirect.exr", case.name)), truth)?;
-        Ok(Run { command: self.shown(&command, folder), seconds, others: done.others, errors, in_windows, facts })
+        Ok(Run { command: machine::shown(&command, &self.hemisplat, folder), seconds, others: done.others, errors, in_windows, facts })
     }
 
     /// The whole command counts, from its start to the files written.
@@ -149,7 +149,7 @@ impl Programs {
         let stats: Value = serde_json::from_slice(&read(&folder.join("out.json"))?)?;
         let facts = json!({ "records": stats["frames"][0]["records"]["irradiance"], "start_up": stats["start_up"] });
         let [errors, in_windows] = self.judge(&folder.join("out.exr"), truth)?;
-        Ok(Run { command: self.shown(&command, folder), seconds, others, errors, in_windows, facts })
+        Ok(Run { command: machine::shown(&command, &self.hemisplat, folder), seconds, others, errors, in_windows, facts })
     }
 
     fn render(&self, race: &Race, case: &Case, ours: &Hemisplat, also: &[String], folder: &Path) -> Command {
@@ -173,14 +173,6 @@ impl Programs {
             Ok(serde_json::from_slice(&read(&json)?)?)
         };
         Ok([diff(&truth.indirect, &["--variance".as_ref(), truth.variance.as_os_str()])?, diff(&truth.windows, &[])?])
-    }
-
-    /// A command as anyone would type it, wherever the programs and files are here.
-    fn shown(&self, command: &Command, folder: &Path) -> String {
-        let program = if command.get_program() == self.hemisplat { "hemisplat" } else { "python" };
-        let folder = folder.display().to_string();
-        let arguments = command.get_args().map(|argument| argument.to_string_lossy().replace(&folder, "OUT"));
-        std::iter::once(program.to_owned()).chain(arguments).collect::<Vec<_>>().join(" ")
     }
 }
 

@@ -47,17 +47,7 @@ impl Pass for AddRecords {
 
     fn encode(&self, e: &mut Encoder<'_>) -> Result<(), Refusal> {
         let (Some(cache), Some(new)) = (e.record_cache("to").copied(), e.records("records").copied()) else { return Ok(()) };
-        let coefficients = match (new.coefficients, cache.coefficients) {
-            (Some(from), Some(to)) if from.order == to.order => Some((from, to)),
-            (_, None) => None,
-            _ => {
-                return Err(Refusal::new(
-                    "plan::coefficients",
-                    "the cache keeps coefficients of radiance that the new records do not have",
-                    "project the tiles with a RadianceProjection of the same lobes before the records join this cache",
-                ));
-            }
-        };
+        let coefficients = new.coefficients_for(cache.coefficients)?.zip(cache.coefficients);
         let bodies = e.over_pixels(e.setting.size).unless(coefficients.is_some(), "records hold radiance");
         match e.place(bodies)? {
             Place::Host => encode_on_host(e, &new, &cache),

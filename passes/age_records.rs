@@ -67,7 +67,7 @@ impl Pass for AgeRecords {
         };
         let (most, rule) = (e.arguments.integer("lifespan") as f32, cache.rule);
         let longest = e.arguments.integer("window") as u32;
-        let expansions = living_radiance::Place::of(&cache)?;
+        let expansions = living_radiance::Buffers::of(&cache)?;
         if expansions.is_some() && longest > 1 {
             return Err(Refusal::of_parameter(
                 "window",
@@ -87,8 +87,8 @@ impl Pass for AgeRecords {
         let mut reads =
             vec![Read::counted(cache.records, RECORD_BYTES, cache.count), Read::whole(lives.items), Read::whole(gbuffer.position), Read::whole(places)];
         reads.extend(goals.map(|goals| Read::counted(goals, RECORD_BYTES, lives.known)));
-        reads.extend(expansions.iter().flat_map(|place| place.reads(&cache, &lives)));
-        let writes: Vec<Resource> = own.into_iter().chain(goals).chain(expansions.iter().flat_map(|place| [place.shown, place.goals])).collect();
+        reads.extend(expansions.iter().flat_map(|buffers| buffers.reads(&cache, &lives)));
+        let writes: Vec<Resource> = own.into_iter().chain(goals).chain(expansions.iter().flat_map(|buffers| buffers.resources())).collect();
         e.host("age", &reads, &writes, move |host| {
             // Further samples of a picture are of the same time.
             if host.camera().0.sample.number > 0 {
@@ -100,7 +100,7 @@ impl Pass for AgeRecords {
                 records: first(host, cache.records, count),
                 lives: first(host, lives.items, count),
                 goals: goals.map(|goals| first(host, goals, known)),
-                expansions: expansions.map(|place| Expansions::of(place, host, count, known)),
+                expansions: expansions.map(|buffers| Expansions::of(buffers, host, count, known)),
             };
             let ground = Ground::of(host);
             let now = ground.bounds();
@@ -378,6 +378,7 @@ impl<'a> Ground<'a> {
     /// Time passes, after so many frames in which the scene has not changed.
     fn age(&self, kept: &mut Kept, seen: &Seen<'_>, still: u32) {
         let (passed, ages) = (self.lapse.frames as f32, kept.lives.iter().map(|life| life.age).collect::<Vec<_>>());
+        let has_expansions = kept.expansions.is_some();
         let turned = kept.lives.par_iter_mut().zip(&mut kept.records).map(|(life, record)| {
             let (map, before) = (map_of(self.motions, life.mover()), record.place()[1]);
             let is_there = carry(record, map);
@@ -387,7 +388,7 @@ impl<'a> Ground<'a> {
                 record.set_irradiance(life.light());
             }
             life.unseen = if is_there && seen.shows(record.place()[0], record.footprint()) { 0 } else { life.unseen + 1 };
-            map.filter(|_| is_there).map_or(0.0, |map| living_radiance::turn(map, before, record.place()[1]))
+            map.filter(|_| is_there && has_expansions).map_or(0.0, |map| living_radiance::turn(map, before, record.place()[1]))
         });
         let angles: Vec<f64> = turned.collect();
         kept.expansions.iter_mut().for_each(|expansions| expansions.age(&kept.lives, &ages, &angles));

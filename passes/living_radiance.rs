@@ -9,20 +9,20 @@ use rayon::prelude::*;
 
 /// Where the expansions of a cache are kept, and what each of them goes over to.
 #[derive(Debug, Clone, Copy)]
-pub struct Place {
-    pub shown: Resource,
-    pub goals: Resource,
-    pub order: u32,
+pub struct Buffers {
+    shown: Resource,
+    goals: Resource,
+    order: u32,
 }
 
 /// The expansions of records, in their order.
 pub struct Expansions {
-    place: Place,
+    buffers: Buffers,
     shown: Vec<Vec4>,
     goals: Vec<Vec4>,
 }
 
-impl Place {
+impl Buffers {
     /// Of a cache whose records live; None of one of irradiance.
     ///
     /// # Errors
@@ -44,7 +44,12 @@ impl Place {
         port::Coefficients::fours(self.order) as usize
     }
 
-    /// What a step looks at: of `count` records, of which `known` had a life.
+    /// Both of them.
+    pub fn resources(&self) -> [Resource; 2] {
+        [self.shown, self.goals]
+    }
+
+    /// What a step looks at: of all records what they show, and of those that have a life what they go over to.
     pub fn reads(&self, cache: &port::RecordCache, lives: &port::Lives) -> [Read; 2] {
         let bytes = port::Coefficients::bytes(self.order, port::Precision::Single);
         [Read::counted(self.shown, bytes, cache.count), Read::counted(self.goals, bytes, lives.known)]
@@ -86,15 +91,15 @@ pub fn turn(map: &DMat4, before: Vec3, now: Vec3) -> f64 {
 
 impl Expansions {
     /// All of a cache, in a step that reads them. What was added since shows what it goes over to.
-    pub fn of(place: Place, host: &dyn HostContext, count: usize, known: usize) -> Self {
-        let fours = place.fours();
-        let (shown, mut goals): (Vec<Vec4>, Vec<Vec4>) = (first(host, place.shown, count * fours), first(host, place.goals, known * fours));
+    pub fn of(buffers: Buffers, host: &dyn HostContext, count: usize, known: usize) -> Self {
+        let fours = buffers.fours();
+        let (shown, mut goals): (Vec<Vec4>, Vec<Vec4>) = (first(host, buffers.shown, count * fours), first(host, buffers.goals, known * fours));
         goals.extend_from_slice(&shown[known * fours..]);
-        Self { place, shown, goals }
+        Self { buffers, shown, goals }
     }
 
     pub fn retain(&mut self, kept: &[bool]) {
-        let fours = self.place.fours();
+        let fours = self.buffers.fours();
         for items in [&mut self.shown, &mut self.goals] {
             let left = items.chunks_exact(fours).zip(kept).filter(|(_, kept)| **kept).flat_map(|(chunk, _)| chunk.iter().copied());
             *items = left.collect();
@@ -103,7 +108,7 @@ impl Expansions {
 
     /// Time passes: each is turned by an angle, and goes over to its goal as its life has come on from an age.
     pub fn age(&mut self, lives: &[Life], before: &[f32], angles: &[f64]) {
-        let (fours, order) = (self.place.fours(), self.place.order as usize);
+        let (fours, order) = (self.buffers.fours(), self.buffers.order as usize);
         let all = self.shown.par_chunks_exact_mut(fours).zip(self.goals.par_chunks_exact_mut(fours)).zip(lives.par_iter().zip(before)).zip(angles);
         all.for_each(|(((shown, goal), (life, before)), angle)| {
             if *angle != 0.0 {
@@ -120,8 +125,8 @@ impl Expansions {
     }
 
     pub fn write(&self, host: &mut dyn HostContext) {
-        host.write(self.place.shown, 0, bytemuck::cast_slice(&self.shown));
-        host.write(self.place.goals, 0, bytemuck::cast_slice(&self.goals));
+        host.write(self.buffers.shown, 0, bytemuck::cast_slice(&self.shown));
+        host.write(self.buffers.goals, 0, bytemuck::cast_slice(&self.goals));
     }
 }
 
@@ -134,18 +139,18 @@ mod tests {
     const ORDER: u32 = 3;
 
     fn expansions(records: usize) -> Expansions {
-        let place = Place { shown: Resource(0), goals: Resource(1), order: ORDER };
-        let numbers: Vec<Vec4> = (0..records * place.fours()).map(|at| Vec4::new(at as f32, 1.0, (at % 5) as f32, 0.5)).collect();
+        let buffers = Buffers { shown: Resource(0), goals: Resource(1), order: ORDER };
+        let numbers: Vec<Vec4> = (0..records * buffers.fours()).map(|at| Vec4::new(at as f32, 1.0, (at % 5) as f32, 0.5)).collect();
         // Four of each three numbers are in use: 9 of 12.
         let numbers: Vec<Vec4> = numbers.chunks_exact(3).flat_map(|plane| [plane[0], plane[1], Vec4::new(plane[2].x, 0.0, 0.0, 0.0)]).collect();
-        Expansions { place, goals: numbers.iter().map(|four| 2.0 * *four).collect(), shown: numbers }
+        Expansions { buffers, goals: numbers.iter().map(|four| 2.0 * *four).collect(), shown: numbers }
     }
 
     /// What was sampled takes the place of what was shown as the light of its record does, and what is not kept leaves no gap.
     #[test]
     fn expansions_go_with_their_records() {
         let mut all = expansions(3);
-        let (fours, before) = (all.place.fours(), all.shown.clone());
+        let (fours, before) = (all.buffers.fours(), all.shown.clone());
         assert_eq!(fours, PLANES * 3);
         let life = |age: f32, fade: f32| Life { age, fade, samplings: 1, ..Life::new(Vec3::ONE, 1, None, 9.0) };
         all.age(&[life(1.0, 4.0), life(3.0, 4.0), life(9.0, 4.0)], &[0.0, 2.0, 8.0], &[0.0; 3]);

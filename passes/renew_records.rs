@@ -76,38 +76,28 @@ impl Pass for RenewRecords {
                 "take those of a DueRecords, of the same records",
             ));
         };
-        let expansions = living_radiance::Place::of(&cache)?.map(|place| Ok::<_, Refusal>((place, expansions_of(e, &new, place)?))).transpose()?;
+        let expansions = match living_radiance::Buffers::of(&cache)?.zip(new.coefficients_for(cache.coefficients)?) {
+            Some(_) if e.arguments.bool("extrapolates") => {
+                return Err(Refusal::of_parameter(
+                    "extrapolates",
+                    "plan::slopes_of_radiance",
+                    "records of radiance do not go on changing between their samplings",
+                    "leave `extrapolates` away where records keep coefficients of lobes",
+                ));
+            }
+            expansions => expansions,
+        };
         encode_on_host(e, (cache, lives), (new, slots), expansions);
         e.output("cache", Port::RecordCache(cache));
         Ok(())
     }
 }
 
-/// Where those of new records stand that take the place of others of that order.
-fn expansions_of(e: &Encoder<'_>, new: &port::Records, place: living_radiance::Place) -> Result<Resource, Refusal> {
-    if e.arguments.bool("extrapolates") {
-        return Err(Refusal::of_parameter(
-            "extrapolates",
-            "plan::slopes_of_radiance",
-            "records of radiance do not go on changing between their samplings",
-            "leave `extrapolates` away where records keep coefficients of lobes",
-        ));
-    }
-    let kept = new.coefficients.filter(|kept| kept.order == place.order);
-    kept.map(|kept| kept.values).ok_or_else(|| {
-        Refusal::new(
-            "plan::coefficients",
-            "the cache keeps coefficients of radiance that the new records do not have",
-            "project the tiles with a RadianceProjection of the same lobes before the records take the place of others",
-        )
-    })
-}
-
 fn encode_on_host(
     e: &mut Encoder<'_>,
     (cache, lives): (port::RecordCache, port::Lives),
     (new, slots): (port::Records, Resource),
-    expansions: Option<(living_radiance::Place, Resource)>,
+    expansions: Option<(living_radiance::Buffers, port::Coefficients)>,
 ) {
     let [most, fade] = ["lifespan", "fade"].map(|name| e.arguments.integer(name) as f32);
     let lifespan = Lifespan { change: e.arguments.float("change") as f32, most, extrapolates: e.arguments.bool("extrapolates"), fade };
@@ -118,10 +108,10 @@ fn encode_on_host(
         Read::counted(slots, 4, new.count),
     ];
     let mut writes: Vec<Resource> = [cache.records, lives.items].into_iter().chain(lives.ahead.map(|ahead| ahead.goals)).collect();
-    if let Some((place, sampled)) = &expansions {
-        reads.extend(place.reads(&cache, &lives));
-        reads.push(Read::counted(*sampled, 16 * place.fours() as u64, new.count));
-        writes.extend([place.shown, place.goals]);
+    if let Some((buffers, sampled)) = &expansions {
+        reads.extend(buffers.reads(&cache, &lives));
+        reads.push(Read::counted(sampled.values, port::Coefficients::bytes(sampled.order, sampled.precision), new.count));
+        writes.extend(buffers.resources());
     }
     e.host("renew", &reads, &writes, move |host| {
         let renewed = host.variable(new.count) as usize;
@@ -129,16 +119,16 @@ fn encode_on_host(
         let known: &[Record] = &bytemuck::cast_slice(host.read(cache.records))[..host.variable(lives.known) as usize];
         let (level, ahead) = (level(known.iter()), host.lapse().ahead());
         let mut judged = ahead.map(|frames| Judged { frames, counts: [0; 3] });
-        let sampled: Option<Vec<Vec4>> = expansions.map(|(place, sampled)| first(host, sampled, renewed * place.fours()));
+        let expansions = expansions.map(|(buffers, sampled)| (buffers, first::<Vec4>(host, sampled.values, renewed * buffers.fours())));
         for (number, (record, slot)) in fresh.into_iter().zip(slots.into_iter().map(|slot| slot as usize)).enumerate() {
             let at = slot * size_of::<Life>();
             let before: Life = bytemuck::pod_read_unaligned(&host.read(lives.items)[at..at + size_of::<Life>()]);
             let (record, mut life) = renewed_record(record, before, (&cache.rule, &lifespan, level), ahead);
-            if let Some(((place, _), sampled)) = expansions.zip(sampled.as_ref()) {
-                let sampled = &sampled[number * place.fours()..][..place.fours()];
-                let [since_sampled, from_shown] = place.changes(host, slot, sampled);
+            if let Some((buffers, sampled)) = &expansions {
+                let sampled = &sampled[number * buffers.fours()..][..buffers.fours()];
+                let [since_sampled, from_shown] = buffers.changes(host, slot, sampled);
                 life = life.judged_by(since_sampled, &before, &lifespan);
-                place.renew(host, slot, sampled, life.seen_at_once(from_shown, &lifespan));
+                buffers.renew(host, slot, sampled, life.seen_at_once(from_shown, &lifespan));
             }
             judged.iter_mut().for_each(|judged| judged.judge([&before, &life], FLOOR * level, &lifespan));
             // What jumps until then stays as it is.

@@ -169,6 +169,12 @@ struct Chunk {
     place: u64,
 }
 
+impl Chunk {
+    fn moves(&self) -> bool {
+        self.place != 0
+    }
+}
+
 /// What maps leave out triangles by.
 struct Chunks {
     all: Bounds,
@@ -197,8 +203,7 @@ impl Chunks {
 
     /// Whether some stand and some move: to copy a map of the former and draw the latter over it costs less than to draw all.
     fn are_mixed(&self) -> bool {
-        let moves = |chunk: &Chunk| chunk.place != 0;
-        self.chunks.iter().any(moves) && !self.chunks.iter().all(moves)
+        self.chunks.iter().any(Chunk::moves) && !self.chunks.iter().all(Chunk::moves)
     }
 
     /// A number of all that a part of a map is drawn from, but for holes. How strong the light is changes nothing there.
@@ -211,7 +216,7 @@ impl Chunks {
         };
         let half = shadow_half(light, &self.all, grid).extend(0.0);
         let lie = [position, direction, half, self.all.min, self.all.max].map(bits);
-        let moving = self.seen(view, part).filter(|chunk| chunk.place != 0);
+        let moving = self.seen(view, part).filter(|chunk| chunk.moves());
         of((discriminant(&light.kind), map, grid, lie, moving.map(|chunk| (chunk.triangles, chunk.place)).collect::<Vec<_>>()))
     }
 
@@ -219,7 +224,7 @@ impl Chunks {
     fn seen<'c>(&'c self, view: &View<'_>, part: Part) -> impl Iterator<Item = &'c Chunk> {
         let View { light, map, grid } = *view;
         let (kind, layers, half) = (light.kind, shadow_layers(light, grid), shadow_half(light, &self.all, grid));
-        let of_part = move |chunk: &&Chunk| part == Part::All || (chunk.place != 0) == (part == Part::Moving);
+        let of_part = move |chunk: &&Chunk| part == Part::All || chunk.moves() == (part == Part::Moving);
         self.chunks.iter().filter(of_part).filter(move |Chunk { bounds, .. }| match (kind, layers) {
             (LightKind::Point { position, .. } | LightKind::Spot { position, .. }, 6) => self.is_on_side(bounds, position, map),
             (LightKind::Directional { direction, .. }, _) => self.is_in_grid(bounds, direction, place_in_grid(map, half, grid), half),

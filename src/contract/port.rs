@@ -589,6 +589,24 @@ impl PhotonMap {
     }
 }
 
+impl Records {
+    /// Their coefficients, where those that a cache keeps are of the same order; None where it keeps none.
+    ///
+    /// # Errors
+    /// A cache that keeps coefficients which they do not have.
+    pub fn coefficients_for(&self, kept: Option<Coefficients>) -> Result<Option<Coefficients>, Refusal> {
+        let Some(kept) = kept else { return Ok(None) };
+        let own = self.coefficients.filter(|own| own.order == kept.order);
+        own.map(Some).ok_or_else(|| {
+            Refusal::new(
+                "plan::coefficients",
+                "the cache keeps coefficients of radiance that the new records do not have",
+                "project the tiles with a RadianceProjection of the same lobes before the records join this cache",
+            )
+        })
+    }
+}
+
 impl Requests {
     fn over(&mut self, memory: &mut dyn Memory) {
         replace(&mut self.places, memory);

@@ -28,6 +28,7 @@ pub struct HostCopy {
     contents: Vec<Vec4>,
     /// Bytes from the start that are what the resource holds, but for those that the device has changed since.
     valid: usize,
+    /// No two of them meet.
     behind: Vec<Range<usize>>,
     /// Of those, the bytes that the device has not got.
     ahead: Range<usize>,
@@ -94,12 +95,15 @@ impl HostCopy {
     }
 
     /// The device changes these bytes alone.
-    pub fn fall_behind(&mut self, range: Range<usize>) {
-        let holds = |outer: &Range<usize>, inner: &Range<usize>| outer.start <= inner.start && inner.end <= outer.end;
-        if !self.behind.iter().any(|known| holds(known, &range)) {
-            self.behind.retain(|known| !holds(&range, known));
-            self.behind.push(range);
-        }
+    pub fn fall_behind(&mut self, mut range: Range<usize>) {
+        self.behind.retain(|known| {
+            let is_apart = known.end < range.start || range.end < known.start;
+            if !is_apart {
+                range = known.start.min(range.start)..known.end.max(range.end);
+            }
+            is_apart
+        });
+        self.behind.push(range);
     }
 
     /// Takes over from the device what is missing of the first bytes.

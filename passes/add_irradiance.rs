@@ -1,6 +1,6 @@
 //! Irradiance of a field, added to that of records.
 
-use super::irradiance_field::{self, Asked};
+use super::irradiance_field::{self, Asked, Point};
 use super::record::{RECORD_BYTES, REQUEST_BYTES, Record, Request};
 use crate::contract::{Bodies, Description, Encoder, Input, Output, PLACE, Pass, Place, Port, PortKind, Refusal, Takes, port};
 use crate::schedule::*;
@@ -40,6 +40,13 @@ impl Pass for AddIrradiance {
             e.output("records", Port::Records(records));
             return Ok(());
         };
+        if matches!(field, port::IrradianceField::Lightmap(_)) {
+            return Err(Refusal::new(
+                "plan::lightmap_places",
+                "places of records do not know the triangle that they are on, by which a lightmap is asked",
+                "join the input `field` to a RecordIndex or a PhotonDensity, or ask the lightmap by the `indirect` of the HemisphereTiles",
+            ));
+        }
         let sum = e.buffer("records", u64::from(records.capacity) * RECORD_BYTES);
         match e.place(Bodies::BOTH)? {
             Place::Host => encode_on_host(e, &records, requests, sum),
@@ -80,7 +87,7 @@ fn encode_on_host(e: &mut Encoder<'_>, records: &port::Records, requests: port::
         let index = field.and_then(|field| field.index(host));
         let field = field.and_then(|field| field.on_host(host, index.as_deref())).ok_or("the field has no index")?;
         let level = Level::new();
-        let at = |place: &Request| dispatch!(level, simd => field.irradiance(simd, place.position.into(), place.normal.into()));
+        let at = |place: &Request| dispatch!(level, simd => field.irradiance(simd, Point { position: place.position.into(), normal: place.normal.into(), triangle: 0 }));
         let kept: Kept = places.par_iter().map(at).collect();
         *host.state(memory) = Some(Box::new(kept));
         Ok(())

@@ -1,6 +1,6 @@
 //! An irradiance field, seen by the camera.
 
-use super::irradiance_field::{self, Asked};
+use super::irradiance_field::{self, Asked, Point};
 use super::record::texels;
 use crate::contract::{Description, Encoder, Input, Output, PLACE, Pass, Place, Port, PortKind, Refusal, Takes, port};
 use crate::schedule::*;
@@ -51,6 +51,7 @@ fn encode_on_device(e: &mut Encoder<'_>, gbuffer: port::GBuffer, field: &port::I
         .bind("position", gbuffer.position)
         .bind("normal", gbuffer.normal)
         .bind("reflectance", gbuffer.reflectance)
+        .bind("triangles", gbuffer.triangles)
         .bind("irradiance", irradiance)
         .bind("radiance", radiance);
     e.compute_pixels(program, "ask", gbuffer.size);
@@ -58,7 +59,7 @@ fn encode_on_device(e: &mut Encoder<'_>, gbuffer: port::GBuffer, field: &port::I
 
 fn encode_on_host(e: &mut Encoder<'_>, gbuffer: port::GBuffer, [radiance, irradiance]: [Resource; 2]) {
     let Some(field) = Asked::of(e, "field") else { return };
-    let surfaces = [gbuffer.position, gbuffer.normal, gbuffer.reflectance].map(Read::whole);
+    let surfaces = [gbuffer.position, gbuffer.normal, gbuffer.reflectance, gbuffer.triangles].map(Read::whole);
     let reads: Vec<Read> = surfaces.into_iter().chain(field.reads()).collect();
     e.host("ask", &reads, &[radiance, irradiance], move |host| {
         let mut images = [radiance, irradiance].map(|image| host.take(image));
@@ -66,12 +67,13 @@ fn encode_on_host(e: &mut Encoder<'_>, gbuffer: port::GBuffer, [radiance, irradi
         let light = field.on_host(host, index.as_deref()).ok_or("the field has no index")?;
         let (positions, normals) = (texels(host, gbuffer.position), texels(host, gbuffer.normal));
         let reflectances: &[[f16; 4]] = bytemuck::cast_slice(host.read(gbuffer.reflectance));
+        let triangles: &[u32] = bytemuck::cast_slice(host.read(gbuffer.triangles));
         let [reflected, arriving] = &mut images;
         let level = Level::new();
         arriving.par_iter_mut().enumerate().for_each(|(at, out)| {
             let [x, y, z, width] = positions[at];
-            let (position, normal) = (Vec3::new(x, y, z), Vec3::from_slice(&normals[at]));
-            let found = if width > 0.0 { dispatch!(level, simd => light.irradiance(simd, position, normal)) } else { Vec3::ZERO };
+            let point = Point { position: Vec3::new(x, y, z), normal: Vec3::from_slice(&normals[at]), triangle: triangles[at] };
+            let found = if width > 0.0 { dispatch!(level, simd => light.irradiance(simd, point)) } else { Vec3::ZERO };
             *out = found.extend(1.0);
         });
         reflected.par_iter_mut().zip(&*arriving).zip(reflectances).for_each(|((out, arriving), reflectance)| {

@@ -3,6 +3,7 @@
 
 use super::photons::{PHOTON_BYTES, lookup::Lookup};
 use super::record::{asked_before, index_of};
+use super::texels::Looks;
 use crate::contract::Encoder;
 use crate::contract::port::{IrradianceField, PhotonDensity};
 use crate::math::record_index::{Layout, RecordIndex};
@@ -37,7 +38,23 @@ pub fn bind(program: Program, field: &IrradianceField) -> Program {
             .constant("SEARCH_RADIUS", density.search_radius)
             .constant("PHOTONS_EDGES", density.edges as u8)
             .bind("photon_map", density.map.data),
+        IrradianceField::Lightmap(light) => program
+            .import("IRRADIANCE_FIELD", "lib/irradiance_field/lightmap")
+            .constant("LIGHTMAP_EDGE", light.edge)
+            .constant("LIGHTMAP_SIDES", light.sides)
+            .constant("LIGHTMAP_FIRST", light.first)
+            .bind("lightmap", light.data),
     }
+}
+
+/// Where a field is asked.
+#[derive(Clone, Copy)]
+pub struct Point {
+    pub position: Vec3,
+    /// Unit normal, on the side that is asked about.
+    pub normal: Vec3,
+    /// The triangle that it is on, + 1; 0 where that is not known, which no lightmap can be asked for.
+    pub triangle: u32,
 }
 
 /// A field that host steps ask.
@@ -70,6 +87,7 @@ impl Asked {
             IrradianceField::Records(_) if self.is_steady => Vec::new(),
             IrradianceField::Records(index) => vec![Read::whole(index.data)],
             IrradianceField::Photons(PhotonDensity { map, .. }) => vec![Read::counted(map.data, PHOTON_BYTES, map.slots)],
+            IrradianceField::Lightmap(light) => vec![Read::whole(light.data)],
         }
     }
 
@@ -85,6 +103,7 @@ impl Asked {
         match self.field {
             IrradianceField::Records(_) => index.map(Field::Records),
             IrradianceField::Photons(density) => Some(Field::Photons(Density { lookup: Lookup::of(&density.map, host), of: density })),
+            IrradianceField::Lightmap(light) => Some(Field::Lightmap(Looks::of(&light, host))),
         }
     }
 }
@@ -93,27 +112,35 @@ impl Asked {
 pub enum Field<'a> {
     Records(&'a RecordIndex),
     Photons(Density<'a>),
+    Lightmap(Looks<'a>),
 }
 
 impl Field<'_> {
     /// Irradiance at a point [W/m²].
     #[inline(always)]
-    pub fn irradiance<S: Simd>(&self, simd: S, position: Vec3, normal: Vec3) -> Vec3 {
+    pub fn irradiance<S: Simd>(&self, simd: S, at: Point) -> Vec3 {
+        let Point { position, normal, .. } = at;
         match self {
             Self::Records(index) => index.estimate(simd, position, normal).0,
             Self::Photons(density) => density.irradiance(position, normal),
+            Self::Lightmap(looks) => looks.irradiance(at),
         }
     }
 
     /// That at each of some points.
     #[inline(always)]
-    pub fn irradiances<S: Simd, const POINTS: usize>(&self, simd: S, points: &[Option<[Vec3; 2]>; POINTS]) -> [Vec3; POINTS] {
+    pub fn irradiances<S: Simd, const POINTS: usize>(&self, simd: S, points: &[Option<Point>; POINTS]) -> [Vec3; POINTS] {
         let mut found = [Vec3::ZERO; POINTS];
         match self {
-            Self::Records(index) => index.estimates(simd, points, &mut found),
+            Self::Records(index) => index.estimates(simd, &points.map(|point| point.map(|point| [point.position, point.normal])), &mut found),
             Self::Photons(density) => {
                 for (found, point) in found.iter_mut().zip(points) {
-                    *found = point.map_or(Vec3::ZERO, |[position, normal]| density.irradiance(position, normal));
+                    *found = point.map_or(Vec3::ZERO, |point| density.irradiance(point.position, point.normal));
+                }
+            }
+            Self::Lightmap(looks) => {
+                for (found, point) in found.iter_mut().zip(points) {
+                    *found = point.map_or(Vec3::ZERO, |point| looks.irradiance(point));
                 }
             }
         }

@@ -6,6 +6,8 @@ pub mod add_images;
 pub mod add_irradiance;
 pub mod add_records;
 pub mod age_records;
+pub mod average;
+pub mod choose_texel;
 pub mod classify;
 pub mod compensation;
 pub mod composite;
@@ -15,12 +17,16 @@ pub mod due_records;
 pub mod environment_light;
 pub mod filter_records;
 pub mod find_misses;
+pub mod gather_near;
 pub mod gbuffer;
 pub mod hemisphere_tiles;
 pub mod image_sum;
 pub mod indirect_light;
 pub mod irradiance_field;
 pub mod irradiance_sum;
+pub mod lightmap;
+pub mod lightmap_field;
+pub mod lit_surfaces;
 pub mod lives;
 pub mod living_radiance;
 pub mod lobe_coefficients;
@@ -45,8 +51,10 @@ pub mod record_lists;
 pub mod renew_records;
 pub mod seen_light;
 pub mod shadow_map;
+pub mod shoot;
 pub mod splat;
 pub mod surroundings;
+pub mod texels;
 
 /// All passes, in the order that `hemisplat passes` lists them.
 pub static REGISTRY: &Registry = &[
@@ -67,6 +75,13 @@ pub static REGISTRY: &Registry = &[
     &photon_places::PhotonPlaces,
     &photon_tiles::PhotonTiles,
     &photon_density::PhotonDensity,
+    &lightmap::Lightmap,
+    &choose_texel::ChooseTexel,
+    &hemisphere_tiles::shooter_view::ShooterView,
+    &shoot::Shoot,
+    &gather_near::GatherNear,
+    &average::Average,
+    &lightmap_field::LightmapField,
     &splat::Splat,
     &find_misses::FindMisses,
     &hemisphere_tiles::HemisphereTiles,

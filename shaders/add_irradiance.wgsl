@@ -14,7 +14,7 @@ override CAPACITY: u32 = 1u;
 fn ask(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) lane: u32) {
     let index = (group.x + group.y * groups.x) * 64u + lane;
     if index < CAPACITY {
-        asked[index] = vec4f(indirect_irradiance(requests[index].position, requests[index].normal), 0.0);
+        asked[index] = vec4f(indirect_irradiance(requests[index].position, requests[index].normal, 0u), 0.0);
     }
 }
 

@@ -81,6 +81,11 @@ fn cases() -> Vec<(String, Case)> {
         ("all_bounces_in_an_oven".into(), Box::new(all_bounces_in_an_oven)),
     ];
     for place in ["Host", "Device"] {
+        cases.push((format!("shots_in_an_oven {place}"), Box::new(move |gpu| shots_in_an_oven(gpu, place))));
+    }
+    cases.push(("all_ways_choose_the_same_texels".into(), Box::new(all_ways_choose_the_same_texels)));
+    cases.push(("the_printed_formula_loses_light".into(), Box::new(the_printed_formula_loses_light)));
+    for place in ["Host", "Device"] {
         cases.push((format!("walls_that_shine_and_reflect {place}"), Box::new(move |gpu| walls_that_shine_and_reflect(gpu, place))));
     }
     for (pipeline, limit) in [("photon", 0.02), ("photon-density", 0.02), ("photon-gather", 0.01), ("photon-gather-density", 0.02)] {
@@ -710,6 +715,54 @@ fn walls_that_shine_and_reflect(gpu: &Arc<Gpu>, place: &str) -> Outcome {
         }
         Ok(())
     })
+}
+
+/// Where all of a node of a radiosity is done.
+fn placed(place: &str) -> Vec<String> {
+    ["lightmap", "shooters", "shot", "near", "averaged", "field", "indirect"].map(|node| format!("{node}.place={place}")).into()
+}
+
+/// Shots between walls that emit 1 − ρ and reflect ρ bring all bounces: π ρ. The floor that is seen has what shots have brought it by chance.
+fn shots_in_an_oven(gpu: &Arc<Gpu>, place: &str) -> Outcome {
+    let (iterations, limit) = if place == "Host" { (400, 0.015) } else { (60, 0.06) };
+    for reflectance in [0.2, 0.8] {
+        let room = oven(reflectance)?;
+        let fine = ["lightmap.resolution=96", "lightmap.area_samples=64", "shooters.shooters=64"].map(String::from);
+        let sets = [&placed(place)[..], &fine, &[format!("lightmap.iterations={iterations}")]].concat();
+        let mean = mean_irradiance(gpu, &room, 40, ("radiosity", &sets))?;
+        at_most(&format!("{mean} of {}: all bounces", PI * reflectance), (mean / (PI * reflectance) - 1.0).abs(), limit)?;
+    }
+    Ok(())
+}
+
+/// A running sum, a descent through sums of four and a search among sums of all before find the same texel by the same number: their pictures have the same bits.
+fn all_ways_choose_the_same_texels(gpu: &Arc<Gpu>) -> Outcome {
+    let room = oven(0.5)?;
+    let picture = |by: &str| {
+        let sets = [
+            &placed("Device")[..],
+            &["lightmap.resolution=40", "lightmap.iterations=6", "shooters.shooters=7", &format!("shooters.by={by}")].map(String::from),
+        ]
+        .concat();
+        rendered(gpu, &room, [24, 24], ("radiosity", &sets), |run, _| {
+            let picture = block_on(run.picture()).map_err(|e| e.to_string())?;
+            Ok(picture.rgb("irradiance").map_err(|e| e.to_string())?[0].to_vec())
+        })
+    };
+    let (sum, mipmap, search) = (picture("RunningSum")?, picture("Mipmap")?, picture("PrefixSum")?);
+    check(sum.iter().any(|light| *light > 0.0), || "there is no light".into())?;
+    check(sum == mipmap && mipmap == search, || "the ways choose different texels".into())
+}
+
+/// Formula (2) sends out the mean of all iterations. What it lacks then of light of many bounces after m of them is Π (1 − (1 − ρ) / k), over k to m: 39 % after 50, where the
+/// last iteration sent out lacks nothing.
+fn the_printed_formula_loses_light(gpu: &Arc<Gpu>) -> Outcome {
+    let (reflectance, iterations) = (0.8, 50);
+    let room = oven(reflectance)?;
+    let sets = ["lightmap.resolution=48", "shooters.shooters=64", "shooters.sends=Mean", "averaged.warm_up=0", "lightmap.iterations=50"].map(String::from);
+    let mean = mean_irradiance(gpu, &room, 40, ("radiosity", &sets))?;
+    let lacking: f64 = (1..=iterations).map(|k| 1.0 - (1.0 - reflectance) / f64::from(k)).product();
+    at_most(&format!("{mean}, lacking {lacking},"), (mean / (PI * reflectance) - (1.0 - lacking)).abs(), 0.03)
 }
 
 /// The same by photons, of which a white wall keeps many: where there is no room for all, fewer are sent out.

@@ -152,6 +152,7 @@ fn files() -> BTreeMap<&'static str, Vec<u8>> {
         ("records", b"no header".to_vec()),
         ("direct.ron", DIRECT.as_bytes().to_vec()),
         ("surfaces.ron", SURFACES.as_bytes().to_vec()),
+        ("mapped.ron", MAPPED.as_bytes().to_vec()),
         ("runs.ron", study("runs: 1", "runs: 501")),
         ("row.ron", study("Traced(spp: 4)", "Row(\"ray\")")),
         ("both.ron", study("Traced(spp: 4)", "Traced(spp: 4, stride: 2, windows: 1)")),
@@ -170,6 +171,11 @@ const MOVING: &str = r#"Scene(version: 1, geometry: [Quad(corners: ((0, 0, 0), (
     lights: [Point(position: Linear([(0, (0, 1, 0)), (1, (1, 1, 1))]), intensity: (1, 1, 1))],
     cameras: { "a": (eye: (3, 3, 3), target: (0, 0, 0), fov: 40, size: (8, 8)) })"#;
 
+/// A lightmap is to be asked at places of records.
+const MAPPED: &str = r#"Variant(version: 1, about: "a", of: "radiosity-gather.ron",
+    add: { "records": [(name: "sum", pass: AddIrradiance(to: "records", at: "misses", field: "field"))] },
+    set: { "added.records": "sum" })"#;
+
 /// Records are to be replaced by some of other places.
 const ELSEWHERE: &str = r#"Variant(version: 1, about: "a", of: "irradiance-temporal.ron",
     add: { "renew": [(name: "spots", pass: PathVertices(gbuffer: "gbuffer", paths: 64, legs: 1, records: 16))] },
@@ -177,7 +183,7 @@ const ELSEWHERE: &str = r#"Variant(version: 1, about: "a", of: "irradiance-tempo
 
 /// Code and arguments, one case each, and whether a GPU is needed.
 #[rustfmt::skip]
-const CASES: [(&str, &str, bool); 83] = [
+const CASES: [(&str, &str, bool); 87] = [
     ("plan::coarsest", "check irradiance --scene white.ron --set misses.by=Grid(coarsest:3)", false),
     ("plan::finest", "check irradiance --scene white.ron --set misses.by=Grid(finest:3)", false),
     ("plan::light_of_sources", "check photon --scene white.ron --set direct.emitters=Records", false),
@@ -205,6 +211,10 @@ const CASES: [(&str, &str, bool); 83] = [
     ("plan::filtered_radiance", "check radiance --scene glossy.ron --set filtered.records=\"glossy_added\"", false),
     ("plan::errors", "check irradiance --scene white.ron --set filtered_splats.of=StandardError", false),
     ("plan::errors_of_radiance", "check radiance --scene glossy.ron --set reflections.of=StandardError", false),
+    ("plan::lightmap_bytes", "check radiosity --scene white.ron --set lightmap.resolution=2048", false),
+    ("plan::lightmap_places", "check mapped.ron --scene white.ron", false),
+    ("plan::near_rays", "check radiosity --scene white.ron --set near.rays=50", false),
+    ("plan::views", "check radiosity-hemicube --scene white.ron --set shooters.shooters=256 --set views.resolution=256", false),
     ("cli::unknown_pass", "passes Splatt", false),
     ("cli::not_shipped", "pipelines iradiance", false),
     ("cli::exists", "new scene white", false),

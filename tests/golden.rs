@@ -81,6 +81,15 @@ const PHOTON_LIMITS: Limits = Limits {
     uncertainty: 1.0,
 };
 
+/// What is shot in an iteration depends on what the one before has brought: where rounding has chosen another texel once, all that follow differ by chance.
+const FEW_TEXELS: &[&str] = &["--set", "lightmap.resolution=64", "--set", "lightmap.iterations=32"];
+const SHOT_LIMITS: Limits = Limits {
+    light: [("rmse_over_mean", 0.2), ("bias_over_mean", 0.06), ("block_p50", 0.1), ("block_p99", 0.6)],
+    direct: DIRECT_LIMITS,
+    weight: 0.05,
+    uncertainty: 1.0,
+};
+
 /// How far distances and normals may be off [share of their root mean square]; files hold them in half floats.
 const GEOMETRY_LIMIT: f64 = 1e-3;
 /// What a count may be of the kept one: a tenth more, and two that a small one may be off.
@@ -154,7 +163,12 @@ impl Golden {
         };
         // Records of photons stand where photons are.
         let stands_by_pixels = scene.starts_with("cornell") && !["photon", "photon-density", "photon-radiance"].contains(&pipeline);
-        let sets: &[&str] = if stands_by_pixels { &["--set", SPACING] } else { &[] };
+        let is_of_texels = pipeline.starts_with("radiosity") && pipeline != "radiosity-gather";
+        let sets: &[&str] = match (is_of_texels, stands_by_pixels) {
+            (true, _) => FEW_TEXELS,
+            (_, true) => &["--set", SPACING],
+            _ => &[],
+        };
         Self { pipeline: pipeline.into(), sets, scene, size: SIZE, like: pipeline.into(), shaders: None, driver: None }
     }
 
@@ -171,6 +185,7 @@ impl Golden {
         match self.scene {
             "hall" if on_drawing_adapter => HALL_LIMITS,
             "balls" if on_drawing_adapter => BALLS_LIMITS,
+            _ if !on_drawing_adapter && self.pipeline.starts_with("radiosity") => SHOT_LIMITS,
             _ if !on_drawing_adapter && OF_PHOTONS.contains(&self.pipeline.as_str()) => PHOTON_LIMITS,
             _ if self.driver.is_some() && PERSPECTIVE.contains(&self.pipeline.as_str()) => PERSPECTIVE_LIMITS,
             _ => LIMITS,

@@ -25,9 +25,9 @@ const MAY_READ_FILES: [&str; 3] = ["src/cli/", "src/scene/load/disk.rs", "src/gp
 const FILES: [&str; 8] = ["std::fs", "File::open", "File::create", "tempfile", "fs::", ".canonicalize(", ".is_file()", ".exists()"];
 
 /// Where the work is divided among threads; everything else has to run in a browser too. Images are decoded, shaders are built, tiles of rays
-/// cast, summed and projected, records added, aged, asked for, filtered and splatted, their gaps closed, paths walked, misses looked for, skies turned, vertices and triangles moved, photons followed, sorted, gathered and walked through, obstacles looked for, blocks of files compressed side by side,
+/// cast, summed and projected, records added, aged, asked for, filtered and splatted, their gaps closed, paths walked, misses looked for, skies turned, vertices and triangles moved, photons followed, sorted, gathered and walked through, obstacles looked for, texels chosen, shot at and averaged, blocks of files compressed side by side,
 /// where rayon has threads to do it.
-const MAY_HAVE_THREADS: [&str; 37] = [
+const MAY_HAVE_THREADS: [&str; 43] = [
     "src/cli/",
     "src/scene/load/image.rs",
     "src/scene/packets/mod.rs",
@@ -41,6 +41,8 @@ const MAY_HAVE_THREADS: [&str; 37] = [
     "passes/add_irradiance.rs",
     "passes/add_records.rs",
     "passes/age_records.rs",
+    "passes/average.rs",
+    "passes/choose_texel.rs",
     "passes/direct_light/host.rs",
     "passes/direct_light/sky.rs",
     "passes/due_records.rs",
@@ -54,11 +56,15 @@ const MAY_HAVE_THREADS: [&str; 37] = [
     "passes/contribution/bands.rs",
     "passes/hemisphere_tiles/host_rays.rs",
     "passes/hemisphere_tiles/steering.rs",
+    "passes/gather_near.rs",
     "passes/indirect_light.rs",
+    "passes/lightmap.rs",
+    "passes/lightmap_field.rs",
     "passes/lobe_rays/mod.rs",
     "passes/photon_map/",
     "passes/photon_tiles.rs",
     "passes/photons/mod.rs",
+    "passes/shoot.rs",
     "passes/surroundings.rs",
     "src/math/record_index.rs",
     "src/math/record_tree.rs",

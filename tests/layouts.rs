@@ -3,13 +3,13 @@
 use hemisplat::gpu::{scene, shader::Shader};
 use hemisplat::host_struct;
 use hemisplat::passes::{
-    add_records,
+    add_records, average, choose_texel,
     find_misses::grid,
     hemisphere_tiles::{raster, sift},
     irradiance_sum::workgroup_tree,
     lobe_coefficients, path_vertices, photons,
     radiance_projection::matrix_product,
-    record,
+    record, texels,
 };
 use hemisplat::pipeline::ahead;
 use hemisplat::schedule::{HostField, HostLayout};
@@ -29,6 +29,9 @@ fn shared() -> Vec<(&'static str, Vec<HostLayout>)> {
         ("photon_tiles", vec![photons::Photon::LAYOUT, photons::MapHead::LAYOUT]),
         ("add_records", vec![add_records::Batch::LAYOUT]),
         ("path_vertices", vec![path_vertices::WalkedVertex::LAYOUT]),
+        ("lightmap", vec![texels::TexelPlace::LAYOUT, texels::TexelSurface::LAYOUT]),
+        ("choose_texel", vec![texels::Shot::LAYOUT, choose_texel::Pick::LAYOUT, choose_texel::Iteration::LAYOUT]),
+        ("average", vec![average::Share::LAYOUT]),
         ("rounds", vec![ahead::Rounds::LAYOUT, ahead::Sizing::LAYOUT]),
         ("find_misses/device_grid", vec![grid::Round::LAYOUT]),
         ("hemisphere_tiles/raster", vec![raster::TileView::LAYOUT, raster::TileCamera::LAYOUT, sift::SiftView::LAYOUT]),

@@ -124,7 +124,10 @@ impl Stage {
         // As many rays for all: the host alone makes tiles finer.
         let tiles = all(&unset.nodes).into_iter().filter(|node| node.description().name == "HemisphereTiles");
         let even = tiles.map(|node| format!("{}.quality=1e6", node.name));
-        let sets: Vec<String> = nodes_there.iter().map(|node| format!("{node}.place={place}")).chain(coarse).chain(few).chain(even).collect();
+        let lightmaps = all(&unset.nodes).into_iter().filter(|node| node.description().name == "Lightmap");
+        let short = lightmaps.flat_map(|node| [format!("{}.resolution=32", node.name), format!("{}.iterations=6", node.name)]);
+        let there = nodes_there.iter().map(|node| format!("{node}.place={place}"));
+        let sets: Vec<String> = there.chain(coarse).chain(few).chain(even).chain(short).collect();
         let needs = Needs::of(&self.ready.scene);
         let setting = Setting { scene: &self.ready.scene, needs: &needs, device: self.device, size: SIZE, tables: Some(&self.tables) };
         plan(&self.pipeline(&sets)?, setting, &[], &kind)
@@ -247,6 +250,10 @@ fn parts(port: &Port) -> (Vec<(Resource, Counted)>, Vec<Variable>) {
         Port::Splats(p) => ([p.sums].into_iter().chain(p.counts).map(|image| (image, None)).collect(), Vec::new()),
         Port::Flag(flag) => (Vec::new(), vec![*flag]),
         Port::PhotonMap(p) => (vec![(p.data, Some((PHOTON_BYTES, p.slots)))], Vec::new()),
+        Port::Shooters(p) => (vec![(p.requests.places, Some((REQUEST_BYTES, p.requests.count))), (p.shots, None)], vec![p.requests.count]),
+        // Which places of the texture are whose is known as the plan is made. What is near is told by the mean that it joins: of a texel's few rays one passes an edge on its
+        // other side.
+        Port::Lightmap(p) => ([p.surfaces, p.direct, p.fresh, p.mean].map(|resource| (resource, None)).into(), vec![p.iterations]),
         // Maps are drawn by the device alone.
         Port::ShadowMaps(_) => Default::default(),
         other => (other.resources().into_iter().map(|resource| (resource, None)).collect(), Vec::new()),

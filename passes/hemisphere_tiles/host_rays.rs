@@ -121,9 +121,9 @@ impl Kept {
         let light = light_of(index, host);
         if !light.is_flat() {
             let all = index_of(index, host);
-            return self.add(samples, tiles, |hit, _| all.estimate_at(hit.position, hit.normal).0);
+            return self.add(samples, tiles, |hit, _| all.estimate_at(hit.at.position, hit.at.normal).0);
         }
-        let points = || self.hits.iter().map(|hit| [hit.position, hit.normal]).collect::<Vec<_>>();
+        let points = || self.hits.iter().map(|hit| [hit.at.position, hit.at.normal]).collect::<Vec<_>>();
         let known = self.shares.take().filter(|shares| shares.are_of(&light));
         let shares = known.unwrap_or_else(|| Shares::of(&index_of(index, host), &points()));
         self.add(samples, tiles, |_, number| shares.irradiance(&light, number));

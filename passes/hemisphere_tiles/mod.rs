@@ -23,6 +23,7 @@ mod guide;
 mod host_rays;
 pub mod raster;
 mod ray_cast;
+pub mod shooter_view;
 pub mod sift;
 mod steering;
 
@@ -177,17 +178,18 @@ struct Work {
 
 impl Work {
     fn layout(&self, program: Program) -> Program {
-        let [tiles_per_row, pitch] = if self.is_raster {
-            [self.tiles_per_row, (Format::R32Uint.row_bytes(self.size[0]) / Format::R32Uint.bytes()) as u32]
-        } else {
-            [1, self.table.width]
-        };
+        let [tiles_per_row, pitch] = self.rows();
         program
             .constant("TILE_WIDTH", self.table.width)
             .constant("TILE_HEIGHT", self.table.height)
             .constant("TILES_PER_ROW", tiles_per_row)
             .constant("TILE_CAPACITY", self.requests.capacity)
             .constant("ATLAS_PITCH", pitch)
+    }
+
+    /// Tiles along a row of what is seen, and samples from a row to the next.
+    fn rows(&self) -> [u32; 2] {
+        if self.is_raster { [self.tiles_per_row, (Format::R32Uint.row_bytes(self.size[0]) / Format::R32Uint.bytes()) as u32] } else { [1, self.table.width] }
     }
 
     fn samples_per_tile(&self) -> u32 {
@@ -293,6 +295,28 @@ impl Pass for HemisphereTiles {
         e.output("tiles", Port::Tiles(tiles));
         Ok(())
     }
+}
+
+/// The triangles that places see, without what light these reflect.
+///
+/// # Errors
+/// A resolution that the shape does not have.
+pub fn see(
+    e: &mut Encoder<'_>,
+    requests: port::Requests,
+    (shape, resolution): (Shape, u32),
+    (cast, is_raster): (Place, bool),
+) -> Result<port::ShooterViews, Refusal> {
+    let table = Table::new(shape, resolution, crate::math::hemisphere::Method::None)
+        .map_err(|e| Refusal::of_parameter("resolution", "plan::tile", e.to_string(), "choose another resolution"))?;
+    let work = layout(e, requests, shape, table, is_raster);
+    match cast {
+        Place::Host => host_rays::encode(e, &work),
+        Place::Device if is_raster => raster::encode(e, &work, true),
+        Place::Device => ray_cast::encode(e, &work),
+    }
+    let [tiles_per_row, pitch] = work.rows();
+    Ok(port::ShooterViews { seen: work.seen, shape, resolution, size: [work.table.width, work.table.height], tiles_per_row, pitch })
 }
 
 fn sees(e: &mut Encoder<'_>) -> Sees {

@@ -3,7 +3,7 @@
 //! A sample that meets a lobe goes on, by the lobe or not, as chance has it, until it stays at a surface: there the irradiance field is asked. On its way it gathers what
 //! surfaces reflect of direct light.
 
-use super::{Hit, Shading};
+use super::{Hit, Point, Shading};
 use crate::math::random::{combine, hash, unit};
 use crate::scene::{
     Rgb,
@@ -39,31 +39,31 @@ struct Step {
 // All that runs within `dispatch!` is inlined into it: what is not would not have its instructions.
 impl Shading<'_> {
     #[inline(always)]
-    pub(super) fn walk<S: Simd>(&self, simd: S, first: &Surface, seed: u32, to_do: &mut ToDo) -> Walked {
-        let (mut at, mut share, mut light) = (*first, Vec3::ONE, Vec3::ZERO);
+    pub(super) fn walk<S: Simd>(&self, simd: S, (first, of_triangle): (&Surface, u32), seed: u32, to_do: &mut ToDo) -> Walked {
+        let (mut at, mut triangle, mut share, mut light) = (*first, of_triangle, Vec3::ONE, Vec3::ZERO);
         for number in 0..MOST_LOBES {
             let Some(gloss) = at.glossy else { break };
             let seed = combine(seed, FIRST_SEED + number);
             let by_lobe = if at.reflectance == Vec3::ZERO { 1.0 } else { gloss.lobe.share(at.reflectance) };
             if unit(hash(seed ^ 0x1656_67b1)) >= by_lobe {
-                return Walked { light, hit: hit(&at, share / (1.0 - by_lobe), Vec3::ZERO) };
+                return Walked { light, hit: hit((&at, triangle), share / (1.0 - by_lobe), Vec3::ZERO) };
             }
             let met = step(&at, &gloss, seed, by_lobe).and_then(|step| {
                 share *= step.share;
                 self.seen_from(&at, step.direction)
             });
-            let Some(next) = met else { return Walked { light, hit: Hit::NONE } };
+            let Some((next_triangle, next)) = met else { return Walked { light, hit: Hit::NONE } };
             light += share * self.direct(simd, &next, seed, to_do);
-            at = next;
+            (at, triangle) = (next, next_triangle);
         }
         let left = at.glossy.map_or(Vec3::ZERO, |gloss| gloss.lobe.albedo(gloss.outgoing));
-        Walked { light, hit: hit(&at, share, left) }
+        Walked { light, hit: hit((&at, triangle), share, left) }
     }
 
-    fn seen_from(&self, at: &Surface, direction: Vec3) -> Option<Surface> {
+    fn seen_from(&self, at: &Surface, direction: Vec3) -> Option<(u32, Surface)> {
         let origin = at.start(self.extent);
         let hit = self.bvh.closest_hit(self.scene, origin, direction, f32::INFINITY)?;
-        Some(self.scene.surface(hit.triangle, hit.barycentric, Ray::new(origin, direction)))
+        Some((hit.triangle, self.scene.surface(hit.triangle, hit.barycentric, Ray::new(origin, direction))))
     }
 
     /// What a surface reflects of direct light.
@@ -90,6 +90,6 @@ fn step(at: &Surface, gloss: &Gloss, seed: u32, by_lobe: f32) -> Option<Step> {
     is_above.then(|| Step { direction, share: gloss.lobe.value(gloss.outgoing, incoming) * (incoming.z / density) })
 }
 
-fn hit(at: &Surface, share: Rgb, by_lobe: Rgb) -> Hit {
-    Hit { position: at.position, normal: at.normal, reflectance: share * (at.reflectance + by_lobe) * FRAC_1_PI }
+fn hit((at, triangle): (&Surface, u32), share: Rgb, by_lobe: Rgb) -> Hit {
+    Hit { at: Point { position: at.position, normal: at.normal, triangle: triangle + 1 }, reflectance: share * (at.reflectance + by_lobe) * FRAC_1_PI }
 }

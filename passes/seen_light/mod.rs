@@ -3,7 +3,10 @@
 
 mod lobe_walk;
 
-use super::{irradiance_field::Field, record::Request};
+use super::{
+    irradiance_field::{Field, Point},
+    record::Request,
+};
 use crate::contract::{Encoder, Input, PLACE, Parameter, ParameterKind, Place, PortKind, Refusal, Takes, place::refuse, port};
 use crate::math::{
     random::{combinations, combine},
@@ -248,14 +251,13 @@ pub struct Sight {
 /// A place that indirect light is asked for.
 #[derive(Clone, Copy)]
 pub struct Hit {
-    pub position: Vec3,
-    pub normal: Vec3,
+    pub at: Point,
     /// Of all parts, over π; black where nothing is met.
     pub reflectance: Rgb,
 }
 
 impl Hit {
-    pub const NONE: Self = Self { position: Vec3::ZERO, normal: Vec3::ZERO, reflectance: Rgb::ZERO };
+    pub const NONE: Self = Self { at: Point { position: Vec3::ZERO, normal: Vec3::ZERO, triangle: 0 }, reflectance: Rgb::ZERO };
 }
 
 /// Sees what [`Shading`] does, and keeps where it is.
@@ -329,7 +331,8 @@ impl Shading<'_> {
                 let ray = group * LANES + lane;
                 if hits.triangles[ray] != 0 && hits.samples[ray] != u32::MAX && !is_below(hits.directions[ray]) {
                     let other = others.as_ref().map_or(Other::NONE, |others| others[ray]);
-                    let hit = || other.asked.unwrap_or(Hit { position: position[lane], normal: normal[lane], reflectance: reflectance[lane] });
+                    let at = Point { position: position[lane], normal: normal[lane], triangle: hits.triangles[ray] };
+                    let hit = || other.asked.unwrap_or(Hit { at, reflectance: reflectance[lane] });
                     see(hits.samples[ray] as usize, (light[lane] + other.light).extend(distance[lane]), KEEPS.then(hit));
                 }
             }
@@ -364,7 +367,7 @@ impl Shading<'_> {
             other.reflectance = surface.reflectance * FRAC_1_PI;
             other.gloss = lit.glossy;
             if walks && surface.glossy.is_some() {
-                let walked = self.walk(simd, &surface, seed, to_do);
+                let walked = self.walk(simd, (&surface, number), seed, to_do);
                 other.light += walked.light;
                 other.asked = Some(walked.hit);
             }
@@ -557,8 +560,8 @@ fn add_indirect<S: Simd>(
                 continue;
             }
             points[ray] = match asked(ray) {
-                Some(asked) => (asked.reflectance != Vec3::ZERO).then_some([asked.position, asked.normal]),
-                None => Some([position[lane], normal[lane]]),
+                Some(asked) => (asked.reflectance != Vec3::ZERO).then_some(asked.at),
+                None => Some(Point { position: position[lane], normal: normal[lane], triangle: hits.triangles[ray] }),
             };
         }
     }

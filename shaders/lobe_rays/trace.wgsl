@@ -42,15 +42,15 @@ fn ray_density(lobe: Lobe, outgoing: vec3f, incoming: vec3f) -> f32 {
 }
 
 // What comes along a ray that meets a surface.
-fn light_seen(surface: Surface, seed: u32) -> vec3f {
+fn light_seen(surface: Surface, triangle: u32, seed: u32) -> vec3f {
     var light = reflected_of_direct(surface, seed);
     if SEES_EMISSION {
         light += surface.emission;
     }
     if WALKS {
-        let stay = stay_of(surface, seed);
+        let stay = stay_of(surface, triangle + 1u, seed);
         if any(stay.reflectance != vec3f(0.0)) {
-            light += indirect_irradiance(stay.position, stay.normal) * stay.reflectance / PI;
+            light += indirect_irradiance(stay.position, stay.normal, stay.triangle) * stay.reflectance / PI;
         }
     }
     return light;
@@ -59,7 +59,7 @@ fn light_seen(surface: Surface, seed: u32) -> vec3f {
 fn light_along(origin: vec3f, direction: vec3f, seed: u32) -> vec3f {
     let hit = nearest_hit(origin, direction, FAR_AWAY, false);
     if hit.triangle != NO_TRIANGLE {
-        return light_seen(surface_seen(hit.triangle, origin, direction), seed);
+        return light_seen(surface_seen(hit.triangle, origin, direction), hit.triangle, seed);
     }
     if SEES_EMISSION {
         return environment_radiance(direction);

@@ -13,6 +13,7 @@ use crate::measure::run::{Run, image};
 use crate::measure::{Layer, Layers};
 use crate::passes::photons::{Photon, SLOTS_BEFORE, unpacked_ways};
 use crate::passes::record::{Record, Request, indexed};
+use crate::passes::texels::{Shot, TexelSurface};
 use crate::pipeline::Plan;
 use crate::schedule::{Resource, ResourceKind};
 use std::fmt::Write;
@@ -46,6 +47,17 @@ fn write_port(name: &str, port: &Port, plan: &Plan, run: &Run, beside: &Path) ->
             write_photons(&items(run, map.data, run.variable(map.slots))?[SLOTS_BEFORE as usize..], name, beside)
         }
         Port::Tiles(tiles) => write_layers(tiles_picture(tiles, run)?, name, beside),
+        Port::Lightmap(lightmap) => {
+            write_layers(lightmap_picture(lightmap, run)?, name, beside)?;
+            file(beside, name, "obj")?.write(lightmap_mesh(lightmap, run)?.as_bytes())
+        }
+        Port::IrradianceField(port::IrradianceField::Lightmap(field)) => write_layers(lookups_picture(field, run)?, name, beside),
+        Port::Shooters(shooters) => {
+            let count = run.latest(shooters.requests.count);
+            let (places, shots): (Vec<Request>, Vec<Shot>) = (items(run, shooters.requests.places, count)?, items(run, shooters.shots, count)?);
+            file(beside, name, "csv")?.write(shots_csv(&places, &shots).as_bytes())
+        }
+        Port::ShooterViews(views) => write_layers(views_picture(views, run)?, name, beside),
         Port::WeightedTiles(weighted) => write_layers(tiles_picture(&weighted.tiles, run)?, name, beside),
         Port::ShadowMaps(maps) => write_layers(maps_picture(maps, run)?, name, beside),
         Port::Flag(flag) => file(beside, name, "csv")?.write(format!("value\n{}\n", run.variable(*flag)).as_bytes()),
@@ -70,6 +82,74 @@ fn path(beside: &Path, name: &str, ending: &str) -> PathBuf {
 
 fn write_layers(picture: Layers, name: &str, beside: &Path) -> Result<(), Failure> {
     super::output::PictureTarget::new(&path(beside, name, "exr"))?.write(&picture, 0.0)
+}
+
+/// Every texel of a lightmap at its place in the texture, the backs of surfaces below their fronts: indirect irradiance, direct light that is reflected, and the area.
+fn lightmap_picture(lightmap: &port::Lightmap, run: &Run) -> Result<Layers, Failure> {
+    let numbers: Vec<u32> = items(run, lightmap.numbers, lightmap.edge * lightmap.edge)?;
+    let surfaces: Vec<TexelSurface> = items(run, lightmap.surfaces, lightmap.texels)?;
+    let [mean, direct]: [Vec<[f32; 4]>; 2] = [items(run, lightmap.mean, lightmap.places())?, items(run, lightmap.direct, lightmap.places())?];
+    let texels = || (0..lightmap.sides as usize).flat_map(|side| numbers.iter().map(move |number| (side, number.checked_sub(1).map(|number| number as usize))));
+    let colours = |of: &[[f32; 4]]| {
+        let at = |(side, texel): (usize, Option<usize>)| texel.map_or([0.0; 4], |texel| of[texel * lightmap.sides as usize + side]);
+        colour(texels().map(at))
+    };
+    let areas = texels().map(|(_, texel)| texel.map_or(0.0, |texel| surfaces[texel].area)).collect();
+    let picture = Layers::new(lightmap.edge, lightmap.edge * lightmap.sides);
+    Ok(picture.with("irradiance", colours(&mean)).with("direct", colours(&direct)).with("area", Layer::value(areas)))
+}
+
+/// The scene's triangles with their places in the fronts' texture.
+fn lightmap_mesh(lightmap: &port::Lightmap, run: &Run) -> Result<String, Failure> {
+    let corners: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&block_on(run.bytes(lightmap.corners)).map_err(Failure::work)?);
+    let mut text = String::from("# Each triangle with its place in the lightmap: u to the right, v up, in parts of the front's texture.\n");
+    let (edge, triangles) = (lightmap.edge as f32, &run.stage().scene.triangles);
+    for (number, (triangle, places)) in triangles.iter().zip(corners.chunks_exact(2)).enumerate() {
+        for corner in triangle.positions {
+            let _ = writeln!(text, "v {} {} {}", corner.x, corner.y, corner.z);
+        }
+        let ([a, b, c, d], [e, f, ..]) = (places[0], places[1]);
+        for [u, v] in [[a, b], [c, d], [e, f]] {
+            let _ = writeln!(text, "vt {} {}", u / edge, 1.0 - v / edge);
+        }
+        let first = 3 * number + 1;
+        let _ = writeln!(text, "f {first}/{first} {0}/{0} {1}/{1}", first + 1, first + 2);
+    }
+    Ok(text)
+}
+
+/// What a lightmap is looked up in, the backs of surfaces below their fronts.
+fn lookups_picture(field: &port::LightmapField, run: &Run) -> Result<Layers, Failure> {
+    let (sides, texels) = (field.sides as usize, field.edge * field.edge * field.sides);
+    let data: Vec<[f32; 4]> = items(run, field.data, field.first + texels)?;
+    let light = &data[field.first as usize..];
+    let at = |side: usize| light.iter().skip(side).step_by(sides).copied();
+    Ok(Layers::new(field.edge, field.edge * field.sides).with("irradiance", colour((0..sides).flat_map(at))))
+}
+
+/// The first three of four.
+fn colour(texels: impl Iterator<Item = [f32; 4]>) -> Layer {
+    Layer::interleaved(&["R", "G", "B"], &texels.flatten().collect::<Vec<_>>(), 4)
+}
+
+/// The numbers of the triangles that shooters see + 1, a tile below the other.
+fn views_picture(views: &port::ShooterViews, run: &Run) -> Result<Layers, Failure> {
+    let seen: Vec<u32> = bytemuck::pod_collect_to_vec(&block_on(run.bytes(views.seen)).map_err(Failure::work)?);
+    let [width, height] = views.size;
+    let rows = seen.len() as u32 / views.pitch;
+    let tiles = rows / height * views.tiles_per_row;
+    let sample = |tile: u32, at: u32| seen[views.place(tile, [at % width, at / width])] as f32;
+    let numbers = (0..tiles).flat_map(|tile| (0..width * height).map(move |at| (tile, at))).map(|(tile, at)| sample(tile, at)).collect();
+    Ok(Layers::new(width, height * tiles).with("triangle", Layer::value(numbers)))
+}
+
+fn shots_csv(places: &[Request], shots: &[Shot]) -> String {
+    let mut text = String::from("x,y,z,normal_x,normal_y,normal_z,flux_r,flux_g,flux_b\n");
+    for (place, shot) in places.iter().zip(shots) {
+        let ([x, y, z], [a, b, c], [red, green, blue]) = (place.position, place.normal, shot.flux);
+        let _ = writeln!(text, "{x},{y},{z},{a},{b},{c},{red},{green},{blue}");
+    }
+    text
 }
 
 /// A layer a table: a row for each outgoing direction, a column for each coefficient of both parts, 0 beyond the table's own order.

@@ -387,7 +387,7 @@ macro_rules! typed_inputs {
         }
     };
 }
-typed_inputs!(g_buffer: GBuffer, shadow_maps: ShadowMaps, image_port: Image, splats: Splats, requests: Requests, tiles: Tiles, weighted_tiles: WeightedTiles, records: Records, record_cache: RecordCache, irradiance_field: IrradianceField, photon_map: PhotonMap, direct_light: DirectLight, own: Own, lobes: Lobes, visible_lobes: VisibleLobes);
+typed_inputs!(g_buffer: GBuffer, shadow_maps: ShadowMaps, image_port: Image, splats: Splats, requests: Requests, tiles: Tiles, weighted_tiles: WeightedTiles, records: Records, record_cache: RecordCache, irradiance_field: IrradianceField, photon_map: PhotonMap, lightmap: Lightmap, shooters: Shooters, shooter_views: ShooterViews, direct_light: DirectLight, own: Own, lobes: Lobes, visible_lobes: VisibleLobes);
 
 /// Specialises a program to what the scene has: textures, alpha masks, one-sided surfaces.
 pub fn scene_constants(program: Program, needs: &Needs) -> Program {

@@ -38,6 +38,12 @@ pub enum PortKind {
     IrradianceField,
     /// Photons where they arrived.
     PhotonMap,
+    /// Light kept in the surfaces' own texture.
+    Lightmap,
+    /// Texels that send their light out.
+    Shooters,
+    /// What they see.
+    ShooterViews,
     /// Lobes of materials, projected on harmonics.
     Lobes,
     /// The lobe that each pixel sees.
@@ -64,6 +70,9 @@ impl PortKind {
             Self::RecordCache => "a record cache",
             Self::IrradianceField => "an irradiance field",
             Self::PhotonMap => "a photon map",
+            Self::Lightmap => "a lightmap",
+            Self::Shooters => "texels that shoot",
+            Self::ShooterViews => "views from texels that shoot",
             Self::Lobes => "coefficients of lobes",
             Self::VisibleLobes => "the lobes of visible surfaces",
             Self::Flag => "a flag",
@@ -99,6 +108,12 @@ pub enum Port {
     IrradianceField(IrradianceField),
     /// Photons where they arrived.
     PhotonMap(PhotonMap),
+    /// Light kept in the surfaces' own texture.
+    Lightmap(Lightmap),
+    /// Texels that send their light out.
+    Shooters(Shooters),
+    /// What they see.
+    ShooterViews(ShooterViews),
     /// Lobes of materials, projected on harmonics.
     Lobes(Lobes),
     /// The lobe that each pixel sees.
@@ -125,6 +140,9 @@ impl Port {
             Self::RecordCache(_) => PortKind::RecordCache,
             Self::IrradianceField(_) => PortKind::IrradianceField,
             Self::PhotonMap(_) => PortKind::PhotonMap,
+            Self::Lightmap(_) => PortKind::Lightmap,
+            Self::Shooters(_) => PortKind::Shooters,
+            Self::ShooterViews(_) => PortKind::ShooterViews,
             Self::Lobes(_) => PortKind::Lobes,
             Self::VisibleLobes(_) => PortKind::VisibleLobes,
             Self::Flag(_) => PortKind::Flag,
@@ -147,6 +165,9 @@ impl Port {
             Self::RecordCache(p) => [p.records].into_iter().chain(p.coefficients.map(|c| c.values)).collect(),
             Self::IrradianceField(p) => p.resources(),
             Self::PhotonMap(p) => p.resources(),
+            Self::Lightmap(p) => p.resources().to_vec(),
+            Self::Shooters(p) => vec![p.requests.places, p.shots],
+            Self::ShooterViews(p) => vec![p.seen],
             Self::Lobes(p) => vec![p.values],
             Self::VisibleLobes(p) => p.resources().to_vec(),
             Self::Flag(_) => Vec::new(),
@@ -179,6 +200,12 @@ impl Port {
             Self::RecordCache(p) => p.over(memory),
             Self::IrradianceField(p) => p.over(memory),
             Self::PhotonMap(p) => p.over(memory),
+            Self::Lightmap(p) => p.over(memory),
+            Self::Shooters(p) => {
+                p.requests.over(memory);
+                replace(&mut p.shots, memory);
+            }
+            Self::ShooterViews(p) => replace(&mut p.seen, memory),
             Self::Lobes(p) => p.over(memory),
             Self::VisibleLobes(p) => p.over(memory),
             Self::Flag(variable) => *variable = memory.variable(*variable),
@@ -407,6 +434,8 @@ pub enum IrradianceField {
     Records(RecordIndex),
     /// Photons that are gathered around a point.
     Photons(PhotonDensity),
+    /// Light kept in the surfaces' own texture.
+    Lightmap(LightmapField),
 }
 
 /// Records that can be asked for the irradiance at any point.
@@ -442,6 +471,85 @@ pub struct PhotonDensity {
     pub search_radius: f32,
     /// Whether their outline tells the area that they stand for; otherwise all of the disc does.
     pub edges: bool,
+}
+
+/// Light kept in the surfaces' own texture: of the texels that stand for something, neighbours in space after each other, one side after the other.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Lightmap {
+    /// Texels along an edge of the texture.
+    pub edge: u32,
+    /// How many of them stand for something.
+    pub texels: u32,
+    /// 2 where surfaces are seen from both sides, the front first; otherwise 1.
+    pub sides: u32,
+    /// Buffer of u32: for each place of the texture, row by row, the number of the texel there + 1; 0 where there is none.
+    pub numbers: Resource,
+    /// Buffer of vec4, two a triangle, as [`LightmapField::data`] begins with: where its corners lie [texels], and in which chart.
+    pub corners: Resource,
+    /// Buffer of [`crate::passes::texels::TexelSurface`], without regard to sides.
+    pub surfaces: Resource,
+    /// Buffer of vec4: direct light that is reflected [W m⁻² sr⁻¹], and the reflectance as the bits of the fourth.
+    pub direct: Resource,
+    /// Buffer of vec4: indirect irradiance that the last iteration brought [W/m²], and the luminance that its bound has taken; a history.
+    pub fresh: Resource,
+    /// Buffer of vec4: what is nearer than the bound of shots brings [W/m²], where rays gather it; a history.
+    pub near: Resource,
+    /// Buffer of vec4: mean indirect irradiance of the iterations [W/m²]; a history.
+    pub mean: Resource,
+    /// How many iterations there have been; a history.
+    pub iterations: Variable,
+    /// How many there are to be.
+    pub wanted: u32,
+}
+
+/// Texels that send their light out.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Shooters {
+    /// Where they are.
+    pub requests: Requests,
+    /// Buffer of [`crate::passes::texels::Shot`]: what each sends out.
+    pub shots: Resource,
+    /// The square of the distance below which a texel that stands for an area of 1 brings no more.
+    pub nearest: f32,
+}
+
+/// Which triangles texels see that send their light out, a tile each.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ShooterViews {
+    /// Buffer of u32: the number of the triangle that each sample sees + 1; 0 where it sees none, or is none.
+    pub seen: Resource,
+    /// Hemispherical or Hemicube.
+    pub shape: crate::math::hemisphere::Shape,
+    /// Samples along an edge of the shape.
+    pub resolution: u32,
+    /// Of a tile [samples].
+    pub size: [u32; 2],
+    /// Tiles along a row.
+    pub tiles_per_row: u32,
+    /// From a row of samples to the next.
+    pub pitch: u32,
+}
+
+impl ShooterViews {
+    /// Where a sample of a tile stands.
+    pub fn place(&self, tile: u32, [x, y]: [u32; 2]) -> usize {
+        let [column, row] = [tile % self.tiles_per_row, tile / self.tiles_per_row];
+        ((row * self.size[1] + y) * self.pitch + column * self.size[0] + x) as usize
+    }
+}
+
+/// A lightmap that can be asked for the irradiance at any point of a triangle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LightmapField {
+    /// Buffer of vec4: of each triangle two, whose first six numbers tell where its corners lie, and the seventh in which chart; then indirect irradiance [W/m²] row by row,
+    /// one side after the other, and the chart, 0 where there is none.
+    pub data: Resource,
+    /// Where the texels start [vec4].
+    pub first: u32,
+    /// Texels along an edge.
+    pub edge: u32,
+    /// As those of the lightmap.
+    pub sides: u32,
 }
 
 /// Radiance that arrives at records, projected on hemispherical harmonics in `Frame::new` of their normal.
@@ -567,6 +675,7 @@ impl IrradianceField {
         match self {
             Self::Records(index) => vec![index.data],
             Self::Photons(density) => density.map.resources(),
+            Self::Lightmap(light) => vec![light.data],
         }
     }
 
@@ -574,6 +683,7 @@ impl IrradianceField {
         match self {
             Self::Records(index) => replace(&mut index.data, memory),
             Self::Photons(density) => density.map.over(memory),
+            Self::Lightmap(light) => replace(&mut light.data, memory),
         }
     }
 }
@@ -586,6 +696,24 @@ impl PhotonMap {
     fn over(&mut self, memory: &mut dyn Memory) {
         replace(&mut self.data, memory);
         self.slots = memory.variable(self.slots);
+    }
+}
+
+impl Lightmap {
+    fn resources(&self) -> [Resource; 7] {
+        [self.numbers, self.corners, self.surfaces, self.direct, self.fresh, self.near, self.mean]
+    }
+
+    fn over(&mut self, memory: &mut dyn Memory) {
+        [&mut self.numbers, &mut self.corners, &mut self.surfaces, &mut self.direct, &mut self.fresh, &mut self.near, &mut self.mean]
+            .into_iter()
+            .for_each(|r| replace(r, memory));
+        self.iterations = memory.variable(self.iterations);
+    }
+
+    /// Texels of all sides.
+    pub fn places(&self) -> u32 {
+        self.texels * self.sides
     }
 }
 

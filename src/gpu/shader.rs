@@ -232,7 +232,7 @@ mod tests {
             ("EMITTERS", "lib/emitters/given"),
             ("CONTRIBUTION", "lib/contribution/radiance"),
             ("COEFFICIENTS", "lib/coefficients/half"),
-            ("IRRADIANCE_FIELD", "lib/irradiance_field/photons"),
+            ("IRRADIANCE_FIELD", "lib/irradiance_field/lightmap"),
             ("SEEN", "lib/seen/more"),
         ],
     ];

@@ -18,7 +18,7 @@ pub use concentric::{ray, square};
 use super::solid_angle::{
     Interval, disc_moment, disc_solid_angle, disc_wall, line_moment, polygon_moment, polygon_solid_angle, rectangle_moment, rectangle_solid_angle,
 };
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, Vec3};
 use std::f64::consts::{PI, TAU};
 
 /// Samples along a side of a tile: least and most.
@@ -151,6 +151,34 @@ impl Shape {
     /// Width and height of a tile of `resolution` N [samples].
     pub fn size(self, resolution: u32) -> [u32; 2] {
         [resolution, if self == Self::Hemicube { 3 * resolution } else { resolution }]
+    }
+
+    /// The column and row of the sample of a tile that a direction in its frame falls on, of any length, not below the horizon: of the shapes Hemispherical and Hemicube.
+    pub fn sample_at(self, resolution: u32, direction: Vec3) -> Option<[u32; 2]> {
+        let at = |share: f32, samples: u32| ((0.5 * (share + 1.0) * samples as f32) as u32).min(samples - 1);
+        match self {
+            Self::Hemispherical => {
+                let flat = direction.truncate() / direction.length();
+                Some([at(flat.x, resolution), at(flat.y, resolution)])
+            }
+            Self::Hemicube => {
+                let Vec3 { x, y, z } = direction;
+                if z >= x.abs().max(y.abs()) {
+                    return Some([at(x / z, resolution), at(y / z, resolution)]);
+                }
+                let [side, forward, right] = if x.abs() >= y.abs() {
+                    if x > 0.0 { [0.0, x, -y] } else { [2.0, -x, y] }
+                } else if y < 0.0 {
+                    [1.0, -y, -x]
+                } else {
+                    [3.0, y, x]
+                };
+                // Upper halves of the upright faces, from the top face's edge down.
+                let row = (((1.0 - z / forward) * 0.5 * resolution as f32) as u32).min(resolution / 2 - 1);
+                Some([at(right / forward, resolution), resolution + side as u32 * (resolution / 2) + row])
+            }
+            _ => None,
+        }
     }
 }
 
@@ -600,6 +628,20 @@ pub(super) mod tests {
 
     fn assert_near(found: f64, expected: f64, tolerance: f64, what: impl std::fmt::Debug) {
         assert!((found - expected).abs() <= tolerance, "{what:?}: {found}, not {expected}");
+    }
+
+    #[test]
+    fn directions_fall_on_their_samples() {
+        for shape in [Shape::Hemispherical, Shape::Hemicube] {
+            let table = Table::new(shape, 32, Method::None).unwrap();
+            for (at, sample) in (0..).zip(&table.samples).filter(|(_, sample)| sample.cosine_weight > 0.0) {
+                let direction = 3.0 * DVec3::from(sample.direction).as_vec3();
+                let [x, y] = shape.sample_at(32, direction).unwrap();
+                let is_on_the_rim = direction.z < 1e-3;
+                assert!(is_on_the_rim || y * table.width + x == at, "{shape:?}: {direction} on {x}, {y}, not {at}");
+            }
+        }
+        assert_eq!(Shape::Concentric.sample_at(32, Vec3::Z), None);
     }
 
     #[test]

@@ -2,6 +2,8 @@
 
 pub mod animation;
 #[doc(hidden)]
+pub mod atlas;
+#[doc(hidden)]
 pub mod bvh;
 mod clusters;
 #[doc(hidden)]

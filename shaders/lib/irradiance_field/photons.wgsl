@@ -9,7 +9,7 @@ override PHOTONS_WANTED: u32 = 64u;
 override SEARCH_RADIUS: f32 = 1.0;
 override PHOTONS_EDGES: bool = true;
 
-fn indirect_irradiance(position: vec3f, normal: vec3f) -> vec3f {
+fn indirect_irradiance(position: vec3f, normal: vec3f, triangle: u32) -> vec3f {
     let zone = photon_zone(position, normal, PHOTONS_WANTED, SEARCH_RADIUS);
     let frame = frame_around(normal, 0.0);
     let head = map_head();
@@ -39,9 +39,9 @@ fn indirect_irradiance(position: vec3f, normal: vec3f) -> vec3f {
 }
 
 // The same at a point of each lane that asks.
-fn irradiance_of_lanes(lane: u32, asks: bool, position: vec3f, normal: vec3f) -> vec3f {
+fn irradiance_of_lanes(lane: u32, asks: bool, position: vec3f, normal: vec3f, triangle: u32) -> vec3f {
     if !asks {
         return vec3f(0.0);
     }
-    return indirect_irradiance(position, normal);
+    return indirect_irradiance(position, normal, triangle);
 }

@@ -145,7 +145,7 @@ fn mean_of(sum: vec4f) -> vec3f {
 }
 
 // The weighted mean of what the records that count at a point foretell; where none counts, of those listed there as if they reached farther.
-fn indirect_irradiance(position: vec3f, normal: vec3f) -> vec3f {
+fn indirect_irradiance(position: vec3f, normal: vec3f, triangle: u32) -> vec3f {
     var sum = near_sums(position, normal);
     if sum.w == 0.0 {
         sum = far_sums(position, normal, 0u, 1u);
@@ -161,7 +161,7 @@ var<workgroup> far_parts: array<vec4f, 64>;
 
 // The same at a point of each lane that asks, of a workgroup of 64 that are all here. Where no record counts the lanes share the work, as few points would
 // have all the others wait: the lists are long.
-fn irradiance_of_lanes(lane: u32, asks: bool, position: vec3f, normal: vec3f) -> vec3f {
+fn irradiance_of_lanes(lane: u32, asks: bool, position: vec3f, normal: vec3f, triangle: u32) -> vec3f {
     var sum = vec4f(0.0);
     if asks {
         sum = near_sums(position, normal);

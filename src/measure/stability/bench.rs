@@ -21,13 +21,15 @@ pub type LoadPipeline<'a> = dyn Fn(&[String]) -> Result<Pipeline, Problems> + 'a
 /// Width and height of the pictures [pixels].
 pub(super) const SIZE: [u32; 2] = [16, 12];
 
-/// What keeps a run short: few samples a record, small shadow maps, few outgoing directions, few records of a second cache.
-const SMALL: [Change; 5] = [
+/// What keeps a run short: few samples a record, small shadow maps, few outgoing directions, few records of a second cache, few texels of a lightmap.
+const SMALL: [Change; 7] = [
     ("HemisphereTiles", "resolution", "16"),
     ("ShadowMap", "resolution", "256"),
     ("LobeCoefficients", "grid", "24"),
     ("PathVertices", "paths", "2048"),
     ("PathVertices", "records", "512"),
+    ("Lightmap", "resolution", "32"),
+    ("Lightmap", "iterations", "24"),
 ];
 
 /// A pass, one of its parameters, and a value for all nodes that use the pass.
@@ -127,6 +129,12 @@ impl<'a> Bench<'a> {
     /// The same with a case that does not hold where a pass is used; `because` says why.
     pub(super) fn expect_no_pass(&self, pass: &str, because: &str) -> Result<(), Trouble> {
         if self.nodes_of(pass).is_empty() { Ok(()) } else { Err(Trouble::Absent(because.into())) }
+    }
+
+    /// The same with a case that a lightmap's own texels would have to be finer for than the scene makes them.
+    pub(super) fn expect_no_shown_lightmap(&self) -> Result<(), Trouble> {
+        let is_shown = ["Lightmap", "IndirectLight"].iter().all(|pass| !self.nodes_of(pass).is_empty());
+        if is_shown { Err(Trouble::Absent("all surfaces share the texels of a lightmap".into())) } else { Ok(()) }
     }
 
     /// The name of the way that a pass's nodes take, of those that have it as a choice.

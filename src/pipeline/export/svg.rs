@@ -33,9 +33,9 @@ const PLAIN: &str = "#5b6b80";
 fn colour(kind: PortKind) -> &'static str {
     match kind {
         PortKind::GBuffer | PortKind::Lobes | PortKind::VisibleLobes => "#3d6fb4",
-        PortKind::DirectLight | PortKind::ShadowMaps | PortKind::Image | PortKind::PhotonMap => "#b26a00",
+        PortKind::DirectLight | PortKind::ShadowMaps | PortKind::Image | PortKind::PhotonMap | PortKind::Lightmap => "#b26a00",
         PortKind::RecordCache | PortKind::IrradianceField | PortKind::Records | PortKind::Splats => "#2f7f5f",
-        PortKind::Requests | PortKind::Tiles | PortKind::WeightedTiles => "#8a4f9e",
+        PortKind::Requests | PortKind::Shooters | PortKind::ShooterViews | PortKind::Tiles | PortKind::WeightedTiles => "#8a4f9e",
         PortKind::Flag | PortKind::Own(_) => PLAIN,
     }
 }

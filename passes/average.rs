@@ -1,0 +1,118 @@
+//! The mean of what iterations have brought.
+
+use crate::contract::{Bodies, Description, Encoder, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Refusal, Takes, port};
+use crate::host_struct;
+use crate::schedule::*;
+use glam::Vec4;
+use rayon::prelude::*;
+
+pub struct Average;
+
+static DESCRIPTION: Description = Description {
+    name: "Average",
+    about: "Adds an iteration, with what is near, to the mean of all: the light that shots bring by chance becomes the light that there is",
+    source: "STOCH formula (2); iterations that are left out: our own",
+    parameters: &[
+        Parameter {
+            name: "warm_up",
+            about: "iterations that count no more once there are others: each carries light on by one reflection, and the first have too few",
+            unit: "iterations",
+            kind: ParameterKind::Integer { default: 8, min: 0, max: 65_536 },
+        },
+        PLACE,
+    ],
+    inputs: &[Input { name: "of", about: "the lightmap after an iteration", accepts: PortKind::Lightmap, takes: Takes::One, changes: true }],
+    outputs: &[
+        Output { name: "lightmap", about: "the lightmap with the mean", kind: PortKind::Lightmap },
+        Output { name: "settled", about: "set when there have been as many iterations as the Lightmap asks for", kind: PortKind::Flag },
+    ],
+};
+
+host_struct! {
+    /// What an iteration counts.
+    pub struct Share {
+        /// Of the mean.
+        share: f32,
+        padding_a: f32,
+        padding_b: f32,
+        padding_c: f32,
+    }
+}
+
+impl Pass for Average {
+    fn description(&self) -> &'static Description {
+        &DESCRIPTION
+    }
+
+    fn stands_for(&self) -> Option<[&'static str; 2]> {
+        Some(["of", "lightmap"])
+    }
+
+    fn encode(&self, e: &mut Encoder<'_>) -> Result<(), Refusal> {
+        let Some(of) = e.lightmap("of").copied() else { return Ok(()) };
+        let warm_up = e.arguments.integer("warm_up") as u32;
+        let settled = e.variable("settled", false);
+        let count = move |host: &mut dyn HostContext| {
+            let iteration = host.variable(of.iterations).saturating_add(1);
+            host.set(of.iterations, iteration);
+            host.set(settled, u32::from(iteration >= of.wanted));
+            share(iteration, warm_up)
+        };
+        match e.place(Bodies::BOTH)? {
+            Place::Host => average_on_host(e, of, count),
+            Place::Device => average_on_device(e, of, count),
+        }
+        e.output("lightmap", Port::Lightmap(of));
+        e.output("settled", Port::Flag(settled));
+        Ok(())
+    }
+}
+
+/// What an iteration, from 1 on, counts of the mean.
+fn share(iteration: u32, warm_up: u32) -> f32 {
+    1.0 / iteration.saturating_sub(warm_up).max(1) as f32
+}
+
+fn average_on_host(e: &mut Encoder<'_>, of: port::Lightmap, count: impl Fn(&mut dyn HostContext) -> f32 + Send + Sync + 'static) {
+    e.host("average", &[of.fresh, of.near, of.mean].map(Read::whole), &[of.fresh, of.mean], move |host| {
+        let share = count(host);
+        let [mut fresh, mut mean] = [of.fresh, of.mean].map(|resource| host.take(resource));
+        let near: &[Vec4] = bytemuck::cast_slice(host.read(of.near));
+        mean.par_iter_mut().zip(&mut fresh).zip(near).for_each(|((mean, fresh), near)| {
+            *fresh += *near;
+            *mean += (*fresh - *mean) * share;
+        });
+        host.put(of.fresh, fresh, u64::MAX);
+        host.put(of.mean, mean, u64::MAX);
+        Ok(())
+    });
+}
+
+fn average_on_device(e: &mut Encoder<'_>, of: port::Lightmap, count: impl Fn(&mut dyn HostContext) -> f32 + Send + Sync + 'static) {
+    let buffer = e.buffer("share", size_of::<Share>() as u64);
+    e.host("count", &[], &[buffer], move |host| {
+        let share = Share { share: count(host), padding_a: 0.0, padding_b: 0.0, padding_c: 0.0 };
+        host.write(buffer, 0, bytemuck::bytes_of(&share));
+        Ok(())
+    });
+    let program = Program::new("average")
+        .constant("PLACES", of.places())
+        .bind("share_of_mean", buffer)
+        .bind("fresh", of.fresh)
+        .bind("near", of.near)
+        .bind("mean", of.mean);
+    e.compute(program, "average", Groups::linear(of.places().div_ceil(64)));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn iterations_after_the_first_count_alike() {
+        let mean = |warm_up: u32| (1..=10).fold(0.0, |mean, iteration| mean + (iteration as f32 - mean) * share(iteration, warm_up));
+        assert!((mean(0) - 5.5).abs() < 1e-5);
+        assert!((mean(4) - 7.5).abs() < 1e-5);
+        assert_eq!(mean(20), 10.0);
+    }
+}

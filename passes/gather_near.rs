@@ -1,0 +1,240 @@
+//! What is nearer to texels than the bound of shots, gathered by rays: a few shots would make blots of it along every edge.
+
+use super::texels::{CORNERS, NEAREST, Shot, TexelSurface, nearest, radiance};
+use crate::contract::{
+    Bodies, Description, Encoder, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Refusal, Takes, encoder::scene_constants, port,
+};
+use crate::math::{
+    colour::luminance,
+    frame::Frame,
+    hemisphere::{Method, Sample, Shape, Table},
+    random::{combine, hash, unit},
+};
+use crate::scene::{
+    Scene,
+    packets::{Numbers, RayBundle, View},
+};
+use crate::schedule::*;
+use glam::{Vec2, Vec3, Vec4};
+use rayon::prelude::*;
+use std::f32::consts::TAU;
+
+pub struct GatherNear;
+
+static DESCRIPTION: Description = Description {
+    name: "GatherNear",
+    about: "Gathers by rays what the bound of shots leaves out: the light of surfaces that are near, in the share that the bound takes of it",
+    source: "compensation of what is bounded: Kollig and Keller 2004; from the lightmap, now and then: our own",
+    parameters: &[
+        Parameter { name: "rays", about: "rays of a texel, a square number", unit: "rays", kind: ParameterKind::Integer { default: 64, min: 16, max: 1024 } },
+        Parameter {
+            name: "every",
+            about: "iterations from one gathering to the next; the first is when light has been reflected a few times",
+            unit: "iterations",
+            kind: ParameterKind::Integer { default: 32, min: 1, max: 65_536 },
+        },
+        PLACE,
+    ],
+    inputs: &[
+        Input { name: "from", about: "the shots that are bounded", accepts: PortKind::Shooters, takes: Takes::One, changes: false },
+        Input { name: "to", about: "what gathers", accepts: PortKind::Lightmap, takes: Takes::One, changes: true },
+    ],
+    outputs: &[Output { name: "lightmap", about: "the lightmap with what is near", kind: PortKind::Lightmap }],
+};
+
+/// Iterations before the first gathering, at most: there has to be something to gather.
+const FIRST: u32 = 4;
+
+impl Pass for GatherNear {
+    fn description(&self) -> &'static Description {
+        &DESCRIPTION
+    }
+
+    fn stands_for(&self) -> Option<[&'static str; 2]> {
+        Some(["to", "lightmap"])
+    }
+
+    fn encode(&self, e: &mut Encoder<'_>) -> Result<(), Refusal> {
+        let (Some(from), Some(to)) = (e.shooters("from").copied(), e.lightmap("to").copied()) else { return Ok(()) };
+        let rays = e.arguments.integer("rays") as u32;
+        let edge = rays.isqrt();
+        let table = Table::new(Shape::Concentric, edge, Method::None);
+        let table = table.ok().filter(|_| edge * edge == rays).ok_or_else(|| {
+            Refusal::of_parameter(
+                "rays",
+                "plan::near_rays",
+                format!("{rays} rays do not make a square"),
+                format!("give {} or {}", edge * edge, (edge + 1).pow(2)),
+            )
+        })?;
+        let every = e.arguments.integer("every") as u32;
+        match e.place(Bodies::BOTH)? {
+            Place::Host => gather_on_host(e, (from, to), &table, every),
+            Place::Device => gather_on_device(e, (from, to), &table, every),
+        }
+        e.output("lightmap", Port::Lightmap(to));
+        Ok(())
+    }
+}
+
+/// Whether texels gather after so many iterations.
+fn is_due(iterations: u32, every: u32) -> bool {
+    iterations % every == FIRST.min(every - 1)
+}
+
+fn gather_on_device(e: &mut Encoder<'_>, (from, to): (port::Shooters, port::Lightmap), table: &Table, every: u32) {
+    let shine = e.buffer("shine", 16 * u64::from(to.places()));
+    let gathering = e.variable("gathering", false);
+    e.host("begin", &[], &[], move |host| {
+        let is_due = is_due(host.variable(to.iterations), every);
+        host.set(gathering, if is_due { to.places() } else { 0 });
+        Ok(())
+    });
+    let program = Program::new("gather_near/shine")
+        .constant("SIDES", to.sides)
+        .constant("PLACES", to.places())
+        .constant("REACH", from.nearest * from.requests.capacity as f32)
+        .bind("surfaces", to.surfaces)
+        .bind("direct", to.direct)
+        .bind("mean", to.mean)
+        .bind("shots", from.shots)
+        .bind("shine", shine);
+    let groups = Groups::Counted { count: gathering, divisor: 64, per: 1 };
+    e.compute(program, "send_out", groups);
+    let program = scene_constants(Program::new("gather_near/gather"), e.setting.needs)
+        .constant("SIDES", to.sides)
+        .constant("PLACES", to.places())
+        .constant("EDGE", to.edge)
+        .constant("RAYS", table.samples.len() as u32)
+        .bind("surfaces", to.surfaces)
+        .bind("atlas_numbers", to.numbers)
+        .bind("atlas_corners", to.corners)
+        .bind("shine", shine)
+        .bind("near", to.near);
+    let ray = |sample: &Sample| {
+        let [x, y, z] = sample.direction.map(|component| component as f32);
+        [x, y, z, sample.cosine_weight as f32]
+    };
+    let mut rays: Vec<[f32; 4]> = table.samples.iter().map(ray).collect();
+    rays.resize(MOST_RAYS, [0.0; 4]);
+    let rays = e.constant_buffer("rays", bytemuck::cast_slice(&rays));
+    e.compute(program.bind("rays", rays), "gather", groups);
+}
+
+/// Rays that the shader has room for.
+const MOST_RAYS: usize = 1024;
+
+fn gather_on_host(e: &mut Encoder<'_>, (from, to): (port::Shooters, port::Lightmap), table: &Table, every: u32) {
+    let bundle = RayBundle::new(table);
+    let weights: Vec<f32> = table.samples.iter().map(|sample| sample.cosine_weight as f32).collect();
+    let directions: Vec<Vec3> = table.samples.iter().map(|sample| glam::DVec3::from(sample.direction).as_vec3()).collect();
+    let shots = Read::counted(from.shots, size_of::<Shot>() as u64, from.requests.count);
+    let reads: Vec<Read> = [to.numbers, to.corners, to.surfaces, to.direct, to.mean].map(Read::whole).into_iter().chain([shots]).collect();
+    e.host("gather", &reads, &[to.near], move |host| {
+        if !is_due(host.variable(to.iterations), every) {
+            return Ok(());
+        }
+        let mut near = host.take(to.near);
+        let shots: &[Shot] = bytemuck::cast_slice(host.read(from.shots));
+        let count = host.variable(from.requests.count) as usize;
+        // What all texels send out is the same for each shot: it stands for an equal part.
+        let all = shots[..count.min(shots.len())].first().map_or(0.0, |shot| luminance(Vec3::from(shot.flux).as_dvec3()) as f32);
+        let sends = Sends {
+            scene: host.scene(),
+            of: to,
+            reach: all * from.requests.capacity as f32 * from.nearest,
+            numbers: bytemuck::cast_slice(host.read(to.numbers)),
+            corners: bytemuck::cast_slice(host.read(to.corners)),
+            surfaces: bytemuck::cast_slice(host.read(to.surfaces)),
+            direct: bytemuck::cast_slice(host.read(to.direct)),
+            mean: bytemuck::cast_slice(host.read(to.mean)),
+        };
+        // Sides that no shot has reached see nothing that shines, most of them for ever: the outsides of walls.
+        let lit: Vec<usize> = (0..near.len()).into_par_iter().filter(|place| sends.mean[*place].truncate() != Vec3::ZERO).collect();
+        near.fill(Vec4::ZERO);
+        for places in lit.chunks(AT_ONCE) {
+            let views: Vec<View> = places.iter().map(|place| sends.view(*place)).collect();
+            let bundles = vec![&bundle; views.len()];
+            let packets = host.bvh().packets(host.scene());
+            let found = packets.trace_own(host.scene(), &views, &bundles, &Numbers, |at, seen| {
+                let rays = seen.iter().zip(&directions).zip(&weights).filter(|((triangle, _), _)| **triangle != 0);
+                rays.map(|((triangle, direction), weight)| sends.along(places[at], &views[at], *triangle - 1, *direction) * *weight).sum::<Vec3>()
+            });
+            places.iter().zip(found).for_each(|(place, found)| near[*place] = found.extend(0.0));
+        }
+        host.put(to.near, near, u64::MAX);
+        Ok(())
+    });
+}
+
+/// Texels whose rays are cast at once.
+const AT_ONCE: usize = 16_384;
+
+/// What texels send out, and where they are.
+struct Sends<'a> {
+    scene: &'a Scene,
+    of: port::Lightmap,
+    /// The square of the distance within which one of a luminance of 1 is bounded.
+    reach: f32,
+    numbers: &'a [u32],
+    corners: &'a [Vec4],
+    surfaces: &'a [TexelSurface],
+    direct: &'a [Vec4],
+    mean: &'a [Vec4],
+}
+
+impl Sends<'_> {
+    /// Turned by chance, so that neighbours are not wrong alike.
+    fn view(&self, place: usize) -> View {
+        let sides = self.of.sides as usize;
+        let [position, normal] = self.surfaces[place / sides].place(place % sides);
+        View { position, frame: Frame::new(normal).turned(turn(place as u32)) }
+    }
+
+    /// The light along a ray that meets a triangle, in the share that is not shot.
+    fn along(&self, place: usize, from: &View, triangle: u32, direction: Vec3) -> Vec3 {
+        let direction = from.frame.to_world(direction);
+        let own = &self.surfaces[place / self.of.sides as usize];
+        let met = &self.scene.triangles[triangle as usize];
+        let plane = met.cross();
+        let (facing, away) = (plane.dot(direction), plane.dot(met.positions[0] - from.position));
+        if facing == 0.0 {
+            return Vec3::ZERO;
+        }
+        let position = from.position + direction * (away / facing);
+        let Some(there) = self.texel(triangle, nearest(met, position), facing > 0.0) else { return Vec3::ZERO };
+        let light = radiance(self.direct[there], self.mean[there]);
+        let area = own.area.max(self.surfaces[there / self.of.sides as usize].area);
+        let bound = (self.reach / (luminance(light.as_dvec3()) as f32).max(f32::MIN_POSITIVE)).max(area * NEAREST);
+        light * (1.0 - position.distance_squared(from.position) / bound).max(0.0)
+    }
+
+    /// The side of the texel at a place of a triangle.
+    fn texel(&self, triangle: u32, weights: Vec2, from_behind: bool) -> Option<usize> {
+        let [first, second] = [0, 1].map(|at| self.corners[(CORNERS * triangle + at) as usize]);
+        let [a, b, c] = [Vec2::new(first.x, first.y), Vec2::new(first.z, first.w), Vec2::new(second.x, second.y)];
+        let at = (a + (b - a) * weights.x + (c - a) * weights.y).as_uvec2().min(glam::UVec2::splat(self.of.edge - 1));
+        let number = self.numbers[(at.y * self.of.edge + at.x) as usize].checked_sub(1)?;
+        if from_behind && self.of.sides == 1 {
+            return None;
+        }
+        Some((number * self.of.sides) as usize + usize::from(from_behind))
+    }
+}
+
+fn turn(place: u32) -> f32 {
+    TAU * unit(hash(combine(place, 7)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn texels_gather_once_in_a_while_from_early_on() {
+        let due = |every| (0..100).filter(|iteration| is_due(*iteration, every)).collect::<Vec<_>>();
+        assert_eq!(due(32), [4, 36, 68]);
+        assert_eq!(due(1).len(), 100);
+        assert_eq!(due(2)[..2], [1, 3]);
+    }
+}

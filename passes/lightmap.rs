@@ -1,0 +1,226 @@
+//! Light kept in the surfaces' own texture.
+
+use super::lit_surfaces::{Lighting, Lit};
+use super::texels::{self, BLOCK, TexelPlace, TexelSurface};
+use crate::contract::{
+    Arguments, Bodies, Choice, Description, Encoder, MOST_BYTES, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Refusal,
+    encoder::{bind_visibility, light_constants},
+    port,
+};
+use crate::math::{bounces::Bounces, colour::reflectance_bits, random::hash};
+use crate::scene::{
+    Scene,
+    atlas::{Atlas, Charts, Texel},
+    emitters::Emitters,
+    packets::ToDo,
+    surface::{Ray, Surface},
+};
+use crate::schedule::*;
+use fearless_simd::{Level, dispatch};
+use glam::{Vec3, Vec4};
+use rayon::prelude::*;
+
+pub struct Lightmap;
+
+static DESCRIPTION: Description = Description {
+    name: "Lightmap",
+    about: "A texture of all surfaces, and the direct light that each of its texels reflects: what light is shot from and to",
+    source: "STOCH section 3; charts of what goes on without an edge: our own",
+    parameters: &[
+        Parameter {
+            name: "resolution",
+            about: "texels along an edge; where surfaces have two sides each has as many",
+            unit: "texels",
+            kind: ParameterKind::Integer { default: 512, min: 8, max: 2048 },
+        },
+        Parameter {
+            name: "charts",
+            about: "which triangles lie together",
+            unit: "",
+            kind: ParameterKind::Choice {
+                choices: &[
+                    Choice { name: "Smooth", about: "those that go on into each other without an edge", parameters: &[] },
+                    Choice { name: "Each", about: "each alone", parameters: &[] },
+                ],
+            },
+        },
+        Parameter {
+            name: "area_samples",
+            about: "shadow rays a texel to area lights",
+            unit: "rays",
+            kind: ParameterKind::Integer { default: 16, min: 1, max: 4096 },
+        },
+        Parameter {
+            name: "sky_samples",
+            about: "shadow rays a texel to the sky",
+            unit: "rays",
+            kind: ParameterKind::Integer { default: 64, min: 1, max: 4096 },
+        },
+        Parameter {
+            name: "iterations",
+            about: "how often light is shot in all; `settled` of the Average tells when",
+            unit: "iterations",
+            kind: ParameterKind::Integer { default: 64, min: 1, max: 65_536 },
+        },
+        PLACE,
+    ],
+    inputs: &[],
+    outputs: &[Output { name: "lightmap", about: "the texture", kind: PortKind::Lightmap }],
+};
+
+impl Pass for Lightmap {
+    fn description(&self) -> &'static Description {
+        &DESCRIPTION
+    }
+
+    fn reflections(&self, _: &Arguments) -> Option<Bounces> {
+        Some(Bounces::All)
+    }
+
+    fn encode(&self, e: &mut Encoder<'_>) -> Result<(), Refusal> {
+        let atlas = atlas(e);
+        let places = atlas.in_space(e.setting.scene);
+        let lightmap = declared(e, &atlas, &places);
+        let texels: Vec<TexelPlace> = places.iter().map(|place| texel_place(&atlas.texels[*place as usize])).collect();
+        let texels = e.constant_buffer("texels", bytemuck::cast_slice(&texels));
+        let samples = ["area_samples", "sky_samples"].map(|name| e.arguments.integer(name) as u32);
+        tell_idle(e);
+        match e.place(Bodies::BOTH)? {
+            Place::Host => light_on_host(e, &lightmap, texels, samples),
+            Place::Device => light_on_device(e, &lightmap, texels, samples),
+        }
+        e.output("lightmap", Port::Lightmap(lightmap));
+        Ok(())
+    }
+}
+
+fn atlas(e: &mut Encoder<'_>) -> Atlas {
+    let edge = e.arguments.integer("resolution") as u32;
+    let by = if e.arguments.choice("charts").0 == "Each" { Charts::Each } else { Charts::Smooth };
+    let atlas = Atlas::new(e.setting.scene, edge, by);
+    e.remark(format!("{} charts", atlas.charts));
+    if atlas.crowded > 0 {
+        e.remark(format!("{} of {} triangles share their texels with others, whose light they take", atlas.crowded, e.setting.needs.triangles));
+    }
+    atlas
+}
+
+fn declared(e: &mut Encoder<'_>, atlas: &Atlas, places: &[u32]) -> port::Lightmap {
+    let sides = if e.setting.needs.two_sides { 2 } else { 1 };
+    let texels = places.len() as u64;
+    let mut numbers = vec![0u32; atlas.texels.len()];
+    (1..).zip(places).for_each(|(number, place)| numbers[*place as usize] = number);
+    let corners: Vec<[Vec4; 2]> =
+        atlas.corners.iter().zip(&atlas.chart_of).map(|([a, b, c], chart)| [Vec4::new(a.x, a.y, b.x, b.y), Vec4::new(c.x, c.y, *chart as f32, 0.0)]).collect();
+    let bytes = 16 * texels * u64::from(sides);
+    debug_assert!(bytes <= MOST_BYTES);
+    let numbers = e.constant_buffer("numbers", bytemuck::cast_slice(&numbers));
+    let corners = e.constant_buffer("corners", bytemuck::cast_slice(&corners));
+    let surfaces = e.history_buffer("surfaces", size_of::<TexelSurface>() as u64 * texels);
+    let [direct, fresh, near, mean] = ["direct", "fresh", "near", "mean"].map(|name| e.history_buffer(name, bytes));
+    let iterations = e.variable("iterations", true);
+    e.report_variable("iterations", iterations);
+    port::Lightmap {
+        edge: atlas.edge,
+        texels: texels as u32,
+        sides,
+        numbers,
+        corners,
+        surfaces,
+        direct,
+        fresh,
+        near,
+        mean,
+        iterations,
+        wanted: e.arguments.integer("iterations") as u32,
+    }
+}
+
+fn tell_idle(e: &mut Encoder<'_>) {
+    let (emits, shines) = (e.setting.needs.emissive_triangles > 0, e.setting.needs.environment);
+    if shines && !emits {
+        e.idle("area_samples", "no surface emits light");
+    }
+    if emits && !shines {
+        e.idle("sky_samples", "the sky is black");
+    }
+}
+
+fn texel_place(texel: &Texel) -> TexelPlace {
+    TexelPlace { triangle: texel.triangle - 1, barycentric_u: texel.barycentric.x, barycentric_v: texel.barycentric.y, area: texel.area }
+}
+
+/// Whether texels are to be lit: nothing has been shot since the scene has changed last.
+fn is_new(host: &dyn HostContext, lightmap: &port::Lightmap) -> bool {
+    host.variable(lightmap.iterations) == 0
+}
+
+fn light_on_device(e: &mut Encoder<'_>, lightmap: &port::Lightmap, texels: Resource, samples: [u32; 2]) {
+    let program = bind_visibility(light_constants(Program::new("lightmap"), e.setting.needs, samples), None)
+        .constant("SIDES", lightmap.sides)
+        .constant("TEXELS", lightmap.texels)
+        .bind("texels", texels)
+        .bind("surfaces", lightmap.surfaces)
+        .bind("direct", lightmap.direct);
+    let (of, lighting) = (*lightmap, e.variable("lighting", false));
+    e.host("begin", &[], &[], move |host| {
+        host.set(lighting, if is_new(host, &of) { of.places() } else { 0 });
+        Ok(())
+    });
+    e.compute(program, "light", Groups::Counted { count: lighting, divisor: BLOCK as u32, per: 1 });
+}
+
+fn light_on_host(e: &mut Encoder<'_>, lightmap: &port::Lightmap, texels: Resource, samples: [u32; 2]) {
+    let of @ port::Lightmap { sides, surfaces, direct, .. } = *lightmap;
+    e.host("light", &[Read::whole(texels)], &[surfaces, direct], move |host| {
+        if !is_new(host, &of) {
+            return Ok(());
+        }
+        let places: Vec<TexelPlace> = bytemuck::pod_collect_to_vec(host.read(texels));
+        let [mut found, mut light] = [surfaces, direct].map(|resource| host.take(resource));
+        let (scene, bvh, extent) = (host.scene(), host.bvh(), host.extent());
+        let emitters = Emitters::new(scene, bvh, extent, host.emission(), samples);
+        let lighting = Lighting { scene, bvh, extent, lights: &scene.lights, emitters };
+        let found_surfaces: &mut [TexelSurface] = bytemuck::cast_slice_mut(&mut found);
+        found_surfaces.par_iter_mut().zip(&places).for_each(|(surface, texel)| *surface = texels::surface(scene, texel));
+        let blocks = light.par_chunks_mut(BLOCK * sides as usize).zip(places.par_chunks(BLOCK)).enumerate();
+        blocks.for_each_init(ToDo::default, |to_do, (block, (light, texels))| {
+            for side in 0..sides as usize {
+                light_block(&lighting, (block * BLOCK, texels), (side, sides as usize), light, to_do);
+            }
+        });
+        host.put(surfaces, found, u64::MAX);
+        host.put(direct, light, u64::MAX);
+        Ok(())
+    });
+}
+
+/// Lights one side of neighbours, from the `first` texel on.
+fn light_block(lighting: &Lighting<'_>, (first, texels): (usize, &[TexelPlace]), (side, sides): (usize, usize), light: &mut [Vec4], to_do: &mut ToDo) {
+    let lit = |(at, texel): (usize, &TexelPlace)| {
+        let surface = seen(lighting.scene, lighting.extent, texel, side)?;
+        Some(Lit { place: at as u32, surface, seed: hash(((first + at) * sides + side) as u32), light: Vec3::ZERO })
+    };
+    let mut surfaces: Vec<Lit> = texels.iter().enumerate().filter_map(lit).collect();
+    lighting.light(&mut surfaces, to_do);
+    light.iter_mut().skip(side).step_by(sides).for_each(|light| *light = Vec4::ZERO);
+    for Lit { place, surface, seed, light: own } in &surfaces {
+        let sky = lighting.emitters.see_sky().then(|| dispatch!(Level::new(), _simd => lighting.emitters.broad_sky(surface, *seed, to_do)));
+        let own = *own + sky.map_or(Vec3::ZERO, |sky| sky.truncate() * surface.reflectance);
+        light[*place as usize * sides + side] = own.extend(f32::from_bits(reflectance_bits(surface.reflectance)));
+    }
+}
+
+/// A side of a texel by its albedo, with its maps as wide as the texel; none where nothing is seen from there.
+fn seen(scene: &Scene, extent: f32, texel: &TexelPlace, side: usize) -> Option<Surface> {
+    let triangle = &scene.triangles[texel.triangle as usize];
+    if side == 1 && !scene.materials[triangle.material as usize].two_sided {
+        return None;
+    }
+    let weights = glam::Vec2::new(texel.barycentric_u, texel.barycentric_v);
+    let face = if side == 0 { triangle.face_normal() } else { -triangle.face_normal() };
+    let (tangent, bitangent) = face.any_orthonormal_pair();
+    let width = texel.area.sqrt() / extent.max(f32::MIN_POSITIVE);
+    let ray = Ray { origin: triangle.position(weights) + face * extent, direction: -face, sides: [tangent * width, bitangent * width] };
+    Some(scene.diffuse_surface(texel.triangle, weights, ray))
+}

@@ -1,0 +1,67 @@
+#import lib/closest_hit
+#import lib/frame
+#import lib/lightmap
+#import lib/nearest_weights
+#import lib/random
+
+// What is nearer to texels than the bound of shots: as passes/gather_near.rs.
+
+@group(0) @binding(0) var<storage, read> surfaces: array<TexelSurface>;
+// The texel at each place of the texture, + 1; 0 where there is none.
+@group(0) @binding(1) var<storage, read> atlas_numbers: array<u32>;
+// Where each triangle's corners lie: two a triangle.
+@group(0) @binding(2) var<storage, read> atlas_corners: array<vec4f>;
+// Radiance, and the square of the distance within which shots are bounded; less than 0 where no shot has come yet.
+@group(0) @binding(3) var<storage, read> shine: array<vec4f>;
+@group(0) @binding(4) var<storage, read_write> near: array<vec4f>;
+// Directions by the cosine, and what each stands for.
+@group(0) @binding(5) var<uniform> rays: array<vec4f, 1024>;
+
+override SIDES: u32 = 1u;
+override PLACES: u32 = 1u;
+override EDGE: u32 = 16u;
+override RAYS: u32 = 64u;
+
+@compute @workgroup_size(64)
+fn gather(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) lane: u32) {
+    let place = (group.x + group.y * groups.x) * 64u + lane;
+    if place >= PLACES {
+        return;
+    }
+    if shine[place].w < 0.0 {
+        near[place] = vec4f(0.0);
+        return;
+    }
+    let own = surfaces[place / SIDES];
+    let normal = normal_of_side(own, place % SIDES);
+    let origin = own.position + normal * surface_offset(own.position);
+    let frame = frame_around(normal, 6.2831853 * unit(hash(combine(place, 7u))));
+    var sum = vec3f(0.0);
+    for (var ray = 0u; ray < RAYS; ray++) {
+        sum += along(own, origin, frame * rays[ray].xyz) * rays[ray].w;
+    }
+    near[place] = vec4f(sum, 0.0);
+}
+
+// The light along a ray, in the share that is not shot.
+fn along(own: TexelSurface, origin: vec3f, direction: vec3f) -> vec3f {
+    let hit = nearest_hit(origin, direction, FAR_AWAY, false);
+    if hit.triangle == NO_TRIANGLE {
+        return vec3f(0.0);
+    }
+    let e1 = scene_corners[3u * hit.triangle + 1u].xyz;
+    let e2 = scene_corners[3u * hit.triangle + 2u].xyz;
+    let position = origin + direction * hit.distance;
+    let weights = nearest_weights(e1, e2, position - scene_corners[3u * hit.triangle].xyz);
+    let first = atlas_corners[2u * hit.triangle];
+    let second = atlas_corners[2u * hit.triangle + 1u];
+    let at = min(vec2u(first.xy + (first.zw - first.xy) * weights.x + (second.xy - first.xy) * weights.y), vec2u(EDGE - 1u));
+    let number = atlas_numbers[at.y * EDGE + at.x];
+    let from_behind = dot(cross(e1, e2), direction) > 0.0;
+    if number == 0u || (from_behind && SIDES == 1u) {
+        return vec3f(0.0);
+    }
+    let there = shine[(number - 1u) * SIDES + select(0u, 1u, from_behind)];
+    let bound = max(abs(there.w), own.area * NEAREST_TEXEL);
+    return there.rgb * max(1.0 - hit.distance * hit.distance / bound, 0.0);
+}

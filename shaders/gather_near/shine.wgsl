@@ -1,0 +1,33 @@
+#import lib/colour
+#import lib/lightmap
+
+// What texels send out, and how near it is bounded: for gather.wgsl.
+
+struct Shot {
+    flux: vec3f,
+    nearest: f32,
+}
+
+@group(0) @binding(0) var<storage, read> surfaces: array<TexelSurface>;
+@group(0) @binding(1) var<storage, read> direct: array<vec4f>;
+@group(0) @binding(2) var<storage, read> mean: array<vec4f>;
+@group(0) @binding(3) var<storage, read> shots: array<Shot>;
+// Radiance, and the square of the distance within which shots are bounded; less than 0 where no shot has come yet, which gathers nothing.
+@group(0) @binding(4) var<storage, read_write> shine: array<vec4f>;
+
+override SIDES: u32 = 1u;
+override PLACES: u32 = 1u;
+// Times what all texels send out.
+override REACH: f32 = 1.0;
+
+@compute @workgroup_size(64)
+fn send_out(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) lane: u32) {
+    let place = (group.x + group.y * groups.x) * 64u + lane;
+    if place >= PLACES {
+        return;
+    }
+    let light = radiance_of_texel(direct[place], mean[place]);
+    let bound = REACH * luminance(shots[0].flux) / max(luminance(light), 1.17549435e-38);
+    let side = select(-1.0, 1.0, any(mean[place].rgb != vec3f(0.0)));
+    shine[place] = vec4f(light, side * max(bound, surfaces[place / SIDES].area * NEAREST_TEXEL));
+}

@@ -1,0 +1,33 @@
+// Texels of a lightmap: as passes/texels.rs.
+
+struct TexelSurface {
+    position: vec3f,
+    area: f32,
+    // Of the front.
+    normal: vec3f,
+    triangle: u32,
+}
+
+// The square of the distance within which a texel neither brings nor takes more, over its area.
+const NEAREST_TEXEL = 4.0;
+
+// The reflectance of bits: as math::colour.
+fn reflectance_of(bits: u32) -> vec3f {
+    let root = vec3f(f32(bits & 2047u), f32((bits >> 11u) & 2047u), f32(bits >> 22u)) / vec3f(2047.0, 2047.0, 1023.0);
+    return root * root;
+}
+
+fn reflectance_bits(colour: vec3f) -> u32 {
+    let rounded = vec3u(sqrt(saturate(colour)) * vec3f(2047.0, 2047.0, 1023.0) + 0.5);
+    return rounded.x | (rounded.y << 11u) | (rounded.z << 22u);
+}
+
+// The normal of one of its sides.
+fn normal_of_side(surface: TexelSurface, side: u32) -> vec3f {
+    return select(surface.normal, -surface.normal, side == 1u);
+}
+
+// What a texel reflects, by its direct light, with the bits of its reflectance, and its irradiance.
+fn radiance_of_texel(direct: vec4f, irradiance: vec4f) -> vec3f {
+    return direct.rgb + reflectance_of(bitcast<u32>(direct.w)) * irradiance.rgb / 3.14159265358979;
+}

@@ -112,11 +112,13 @@ fn declared(e: &mut Encoder<'_>, atlas: &Atlas, places: &[u32]) -> port::Lightma
     (1..).zip(places).for_each(|(number, place)| numbers[*place as usize] = number);
     let corners: Vec<[Vec4; 2]> =
         atlas.corners.iter().zip(&atlas.chart_of).map(|([a, b, c], chart)| [Vec4::new(a.x, a.y, b.x, b.y), Vec4::new(c.x, c.y, *chart as f32, 0.0)]).collect();
-    let bytes = 16 * texels * u64::from(sides);
+    // A scene without surfaces has room for one that is none.
+    let room = texels.max(1);
+    let bytes = 16 * room * u64::from(sides);
     debug_assert!(bytes <= MOST_BYTES);
     let numbers = e.constant_buffer("numbers", bytemuck::cast_slice(&numbers));
     let corners = e.constant_buffer("corners", bytemuck::cast_slice(&corners));
-    let surfaces = e.history_buffer("surfaces", size_of::<TexelSurface>() as u64 * texels);
+    let surfaces = e.history_buffer("surfaces", size_of::<TexelSurface>() as u64 * room);
     let [direct, fresh, near, mean] = ["direct", "fresh", "near", "mean"].map(|name| e.history_buffer(name, bytes));
     let iterations = e.variable("iterations", true);
     e.report_variable("iterations", iterations);
@@ -176,7 +178,8 @@ fn light_on_host(e: &mut Encoder<'_>, lightmap: &port::Lightmap, texels: Resourc
         if !is_new(host, &of) {
             return Ok(());
         }
-        let places: Vec<TexelPlace> = bytemuck::pod_collect_to_vec(host.read(texels));
+        let mut places: Vec<TexelPlace> = bytemuck::pod_collect_to_vec(host.read(texels));
+        places.truncate(of.texels as usize);
         let [mut found, mut light] = [surfaces, direct].map(|resource| host.take(resource));
         let (scene, bvh, extent) = (host.scene(), host.bvh(), host.extent());
         let emitters = Emitters::new(scene, bvh, extent, host.emission(), samples);

@@ -1,6 +1,6 @@
 //! What is nearer to texels than the bound of shots, gathered by rays: a few shots would make blots of it along every edge.
 
-use super::texels::{CORNERS, NEAREST, Shot, TexelSurface, nearest, radiance};
+use super::texels::{NEAREST, Shot, TexelSurface, laid_at, nearest, radiance};
 use crate::contract::{
     Bodies, Description, Encoder, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Refusal, Takes, encoder::scene_constants, port,
 };
@@ -211,9 +211,7 @@ impl Sends<'_> {
 
     /// The side of the texel at a place of a triangle.
     fn texel(&self, triangle: u32, weights: Vec2, from_behind: bool) -> Option<usize> {
-        let [first, second] = [0, 1].map(|at| self.corners[(CORNERS * triangle + at) as usize]);
-        let [a, b, c] = [Vec2::new(first.x, first.y), Vec2::new(first.z, first.w), Vec2::new(second.x, second.y)];
-        let at = (a + (b - a) * weights.x + (c - a) * weights.y).as_uvec2().min(glam::UVec2::splat(self.of.edge - 1));
+        let at = laid_at(self.corners, triangle, weights).0.as_uvec2().min(glam::UVec2::splat(self.of.edge - 1));
         let number = self.numbers[(at.y * self.of.edge + at.x) as usize].checked_sub(1)?;
         if from_behind && self.of.sides == 1 {
             return None;

@@ -63,6 +63,13 @@ impl TexelSurface {
 /// Vec4 that a triangle's corners take in a field.
 pub const CORNERS: u32 = 2;
 
+/// Where the point at weights of a triangle lies in a texture, and in which chart, by two vectors a triangle.
+pub fn laid_at(corners: &[Vec4], triangle: u32, weights: Vec2) -> (Vec2, f32) {
+    let [first, second] = [0, 1].map(|at| corners[(CORNERS * triangle + at) as usize]);
+    let [a, b, c] = [Vec2::new(first.x, first.y), Vec2::new(first.z, first.w), Vec2::new(second.x, second.y)];
+    (a + (b - a) * weights.x + (c - a) * weights.y, second.z)
+}
+
 /// A lightmap that host steps ask: `shaders/lib/irradiance_field/lightmap.wgsl` has the twin.
 pub struct Looks<'a> {
     scene: &'a Scene,
@@ -81,10 +88,8 @@ impl<'a> Looks<'a> {
         let Some(number) = at.triangle.checked_sub(1) else { return Vec3::ZERO };
         let triangle = &self.scene.triangles[number as usize];
         let side = usize::from(self.of.sides == 2 && triangle.cross().dot(at.normal) < 0.0);
-        let [first, second] = [0, 1].map(|at| self.data[(CORNERS * number + at) as usize]);
-        let [a, b, c] = [Vec2::new(first.x, first.y), Vec2::new(first.z, first.w), Vec2::new(second.x, second.y)];
-        let weights = nearest(triangle, at.position);
-        self.between(a + (b - a) * weights.x + (c - a) * weights.y, side, second.z)
+        let (place, chart) = laid_at(self.data, number, nearest(triangle, at.position));
+        self.between(place, side, chart)
     }
 
     /// Between those of four texels that are of a chart.
@@ -93,7 +98,8 @@ impl<'a> Looks<'a> {
         let share = place - 0.5 - corner;
         let mut sum = Vec4::ZERO;
         for (x, y) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
-            let weight = if x == 0 { 1.0 - share.x } else { share.x } * if y == 0 { 1.0 - share.y } else { share.y };
+            let along = |step: i32, share: f32| if step == 0 { 1.0 - share } else { share };
+            let weight = along(x, share.x) * along(y, share.y);
             let texel = self.texel([corner.x as i32 + x, corner.y as i32 + y], side);
             if texel.w == chart {
                 sum += texel.truncate().extend(1.0) * weight;

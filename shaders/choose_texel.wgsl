@@ -1,14 +1,10 @@
 #import lib/colour
+#import lib/group_sum
 #import lib/lightmap
 #import lib/random
 #import lib/record
 
 // Texels that send their light out, chosen by chance: as passes/choose_texel.rs.
-
-struct Shot {
-    flux: vec3f,
-    nearest: f32,
-}
 
 struct Pick {
     place: u32,
@@ -49,25 +45,8 @@ override ABOVE: u32 = 1u;
 // Above the places.
 override LEVELS: u32 = 0u;
 
-const GROUP = 256u;
-
 fn radiance_of(place: u32) -> vec3f {
     return radiance_of_texel(direct[place], light[place]);
-}
-
-var<workgroup> shared_sums: array<f32, 256>;
-
-// The sum of a number of each lane, in the first.
-fn sum_of_lanes(lane: u32, own: f32) -> f32 {
-    shared_sums[lane] = own;
-    for (var step = GROUP / 2u; step > 0u; step /= 2u) {
-        workgroupBarrier();
-        if lane < step {
-            shared_sums[lane] += shared_sums[lane + step];
-        }
-    }
-    workgroupBarrier();
-    return shared_sums[0];
 }
 
 @compute @workgroup_size(256)
@@ -79,7 +58,7 @@ fn weigh(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: v
         power = luminance(radiance_of(place)) * surfaces[place / SIDES].area;
         powers[place] = power;
     }
-    let sum = sum_of_lanes(lane, power);
+    let sum = sum_of_lanes(lane, vec2f(power, 0.0)).x;
     if lane == 0u && number * GROUP < PLACES {
         sums[number] = sum;
     }
@@ -93,7 +72,7 @@ fn scale(@builtin(local_invocation_index) lane: u32) {
     for (var at = lane; at < count; at += GROUP) {
         own += sums[at];
     }
-    let sum = sum_of_lanes(lane, own);
+    let sum = sum_of_lanes(lane, vec2f(own, 0.0)).x;
     if lane == 0u {
         sums[count] = select(0.0, exp2(29.0 - floor(log2(max(sum, 1e-37)))), sum > 0.0);
     }

@@ -1,5 +1,6 @@
 #import lib/beside
 #import lib/colour
+#import lib/group_sum
 #import lib/lightmap
 
 // A lightmap laid out for looks: as passes/lightmap_field.rs.
@@ -70,23 +71,6 @@ fn counted(texel: u32, number: u32, side: u32) -> vec4f {
     let surface = surfaces[other];
     let counts = other == texel || is_beside(own.position, normal_of_side(own, side), surface.position, normal_of_side(surface, side));
     return select(vec4f(0.0), vec4f(mean[other * SIDES + side].rgb, 1.0) * max(surface.area, 1.17549435e-38), counts);
-}
-
-const GROUP = 256u;
-
-var<workgroup> shared_sums: array<vec2f, 256>;
-
-// The sum of what each lane has, in the first.
-fn sum_of_lanes(lane: u32, own: vec2f) -> vec2f {
-    shared_sums[lane] = own;
-    for (var step = GROUP / 2u; step > 0u; step /= 2u) {
-        workgroupBarrier();
-        if lane < step {
-            shared_sums[lane] += shared_sums[lane + step];
-        }
-    }
-    workgroupBarrier();
-    return shared_sums[0];
 }
 
 @compute @workgroup_size(256)

@@ -8,11 +8,6 @@
 
 // What chosen texels send out, brought to every texel that they see: as passes/shoot.rs.
 
-struct Shot {
-    flux: vec3f,
-    nearest: f32,
-}
-
 @group(0) @binding(0) var<storage, read> surfaces: array<TexelSurface>;
 @group(0) @binding(1) var<storage, read> requests: array<Request>;
 @group(0) @binding(2) var<storage, read> shots: array<Shot>;

@@ -1,7 +1,7 @@
 #import lib/closest_hit
 #import lib/frame
+#import lib/in_texture
 #import lib/lightmap
-#import lib/nearest_weights
 #import lib/random
 
 // What is nearer to texels than the bound of shots: as passes/gather_near.rs.
@@ -53,9 +53,7 @@ fn along(own: TexelSurface, origin: vec3f, direction: vec3f) -> vec3f {
     let e2 = scene_corners[3u * hit.triangle + 2u].xyz;
     let position = origin + direction * hit.distance;
     let weights = nearest_weights(e1, e2, position - scene_corners[3u * hit.triangle].xyz);
-    let first = atlas_corners[2u * hit.triangle];
-    let second = atlas_corners[2u * hit.triangle + 1u];
-    let at = min(vec2u(first.xy + (first.zw - first.xy) * weights.x + (second.xy - first.xy) * weights.y), vec2u(EDGE - 1u));
+    let at = min(vec2u(laid_at(atlas_corners[2u * hit.triangle], atlas_corners[2u * hit.triangle + 1u], weights)), vec2u(EDGE - 1u));
     let number = atlas_numbers[at.y * EDGE + at.x];
     let from_behind = dot(cross(e1, e2), direction) > 0.0;
     if number == 0u || (from_behind && SIDES == 1u) {

@@ -3,11 +3,6 @@
 
 // What texels send out, and how near it is bounded: for gather.wgsl.
 
-struct Shot {
-    flux: vec3f,
-    nearest: f32,
-}
-
 @group(0) @binding(0) var<storage, read> surfaces: array<TexelSurface>;
 @group(0) @binding(1) var<storage, read> direct: array<vec4f>;
 @group(0) @binding(2) var<storage, read> mean: array<vec4f>;

@@ -8,6 +8,12 @@ struct TexelSurface {
     triangle: u32,
 }
 
+// What a texel sends out, and the square of the distance below which it brings no more.
+struct Shot {
+    flux: vec3f,
+    nearest: f32,
+}
+
 // The square of the distance within which a texel neither brings nor takes more, over its area.
 const NEAREST_TEXEL = 4.0;
 

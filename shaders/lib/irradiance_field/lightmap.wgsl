@@ -1,4 +1,4 @@
-#import lib/nearest_weights
+#import lib/in_texture
 #import lib/scene
 
 // The irradiance at any point of a triangle, from a lightmap: as Looks of passes/texels.rs.
@@ -28,7 +28,7 @@ fn indirect_irradiance(position: vec3f, normal: vec3f, triangle: u32) -> vec3f {
     let weights = nearest_weights(e1, e2, position - scene_corners[3u * number].xyz);
     let first = lightmap[2u * number];
     let second = lightmap[2u * number + 1u];
-    let place = first.xy + (first.zw - first.xy) * weights.x + (second.xy - first.xy) * weights.y;
+    let place = laid_at(first, second, weights);
     let corner = floor(place - 0.5);
     let share = place - 0.5 - corner;
     var sum = vec4f(0.0);

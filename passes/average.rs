@@ -1,6 +1,8 @@
 //! The mean of what iterations have brought.
 
-use crate::contract::{Bodies, Description, Encoder, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Refusal, Takes, port};
+use crate::contract::{
+    Bodies, Choice, Description, Encoder, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Refusal, Takes, port,
+};
 use crate::host_struct;
 use crate::schedule::*;
 use glam::Vec4;
@@ -11,13 +13,24 @@ pub struct Average;
 static DESCRIPTION: Description = Description {
     name: "Average",
     about: "Adds an iteration, with what is near, to the mean of all: the light that shots bring by chance becomes the light that there is",
-    source: "STOCH formula (2); iterations that are left out: our own",
+    source: "STOCH formula (2); iterations that are left out or count less: our own",
     parameters: &[
         Parameter {
             name: "warm_up",
             about: "iterations that count no more once there are others: each carries light on by one reflection, and the first have too few",
             unit: "iterations",
             kind: ParameterKind::Integer { default: 8, min: 0, max: 65_536 },
+        },
+        Parameter {
+            name: "weights",
+            about: "what iterations count in the mean",
+            unit: "",
+            kind: ParameterKind::Choice {
+                choices: &[
+                    Choice { name: "Rising", about: "each more than the one before, as 1, 2, 3: late ones have light of more bounces", parameters: &[] },
+                    Choice { name: "Alike", about: "all the same, as formula (2) of the paper has it", parameters: &[] },
+                ],
+            },
         },
         PLACE,
     ],
@@ -51,12 +64,13 @@ impl Pass for Average {
     fn encode(&self, e: &mut Encoder<'_>) -> Result<(), Refusal> {
         let Some(of) = e.lightmap("of").copied() else { return Ok(()) };
         let warm_up = e.arguments.integer("warm_up") as u32;
+        let rising = e.arguments.choice("weights").0 == "Rising";
         let settled = e.variable("settled", false);
         let count = move |host: &mut dyn HostContext| {
             let iteration = host.variable(of.iterations).saturating_add(1);
             host.set(of.iterations, iteration);
             host.set(settled, u32::from(iteration >= of.wanted));
-            share(iteration, warm_up)
+            share(iteration.saturating_sub(warm_up), rising)
         };
         match e.place(Bodies::BOTH)? {
             Place::Host => average_on_host(e, of, count),
@@ -68,9 +82,10 @@ impl Pass for Average {
     }
 }
 
-/// What an iteration, from 1 on, counts of the mean.
-fn share(iteration: u32, warm_up: u32) -> f32 {
-    1.0 / iteration.saturating_sub(warm_up).max(1) as f32
+/// What the last of so many iterations counts of their mean.
+fn share(iterations: u32, rising: bool) -> f32 {
+    let iterations = iterations.max(1) as f32;
+    if rising { 2.0 / (iterations + 1.0) } else { 1.0 / iterations }
 }
 
 fn average_on_host(e: &mut Encoder<'_>, of: port::Lightmap, count: impl Fn(&mut dyn HostContext) -> f32 + Send + Sync + 'static) {
@@ -109,10 +124,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn iterations_after_the_first_count_alike() {
-        let mean = |warm_up: u32| (1..=10).fold(0.0, |mean, iteration| mean + (iteration as f32 - mean) * share(iteration, warm_up));
-        assert!((mean(0) - 5.5).abs() < 1e-5);
-        assert!((mean(4) - 7.5).abs() < 1e-5);
-        assert_eq!(mean(20), 10.0);
+    fn iterations_count_alike_or_as_their_numbers() {
+        let mean = |rising| (1..=10).fold(0.0, |mean, iteration| mean + (iteration as f32 - mean) * share(iteration, rising));
+        assert!((mean(false) - 5.5).abs() < 1e-5);
+        // 385 over 55.
+        assert!((mean(true) - 7.0).abs() < 1e-5);
+        assert_eq!([share(0, false), share(0, true)], [1.0; 2]);
     }
 }

@@ -12,7 +12,7 @@ use crate::contract::{
 use crate::host_struct;
 use crate::math::{
     colour::luminance,
-    random::{combine, hash},
+    random::{even_pair, hash},
 };
 use crate::passes::record::Request;
 use crate::schedule::*;
@@ -31,7 +31,7 @@ static DESCRIPTION: Description = Description {
             name: "shooters",
             about: "texels of an iteration, each from another part of all light; the paper has 1",
             unit: "texels",
-            kind: ParameterKind::Integer { default: 32, min: 1, max: 1024 },
+            kind: ParameterKind::Integer { default: 1024, min: 1, max: 4096 },
         },
         Parameter {
             name: "by",
@@ -87,8 +87,8 @@ host_struct! {
 host_struct! {
     /// What an iteration is made by.
     pub struct Iteration {
-        /// Of its numbers.
-        seed: u32,
+        /// How far its numbers have gone on.
+        turn: u32,
         padding_a: u32,
         padding_b: u32,
         padding_c: u32,
@@ -145,7 +145,7 @@ impl Choosing {
                 .flat_map_iter(|(at, texel)| (at * sides..(at + 1) * sides).map(move |place| power(direct[place], light[place], texel.area)))
                 .collect();
             let numbers = counted(&powers);
-            let picks = picked(&numbers, count, seed(host.variable(self.of.iterations)));
+            let picks = picked(&numbers, count, turn(host.variable(self.of.iterations)));
             let chosen = picks.iter().map(|pick| {
                 let place = pick.place as usize;
                 let texel = &texels[place / sides];
@@ -176,7 +176,7 @@ impl Choosing {
         let sums = e.buffer("sums", 4 * u64::from(groups + 1));
         let iteration = e.buffer("iteration", size_of::<Iteration>() as u64);
         e.host("begin", &[], &[iteration], move |host| {
-            let iteration_now = Iteration { seed: seed(host.variable(of.iterations)), padding_a: 0, padding_b: 0, padding_c: 0 };
+            let iteration_now = Iteration { turn: turn(host.variable(of.iterations)), padding_a: 0, padding_b: 0, padding_c: 0 };
             host.write(iteration, 0, bytemuck::bytes_of(&iteration_now));
             host.set(shooters.requests.count, count);
             host.set(shooters.requests.made, count);
@@ -209,7 +209,7 @@ impl Choosing {
                 let picks = e.buffer("picks", size_of::<Pick>() as u64 * u64::from(count));
                 e.host("add_up", &[Read::whole(numbers)], &[picks], move |host| {
                     let numbers: &[u32] = &bytemuck::cast_slice(host.read(numbers))[..places as usize];
-                    let mut found = picked(numbers, count, seed(host.variable(of.iterations)));
+                    let mut found = picked(numbers, count, turn(host.variable(of.iterations)));
                     found.resize(count as usize, Pick { place: 0, number: 0, total: 0, padding: 0 });
                     host.write(picks, 0, bytemuck::cast_slice(&found));
                     Ok(())
@@ -256,8 +256,9 @@ impl Levels {
     }
 }
 
-fn seed(iteration: u32) -> u32 {
-    hash(iteration.wrapping_mul(2) + 1)
+/// How far numbers have gone on after so many iterations: over any of them they lie evenly.
+fn turn(iteration: u32) -> u32 {
+    even_pair(iteration)[0]
 }
 
 /// By what a texel is chosen.
@@ -273,29 +274,35 @@ fn counted(powers: &[f32]) -> Vec<u32> {
 }
 
 /// One place from each of so many equal parts of all that places count; none where nothing counts.
-fn picked(numbers: &[u32], parts: u32, seed: u32) -> Vec<Pick> {
-    let mut sum = 0u32;
-    let sums: Vec<u32> = numbers
-        .iter()
-        .map(|number| {
-            sum += number;
-            sum
-        })
-        .collect();
-    let total = sum;
+fn picked(numbers: &[u32], parts: u32, turn: u32) -> Vec<Pick> {
+    let sums = running_sums(numbers);
+    let total = sums.last().copied().unwrap_or(0);
     let pick = |part| {
-        let at = number_in(part, parts, total, seed);
-        let place = sums.partition_point(|sum| *sum <= at);
+        let place = place_of(&sums, number_in(part, parts, total, turn));
         Pick { place: place as u32, number: numbers[place], total, padding: 0 }
     };
     if total == 0 { Vec::new() } else { (0..parts).map(pick).collect() }
 }
 
+/// Of all up to each.
+fn running_sums(numbers: &[u32]) -> Vec<u32> {
+    let add = |sum: &mut u32, number: &u32| {
+        *sum += number;
+        Some(*sum)
+    };
+    numbers.iter().scan(0, add).collect()
+}
+
+/// Where the sum goes beyond a number.
+fn place_of(sums: &[u32], number: u32) -> usize {
+    sums.partition_point(|sum| *sum <= number)
+}
+
 /// A whole number below `total` by chance, from one of so many equal parts.
-fn number_in(part: u32, parts: u32, total: u32, seed: u32) -> u32 {
+fn number_in(part: u32, parts: u32, total: u32, turn: u32) -> u32 {
     let (each, rest) = (total / parts, total % parts);
     let width = each + u32::from(part < rest);
-    let within = (u64::from(combine(seed, part)) * u64::from(width)) >> 32;
+    let within = (u64::from(hash(part).wrapping_add(turn)) * u64::from(width)) >> 32;
     part * each + part.min(rest) + within as u32
 }
 
@@ -336,30 +343,40 @@ mod tests {
         ((squares / freedom).cbrt() - (1.0 - spread)) / spread.sqrt()
     }
 
+    const TEXELS: usize = 1_000_000;
+
     /// Alike, with one that has half of all, and with some that have nothing.
     fn maps() -> [Vec<f32>; 3] {
-        let alike = vec![0.25; 1024];
-        let mut peaked = vec![0.001; 1024];
-        peaked[600] = 1.023;
-        let mut holes: Vec<f32> = (0..1024).map(|at| at as f32).collect();
-        (0..512).for_each(|at| holes[2 * at] = 0.0);
+        let alike = vec![0.25; TEXELS];
+        let mut peaked = vec![0.001; TEXELS];
+        peaked[600_000] = 0.001 * TEXELS as f32;
+        let mut holes: Vec<f32> = (0..TEXELS).map(|at| at as f32).collect();
+        (0..TEXELS / 2).for_each(|at| holes[2 * at] = 0.0);
         [alike, peaked, holes]
     }
 
     #[test]
     fn texels_are_chosen_as_often_as_they_shine() {
-        const DRAWS: u32 = 20_000;
+        const DRAWS: u32 = 1_000_000;
+        const BINS: usize = 1000;
+        let bin = |place: usize| place * BINS / TEXELS;
         for powers in maps() {
-            let numbers = counted(&powers);
+            let sums = running_sums(&counted(&powers));
+            let total = *sums.last().unwrap();
             let sum: f64 = powers.iter().map(|power| f64::from(*power)).sum();
-            let wanted: Vec<f64> = powers.iter().map(|power| f64::from(DRAWS) * f64::from(*power) / sum).collect();
-            for first in 0..20 {
-                let mut found = vec![0.0; powers.len()];
-                (0..DRAWS).for_each(|draw| found[picked(&numbers, 1, seed(first * DRAWS + draw))[0].place as usize] += 1.0);
+            let mut wanted = vec![0.0; BINS];
+            (0..).zip(&powers).for_each(|(place, power)| wanted[bin(place)] += f64::from(DRAWS) * f64::from(*power) / sum);
+            (0..20).into_par_iter().for_each(|first| {
+                let mut found = vec![0.0; BINS];
+                let places = (0..DRAWS).map(|draw| place_of(&sums, number_in(0, 1, total, hash(first * DRAWS + draw))));
+                places.for_each(|place| {
+                    assert!(powers[place] > 0.0);
+                    found[bin(place)] += 1.0;
+                });
                 let off = off(&found, &wanted);
                 // p within 0.0005 and 0.9995.
                 assert!(off.abs() < 3.3, "{off}");
-            }
+            });
         }
     }
 

@@ -31,7 +31,7 @@ static DESCRIPTION: Description = Description {
             name: "every",
             about: "iterations from one gathering to the next; the first is when light has been reflected a few times",
             unit: "iterations",
-            kind: ParameterKind::Integer { default: 32, min: 1, max: 65_536 },
+            kind: ParameterKind::Integer { default: 16, min: 1, max: 65_536 },
         },
         PLACE,
     ],

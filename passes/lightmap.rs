@@ -60,7 +60,7 @@ static DESCRIPTION: Description = Description {
             name: "iterations",
             about: "how often light is shot in all; `settled` of the Average tells when",
             unit: "iterations",
-            kind: ParameterKind::Integer { default: 64, min: 1, max: 65_536 },
+            kind: ParameterKind::Integer { default: 32, min: 1, max: 65_536 },
         },
         PLACE,
     ],

@@ -14,7 +14,7 @@ struct Pick {
 }
 
 struct Iteration {
-    seed: u32,
+    turn: u32,
     padding_a: u32,
     padding_b: u32,
     padding_c: u32,
@@ -116,7 +116,7 @@ fn number_in(part: u32, total: u32) -> u32 {
     let each = total / SHOOTERS;
     let rest = total % SHOOTERS;
     let width = each + select(0u, 1u, part < rest);
-    return part * each + min(part, rest) + product_above(combine(iteration.seed, part), width);
+    return part * each + min(part, rest) + product_above(hash(part) + iteration.turn, width);
 }
 
 fn send(shooter: u32, place: u32, number: u32, total: u32) {

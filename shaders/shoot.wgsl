@@ -1,12 +1,13 @@
 #import lib/colour
 #import lib/lightmap
 #import lib/frame
+#import lib/random
 #import lib/record
 #import lib/tile
 #import lib/trace
 #import lib/scene
 
-// What chosen texels send out, brought to every texel that they see: as passes/shoot.rs.
+// What chosen texels send out, brought to every texel that they see: as passes/shoot/mod.rs.
 
 @group(0) @binding(0) var<storage, read> surfaces: array<TexelSurface>;
 @group(0) @binding(1) var<storage, read> requests: array<Request>;
@@ -17,6 +18,9 @@
 // The triangle that each sample of a shooter's view sees, + 1; 0 where it sees none, or is none.
 @group(0) @binding(4) var<storage, read> seen: array<u32>;
 
+// How far the starts of an iteration have gone on.
+@group(0) @binding(5) var<uniform> iteration: vec4u;
+
 override HAS_VIEWS: bool = false;
 // Five squares; otherwise x and y of the unit direction.
 override HEMICUBE: bool = false;
@@ -24,6 +28,8 @@ override VIEW_RESOLUTION: u32 = 64u;
 override SIDES: u32 = 1u;
 override TEXELS: u32 = 1u;
 override SHOOTERS: u32 = 1u;
+// Shadow rays of a side of a texel, at most.
+override RAYS: f32 = 1.0;
 
 // What a shooter brings to a side of a texel that it sees; nothing where that is turned away.
 struct Brought {
@@ -92,7 +98,7 @@ fn sample_at(direction: vec3f) -> vec2u {
 const NOTHING = 0u;
 const SOMETHING = 1u;
 const UNKNOWN = 2u;
-// As passes/shoot.rs.
+// As passes/shoot/views.rs.
 const LEVEL = 1e-3;
 
 // What is between a shooter and a texel, by the triangle that the nearest sample sees: as Views::between.
@@ -125,6 +131,46 @@ fn between(shooter: u32, surface: TexelSurface) -> u32 {
     return select(UNKNOWN, SOMETHING, is_met);
 }
 
+// Which of the shots at a side of a texel are asked: as Eight of passes/shoot/range.rs.
+struct Odds {
+    // The luminance that one ray stands for.
+    each: f32,
+    // How far it is to the next ray, in rays.
+    next: f32,
+}
+
+fn odds_of(texel: u32, surface: TexelSurface) -> array<Odds, 2> {
+    var odds = array<Odds, 2>();
+    if HAS_VIEWS {
+        return odds;
+    }
+    for (var shooter = 0u; shooter < SHOOTERS; shooter++) {
+        let own = brought(shooter, surface);
+        odds[own.side].each += luminance(own.light.rgb);
+    }
+    for (var side = 0u; side < SIDES; side++) {
+        odds[side] = Odds(odds[side].each / RAYS, unit(hash(texel * SIDES + side) + iteration.x));
+    }
+    return odds;
+}
+
+// How much more than itself a shot stands for, nothing where another stands for it; and what is next then.
+struct Asked {
+    stands_for: f32,
+    next: f32,
+}
+
+fn ask(odds: Odds, light: f32) -> Asked {
+    if light >= odds.each {
+        return Asked(select(0.0, 1.0, light > 0.0), odds.next);
+    }
+    let next = odds.next - light / odds.each;
+    if next >= 0.0 {
+        return Asked(0.0, next);
+    }
+    return Asked(odds.each / light, next + 1.0);
+}
+
 @compute @workgroup_size(64)
 fn shoot(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) lane: u32) {
     let texel = (group.x + group.y * groups.x) * 64u + lane;
@@ -132,13 +178,16 @@ fn shoot(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: v
         return;
     }
     let surface = surfaces[texel];
+    var odds = odds_of(texel, surface);
     var light = array<vec4f, 2>();
     for (var shooter = 0u; shooter < SHOOTERS; shooter++) {
         let own = brought(shooter, surface);
-        if any(own.light != vec4f(0.0)) {
+        let asked = ask(odds[own.side], luminance(own.light.rgb));
+        odds[own.side].next = asked.next;
+        if asked.stands_for > 0.0 {
             let told = between(shooter, surface);
             if told == NOTHING || (told == UNKNOWN && !is_hidden(shooter, surface.position, normal_of_side(surface, own.side))) {
-                light[own.side] += own.light;
+                light[own.side] += own.light * asked.stands_for;
             }
         }
     }

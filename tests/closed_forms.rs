@@ -759,7 +759,9 @@ fn all_ways_choose_the_same_texels(gpu: &Arc<Gpu>) -> Outcome {
 fn the_printed_formula_loses_light(gpu: &Arc<Gpu>) -> Outcome {
     let (reflectance, iterations) = (0.8, 50);
     let room = oven(reflectance)?;
-    let sets = ["lightmap.resolution=48", "shooters.shooters=64", "shooters.sends=Mean", "averaged.warm_up=0", "lightmap.iterations=50"].map(String::from);
+    let sets =
+        ["lightmap.resolution=48", "shooters.shooters=64", "shooters.sends=Mean", "averaged.warm_up=0", "averaged.weights=Alike", "lightmap.iterations=50"]
+            .map(String::from);
     let mean = mean_irradiance(gpu, &room, 40, ("radiosity", &sets))?;
     let lacking: f64 = (1..=iterations).map(|k| 1.0 - (1.0 - reflectance) / f64::from(k)).product();
     at_most(&format!("{mean}, lacking {lacking},"), (mean / (PI * reflectance) - (1.0 - lacking)).abs(), 0.03)

@@ -64,7 +64,7 @@ const MAY_HAVE_THREADS: [&str; 43] = [
     "passes/photon_map/",
     "passes/photon_tiles.rs",
     "passes/photons/mod.rs",
-    "passes/shoot.rs",
+    "passes/shoot/mod.rs",
     "passes/surroundings.rs",
     "src/math/record_index.rs",
     "src/math/record_tree.rs",

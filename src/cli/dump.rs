@@ -13,7 +13,7 @@ use crate::measure::run::{Run, image};
 use crate::measure::{Layer, Layers};
 use crate::passes::photons::{Photon, SLOTS_BEFORE, unpacked_ways};
 use crate::passes::record::{Record, Request, indexed};
-use crate::passes::texels::{Shot, TexelSurface};
+use crate::passes::texels::Shot;
 use crate::pipeline::Plan;
 use crate::schedule::{Resource, ResourceKind};
 use std::fmt::Write;
@@ -47,10 +47,7 @@ fn write_port(name: &str, port: &Port, plan: &Plan, run: &Run, beside: &Path) ->
             write_photons(&items(run, map.data, run.variable(map.slots))?[SLOTS_BEFORE as usize..], name, beside)
         }
         Port::Tiles(tiles) => write_layers(tiles_picture(tiles, run)?, name, beside),
-        Port::Lightmap(lightmap) => {
-            write_layers(lightmap_picture(lightmap, run)?, name, beside)?;
-            file(beside, name, "obj")?.write(lightmap_mesh(lightmap, run)?.as_bytes())
-        }
+        Port::Lightmap(lightmap) => super::lightmap::write(lightmap, run, name, beside),
         Port::IrradianceField(port::IrradianceField::Lightmap(field)) => write_layers(lookups_picture(field, run)?, name, beside),
         Port::Shooters(shooters) => {
             let count = run.latest(shooters.requests.count);
@@ -72,7 +69,7 @@ fn write_port(name: &str, port: &Port, plan: &Plan, run: &Run, beside: &Path) ->
     }
 }
 
-fn file(beside: &Path, name: &str, ending: &str) -> Result<Target, Failure> {
+pub(super) fn file(beside: &Path, name: &str, ending: &str) -> Result<Target, Failure> {
     Target::new(&path(beside, name, ending))
 }
 
@@ -80,42 +77,8 @@ fn path(beside: &Path, name: &str, ending: &str) -> PathBuf {
     beside.with_extension(format!("{name}.{ending}"))
 }
 
-fn write_layers(picture: Layers, name: &str, beside: &Path) -> Result<(), Failure> {
+pub(super) fn write_layers(picture: Layers, name: &str, beside: &Path) -> Result<(), Failure> {
     super::output::PictureTarget::new(&path(beside, name, "exr"))?.write(&picture, 0.0)
-}
-
-/// Every texel of a lightmap at its place in the texture, the backs of surfaces below their fronts: indirect irradiance, direct light that is reflected, and the area.
-fn lightmap_picture(lightmap: &port::Lightmap, run: &Run) -> Result<Layers, Failure> {
-    let numbers: Vec<u32> = items(run, lightmap.numbers, lightmap.edge * lightmap.edge)?;
-    let surfaces: Vec<TexelSurface> = items(run, lightmap.surfaces, lightmap.texels)?;
-    let [mean, direct]: [Vec<[f32; 4]>; 2] = [items(run, lightmap.mean, lightmap.places())?, items(run, lightmap.direct, lightmap.places())?];
-    let texels = || (0..lightmap.sides as usize).flat_map(|side| numbers.iter().map(move |number| (side, number.checked_sub(1).map(|number| number as usize))));
-    let colours = |of: &[[f32; 4]]| {
-        let at = |(side, texel): (usize, Option<usize>)| texel.map_or([0.0; 4], |texel| of[texel * lightmap.sides as usize + side]);
-        colour(texels().map(at))
-    };
-    let areas = texels().map(|(_, texel)| texel.map_or(0.0, |texel| surfaces[texel].area)).collect();
-    let picture = Layers::new(lightmap.edge, lightmap.edge * lightmap.sides);
-    Ok(picture.with("irradiance", colours(&mean)).with("direct", colours(&direct)).with("area", Layer::value(areas)))
-}
-
-/// The scene's triangles with their places in the fronts' texture.
-fn lightmap_mesh(lightmap: &port::Lightmap, run: &Run) -> Result<String, Failure> {
-    let corners: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&block_on(run.bytes(lightmap.corners)).map_err(Failure::work)?);
-    let mut text = String::from("# Each triangle with its place in the lightmap: u to the right, v up, in parts of the front's texture.\n");
-    let (edge, triangles) = (lightmap.edge as f32, &run.stage().scene.triangles);
-    for (number, (triangle, places)) in triangles.iter().zip(corners.chunks_exact(2)).enumerate() {
-        for corner in triangle.positions {
-            let _ = writeln!(text, "v {} {} {}", corner.x, corner.y, corner.z);
-        }
-        let ([a, b, c, d], [e, f, ..]) = (places[0], places[1]);
-        for [u, v] in [[a, b], [c, d], [e, f]] {
-            let _ = writeln!(text, "vt {} {}", u / edge, 1.0 - v / edge);
-        }
-        let first = 3 * number + 1;
-        let _ = writeln!(text, "f {first}/{first} {0}/{0} {1}/{1}", first + 1, first + 2);
-    }
-    Ok(text)
 }
 
 /// What a lightmap is looked up in, the backs of surfaces below their fronts.

@@ -21,6 +21,7 @@ mod interrupt;
 mod judge;
 mod kept;
 mod legible;
+mod lightmap;
 mod lookups;
 mod movie;
 mod new;

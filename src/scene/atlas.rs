@@ -1,10 +1,11 @@
 //! A scene's surfaces laid out in a square: what a lightmap keeps light by.
 //!
 //! Triangles that go on into each other without an edge make a chart, which is flattened on the plane of its first triangle. All charts have the same scale, and none has a
-//! part of another's texel. Where several triangles of a chart meet in a texel, it stands for the one that has most of it, at the middle of that part, with the area of all: the
-//! areas of the texels add up to that of the surfaces. Charts of less than half a texel are crumbs: those that lie close together and face a similar way share a texel.
+//! part of another's texel. Where several triangles of a chart meet in a texel, it stands for any of them by chance, at the middle of its part, with the area of all: the areas of
+//! the texels add up to that of the surfaces. Charts of less than half a texel are crumbs: those that lie close together and face a similar way share a texel.
 
 use super::{Scene, Triangle};
+use crate::math::random::{combine, hash, unit};
 use crate::math::{frame::Frame, morton::Cube};
 use glam::{DVec2, Vec2, Vec3};
 use std::collections::{BTreeMap, HashMap};
@@ -236,8 +237,7 @@ fn shelved(mut pieces: Vec<Piece>, charts: &[Chart], edge: u32) -> Option<Vec<Pi
 struct Filled {
     edge: u32,
     texels: Vec<Texel>,
-    /// What the triangle that has most of a texel has of it, and what all have.
-    most: Vec<f32>,
+    /// How much of a texel the triangles of a chart have.
     covered: Vec<f32>,
     areas: Vec<f64>,
 }
@@ -245,7 +245,7 @@ struct Filled {
 impl Filled {
     fn new(edge: u32) -> Self {
         let count = edge as usize * edge as usize;
-        Self { edge, texels: vec![Texel::default(); count], most: vec![0.0; count], covered: vec![0.0; count], areas: vec![0.0; count] }
+        Self { edge, texels: vec![Texel::default(); count], covered: vec![0.0; count], areas: vec![0.0; count] }
     }
 
     /// Whether another triangle lies where this one does.
@@ -262,16 +262,15 @@ impl Filled {
             for x in left..=right {
                 let Some((part, middle)) = part_within([a, b, c], [x, y]) else { continue };
                 let at = (y * self.edge + x) as usize;
-                self.areas[at] += part * area_of_texel;
                 self.covered[at] += part as f32;
                 is_taken |= self.covered[at] > MOST_COVERED;
-                if part as f32 > self.most[at] {
-                    self.most[at] = part as f32;
+                if self.stands_out(triangle, at, part * area_of_texel) {
                     let from = middle - a;
                     let weights = DVec2::new(from.perp_dot(c - a), (b - a).perp_dot(from)) / doubled;
                     let weights = weights.as_vec2().clamp(Vec2::ZERO, Vec2::ONE);
                     self.texels[at] = Texel { triangle: triangle + 1, barycentric: weights / weights.element_sum().max(1.0), area: 0.0 };
                 }
+                self.areas[at] += part * area_of_texel;
             }
         }
         is_taken
@@ -280,11 +279,16 @@ impl Filled {
     /// Adds one that lies wholly in a texel.
     fn add_crumb(&mut self, triangle: u32, [x, y]: [u32; 2], area: f32) {
         let at = (y * self.edge + x) as usize;
-        self.areas[at] += f64::from(area);
-        if area > self.most[at] {
-            self.most[at] = area;
+        if self.stands_out(triangle, at, f64::from(area)) {
             self.texels[at] = Texel { triangle: triangle + 1, barycentric: Vec2::splat(1.0 / 3.0), area: 0.0 };
         }
+        self.areas[at] += f64::from(area);
+    }
+
+    /// Whether a triangle with an area in a texel stands for all that have been added, and itself: any does by chance, the more of the texel it has the more likely. Those that have
+    /// most see more than others, and all would be too bright.
+    fn stands_out(&self, triangle: u32, at: usize, area: f64) -> bool {
+        f64::from(unit(hash(combine(at as u32, triangle)))) * (self.areas[at] + area) < area
     }
 
     fn stands_for(&self, triangle: u32, corners: &[[Vec2; 3]]) -> bool {

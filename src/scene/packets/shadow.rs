@@ -39,7 +39,7 @@ struct Beam {
 }
 
 /// Half the width that a narrow beam has at most, over its length.
-const NARROW: f32 = 0.5;
+const NARROW: f32 = 0.2;
 
 /// Beams are wider by this share of their components than rounding may take.
 const WIDER: f32 = 1e-5;

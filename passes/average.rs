@@ -46,9 +46,10 @@ host_struct! {
     pub struct Share {
         /// Of the mean.
         share: f32,
+        /// 1 where something is near, otherwise 0.
+        near: f32,
         padding_a: f32,
         padding_b: f32,
-        padding_c: f32,
     }
 }
 
@@ -67,10 +68,13 @@ impl Pass for Average {
         let rising = e.arguments.choice("weights").0 == "Rising";
         let settled = e.variable("settled", false);
         let count = move |host: &mut dyn HostContext| {
-            let iteration = host.variable(of.iterations).saturating_add(1);
-            host.set(of.iterations, iteration);
-            host.set(settled, u32::from(iteration >= of.wanted));
-            share(iteration.saturating_sub(warm_up), rising)
+            let [iterations, rounds] = [of.iterations, of.rounds].map(|variable| host.variable(variable).saturating_add(1));
+            let counted = counted(host.variable(of.counted), iterations, warm_up);
+            host.set(of.iterations, iterations);
+            host.set(of.rounds, rounds);
+            host.set(of.counted, counted);
+            host.set(settled, u32::from(iterations >= of.wanted || counted.saturating_add(warm_up) >= of.wanted));
+            Share { share: share(counted, rising), near: host.variable(of.gathered) as f32, padding_a: 0.0, padding_b: 0.0 }
         };
         match e.place(Bodies::BOTH)? {
             Place::Host => average_on_host(e, of, count),
@@ -82,20 +86,27 @@ impl Pass for Average {
     }
 }
 
+/// As how many iterations the mean counts with one more, of so many since the scene changed: the first count nothing unless there is a mean from before.
+fn counted(before: u32, iterations: u32, warm_up: u32) -> u32 {
+    if before == 0 && iterations <= warm_up { 0 } else { before.saturating_add(1) }
+}
+
 /// What the last of so many iterations counts of their mean.
 fn share(iterations: u32, rising: bool) -> f32 {
     let iterations = iterations.max(1) as f32;
     if rising { 2.0 / (iterations + 1.0) } else { 1.0 / iterations }
 }
 
-fn average_on_host(e: &mut Encoder<'_>, of: port::Lightmap, count: impl Fn(&mut dyn HostContext) -> f32 + Send + Sync + 'static) {
+fn average_on_host(e: &mut Encoder<'_>, of: port::Lightmap, count: impl Fn(&mut dyn HostContext) -> Share + Send + Sync + 'static) {
     e.host("average", &[of.fresh, of.near, of.mean].map(Read::whole), &[of.fresh, of.mean], move |host| {
-        let share = count(host);
+        let now = count(host);
         let [mut fresh, mut mean] = [of.fresh, of.mean].map(|resource| host.take(resource));
         let near: &[Vec4] = bytemuck::cast_slice(host.read(of.near));
         mean.par_iter_mut().zip(&mut fresh).zip(near).for_each(|((mean, fresh), near)| {
-            *fresh += *near;
-            *mean += (*fresh - *mean) * share;
+            if now.near > 0.0 {
+                *fresh += *near;
+            }
+            *mean = if now.share == 1.0 { *fresh } else { *mean + (*fresh - *mean) * now.share };
         });
         host.put(of.fresh, fresh, u64::MAX);
         host.put(of.mean, mean, u64::MAX);
@@ -103,10 +114,10 @@ fn average_on_host(e: &mut Encoder<'_>, of: port::Lightmap, count: impl Fn(&mut 
     });
 }
 
-fn average_on_device(e: &mut Encoder<'_>, of: port::Lightmap, count: impl Fn(&mut dyn HostContext) -> f32 + Send + Sync + 'static) {
+fn average_on_device(e: &mut Encoder<'_>, of: port::Lightmap, count: impl Fn(&mut dyn HostContext) -> Share + Send + Sync + 'static) {
     let buffer = e.buffer("share", size_of::<Share>() as u64);
     e.host("count", &[], &[buffer], move |host| {
-        let share = Share { share: count(host), padding_a: 0.0, padding_b: 0.0, padding_c: 0.0 };
+        let share = count(host);
         host.write(buffer, 0, bytemuck::bytes_of(&share));
         Ok(())
     });
@@ -122,6 +133,12 @@ fn average_on_device(e: &mut Encoder<'_>, of: port::Lightmap, count: impl Fn(&mu
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_is_remembered_needs_no_warm_up() {
+        let after = |before: u32| (1..=12).fold(before, |counted_before, iterations| counted(counted_before, iterations, 8));
+        assert_eq!([after(0), after(4)], [4, 16]);
+    }
 
     #[test]
     fn iterations_count_alike_or_as_their_numbers() {

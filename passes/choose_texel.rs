@@ -16,7 +16,7 @@ use crate::math::{
 };
 use crate::passes::record::Request;
 use crate::schedule::*;
-use glam::Vec4;
+use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 use std::f32::consts::PI;
 
@@ -89,9 +89,10 @@ host_struct! {
     pub struct Iteration {
         /// How far its numbers have gone on.
         turn: u32,
+        /// 1 where light has been shot already, otherwise 0.
+        has_light: u32,
         padding_a: u32,
         padding_b: u32,
-        padding_c: u32,
     }
 }
 
@@ -139,19 +140,21 @@ impl Choosing {
             let texels: &[TexelSurface] = bytemuck::cast_slice(host.read(surfaces));
             let [direct, light]: [&[Vec4]; 2] = [direct, self.light].map(|resource| bytemuck::cast_slice(host.read(resource)));
             let sides = self.of.sides as usize;
+            let has_light = has_light(host, &self.of);
+            let sent = |place: usize| radiance(direct[place], if has_light { light[place] } else { Vec4::ZERO });
             let powers: Vec<f32> = texels
                 .par_iter()
                 .enumerate()
-                .flat_map_iter(|(at, texel)| (at * sides..(at + 1) * sides).map(move |place| power(direct[place], light[place], texel.area)))
+                .flat_map_iter(|(at, texel)| (at * sides..(at + 1) * sides).map(move |place| power(sent(place), texel.area)))
                 .collect();
             let numbers = counted(&powers);
-            let picks = picked(&numbers, count, turn(host.variable(self.of.iterations)));
+            let picks = picked(&numbers, count, turn(host.variable(self.of.rounds)));
             let chosen = picks.iter().map(|pick| {
                 let place = pick.place as usize;
                 let texel = &texels[place / sides];
                 let [position, normal] = texel.place(place % sides);
                 let stands_for = texel.area * (pick.total as f32 / pick.number as f32);
-                let flux = radiance(direct[place], light[place]) * (stands_for / count as f32);
+                let flux = sent(place) * (stands_for / count as f32);
                 (
                     Request::new(position, texel.area.sqrt(), normal, 0.0),
                     Shot { flux: flux.into(), nearest: (stands_for * shooters.nearest).max(texel.area * NEAREST) },
@@ -176,7 +179,7 @@ impl Choosing {
         let sums = e.buffer("sums", 4 * u64::from(groups + 1));
         let iteration = e.buffer("iteration", size_of::<Iteration>() as u64);
         e.host("begin", &[], &[iteration], move |host| {
-            let iteration_now = Iteration { turn: turn(host.variable(of.iterations)), padding_a: 0, padding_b: 0, padding_c: 0 };
+            let iteration_now = Iteration { turn: turn(host.variable(of.rounds)), has_light: has_light(host, &of).into(), padding_a: 0, padding_b: 0 };
             host.write(iteration, 0, bytemuck::bytes_of(&iteration_now));
             host.set(shooters.requests.count, count);
             host.set(shooters.requests.made, count);
@@ -209,7 +212,7 @@ impl Choosing {
                 let picks = e.buffer("picks", size_of::<Pick>() as u64 * u64::from(count));
                 e.host("add_up", &[Read::whole(numbers)], &[picks], move |host| {
                     let numbers: &[u32] = &bytemuck::cast_slice(host.read(numbers))[..places as usize];
-                    let mut found = picked(numbers, count, turn(host.variable(of.iterations)));
+                    let mut found = picked(numbers, count, turn(host.variable(of.rounds)));
                     found.resize(count as usize, Pick { place: 0, number: 0, total: 0, padding: 0 });
                     host.write(picks, 0, bytemuck::cast_slice(&found));
                     Ok(())
@@ -261,9 +264,14 @@ fn turn(iteration: u32) -> u32 {
     even_pair(iteration)[0]
 }
 
+/// Whether light has been shot already: that of a scene before may be left where it counts no more.
+fn has_light(host: &dyn HostContext, of: &port::Lightmap) -> bool {
+    host.variable(of.iterations) > 0 || host.variable(of.counted) > 0
+}
+
 /// By what a texel is chosen.
-fn power(direct: Vec4, light: Vec4, area: f32) -> f32 {
-    luminance(radiance(direct, light).as_dvec3()) as f32 * area
+fn power(radiance: Vec3, area: f32) -> f32 {
+    luminance(radiance.as_dvec3()) as f32 * area
 }
 
 /// What each texel counts: all together less than 2³¹.

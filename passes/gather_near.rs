@@ -77,16 +77,25 @@ impl Pass for GatherNear {
     }
 }
 
-/// Whether texels gather after so many iterations.
-fn is_due(iterations: u32, every: u32) -> bool {
-    iterations % every == FIRST.min(every - 1)
+/// Whether texels gather now, and that they have then.
+fn begins(host: &mut dyn HostContext, of: &port::Lightmap, every: u32) -> bool {
+    let is_due = is_due(host.variable(of.iterations), host.variable(of.counted) > 0, every);
+    if is_due {
+        host.set(of.gathered, 1);
+    }
+    is_due
+}
+
+/// Whether texels gather after so many iterations since the scene changed, where light is remembered at once.
+fn is_due(iterations: u32, remembered: bool, every: u32) -> bool {
+    (iterations > 0 && iterations % every == FIRST.min(every - 1)) || (iterations == 0 && remembered)
 }
 
 fn gather_on_device(e: &mut Encoder<'_>, (from, to): (port::Shooters, port::Lightmap), table: &Table, every: u32) {
     let shine = e.buffer("shine", 16 * u64::from(to.places()));
     let gathering = e.variable("gathering", false);
     e.host("begin", &[], &[], move |host| {
-        let is_due = is_due(host.variable(to.iterations), every);
+        let is_due = begins(host, &to, every);
         host.set(gathering, if is_due { to.places() } else { 0 });
         Ok(())
     });
@@ -131,7 +140,7 @@ fn gather_on_host(e: &mut Encoder<'_>, (from, to): (port::Shooters, port::Lightm
     let shots = Read::counted(from.shots, size_of::<Shot>() as u64, from.requests.count);
     let reads: Vec<Read> = [to.numbers, to.corners, to.surfaces, to.direct, to.mean].map(Read::whole).into_iter().chain([shots]).collect();
     e.host("gather", &reads, &[to.near], move |host| {
-        if !is_due(host.variable(to.iterations), every) {
+        if !begins(host, &to, every) {
             return Ok(());
         }
         let mut near = host.take(to.near);
@@ -230,9 +239,10 @@ mod tests {
 
     #[test]
     fn texels_gather_once_in_a_while_from_early_on() {
-        let due = |every| (0..100).filter(|iteration| is_due(*iteration, every)).collect::<Vec<_>>();
-        assert_eq!(due(32), [4, 36, 68]);
-        assert_eq!(due(1).len(), 100);
-        assert_eq!(due(2)[..2], [1, 3]);
+        let due = |every, remembered| (0..100).filter(|iteration| is_due(*iteration, remembered, every)).collect::<Vec<_>>();
+        assert_eq!(due(32, false), [4, 36, 68]);
+        assert_eq!(due(1, false).len(), 99);
+        assert_eq!(due(2, false)[..2], [1, 3]);
+        assert_eq!(due(32, true), [0, 4, 36, 68]);
     }
 }

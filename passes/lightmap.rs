@@ -7,7 +7,11 @@ use crate::contract::{
     encoder::{bind_visibility, light_constants},
     port,
 };
-use crate::math::{bounces::Bounces, colour::reflectance_bits, random::hash};
+use crate::math::{
+    bounces::Bounces,
+    colour::reflectance_bits,
+    random::{combine, hash},
+};
 use crate::scene::{
     Scene,
     atlas::{Atlas, Charts, Texel},
@@ -62,6 +66,13 @@ static DESCRIPTION: Description = Description {
             unit: "iterations",
             kind: ParameterKind::Integer { default: 32, min: 1, max: 65_536 },
         },
+        Parameter {
+            name: "remembers",
+            about: "how many iterations the light of a scene counts as once that has changed, so that it comes to what it is now by and by: 0 to start anew. Light of a scene where surfaces have moved is \
+                    forgotten in any case",
+            unit: "iterations",
+            kind: ParameterKind::Integer { default: 0, min: 0, max: 65_536 },
+        },
         PLACE,
     ],
     inputs: &[],
@@ -82,6 +93,7 @@ impl Pass for Lightmap {
         let places = atlas.in_space(e.setting.scene);
         let lightmap = declared(e, &atlas, &places);
         let texels: Vec<TexelPlace> = places.iter().map(|place| texel_place(&atlas.texels[*place as usize])).collect();
+        remember(e, &lightmap, &texels);
         let texels = e.constant_buffer("texels", bytemuck::cast_slice(&texels));
         let samples = ["area_samples", "sky_samples"].map(|name| e.arguments.integer(name) as u32);
         tell_idle(e);
@@ -120,8 +132,12 @@ fn declared(e: &mut Encoder<'_>, atlas: &Atlas, places: &[u32]) -> port::Lightma
     let corners = e.constant_buffer("corners", bytemuck::cast_slice(&corners));
     let surfaces = e.history_buffer("surfaces", size_of::<TexelSurface>() as u64 * room);
     let [direct, fresh, near, mean] = ["direct", "fresh", "near", "mean"].map(|name| e.history_buffer(name, bytes));
-    let iterations = e.variable("iterations", true);
-    e.report_variable("iterations", iterations);
+    let [iterations, counted, rounds, gathered] = ["iterations", "counted", "rounds", "gathered"].map(|name| e.variable(name, true));
+    e.report_variable("iterations", rounds);
+    let remembers = e.arguments.integer("remembers") as u32;
+    if remembers > 0 {
+        e.survives(&[fresh, near, mean], &[counted, rounds, gathered]);
+    }
     port::Lightmap {
         edge: atlas.edge,
         texels: texels as u32,
@@ -134,8 +150,33 @@ fn declared(e: &mut Encoder<'_>, atlas: &Atlas, places: &[u32]) -> port::Lightma
         near,
         mean,
         iterations,
+        counted,
+        rounds,
+        gathered,
         wanted: e.arguments.integer("iterations") as u32,
+        remembers,
     }
+}
+
+/// Lets what survives a change of the scene count less, and nothing if texels stand for other surfaces now.
+fn remember(e: &mut Encoder<'_>, lightmap: &port::Lightmap, texels: &[TexelPlace]) {
+    let of = *lightmap;
+    if of.remembers == 0 {
+        return;
+    }
+    let layout = texels.iter().fold(1, |sum, texel| combine(sum, texel.triangle));
+    let laid_out = e.variable("laid_out", true);
+    e.survives(&[], &[laid_out]);
+    e.host("remember", &[], &[], move |host| {
+        if is_new(host, &of) {
+            if host.variable(laid_out) != layout {
+                [of.counted, of.rounds, of.gathered].into_iter().for_each(|variable| host.set(variable, 0));
+            }
+            host.set(of.counted, host.variable(of.counted).min(of.remembers));
+            host.set(laid_out, layout);
+        }
+        Ok(())
+    });
 }
 
 fn tell_idle(e: &mut Encoder<'_>) {

@@ -14,10 +14,12 @@ struct Pick {
 }
 
 struct Iteration {
+    // How far its numbers have gone on.
     turn: u32,
+    // 1 where light has been shot already, otherwise 0.
+    has_light: u32,
     padding_a: u32,
     padding_b: u32,
-    padding_c: u32,
 }
 
 @group(0) @binding(0) var<storage, read> surfaces: array<TexelSurface>;
@@ -46,7 +48,7 @@ override ABOVE: u32 = 1u;
 override LEVELS: u32 = 0u;
 
 fn radiance_of(place: u32) -> vec3f {
-    return radiance_of_texel(direct[place], light[place]);
+    return radiance_of_texel(direct[place], select(vec4f(0.0), light[place], iteration.has_light != 0u));
 }
 
 @compute @workgroup_size(256)

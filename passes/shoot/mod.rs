@@ -90,7 +90,7 @@ fn shoot_on_device(e: &mut Encoder<'_>, from: port::Shooters, to: port::Lightmap
 
 /// How far the starts of an iteration have gone on.
 fn turn(host: &dyn HostContext, to: &port::Lightmap) -> u32 {
-    even_pair(host.variable(to.iterations))[1]
+    even_pair(host.variable(to.rounds))[1]
 }
 
 /// Views that are absent are bound to any buffer and never read.

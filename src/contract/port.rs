@@ -496,10 +496,18 @@ pub struct Lightmap {
     pub near: Resource,
     /// Buffer of vec4: mean indirect irradiance of the iterations [W/m²]; a history.
     pub mean: Resource,
-    /// How many iterations there have been; a history.
+    /// How many iterations there have been since the scene changed last; a history.
     pub iterations: Variable,
-    /// How many there are to be.
+    /// As how many iterations the mean counts; a history.
+    pub counted: Variable,
+    /// How many iterations there have been in all; a history.
+    pub rounds: Variable,
+    /// Whether there is anything near; a history.
+    pub gathered: Variable,
+    /// How many iterations there are to be.
     pub wanted: u32,
+    /// As how many the mean counts at most once the scene has changed.
+    pub remembers: u32,
 }
 
 /// Texels that send their light out.

@@ -205,7 +205,7 @@ fn light() -> Outcome {
 }
 
 /// All light goes down to a thousandth. Of 24 iterations that count, four are remembered, whose light is r (r + 1) / ((r + n) (r + n + 1)) of the mean after n more, beside what
-/// these have reflected of it: 3 % and some after twenty. Where a ball has moved, light is as it would be without a past.
+/// these have reflected of it and what is near: 9 % after twenty, a little more than 1 % after eighty. Where a ball has moved, light is as it would be without a past.
 fn forgetting() -> Outcome {
     for place in ["Host", "Device"] {
         let nodes = ["lightmap", "shooters", "shot", "near", "averaged", "field", "indirect"].map(|node| format!("{node}.place={place}"));
@@ -225,8 +225,9 @@ fn forgetting() -> Outcome {
         let material = Change::Material { number: lamp, material: dark.materials[lamp].clone() };
         let told = moving.change(&[material, Change::Light { number: 0, light: dark.lights[0].clone() }])?;
         check(told == Renewed::Changes, || "all was made anew".into())?;
-        let shares = (0..22).map(|_| Ok(mean(&moving.drawn()?)? / before)).collect::<Result<Vec<_>, Box<dyn Error>>>()?;
-        check((0.03..0.12).contains(&shares[0]) && shares[21] < 0.03, || format!("{place}: {} and then {} of the light is left", shares[0], shares[21]))?;
+        // Twenty iterations, and then one a frame.
+        let shares = (0..60).map(|_| Ok(mean(&moving.drawn()?)? / before)).collect::<Result<Vec<_>, Box<dyn Error>>>()?;
+        check((0.03..0.12).contains(&shares[0]) && shares[59] < 0.02, || format!("{place}: of the light is left {shares:?}"))?;
         moving.change(&[place_of_ball()])?;
         let mut moved = room(BALL + DVec3::new(0.0, 1.0, 0.5), CRATE)?;
         (moved.materials, moved.lights) = (dark.materials.clone(), dark.lights.clone());

@@ -4,7 +4,7 @@ use super::dump::{file, items, write_layers};
 use super::failure::Failure;
 use crate::contract::port;
 use crate::gpu::block_on;
-use crate::measure::{Layer, Layers, PICTURE, run::Run};
+use crate::measure::{Layer, Layers, PICTURE, exposure::automatic_exposure, run::Run};
 use crate::passes::texels::{TexelSurface, radiance};
 use glam::{Vec3, Vec4};
 use serde_json::json;
@@ -31,7 +31,7 @@ struct Texture {
     irradiance: Vec<Vec4>,
     /// Direct light that is reflected [W m⁻² sr⁻¹].
     direct: Vec<Vec4>,
-    /// All that is reflected [W m⁻² sr⁻¹].
+    /// All that is reflected and emitted [W m⁻² sr⁻¹].
     radiance: Vec<Vec3>,
     /// [scene units²]; 0 where there is no surface.
     areas: Vec<f32>,
@@ -46,13 +46,19 @@ impl Texture {
         let texels: Vec<Option<(usize, usize)>> = (0..sides)
             .flat_map(|side| numbers.iter().map(move |number| number.checked_sub(1).map(|number| (number as usize, (number * sides + side) as usize))))
             .collect();
+        let scene = &run.stage().scene;
+        let sent = |(number, place): (usize, usize)| {
+            let material = &scene.materials[scene.triangles[surfaces[number].triangle as usize].material as usize];
+            let is_lamp = material.two_sided || (place as u32).is_multiple_of(sides);
+            radiance(direct[place], mean[place]) + if is_lamp { material.emission } else { Vec3::ZERO }
+        };
         let each = |of: &[Vec4]| texels.iter().map(|texel| texel.map_or(Vec4::ZERO, |(_, place)| of[place])).collect();
         Ok(Self {
             edge,
             sides,
             irradiance: each(&mean),
             direct: each(&direct),
-            radiance: texels.iter().map(|texel| texel.map_or(Vec3::ZERO, |(_, place)| radiance(direct[place], mean[place]))).collect(),
+            radiance: texels.iter().map(|texel| texel.map_or(Vec3::ZERO, sent)).collect(),
             areas: texels.iter().map(|texel| texel.map_or(0.0, |(number, _)| surfaces[number].area)).collect(),
         })
     }
@@ -63,11 +69,12 @@ impl Texture {
         picture.with("irradiance", colours(&self.irradiance)).with("direct", colours(&self.direct)).with("area", Layer::value(self.areas.clone()))
     }
 
-    /// As pictures are shown, texels without a surface filled from those beside them: programs mix neighbours, and make smaller pictures of it.
+    /// As a picture is shown, texels without a surface filled from those beside them: programs mix neighbours, and make smaller pictures of it.
     fn png(&self) -> Result<Vec<u8>, Failure> {
-        let light: Vec<f32> = self.filled().iter().flat_map(|light| light.to_array()).collect();
-        let picture = Layers::new(self.edge, self.edge * self.sides).with(PICTURE, Layer::interleaved(&["R", "G", "B"], &light, 3));
-        picture.to_png(PICTURE, 0.0).map_err(Failure::work)
+        let picture =
+            |light: &[Vec3]| Layers::new(self.edge, self.edge * self.sides).with(PICTURE, Layer::interleaved(&["R", "G", "B"], bytemuck::cast_slice(light), 3));
+        let exposure = automatic_exposure(&picture(&self.radiance)).map_err(Failure::work)?;
+        picture(&self.filled()).to_png(PICTURE, exposure).map_err(Failure::work)
     }
 
     fn filled(&self) -> Vec<Vec3> {

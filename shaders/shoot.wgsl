@@ -141,7 +141,7 @@ struct Odds {
 
 fn odds_of(texel: u32, surface: TexelSurface) -> array<Odds, 2> {
     var odds = array<Odds, 2>();
-    if HAS_VIEWS {
+    if HAS_VIEWS || f32(SHOOTERS) <= RAYS {
         return odds;
     }
     for (var shooter = 0u; shooter < SHOOTERS; shooter++) {

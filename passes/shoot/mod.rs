@@ -27,7 +27,7 @@ static DESCRIPTION: Description = Description {
             name: "rays",
             about: "shadow rays of a texel, at most and in the mean: shots that would bring it more than one part in so many are all asked, of others one for each such part",
             unit: "rays",
-            kind: ParameterKind::Integer { default: 8, min: 1, max: 65_536 },
+            kind: ParameterKind::Integer { default: 16, min: 1, max: 65_536 },
         },
         PLACE,
     ],

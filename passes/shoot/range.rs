@@ -92,8 +92,8 @@ impl Range<'_> {
     pub fn light(&self, first: usize, texels: &[TexelSurface], light: &mut [Vec4], to_do: &mut ToDo) {
         light.fill(Vec4::ZERO);
         let mut eights: Vec<Eight> = texels.chunks(LANES).map(Eight::of).collect();
-        // Views tell of most, and rays of all others.
-        if self.views.is_none() {
+        // Views tell of most shots, and rays of all others; few shots are all asked.
+        if self.views.is_none() && self.senders.len() as f32 > self.rays {
             self.weigh(first, &mut eights);
         }
         for sender in self.senders {

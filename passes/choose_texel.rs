@@ -12,7 +12,7 @@ use crate::contract::{
 use crate::host_struct;
 use crate::math::{
     colour::luminance,
-    random::{even_pair, hash},
+    random::{combine, hash},
 };
 use crate::passes::record::Request;
 use crate::schedule::*;
@@ -87,8 +87,8 @@ host_struct! {
 host_struct! {
     /// What an iteration is made by.
     pub struct Iteration {
-        /// How far its numbers have gone on.
-        turn: u32,
+        /// Of its numbers.
+        seed: u32,
         /// 1 where light has been shot already, otherwise 0.
         has_light: u32,
         padding_a: u32,
@@ -148,7 +148,7 @@ impl Choosing {
                 .flat_map_iter(|(at, texel)| (at * sides..(at + 1) * sides).map(move |place| power(sent(place), texel.area)))
                 .collect();
             let numbers = counted(&powers);
-            let picks = picked(&numbers, count, turn(host.variable(self.of.rounds)));
+            let picks = picked(&numbers, count, seed(host.variable(self.of.rounds)));
             let chosen = picks.iter().map(|pick| {
                 let place = pick.place as usize;
                 let texel = &texels[place / sides];
@@ -179,7 +179,7 @@ impl Choosing {
         let sums = e.buffer("sums", 4 * u64::from(groups + 1));
         let iteration = e.buffer("iteration", size_of::<Iteration>() as u64);
         e.host("begin", &[], &[iteration], move |host| {
-            let iteration_now = Iteration { turn: turn(host.variable(of.rounds)), has_light: has_light(host, &of).into(), padding_a: 0, padding_b: 0 };
+            let iteration_now = Iteration { seed: seed(host.variable(of.rounds)), has_light: has_light(host, &of).into(), padding_a: 0, padding_b: 0 };
             host.write(iteration, 0, bytemuck::bytes_of(&iteration_now));
             host.set(shooters.requests.count, count);
             host.set(shooters.requests.made, count);
@@ -212,7 +212,7 @@ impl Choosing {
                 let picks = e.buffer("picks", size_of::<Pick>() as u64 * u64::from(count));
                 e.host("add_up", &[Read::whole(numbers)], &[picks], move |host| {
                     let numbers: &[u32] = &bytemuck::cast_slice(host.read(numbers))[..places as usize];
-                    let mut found = picked(numbers, count, turn(host.variable(of.rounds)));
+                    let mut found = picked(numbers, count, seed(host.variable(of.rounds)));
                     found.resize(count as usize, Pick { place: 0, number: 0, total: 0, padding: 0 });
                     host.write(picks, 0, bytemuck::cast_slice(&found));
                     Ok(())
@@ -259,9 +259,9 @@ impl Levels {
     }
 }
 
-/// How far numbers have gone on after so many iterations: over any of them they lie evenly.
-fn turn(iteration: u32) -> u32 {
-    even_pair(iteration)[0]
+/// Of the choices of an iteration, which have nothing to do with those before: what texels send out depends on these.
+fn seed(iteration: u32) -> u32 {
+    hash(iteration.wrapping_mul(2) + 1)
 }
 
 /// Whether light has been shot already: that of a scene before may be left where it counts no more.
@@ -282,11 +282,11 @@ fn counted(powers: &[f32]) -> Vec<u32> {
 }
 
 /// One place from each of so many equal parts of all that places count; none where nothing counts.
-fn picked(numbers: &[u32], parts: u32, turn: u32) -> Vec<Pick> {
+fn picked(numbers: &[u32], parts: u32, seed: u32) -> Vec<Pick> {
     let sums = running_sums(numbers);
     let total = sums.last().copied().unwrap_or(0);
     let pick = |part| {
-        let place = place_of(&sums, number_in(part, parts, total, turn));
+        let place = place_of(&sums, number_in(part, parts, total, seed));
         Pick { place: place as u32, number: numbers[place], total, padding: 0 }
     };
     if total == 0 { Vec::new() } else { (0..parts).map(pick).collect() }
@@ -307,10 +307,10 @@ fn place_of(sums: &[u32], number: u32) -> usize {
 }
 
 /// A whole number below `total` by chance, from one of so many equal parts.
-fn number_in(part: u32, parts: u32, total: u32, turn: u32) -> u32 {
+fn number_in(part: u32, parts: u32, total: u32, seed: u32) -> u32 {
     let (each, rest) = (total / parts, total % parts);
     let width = each + u32::from(part < rest);
-    let within = (u64::from(hash(part).wrapping_add(turn)) * u64::from(width)) >> 32;
+    let within = (u64::from(combine(seed, part)) * u64::from(width)) >> 32;
     part * each + part.min(rest) + within as u32
 }
 

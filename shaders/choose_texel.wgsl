@@ -14,8 +14,8 @@ struct Pick {
 }
 
 struct Iteration {
-    // How far its numbers have gone on.
-    turn: u32,
+    // Of its numbers.
+    seed: u32,
     // 1 where light has been shot already, otherwise 0.
     has_light: u32,
     padding_a: u32,
@@ -118,7 +118,7 @@ fn number_in(part: u32, total: u32) -> u32 {
     let each = total / SHOOTERS;
     let rest = total % SHOOTERS;
     let width = each + select(0u, 1u, part < rest);
-    return part * each + min(part, rest) + product_above(hash(part) + iteration.turn, width);
+    return part * each + min(part, rest) + product_above(combine(iteration.seed, part), width);
 }
 
 fn send(shooter: u32, place: u32, number: u32, total: u32) {

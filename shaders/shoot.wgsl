@@ -18,7 +18,7 @@
 // The triangle that each sample of a shooter's view sees, + 1; 0 where it sees none, or is none.
 @group(0) @binding(4) var<storage, read> seen: array<u32>;
 
-// How far the starts of an iteration have gone on.
+// The seed of its choices.
 @group(0) @binding(5) var<uniform> iteration: vec4u;
 
 override HAS_VIEWS: bool = false;
@@ -149,7 +149,7 @@ fn odds_of(texel: u32, surface: TexelSurface) -> array<Odds, 2> {
         odds[own.side].each += luminance(own.light.rgb);
     }
     for (var side = 0u; side < SIDES; side++) {
-        odds[side] = Odds(odds[side].each / RAYS, unit(hash(texel * SIDES + side) + iteration.x));
+        odds[side] = Odds(odds[side].each / RAYS, unit(combine(iteration.x, texel * SIDES + side)));
     }
     return odds;
 }

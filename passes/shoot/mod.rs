@@ -7,7 +7,7 @@ use super::texels::{BLOCK, NEAREST, Shot, TexelSurface};
 use crate::contract::{
     Bodies, Description, Encoder, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Refusal, Takes, encoder::scene_constants, port,
 };
-use crate::math::{colour::luminance, frame::Frame, hemisphere::Shape, random::even_pair};
+use crate::math::{colour::luminance, frame::Frame, hemisphere::Shape, random::hash};
 use crate::scene::packets::ToDo;
 use crate::schedule::*;
 use glam::{Vec3, Vec4};
@@ -72,7 +72,7 @@ impl Pass for Shoot {
 fn shoot_on_device(e: &mut Encoder<'_>, from: port::Shooters, to: port::Lightmap, rays: f32) {
     let iteration = e.buffer("iteration", 16);
     e.host("begin", &[], &[iteration], move |host| {
-        host.write(iteration, 0, bytemuck::bytes_of(&[turn(host, &to), 0, 0, 0]));
+        host.write(iteration, 0, bytemuck::bytes_of(&[seed(host, &to), 0, 0, 0]));
         Ok(())
     });
     let program = bind_views(scene_constants(Program::new("shoot"), e.setting.needs), e.shooter_views("views"), to.surfaces)
@@ -88,9 +88,9 @@ fn shoot_on_device(e: &mut Encoder<'_>, from: port::Shooters, to: port::Lightmap
     e.compute(program, "shoot", Groups::linear(to.texels.div_ceil(BLOCK as u32)));
 }
 
-/// How far the starts of an iteration have gone on.
-fn turn(host: &dyn HostContext, to: &port::Lightmap) -> u32 {
-    even_pair(host.variable(to.rounds))[1]
+/// Of the choices of an iteration.
+fn seed(host: &dyn HostContext, to: &port::Lightmap) -> u32 {
+    hash(host.variable(to.rounds).wrapping_mul(2))
 }
 
 /// Views that are absent are bound to any buffer and never read.
@@ -119,7 +119,7 @@ fn shoot_on_host(e: &mut Encoder<'_>, from: port::Shooters, to: port::Lightmap, 
         let shots: &[Shot] = bytemuck::cast_slice(host.read(from.shots));
         let texels: &[TexelSurface] = bytemuck::cast_slice(host.read(to.surfaces));
         let count = host.variable(from.requests.count) as usize;
-        let turn = turn(host, &to);
+        let seed = seed(host, &to);
         let views = views.map(|of| Views { of, seen: bytemuck::cast_slice(host.read(of.seen)), scene: host.scene() });
         let sender = |((place, shot), number): ((&Request, &Shot), u32)| Sender {
             number,
@@ -130,7 +130,7 @@ fn shoot_on_host(e: &mut Encoder<'_>, from: port::Shooters, to: port::Lightmap, 
             nearest: shot.nearest,
         };
         let senders: Vec<Sender> = places.iter().zip(shots).take(count).zip(0..).map(sender).collect();
-        let range = Range { scene: host.scene(), bvh: host.bvh(), extent: host.extent(), sides: to.sides as usize, senders: &senders, views, rays, turn };
+        let range = Range { scene: host.scene(), bvh: host.bvh(), extent: host.extent(), sides: to.sides as usize, senders: &senders, views, rays, seed };
         let blocks = fresh.par_chunks_mut(TOGETHER * range.sides).zip(texels.par_chunks(TOGETHER)).enumerate();
         blocks.for_each_init(ToDo::default, |to_do, (block, (light, texels))| range.light(block * TOGETHER, texels, light, to_do));
         host.put(to.fresh, fresh, u64::MAX);

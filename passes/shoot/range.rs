@@ -5,7 +5,7 @@ use super::{
     views::{Between, Views},
 };
 use crate::math::{
-    random::{hash, unit},
+    random::{combine, unit},
     vectors::{LANES, Vectors},
 };
 use crate::passes::texels::{NEAREST, TexelSurface};
@@ -31,8 +31,8 @@ pub struct Range<'a> {
     pub views: Option<Views<'a>>,
     /// Of a texel.
     pub rays: f32,
-    /// How far the starts of the iteration have gone on.
-    pub turn: u32,
+    /// Of the choices of the iteration.
+    pub seed: u32,
 }
 
 /// Eight texels, lane by lane, and which of the shots at each of their sides are asked: those that bring much, and of the others those at which the sum of their parts of
@@ -107,7 +107,7 @@ impl Range<'_> {
             for side in 0..self.sides {
                 let place = |lane: usize| (first + number * LANES + lane) * self.sides + side;
                 eight.each[side] = eight.each[side].map(|sum| sum / self.rays);
-                eight.next[side] = std::array::from_fn(|lane| unit(hash(place(lane) as u32).wrapping_add(self.turn)));
+                eight.next[side] = std::array::from_fn(|lane| unit(combine(self.seed, place(lane) as u32)));
             }
         }
     }

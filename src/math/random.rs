@@ -14,11 +14,6 @@ pub fn combine(a: u32, b: u32) -> u32 {
     hash(a ^ hash(b).wrapping_add(0x9e37_79b9))
 }
 
-/// How far two numbers have gone on after so many steps, as parts of 2³²: pairs of them lie evenly, however many there are (Roberts 2018, "R2", of the plastic number).
-pub fn even_pair(steps: u32) -> [u32; 2] {
-    [3_242_174_889, 2_447_445_414].map(|step| steps.wrapping_mul(step))
-}
-
 /// In 0..1, 1 excluded.
 pub fn unit(bits: u32) -> f32 {
     (bits >> 8) as f32 / 16_777_216.0
@@ -53,13 +48,6 @@ pub fn units<S: Simd>(bits: u32x8<S>) -> f32x8<S> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn even_pairs_fill_a_square() {
-        let mut found = [[0; 8]; 8];
-        (0..1024).map(even_pair).for_each(|[x, y]| found[(x >> 29) as usize][(y >> 29) as usize] += 1);
-        assert!(found.as_flattened().iter().all(|count| (11..=21).contains(count)), "{found:?}");
-    }
     use fearless_simd::{Level, dispatch};
 
     #[test]

@@ -91,6 +91,8 @@ fn lay_out_on_host(e: &mut Encoder<'_>, of: port::Lightmap, (field, told): (port
         let surfaces: &[TexelSurface] = bytemuck::cast_slice(host.read(of.surfaces));
         let mean: &[Vec4] = bytemuck::cast_slice(host.read(of.mean));
         let (of_triangles, light) = data.split_at_mut(field.first as usize);
+        // What lay in its memory before may have been longer.
+        let light = &mut light[..(of.edge * of.edge * of.sides) as usize];
         of_triangles.iter_mut().zip(corners).for_each(|(into, corners)| *into = *corners);
         let around = Around { numbers, corners, surfaces, mean, edge: of.edge, sides: of.sides as usize, smooth: smooth as i32 };
         light.par_iter_mut().enumerate().for_each(|(place, light)| *light = around.mean_at(place));

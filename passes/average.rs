@@ -46,10 +46,9 @@ host_struct! {
     pub struct Share {
         /// Of the mean.
         share: f32,
-        /// 1 where something is near, otherwise 0.
-        near: f32,
         padding_a: f32,
         padding_b: f32,
+        padding_c: f32,
     }
 }
 
@@ -69,12 +68,14 @@ impl Pass for Average {
         let settled = e.variable("settled", false);
         let count = move |host: &mut dyn HostContext| {
             let [iterations, rounds] = [of.iterations, of.rounds].map(|variable| host.variable(variable).saturating_add(1));
-            let counted = counted(host.variable(of.counted), iterations, warm_up);
+            // What is left of the light of a scene before.
+            let remembered = if iterations == 1 { of.remembers } else { u32::MAX };
+            let counted = counted(host.variable(of.counted).min(remembered), iterations, warm_up);
             host.set(of.iterations, iterations);
             host.set(of.rounds, rounds);
             host.set(of.counted, counted);
             host.set(settled, u32::from(iterations >= of.wanted || counted.saturating_add(warm_up) >= of.wanted));
-            Share { share: share(counted, rising), near: host.variable(of.gathered) as f32, padding_a: 0.0, padding_b: 0.0 }
+            share(counted, rising)
         };
         match e.place(Bodies::BOTH)? {
             Place::Host => average_on_host(e, of, count),
@@ -97,16 +98,14 @@ fn share(iterations: u32, rising: bool) -> f32 {
     if rising { 2.0 / (iterations + 1.0) } else { 1.0 / iterations }
 }
 
-fn average_on_host(e: &mut Encoder<'_>, of: port::Lightmap, count: impl Fn(&mut dyn HostContext) -> Share + Send + Sync + 'static) {
+fn average_on_host(e: &mut Encoder<'_>, of: port::Lightmap, count: impl Fn(&mut dyn HostContext) -> f32 + Send + Sync + 'static) {
     e.host("average", &[of.fresh, of.near, of.mean].map(Read::whole), &[of.fresh, of.mean], move |host| {
-        let now = count(host);
+        let share = count(host);
         let [mut fresh, mut mean] = [of.fresh, of.mean].map(|resource| host.take(resource));
         let near: &[Vec4] = bytemuck::cast_slice(host.read(of.near));
         mean.par_iter_mut().zip(&mut fresh).zip(near).for_each(|((mean, fresh), near)| {
-            if now.near > 0.0 {
-                *fresh += *near;
-            }
-            *mean = if now.share == 1.0 { *fresh } else { *mean + (*fresh - *mean) * now.share };
+            *fresh += *near;
+            *mean += (*fresh - *mean) * share;
         });
         host.put(of.fresh, fresh, u64::MAX);
         host.put(of.mean, mean, u64::MAX);
@@ -114,10 +113,10 @@ fn average_on_host(e: &mut Encoder<'_>, of: port::Lightmap, count: impl Fn(&mut 
     });
 }
 
-fn average_on_device(e: &mut Encoder<'_>, of: port::Lightmap, count: impl Fn(&mut dyn HostContext) -> Share + Send + Sync + 'static) {
+fn average_on_device(e: &mut Encoder<'_>, of: port::Lightmap, count: impl Fn(&mut dyn HostContext) -> f32 + Send + Sync + 'static) {
     let buffer = e.buffer("share", size_of::<Share>() as u64);
     e.host("count", &[], &[buffer], move |host| {
-        let share = count(host);
+        let share = Share { share: count(host), padding_a: 0.0, padding_b: 0.0, padding_c: 0.0 };
         host.write(buffer, 0, bytemuck::bytes_of(&share));
         Ok(())
     });

@@ -16,7 +16,7 @@ use crate::math::{
 };
 use crate::passes::record::Request;
 use crate::schedule::*;
-use glam::{Vec3, Vec4};
+use glam::Vec4;
 use rayon::prelude::*;
 use std::f32::consts::PI;
 
@@ -89,10 +89,9 @@ host_struct! {
     pub struct Iteration {
         /// Of its numbers.
         seed: u32,
-        /// 1 where light has been shot already, otherwise 0.
-        has_light: u32,
         padding_a: u32,
         padding_b: u32,
+        padding_c: u32,
     }
 }
 
@@ -140,12 +139,10 @@ impl Choosing {
             let texels: &[TexelSurface] = bytemuck::cast_slice(host.read(surfaces));
             let [direct, light]: [&[Vec4]; 2] = [direct, self.light].map(|resource| bytemuck::cast_slice(host.read(resource)));
             let sides = self.of.sides as usize;
-            let has_light = has_light(host, &self.of);
-            let sent = |place: usize| radiance(direct[place], if has_light { light[place] } else { Vec4::ZERO });
             let powers: Vec<f32> = texels
                 .par_iter()
                 .enumerate()
-                .flat_map_iter(|(at, texel)| (at * sides..(at + 1) * sides).map(move |place| power(sent(place), texel.area)))
+                .flat_map_iter(|(at, texel)| (at * sides..(at + 1) * sides).map(move |place| power(direct[place], light[place], texel.area)))
                 .collect();
             let numbers = counted(&powers);
             let picks = picked(&numbers, count, seed(host.variable(self.of.rounds)));
@@ -154,7 +151,7 @@ impl Choosing {
                 let texel = &texels[place / sides];
                 let [position, normal] = texel.place(place % sides);
                 let stands_for = texel.area * (pick.total as f32 / pick.number as f32);
-                let flux = sent(place) * (stands_for / count as f32);
+                let flux = radiance(direct[place], light[place]) * (stands_for / count as f32);
                 (
                     Request::new(position, texel.area.sqrt(), normal, 0.0),
                     Shot { flux: flux.into(), nearest: (stands_for * shooters.nearest).max(texel.area * NEAREST) },
@@ -179,7 +176,7 @@ impl Choosing {
         let sums = e.buffer("sums", 4 * u64::from(groups + 1));
         let iteration = e.buffer("iteration", size_of::<Iteration>() as u64);
         e.host("begin", &[], &[iteration], move |host| {
-            let iteration_now = Iteration { seed: seed(host.variable(of.rounds)), has_light: has_light(host, &of).into(), padding_a: 0, padding_b: 0 };
+            let iteration_now = Iteration { seed: seed(host.variable(of.rounds)), padding_a: 0, padding_b: 0, padding_c: 0 };
             host.write(iteration, 0, bytemuck::bytes_of(&iteration_now));
             host.set(shooters.requests.count, count);
             host.set(shooters.requests.made, count);
@@ -264,14 +261,9 @@ fn seed(iteration: u32) -> u32 {
     hash(iteration.wrapping_mul(2) + 1)
 }
 
-/// Whether light has been shot already: that of a scene before may be left where it counts no more.
-fn has_light(host: &dyn HostContext, of: &port::Lightmap) -> bool {
-    host.variable(of.iterations) > 0 || host.variable(of.counted) > 0
-}
-
 /// By what a texel is chosen.
-fn power(radiance: Vec3, area: f32) -> f32 {
-    luminance(radiance.as_dvec3()) as f32 * area
+fn power(direct: Vec4, light: Vec4, area: f32) -> f32 {
+    luminance(radiance(direct, light).as_dvec3()) as f32 * area
 }
 
 /// What each texel counts: all together less than 2³¹.

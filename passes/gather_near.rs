@@ -77,13 +77,9 @@ impl Pass for GatherNear {
     }
 }
 
-/// Whether texels gather now, and that they have then.
-fn begins(host: &mut dyn HostContext, of: &port::Lightmap, every: u32) -> bool {
-    let is_due = is_due(host.variable(of.iterations), host.variable(of.counted) > 0, every);
-    if is_due {
-        host.set(of.gathered, 1);
-    }
-    is_due
+/// Whether texels gather now.
+fn begins(host: &dyn HostContext, of: &port::Lightmap, every: u32) -> bool {
+    is_due(host.variable(of.iterations), host.variable(of.counted) > 0, every)
 }
 
 /// Whether texels gather after so many iterations since the scene changed, where light is remembered at once.

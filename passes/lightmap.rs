@@ -7,11 +7,7 @@ use crate::contract::{
     encoder::{bind_visibility, light_constants},
     port,
 };
-use crate::math::{
-    bounces::Bounces,
-    colour::reflectance_bits,
-    random::{combine, hash},
-};
+use crate::math::{bounces::Bounces, colour::reflectance_bits, random::hash};
 use crate::scene::{
     Scene,
     atlas::{Atlas, Charts, Texel},
@@ -93,7 +89,6 @@ impl Pass for Lightmap {
         let places = atlas.in_space(e.setting.scene);
         let lightmap = declared(e, &atlas, &places);
         let texels: Vec<TexelPlace> = places.iter().map(|place| texel_place(&atlas.texels[*place as usize])).collect();
-        remember(e, &lightmap, &texels);
         let texels = e.constant_buffer("texels", bytemuck::cast_slice(&texels));
         let samples = ["area_samples", "sky_samples"].map(|name| e.arguments.integer(name) as u32);
         tell_idle(e);
@@ -132,11 +127,11 @@ fn declared(e: &mut Encoder<'_>, atlas: &Atlas, places: &[u32]) -> port::Lightma
     let corners = e.constant_buffer("corners", bytemuck::cast_slice(&corners));
     let surfaces = e.history_buffer("surfaces", size_of::<TexelSurface>() as u64 * room);
     let [direct, fresh, near, mean] = ["direct", "fresh", "near", "mean"].map(|name| e.history_buffer(name, bytes));
-    let [iterations, counted, rounds, gathered] = ["iterations", "counted", "rounds", "gathered"].map(|name| e.variable(name, true));
+    let [iterations, counted, rounds] = ["iterations", "counted", "rounds"].map(|name| e.variable(name, true));
     e.report_variable("iterations", rounds);
     let remembers = e.arguments.integer("remembers") as u32;
     if remembers > 0 {
-        e.survives(&[fresh, near, mean], &[counted, rounds, gathered]);
+        e.survives_with(numbers, &[fresh, near, mean], &[counted, rounds]);
     }
     port::Lightmap {
         edge: atlas.edge,
@@ -152,31 +147,9 @@ fn declared(e: &mut Encoder<'_>, atlas: &Atlas, places: &[u32]) -> port::Lightma
         iterations,
         counted,
         rounds,
-        gathered,
         wanted: e.arguments.integer("iterations") as u32,
         remembers,
     }
-}
-
-/// Lets what survives a change of the scene count less, and nothing if texels stand for other surfaces now.
-fn remember(e: &mut Encoder<'_>, lightmap: &port::Lightmap, texels: &[TexelPlace]) {
-    let of = *lightmap;
-    if of.remembers == 0 {
-        return;
-    }
-    let layout = texels.iter().fold(1, |sum, texel| combine(sum, texel.triangle));
-    let laid_out = e.variable("laid_out", true);
-    e.survives(&[], &[laid_out]);
-    e.host("remember", &[], &[], move |host| {
-        if is_new(host, &of) {
-            if host.variable(laid_out) != layout {
-                [of.counted, of.rounds, of.gathered].into_iter().for_each(|variable| host.set(variable, 0));
-            }
-            host.set(of.counted, host.variable(of.counted).min(of.remembers));
-            host.set(laid_out, layout);
-        }
-        Ok(())
-    });
 }
 
 fn tell_idle(e: &mut Encoder<'_>) {

@@ -2,10 +2,9 @@
 
 struct Share {
     share: f32,
-    // 1 where something is near, otherwise 0.
-    near: f32,
     padding_a: f32,
     padding_b: f32,
+    padding_c: f32,
 }
 
 @group(0) @binding(0) var<uniform> share_of_mean: Share;
@@ -19,9 +18,8 @@ override PLACES: u32 = 1u;
 fn average(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) lane: u32) {
     let place = (group.x + group.y * groups.x) * 64u + lane;
     if place < PLACES {
-        let brought = fresh[place] + select(vec4f(0.0), near[place], share_of_mean.near > 0.0);
-        let before = mean[place];
+        let brought = fresh[place] + near[place];
         fresh[place] = brought;
-        mean[place] = select(before + (brought - before) * share_of_mean.share, brought, share_of_mean.share == 1.0);
+        mean[place] += (brought - mean[place]) * share_of_mean.share;
     }
 }

@@ -16,10 +16,9 @@ struct Pick {
 struct Iteration {
     // Of its numbers.
     seed: u32,
-    // 1 where light has been shot already, otherwise 0.
-    has_light: u32,
     padding_a: u32,
     padding_b: u32,
+    padding_c: u32,
 }
 
 @group(0) @binding(0) var<storage, read> surfaces: array<TexelSurface>;
@@ -48,7 +47,7 @@ override ABOVE: u32 = 1u;
 override LEVELS: u32 = 0u;
 
 fn radiance_of(place: u32) -> vec3f {
-    return radiance_of_texel(direct[place], select(vec4f(0.0), light[place], iteration.has_light != 0u));
+    return radiance_of_texel(direct[place], light[place]);
 }
 
 @compute @workgroup_size(256)

@@ -204,6 +204,12 @@ impl<'a> Encoder<'a> {
         self.schedule.survivors.variables.extend(variables);
     }
 
+    /// The same, but only as long as a constant by which they are laid out is as it was.
+    pub fn survives_with(&mut self, by: Resource, resources: &[Resource], variables: &[Variable]) {
+        self.survives(resources, variables);
+        self.schedule.laid_out.push((by, Histories { resources: resources.into(), variables: variables.into() }));
+    }
+
     /// Has frames run ahead of their pictures, for what survives.
     pub fn looks_ahead(&mut self, window: Window) {
         self.schedule.window = Some(window);

@@ -502,8 +502,6 @@ pub struct Lightmap {
     pub counted: Variable,
     /// How many iterations there have been in all; a history.
     pub rounds: Variable,
-    /// Whether there is anything near; a history.
-    pub gathered: Variable,
     /// How many iterations there are to be.
     pub wanted: u32,
     /// As how many the mean counts at most once the scene has changed.

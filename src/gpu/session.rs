@@ -74,6 +74,8 @@ pub struct Session {
     pub(super) may_speculate: bool,
     /// Whether the last frame's loops came to their ends, and nothing was changed from outside since.
     pub(super) is_still: bool,
+    /// Constants that plans have changed since the scene has changed last.
+    overwritten: Vec<Resource>,
     pub(super) speculation: Option<Speculation>,
     /// Whether a frame has begun that has not come to an end.
     pub(super) is_under_way: bool,
@@ -150,6 +152,7 @@ impl Session {
             waits: 0,
             may_speculate: speculation::is_possible(schedule, &shaders),
             is_still: false,
+            overwritten: Vec::new(),
             speculation: None,
             is_under_way: false,
             gpu_bytes: 0,
@@ -196,6 +199,7 @@ impl Session {
                 && before != after
             {
                 self.overwrite(Resource(index as u32), after);
+                self.overwritten.push(Resource(index as u32));
             }
         }
         self.is_still = false;
@@ -281,7 +285,8 @@ impl Session {
 
     /// The same but for what survives a change of the scene.
     async fn forget(&mut self) -> Result<(), GpuError> {
-        self.empty(&self.schedule.clone().survivors).await
+        let overwritten = std::mem::take(&mut self.overwritten);
+        self.empty(&self.schedule.survivors_of(&overwritten)).await
     }
 
     async fn empty(&mut self, kept: &Histories) -> Result<(), GpuError> {

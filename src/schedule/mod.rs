@@ -44,6 +44,8 @@ pub struct Schedule {
     pub steps: Vec<Step>,
     /// Histories that stay when the scene changes.
     pub survivors: Histories,
+    /// Of these, what stays no longer than a constant by which it is laid out is as it was.
+    pub laid_out: Vec<(Resource, Histories)>,
     /// Histories that are the same made anew, from the scene alone: nobody has to keep them.
     pub remade: Histories,
     /// Of histories that are not used to their ends, what is.
@@ -86,6 +88,16 @@ impl Schedule {
     /// Whether a frame of a scene that changes finds more of those before it than would be made anew.
     pub fn lives_on(&self) -> bool {
         self.survivors.resources.iter().any(|resource| !self.remade.resources.contains(resource))
+    }
+
+    /// What stays when the scene changes, and these constants with it.
+    pub fn survivors_of(&self, constants: &[Resource]) -> Histories {
+        let gone: Vec<&Histories> = self.laid_out.iter().filter(|(by, _)| constants.contains(by)).map(|(_, histories)| histories).collect();
+        let Histories { resources, variables } = &self.survivors;
+        Histories {
+            resources: resources.iter().copied().filter(|resource| gone.iter().all(|gone| !gone.resources.contains(resource))).collect(),
+            variables: variables.iter().copied().filter(|variable| gone.iter().all(|gone| !gone.variables.contains(variable))).collect(),
+        }
     }
 }
 

@@ -4,7 +4,7 @@
 //! and a search among sums of all before find the same texel by the same number. A texel that shines at all counts 1 at least, and whatever a texel counts, its light is
 //! divided by how often it is chosen: nothing is lost by rounding.
 
-use super::texels::{NEAREST, Shot, TexelSurface, radiance};
+use super::texels::{self, NEAREST, Shot, TexelSurface, radiance};
 use super::{prefix_sum, record};
 use crate::contract::{
     Bodies, Choice, Description, Encoder, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Refusal, Takes, port,
@@ -31,7 +31,7 @@ static DESCRIPTION: Description = Description {
             name: "shooters",
             about: "texels of an iteration, each from another part of all light; the paper has 1",
             unit: "texels",
-            kind: ParameterKind::Integer { default: 1024, min: 1, max: 4096 },
+            kind: ParameterKind::Integer { default: 512, min: 1, max: 4096 },
         },
         Parameter {
             name: "by",
@@ -58,6 +58,21 @@ static DESCRIPTION: Description = Description {
                         about: "the mean of all, as formula (2) of the paper has it: that comes near the light as a power of the iterations",
                         parameters: &[],
                     },
+                ],
+            },
+        },
+        Parameter {
+            name: "favours",
+            about: "by what texels are chosen, times their area",
+            unit: "",
+            kind: ParameterKind::Choice {
+                choices: &[
+                    Choice {
+                        name: "Root",
+                        about: "the root of the luminance that they reflect: a dark room beside a bright one is chosen as well",
+                        parameters: &[],
+                    },
+                    Choice { name: "Light", about: "that luminance, as the paper has it", parameters: &[] },
                 ],
             },
         },
@@ -108,7 +123,8 @@ impl Pass for ChooseTexel {
         let light = if e.arguments.choice("sends").0 == "Mean" { of.mean } else { of.fresh };
         // Of all shots that there are to be.
         let nearest = e.arguments.float("bound").recip() as f32 / (PI * count as f32 * of.wanted as f32);
-        let shooters = port::Shooters { requests, shots, nearest };
+        let favour = if e.arguments.choice("favours").0 == "Light" { port::Favour::Light } else { port::Favour::Root };
+        let shooters = port::Shooters { requests, shots, nearest, favour };
         let choosing = Choosing { of, light, shooters };
         let by = e.arguments.choice("by").0;
         let on_device = matches!(by, "Mipmap" | "PrefixSum");
@@ -139,22 +155,31 @@ impl Choosing {
             let texels: &[TexelSurface] = bytemuck::cast_slice(host.read(surfaces));
             let [direct, light]: [&[Vec4]; 2] = [direct, self.light].map(|resource| bytemuck::cast_slice(host.read(resource)));
             let sides = self.of.sides as usize;
-            let powers: Vec<f32> = texels
+            let weights: Vec<f32> = texels
                 .par_iter()
                 .enumerate()
-                .flat_map_iter(|(at, texel)| (at * sides..(at + 1) * sides).map(move |place| power(direct[place], light[place], texel.area)))
+                .flat_map_iter(|(at, texel)| (at * sides..(at + 1) * sides).map(move |place| weight(direct[place], light[place], texel.area, shooters.favour)))
                 .collect();
-            let numbers = counted(&powers);
+            let numbers = counted(&weights);
             let picks = picked(&numbers, count, seed(host.variable(self.of.rounds)));
             let chosen = picks.iter().map(|pick| {
                 let place = pick.place as usize;
                 let texel = &texels[place / sides];
-                let [position, normal] = texel.place(place % sides);
+                let [position, _] = texel.place(0);
+                let face = host.scene().triangles[texel.triangle as usize].face_normal();
+                let normal = if place.is_multiple_of(sides) { face } else { -face };
                 let stands_for = texel.area * (pick.total as f32 / pick.number as f32);
                 let flux = radiance(direct[place], light[place]) * (stands_for / count as f32);
                 (
                     Request::new(position, texel.area.sqrt(), normal, 0.0),
-                    Shot { flux: flux.into(), nearest: (stands_for * shooters.nearest).max(texel.area * NEAREST) },
+                    Shot {
+                        position: texel.position,
+                        nearest: (stands_for * shooters.nearest).max(texel.area * NEAREST),
+                        normal: normal.into(),
+                        stands_for,
+                        flux: flux.into(),
+                        padding: 0,
+                    },
                 )
             });
             let (places, shots): (Vec<Request>, Vec<Shot>) = chosen.unzip();
@@ -172,7 +197,7 @@ impl Choosing {
         let groups = places.div_ceil(GROUP);
         let levels = Levels::of(places);
         let numbers = e.buffer("numbers", 4 * u64::from(levels.all()));
-        let powers = e.buffer("powers", 4 * u64::from(places));
+        let weights = e.buffer("weights", 4 * u64::from(places));
         let sums = e.buffer("sums", 4 * u64::from(groups + 1));
         let iteration = e.buffer("iteration", size_of::<Iteration>() as u64);
         e.host("begin", &[], &[iteration], move |host| {
@@ -187,10 +212,11 @@ impl Choosing {
             .constant("PLACES", places)
             .constant("SHOOTERS", count)
             .constant("NEAREST", shooters.nearest)
+            .constant("ROOT", (shooters.favour == port::Favour::Root) as u8)
             .bind("surfaces", of.surfaces)
             .bind("direct", of.direct)
             .bind("light", self.light)
-            .bind("powers", powers)
+            .bind("weights", weights)
             .bind("sums", sums)
             .bind("numbers", numbers)
             .bind("iteration", iteration)
@@ -262,15 +288,15 @@ fn seed(iteration: u32) -> u32 {
 }
 
 /// By what a texel is chosen.
-fn power(direct: Vec4, light: Vec4, area: f32) -> f32 {
-    luminance(radiance(direct, light).as_dvec3()) as f32 * area
+fn weight(direct: Vec4, light: Vec4, area: f32, favour: port::Favour) -> f32 {
+    texels::favour(luminance(radiance(direct, light).as_dvec3()) as f32, favour) * area
 }
 
 /// What each texel counts: all together less than 2³¹.
-fn counted(powers: &[f32]) -> Vec<u32> {
-    let sum: f64 = powers.par_chunks(4096).map(|powers| powers.iter().map(|power| f64::from(*power)).sum::<f64>()).collect::<Vec<_>>().iter().sum();
+fn counted(weights: &[f32]) -> Vec<u32> {
+    let sum: f64 = weights.par_chunks(4096).map(|weights| weights.iter().map(|weight| f64::from(*weight)).sum::<f64>()).collect::<Vec<_>>().iter().sum();
     let scale = if sum > 0.0 { (29.0 - sum.log2().floor()).exp2() as f32 } else { 0.0 };
-    powers.par_iter().map(|power| if *power > 0.0 { ((power * scale) as u32).max(1) } else { 0 }).collect()
+    weights.par_iter().map(|weight| if *weight > 0.0 { ((weight * scale) as u32).max(1) } else { 0 }).collect()
 }
 
 /// One place from each of so many equal parts of all that places count; none where nothing counts.
@@ -323,10 +349,10 @@ mod tests {
 
     #[test]
     fn what_shines_counts_and_what_does_not_counts_nothing() {
-        let mut powers = vec![1e-12f32; 1 << 20];
-        powers[77] = 0.0;
-        powers[99] = 3.0;
-        let numbers = counted(&powers);
+        let mut weights = vec![1e-12f32; 1 << 20];
+        weights[77] = 0.0;
+        weights[99] = 3.0;
+        let numbers = counted(&weights);
         assert_eq!((numbers[77], numbers[0]), (0, 1));
         let total: u64 = numbers.iter().map(|number| u64::from(*number)).sum();
         assert!((1 << 29..1u64 << 31).contains(&total), "{total}");
@@ -360,17 +386,17 @@ mod tests {
         const DRAWS: u32 = 1_000_000;
         const BINS: usize = 1000;
         let bin = |place: usize| place * BINS / TEXELS;
-        for powers in maps() {
-            let sums = running_sums(&counted(&powers));
+        for weights in maps() {
+            let sums = running_sums(&counted(&weights));
             let total = *sums.last().unwrap();
-            let sum: f64 = powers.iter().map(|power| f64::from(*power)).sum();
+            let sum: f64 = weights.iter().map(|power| f64::from(*power)).sum();
             let mut wanted = vec![0.0; BINS];
-            (0..).zip(&powers).for_each(|(place, power)| wanted[bin(place)] += f64::from(DRAWS) * f64::from(*power) / sum);
+            (0..).zip(&weights).for_each(|(place, power)| wanted[bin(place)] += f64::from(DRAWS) * f64::from(*power) / sum);
             (0..20).into_par_iter().for_each(|first| {
                 let mut found = vec![0.0; BINS];
                 let places = (0..DRAWS).map(|draw| place_of(&sums, number_in(0, 1, total, hash(first * DRAWS + draw))));
                 places.for_each(|place| {
-                    assert!(powers[place] > 0.0);
+                    assert!(weights[place] > 0.0);
                     found[bin(place)] += 1.0;
                 });
                 let off = off(&found, &wanted);

@@ -1,13 +1,13 @@
 //! What is nearer to texels than the bound of shots, gathered by rays: a few shots would make blots of it along every edge.
 
-use super::texels::{NEAREST, Shot, TexelSurface, laid_at, nearest, radiance};
+use super::texels::{NEAREST, Shot, TexelSurface, favour, laid_at, nearest, radiance};
 use crate::contract::{
     Bodies, Description, Encoder, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Refusal, Takes, encoder::scene_constants, port,
 };
 use crate::math::{
     colour::luminance,
     frame::Frame,
-    hemisphere::{Method, Sample, Shape, Table},
+    hemisphere,
     random::{combine, hash, unit},
 };
 use crate::scene::{
@@ -17,7 +17,7 @@ use crate::scene::{
 use crate::schedule::*;
 use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
-use std::f32::consts::TAU;
+use std::f32::consts::{PI, TAU};
 
 pub struct GatherNear;
 
@@ -26,12 +26,12 @@ static DESCRIPTION: Description = Description {
     about: "Gathers by rays what the bound of shots leaves out: the light of surfaces that are near, in the share that the bound takes of it",
     source: "compensation of what is bounded: Kollig and Keller 2004; from the lightmap, now and then: our own",
     parameters: &[
-        Parameter { name: "rays", about: "rays of a texel, a square number", unit: "rays", kind: ParameterKind::Integer { default: 64, min: 16, max: 1024 } },
+        Parameter { name: "rays", about: "rays of a texel, a square number", unit: "rays", kind: ParameterKind::Integer { default: 16, min: 16, max: 1024 } },
         Parameter {
             name: "every",
             about: "iterations from one gathering to the next; the first is when light has been reflected a few times",
             unit: "iterations",
-            kind: ParameterKind::Integer { default: 16, min: 1, max: 65_536 },
+            kind: ParameterKind::Integer { default: 6, min: 1, max: 65_536 },
         },
         PLACE,
     ],
@@ -58,19 +58,15 @@ impl Pass for GatherNear {
         let (Some(from), Some(to)) = (e.shooters("from").copied(), e.lightmap("to").copied()) else { return Ok(()) };
         let rays = e.arguments.integer("rays") as u32;
         let edge = rays.isqrt();
-        let table = Table::new(Shape::Concentric, edge, Method::None);
-        let table = table.ok().filter(|_| edge * edge == rays).ok_or_else(|| {
-            Refusal::of_parameter(
-                "rays",
-                "plan::near_rays",
-                format!("{rays} rays do not make a square"),
-                format!("give {} or {}", edge * edge, (edge + 1).pow(2)),
-            )
-        })?;
+        if edge * edge != rays {
+            let help = format!("give {} or {}", edge * edge, (edge + 1).pow(2));
+            return Err(Refusal::of_parameter("rays", "plan::near_rays", format!("{rays} rays do not make a square"), help));
+        }
+        let sets = directions(edge);
         let every = e.arguments.integer("every") as u32;
         match e.place(Bodies::BOTH)? {
-            Place::Host => gather_on_host(e, (from, to), &table, every),
-            Place::Device => gather_on_device(e, (from, to), &table, every),
+            Place::Host => gather_on_host(e, (from, to), sets, every),
+            Place::Device => gather_on_device(e, (from, to), &sets, every),
         }
         e.output("lightmap", Port::Lightmap(to));
         Ok(())
@@ -87,18 +83,22 @@ fn is_due(iterations: u32, remembered: bool, every: u32) -> bool {
     (iterations > 0 && iterations % every == FIRST.min(every - 1)) || (iterations == 0 && remembered)
 }
 
-fn gather_on_device(e: &mut Encoder<'_>, (from, to): (port::Shooters, port::Lightmap), table: &Table, every: u32) {
+fn gather_on_device(e: &mut Encoder<'_>, (from, to): (port::Shooters, port::Lightmap), sets: &[Vec<Vec3>], every: u32) {
     let shine = e.buffer("shine", 16 * u64::from(to.places()));
     let gathering = e.variable("gathering", false);
-    e.host("begin", &[], &[], move |host| {
+    let round = e.buffer("round", 16);
+    e.host("begin", &[], &[round], move |host| {
         let is_due = begins(host, &to, every);
+        host.write(round, 0, bytemuck::bytes_of(&[seed(host, &to), 0, 0, 0]));
         host.set(gathering, if is_due { to.places() } else { 0 });
         Ok(())
     });
     let program = Program::new("gather_near/shine")
         .constant("SIDES", to.sides)
         .constant("PLACES", to.places())
-        .constant("REACH", from.nearest * from.requests.capacity as f32)
+        .constant("REACH", from.nearest)
+        .constant("SHOOTERS", from.requests.capacity)
+        .constant("ROOT", (from.favour == port::Favour::Root) as u8)
         .bind("surfaces", to.surfaces)
         .bind("direct", to.direct)
         .bind("mean", to.mean)
@@ -110,18 +110,16 @@ fn gather_on_device(e: &mut Encoder<'_>, (from, to): (port::Shooters, port::Ligh
         .constant("SIDES", to.sides)
         .constant("PLACES", to.places())
         .constant("EDGE", to.edge)
-        .constant("RAYS", table.samples.len() as u32)
+        .constant("RAYS", sets[0].len() as u32)
+        .constant("SETS", sets.len() as u32)
         .bind("surfaces", to.surfaces)
         .bind("atlas_numbers", to.numbers)
         .bind("atlas_corners", to.corners)
         .bind("shine", shine)
+        .bind("gathering", round)
         .bind("near", to.near);
-    let ray = |sample: &Sample| {
-        let [x, y, z] = sample.direction.map(|component| component as f32);
-        [x, y, z, sample.cosine_weight as f32]
-    };
-    let mut rays: Vec<[f32; 4]> = table.samples.iter().map(ray).collect();
-    rays.resize(MOST_RAYS, [0.0; 4]);
+    let mut rays: Vec<Vec4> = sets.iter().flatten().map(|ray| ray.extend(0.0)).collect();
+    rays.resize(MOST_RAYS, Vec4::ZERO);
     let rays = e.constant_buffer("rays", bytemuck::cast_slice(&rays));
     e.compute(program.bind("rays", rays), "gather", groups);
 }
@@ -129,10 +127,14 @@ fn gather_on_device(e: &mut Encoder<'_>, (from, to): (port::Shooters, port::Ligh
 /// Rays that the shader has room for.
 const MOST_RAYS: usize = 1024;
 
-fn gather_on_host(e: &mut Encoder<'_>, (from, to): (port::Shooters, port::Lightmap), table: &Table, every: u32) {
-    let bundle = RayBundle::new(table);
-    let weights: Vec<f32> = table.samples.iter().map(|sample| sample.cosine_weight as f32).collect();
-    let directions: Vec<Vec3> = table.samples.iter().map(|sample| glam::DVec3::from(sample.direction).as_vec3()).collect();
+/// Sets of directions by the cosine, in each one from each square of a grid, elsewhere in it from set to set.
+fn directions(edge: u32) -> Vec<Vec<Vec3>> {
+    let set = |number: u32| (0..edge * edge).map(|cell| hemisphere::ray(edge, [cell % edge, cell / edge], number).as_vec3()).collect();
+    (0..MOST_RAYS as u32 / (edge * edge)).map(set).collect()
+}
+
+fn gather_on_host(e: &mut Encoder<'_>, (from, to): (port::Shooters, port::Lightmap), sets: Vec<Vec<Vec3>>, every: u32) {
+    let bundles: Vec<RayBundle> = sets.iter().map(|directions| RayBundle::of(directions)).collect();
     let shots = Read::counted(from.shots, size_of::<Shot>() as u64, from.requests.count);
     let reads: Vec<Read> = [to.numbers, to.corners, to.surfaces, to.direct, to.mean].map(Read::whole).into_iter().chain([shots]).collect();
     e.host("gather", &reads, &[to.near], move |host| {
@@ -142,12 +144,13 @@ fn gather_on_host(e: &mut Encoder<'_>, (from, to): (port::Shooters, port::Lightm
         let mut near = host.take(to.near);
         let shots: &[Shot] = bytemuck::cast_slice(host.read(from.shots));
         let count = host.variable(from.requests.count) as usize;
-        // What all texels send out is the same for each shot: it stands for an equal part.
-        let all = shots[..count.min(shots.len())].first().map_or(0.0, |shot| luminance(Vec3::from(shot.flux).as_dvec3()) as f32);
+        let all = shots[..count.min(shots.len())].first().map_or(0.0, |shot| favours_of_all(shot, from));
         let sends = Sends {
+            seed: seed(host, &to),
             scene: host.scene(),
             of: to,
-            reach: all * from.requests.capacity as f32 * from.nearest,
+            favour: from.favour,
+            reach: all * from.nearest,
             numbers: bytemuck::cast_slice(host.read(to.numbers)),
             corners: bytemuck::cast_slice(host.read(to.corners)),
             surfaces: bytemuck::cast_slice(host.read(to.surfaces)),
@@ -159,11 +162,14 @@ fn gather_on_host(e: &mut Encoder<'_>, (from, to): (port::Shooters, port::Lightm
         near.fill(Vec4::ZERO);
         for places in lit.chunks(AT_ONCE) {
             let views: Vec<View> = places.iter().map(|place| sends.view(*place)).collect();
-            let bundles = vec![&bundle; views.len()];
+            let set = |place: &usize| sends.set(*place, sets.len());
+            let bundles: Vec<&RayBundle> = places.iter().map(|place| &bundles[set(place)]).collect();
             let packets = host.bvh().packets(host.scene());
             let found = packets.trace_own(host.scene(), &views, &bundles, &Numbers, |at, seen| {
-                let rays = seen.iter().zip(&directions).zip(&weights).filter(|((triangle, _), _)| **triangle != 0);
-                rays.map(|((triangle, direction), weight)| sends.along(places[at], &views[at], *triangle - 1, *direction) * *weight).sum::<Vec3>()
+                let directions = &sets[set(&places[at])];
+                let rays = seen.iter().zip(directions).filter(|(triangle, _)| **triangle != 0);
+                let sum: Vec3 = rays.map(|(triangle, direction)| sends.along(places[at], &views[at], *triangle - 1, *direction)).sum();
+                sum * (PI / directions.len() as f32)
             });
             places.iter().zip(found).for_each(|(place, found)| near[*place] = found.extend(0.0));
         }
@@ -172,14 +178,23 @@ fn gather_on_host(e: &mut Encoder<'_>, (from, to): (port::Shooters, port::Lightm
     });
 }
 
+/// By what all areas are chosen together: the same by each shot.
+fn favours_of_all(shot: &Shot, from: port::Shooters) -> f32 {
+    let light = luminance(Vec3::from(shot.flux).as_dvec3()) as f32 * from.requests.capacity as f32 / shot.stands_for.max(f32::MIN_POSITIVE);
+    shot.stands_for * favour(light, from.favour)
+}
+
 /// Texels whose rays are cast at once.
 const AT_ONCE: usize = 16_384;
 
 /// What texels send out, and where they are.
 struct Sends<'a> {
+    /// Of the gathering.
+    seed: u32,
     scene: &'a Scene,
     of: port::Lightmap,
-    /// The square of the distance within which one of a luminance of 1 is bounded.
+    favour: port::Favour,
+    /// The square of the distance within which one that is favoured by 1 is bounded.
     reach: f32,
     numbers: &'a [u32],
     corners: &'a [Vec4],
@@ -189,11 +204,16 @@ struct Sends<'a> {
 }
 
 impl Sends<'_> {
-    /// Turned by chance, so that neighbours are not wrong alike.
+    /// Turned by chance, so that neighbours are not wrong alike, nor one gathering as that before.
     fn view(&self, place: usize) -> View {
         let sides = self.of.sides as usize;
         let [position, normal] = self.surfaces[place / sides].place(place % sides);
-        View { position, frame: Frame::new(normal).turned(turn(place as u32)) }
+        View { position, frame: Frame::new(normal).turned(turn(self.seed, place as u32)) }
+    }
+
+    /// Which directions a texel looks along.
+    fn set(&self, place: usize, sets: usize) -> usize {
+        hash(combine(self.seed, place as u32)) as usize % sets
     }
 
     /// The light along a ray that meets a triangle, in the share that is not shot.
@@ -210,7 +230,7 @@ impl Sends<'_> {
         let Some(there) = self.texel(triangle, nearest(met, position), facing > 0.0) else { return Vec3::ZERO };
         let light = radiance(self.direct[there], self.mean[there]);
         let area = own.area.max(self.surfaces[there / self.of.sides as usize].area);
-        let bound = (self.reach / (luminance(light.as_dvec3()) as f32).max(f32::MIN_POSITIVE)).max(area * NEAREST);
+        let bound = (self.reach / favour(luminance(light.as_dvec3()) as f32, self.favour).max(f32::MIN_POSITIVE)).max(area * NEAREST);
         light * (1.0 - position.distance_squared(from.position) / bound).max(0.0)
     }
 
@@ -225,8 +245,12 @@ impl Sends<'_> {
     }
 }
 
-fn turn(place: u32) -> f32 {
-    TAU * unit(hash(combine(place, 7)))
+fn seed(host: &dyn HostContext, of: &port::Lightmap) -> u32 {
+    hash(host.variable(of.rounds)) ^ 7
+}
+
+fn turn(seed: u32, place: u32) -> f32 {
+    TAU * unit(combine(seed, place))
 }
 
 #[cfg(test)]

@@ -7,10 +7,14 @@ use crate::contract::{
     encoder::{bind_visibility, light_constants},
     port,
 };
-use crate::math::{bounces::Bounces, colour::reflectance_bits, random::hash};
+use crate::math::{
+    bounces::Bounces,
+    colour::reflectance_bits,
+    random::{combine, hash},
+};
 use crate::scene::{
     Scene,
-    atlas::{Atlas, Charts, Texel},
+    atlas::{Atlas, Charts, Spot},
     emitters::Emitters,
     packets::ToDo,
     surface::{Ray, Surface},
@@ -45,6 +49,12 @@ static DESCRIPTION: Description = Description {
             },
         },
         Parameter {
+            name: "points",
+            about: "points by chance of a texel's surface, which are lit by direct light, and take turns where there is DrawPoints: 1 for one in its middle; fewer where they find no room",
+            unit: "",
+            kind: ParameterKind::Integer { default: 4, min: 1, max: 16 },
+        },
+        Parameter {
             name: "area_samples",
             about: "shadow rays a texel to area lights",
             unit: "rays",
@@ -60,7 +70,7 @@ static DESCRIPTION: Description = Description {
             name: "iterations",
             about: "how often light is shot in all; `settled` of the Average tells when",
             unit: "iterations",
-            kind: ParameterKind::Integer { default: 32, min: 1, max: 65_536 },
+            kind: ParameterKind::Integer { default: 64, min: 1, max: 65_536 },
         },
         Parameter {
             name: "remembers",
@@ -88,13 +98,11 @@ impl Pass for Lightmap {
         let atlas = atlas(e);
         let places = atlas.in_space(e.setting.scene);
         let lightmap = declared(e, &atlas, &places);
-        let texels: Vec<TexelPlace> = places.iter().map(|place| texel_place(&atlas.texels[*place as usize])).collect();
-        let texels = e.constant_buffer("texels", bytemuck::cast_slice(&texels));
-        let samples = ["area_samples", "sky_samples"].map(|name| e.arguments.integer(name) as u32);
+        let samples = ["area_samples", "sky_samples"].map(|name| (e.arguments.integer(name) as u32).div_ceil(lightmap.points));
         tell_idle(e);
         match e.place(Bodies::BOTH)? {
-            Place::Host => light_on_host(e, &lightmap, texels, samples),
-            Place::Device => light_on_device(e, &lightmap, texels, samples),
+            Place::Host => light_on_host(e, &lightmap, samples),
+            Place::Device => light_on_device(e, &lightmap, samples),
         }
         e.output("lightmap", Port::Lightmap(lightmap));
         Ok(())
@@ -104,7 +112,9 @@ impl Pass for Lightmap {
 fn atlas(e: &mut Encoder<'_>) -> Atlas {
     let edge = e.arguments.integer("resolution") as u32;
     let by = if e.arguments.choice("charts").0 == "Each" { Charts::Each } else { Charts::Smooth };
-    let atlas = Atlas::new(e.setting.scene, edge, by);
+    let most = MOST_BYTES / (size_of::<TexelPlace>() as u64 * u64::from(edge).pow(2));
+    let points = (e.arguments.integer("points") as u32).min(most.max(1) as u32);
+    let atlas = Atlas::new(e.setting.scene, edge, by, if points > 1 { points } else { 0 });
     e.remark(format!("{} charts", atlas.charts));
     if atlas.crowded > 0 {
         e.remark(format!("{} of {} triangles share their texels with others, whose light they take", atlas.crowded, e.setting.needs.triangles));
@@ -125,6 +135,9 @@ fn declared(e: &mut Encoder<'_>, atlas: &Atlas, places: &[u32]) -> port::Lightma
     debug_assert!(bytes <= MOST_BYTES);
     let numbers = e.constant_buffer("numbers", bytemuck::cast_slice(&numbers));
     let corners = e.constant_buffer("corners", bytemuck::cast_slice(&corners));
+    let points = places_of_points(e.setting.scene, atlas, places);
+    let sets = points.len().max(1) as u32;
+    let points = e.constant_buffer("points", bytemuck::cast_slice(&points.concat()));
     let surfaces = e.history_buffer("surfaces", size_of::<TexelSurface>() as u64 * room);
     let [direct, fresh, near, mean] = ["direct", "fresh", "near", "mean"].map(|name| e.history_buffer(name, bytes));
     let [iterations, counted, rounds] = ["iterations", "counted", "rounds"].map(|name| e.variable(name, true));
@@ -139,6 +152,8 @@ fn declared(e: &mut Encoder<'_>, atlas: &Atlas, places: &[u32]) -> port::Lightma
         sides,
         numbers,
         corners,
+        places: points,
+        points: sets,
         surfaces,
         direct,
         fresh,
@@ -162,8 +177,18 @@ fn tell_idle(e: &mut Encoder<'_>) {
     }
 }
 
-fn texel_place(texel: &Texel) -> TexelPlace {
-    TexelPlace { triangle: texel.triangle - 1, barycentric_u: texel.barycentric.x, barycentric_v: texel.barycentric.y, area: texel.area }
+/// Of all texels, one set of points after the other.
+fn places_of_points(scene: &Scene, atlas: &Atlas, places: &[u32]) -> Vec<Vec<TexelPlace>> {
+    let place = |area: f32, spot: Spot| {
+        let triangle = spot.triangle - 1;
+        let share = area / (0.5 * scene.at_rest(triangle).cross().length());
+        TexelPlace { triangle, barycentric_u: spot.barycentric.x, barycentric_v: spot.barycentric.y, share }
+    };
+    let area = |at: u32| atlas.texels[at as usize].area;
+    if atlas.draws.is_empty() {
+        return vec![places.iter().map(|at| place(area(*at), atlas.texels[*at as usize].spot)).collect()];
+    }
+    atlas.draws.iter().map(|draw| places.iter().map(|at| place(area(*at), draw[*at as usize])).collect()).collect()
 }
 
 /// Whether texels are to be lit: nothing has been shot since the scene has changed last.
@@ -171,11 +196,12 @@ fn is_new(host: &dyn HostContext, lightmap: &port::Lightmap) -> bool {
     host.variable(lightmap.iterations) == 0
 }
 
-fn light_on_device(e: &mut Encoder<'_>, lightmap: &port::Lightmap, texels: Resource, samples: [u32; 2]) {
+fn light_on_device(e: &mut Encoder<'_>, lightmap: &port::Lightmap, samples: [u32; 2]) {
     let program = bind_visibility(light_constants(Program::new("lightmap"), e.setting.needs, samples), None)
         .constant("SIDES", lightmap.sides)
         .constant("TEXELS", lightmap.texels)
-        .bind("texels", texels)
+        .constant("POINTS", lightmap.points)
+        .bind("texels", lightmap.places)
         .bind("surfaces", lightmap.surfaces)
         .bind("direct", lightmap.direct);
     let (of, lighting) = (*lightmap, e.variable("lighting", false));
@@ -186,25 +212,33 @@ fn light_on_device(e: &mut Encoder<'_>, lightmap: &port::Lightmap, texels: Resou
     e.compute(program, "light", Groups::Counted { count: lighting, divisor: BLOCK as u32, per: 1 });
 }
 
-fn light_on_host(e: &mut Encoder<'_>, lightmap: &port::Lightmap, texels: Resource, samples: [u32; 2]) {
-    let of @ port::Lightmap { sides, surfaces, direct, .. } = *lightmap;
-    e.host("light", &[Read::whole(texels)], &[surfaces, direct], move |host| {
+fn light_on_host(e: &mut Encoder<'_>, lightmap: &port::Lightmap, samples: [u32; 2]) {
+    let of @ port::Lightmap { sides, surfaces, direct, places, .. } = *lightmap;
+    e.host("light", &[Read::whole(places)], &[surfaces, direct], move |host| {
         if !is_new(host, &of) {
             return Ok(());
         }
-        let mut places: Vec<TexelPlace> = bytemuck::pod_collect_to_vec(host.read(texels));
-        places.truncate(of.texels as usize);
         let [mut found, mut light] = [surfaces, direct].map(|resource| host.take(resource));
         let (scene, bvh, extent) = (host.scene(), host.bvh(), host.extent());
+        let places: &[TexelPlace] = &bytemuck::cast_slice(host.read(places))[..(of.texels * of.points) as usize];
         let emitters = Emitters::new(scene, bvh, extent, host.emission(), samples);
         let lighting = Lighting { scene, bvh, extent, lights: &scene.lights, emitters };
-        let found_surfaces: &mut [TexelSurface] = bytemuck::cast_slice_mut(&mut found);
-        found_surfaces.par_iter_mut().zip(&places).for_each(|(surface, texel)| *surface = texels::surface(scene, texel));
-        let blocks = light.par_chunks_mut(BLOCK * sides as usize).zip(places.par_chunks(BLOCK)).enumerate();
-        blocks.for_each_init(ToDo::default, |to_do, (block, (light, texels))| {
-            for side in 0..sides as usize {
-                light_block(&lighting, (block * BLOCK, texels), (side, sides as usize), light, to_do);
+        texels::place(scene, places, bytemuck::cast_slice_mut(&mut found));
+        let blocks = light[..of.places() as usize].par_chunks_mut(BLOCK * sides as usize).enumerate();
+        blocks.for_each_init(ToDo::default, |to_do, (block, light)| {
+            let first = block * BLOCK;
+            light.fill(Vec4::ZERO);
+            let mut reflectance = vec![Vec3::ZERO; light.len()];
+            for point in 0..of.points as usize {
+                let places = &places[point * of.texels as usize + first..][..light.len() / sides as usize];
+                for side in 0..sides as usize {
+                    let block = Block { first, places, side, sides: sides as usize, point: point as u32 };
+                    block.light(&lighting, (light, &mut reflectance), to_do);
+                }
             }
+            let share = 1.0 / of.points as f32;
+            let means = light.iter_mut().zip(reflectance);
+            means.for_each(|(light, reflectance)| *light = (light.truncate() * share).extend(f32::from_bits(reflectance_bits(reflectance * share))));
         });
         host.put(surfaces, found, u64::MAX);
         host.put(direct, light, u64::MAX);
@@ -212,19 +246,32 @@ fn light_on_host(e: &mut Encoder<'_>, lightmap: &port::Lightmap, texels: Resourc
     });
 }
 
-/// Lights one side of neighbours, from the `first` texel on.
-fn light_block(lighting: &Lighting<'_>, (first, texels): (usize, &[TexelPlace]), (side, sides): (usize, usize), light: &mut [Vec4], to_do: &mut ToDo) {
-    let lit = |(at, texel): (usize, &TexelPlace)| {
-        let surface = seen(lighting.scene, lighting.extent, texel, side)?;
-        Some(Lit { place: at as u32, surface, seed: hash(((first + at) * sides + side) as u32), light: Vec3::ZERO })
-    };
-    let mut surfaces: Vec<Lit> = texels.iter().enumerate().filter_map(lit).collect();
-    lighting.light(&mut surfaces, to_do);
-    light.iter_mut().skip(side).step_by(sides).for_each(|light| *light = Vec4::ZERO);
-    for Lit { place, surface, seed, light: own } in &surfaces {
-        let sky = lighting.emitters.see_sky().then(|| dispatch!(Level::new(), _simd => lighting.emitters.broad_sky(surface, *seed, to_do)));
-        let own = *own + sky.map_or(Vec3::ZERO, |sky| sky.truncate() * surface.reflectance);
-        light[*place as usize * sides + side] = own.extend(f32::from_bits(reflectance_bits(surface.reflectance)));
+/// One side of neighbours, from the `first` texel on, by one of their points.
+struct Block<'a> {
+    first: usize,
+    places: &'a [TexelPlace],
+    side: usize,
+    sides: usize,
+    point: u32,
+}
+
+impl Block<'_> {
+    /// Adds its light, and what it reflects of any.
+    fn light(&self, lighting: &Lighting<'_>, (light, reflectance): (&mut [Vec4], &mut [Vec3]), to_do: &mut ToDo) {
+        let lit = |(at, texel): (usize, &TexelPlace)| {
+            let surface = seen(lighting.scene, lighting.extent, texel, self.side)?;
+            let seed = combine(hash(((self.first + at) * self.sides + self.side) as u32), self.point);
+            Some(Lit { place: at as u32, surface, seed, light: Vec3::ZERO })
+        };
+        let mut surfaces: Vec<Lit> = self.places.iter().enumerate().filter_map(lit).collect();
+        lighting.light(&mut surfaces, to_do);
+        for Lit { place, surface, seed, light: own } in &surfaces {
+            let sky = lighting.emitters.see_sky().then(|| dispatch!(Level::new(), _simd => lighting.emitters.broad_sky(surface, *seed, to_do)));
+            let own = *own + sky.map_or(Vec3::ZERO, |sky| sky.truncate() * surface.reflectance);
+            let at = *place as usize * self.sides + self.side;
+            light[at] += own.extend(0.0);
+            reflectance[at] += surface.reflectance;
+        }
     }
 }
 
@@ -237,7 +284,7 @@ fn seen(scene: &Scene, extent: f32, texel: &TexelPlace, side: usize) -> Option<S
     let weights = glam::Vec2::new(texel.barycentric_u, texel.barycentric_v);
     let face = if side == 0 { triangle.face_normal() } else { -triangle.face_normal() };
     let (tangent, bitangent) = face.any_orthonormal_pair();
-    let width = texel.area.sqrt() / extent.max(f32::MIN_POSITIVE);
+    let width = texel.area(triangle).sqrt() / extent.max(f32::MIN_POSITIVE);
     let ray = Ray { origin: triangle.position(weights) + face * extent, direction: -face, sides: [tangent * width, bitangent * width] };
     Some(scene.diffuse_surface(texel.triangle, weights, ray))
 }

@@ -13,6 +13,7 @@ pub mod compensation;
 pub mod composite;
 pub mod contribution;
 pub mod direct_light;
+pub mod draw_points;
 pub mod due_records;
 pub mod environment_light;
 pub mod filter_records;
@@ -76,6 +77,7 @@ pub static REGISTRY: &Registry = &[
     &photon_tiles::PhotonTiles,
     &photon_density::PhotonDensity,
     &lightmap::Lightmap,
+    &draw_points::DrawPoints,
     &choose_texel::ChooseTexel,
     &hemisphere_tiles::shooter_view::ShooterView,
     &shoot::Shoot,

@@ -7,15 +7,17 @@ use crate::passes::irradiance_field::Point;
 use crate::scene::{Scene, Triangle};
 use crate::schedule::*;
 use glam::{Vec2, Vec3, Vec4};
+use rayon::prelude::*;
 use std::f32::consts::FRAC_1_PI;
 
 host_struct! {
-    /// What a texel stands for, as [`crate::scene::atlas::Texel`] has it.
+    /// A point that a texel stands for, as [`crate::scene::atlas::Spot`] has it.
     pub struct TexelPlace {
         triangle: u32,
         barycentric_u: f32,
         barycentric_v: f32,
-        area: f32,
+        /// The texel's area, over that of this triangle.
+        share: f32,
     }
 }
 
@@ -34,10 +36,17 @@ host_struct! {
 host_struct! {
     /// What a texel sends out.
     pub struct Shot {
-        /// Its radiance times the area that it stands for [W/sr].
-        flux: [f32; 3],
+        /// Where it is.
+        position: [f32; 3],
         /// The square of the distance below which it brings no more [scene units²].
         nearest: f32,
+        /// Of its triangle's plane, on the side that sends: that of the shading does not tell how large it looks.
+        normal: [f32; 3],
+        /// The area that it would stand for as the only one of an iteration [scene units²].
+        stands_for: f32,
+        /// Its radiance times the area that it stands for among all [W/sr].
+        flux: [f32; 3],
+        padding: u32,
     }
 }
 
@@ -46,6 +55,14 @@ pub const BLOCK: usize = 64;
 
 /// The square of the distance within which a texel neither brings nor takes more, over its area: two texels away it is hardly wrong to take a texel for its middle.
 pub const NEAREST: f32 = 4.0;
+
+/// By what an area is chosen whose radiance has such a luminance.
+pub fn favour(luminance: f32, by: port::Favour) -> f32 {
+    match by {
+        port::Favour::Light => luminance,
+        port::Favour::Root => luminance.sqrt(),
+    }
+}
 
 /// What a texel reflects, by its direct light, with the bits of its reflectance, and by its irradiance [W m⁻² sr⁻¹].
 pub fn radiance(direct: Vec4, irradiance: Vec4) -> Vec3 {
@@ -139,5 +156,17 @@ pub fn surface(scene: &Scene, texel: &TexelPlace) -> TexelSurface {
     let triangle = &scene.triangles[texel.triangle as usize];
     let weights = Vec2::new(texel.barycentric_u, texel.barycentric_v);
     let normal = triangle.normal(weights);
-    TexelSurface { position: triangle.position(weights).into(), area: texel.area, normal: normal.into(), triangle: texel.triangle }
+    TexelSurface { position: triangle.position(weights).into(), area: texel.area(triangle), normal: normal.into(), triangle: texel.triangle }
+}
+
+/// Where all texels are, by the first of their points.
+pub fn place(scene: &Scene, places: &[TexelPlace], surfaces: &mut [TexelSurface]) {
+    surfaces.par_iter_mut().zip(places).for_each(|(into, place)| *into = surface(scene, place));
+}
+
+impl TexelPlace {
+    /// Of the texel, its triangle as it lies now [scene units²].
+    pub fn area(&self, triangle: &Triangle) -> f32 {
+        self.share * 0.5 * triangle.cross().length()
+    }
 }

@@ -3,6 +3,7 @@
 #import lib/lightmap
 #import lib/random
 #import lib/record
+#import lib/scene
 
 // Texels that send their light out, chosen by chance: as passes/choose_texel.rs.
 
@@ -25,8 +26,8 @@ struct Iteration {
 @group(0) @binding(1) var<storage, read> direct: array<vec4f>;
 // Indirect irradiance that the texels send out.
 @group(0) @binding(2) var<storage, read> light: array<vec4f>;
-@group(0) @binding(3) var<storage, read_write> powers: array<f32>;
-// Of the powers of each group; then the scale.
+@group(0) @binding(3) var<storage, read_write> weights: array<f32>;
+// Of the weights of each group; then the scale.
 @group(0) @binding(4) var<storage, read_write> sums: array<f32>;
 // What places count, and levels of sums of four behind them.
 @group(0) @binding(5) var<storage, read_write> numbers: array<u32>;
@@ -39,6 +40,7 @@ override SIDES: u32 = 1u;
 override PLACES: u32 = 256u;
 override SHOOTERS: u32 = 1u;
 override NEAREST: f32 = 1.0;
+override ROOT: bool = false;
 // Of a step up: where numbers start, how many they are, and how many they become.
 override START: u32 = 0u;
 override BELOW: u32 = 1u;
@@ -54,12 +56,12 @@ fn radiance_of(place: u32) -> vec3f {
 fn weigh(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) lane: u32) {
     let number = group.x + group.y * groups.x;
     let place = number * GROUP + lane;
-    var power = 0.0;
+    var weight = 0.0;
     if place < PLACES {
-        power = luminance(radiance_of(place)) * surfaces[place / SIDES].area;
-        powers[place] = power;
+        weight = favour(luminance(radiance_of(place)), ROOT) * surfaces[place / SIDES].area;
+        weights[place] = weight;
     }
-    let sum = sum_of_lanes(lane, vec2f(power, 0.0)).x;
+    let sum = sum_of_lanes(lane, vec2f(weight, 0.0)).x;
     if lane == 0u && number * GROUP < PLACES {
         sums[number] = sum;
     }
@@ -83,8 +85,8 @@ fn scale(@builtin(local_invocation_index) lane: u32) {
 fn count(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) lane: u32) {
     let place = (group.x + group.y * groups.x) * GROUP + lane;
     if place < PLACES {
-        let power = powers[place];
-        numbers[place] = select(0u, max(u32(power * sums[(PLACES + GROUP - 1u) / GROUP]), 1u), power > 0.0);
+        let weight = weights[place];
+        numbers[place] = select(0u, max(u32(weight * sums[(PLACES + GROUP - 1u) / GROUP]), 1u), weight > 0.0);
     }
     if place == PLACES - 1u {
         // Sums of all before have one more.
@@ -122,14 +124,16 @@ fn number_in(part: u32, total: u32) -> u32 {
 
 fn send(shooter: u32, place: u32, number: u32, total: u32) {
     var request: Request;
-    var shot = Shot(vec3f(0.0), 0.0);
+    var shot: Shot;
     if number > 0u {
         let surface = surfaces[place / SIDES];
         let stands_for = surface.area * (f32(total) / f32(number));
         request.position = surface.position;
-        request.normal = normal_of_side(surface, place % SIDES);
+        let plane = cross(scene_corners[3u * surface.triangle + 1u].xyz, scene_corners[3u * surface.triangle + 2u].xyz);
+        request.normal = plane * (select(1.0, -1.0, place % SIDES == 1u) / max(length(plane), 1e-37));
         request.footprint = sqrt(surface.area);
-        shot = Shot(radiance_of(place) * (stands_for / f32(SHOOTERS)), max(stands_for * NEAREST, surface.area * NEAREST_TEXEL));
+        let nearest = max(stands_for * NEAREST, surface.area * NEAREST_TEXEL);
+        shot = Shot(surface.position, nearest, request.normal, stands_for, radiance_of(place) * (stands_for / f32(SHOOTERS)), 0u);
     }
     requests[shooter] = request;
     shots[shooter] = shot;

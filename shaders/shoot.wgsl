@@ -2,7 +2,6 @@
 #import lib/lightmap
 #import lib/frame
 #import lib/random
-#import lib/record
 #import lib/tile
 #import lib/trace
 #import lib/scene
@@ -10,7 +9,8 @@
 // What chosen texels send out, brought to every texel that they see: as passes/shoot/mod.rs.
 
 @group(0) @binding(0) var<storage, read> surfaces: array<TexelSurface>;
-@group(0) @binding(1) var<storage, read> requests: array<Request>;
+// Rays a luminance, as the last iteration has found them to be as many as they should; 0 where that is not known: texel · SIDES + side.
+@group(0) @binding(1) var<storage, read_write> parts: array<f32>;
 @group(0) @binding(2) var<storage, read> shots: array<Shot>;
 // Irradiance, and the luminance of what the bound takes: texel · SIDES + side.
 @group(0) @binding(3) var<storage, read_write> fresh: array<vec4f>;
@@ -28,8 +28,8 @@ override VIEW_RESOLUTION: u32 = 64u;
 override SIDES: u32 = 1u;
 override TEXELS: u32 = 1u;
 override SHOOTERS: u32 = 1u;
-// Shadow rays of a side of a texel, at most.
-override RAYS: f32 = 1.0;
+// Shadow rays of a side of a texel in the mean; 0 where all shots are asked.
+override RAYS: f32 = 0.0;
 
 // What a shooter brings to a side of a texel that it sees; nothing where that is turned away.
 struct Brought {
@@ -38,8 +38,8 @@ struct Brought {
 }
 
 fn brought(shooter: u32, surface: TexelSurface) -> Brought {
-    let way = surface.position - requests[shooter].position;
-    let leaving = dot(way, requests[shooter].normal);
+    let way = surface.position - shots[shooter].position;
+    let leaving = dot(way, shots[shooter].normal);
     let along = -dot(way, surface.normal);
     let side = select(0u, 1u, along < 0.0);
     if !(leaving > 0.0 && along != 0.0) || side >= SIDES {
@@ -57,7 +57,7 @@ const FREE = 0.9999;
 
 fn is_hidden(shooter: u32, surface: vec3f, normal: vec3f) -> bool {
     let start = surface + normal * surface_offset(surface);
-    let way = requests[shooter].position - start;
+    let way = shots[shooter].position - start;
     return trace_occluded(start, way, FREE);
 }
 
@@ -106,8 +106,8 @@ fn between(shooter: u32, surface: TexelSurface) -> u32 {
     if !HAS_VIEWS {
         return UNKNOWN;
     }
-    let way = surface.position - requests[shooter].position;
-    let frame = frame_around(requests[shooter].normal, requests[shooter].turn);
+    let way = surface.position - shots[shooter].position;
+    let frame = frame_around(shots[shooter].normal, 0.0);
     let number = seen[atlas_place(shooter, sample_at(transpose(frame) * way))];
     if number == 0u {
         return UNKNOWN;
@@ -119,7 +119,7 @@ fn between(shooter: u32, surface: TexelSurface) -> u32 {
     if ALPHA_MASKS && (scene_material(material_of(triangle)).flags & HOLES) != 0u {
         return UNKNOWN;
     }
-    let hit = intersect_plane(triangle, requests[shooter].position, way);
+    let hit = intersect_plane(triangle, shots[shooter].position, way);
     if hit.determinant == 0.0 {
         return UNKNOWN;
     }
@@ -131,44 +131,48 @@ fn between(shooter: u32, surface: TexelSurface) -> u32 {
     return select(UNKNOWN, SOMETHING, is_met);
 }
 
-// Which of the shots at a side of a texel are asked: as Eight of passes/shoot/range.rs.
-struct Odds {
-    // The luminance that one ray stands for.
-    each: f32,
-    // How far it is to the next ray, in rays.
+// Which of the shots at a side of a texel are asked: as Side of passes/shoot/range.rs.
+struct Side {
+    parts: f32,
     next: f32,
+    count: f32,
 }
 
-fn odds_of(texel: u32, surface: TexelSurface) -> array<Odds, 2> {
-    var odds = array<Odds, 2>();
-    if HAS_VIEWS || f32(SHOOTERS) <= RAYS {
-        return odds;
+const MOST_PARTS = 3.40282347e38;
+const MOST_ASKED = 4.0;
+
+fn sides_of(texel: u32, surface: TexelSurface) -> array<Side, 2> {
+    var sides = array(Side(MOST_PARTS, 0.0, 0.0), Side(MOST_PARTS, 0.0, 0.0));
+    if RAYS == 0.0 {
+        return sides;
     }
+    var is_new = false;
+    for (var side = 0u; side < SIDES; side++) {
+        sides[side].parts = parts[texel * SIDES + side];
+        sides[side].next = unit(combine(iteration.x, texel * SIDES + side));
+        is_new = is_new || sides[side].parts == 0.0;
+    }
+    if !is_new {
+        return sides;
+    }
+    var sums = array<f32, 2>();
     for (var shooter = 0u; shooter < SHOOTERS; shooter++) {
         let own = brought(shooter, surface);
-        odds[own.side].each += luminance(own.light.rgb);
+        sums[own.side] += luminance(own.light.rgb);
     }
     for (var side = 0u; side < SIDES; side++) {
-        odds[side] = Odds(odds[side].each / RAYS, unit(combine(iteration.x, texel * SIDES + side)));
+        if sides[side].parts == 0.0 {
+            sides[side].parts = select(MOST_PARTS, min(RAYS / sums[side], MOST_PARTS), sums[side] > 0.0);
+        }
     }
-    return odds;
+    return sides;
 }
 
-// How much more than itself a shot stands for, nothing where another stands for it; and what is next then.
-struct Asked {
-    stands_for: f32,
-    next: f32,
-}
-
-fn ask(odds: Odds, light: f32) -> Asked {
-    if light >= odds.each {
-        return Asked(select(0.0, 1.0, light > 0.0), odds.next);
+fn parts_next(side: Side) -> f32 {
+    if side.count > MOST_ASKED * RAYS {
+        return 0.0;
     }
-    let next = odds.next - light / odds.each;
-    if next >= 0.0 {
-        return Asked(0.0, next);
-    }
-    return Asked(odds.each / light, next + 1.0);
+    return select(side.parts, min(side.parts * (RAYS / max(side.count, 1e-30)), MOST_PARTS), side.count > 0.0);
 }
 
 @compute @workgroup_size(64)
@@ -178,20 +182,28 @@ fn shoot(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: v
         return;
     }
     let surface = surfaces[texel];
-    var odds = odds_of(texel, surface);
+    var sides = sides_of(texel, surface);
     var light = array<vec4f, 2>();
     for (var shooter = 0u; shooter < SHOOTERS; shooter++) {
         let own = brought(shooter, surface);
-        let asked = ask(odds[own.side], luminance(own.light.rgb));
-        odds[own.side].next = asked.next;
-        if asked.stands_for > 0.0 {
-            let told = between(shooter, surface);
-            if told == NOTHING || (told == UNKNOWN && !is_hidden(shooter, surface.position, normal_of_side(surface, own.side))) {
-                light[own.side] += own.light * asked.stands_for;
+        let rays = luminance(own.light.rgb) * sides[own.side].parts;
+        sides[own.side].count += min(rays, 1.0);
+        if rays < 1.0 {
+            sides[own.side].next -= rays;
+            if sides[own.side].next >= 0.0 {
+                continue;
             }
+            sides[own.side].next += 1.0;
+        }
+        let told = between(shooter, surface);
+        if told == NOTHING || (told == UNKNOWN && !is_hidden(shooter, surface.position, normal_of_side(surface, own.side))) {
+            light[own.side] += own.light * max(1.0 / rays, 1.0);
         }
     }
     for (var side = 0u; side < SIDES; side++) {
         fresh[texel * SIDES + side] = light[side];
+        if RAYS > 0.0 {
+            parts[texel * SIDES + side] = parts_next(sides[side]);
+        }
     }
 }

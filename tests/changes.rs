@@ -205,11 +205,11 @@ fn light() -> Outcome {
 }
 
 /// All light goes down to a thousandth. Of 24 iterations that count, four are remembered, whose light is r (r + 1) / ((r + n) (r + n + 1)) of the mean after n more, beside what
-/// these have reflected of it and what is near: 9 % after twenty, a little more than 1 % after eighty. Where a ball has moved, none is.
+/// these have reflected of it and what is near: 9 % after twenty, a little more than 1 % after eighty. A ball that moves makes no difference.
 fn forgetting() -> Outcome {
     for side in ["Host", "Device"] {
-        let nodes = ["lightmap", "shooters", "shot", "near", "averaged", "field", "indirect"].map(|node| format!("{node}.place={side}"));
-        let sets = ["lightmap.resolution=48", "shooters.shooters=64", "lightmap.remembers=4"].map(String::from);
+        let nodes = ["lightmap", "points", "shooters", "shot", "near", "averaged", "field", "indirect"].map(|node| format!("{node}.place={side}"));
+        let sets = ["lightmap.resolution=48", "lightmap.iterations=32", "shooters.shooters=64", "lightmap.remembers=4"].map(String::from);
         let sets: Vec<&str> = nodes.iter().chain(&sets).map(String::as_str).collect();
         let scene = room(BALL, CRATE)?;
         let lamp = scene.materials.iter().position(|material| material.name == "lamp").ok_or("no lamp")?;
@@ -235,7 +235,7 @@ fn forgetting() -> Outcome {
         let moves = [place(0, DAffine3::from_translation(DVec3::Y))].into_iter().chain(lit_as(&dark)).collect::<Vec<_>>();
         moving.change(&moves)?;
         let left = mean(&moving.drawn()?)? / before;
-        check(left < 0.002, || format!("{side}: {left} of the light is left where a ball has moved"))?;
+        check((0.03..0.12).contains(&left), || format!("{side}: {left} of the light is left where a ball has moved"))?;
     }
     Ok(())
 }

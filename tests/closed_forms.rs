@@ -724,7 +724,7 @@ fn placed(place: &str) -> Vec<String> {
 
 /// Shots between walls that emit 1 − ρ and reflect ρ bring all bounces: π ρ. The floor that is seen has what shots have brought it by chance.
 fn shots_in_an_oven(gpu: &Arc<Gpu>, place: &str) -> Outcome {
-    let (edge, shooters, iterations, limit) = if place == "Host" { (192, 256, 100, 0.015) } else { (96, 64, 60, 0.06) };
+    let (edge, shooters, iterations, limit) = if place == "Host" { (128, 256, 100, 0.01) } else { (96, 64, 60, 0.06) };
     for reflectance in [0.2, 0.8] {
         let room = oven(reflectance)?;
         let counts = [("lightmap.resolution", edge), ("lightmap.area_samples", 64), ("shooters.shooters", shooters), ("lightmap.iterations", iterations)];

@@ -27,7 +27,7 @@ const FILES: [&str; 8] = ["std::fs", "File::open", "File::create", "tempfile", "
 /// Where the work is divided among threads; everything else has to run in a browser too. Images are decoded, shaders are built, tiles of rays
 /// cast, summed and projected, records added, aged, asked for, filtered and splatted, their gaps closed, paths walked, misses looked for, skies turned, vertices and triangles moved, photons followed, sorted, gathered and walked through, obstacles looked for, texels chosen, shot at and averaged, blocks of files compressed side by side,
 /// where rayon has threads to do it.
-const MAY_HAVE_THREADS: [&str; 43] = [
+const MAY_HAVE_THREADS: [&str; 44] = [
     "src/cli/",
     "src/scene/load/image.rs",
     "src/scene/packets/mod.rs",
@@ -60,6 +60,7 @@ const MAY_HAVE_THREADS: [&str; 43] = [
     "passes/indirect_light.rs",
     "passes/lightmap.rs",
     "passes/lightmap_field.rs",
+    "passes/texels.rs",
     "passes/lobe_rays/mod.rs",
     "passes/photon_map/",
     "passes/photon_tiles.rs",

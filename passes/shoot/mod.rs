@@ -2,7 +2,6 @@
 
 use self::range::{Range, TOGETHER};
 use self::views::Views;
-use super::record::{REQUEST_BYTES, Request};
 use super::texels::{BLOCK, NEAREST, Shot, TexelSurface};
 use crate::contract::{
     Bodies, Description, Encoder, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Refusal, Takes, encoder::scene_constants, port,
@@ -25,9 +24,9 @@ static DESCRIPTION: Description = Description {
     parameters: &[
         Parameter {
             name: "rays",
-            about: "shadow rays of a texel, at most and in the mean: shots that would bring it more than one part in so many are all asked, of others one for each such part",
+            about: "shadow rays of a texel in the mean: shots that would bring it much are all asked, of others one for each part of all light",
             unit: "rays",
-            kind: ParameterKind::Integer { default: 16, min: 1, max: 65_536 },
+            kind: ParameterKind::Integer { default: 8, min: 1, max: 65_536 },
         },
         PLACE,
     ],
@@ -57,19 +56,32 @@ impl Pass for Shoot {
     fn encode(&self, e: &mut Encoder<'_>) -> Result<(), Refusal> {
         let (Some(from), Some(to)) = (e.shooters("from").copied(), e.lightmap("to").copied()) else { return Ok(()) };
         let rays = e.arguments.integer("rays") as f32;
-        if e.shooter_views("views").is_some() {
+        let has_views = e.shooter_views("views").is_some();
+        if has_views {
             e.idle("rays", "views tell what most texels see");
         }
+        // Views tell of most shots, and rays of all others; few shots are all asked.
+        let rays = (!has_views && from.requests.capacity as f32 > rays).then_some(rays);
+        let parts = parts(e, &to, rays);
         match e.place(Bodies::BOTH)? {
-            Place::Host => shoot_on_host(e, from, to, rays),
-            Place::Device => shoot_on_device(e, from, to, rays),
+            Place::Host => shoot_on_host(e, from, to, (rays, parts)),
+            Place::Device => shoot_on_device(e, from, to, (rays, parts)),
         }
         e.output("lightmap", Port::Lightmap(to));
         Ok(())
     }
 }
 
-fn shoot_on_device(e: &mut Encoder<'_>, from: port::Shooters, to: port::Lightmap, rays: f32) {
+/// Rays a luminance, of each side of a texel, as the last iteration has found them to be as many as they should: 0 where that is not known.
+fn parts(e: &mut Encoder<'_>, to: &port::Lightmap, rays: Option<f32>) -> Resource {
+    let parts = e.history_buffer("parts", rays.map_or(0, |_| 4 * u64::from(to.places())));
+    if to.remembers > 0 {
+        e.survives_with(to.numbers, &[parts], &[]);
+    }
+    parts
+}
+
+fn shoot_on_device(e: &mut Encoder<'_>, from: port::Shooters, to: port::Lightmap, (rays, parts): (Option<f32>, Resource)) {
     let iteration = e.buffer("iteration", 16);
     e.host("begin", &[], &[iteration], move |host| {
         host.write(iteration, 0, bytemuck::bytes_of(&[seed(host, &to), 0, 0, 0]));
@@ -79,11 +91,11 @@ fn shoot_on_device(e: &mut Encoder<'_>, from: port::Shooters, to: port::Lightmap
         .constant("SIDES", to.sides)
         .constant("TEXELS", to.texels)
         .constant("SHOOTERS", from.requests.capacity)
-        .constant("RAYS", rays)
+        .constant("RAYS", rays.unwrap_or(0.0))
         .bind("iteration", iteration)
         .bind("surfaces", to.surfaces)
-        .bind("requests", from.requests.places)
         .bind("shots", from.shots)
+        .bind("parts", parts)
         .bind("fresh", to.fresh);
     e.compute(program, "shoot", Groups::linear(to.texels.div_ceil(BLOCK as u32)));
 }
@@ -107,33 +119,38 @@ fn bind_views(program: Program, views: Option<&port::ShooterViews>, any: Resourc
         .bind("seen", views.seen)
 }
 
-fn shoot_on_host(e: &mut Encoder<'_>, from: port::Shooters, to: port::Lightmap, rays: f32) {
-    let counted = |resource, bytes| Read::counted(resource, bytes, from.requests.count);
+fn shoot_on_host(e: &mut Encoder<'_>, from: port::Shooters, to: port::Lightmap, (rays, parts): (Option<f32>, Resource)) {
     let views = e.shooter_views("views").copied();
     let seen = views.map(|views| Read::whole(views.seen));
-    let places = [counted(from.requests.places, REQUEST_BYTES), counted(from.shots, size_of::<Shot>() as u64), Read::whole(to.surfaces)];
-    let reads: Vec<Read> = places.into_iter().chain(seen).collect();
-    e.host("shoot", &reads, &[to.fresh], move |host| {
-        let mut fresh = host.take(to.fresh);
-        let places: &[Request] = bytemuck::cast_slice(host.read(from.requests.places));
+    let shots = Read::counted(from.shots, size_of::<Shot>() as u64, from.requests.count);
+    let reads: Vec<Read> = [shots, Read::whole(to.surfaces), Read::whole(parts)].into_iter().chain(seen).collect();
+    e.host("shoot", &reads, &[to.fresh, parts], move |host| {
+        let [mut fresh, mut found] = [to.fresh, parts].map(|resource| host.take(resource));
         let shots: &[Shot] = bytemuck::cast_slice(host.read(from.shots));
         let texels: &[TexelSurface] = bytemuck::cast_slice(host.read(to.surfaces));
         let count = host.variable(from.requests.count) as usize;
         let seed = seed(host, &to);
         let views = views.map(|of| Views { of, seen: bytemuck::cast_slice(host.read(of.seen)), scene: host.scene() });
-        let sender = |((place, shot), number): ((&Request, &Shot), u32)| Sender {
+        let sender = |(shot, number): (&Shot, u32)| Sender {
             number,
-            frame: Frame::new(place.normal.into()).turned(place.turn),
-            position: place.position.into(),
+            frame: Frame::new(shot.normal.into()),
+            position: shot.position.into(),
             flux: shot.flux.into(),
             luminance: luminance(Vec3::from(shot.flux).as_dvec3()) as f32,
             nearest: shot.nearest,
         };
-        let senders: Vec<Sender> = places.iter().zip(shots).take(count).zip(0..).map(sender).collect();
+        let senders: Vec<Sender> = shots.iter().take(count).zip(0..).map(sender).collect();
         let range = Range { scene: host.scene(), bvh: host.bvh(), extent: host.extent(), sides: to.sides as usize, senders: &senders, views, rays, seed };
-        let blocks = fresh.par_chunks_mut(TOGETHER * range.sides).zip(texels.par_chunks(TOGETHER)).enumerate();
-        blocks.for_each_init(ToDo::default, |to_do, (block, (light, texels))| range.light(block * TOGETHER, texels, light, to_do));
+        let mut parts_now = bytemuck::cast_slice_mut::<_, f32>(&mut found).chunks_mut(TOGETHER * range.sides);
+        let texels = texels[..to.texels as usize].chunks(TOGETHER);
+        let ranges = fresh.chunks_mut(TOGETHER * range.sides).zip(texels).map(|(light, texels)| (light, texels, parts_now.next().unwrap_or_default()));
+        let ranges: Vec<_> = ranges.collect();
+        ranges.into_par_iter().enumerate().for_each_init(ToDo::default, |to_do, (number, (light, texels, parts))| {
+            light.fill(Vec4::ZERO);
+            range.light((number * TOGETHER, texels), parts, light, to_do);
+        });
         host.put(to.fresh, fresh, u64::MAX);
+        host.put(parts, found, u64::MAX);
         Ok(())
     });
 }

@@ -14,13 +14,17 @@
 // Radiance, and the square of the distance within which shots are bounded; less than 0 where no shot has come yet.
 @group(0) @binding(3) var<storage, read> shine: array<vec4f>;
 @group(0) @binding(4) var<storage, read_write> near: array<vec4f>;
-// Directions by the cosine, and what each stands for.
+// Directions by the cosine, one set after the other.
 @group(0) @binding(5) var<uniform> rays: array<vec4f, 1024>;
+
+// The seed of the gathering.
+@group(0) @binding(6) var<uniform> gathering: vec4u;
 
 override SIDES: u32 = 1u;
 override PLACES: u32 = 1u;
 override EDGE: u32 = 16u;
 override RAYS: u32 = 64u;
+override SETS: u32 = 1u;
 
 @compute @workgroup_size(64)
 fn gather(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) lane: u32) {
@@ -35,12 +39,13 @@ fn gather(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: 
     let own = surfaces[place / SIDES];
     let normal = normal_of_side(own, place % SIDES);
     let origin = own.position + normal * surface_offset(own.position);
-    let frame = frame_around(normal, 6.2831853 * unit(hash(combine(place, 7u))));
+    let frame = frame_around(normal, 6.2831853 * unit(combine(gathering.x, place)));
+    let chosen = hash(combine(gathering.x, place)) % SETS;
     var sum = vec3f(0.0);
     for (var ray = 0u; ray < RAYS; ray++) {
-        sum += along(own, origin, frame * rays[ray].xyz) * rays[ray].w;
+        sum += along(own, origin, frame * rays[chosen * RAYS + ray].xyz);
     }
-    near[place] = vec4f(sum, 0.0);
+    near[place] = vec4f(sum * (3.14159265 / f32(RAYS)), 0.0);
 }
 
 // The light along a ray, in the share that is not shot.

@@ -12,8 +12,16 @@
 
 override SIDES: u32 = 1u;
 override PLACES: u32 = 1u;
-// Times what all texels send out.
+// Times what all areas are chosen by.
 override REACH: f32 = 1.0;
+override SHOOTERS: u32 = 1u;
+override ROOT: bool = false;
+
+// By what all areas are chosen together: the same by each shot.
+fn favours_of_all() -> f32 {
+    let area = shots[0].stands_for;
+    return area * favour(luminance(shots[0].flux) * f32(SHOOTERS) / max(area, 1.17549435e-38), ROOT);
+}
 
 @compute @workgroup_size(64)
 fn send_out(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) lane: u32) {
@@ -22,7 +30,7 @@ fn send_out(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups
         return;
     }
     let light = radiance_of_texel(direct[place], mean[place]);
-    let bound = REACH * luminance(shots[0].flux) / max(luminance(light), 1.17549435e-38);
+    let bound = REACH * favours_of_all() / max(favour(luminance(light), ROOT), 1.17549435e-38);
     let side = select(-1.0, 1.0, any(mean[place].rgb != vec3f(0.0)));
     shine[place] = vec4f(light, side * max(bound, surfaces[place / SIDES].area * NEAREST_TEXEL));
 }

@@ -8,10 +8,17 @@ struct TexelSurface {
     triangle: u32,
 }
 
-// What a texel sends out, and the square of the distance below which it brings no more.
+// What a texel sends out.
 struct Shot {
-    flux: vec3f,
+    position: vec3f,
+    // The square of the distance below which it brings no more.
     nearest: f32,
+    normal: vec3f,
+    // The area that it would stand for as the only one of an iteration.
+    stands_for: f32,
+    // Its radiance times the area that it stands for among all.
+    flux: vec3f,
+    padding: u32,
 }
 
 // The square of the distance within which a texel neither brings nor takes more, over its area.
@@ -31,6 +38,11 @@ fn reflectance_bits(colour: vec3f) -> u32 {
 // The normal of one of its sides.
 fn normal_of_side(surface: TexelSurface, side: u32) -> vec3f {
     return select(surface.normal, -surface.normal, side == 1u);
+}
+
+// By what an area is chosen whose radiance has such a luminance: its root, or itself.
+fn favour(luminance: f32, is_root: bool) -> f32 {
+    return select(luminance, sqrt(luminance), is_root);
 }
 
 // What a texel reflects, by its direct light, with the bits of its reflectance, and its irradiance.

@@ -51,8 +51,7 @@ fn write_port(name: &str, port: &Port, plan: &Plan, run: &Run, beside: &Path) ->
         Port::IrradianceField(port::IrradianceField::Lightmap(field)) => write_layers(lookups_picture(field, run)?, name, beside),
         Port::Shooters(shooters) => {
             let count = run.latest(shooters.requests.count);
-            let (places, shots): (Vec<Request>, Vec<Shot>) = (items(run, shooters.requests.places, count)?, items(run, shooters.shots, count)?);
-            file(beside, name, "csv")?.write(shots_csv(&places, &shots).as_bytes())
+            file(beside, name, "csv")?.write(shots_csv(&items(run, shooters.shots, count)?).as_bytes())
         }
         Port::ShooterViews(views) => write_layers(views_picture(views, run)?, name, beside),
         Port::WeightedTiles(weighted) => write_layers(tiles_picture(&weighted.tiles, run)?, name, beside),
@@ -106,10 +105,9 @@ fn views_picture(views: &port::ShooterViews, run: &Run) -> Result<Layers, Failur
     Ok(Layers::new(width, height * tiles).with("triangle", Layer::value(numbers)))
 }
 
-fn shots_csv(places: &[Request], shots: &[Shot]) -> String {
+fn shots_csv(shots: &[Shot]) -> String {
     let mut text = String::from("x,y,z,normal_x,normal_y,normal_z,flux_r,flux_g,flux_b\n");
-    for (place, shot) in places.iter().zip(shots) {
-        let ([x, y, z], [a, b, c], [red, green, blue]) = (place.position, place.normal, shot.flux);
+    for Shot { position: [x, y, z], normal: [a, b, c], flux: [red, green, blue], .. } in shots {
         let _ = writeln!(text, "{x},{y},{z},{a},{b},{c},{red},{green},{blue}");
     }
     text

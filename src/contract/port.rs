@@ -486,7 +486,11 @@ pub struct Lightmap {
     pub numbers: Resource,
     /// Buffer of vec4, two a triangle, as [`LightmapField::data`] begins with: where its corners lie [texels], and in which chart.
     pub corners: Resource,
-    /// Buffer of [`crate::passes::texels::TexelSurface`], without regard to sides.
+    /// Buffer of [`crate::passes::texels::TexelPlace`], without regard to sides: a point of each texel, then another of each, and so on.
+    pub places: Resource,
+    /// How many points of each there are.
+    pub points: u32,
+    /// Buffer of [`crate::passes::texels::TexelSurface`], without regard to sides: by the point whose turn it is; a history.
     pub surfaces: Resource,
     /// Buffer of vec4: direct light that is reflected [W m⁻² sr⁻¹], and the reflectance as the bits of the fourth.
     pub direct: Resource,
@@ -517,6 +521,17 @@ pub struct Shooters {
     pub shots: Resource,
     /// The square of the distance below which a texel that stands for an area of 1 brings no more.
     pub nearest: f32,
+    /// By what they are chosen.
+    pub favour: Favour,
+}
+
+/// What texels are chosen by that shoot, times their area.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Favour {
+    /// The luminance of what they reflect.
+    Light,
+    /// Its root.
+    Root,
 }
 
 /// Which triangles texels see that send their light out, a tile each.

@@ -2,7 +2,7 @@
 //!
 //! Triangles that go on into each other without an edge make a chart, which is flattened on the plane of its first triangle. All charts have the same scale, and none has a
 //! part of another's texel. Where several triangles of a chart meet in a texel, it stands for any of them by chance, at the middle of its part, with the area of all: the areas of
-//! the texels add up to that of the surfaces. Charts of less than half a texel are crumbs: those that lie close together and face a similar way share a texel.
+//! the texels add up to that of the surfaces. Things that move are laid out as they are at rest. Charts of less than half a texel are crumbs: those that lie close together and face a similar way share a texel.
 
 use super::{Scene, Triangle};
 use crate::math::random::{combine, hash, unit};
@@ -30,6 +30,8 @@ pub struct Atlas {
     pub chart_of: Vec<u32>,
     /// Row by row.
     pub texels: Vec<Texel>,
+    /// Other points that the same texels stand for, any of their surface by chance, as often as was asked for.
+    pub draws: Vec<Vec<Spot>>,
     /// How many charts there are.
     pub charts: usize,
     /// Triangles with an area that no texel stands for: what is kept for them is that of others beside them.
@@ -39,12 +41,19 @@ pub struct Atlas {
 /// What a texel stands for.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Texel {
+    /// In the middle of one of its triangles' parts.
+    pub spot: Spot,
+    /// Of all surfaces in it, at rest [scene units²].
+    pub area: f32,
+}
+
+/// A point of a triangle.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Spot {
     /// Its number + 1; 0 where there is none.
     pub triangle: u32,
     /// Weights of its corners 1 and 2.
     pub barycentric: Vec2,
-    /// Of all surfaces in it [scene units²].
-    pub area: f32,
 }
 
 /// How far a triangle of a chart may be turned from the first, as a cosine.
@@ -72,30 +81,32 @@ struct Chart {
 }
 
 impl Atlas {
-    /// Of all triangles that have an area.
-    pub fn new(scene: &Scene, edge: u32, by: Charts) -> Self {
+    /// Of all triangles that have an area, with so many other points of each texel.
+    pub fn new(scene: &Scene, edge: u32, by: Charts, draws: u32) -> Self {
         let groups = match by {
             Charts::Smooth => smooth_groups(scene),
-            Charts::Each => (0..).zip(&scene.triangles).filter(|(_, triangle)| triangle.face_normal() != Vec3::ZERO).map(|(number, _)| vec![number]).collect(),
+            Charts::Each => {
+                (0..scene.triangles.len() as u32).filter(|number| scene.at_rest(*number).face_normal() != Vec3::ZERO).map(|number| vec![number]).collect()
+            }
         };
-        let (atlas, folded) = Self::of_groups(scene, edge, &groups);
+        let (atlas, folded) = Self::of_groups(scene, [edge, draws], &groups);
         if folded.iter().all(|folded| !folded) {
             return atlas;
         }
         let alone = |group: Vec<u32>| group.into_iter().map(|number| vec![number]).collect();
         let apart = groups.into_iter().zip(folded).flat_map(|(group, folded)| if folded { alone(group) } else { vec![group] });
-        Self::of_groups(scene, edge, &apart.collect::<Vec<_>>()).0
+        Self::of_groups(scene, [edge, draws], &apart.collect::<Vec<_>>()).0
     }
 
     /// The atlas, and which groups lie on themselves.
-    fn of_groups(scene: &Scene, edge: u32, groups: &[Vec<u32>]) -> (Self, Vec<bool>) {
+    fn of_groups(scene: &Scene, [edge, draws]: [u32; 2], groups: &[Vec<u32>]) -> (Self, Vec<bool>) {
         let charts: Vec<Chart> = groups.iter().map(|group| Chart::new(scene, group)).collect();
         let Layout { scale, pieces } = Layout::new(&charts, edge);
         let mut corners = vec![[Vec2::ZERO; 3]; scene.triangles.len()];
         let mut chart_of = vec![0; scene.triangles.len()];
-        let mut filled = Filled::new(edge);
+        let mut filled = Filled::new(edge, draws);
         let mut folded = vec![false; charts.len()];
-        let area = |triangle: u32| 0.5 * scene.triangles[triangle as usize].cross().length();
+        let area = |triangle: u32| 0.5 * scene.at_rest(triangle).cross().length();
         for (number, piece) in (1..).zip(&pieces) {
             let origin = Vec2::new(piece.place[0] as f32, piece.place[1] as f32);
             for &at in &piece.charts {
@@ -114,13 +125,14 @@ impl Atlas {
             }
         }
         let crowded = charts.iter().flat_map(|chart| &chart.triangles).filter(|number| !filled.stands_for(**number, &corners)).count();
-        (Self { edge, corners, chart_of, texels: filled.finish(), charts: charts.len(), crowded }, folded)
+        let (texels, draws) = filled.finish();
+        (Self { edge, corners, chart_of, texels, draws, charts: charts.len(), crowded }, folded)
     }
 
     /// Where the texels are that stand for something, neighbours in space after each other.
     pub fn in_space(&self, scene: &Scene) -> Vec<u32> {
-        let position = |texel: &Texel| scene.triangles[texel.triangle as usize - 1].position(texel.barycentric);
-        let taken = || (0u32..).zip(&self.texels).filter(|(_, texel)| texel.triangle != 0);
+        let position = |Texel { spot, .. }: &Texel| scene.at_rest(spot.triangle - 1).position(spot.barycentric);
+        let taken = || (0u32..).zip(&self.texels).filter(|(_, texel)| texel.spot.triangle != 0);
         let low = taken().fold(Vec3::INFINITY, |low, (_, texel)| low.min(position(texel)));
         let high = taken().fold(Vec3::NEG_INFINITY, |high, (_, texel)| high.max(position(texel)));
         let cube = Cube::around(low, high);
@@ -132,14 +144,13 @@ impl Atlas {
 
 impl Chart {
     fn new(scene: &Scene, triangles: &[u32]) -> Self {
-        let first = &scene.triangles[triangles[0] as usize];
+        let first = scene.at_rest(triangles[0]);
         let [a, b, c] = first.positions;
         let normal = first.face_normal();
         let along = |edge: Vec3| {
             let tangent = (edge - normal * normal.dot(edge)).try_normalize().unwrap_or(Frame::new(normal).tangent);
             let bitangent = normal.cross(tangent);
-            let flat =
-                |number: &u32| scene.triangles[*number as usize].positions.map(|corner| Vec2::new((corner - a).dot(tangent), (corner - a).dot(bitangent)));
+            let flat = |number: &u32| scene.at_rest(*number).positions.map(|corner| Vec2::new((corner - a).dot(tangent), (corner - a).dot(bitangent)));
             let corners: Vec<[Vec2; 3]> = triangles.iter().map(flat).collect();
             let low = corners.iter().flatten().fold(Vec2::INFINITY, |low, corner| low.min(*corner));
             let high = corners.iter().flatten().fold(Vec2::NEG_INFINITY, |high, corner| high.max(*corner));
@@ -237,15 +248,17 @@ fn shelved(mut pieces: Vec<Piece>, charts: &[Chart], edge: u32) -> Option<Vec<Pi
 struct Filled {
     edge: u32,
     texels: Vec<Texel>,
+    draws: Vec<Vec<Spot>>,
     /// How much of a texel the triangles of a chart have.
     covered: Vec<f32>,
     areas: Vec<f64>,
 }
 
 impl Filled {
-    fn new(edge: u32) -> Self {
+    fn new(edge: u32, draws: u32) -> Self {
         let count = edge as usize * edge as usize;
-        Self { edge, texels: vec![Texel::default(); count], covered: vec![0.0; count], areas: vec![0.0; count] }
+        let draws = vec![vec![Spot::default(); count]; draws as usize];
+        Self { edge, texels: vec![Texel::default(); count], draws, covered: vec![0.0; count], areas: vec![0.0; count] }
     }
 
     /// Whether another triangle lies where this one does.
@@ -260,17 +273,18 @@ impl Filled {
         let [left, right, top, bottom] = bounds(corners, self.edge);
         for y in top..=bottom {
             for x in left..=right {
-                let Some((part, middle)) = part_within([a, b, c], [x, y]) else { continue };
+                let polygon = part_within([a, b, c], [x, y]);
+                let Some((part, middle)) = polygon.measured() else { continue };
                 let at = (y * self.edge + x) as usize;
                 self.covered[at] += part as f32;
                 is_taken |= self.covered[at] > MOST_COVERED;
-                if self.stands_out(triangle, at, part * area_of_texel) {
-                    let from = middle - a;
+                let spot = |place: DVec2| {
+                    let from = place + DVec2::new(f64::from(x), f64::from(y)) - a;
                     let weights = DVec2::new(from.perp_dot(c - a), (b - a).perp_dot(from)) / doubled;
                     let weights = weights.as_vec2().clamp(Vec2::ZERO, Vec2::ONE);
-                    self.texels[at] = Texel { triangle: triangle + 1, barycentric: weights / weights.element_sum().max(1.0), area: 0.0 };
-                }
-                self.areas[at] += part * area_of_texel;
+                    Spot { triangle: triangle + 1, barycentric: weights / weights.element_sum().max(1.0) }
+                };
+                self.stand_for(triangle, at, part * area_of_texel, spot(middle), |[first, second, third]| spot(polygon.point(first, [second, third])));
             }
         }
         is_taken
@@ -278,26 +292,35 @@ impl Filled {
 
     /// Adds one that lies wholly in a texel.
     fn add_crumb(&mut self, triangle: u32, [x, y]: [u32; 2], area: f32) {
-        let at = (y * self.edge + x) as usize;
-        if self.stands_out(triangle, at, f64::from(area)) {
-            self.texels[at] = Texel { triangle: triangle + 1, barycentric: Vec2::splat(1.0 / 3.0), area: 0.0 };
-        }
-        self.areas[at] += f64::from(area);
+        let spot = |barycentric| Spot { triangle: triangle + 1, barycentric };
+        let anywhere = |[_, u, v]: [f32; 3]| if u + v > 1.0 { Vec2::new(1.0 - u, 1.0 - v) } else { Vec2::new(u, v) };
+        self.stand_for(triangle, (y * self.edge + x) as usize, f64::from(area), spot(Vec2::splat(1.0 / 3.0)), |by| spot(anywhere(by)));
     }
 
-    /// Whether a triangle with an area in a texel stands for all that have been added, and itself: any does by chance, the more of the texel it has the more likely. Those that have
-    /// most see more than others, and all would be too bright.
-    fn stands_out(&self, triangle: u32, at: usize, area: f64) -> bool {
-        f64::from(unit(hash(combine(at as u32, triangle)))) * (self.areas[at] + area) < area
+    /// Adds a triangle's part of a texel. Of all parts any stands for the texel by chance, the larger the more likely, in the middle and at `any` point: those that have most see more
+    /// than others, and all would be too bright.
+    fn stand_for(&mut self, triangle: u32, at: usize, area: f64, middle: Spot, any: impl Fn([f32; 3]) -> Spot) {
+        self.areas[at] += area;
+        let seed = combine(at as u32, triangle);
+        let stands = |seed: u32| f64::from(unit(hash(seed))) * self.areas[at] < area;
+        if stands(seed) {
+            self.texels[at].spot = middle;
+        }
+        for (number, draw) in (1..).zip(&mut self.draws) {
+            let seed = combine(seed, number);
+            if stands(seed) {
+                draw[at] = any([1, 2, 3].map(|number| unit(combine(seed, number))));
+            }
+        }
     }
 
     fn stands_for(&self, triangle: u32, corners: &[[Vec2; 3]]) -> bool {
         let [left, right, top, bottom] = bounds(&corners[triangle as usize], self.edge);
-        (top..=bottom).any(|y| (left..=right).any(|x| self.texels[(y * self.edge + x) as usize].triangle == triangle + 1))
+        (top..=bottom).any(|y| (left..=right).any(|x| self.texels[(y * self.edge + x) as usize].spot.triangle == triangle + 1))
     }
 
-    fn finish(self) -> Vec<Texel> {
-        self.texels.into_iter().zip(self.areas).map(|(texel, area)| Texel { area: area as f32, ..texel }).collect()
+    fn finish(self) -> (Vec<Texel>, Vec<Vec<Spot>>) {
+        (self.texels.into_iter().zip(self.areas).map(|(texel, area)| Texel { area: area as f32, ..texel }).collect(), self.draws)
     }
 }
 
@@ -308,16 +331,15 @@ fn bounds(corners: &[Vec2; 3], edge: u32) -> [u32; 4] {
     [low.x, high.x, low.y, high.y].map(|side| (side.floor().max(0.0) as u32).min(edge - 1))
 }
 
-/// What a triangle has of a texel, as a share of that, and its middle; none where it has nothing.
-fn part_within(triangle: [DVec2; 3], [x, y]: [u32; 2]) -> Option<(f64, DVec2)> {
+/// What a triangle has of a texel, from its lower left.
+fn part_within(triangle: [DVec2; 3], [x, y]: [u32; 2]) -> Polygon {
     let corner = DVec2::new(f64::from(x), f64::from(y));
     let mut polygon = Polygon { corners: [DVec2::ZERO; MOST_CORNERS], count: 3 };
     polygon.corners[..3].copy_from_slice(&triangle.map(|at| at - corner));
     for axis in 0..2 {
         polygon = polygon.cut(|at| at[axis]).cut(|at| 1.0 - at[axis]);
     }
-    let (area, middle) = polygon.measured()?;
-    Some((area, corner + middle))
+    polygon
 }
 
 /// Of a triangle that four lines have cut.
@@ -351,6 +373,19 @@ impl Polygon {
         left
     }
 
+    /// Any point of it by three numbers up to 1: one finds which of the triangles it is made of, two the point there.
+    fn point(&self, first: f32, [u, v]: [f32; 2]) -> DVec2 {
+        let doubled = |at: usize| (self.corners[at - 1] - self.corners[0]).perp_dot(self.corners[at] - self.corners[0]).abs();
+        let mut rest = f64::from(first) * (2..self.count).map(doubled).sum::<f64>();
+        let found = (2..self.count).find(|at| {
+            rest -= doubled(*at);
+            rest < 0.0
+        });
+        let at = found.unwrap_or(self.count - 1);
+        let [u, v] = if u + v > 1.0 { [1.0 - u, 1.0 - v] } else { [u, v] }.map(f64::from);
+        self.corners[0] + (self.corners[at - 1] - self.corners[0]) * u + (self.corners[at] - self.corners[0]) * v
+    }
+
     /// Its area and its middle; none where it has no area.
     fn measured(&self) -> Option<(f64, DVec2)> {
         let (mut doubled, mut moment) = (0.0, DVec2::ZERO);
@@ -368,12 +403,12 @@ impl Polygon {
 fn smooth_groups(scene: &Scene) -> Vec<Vec<u32>> {
     let mesh = Mesh::new(scene);
     let mut seeds: Vec<u32> = (0..scene.triangles.len() as u32).collect();
-    let doubled: Vec<f32> = scene.triangles.iter().map(|triangle| triangle.cross().length()).collect();
+    let doubled: Vec<f32> = seeds.iter().map(|number| scene.at_rest(*number).cross().length()).collect();
     seeds.sort_by(|a, b| doubled[*b as usize].total_cmp(&doubled[*a as usize]).then(a.cmp(b)));
     let mut taken = vec![false; scene.triangles.len()];
     let mut groups = Vec::new();
     for seed in seeds {
-        let axis = scene.triangles[seed as usize].face_normal();
+        let axis = scene.at_rest(seed).face_normal();
         if axis == Vec3::ZERO || std::mem::replace(&mut taken[seed as usize], true) {
             continue;
         }
@@ -382,7 +417,7 @@ fn smooth_groups(scene: &Scene) -> Vec<Vec<u32>> {
         while let Some(&from) = group.get(next) {
             next += 1;
             for to in mesh.neighbours[from as usize].into_iter().filter(|to| *to != NONE) {
-                if !taken[to as usize] && scene.triangles[to as usize].face_normal().dot(axis) > TURNED && mesh.goes_on(from, to) {
+                if !taken[to as usize] && scene.at_rest(to).face_normal().dot(axis) > TURNED && mesh.goes_on(from, to) {
                     taken[to as usize] = true;
                     group.push(to);
                 }
@@ -414,7 +449,7 @@ impl<'a> Mesh<'a> {
             let next = numbers.len() as u32;
             *numbers.entry((at + 0.0).to_array().map(f32::to_bits)).or_insert(next)
         };
-        let corners: Vec<[u32; 3]> = scene.triangles.iter().map(|triangle| triangle.positions.map(&mut number)).collect();
+        let corners: Vec<[u32; 3]> = (0..scene.triangles.len() as u32).map(|triangle| scene.at_rest(triangle).positions.map(&mut number)).collect();
         let sides = |(triangle, corners): (u32, &[u32; 3])| {
             let corners = *corners;
             (0..3).map(move |side| {
@@ -443,7 +478,7 @@ impl<'a> Mesh<'a> {
         let [from, to] = [from, to].map(|number| number as usize);
         let normal = |number: usize, corner: u32| {
             let at = self.corners[number].iter().position(|own| *own == corner)?;
-            let triangle: &Triangle = &self.scene.triangles[number];
+            let triangle: &Triangle = self.scene.at_rest(number as u32);
             Some(triangle.normals[at])
         };
         let shared = self.corners[from].iter().filter_map(|corner| Some((normal(from, *corner)?, normal(to, *corner)?)));
@@ -501,7 +536,7 @@ mod tests {
     #[test]
     fn texels_have_the_area_of_the_surfaces() {
         for (scene, by) in [(corner(), Charts::Smooth), (corner(), Charts::Each), (spiral(), Charts::Smooth)] {
-            let atlas = Atlas::new(&scene, EDGE, by);
+            let atlas = Atlas::new(&scene, EDGE, by, 0);
             let sum: f64 = atlas.texels.iter().map(|texel| f64::from(texel.area)).sum();
             assert!((sum - area(&scene)).abs() < 1e-4 * area(&scene), "{sum}");
         }
@@ -509,29 +544,49 @@ mod tests {
 
     #[test]
     fn surfaces_without_an_edge_are_one_chart() {
-        assert_eq!(Atlas::new(&corner(), EDGE, Charts::Smooth).charts, 2);
-        assert_eq!(Atlas::new(&corner(), EDGE, Charts::Each).charts, 4);
+        assert_eq!(Atlas::new(&corner(), EDGE, Charts::Smooth, 0).charts, 2);
+        assert_eq!(Atlas::new(&corner(), EDGE, Charts::Each, 0).charts, 4);
     }
 
     #[test]
-    fn a_texel_stands_for_a_point_within_itself() {
+    fn a_texel_stands_for_points_within_itself() {
         for scene in [corner(), spiral()] {
-            let atlas = Atlas::new(&scene, EDGE, Charts::Smooth);
+            let atlas = Atlas::new(&scene, EDGE, Charts::Smooth, 3);
             assert_eq!(atlas.crowded, 0);
             for (place, texel) in (0..).zip(&atlas.texels) {
-                let Some(triangle) = texel.triangle.checked_sub(1) else { continue };
-                let [a, b, c] = atlas.corners[triangle as usize];
-                let at = a + (b - a) * texel.barycentric.x + (c - a) * texel.barycentric.y;
-                let [x, y] = [place % EDGE, place / EDGE].map(|side| side as f32);
-                assert!((at - Vec2::new(x, y)).min_element() > -1e-3 && (at - Vec2::new(x, y)).max_element() < 1.001, "{at} in {x}, {y}");
+                for spot in atlas.draws.iter().map(|draw| draw[place as usize]).chain([texel.spot]) {
+                    let Some(triangle) = spot.triangle.checked_sub(1) else { continue };
+                    let [a, b, c] = atlas.corners[triangle as usize];
+                    let at = a + (b - a) * spot.barycentric.x + (c - a) * spot.barycentric.y;
+                    let [x, y] = [place % EDGE, place / EDGE].map(|side| side as f32);
+                    assert!((at - Vec2::new(x, y)).min_element() > -1e-3 && (at - Vec2::new(x, y)).max_element() < 1.001, "{at} in {x}, {y}");
+                }
             }
         }
     }
 
     #[test]
+    fn draws_are_anywhere_on_the_surface() {
+        // A wall of two triangles, whose texels are of either as much as they have of it.
+        let draws = 400;
+        let scene = of(quad([Vec3::ZERO, Vec3::X, Vec3::X + Vec3::Y, Vec3::Y]).to_vec());
+        let atlas = Atlas::new(&scene, 8, Charts::Smooth, draws);
+        let (mut sum, mut moment, mut area) = (Vec3::ZERO, Vec3::ZERO, 0.0);
+        for (place, texel) in atlas.texels.iter().enumerate().filter(|(_, texel)| texel.area > 0.0) {
+            for draw in &atlas.draws {
+                let at = scene.at_rest(draw[place].triangle - 1).position(draw[place].barycentric);
+                (sum, moment, area) = (sum + at * texel.area, moment + at * at * texel.area, area + texel.area);
+            }
+        }
+        let (mean, square) = (sum / area, moment / area);
+        assert!((mean.truncate() - 0.5).abs().max_element() < 2e-3, "{mean}");
+        assert!((square.truncate() - 1.0 / 3.0).abs().max_element() < 2e-3, "{square}");
+    }
+
+    #[test]
     fn every_point_has_a_texel_of_its_chart() {
         let scene = corner();
-        let atlas = Atlas::new(&scene, EDGE, Charts::Smooth);
+        let atlas = Atlas::new(&scene, EDGE, Charts::Smooth, 0);
         for (number, [a, b, c]) in (0u32..).zip(&atlas.corners) {
             for step in 0..400 {
                 let [u, v] = [step % 20, step / 20].map(|step| step as f32 / 20.0);
@@ -539,7 +594,7 @@ mod tests {
                     continue;
                 }
                 let at = a + (b - a) * u + (c - a) * v;
-                let there = texel_at(&atlas, at).triangle;
+                let there = texel_at(&atlas, at).spot.triangle;
                 assert_eq!(atlas.chart_of[there as usize - 1], atlas.chart_of[number as usize], "{at}");
             }
         }
@@ -547,7 +602,7 @@ mod tests {
 
     #[test]
     fn what_would_lie_on_itself_is_taken_apart() {
-        let atlas = Atlas::new(&spiral(), EDGE, Charts::Smooth);
+        let atlas = Atlas::new(&spiral(), EDGE, Charts::Smooth, 0);
         assert_eq!(atlas.charts, 200);
     }
 
@@ -555,14 +610,14 @@ mod tests {
     fn crumbs_share_texels_so_that_all_find_room() {
         let many =
             of((0..500).flat_map(|at| quad([Vec3::ZERO, Vec3::X, Vec3::X + Vec3::Y, Vec3::Y].map(|corner| 0.1 * corner + Vec3::Z * at as f32))).collect());
-        let atlas = Atlas::new(&many, 16, Charts::Each);
+        let atlas = Atlas::new(&many, 16, Charts::Each, 0);
         assert_eq!(atlas.charts, 1000);
-        let taken = atlas.texels.iter().filter(|texel| texel.triangle != 0).count();
+        let taken = atlas.texels.iter().filter(|texel| texel.spot.triangle != 0).count();
         assert!(taken <= 256 && atlas.crowded >= 1000 - taken, "{taken}");
         let sum: f64 = atlas.texels.iter().map(|texel| f64::from(texel.area)).sum();
         assert!((sum - area(&many)).abs() < 1e-4 * area(&many));
         assert!(atlas.corners.iter().zip(&atlas.chart_of).all(|([corner, ..], chart)| {
-            let there = texel_at(&atlas, *corner).triangle;
+            let there = texel_at(&atlas, *corner).spot.triangle;
             there != 0 && atlas.chart_of[there as usize - 1] == *chart
         }));
     }
@@ -570,9 +625,9 @@ mod tests {
     #[test]
     fn surfaces_without_area_have_no_texel() {
         let scene = of(vec![triangle([Vec3::ZERO; 3]), quad([Vec3::ZERO, Vec3::X, Vec3::X + Vec3::Y, Vec3::Y])[0]]);
-        let atlas = Atlas::new(&scene, 16, Charts::Smooth);
-        assert!(atlas.texels.iter().all(|texel| texel.triangle != 1));
-        let empty = Atlas::new(&of(Vec::new()), 16, Charts::Smooth);
+        let atlas = Atlas::new(&scene, 16, Charts::Smooth, 0);
+        assert!(atlas.texels.iter().all(|texel| texel.spot.triangle != 1));
+        let empty = Atlas::new(&of(Vec::new()), 16, Charts::Smooth, 0);
         assert!(empty.texels.iter().all(|texel| *texel == Texel::default()));
     }
 
@@ -586,7 +641,7 @@ mod tests {
                 quad([at(x, y), at(x + 1, y), at(x + 1, y + 1), at(x, y + 1)])
             })
             .collect());
-        let atlas = Atlas::new(&scene, 16, Charts::Smooth);
+        let atlas = Atlas::new(&scene, 16, Charts::Smooth, 0);
         assert_eq!(atlas.charts, 1);
         assert!(atlas.crowded > 2000 && atlas.crowded < 3200);
     }

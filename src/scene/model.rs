@@ -42,6 +42,8 @@ pub struct Scene {
     pub environment: Environment,
     /// Never empty: a file without a camera gets one that looks at the whole scene, and a note.
     pub cameras: Vec<Camera>,
+    /// Of a [`Stage`], the triangles that move as they are at rest, in their order.
+    pub resting: Arc<[Resting]>,
     /// What of it is otherwise at other times: [`Stage::animated`].
     pub animation: Animation,
     /// The point of the file's coordinates that is (0, 0, 0) here [scene units].
@@ -74,6 +76,15 @@ pub struct Object {
     pub name: String,
     /// Its own, of [`Scene::triangles`].
     pub triangles: Range<usize>,
+}
+
+/// What moves, as the file has it.
+#[derive(Debug, Clone)]
+pub struct Resting {
+    /// Its own, of [`Scene::triangles`].
+    pub triangles: Range<usize>,
+    /// These, and the tangents along normal maps at their corners.
+    pub shapes: Arc<[(Triangle, [Vec3; 3])]>,
 }
 
 /// A triangle in world space, counter-clockwise seen from its front.
@@ -747,6 +758,14 @@ impl Bounds {
 }
 
 impl Scene {
+    /// A triangle as it is at rest: of what does not move, as it is.
+    pub fn at_rest(&self, number: u32) -> &Triangle {
+        let number = number as usize;
+        let behind = self.resting.partition_point(|resting| resting.triangles.start <= number);
+        let moves = behind.checked_sub(1).map(|at| &self.resting[at]).filter(|resting| resting.triangles.contains(&number));
+        moves.map_or(&self.triangles[number], |resting| &resting.shapes[number - resting.triangles.start].0)
+    }
+
     /// Of all triangles.
     pub fn bounds(&self) -> Bounds {
         Bounds::of(&self.triangles)

@@ -1,7 +1,7 @@
 //! A scene made ready for rays, and what can be otherwise in it later.
 
 use super::{
-    Bounds, Environment, Light, LightKind, Material, Object, Part, Scene, Triangle,
+    Bounds, Environment, Light, LightKind, Material, Object, Part, Resting, Scene, Triangle,
     animation::{Animation, Moment},
     bvh::Bvh,
     load::draft::{EXTENT_RANGE, mirrors, normal_map},
@@ -36,7 +36,7 @@ struct Mover {
     /// Of the scene, as the hierarchy has sorted them.
     triangles: Range<usize>,
     /// These as the file has them, and along normal maps.
-    at_rest: Vec<(Triangle, [Vec3; 3])>,
+    at_rest: Arc<[(Triangle, [Vec3; 3])]>,
     pose: Pose,
 }
 
@@ -182,12 +182,16 @@ impl Stage {
         let (bvh, places) = Bvh::build_in_parts(&mut scene, &objects.iter().map(|object| object.triangles.clone()).collect::<Vec<_>>());
         let tangents = |at: usize| scene.tangents.get(at).copied().unwrap_or_default();
         let mover = |(number, (object, triangles)): (usize, (&Object, Range<usize>))| {
-            let at_rest: Vec<_> = triangles.clone().map(|at| (scene.triangles[at], tangents(at))).collect();
+            let at_rest: Arc<[_]> = triangles.clone().map(|at| (scene.triangles[at], tangents(at))).collect();
             let corners = || at_rest.iter().map(|(triangle, tangents)| Corners::of(triangle, *tangents)).collect();
             let pose = if scene.animation.deforms(number) { Pose::Shape(corners()) } else { Pose::Place(DAffine3::IDENTITY) };
             Mover { name: object.name.clone(), at_rest, triangles, pose }
         };
         let movers: Vec<_> = objects.into_iter().zip(places).enumerate().map(mover).collect();
+        let resting = |mover: &Mover| Resting { triangles: mover.triangles.clone(), shapes: mover.at_rest.clone() };
+        let mut resting: Vec<Resting> = movers.iter().map(resting).collect();
+        resting.sort_by_key(|resting| resting.triangles.start);
+        scene.resting = resting.into();
         scene.objects = movers.iter().map(|mover| Object { name: mover.name.clone(), triangles: mover.triangles.clone() }).collect();
         Ok(Self { movers, scene, bvh, needs: OnceLock::new() })
     }
@@ -364,7 +368,7 @@ impl Stage {
         let mut shines = false;
         for mover in movers.iter().map(|mover| &self.movers[*mover]) {
             let corners = mover.corners(self.scene.origin);
-            for ((at, (triangle, _)), corners) in mover.triangles.clone().zip(&mover.at_rest).zip(&*corners) {
+            for ((at, (triangle, _)), corners) in mover.triangles.clone().zip(&*mover.at_rest).zip(&*corners) {
                 corners.put(&mut self.scene.triangles[at]);
                 if let Some(tangents) = self.scene.tangents.get_mut(at) {
                     *tangents = corners.tangents;

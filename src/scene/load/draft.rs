@@ -310,7 +310,7 @@ impl Draft {
             animation,
             origin,
             notes: self.notes,
-            parts: Vec::new(),
+            ..Scene::default()
         };
         put_out(&mut scene);
         Ok(scene)

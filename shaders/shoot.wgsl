@@ -138,7 +138,7 @@ struct Side {
     count: f32,
 }
 
-const MOST_PARTS = 3.40282347e38;
+const MOST_PARTS = 1e38;
 const MOST_ASKED = 4.0;
 
 fn sides_of(texel: u32, surface: TexelSurface) -> array<Side, 2> {

@@ -60,7 +60,7 @@ impl Side {
     /// None is asked.
     const NONE: Self = Self { parts: [0.0; LANES], next: [0.0; LANES], count: [0.0; LANES] };
     /// All are asked that bring anything.
-    const ALL: Self = Self { parts: [f32::MAX; LANES], ..Self::NONE };
+    const ALL: Self = Self { parts: [MOST_PARTS; LANES], ..Self::NONE };
 }
 
 /// What a shot would bring eight texels, each at the side that faces it.
@@ -68,6 +68,9 @@ struct Lit<S: Simd> {
     luminance: f32x8<S>,
     is_front: mask32x8<S>,
 }
+
+/// Rays a luminance where any light at all is asked for.
+const MOST_PARTS: f32 = 1e38;
 
 /// A square of a distance that is no more than 0, so that a texel brings itself nothing [scene units²].
 const LEAST: f32 = 1e-28;
@@ -140,7 +143,7 @@ fn parts_next(parts: f32, count: f32, rays: f32) -> f32 {
     if count > MOST_ASKED * rays {
         0.0
     } else if count > 0.0 {
-        (parts * (rays / count)).min(f32::MAX)
+        (parts * (rays / count)).min(MOST_PARTS)
     } else {
         parts
     }
@@ -178,7 +181,7 @@ impl Range<'_> {
         let sums = if is_new { dispatch!(Level::new(), simd => eight.sums(simd, self.senders)) } else { [[0.0; LANES]; 2] };
         for (at, parts) in parts.iter().enumerate() {
             let (side, lane) = (at % self.sides, at / self.sides);
-            eight.sides[side].parts[lane] = if *parts > 0.0 { *parts } else { (rays / sums[side][lane]).min(f32::MAX) };
+            eight.sides[side].parts[lane] = if *parts > 0.0 { *parts } else { (rays / sums[side][lane]).min(MOST_PARTS) };
             eight.sides[side].next[lane] = unit(combine(self.seed, (first * self.sides + at) as u32));
         }
         eight

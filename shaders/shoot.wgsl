@@ -131,25 +131,28 @@ fn between(shooter: u32, surface: TexelSurface) -> u32 {
     return select(UNKNOWN, SOMETHING, is_met);
 }
 
-// Which of the shots at a side of a texel are asked: as Side of passes/shoot/range.rs.
+// Which of the shots at a side of a texel are asked: as Side of passes/shoot/eight.rs.
 struct Side {
     parts: f32,
+    start: f32,
     next: f32,
-    count: f32,
+    asked: f32,
 }
 
 const MOST_PARTS = 1e38;
 const MOST_ASKED = 4.0;
+const LEAST_ASKED = 1e-3;
 
 fn sides_of(texel: u32, surface: TexelSurface) -> array<Side, 2> {
-    var sides = array(Side(MOST_PARTS, 0.0, 0.0), Side(MOST_PARTS, 0.0, 0.0));
+    var sides = array(Side(MOST_PARTS, 0.0, 0.0, 0.0), Side(MOST_PARTS, 0.0, 0.0, 0.0));
     if RAYS == 0.0 {
         return sides;
     }
     var is_new = false;
     for (var side = 0u; side < SIDES; side++) {
         sides[side].parts = parts[texel * SIDES + side];
-        sides[side].next = unit(combine(iteration.x, texel * SIDES + side));
+        sides[side].start = unit(combine(iteration.x, texel * SIDES + side));
+        sides[side].next = sides[side].start;
         is_new = is_new || sides[side].parts == 0.0;
     }
     if !is_new {
@@ -169,10 +172,14 @@ fn sides_of(texel: u32, surface: TexelSurface) -> array<Side, 2> {
 }
 
 fn parts_next(side: Side) -> f32 {
-    if side.count > MOST_ASKED * RAYS {
+    let count = side.asked + side.start - side.next;
+    if count > MOST_ASKED * RAYS {
         return 0.0;
     }
-    return select(side.parts, min(side.parts * (RAYS / max(side.count, 1e-30)), MOST_PARTS), side.count > 0.0);
+    if count > LEAST_ASKED * RAYS {
+        return min(side.parts * (RAYS / count), MOST_PARTS);
+    }
+    return select(side.parts, 0.0, side.parts < MOST_PARTS);
 }
 
 @compute @workgroup_size(64)
@@ -187,7 +194,6 @@ fn shoot(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: v
     for (var shooter = 0u; shooter < SHOOTERS; shooter++) {
         let own = brought(shooter, surface);
         let rays = luminance(own.light.rgb) * sides[own.side].parts;
-        sides[own.side].count += min(rays, 1.0);
         if rays < 1.0 {
             sides[own.side].next -= rays;
             if sides[own.side].next >= 0.0 {
@@ -195,6 +201,7 @@ fn shoot(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: v
             }
             sides[own.side].next += 1.0;
         }
+        sides[own.side].asked += 1.0;
         let told = between(shooter, surface);
         if told == NOTHING || (told == UNKNOWN && !is_hidden(shooter, surface.position, normal_of_side(surface, own.side))) {
             light[own.side] += own.light * max(1.0 / rays, 1.0);

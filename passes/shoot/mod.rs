@@ -12,6 +12,7 @@ use crate::schedule::*;
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
+mod eight;
 mod range;
 mod views;
 

@@ -1,6 +1,6 @@
 //! What is nearer to texels than the bound of shots, gathered by rays: a few shots would make blots of it along every edge.
 
-use super::texels::{NEAREST, Shot, TexelSurface, favour, laid_at, nearest, radiance};
+use super::texels::{self, NEAREST, Shot, TexelSurface, favour, laid_at, nearest, radiance};
 use crate::contract::{
     Bodies, Description, Encoder, Input, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Refusal, Takes, encoder::scene_constants, port,
 };
@@ -113,7 +113,7 @@ fn gather_on_device(e: &mut Encoder<'_>, (from, to): (port::Shooters, port::Ligh
         .constant("RAYS", sets[0].len() as u32)
         .constant("SETS", sets.len() as u32)
         .bind("surfaces", to.surfaces)
-        .bind("atlas_numbers", to.numbers)
+        .bind("cells", to.cells)
         .bind("atlas_corners", to.corners)
         .bind("shine", shine)
         .bind("gathering", round)
@@ -136,7 +136,7 @@ fn directions(edge: u32) -> Vec<Vec<Vec3>> {
 fn gather_on_host(e: &mut Encoder<'_>, (from, to): (port::Shooters, port::Lightmap), sets: Vec<Vec<Vec3>>, every: u32) {
     let bundles: Vec<RayBundle> = sets.iter().map(|directions| RayBundle::of(directions)).collect();
     let shots = Read::counted(from.shots, size_of::<Shot>() as u64, from.requests.count);
-    let reads: Vec<Read> = [to.numbers, to.corners, to.surfaces, to.direct, to.mean].map(Read::whole).into_iter().chain([shots]).collect();
+    let reads: Vec<Read> = [to.cells, to.corners, to.surfaces, to.direct, to.mean].map(Read::whole).into_iter().chain([shots]).collect();
     e.host("gather", &reads, &[to.near], move |host| {
         if !begins(host, &to, every) {
             return Ok(());
@@ -151,7 +151,7 @@ fn gather_on_host(e: &mut Encoder<'_>, (from, to): (port::Shooters, port::Lightm
             of: to,
             favour: from.favour,
             reach: all * from.nearest,
-            numbers: bytemuck::cast_slice(host.read(to.numbers)),
+            cells: bytemuck::cast_slice(host.read(to.cells)),
             corners: bytemuck::cast_slice(host.read(to.corners)),
             surfaces: bytemuck::cast_slice(host.read(to.surfaces)),
             direct: bytemuck::cast_slice(host.read(to.direct)),
@@ -196,7 +196,7 @@ struct Sends<'a> {
     favour: port::Favour,
     /// The square of the distance within which one that is favoured by 1 is bounded.
     reach: f32,
-    numbers: &'a [u32],
+    cells: &'a [[u32; 4]],
     corners: &'a [Vec4],
     surfaces: &'a [TexelSurface],
     direct: &'a [Vec4],
@@ -236,12 +236,15 @@ impl Sends<'_> {
 
     /// The side of the texel at a place of a triangle.
     fn texel(&self, triangle: u32, weights: Vec2, from_behind: bool) -> Option<usize> {
-        let at = laid_at(self.corners, triangle, weights).0.as_uvec2().min(glam::UVec2::splat(self.of.edge - 1));
-        let number = self.numbers[(at.y * self.of.edge + at.x) as usize].checked_sub(1)?;
         if from_behind && self.of.sides == 1 {
             return None;
         }
-        Some((number * self.of.sides) as usize + usize::from(from_behind))
+        let place = laid_at(self.corners, triangle, weights);
+        let at = place.as_uvec2().min(glam::UVec2::splat(self.of.edge - 1));
+        let [number, parts @ ..] = self.cells[(at.y * self.of.edge + at.x) as usize];
+        let first = number.checked_sub(1)?;
+        let side = |part: u32| ((first + part) * self.of.sides) as usize + usize::from(from_behind);
+        Some(side(texels::part_at(parts, place - at.as_vec2(), |part| self.mean[side(part)].truncate() != Vec3::ZERO)))
     }
 }
 

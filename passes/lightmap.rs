@@ -14,7 +14,7 @@ use crate::math::{
 };
 use crate::scene::{
     Scene,
-    atlas::{Atlas, Charts, Spot},
+    atlas::{Atlas, Cell, Charts, Spot, Texel, Wanted},
     emitters::Emitters,
     packets::ToDo,
     surface::{Ray, Surface},
@@ -96,8 +96,7 @@ impl Pass for Lightmap {
 
     fn encode(&self, e: &mut Encoder<'_>) -> Result<(), Refusal> {
         let atlas = atlas(e);
-        let places = atlas.in_space(e.setting.scene);
-        let lightmap = declared(e, &atlas, &places);
+        let lightmap = declared(e, &atlas);
         let samples = ["area_samples", "sky_samples"].map(|name| (e.arguments.integer(name) as u32).div_ceil(lightmap.points));
         tell_idle(e);
         match e.place(Bodies::BOTH)? {
@@ -114,28 +113,40 @@ fn atlas(e: &mut Encoder<'_>) -> Atlas {
     let by = if e.arguments.choice("charts").0 == "Each" { Charts::Each } else { Charts::Smooth };
     let most = MOST_BYTES / (size_of::<TexelPlace>() as u64 * u64::from(edge).pow(2));
     let points = (e.arguments.integer("points") as u32).min(most.max(1) as u32);
-    let atlas = Atlas::new(e.setting.scene, edge, by, if points > 1 { points } else { 0 });
+    let wanted = Wanted { edge, charts: by, draws: if points > 1 { points } else { 0 }, sides: sides(e) };
+    let atlas = Atlas::new(e.setting.scene, wanted);
     e.remark(format!("{} charts", atlas.charts));
+    if u64::from(points) < e.arguments.integer("points") as u64 {
+        e.remark(format!("texels have {points} points, for which there is room"));
+    }
+    if atlas.cut > 0 {
+        e.remark(format!("walls go through {} texels, which are kept in parts", atlas.cut));
+    }
     if atlas.crowded > 0 {
         e.remark(format!("{} of {} triangles share their texels with others, whose light they take", atlas.crowded, e.setting.needs.triangles));
     }
     atlas
 }
 
-fn declared(e: &mut Encoder<'_>, atlas: &Atlas, places: &[u32]) -> port::Lightmap {
-    let sides = if e.setting.needs.two_sides { 2 } else { 1 };
-    let texels = places.len() as u64;
-    let mut numbers = vec![0u32; atlas.texels.len()];
-    (1..).zip(places).for_each(|(number, place)| numbers[*place as usize] = number);
-    let corners: Vec<[Vec4; 2]> =
-        atlas.corners.iter().zip(&atlas.chart_of).map(|([a, b, c], chart)| [Vec4::new(a.x, a.y, b.x, b.y), Vec4::new(c.x, c.y, *chart as f32, 0.0)]).collect();
+/// Of surfaces.
+fn sides(e: &Encoder<'_>) -> u32 {
+    if e.setting.needs.two_sides { 2 } else { 1 }
+}
+
+fn declared(e: &mut Encoder<'_>, atlas: &Atlas) -> port::Lightmap {
+    let sides = sides(e);
+    let texels = atlas.texels.len() as u64;
+    let cells: Vec<[u32; 4]> = atlas.cells.iter().map(|Cell { first, parts: [a, b, c] }| [*first, *a, *b, *c]).collect();
+    let links: Vec<[u32; 2]> = (0..).zip(&atlas.links).map(|(place, links)| [*links, atlas.texels[place / sides as usize].cell]).collect();
+    let corners: Vec<[Vec4; 2]> = atlas.corners.iter().map(|[a, b, c]| [Vec4::new(a.x, a.y, b.x, b.y), Vec4::new(c.x, c.y, 0.0, 0.0)]).collect();
     // A scene without surfaces has room for one that is none.
     let room = texels.max(1);
     let bytes = 16 * room * u64::from(sides);
     debug_assert!(bytes <= MOST_BYTES);
-    let numbers = e.constant_buffer("numbers", bytemuck::cast_slice(&numbers));
+    let cells = e.constant_buffer("cells", bytemuck::cast_slice(&cells));
+    let links = e.constant_buffer("links", bytemuck::cast_slice(&links));
     let corners = e.constant_buffer("corners", bytemuck::cast_slice(&corners));
-    let points = places_of_points(e.setting.scene, atlas, places);
+    let points = places_of_points(e.setting.scene, atlas);
     let sets = points.len().max(1) as u32;
     let points = e.constant_buffer("points", bytemuck::cast_slice(&points.concat()));
     let surfaces = e.history_buffer("surfaces", size_of::<TexelSurface>() as u64 * room);
@@ -144,13 +155,14 @@ fn declared(e: &mut Encoder<'_>, atlas: &Atlas, places: &[u32]) -> port::Lightma
     e.report_variable("iterations", rounds);
     let remembers = e.arguments.integer("remembers") as u32;
     if remembers > 0 {
-        e.survives_with(numbers, &[fresh, near, mean], &[counted, rounds]);
+        e.survives_with(cells, &[fresh, near, mean], &[counted, rounds]);
     }
     port::Lightmap {
         edge: atlas.edge,
         texels: texels as u32,
         sides,
-        numbers,
+        cells,
+        links,
         corners,
         places: points,
         points: sets,
@@ -178,17 +190,16 @@ fn tell_idle(e: &mut Encoder<'_>) {
 }
 
 /// Of all texels, one set of points after the other.
-fn places_of_points(scene: &Scene, atlas: &Atlas, places: &[u32]) -> Vec<Vec<TexelPlace>> {
-    let place = |area: f32, spot: Spot| {
+fn places_of_points(scene: &Scene, atlas: &Atlas) -> Vec<Vec<TexelPlace>> {
+    let place = |(texel, spot): (&Texel, Spot)| {
         let triangle = spot.triangle - 1;
-        let share = area / (0.5 * scene.at_rest(triangle).cross().length());
+        let share = texel.area / (0.5 * scene.at_rest(triangle).cross().length());
         TexelPlace { triangle, barycentric_u: spot.barycentric.x, barycentric_v: spot.barycentric.y, share }
     };
-    let area = |at: u32| atlas.texels[at as usize].area;
     if atlas.draws.is_empty() {
-        return vec![places.iter().map(|at| place(area(*at), atlas.texels[*at as usize].spot)).collect()];
+        return vec![atlas.texels.iter().map(|texel| place((texel, texel.spot))).collect()];
     }
-    atlas.draws.iter().map(|draw| places.iter().map(|at| place(area(*at), draw[*at as usize])).collect()).collect()
+    atlas.draws.iter().map(|draw| atlas.texels.iter().zip(draw.iter().copied()).map(place).collect()).collect()
 }
 
 /// Whether texels are to be lit: nothing has been shot since the scene has changed last.

@@ -1,12 +1,12 @@
 //! A lightmap asked for the irradiance anywhere.
 
-use super::texels::{CORNERS, TexelSurface};
+use super::texels::{CORNERS, TexelSurface, link};
 use crate::contract::{
     Bodies, Description, Encoder, Input, MOST_BYTES, Output, PLACE, Parameter, ParameterKind, Pass, Place, Port, PortKind, Refusal, Takes, port,
 };
 use crate::math::{beside::is_beside, colour::luminance};
 use crate::schedule::*;
-use glam::Vec4;
+use glam::{IVec2, UVec4, Vec3, Vec4};
 use rayon::prelude::*;
 
 pub struct LightmapField;
@@ -36,11 +36,11 @@ impl Pass for LightmapField {
     fn encode(&self, e: &mut Encoder<'_>) -> Result<(), Refusal> {
         let Some(of) = e.lightmap("of").copied() else { return Ok(()) };
         let first = CORNERS * e.setting.needs.triangles.max(1);
-        let texels = of.edge * of.edge * of.sides;
-        let bytes = 16 * (u64::from(first) + u64::from(texels));
+        let bytes = 16 * (u64::from(first) + u64::from(of.edge).pow(2) + u64::from(of.places()));
         if bytes > MOST_BYTES {
+            let texels = of.places();
             let told =
-                format!("the light of {} texels and the corners of {} triangles do not fit into {} MiB", texels, e.setting.needs.triangles, MOST_BYTES >> 20);
+                format!("the light of {texels} texels and the corners of {} triangles do not fit into {} MiB", e.setting.needs.triangles, MOST_BYTES >> 20);
             return Err(Refusal::new("plan::lightmap_bytes", told, "halve the `resolution` of the Lightmap"));
         }
         let field = port::LightmapField { data: e.buffer("data", bytes), first, edge: of.edge, sides: of.sides };
@@ -68,7 +68,8 @@ fn lay_out_on_device(e: &mut Encoder<'_>, of: port::Lightmap, (field, told): (po
         .constant("TRIANGLES", e.setting.needs.triangles)
         .constant("FIRST", field.first)
         .constant("SMOOTH", smooth)
-        .bind("numbers", of.numbers)
+        .bind("cells", of.cells)
+        .bind("links", of.links)
         .bind("corners", of.corners)
         .bind("surfaces", of.surfaces)
         .bind("mean", of.mean)
@@ -77,25 +78,28 @@ fn lay_out_on_device(e: &mut Encoder<'_>, of: port::Lightmap, (field, told): (po
         .bind("sums", sums)
         .bind("told", told);
     e.compute(program.clone(), "lay_out_corners", Groups::linear(e.setting.needs.triangles.max(1).div_ceil(64)));
+    e.compute(program.clone(), "lay_out_cells", Groups::linear((of.edge * of.edge).div_ceil(64)));
     e.compute(program.clone(), "sum_bound", Groups::linear(groups));
     e.compute(program.clone(), "tell_bound", Groups::ONE);
-    e.compute(program, "lay_out_light", Groups::linear((of.edge * of.edge * of.sides).div_ceil(64)));
+    e.compute(program, "lay_out_light", Groups::linear(of.places().max(1).div_ceil(64)));
 }
 
 fn lay_out_on_host(e: &mut Encoder<'_>, of: port::Lightmap, (field, told): (port::LightmapField, Resource), smooth: u32) {
-    let reads = [of.numbers, of.corners, of.surfaces, of.mean].map(Read::whole);
+    let reads = [of.cells, of.links, of.corners, of.surfaces, of.mean].map(Read::whole);
     e.host("lay_out", &reads, &[field.data, told], move |host| {
         let mut data = host.take(field.data);
-        let numbers: &[u32] = bytemuck::cast_slice(host.read(of.numbers));
+        let cells: &[[u32; 4]] = bytemuck::cast_slice(host.read(of.cells));
         let corners: &[Vec4] = bytemuck::cast_slice(host.read(of.corners));
         let surfaces: &[TexelSurface] = bytemuck::cast_slice(host.read(of.surfaces));
         let mean: &[Vec4] = bytemuck::cast_slice(host.read(of.mean));
-        let (of_triangles, light) = data.split_at_mut(field.first as usize);
-        // What lay in its memory before may have been longer.
-        let light = &mut light[..(of.edge * of.edge * of.sides) as usize];
+        let (of_triangles, rest) = data.split_at_mut(field.first as usize);
+        let (of_cells, light) = rest.split_at_mut(field.lights() - field.first as usize);
         of_triangles.iter_mut().zip(corners).for_each(|(into, corners)| *into = *corners);
-        let around = Around { numbers, corners, surfaces, mean, edge: of.edge, sides: of.sides as usize, smooth: smooth as i32 };
-        light.par_iter_mut().enumerate().for_each(|(place, light)| *light = around.mean_at(place));
+        of_cells.iter_mut().zip(cells).for_each(|(into, cell)| *into = UVec4::from(*cell).as_vec4());
+        let around =
+            Around { cells, links: bytemuck::cast_slice(host.read(of.links)), surfaces, mean, edge: of.edge, sides: of.sides as usize, smooth: smooth as i32 };
+        // What lay in its memory before may have been longer.
+        light[..of.places() as usize].par_iter_mut().enumerate().for_each(|(place, light)| *light = around.mean_at(place));
         let bound = taken_by_bound(surfaces, mean, of.sides as usize);
         host.put(field.data, data, u64::MAX);
         host.write(told, 0, bytemuck::bytes_of(&bound));
@@ -115,8 +119,9 @@ fn taken_by_bound(surfaces: &[TexelSurface], mean: &[Vec4], sides: usize) -> u32
 
 /// Texels around each other.
 struct Around<'a> {
-    numbers: &'a [u32],
-    corners: &'a [Vec4],
+    cells: &'a [[u32; 4]],
+    /// Of each texel and side, and the cell.
+    links: &'a [[u32; 2]],
     surfaces: &'a [TexelSurface],
     mean: &'a [Vec4],
     edge: u32,
@@ -125,27 +130,36 @@ struct Around<'a> {
 }
 
 impl Around<'_> {
-    /// The mean irradiance of the texels around one that are on its surface, by their area, and its chart; 0 where there is none.
+    /// The mean irradiance of the texels around one that are on its surface, by their area, and its links; −1 where no light has ever come.
     fn mean_at(&self, place: usize) -> Vec4 {
-        let (at, side) = (place / self.sides, place % self.sides);
-        let Some(texel) = self.numbers[at].checked_sub(1) else { return Vec4::ZERO };
-        let own = &self.surfaces[texel as usize];
-        let centre = [at % self.edge as usize, at / self.edge as usize].map(|at| at as i32);
+        if self.mean[place].truncate() == Vec3::ZERO {
+            return Vec4::new(0.0, 0.0, 0.0, -1.0);
+        }
+        let (texel, side) = (place / self.sides, place % self.sides);
+        let own = &self.surfaces[texel];
         let mut sum = Vec4::ZERO;
         for y in -self.smooth..=self.smooth {
             for x in -self.smooth..=self.smooth {
-                let at = [centre[0] + x, centre[1] + y];
-                if at.iter().any(|at| !(0..self.edge as i32).contains(at)) {
-                    continue;
-                }
-                let Some(other) = self.numbers[(at[1] * self.edge as i32 + at[0]) as usize].checked_sub(1) else { continue };
-                let surface = &self.surfaces[other as usize];
+                let Some(other) = self.reached(texel, side, IVec2::new(x, y)) else { continue };
+                let surface = &self.surfaces[other];
                 if other == texel || is_beside(own.place(side), surface.place(side)) {
-                    sum += self.mean[other as usize * self.sides + side].truncate().extend(1.0) * surface.area.max(f32::MIN_POSITIVE);
+                    sum += self.mean[other * self.sides + side].truncate().extend(1.0) * surface.area.max(f32::MIN_POSITIVE);
                 }
             }
         }
-        let chart = self.corners[(CORNERS * own.triangle) as usize + 1].z;
-        (sum.truncate() / sum.w).extend(chart)
+        (sum.truncate() / sum.w).extend(self.links[place][0] as f32)
+    }
+
+    /// The texel so many cells away, if nothing is between on the way there, which goes askew first.
+    fn reached(&self, mut texel: usize, side: usize, mut way: IVec2) -> Option<usize> {
+        while way != IVec2::ZERO {
+            let step = way.signum();
+            let [links, cell] = self.links[texel * self.sides + side];
+            let part = link(links, step.to_array()).checked_sub(1)?;
+            let cell = cell as i32 + step.y * self.edge as i32 + step.x;
+            texel = (self.cells[cell as usize][0] - 1 + part) as usize;
+            way -= step;
+        }
+        Some(texel)
     }
 }

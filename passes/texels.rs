@@ -4,9 +4,12 @@ use crate::contract::port;
 use crate::host_struct;
 use crate::math::colour::reflectance_of;
 use crate::passes::irradiance_field::Point;
-use crate::scene::{Scene, Triangle};
+use crate::scene::{
+    Scene, Triangle,
+    atlas::walls::{LINK_BITS, PARTS},
+};
 use crate::schedule::*;
-use glam::{Vec2, Vec3, Vec4};
+use glam::{IVec2, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 use std::f32::consts::FRAC_1_PI;
 
@@ -80,12 +83,31 @@ impl TexelSurface {
 /// Vec4 that a triangle's corners take in a field.
 pub const CORNERS: u32 = 2;
 
-/// Where the point at weights of a triangle lies in a texture, and in which chart, by two vectors a triangle.
-pub fn laid_at(corners: &[Vec4], triangle: u32, weights: Vec2) -> (Vec2, f32) {
+/// Where the point at weights of a triangle lies in a texture, by two vectors a triangle.
+pub fn laid_at(corners: &[Vec4], triangle: u32, weights: Vec2) -> Vec2 {
     let [first, second] = [0, 1].map(|at| corners[(CORNERS * triangle + at) as usize]);
     let [a, b, c] = [Vec2::new(first.x, first.y), Vec2::new(first.z, first.w), Vec2::new(second.x, second.y)];
-    (a + (b - a) * weights.x + (c - a) * weights.y, second.z)
+    a + (b - a) * weights.x + (c - a) * weights.y
 }
+
+/// Which of a cell's parts a point within the cell is in: the nearest by the middle and the reach of each, of those that light has ever come to if there is any.
+pub fn part_at(parts: [u32; PARTS], within: Vec2, is_lit: impl Fn(u32) -> bool) -> u32 {
+    let distance = |packed: u32| {
+        let [x, y, reach] = [0, 8, 16].map(|shift| (packed >> shift & 255) as f32 / 255.0);
+        within.distance_squared(Vec2::new(x, y)) - reach * reach
+    };
+    let (mut nearest, mut least) = (0, f32::INFINITY);
+    for (part, packed) in (0..).zip(parts).filter(|(_, packed)| *packed != 0) {
+        let distance = distance(packed) + if is_lit(part) { 0.0 } else { UNLIT };
+        if distance < least {
+            (nearest, least) = (part, distance);
+        }
+    }
+    nearest
+}
+
+/// Further than any part of a cell is, squared.
+const UNLIT: f32 = 16.0;
 
 /// A lightmap that host steps ask: `shaders/lib/irradiance_field/lightmap.wgsl` has the twin.
 pub struct Looks<'a> {
@@ -100,42 +122,63 @@ impl<'a> Looks<'a> {
         Self { scene: host.scene(), data: bytemuck::cast_slice(host.read(field.data)), of: *field }
     }
 
-    /// Indirect irradiance at a point, between the four texels around it [W/m²].
+    /// Indirect irradiance at a point, between the four cells around it [W/m²].
     pub fn irradiance(&self, at: Point) -> Vec3 {
         let Some(number) = at.triangle.checked_sub(1) else { return Vec3::ZERO };
         let triangle = &self.scene.triangles[number as usize];
         let side = usize::from(self.of.sides == 2 && triangle.cross().dot(at.normal) < 0.0);
-        let (place, chart) = laid_at(self.data, number, nearest(triangle, at.position));
-        self.between(place, side, chart)
+        self.between(laid_at(self.data, number, nearest(triangle, at.position)), side)
     }
 
-    /// Between those of four texels that are of a chart.
-    fn between(&self, place: Vec2, side: usize, chart: f32) -> Vec3 {
+    /// Between those of four cells that go on into that of the place.
+    fn between(&self, place: Vec2, side: usize) -> Vec3 {
+        let own = place.floor().as_ivec2();
+        let Some(texel) = self.texel_at(place, own, side) else { return Vec3::ZERO };
+        let light = self.light(texel, side);
+        let links = light.w.max(0.0) as u32;
         let corner = (place - 0.5).floor();
         let share = place - 0.5 - corner;
         let mut sum = Vec4::ZERO;
         for (x, y) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
             let along = |step: i32, share: f32| if step == 0 { 1.0 - share } else { share };
             let weight = along(x, share.x) * along(y, share.y);
-            let texel = self.texel([corner.x as i32 + x, corner.y as i32 + y], side);
-            if texel.w == chart {
-                sum += texel.truncate().extend(1.0) * weight;
-            }
+            let way = corner.as_ivec2() + IVec2::new(x, y) - own;
+            let light = if way == IVec2::ZERO { Some(light) } else { self.linked(links, own + way, way).map(|texel| self.light(texel, side)) };
+            sum += light.map_or(Vec4::ZERO, |light| light.truncate().extend(1.0) * weight);
         }
-        if sum.w > 0.0 {
-            return sum.truncate() / sum.w;
-        }
-        self.texel([place.x as i32, place.y as i32], side).truncate()
+        sum.truncate() / sum.w
     }
 
-    /// Irradiance, and the number of the chart; 0 where there is none.
-    fn texel(&self, at: [i32; 2], side: usize) -> Vec4 {
-        if at.iter().any(|at| !(0..self.of.edge as i32).contains(at)) {
-            return Vec4::ZERO;
-        }
-        let place = (at[1] as usize * self.of.edge as usize + at[0] as usize) * self.of.sides as usize + side;
-        self.data[self.of.first as usize + place]
+    /// The number of the texel of a cell that goes on from one by whose links it is so far away.
+    fn linked(&self, links: u32, cell: IVec2, way: IVec2) -> Option<u32> {
+        let part = link(links, way.to_array()).checked_sub(1)?;
+        Some(self.cell(cell)?.x as u32 - 1 + part)
     }
+
+    /// The number of the texel that a place is in; none where there is no surface.
+    fn texel_at(&self, place: Vec2, cell: IVec2, side: usize) -> Option<u32> {
+        let found = self.cell(cell)?;
+        let first = (found.x as u32).checked_sub(1)?;
+        let parts = [found.y, found.z, found.w].map(|part| part as u32);
+        Some(first + part_at(parts, place - cell.as_vec2(), |part| self.light(first + part, side).w >= 0.0))
+    }
+
+    fn cell(&self, at: IVec2) -> Option<Vec4> {
+        let edge = self.of.edge as i32;
+        (at.cmpge(IVec2::ZERO).all() && at.cmplt(IVec2::splat(edge)).all()).then(|| self.data[self.of.first as usize + (at.y * edge + at.x) as usize])
+    }
+
+    /// Irradiance, and links, or −1 where there has never been light.
+    fn light(&self, texel: u32, side: usize) -> Vec4 {
+        self.data[self.of.lights() + (texel * self.of.sides) as usize + side]
+    }
+}
+
+/// What links tell of the neighbour that is a step away along each axis: 0 for nothing, or the number of the texel in its cell + 1.
+pub fn link(links: u32, [x, y]: [i32; 2]) -> u32 {
+    let at = 3 * (y + 1) + x + 1;
+    let bit = at - i32::from(at > 4);
+    links >> (LINK_BITS as i32 * bit) & 3
 }
 
 /// Weights of corners 1 and 2 at the point of a triangle that is nearest to one beside its plane.
@@ -168,5 +211,36 @@ impl TexelPlace {
     /// Of the texel, its triangle as it lies now [scene units²].
     pub fn area(&self, triangle: &Triangle) -> f32 {
         self.share * 0.5 * triangle.cross().length()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::atlas::walls::{NEIGHBOURS, packed};
+
+    #[test]
+    fn links_are_in_the_order_of_neighbours() {
+        for (bit, way) in (0..).zip(NEIGHBOURS) {
+            assert_eq!(link(2 << (LINK_BITS * bit), way), 2, "{way:?}");
+            assert_eq!(link(!(3 << (LINK_BITS * bit)) & 0xffff, way), 0, "{way:?}");
+        }
+    }
+
+    #[test]
+    fn a_place_is_in_the_part_that_reaches_there() {
+        // A wall a tenth of a cell from its left edge.
+        let rows = || (0..10).map(|row| (row as f32 + 0.5) / 10.0);
+        let columns =
+            |from: f32, to: f32| rows().flat_map(|y| (0..9).map(move |step| Vec2::new(from + (to - from) * step as f32 / 8.0, y))).collect::<Vec<_>>();
+        let (left, right) = (columns(0.01, 0.09), columns(0.11, 0.99));
+        let parts = [packed(&right, &left), packed(&left, &right), 0];
+        let found = |x: f32, y: f32| part_at(parts, Vec2::new(x, y), |_| true);
+        for y in rows() {
+            assert_eq!([found(0.05, y), found(0.15, y), found(0.6, y)], [1, 0, 0], "{y}");
+        }
+        // What no light has come to is beneath the wall.
+        assert_eq!(part_at(parts, Vec2::new(0.5, 0.5), |part| part == 1), 1);
+        assert_eq!(part_at([0; PARTS], Vec2::new(0.5, 0.5), |_| false), 0);
     }
 }

@@ -5,13 +5,15 @@
 
 // A lightmap laid out for looks: as passes/lightmap_field.rs.
 
-// Where each triangle's corners lie, and in which chart: two a triangle.
+// Where each triangle's corners lie: two a triangle.
 @group(0) @binding(0) var<storage, read> corners: array<vec4f>;
 @group(0) @binding(1) var<storage, read> surfaces: array<TexelSurface>;
 @group(0) @binding(2) var<storage, read> mean: array<vec4f>;
 @group(0) @binding(3) var<storage, read_write> data: array<vec4f>;
-// The texel at each place of the texture, + 1; 0 where there is none.
-@group(0) @binding(4) var<storage, read> numbers: array<u32>;
+// Of each cell of the texture the number of its first texel + 1, 0 where there is none, and its parts.
+@group(0) @binding(4) var<storage, read> cells: array<vec4u>;
+// Of each texel and side which texels beside go on from it, and the number of its cell.
+@group(0) @binding(7) var<storage, read> links: array<vec2u>;
 
 // Of each group of texels, the light that shots have brought and what their bound has taken, by area.
 @group(0) @binding(5) var<storage, read_write> sums: array<vec2f>;
@@ -22,7 +24,7 @@ override PLACES: u32 = 1u;
 override EDGE: u32 = 16u;
 override SIDES: u32 = 1u;
 override TRIANGLES: u32 = 1u;
-// Where the light starts.
+// Where the cells start.
 override FIRST: u32 = 2u;
 // How far away texels are whose mean each becomes.
 override SMOOTH: u32 = 0u;
@@ -37,36 +39,48 @@ fn lay_out_corners(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups)
 }
 
 @compute @workgroup_size(64)
+fn lay_out_cells(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) lane: u32) {
+    let cell = (group.x + group.y * groups.x) * 64u + lane;
+    if cell < EDGE * EDGE {
+        data[FIRST + cell] = vec4f(cells[cell]);
+    }
+}
+
+@compute @workgroup_size(64)
 fn lay_out_light(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_index) lane: u32) {
     let place = (group.x + group.y * groups.x) * 64u + lane;
-    if place >= EDGE * EDGE * SIDES {
+    if place >= PLACES {
         return;
     }
-    let number = numbers[place / SIDES];
-    var laid = vec4f(0.0);
-    if number != 0u {
-        let centre = vec2i(vec2u(place / SIDES % EDGE, place / SIDES / EDGE));
+    var laid = vec4f(0.0, 0.0, 0.0, -1.0);
+    if any(mean[place].rgb != vec3f(0.0)) {
         let reach = i32(SMOOTH);
         var sum = vec4f(0.0);
         for (var y = -reach; y <= reach; y++) {
             for (var x = -reach; x <= reach; x++) {
-                let at = centre + vec2i(x, y);
-                if all(at >= vec2i(0)) && all(at < vec2i(i32(EDGE))) {
-                    sum += counted(number - 1u, numbers[u32(at.y) * EDGE + u32(at.x)], place % SIDES);
-                }
+                sum += counted(place / SIDES, place % SIDES, vec2i(x, y));
             }
         }
-        laid = vec4f(sum.rgb / max(sum.w, 1e-37), corners[2u * surfaces[number - 1u].triangle + 1u].z);
+        laid = vec4f(sum.rgb / max(sum.w, 1e-37), f32(links[place].x));
     }
-    data[FIRST + place] = laid;
+    data[FIRST + EDGE * EDGE + place] = laid;
 }
 
-// What another texel, of which the number + 1 is given, counts for one: its light and its area, if it is on the same surface.
-fn counted(texel: u32, number: u32, side: u32) -> vec4f {
-    if number == 0u {
-        return vec4f(0.0);
+// What the texel so many cells away counts for one: its light and its area, if it is on the same surface, and nothing is between on the way there, which goes askew first.
+fn counted(texel: u32, side: u32, way: vec2i) -> vec4f {
+    var other = texel;
+    var rest = way;
+    while any(rest != vec2i(0)) {
+        let step = sign(rest);
+        let of_other = links[other * SIDES + side];
+        let link = link_of(of_other.x, step);
+        if link == 0u {
+            return vec4f(0.0);
+        }
+        let cell = i32(of_other.y) + step.y * i32(EDGE) + step.x;
+        other = cells[cell].x - 1u + link - 1u;
+        rest -= step;
     }
-    let other = number - 1u;
     let own = surfaces[texel];
     let surface = surfaces[other];
     let counts = other == texel || is_beside(own.position, normal_of_side(own, side), surface.position, normal_of_side(surface, side));

@@ -77,7 +77,7 @@ impl Pass for Shoot {
 fn parts(e: &mut Encoder<'_>, to: &port::Lightmap, rays: Option<f32>) -> Resource {
     let parts = e.history_buffer("parts", rays.map_or(0, |_| 4 * u64::from(to.places())));
     if to.remembers > 0 {
-        e.survives_with(to.numbers, &[parts], &[]);
+        e.survives_with(to.cells, &[parts], &[]);
     }
     parts
 }

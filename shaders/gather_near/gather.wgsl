@@ -7,8 +7,8 @@
 // What is nearer to texels than the bound of shots: as passes/gather_near.rs.
 
 @group(0) @binding(0) var<storage, read> surfaces: array<TexelSurface>;
-// The texel at each place of the texture, + 1; 0 where there is none.
-@group(0) @binding(1) var<storage, read> atlas_numbers: array<u32>;
+// Of each cell of the texture the number of its first texel + 1, 0 where there is none, and its parts.
+@group(0) @binding(1) var<storage, read> cells: array<vec4u>;
 // Where each triangle's corners lie: two a triangle.
 @group(0) @binding(2) var<storage, read> atlas_corners: array<vec4f>;
 // Radiance, and the square of the distance within which shots are bounded; less than 0 where no shot has come yet.
@@ -58,13 +58,31 @@ fn along(own: TexelSurface, origin: vec3f, direction: vec3f) -> vec3f {
     let e2 = scene_corners[3u * hit.triangle + 2u].xyz;
     let position = origin + direction * hit.distance;
     let weights = nearest_weights(e1, e2, position - scene_corners[3u * hit.triangle].xyz);
-    let at = min(vec2u(laid_at(atlas_corners[2u * hit.triangle], atlas_corners[2u * hit.triangle + 1u], weights)), vec2u(EDGE - 1u));
-    let number = atlas_numbers[at.y * EDGE + at.x];
+    let place = laid_at(atlas_corners[2u * hit.triangle], atlas_corners[2u * hit.triangle + 1u], weights);
+    let at = min(vec2u(place), vec2u(EDGE - 1u));
+    let cell = cells[at.y * EDGE + at.x];
     let from_behind = dot(cross(e1, e2), direction) > 0.0;
-    if number == 0u || (from_behind && SIDES == 1u) {
+    if cell.x == 0u || (from_behind && SIDES == 1u) {
         return vec3f(0.0);
     }
-    let there = shine[(number - 1u) * SIDES + select(0u, 1u, from_behind)];
+    let there = shine[(cell.x - 1u + part_at(cell, place - vec2f(at), u32(from_behind))) * SIDES + u32(from_behind)];
     let bound = max(abs(there.w), own.area * NEAREST_TEXEL);
     return there.rgb * max(1.0 - hit.distance * hit.distance / bound, 0.0);
+}
+
+// Which of a cell's texels a point within it is in: as texels::part_at.
+fn part_at(cell: vec4u, within: vec2f, side: u32) -> u32 {
+    var nearest = 0u;
+    var least = 1e30;
+    for (var part = 0u; part < 3u; part++) {
+        let packed = cell[part + 1u];
+        if packed == 0u {
+            break;
+        }
+        let is_lit = shine[(cell.x - 1u + part) * SIDES + side].w >= 0.0;
+        let distance = distance_of_part(packed, within) + select(UNLIT, 0.0, is_lit);
+        nearest = select(nearest, part, distance < least);
+        least = min(least, distance);
+    }
+    return nearest;
 }

@@ -24,6 +24,22 @@ struct Shot {
 // The square of the distance within which a texel neither brings nor takes more, over its area.
 const NEAREST_TEXEL = 4.0;
 
+// Further than any part of a cell is, squared.
+const UNLIT = 16.0;
+
+// Which of a cell's parts a point within the cell is in, by how far it is from each less how far that reaches, squared: as texels::part_at.
+fn distance_of_part(packed: u32, within: vec2f) -> f32 {
+    let unpacked = vec3f(f32(packed & 255u), f32((packed >> 8u) & 255u), f32((packed >> 16u) & 255u)) / 255.0;
+    let way = within - unpacked.xy;
+    return dot(way, way) - unpacked.z * unpacked.z;
+}
+
+// What links tell of the neighbour that is a step away along each axis: as texels::link.
+fn link_of(links: u32, way: vec2i) -> u32 {
+    let at = u32(3 * (way.y + 1) + way.x + 1);
+    return (links >> (2u * select(at, at - 1u, at > 4u))) & 3u;
+}
+
 // The reflectance of bits: as math::colour.
 fn reflectance_of(bits: u32) -> vec3f {
     let root = vec3f(f32(bits & 2047u), f32((bits >> 11u) & 2047u), f32(bits >> 22u)) / vec3f(2047.0, 2047.0, 1023.0);

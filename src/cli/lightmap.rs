@@ -4,6 +4,7 @@ use super::dump::{file, items, write_layers};
 use super::failure::Failure;
 use crate::contract::port;
 use crate::gpu::block_on;
+use crate::math::colour::luminance;
 use crate::measure::{Layer, Layers, PICTURE, exposure::automatic_exposure, run::Run};
 use crate::passes::texels::{TexelSurface, radiance};
 use glam::{Vec3, Vec4};
@@ -23,7 +24,7 @@ pub fn write(lightmap: &port::Lightmap, run: &Run, name: &str, beside: &Path) ->
     file(beside, name, "glb")?.write(&mesh.glb(&texture)?)
 }
 
-/// Every texel at its place, the backs of surfaces below their fronts.
+/// Every cell at its place, the backs of surfaces below their fronts; of several texels the one with the most light is shown.
 struct Texture {
     edge: u32,
     sides: u32,
@@ -40,12 +41,17 @@ struct Texture {
 impl Texture {
     fn of(lightmap: &port::Lightmap, run: &Run) -> Result<Self, Failure> {
         let (edge, sides) = (lightmap.edge, lightmap.sides);
-        let numbers: Vec<u32> = items(run, lightmap.numbers, edge * edge)?;
+        let cells: Vec<[u32; 4]> = items(run, lightmap.cells, edge * edge)?;
         let surfaces: Vec<TexelSurface> = items(run, lightmap.surfaces, lightmap.texels)?;
         let [mean, direct]: [Vec<Vec4>; 2] = [items(run, lightmap.mean, lightmap.places())?, items(run, lightmap.direct, lightmap.places())?];
-        let texels: Vec<Option<(usize, usize)>> = (0..sides)
-            .flat_map(|side| numbers.iter().map(move |number| number.checked_sub(1).map(|number| (number as usize, (number * sides + side) as usize))))
-            .collect();
+        let lit = |place: &usize| luminance(mean[*place].truncate().as_dvec3());
+        let shown = |[number, parts @ ..]: &[u32; 4], side: u32| {
+            let texels = (0..parts.iter().filter(|part| **part != 0).count().max(1) as u32).map(|part| (number - 1 + part) * sides + side);
+            texels.map(|place| place as usize).max_by(|a, b| lit(a).total_cmp(&lit(b)))
+        };
+        let at = |cell: &[u32; 4], side| if cell[0] == 0 { None } else { shown(cell, side) };
+        let texels: Vec<Option<(usize, usize)>> =
+            (0..sides).flat_map(|side| cells.iter().map(move |cell| at(cell, side).map(|place| (place / sides as usize, place)))).collect();
         let scene = &run.stage().scene;
         let sent = |(number, place): (usize, usize)| {
             let material = &scene.materials[scene.triangles[surfaces[number].triangle as usize].material as usize];

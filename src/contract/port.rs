@@ -476,15 +476,17 @@ pub struct PhotonDensity {
 /// Light kept in the surfaces' own texture: of the texels that stand for something, neighbours in space after each other, one side after the other.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Lightmap {
-    /// Texels along an edge of the texture.
+    /// Cells along an edge of the texture.
     pub edge: u32,
-    /// How many of them stand for something.
+    /// How many texels there are: one in each cell that surfaces lie in, more in those that walls go through.
     pub texels: u32,
     /// 2 where surfaces are seen from both sides, the front first; otherwise 1.
     pub sides: u32,
-    /// Buffer of u32: for each place of the texture, row by row, the number of the texel there + 1; 0 where there is none.
-    pub numbers: Resource,
-    /// Buffer of vec4, two a triangle, as [`LightmapField::data`] begins with: where its corners lie [texels], and in which chart.
+    /// Buffer of [`crate::scene::atlas::Cell`], row by row.
+    pub cells: Resource,
+    /// Buffer of two u32, of each texel and side: [`crate::scene::atlas::Atlas::links`], and the number of its cell.
+    pub links: Resource,
+    /// Buffer of vec4, two a triangle, as [`LightmapField::data`] begins with: where its corners lie [cells].
     pub corners: Resource,
     /// Buffer of [`crate::passes::texels::TexelPlace`], without regard to sides: a point of each texel, then another of each, and so on.
     pub places: Resource,
@@ -562,12 +564,12 @@ impl ShooterViews {
 /// A lightmap that can be asked for the irradiance at any point of a triangle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LightmapField {
-    /// Buffer of vec4: of each triangle two, whose first six numbers tell where its corners lie, and the seventh in which chart; then indirect irradiance [W/m²] row by row,
-    /// one side after the other, and the chart, 0 where there is none.
+    /// Buffer of vec4: of each triangle two, whose first six numbers tell where its corners lie; then [`crate::scene::atlas::Cell`]s row by row, as floats; then of each texel and side
+    /// indirect irradiance [W/m²], and its links as a float, or −1 where no light has ever come.
     pub data: Resource,
-    /// Where the texels start [vec4].
+    /// Where the cells start [vec4].
     pub first: u32,
-    /// Texels along an edge.
+    /// Cells along an edge.
     pub edge: u32,
     /// As those of the lightmap.
     pub sides: u32,
@@ -720,15 +722,22 @@ impl PhotonMap {
     }
 }
 
+impl LightmapField {
+    /// Where the light of texels starts in its data [vec4].
+    pub fn lights(&self) -> usize {
+        (self.first + self.edge * self.edge) as usize
+    }
+}
+
 impl Lightmap {
-    fn resources(&self) -> [Resource; 7] {
-        [self.numbers, self.corners, self.surfaces, self.direct, self.fresh, self.near, self.mean]
+    fn resources(&self) -> [Resource; 8] {
+        [self.cells, self.links, self.corners, self.surfaces, self.direct, self.fresh, self.near, self.mean]
     }
 
     fn over(&mut self, memory: &mut dyn Memory) {
-        [&mut self.numbers, &mut self.corners, &mut self.surfaces, &mut self.direct, &mut self.fresh, &mut self.near, &mut self.mean]
-            .into_iter()
-            .for_each(|r| replace(r, memory));
+        let resources =
+            [&mut self.cells, &mut self.links, &mut self.corners, &mut self.surfaces, &mut self.direct, &mut self.fresh, &mut self.near, &mut self.mean];
+        resources.into_iter().for_each(|r| replace(r, memory));
         self.iterations = memory.variable(self.iterations);
     }
 

@@ -3,12 +3,17 @@
 //! Triangles that go on into each other without an edge make a chart, which is flattened on the plane of its first triangle. All charts have the same scale, and none has a
 //! part of another's texel. Where several triangles of a chart meet in a texel, it stands for any of them by chance, at the middle of its part, with the area of all: the areas of
 //! the texels add up to that of the surfaces. Things that move are laid out as they are at rest. Charts of less than half a texel are crumbs: those that lie close together and face a similar way share a texel.
+//! A cell of the square that a wall stands on is a texel for each part that the wall leaves of it.
 
 use super::{Scene, Triangle};
 use crate::math::random::{combine, hash, unit};
 use crate::math::{frame::Frame, morton::Cube};
 use glam::{DVec2, Vec2, Vec3};
+use rayon::prelude::*;
 use std::collections::{BTreeMap, HashMap};
+use walls::{PARTS, POINTS, Place, Walls};
+
+pub mod walls;
 
 /// How triangles are put together.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -22,20 +27,43 @@ pub enum Charts {
 /// Which triangle lies where.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Atlas {
-    /// Texels along an edge.
+    /// Cells along an edge.
     pub edge: u32,
-    /// Of each triangle [texels]; all the same where it has no area.
+    /// Of each triangle [cells]; all the same where it has no area.
     pub corners: Vec<[Vec2; 3]>,
     /// Of each triangle, from 1 on; 0 where it has no area.
     pub chart_of: Vec<u32>,
     /// Row by row.
+    pub cells: Vec<Cell>,
+    /// Neighbours in space after each other, those of a cell too.
     pub texels: Vec<Texel>,
     /// Other points that the same texels stand for, any of their surface by chance, as often as was asked for.
     pub draws: Vec<Vec<Spot>>,
+    /// Of each texel and side, which texel of each of the eight [neighbours](walls::NEIGHBOURS) of its cell goes on from it: two bits each, 0 for none, otherwise its number in that cell + 1.
+    pub links: Vec<u32>,
     /// How many charts there are.
     pub charts: usize,
+    /// Cells of several texels.
+    pub cut: usize,
     /// Triangles with an area that no texel stands for: what is kept for them is that of others beside them.
     pub crowded: usize,
+}
+
+/// A square of the texture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Cell {
+    /// The number of its first texel + 1; 0 where it has none.
+    pub first: u32,
+    /// Where the parts of a cell of several texels are: of each the middle and its reach, 8 bits each; 0 where there is none.
+    pub parts: [u32; PARTS],
+}
+
+impl Cell {
+    /// Texels.
+    pub fn count(&self) -> usize {
+        let parts = self.parts.iter().filter(|part| **part != 0).count();
+        if self.first == 0 { 0 } else { parts.max(1) }
+    }
 }
 
 /// What a texel stands for.
@@ -45,6 +73,8 @@ pub struct Texel {
     pub spot: Spot,
     /// Of all surfaces in it, at rest [scene units²].
     pub area: f32,
+    /// Row by row.
+    pub cell: u32,
 }
 
 /// A point of a triangle.
@@ -66,6 +96,8 @@ const CRUMB: f32 = 0.5;
 const INSET: f32 = 0.02;
 /// Halvings of the scale that is looked for.
 const TRIES: u32 = 24;
+/// Points by which it is found whether a wall goes through a cell.
+const FEWEST_DRAWS: u32 = 4;
 /// How much of a texel several triangles may take in all: more is a chart that lies on itself.
 const MOST_COVERED: f32 = 1.05;
 
@@ -80,66 +112,229 @@ struct Chart {
     axis: u8,
 }
 
+/// What is asked of an atlas.
+#[derive(Debug, Clone, Copy)]
+pub struct Wanted {
+    /// Cells along an edge.
+    pub edge: u32,
+    /// Which triangles lie together.
+    pub charts: Charts,
+    /// Points of each texel by chance, beside the one in its middle.
+    pub draws: u32,
+    /// 2 where surfaces are seen from both sides, otherwise 1.
+    pub sides: u32,
+}
+
 impl Atlas {
-    /// Of all triangles that have an area, with so many other points of each texel.
-    pub fn new(scene: &Scene, edge: u32, by: Charts, draws: u32) -> Self {
-        let groups = match by {
+    /// Of all triangles that have an area.
+    pub fn new(scene: &Scene, wanted: Wanted) -> Self {
+        let groups = match wanted.charts {
             Charts::Smooth => smooth_groups(scene),
             Charts::Each => {
                 (0..scene.triangles.len() as u32).filter(|number| scene.at_rest(*number).face_normal() != Vec3::ZERO).map(|number| vec![number]).collect()
             }
         };
-        let (atlas, folded) = Self::of_groups(scene, [edge, draws], &groups);
+        let (laid, folded) = Laid::new(scene, wanted.edge, &groups);
         if folded.iter().all(|folded| !folded) {
-            return atlas;
+            return laid.atlas(scene, wanted);
         }
         let alone = |group: Vec<u32>| group.into_iter().map(|number| vec![number]).collect();
         let apart = groups.into_iter().zip(folded).flat_map(|(group, folded)| if folded { alone(group) } else { vec![group] });
-        Self::of_groups(scene, [edge, draws], &apart.collect::<Vec<_>>()).0
+        Laid::new(scene, wanted.edge, &apart.collect::<Vec<_>>()).0.atlas(scene, wanted)
     }
+}
 
-    /// The atlas, and which groups lie on themselves.
-    fn of_groups(scene: &Scene, [edge, draws]: [u32; 2], groups: &[Vec<u32>]) -> (Self, Vec<bool>) {
+/// Where triangles lie.
+struct Laid {
+    edge: u32,
+    /// Cells a scene unit.
+    scale: f32,
+    charts: usize,
+    corners: Vec<[Vec2; 3]>,
+    /// Of each triangle, from 1 on; 0 where it has no area.
+    chart_of: Vec<u32>,
+    /// With the cell of those that lie wholly in one.
+    triangles: Vec<(u32, Option<[u32; 2]>)>,
+}
+
+impl Laid {
+    /// With which groups lie on themselves.
+    fn new(scene: &Scene, edge: u32, groups: &[Vec<u32>]) -> (Self, Vec<bool>) {
         let charts: Vec<Chart> = groups.iter().map(|group| Chart::new(scene, group)).collect();
         let Layout { scale, pieces } = Layout::new(&charts, edge);
-        let mut corners = vec![[Vec2::ZERO; 3]; scene.triangles.len()];
-        let mut chart_of = vec![0; scene.triangles.len()];
-        let mut filled = Filled::new(edge, draws);
-        let mut folded = vec![false; charts.len()];
-        let area = |triangle: u32| 0.5 * scene.at_rest(triangle).cross().length();
+        let mut laid = Self {
+            edge,
+            scale,
+            charts: charts.len(),
+            corners: vec![[Vec2::ZERO; 3]; scene.triangles.len()],
+            chart_of: vec![0; scene.triangles.len()],
+            triangles: Vec::new(),
+        };
+        let mut group_of = vec![0; scene.triangles.len()];
         for (number, piece) in (1..).zip(&pieces) {
             let origin = Vec2::new(piece.place[0] as f32, piece.place[1] as f32);
             for &at in &piece.charts {
-                let chart = &charts[at];
-                for (&triangle, flat) in chart.triangles.iter().zip(&chart.corners) {
-                    chart_of[triangle as usize] = number;
-                    let own = &mut corners[triangle as usize];
-                    if piece.is_of_crumbs {
-                        *own = [origin + 0.5; 3];
-                        filled.add_crumb(triangle, piece.place, area(triangle));
-                    } else {
-                        *own = flat.map(|corner| origin + INSET + corner * scale);
-                        folded[at] |= filled.add(triangle, own, area(triangle));
-                    }
+                for (&triangle, flat) in charts[at].triangles.iter().zip(&charts[at].corners) {
+                    laid.chart_of[triangle as usize] = number;
+                    group_of[triangle as usize] = at;
+                    laid.corners[triangle as usize] = if piece.is_of_crumbs { [origin + 0.5; 3] } else { flat.map(|corner| origin + INSET + corner * scale) };
+                    laid.triangles.push((triangle, piece.is_of_crumbs.then_some(piece.place)));
                 }
             }
         }
-        let crowded = charts.iter().flat_map(|chart| &chart.triangles).filter(|number| !filled.stands_for(**number, &corners)).count();
-        let (texels, draws) = filled.finish();
-        (Self { edge, corners, chart_of, texels, draws, charts: charts.len(), crowded }, folded)
+        let mut folded = vec![false; charts.len()];
+        let mut covered = vec![0.0; (edge * edge) as usize];
+        for (triangle, _) in laid.triangles.iter().filter(|(_, crumb)| crumb.is_none()) {
+            let corners = &laid.corners[*triangle as usize];
+            let group = &mut folded[group_of[*triangle as usize]];
+            for (at, cell) in touched(corners, edge) {
+                let covered: &mut f32 = &mut covered[at as usize];
+                *covered += part_within(corners.map(Vec2::as_dvec2), cell).measured().map_or(0.0, |(part, _)| part as f32);
+                *group |= *covered > MOST_COVERED;
+            }
+        }
+        (laid, folded)
     }
 
-    /// Where the texels are that stand for something, neighbours in space after each other.
-    pub fn in_space(&self, scene: &Scene) -> Vec<u32> {
-        let position = |Texel { spot, .. }: &Texel| scene.at_rest(spot.triangle - 1).position(spot.barycentric);
-        let taken = || (0u32..).zip(&self.texels).filter(|(_, texel)| texel.spot.triangle != 0);
-        let low = taken().fold(Vec3::INFINITY, |low, (_, texel)| low.min(position(texel)));
-        let high = taken().fold(Vec3::NEG_INFINITY, |high, (_, texel)| high.max(position(texel)));
-        let cube = Cube::around(low, high);
-        let mut places: Vec<(u32, u32)> = taken().map(|(place, texel)| (cube.code(position(texel)), place)).collect();
-        places.sort_unstable();
-        places.into_iter().map(|(_, place)| place).collect()
+    fn fill(&self, scene: &Scene, mut filled: Filled) -> Filled {
+        for (triangle, crumb) in &self.triangles {
+            let area = 0.5 * scene.at_rest(*triangle).cross().length();
+            match crumb {
+                Some(cell) => filled.add_crumb(*triangle, *cell, area),
+                None => filled.add(*triangle, &self.corners[*triangle as usize], area),
+            }
+        }
+        filled
     }
+
+    fn atlas(self, scene: &Scene, wanted: Wanted) -> Atlas {
+        let all: Vec<u32> = (0..self.edge * self.edge).collect();
+        let filled = self.fill(scene, Filled::new(self.edge, wanted.draws.max(FEWEST_DRAWS), &all));
+        let crowded = self.triangles.iter().filter(|(number, _)| !filled.stands_for(*number, &self.corners)).count();
+        let charts = self.charts_of_cells(&filled);
+        let walls = Walls::new(scene, 1.0 / self.scale.max(f32::MIN_POSITIVE));
+        let cut = self.cut(scene, (&filled, &charts), &walls, wanted.sides);
+        let mut cells = vec![Cell::default(); all.len()];
+        let mut parts: Vec<Part> = Vec::with_capacity(all.len());
+        for at in self.in_space(scene, &filled) {
+            let cell = &mut cells[at as usize];
+            cell.first = parts.len() as u32 + 1;
+            let area = filled.areas[at as usize];
+            match cut.get(&at) {
+                Some(own) => {
+                    cell.parts = self.packed(at, own);
+                    let count: usize = own.iter().map(Vec::len).sum();
+                    parts.extend(own.iter().map(|points| Part { cell: at, area: (area * points.len() as f64 / count as f64) as f32, points: points.clone() }));
+                }
+                None => parts.push(Part { cell: at, area: area as f32, points: vec![self.place(scene, filled.spots[at as usize])] }),
+            }
+        }
+        let draw = |number: usize| {
+            let of_part = |part: &Part| match cut.contains_key(&part.cell) {
+                true => part.points[number % part.points.len()].spot,
+                false => filled.draws[number][part.cell as usize],
+            };
+            parts.iter().map(of_part).collect()
+        };
+        let links = walls.links(&parts, (&cells, &charts), [self.edge, wanted.sides]);
+        Atlas {
+            edge: self.edge,
+            cells,
+            draws: (0..wanted.draws as usize).map(draw).collect(),
+            links,
+            texels: parts.iter().map(|part| Texel { spot: part.points[0].spot, area: part.area, cell: part.cell }).collect(),
+            corners: self.corners,
+            chart_of: self.chart_of,
+            charts: self.charts,
+            cut: cut.len(),
+            crowded,
+        }
+    }
+
+    /// Of each cell, [`NONE`] where there is none or crumbs share it, which have nothing in common.
+    fn charts_of_cells(&self, filled: &Filled) -> Vec<u32> {
+        let mut charts: Vec<u32> =
+            filled.spots.iter().map(|spot| spot.triangle.checked_sub(1).map_or(NONE, |triangle| self.chart_of[triangle as usize])).collect();
+        for [x, y] in self.triangles.iter().filter_map(|(_, crumb)| *crumb) {
+            charts[(y * self.edge + x) as usize] = NONE;
+        }
+        charts
+    }
+
+    /// Of cells that a wall goes through, the points of each part.
+    fn cut(&self, scene: &Scene, (filled, charts): (&Filled, &[u32]), walls: &Walls, sides: u32) -> HashMap<u32, Vec<Vec<Place>>> {
+        let is_crossed = |cell: &u32| {
+            let chart = charts[*cell as usize];
+            if chart == NONE {
+                return false;
+            }
+            let within = filled.draws.iter().map(|draw| draw[*cell as usize]);
+            let beside = neighbours(*cell, self.edge).flatten().filter(|other| charts[*other as usize] == chart).map(|other| filled.spots[other as usize]);
+            let place = |spot| self.place(scene, spot);
+            walls.is_between(&place(filled.spots[*cell as usize]), within.chain(beside).map(place), sides as usize)
+        };
+        let mut crossed: Vec<u32> = (0..self.edge * self.edge).into_par_iter().filter(is_crossed).collect();
+        // There are no more texels than an atlas without walls may have.
+        let free = filled.spots.iter().filter(|spot| spot.triangle == 0).count();
+        crossed.truncate(free / (PARTS - 1));
+        let points = self.fill(scene, Filled::new(self.edge, POINTS as u32, &crossed));
+        let parts = |(slot, cell): (usize, &u32)| {
+            let points: Vec<Place> = points.draws.iter().map(|draw| self.place(scene, draw[slot])).collect();
+            let mut parts = walls.parts(&points, sides as usize);
+            if parts.len() == 1 {
+                return None;
+            }
+            parts.truncate(PARTS);
+            parts.retain(|part| part.len() > 1);
+            let parts: Vec<Vec<Place>> = parts.into_iter().map(|part| part.into_iter().map(|point| points[point]).collect()).collect();
+            (!parts.is_empty()).then_some((*cell, parts))
+        };
+        crossed.par_iter().enumerate().filter_map(parts).collect()
+    }
+
+    /// Where the parts of a cell are within it.
+    fn packed(&self, cell: u32, parts: &[Vec<Place>]) -> [u32; PARTS] {
+        let corner = Vec2::new((cell % self.edge) as f32, (cell / self.edge) as f32);
+        let within = |part: &[Place]| part.iter().map(|place| place.at - corner).collect::<Vec<_>>();
+        std::array::from_fn(|number| {
+            let Some(own) = parts.get(number) else { return 0 };
+            let others: Vec<Vec2> = (0..).zip(parts).filter(|(other, _)| *other != number).flat_map(|(_, part)| within(part)).collect();
+            walls::packed(&within(own), &others)
+        })
+    }
+
+    /// The cells that stand for something, neighbours in space after each other.
+    fn in_space(&self, scene: &Scene, filled: &Filled) -> Vec<u32> {
+        let taken = || (0u32..).zip(&filled.spots).filter(|(_, spot)| spot.triangle != 0).map(|(cell, spot)| (self.place(scene, *spot).position, cell));
+        let low = taken().fold(Vec3::INFINITY, |low, (position, _)| low.min(position));
+        let high = taken().fold(Vec3::NEG_INFINITY, |high, (position, _)| high.max(position));
+        let cube = Cube::around(low, high);
+        let mut cells: Vec<(u32, u32)> = taken().map(|(position, cell)| (cube.code(position), cell)).collect();
+        cells.sort_unstable();
+        cells.into_iter().map(|(_, cell)| cell).collect()
+    }
+
+    fn place(&self, scene: &Scene, spot: Spot) -> Place {
+        let [a, b, c] = self.corners[spot.triangle as usize - 1];
+        let triangle = scene.at_rest(spot.triangle - 1);
+        let at = a + (b - a) * spot.barycentric.x + (c - a) * spot.barycentric.y;
+        Place { spot, at, position: triangle.position(spot.barycentric), normal: triangle.face_normal() }
+    }
+}
+
+/// The eight cells around one, none beyond an edge.
+fn neighbours(cell: u32, edge: u32) -> impl Iterator<Item = Option<u32>> {
+    walls::NEIGHBOURS.into_iter().map(move |[x, y]| {
+        let at = [(cell % edge) as i32 + x, (cell / edge) as i32 + y];
+        at.iter().all(|at| (0..edge as i32).contains(at)).then(|| at[1] as u32 * edge + at[0] as u32)
+    })
+}
+
+/// What becomes a texel.
+struct Part {
+    cell: u32,
+    area: f32,
+    points: Vec<Place>,
 }
 
 impl Chart {
@@ -244,67 +439,65 @@ fn shelved(mut pieces: Vec<Piece>, charts: &[Chart], edge: u32) -> Option<Vec<Pi
     Some(pieces)
 }
 
-/// What the texels have found so far.
+/// What some of the cells have found so far.
 struct Filled {
     edge: u32,
-    texels: Vec<Texel>,
+    /// Of each cell, where it is in what follows; [`NONE`] of others.
+    slots: Vec<u32>,
+    /// In the middle of one of a cell's parts.
+    spots: Vec<Spot>,
     draws: Vec<Vec<Spot>>,
-    /// How much of a texel the triangles of a chart have.
-    covered: Vec<f32>,
     areas: Vec<f64>,
 }
 
 impl Filled {
-    fn new(edge: u32, draws: u32) -> Self {
-        let count = edge as usize * edge as usize;
-        let draws = vec![vec![Spot::default(); count]; draws as usize];
-        Self { edge, texels: vec![Texel::default(); count], draws, covered: vec![0.0; count], areas: vec![0.0; count] }
+    fn new(edge: u32, draws: u32, cells: &[u32]) -> Self {
+        let mut slots = vec![NONE; (edge * edge) as usize];
+        (0..).zip(cells).for_each(|(slot, cell)| slots[*cell as usize] = slot);
+        let draws = vec![vec![Spot::default(); cells.len()]; draws as usize];
+        Self { edge, slots, spots: vec![Spot::default(); cells.len()], draws, areas: vec![0.0; cells.len()] }
     }
 
-    /// Whether another triangle lies where this one does.
-    fn add(&mut self, triangle: u32, corners: &[Vec2; 3], area: f32) -> bool {
-        let [a, b, c] = corners.map(Vec2::as_dvec2);
+    fn add(&mut self, triangle: u32, corners: &[Vec2; 3], area: f32) {
+        let flat @ [a, b, c] = corners.map(Vec2::as_dvec2);
         let doubled = (b - a).perp_dot(c - a);
         if doubled == 0.0 {
-            return false;
+            return;
         }
         let area_of_texel = f64::from(area) / (0.5 * doubled.abs());
-        let mut is_taken = false;
-        let [left, right, top, bottom] = bounds(corners, self.edge);
-        for y in top..=bottom {
-            for x in left..=right {
-                let polygon = part_within([a, b, c], [x, y]);
-                let Some((part, middle)) = polygon.measured() else { continue };
-                let at = (y * self.edge + x) as usize;
-                self.covered[at] += part as f32;
-                is_taken |= self.covered[at] > MOST_COVERED;
-                let spot = |place: DVec2| {
-                    let from = place + DVec2::new(f64::from(x), f64::from(y)) - a;
-                    let weights = DVec2::new(from.perp_dot(c - a), (b - a).perp_dot(from)) / doubled;
-                    let weights = weights.as_vec2().clamp(Vec2::ZERO, Vec2::ONE);
-                    Spot { triangle: triangle + 1, barycentric: weights / weights.element_sum().max(1.0) }
-                };
-                self.stand_for(triangle, at, part * area_of_texel, spot(middle), |[first, second, third]| spot(polygon.point(first, [second, third])));
+        for (at, cell) in touched(corners, self.edge) {
+            if self.slots[at as usize] == NONE {
+                continue;
             }
+            let polygon = part_within(flat, cell);
+            let Some((part, middle)) = polygon.measured() else { continue };
+            let spot = |place: DVec2| {
+                let from = place + DVec2::from(cell.map(f64::from)) - a;
+                let weights = DVec2::new(from.perp_dot(c - a), (b - a).perp_dot(from)) / doubled;
+                let weights = weights.as_vec2().clamp(Vec2::ZERO, Vec2::ONE);
+                Spot { triangle: triangle + 1, barycentric: weights / weights.element_sum().max(1.0) }
+            };
+            self.stand_for(triangle, at, part * area_of_texel, spot(middle), |[first, second, third]| spot(polygon.point(first, [second, third])));
         }
-        is_taken
     }
 
-    /// Adds one that lies wholly in a texel.
+    /// Adds one that lies wholly in a cell.
     fn add_crumb(&mut self, triangle: u32, [x, y]: [u32; 2], area: f32) {
         let spot = |barycentric| Spot { triangle: triangle + 1, barycentric };
         let anywhere = |[_, u, v]: [f32; 3]| if u + v > 1.0 { Vec2::new(1.0 - u, 1.0 - v) } else { Vec2::new(u, v) };
-        self.stand_for(triangle, (y * self.edge + x) as usize, f64::from(area), spot(Vec2::splat(1.0 / 3.0)), |by| spot(anywhere(by)));
+        self.stand_for(triangle, y * self.edge + x, f64::from(area), spot(Vec2::splat(1.0 / 3.0)), |by| spot(anywhere(by)));
     }
 
-    /// Adds a triangle's part of a texel. Of all parts any stands for the texel by chance, the larger the more likely, in the middle and at `any` point: those that have most see more
+    /// Adds a triangle's part of a cell. Of all parts any stands for the cell by chance, the larger the more likely, in the middle and at `any` point: those that have most see more
     /// than others, and all would be too bright.
-    fn stand_for(&mut self, triangle: u32, at: usize, area: f64, middle: Spot, any: impl Fn([f32; 3]) -> Spot) {
-        self.areas[at] += area;
-        let seed = combine(at as u32, triangle);
-        let stands = |seed: u32| f64::from(unit(hash(seed))) * self.areas[at] < area;
+    fn stand_for(&mut self, triangle: u32, cell: u32, area: f64, middle: Spot, any: impl Fn([f32; 3]) -> Spot) {
+        let Some(areas) = self.areas.get_mut(self.slots[cell as usize] as usize) else { return };
+        *areas += area;
+        let (at, all) = (self.slots[cell as usize] as usize, *areas);
+        let seed = combine(cell, triangle);
+        let stands = |seed: u32| f64::from(unit(hash(seed))) * all < area;
         if stands(seed) {
-            self.texels[at].spot = middle;
+            self.spots[at] = middle;
         }
         for (number, draw) in (1..).zip(&mut self.draws) {
             let seed = combine(seed, number);
@@ -315,13 +508,14 @@ impl Filled {
     }
 
     fn stands_for(&self, triangle: u32, corners: &[[Vec2; 3]]) -> bool {
-        let [left, right, top, bottom] = bounds(&corners[triangle as usize], self.edge);
-        (top..=bottom).any(|y| (left..=right).any(|x| self.texels[(y * self.edge + x) as usize].spot.triangle == triangle + 1))
+        touched(&corners[triangle as usize], self.edge).any(|(at, _)| self.spots[at as usize].triangle == triangle + 1)
     }
+}
 
-    fn finish(self) -> (Vec<Texel>, Vec<Vec<Spot>>) {
-        (self.texels.into_iter().zip(self.areas).map(|(texel, area)| Texel { area: area as f32, ..texel }).collect(), self.draws)
-    }
+/// The cells that a triangle may touch, and their columns and rows.
+fn touched(corners: &[Vec2; 3], edge: u32) -> impl Iterator<Item = (u32, [u32; 2])> + use<> {
+    let [left, right, top, bottom] = bounds(corners, edge);
+    (top..=bottom).flat_map(move |y| (left..=right).map(move |x| (y * edge + x, [x, y])))
 }
 
 /// The first and the last column and row that a triangle touches.
@@ -529,14 +723,18 @@ mod tests {
         scene.triangles.iter().map(|triangle| 0.5 * f64::from(triangle.cross().length())).sum()
     }
 
+    fn wanted(edge: u32, charts: Charts, draws: u32) -> Wanted {
+        Wanted { edge, charts, draws, sides: 1 }
+    }
+
     fn texel_at(atlas: &Atlas, at: Vec2) -> &Texel {
-        &atlas.texels[(at.y as u32 * atlas.edge + at.x as u32) as usize]
+        &atlas.texels[atlas.cells[(at.y as u32 * atlas.edge + at.x as u32) as usize].first as usize - 1]
     }
 
     #[test]
     fn texels_have_the_area_of_the_surfaces() {
         for (scene, by) in [(corner(), Charts::Smooth), (corner(), Charts::Each), (spiral(), Charts::Smooth)] {
-            let atlas = Atlas::new(&scene, EDGE, by, 0);
+            let atlas = Atlas::new(&scene, wanted(EDGE, by, 0));
             let sum: f64 = atlas.texels.iter().map(|texel| f64::from(texel.area)).sum();
             assert!((sum - area(&scene)).abs() < 1e-4 * area(&scene), "{sum}");
         }
@@ -544,21 +742,20 @@ mod tests {
 
     #[test]
     fn surfaces_without_an_edge_are_one_chart() {
-        assert_eq!(Atlas::new(&corner(), EDGE, Charts::Smooth, 0).charts, 2);
-        assert_eq!(Atlas::new(&corner(), EDGE, Charts::Each, 0).charts, 4);
+        assert_eq!(Atlas::new(&corner(), wanted(EDGE, Charts::Smooth, 0)).charts, 2);
+        assert_eq!(Atlas::new(&corner(), wanted(EDGE, Charts::Each, 0)).charts, 4);
     }
 
     #[test]
     fn a_texel_stands_for_points_within_itself() {
         for scene in [corner(), spiral()] {
-            let atlas = Atlas::new(&scene, EDGE, Charts::Smooth, 3);
+            let atlas = Atlas::new(&scene, wanted(EDGE, Charts::Smooth, 3));
             assert_eq!(atlas.crowded, 0);
-            for (place, texel) in (0..).zip(&atlas.texels) {
-                for spot in atlas.draws.iter().map(|draw| draw[place as usize]).chain([texel.spot]) {
-                    let Some(triangle) = spot.triangle.checked_sub(1) else { continue };
-                    let [a, b, c] = atlas.corners[triangle as usize];
+            for (number, texel) in atlas.texels.iter().enumerate() {
+                for spot in atlas.draws.iter().map(|draw| draw[number]).chain([texel.spot]) {
+                    let [a, b, c] = atlas.corners[spot.triangle as usize - 1];
                     let at = a + (b - a) * spot.barycentric.x + (c - a) * spot.barycentric.y;
-                    let [x, y] = [place % EDGE, place / EDGE].map(|side| side as f32);
+                    let [x, y] = [texel.cell % EDGE, texel.cell / EDGE].map(|side| side as f32);
                     assert!((at - Vec2::new(x, y)).min_element() > -1e-3 && (at - Vec2::new(x, y)).max_element() < 1.001, "{at} in {x}, {y}");
                 }
             }
@@ -570,9 +767,9 @@ mod tests {
         // A wall of two triangles, whose texels are of either as much as they have of it.
         let draws = 400;
         let scene = of(quad([Vec3::ZERO, Vec3::X, Vec3::X + Vec3::Y, Vec3::Y]).to_vec());
-        let atlas = Atlas::new(&scene, 8, Charts::Smooth, draws);
+        let atlas = Atlas::new(&scene, wanted(8, Charts::Smooth, draws));
         let (mut sum, mut moment, mut area) = (Vec3::ZERO, Vec3::ZERO, 0.0);
-        for (place, texel) in atlas.texels.iter().enumerate().filter(|(_, texel)| texel.area > 0.0) {
+        for (place, texel) in atlas.texels.iter().enumerate() {
             for draw in &atlas.draws {
                 let at = scene.at_rest(draw[place].triangle - 1).position(draw[place].barycentric);
                 (sum, moment, area) = (sum + at * texel.area, moment + at * at * texel.area, area + texel.area);
@@ -586,7 +783,7 @@ mod tests {
     #[test]
     fn every_point_has_a_texel_of_its_chart() {
         let scene = corner();
-        let atlas = Atlas::new(&scene, EDGE, Charts::Smooth, 0);
+        let atlas = Atlas::new(&scene, wanted(EDGE, Charts::Smooth, 0));
         for (number, [a, b, c]) in (0u32..).zip(&atlas.corners) {
             for step in 0..400 {
                 let [u, v] = [step % 20, step / 20].map(|step| step as f32 / 20.0);
@@ -602,7 +799,7 @@ mod tests {
 
     #[test]
     fn what_would_lie_on_itself_is_taken_apart() {
-        let atlas = Atlas::new(&spiral(), EDGE, Charts::Smooth, 0);
+        let atlas = Atlas::new(&spiral(), wanted(EDGE, Charts::Smooth, 0));
         assert_eq!(atlas.charts, 200);
     }
 
@@ -610,9 +807,9 @@ mod tests {
     fn crumbs_share_texels_so_that_all_find_room() {
         let many =
             of((0..500).flat_map(|at| quad([Vec3::ZERO, Vec3::X, Vec3::X + Vec3::Y, Vec3::Y].map(|corner| 0.1 * corner + Vec3::Z * at as f32))).collect());
-        let atlas = Atlas::new(&many, 16, Charts::Each, 0);
+        let atlas = Atlas::new(&many, wanted(16, Charts::Each, 0));
         assert_eq!(atlas.charts, 1000);
-        let taken = atlas.texels.iter().filter(|texel| texel.spot.triangle != 0).count();
+        let taken = atlas.texels.len();
         assert!(taken <= 256 && atlas.crowded >= 1000 - taken, "{taken}");
         let sum: f64 = atlas.texels.iter().map(|texel| f64::from(texel.area)).sum();
         assert!((sum - area(&many)).abs() < 1e-4 * area(&many));
@@ -625,10 +822,10 @@ mod tests {
     #[test]
     fn surfaces_without_area_have_no_texel() {
         let scene = of(vec![triangle([Vec3::ZERO; 3]), quad([Vec3::ZERO, Vec3::X, Vec3::X + Vec3::Y, Vec3::Y])[0]]);
-        let atlas = Atlas::new(&scene, 16, Charts::Smooth, 0);
+        let atlas = Atlas::new(&scene, wanted(16, Charts::Smooth, 0));
         assert!(atlas.texels.iter().all(|texel| texel.spot.triangle != 1));
-        let empty = Atlas::new(&of(Vec::new()), 16, Charts::Smooth, 0);
-        assert!(empty.texels.iter().all(|texel| *texel == Texel::default()));
+        let empty = Atlas::new(&of(Vec::new()), wanted(16, Charts::Smooth, 0));
+        assert!(empty.texels.is_empty() && empty.cells.iter().all(|cell| cell.count() == 0));
     }
 
     #[test]
@@ -641,8 +838,72 @@ mod tests {
                 quad([at(x, y), at(x + 1, y), at(x + 1, y + 1), at(x, y + 1)])
             })
             .collect());
-        let atlas = Atlas::new(&scene, 16, Charts::Smooth, 0);
+        let atlas = Atlas::new(&scene, wanted(16, Charts::Smooth, 0));
         assert_eq!(atlas.charts, 1);
         assert!(atlas.crowded > 2000 && atlas.crowded < 3200);
+    }
+
+    /// A floor, and a wall through it that is as wide as told.
+    fn divided(width: f32) -> Scene {
+        let floor = quad([Vec3::ZERO, Vec3::X, Vec3::X + Vec3::Y, Vec3::Y]);
+        let wall = |x: f32| quad([[-0.1, -0.1], [1.1, -0.1], [1.1, 0.5], [-0.1, 0.5]].map(|[y, z]| Vec3::new(x, y, z)));
+        of([floor, wall(WALL), wall(WALL + width)].concat())
+    }
+
+    const WALL: f32 = 0.531;
+
+    #[test]
+    fn a_wall_cuts_texels() {
+        for width in [0.0, 0.02, 0.2] {
+            let scene = divided(width);
+            let atlas = Atlas::new(&scene, wanted(32, Charts::Smooth, 4));
+            let rooms = |number: usize| {
+                let of_spot = |spot: &Spot| {
+                    let at = scene.at_rest(spot.triangle - 1).position(spot.barycentric);
+                    (at.z == 0.0).then(|| u32::from(at.x > WALL) + u32::from(at.x > WALL + width))
+                };
+                let spots = atlas.draws.iter().map(|draw| draw[number]).chain([atlas.texels[number].spot]);
+                spots.map(|spot| of_spot(&spot)).collect::<Vec<_>>()
+            };
+            assert!(atlas.cut >= 8, "{}", atlas.cut);
+            for (number, texel) in atlas.texels.iter().enumerate().filter(|(number, _)| rooms(*number)[0].is_some()) {
+                let own = rooms(number);
+                assert!(own.iter().all(|room| *room == own[0]), "{own:?}");
+                for (bit, cell) in (0..).zip(neighbours(texel.cell, atlas.edge)) {
+                    let Some(part) = (atlas.links[number] >> (walls::LINK_BITS * bit) & 3).checked_sub(1) else { continue };
+                    let other = atlas.cells[cell.expect("links are within the texture") as usize].first - 1 + part;
+                    assert_eq!(rooms(other as usize)[0], own[0], "{width}");
+                }
+            }
+            let sum: f64 = atlas.texels.iter().map(|texel| f64::from(texel.area)).sum();
+            assert!((sum - area(&scene)).abs() < 1e-4 * area(&scene), "{sum}");
+        }
+    }
+
+    #[test]
+    fn where_nothing_is_between_texels_go_on_into_each_other() {
+        // A smooth column, which bulges between texels.
+        let at = |step: u32, z: f32| {
+            let turn = std::f32::consts::TAU * step as f32 / 48.0;
+            Vec3::new(turn.cos(), turn.sin(), z)
+        };
+        let side = |step: u32| {
+            let corners = [at(step, 0.0), at(step + 1, 0.0), at(step + 1, 3.0), at(step, 3.0)];
+            let out = |triangle: Triangle| Triangle { normals: triangle.positions.map(|corner| corner.with_z(0.0).normalize()), ..triangle };
+            quad(corners).map(out)
+        };
+        let scene = of((0..48).flat_map(side).collect());
+        let atlas = Atlas::new(&scene, wanted(32, Charts::Smooth, 4));
+        assert_eq!(atlas.cut, 0);
+        for (number, texel) in atlas.texels.iter().enumerate() {
+            let beside = neighbours(texel.cell, atlas.edge).flatten().filter(|cell| {
+                let first = atlas.cells[*cell as usize].first.checked_sub(1);
+                first.is_some_and(|first| {
+                    let chart = |number: usize| atlas.chart_of[atlas.texels[number].spot.triangle as usize - 1];
+                    chart(first as usize) == chart(number)
+                })
+            });
+            assert_eq!((0..8).filter(|bit| atlas.links[number] >> (2 * bit) & 3 != 0).count(), beside.count());
+        }
     }
 }

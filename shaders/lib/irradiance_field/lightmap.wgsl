@@ -1,20 +1,43 @@
 #import lib/in_texture
+#import lib/lightmap
 #import lib/scene
 
 // The irradiance at any point of a triangle, from a lightmap: as Looks of passes/texels.rs.
 
-// Of each triangle two, whose first six numbers tell where its corners lie, and the seventh in which chart; then irradiance, and the chart.
+// Of each triangle two, whose first six numbers tell where its corners lie; of each cell the number of its first texel + 1 and its parts; of each texel and side irradiance, and its links,
+// or -1 where no light has ever come.
 @group(0) @binding(20) var<storage, read> lightmap: array<vec4f>;
 
 override LIGHTMAP_EDGE: u32 = 16u;
 override LIGHTMAP_SIDES: u32 = 1u;
 override LIGHTMAP_FIRST: u32 = 2u;
 
-fn lightmap_texel(at: vec2i, side: u32) -> vec4f {
+fn lightmap_cell(at: vec2i) -> vec4u {
     if any(at < vec2i(0)) || any(at >= vec2i(i32(LIGHTMAP_EDGE))) {
-        return vec4f(0.0);
+        return vec4u(0u);
     }
-    return lightmap[LIGHTMAP_FIRST + (u32(at.y) * LIGHTMAP_EDGE + u32(at.x)) * LIGHTMAP_SIDES + side];
+    return vec4u(lightmap[LIGHTMAP_FIRST + u32(at.y) * LIGHTMAP_EDGE + u32(at.x)]);
+}
+
+fn lightmap_texel(texel: u32, side: u32) -> vec4f {
+    return lightmap[LIGHTMAP_FIRST + LIGHTMAP_EDGE * LIGHTMAP_EDGE + texel * LIGHTMAP_SIDES + side];
+}
+
+// The texel of a cell that a place within it is in: as texels::part_at.
+fn lightmap_texel_at(cell: vec4u, within: vec2f, side: u32) -> u32 {
+    var nearest = 0u;
+    var least = 1e30;
+    for (var part = 0u; part < 3u; part++) {
+        let packed = cell[part + 1u];
+        if packed == 0u {
+            break;
+        }
+        let is_lit = lightmap_texel(cell.x - 1u + part, side).w >= 0.0;
+        let distance = distance_of_part(packed, within) + select(UNLIT, 0.0, is_lit);
+        nearest = select(nearest, part, distance < least);
+        least = min(least, distance);
+    }
+    return cell.x - 1u + nearest;
 }
 
 fn indirect_irradiance(position: vec3f, normal: vec3f, triangle: u32) -> vec3f {
@@ -26,22 +49,31 @@ fn indirect_irradiance(position: vec3f, normal: vec3f, triangle: u32) -> vec3f {
     let e2 = scene_corners[3u * number + 2u].xyz;
     let side = select(0u, 1u, LIGHTMAP_SIDES == 2u && dot(cross(e1, e2), normal) < 0.0);
     let weights = nearest_weights(e1, e2, position - scene_corners[3u * number].xyz);
-    let first = lightmap[2u * number];
-    let second = lightmap[2u * number + 1u];
-    let place = laid_at(first, second, weights);
+    let place = laid_at(lightmap[2u * number], lightmap[2u * number + 1u], weights);
+    let at = vec2i(floor(place));
+    let cell = lightmap_cell(at);
+    if cell.x == 0u {
+        return vec3f(0.0);
+    }
+    let own = lightmap_texel(lightmap_texel_at(cell, place - vec2f(at), side), side);
+    let links = u32(max(own.w, 0.0));
     let corner = floor(place - 0.5);
     let share = place - 0.5 - corner;
     var sum = vec4f(0.0);
     for (var number_of_four = 0u; number_of_four < 4u; number_of_four++) {
         let beside = vec2u(number_of_four & 1u, number_of_four >> 1u);
         let weight = select(1.0 - share.x, share.x, beside.x == 1u) * select(1.0 - share.y, share.y, beside.y == 1u);
-        let texel = lightmap_texel(vec2i(corner) + vec2i(beside), side);
-        sum += vec4f(texel.rgb, 1.0) * select(0.0, weight, texel.w == second.z);
+        let there = vec2i(corner) + vec2i(beside);
+        if all(there == at) {
+            sum += vec4f(own.rgb, 1.0) * weight;
+            continue;
+        }
+        let link = link_of(links, there - at);
+        if link != 0u {
+            sum += vec4f(lightmap_texel(lightmap_cell(there).x - 1u + link - 1u, side).rgb, 1.0) * weight;
+        }
     }
-    if sum.w > 0.0 {
-        return sum.rgb / sum.w;
-    }
-    return lightmap_texel(vec2i(place), side).rgb;
+    return sum.rgb / sum.w;
 }
 
 // The same at a point of each lane that asks.

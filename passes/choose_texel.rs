@@ -120,11 +120,12 @@ impl Pass for ChooseTexel {
         let count = e.arguments.integer("shooters") as u32;
         let requests = record::requests(e, count);
         let shots = e.buffer("shots", size_of::<Shot>() as u64 * u64::from(count));
-        let light = if e.arguments.choice("sends").0 == "Mean" { of.mean } else { of.fresh };
+        let sends_mean = e.arguments.choice("sends").0 == "Mean";
+        let light = if sends_mean { of.mean } else { of.fresh };
         // Of all shots that there are to be.
         let nearest = e.arguments.float("bound").recip() as f32 / (PI * count as f32 * of.wanted as f32);
         let favour = if e.arguments.choice("favours").0 == "Light" { port::Favour::Light } else { port::Favour::Root };
-        let shooters = port::Shooters { requests, shots, nearest, favour };
+        let shooters = port::Shooters { requests, shots, nearest, favour, sends_mean };
         let choosing = Choosing { of, light, shooters };
         let by = e.arguments.choice("by").0;
         let on_device = matches!(by, "Mipmap" | "PrefixSum");

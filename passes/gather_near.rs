@@ -26,12 +26,12 @@ static DESCRIPTION: Description = Description {
     about: "Gathers by rays what the bound of shots leaves out: the light of surfaces that are near, in the share that the bound takes of it",
     source: "compensation of what is bounded: Kollig and Keller 2004; from the lightmap, now and then: our own",
     parameters: &[
-        Parameter { name: "rays", about: "rays of a texel, a square number", unit: "rays", kind: ParameterKind::Integer { default: 16, min: 16, max: 1024 } },
+        Parameter { name: "rays", about: "rays of a texel, a square number", unit: "rays", kind: ParameterKind::Integer { default: 9, min: 4, max: 1024 } },
         Parameter {
             name: "every",
-            about: "iterations from one gathering to the next; the first is when light has been reflected a few times",
+            about: "iterations from one gathering to the next",
             unit: "iterations",
-            kind: ParameterKind::Integer { default: 6, min: 1, max: 65_536 },
+            kind: ParameterKind::Integer { default: 3, min: 1, max: 65_536 },
         },
         PLACE,
     ],
@@ -41,9 +41,6 @@ static DESCRIPTION: Description = Description {
     ],
     outputs: &[Output { name: "lightmap", about: "the lightmap with what is near", kind: PortKind::Lightmap }],
 };
-
-/// Iterations before the first gathering, at most: there has to be something to gather.
-const FIRST: u32 = 4;
 
 impl Pass for GatherNear {
     fn description(&self) -> &'static Description {
@@ -73,14 +70,9 @@ impl Pass for GatherNear {
     }
 }
 
-/// Whether texels gather now.
+/// Whether texels gather now: at once after the scene has changed, and then again and again.
 fn begins(host: &dyn HostContext, of: &port::Lightmap, every: u32) -> bool {
-    is_due(host.variable(of.iterations), host.variable(of.counted) > 0, every)
-}
-
-/// Whether texels gather after so many iterations since the scene changed, where light is remembered at once.
-fn is_due(iterations: u32, remembered: bool, every: u32) -> bool {
-    (iterations > 0 && iterations % every == FIRST.min(every - 1)) || (iterations == 0 && remembered)
+    host.variable(of.iterations).is_multiple_of(every)
 }
 
 fn gather_on_device(e: &mut Encoder<'_>, (from, to): (port::Shooters, port::Lightmap), sets: &[Vec<Vec3>], every: u32) {
@@ -100,7 +92,10 @@ fn gather_on_device(e: &mut Encoder<'_>, (from, to): (port::Shooters, port::Ligh
         .constant("SHOOTERS", from.requests.capacity)
         .constant("ROOT", (from.favour == port::Favour::Root) as u8)
         .bind("surfaces", to.surfaces)
+        .constant("MEAN", from.sends_mean as u8)
         .bind("direct", to.direct)
+        .bind("fresh", to.fresh)
+        .bind("near", to.near)
         .bind("mean", to.mean)
         .bind("shots", from.shots)
         .bind("shine", shine);
@@ -136,7 +131,7 @@ fn directions(edge: u32) -> Vec<Vec<Vec3>> {
 fn gather_on_host(e: &mut Encoder<'_>, (from, to): (port::Shooters, port::Lightmap), sets: Vec<Vec<Vec3>>, every: u32) {
     let bundles: Vec<RayBundle> = sets.iter().map(|directions| RayBundle::of(directions)).collect();
     let shots = Read::counted(from.shots, size_of::<Shot>() as u64, from.requests.count);
-    let reads: Vec<Read> = [to.cells, to.corners, to.surfaces, to.direct, to.mean].map(Read::whole).into_iter().chain([shots]).collect();
+    let reads: Vec<Read> = [to.cells, to.corners, to.surfaces, to.direct, to.fresh, to.mean].map(Read::whole).into_iter().chain([shots]).collect();
     e.host("gather", &reads, &[to.near], move |host| {
         if !begins(host, &to, every) {
             return Ok(());
@@ -145,20 +140,26 @@ fn gather_on_host(e: &mut Encoder<'_>, (from, to): (port::Shooters, port::Lightm
         let shots: &[Shot] = bytemuck::cast_slice(host.read(from.shots));
         let count = host.variable(from.requests.count) as usize;
         let all = shots[..count.min(shots.len())].first().map_or(0.0, |shot| favours_of_all(shot, from));
+        let surfaces: &[TexelSurface] = bytemuck::cast_slice(host.read(to.surfaces));
+        let [direct, fresh, mean] = [to.direct, to.fresh, to.mean].map(|resource| bytemuck::cast_slice::<_, Vec4>(host.read(resource)));
+        let shine = |place: usize| {
+            let light = radiance(direct[place], if from.sends_mean { mean[place] } else { fresh[place] + near[place] });
+            let bound = all * from.nearest / favour(luminance(light.as_dvec3()) as f32, from.favour).max(f32::MIN_POSITIVE);
+            let is_lit = mean[place].truncate() != Vec3::ZERO || fresh[place].truncate() != Vec3::ZERO;
+            light.extend(bound.max(surfaces[place / to.sides as usize].area * NEAREST).copysign(if is_lit { 1.0 } else { -1.0 }))
+        };
+        let places = to.places() as usize;
         let sends = Sends {
             seed: seed(host, &to),
             scene: host.scene(),
             of: to,
-            favour: from.favour,
-            reach: all * from.nearest,
             cells: bytemuck::cast_slice(host.read(to.cells)),
             corners: bytemuck::cast_slice(host.read(to.corners)),
-            surfaces: bytemuck::cast_slice(host.read(to.surfaces)),
-            direct: bytemuck::cast_slice(host.read(to.direct)),
-            mean: bytemuck::cast_slice(host.read(to.mean)),
+            surfaces,
+            shine: (0..places).into_par_iter().map(shine).collect(),
         };
         // Sides that no shot has reached see nothing that shines, most of them for ever: the outsides of walls.
-        let lit: Vec<usize> = (0..near.len()).into_par_iter().filter(|place| sends.mean[*place].truncate() != Vec3::ZERO).collect();
+        let lit: Vec<usize> = (0..places).filter(|place| sends.is_lit(*place)).collect();
         near.fill(Vec4::ZERO);
         for places in lit.chunks(AT_ONCE) {
             let views: Vec<View> = places.iter().map(|place| sends.view(*place)).collect();
@@ -193,14 +194,11 @@ struct Sends<'a> {
     seed: u32,
     scene: &'a Scene,
     of: port::Lightmap,
-    favour: port::Favour,
-    /// The square of the distance within which one that is favoured by 1 is bounded.
-    reach: f32,
     cells: &'a [[u32; 4]],
     corners: &'a [Vec4],
     surfaces: &'a [TexelSurface],
-    direct: &'a [Vec4],
-    mean: &'a [Vec4],
+    /// Of each texel and side what it sends out, and the square of the distance within which shots from it are bounded; below 0 where no shot has come yet.
+    shine: Vec<Vec4>,
 }
 
 impl Sends<'_> {
@@ -228,10 +226,12 @@ impl Sends<'_> {
         }
         let position = from.position + direction * (away / facing);
         let Some(there) = self.texel(triangle, nearest(met, position), facing > 0.0) else { return Vec3::ZERO };
-        let light = radiance(self.direct[there], self.mean[there]);
-        let area = own.area.max(self.surfaces[there / self.of.sides as usize].area);
-        let bound = (self.reach / favour(luminance(light.as_dvec3()) as f32, self.favour).max(f32::MIN_POSITIVE)).max(area * NEAREST);
-        light * (1.0 - position.distance_squared(from.position) / bound).max(0.0)
+        let bound = self.shine[there].w.abs().max(own.area * NEAREST);
+        self.shine[there].truncate() * (1.0 - position.distance_squared(from.position) / bound).max(0.0)
+    }
+
+    fn is_lit(&self, place: usize) -> bool {
+        self.shine[place].w > 0.0
     }
 
     /// The side of the texel at a place of a triangle.
@@ -244,7 +244,7 @@ impl Sends<'_> {
         let [number, parts @ ..] = self.cells[(at.y * self.of.edge + at.x) as usize];
         let first = number.checked_sub(1)?;
         let side = |part: u32| ((first + part) * self.of.sides) as usize + usize::from(from_behind);
-        Some(side(texels::part_at(parts, place - at.as_vec2(), |part| self.mean[side(part)].truncate() != Vec3::ZERO)))
+        Some(side(texels::part_at(parts, place - at.as_vec2(), |part| self.is_lit(side(part)))))
     }
 }
 
@@ -254,18 +254,4 @@ fn seed(host: &dyn HostContext, of: &port::Lightmap) -> u32 {
 
 fn turn(seed: u32, place: u32) -> f32 {
     TAU * unit(combine(seed, place))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn texels_gather_once_in_a_while_from_early_on() {
-        let due = |every, remembered| (0..100).filter(|iteration| is_due(*iteration, remembered, every)).collect::<Vec<_>>();
-        assert_eq!(due(32, false), [4, 36, 68]);
-        assert_eq!(due(1, false).len(), 99);
-        assert_eq!(due(2, false)[..2], [1, 3]);
-        assert_eq!(due(32, true), [0, 4, 36, 68]);
-    }
 }

@@ -6,6 +6,9 @@
 @group(0) @binding(0) var<storage, read> surfaces: array<TexelSurface>;
 @group(0) @binding(1) var<storage, read> direct: array<vec4f>;
 @group(0) @binding(2) var<storage, read> mean: array<vec4f>;
+// What shots have brought in this iteration, and what was near the last time.
+@group(0) @binding(5) var<storage, read> fresh: array<vec4f>;
+@group(0) @binding(6) var<storage, read> near: array<vec4f>;
 @group(0) @binding(3) var<storage, read> shots: array<Shot>;
 // Radiance, and the square of the distance within which shots are bounded; less than 0 where no shot has come yet, which gathers nothing.
 @group(0) @binding(4) var<storage, read_write> shine: array<vec4f>;
@@ -16,6 +19,8 @@ override PLACES: u32 = 1u;
 override REACH: f32 = 1.0;
 override SHOOTERS: u32 = 1u;
 override ROOT: bool = false;
+// Whether what is sent out is that of the mean.
+override MEAN: bool = false;
 
 // By what all areas are chosen together: the same by each shot.
 fn favours_of_all() -> f32 {
@@ -29,8 +34,8 @@ fn send_out(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups
     if place >= PLACES {
         return;
     }
-    let light = radiance_of_texel(direct[place], mean[place]);
+    let light = radiance_of_texel(direct[place], select(fresh[place] + near[place], mean[place], MEAN));
     let bound = REACH * favours_of_all() / max(favour(luminance(light), ROOT), 1.17549435e-38);
-    let side = select(-1.0, 1.0, any(mean[place].rgb != vec3f(0.0)));
-    shine[place] = vec4f(light, side * max(bound, surfaces[place / SIDES].area * NEAREST_TEXEL));
+    let is_lit = any(mean[place].rgb != vec3f(0.0)) || any(fresh[place].rgb != vec3f(0.0));
+    shine[place] = vec4f(light, select(-1.0, 1.0, is_lit) * max(bound, surfaces[place / SIDES].area * NEAREST_TEXEL));
 }

@@ -525,6 +525,8 @@ pub struct Shooters {
     pub nearest: f32,
     /// By what they are chosen.
     pub favour: Favour,
+    /// Whether they send out what the mean of iterations has, otherwise what the last one has.
+    pub sends_mean: bool,
 }
 
 /// What texels are chosen by that shoot, times their area.

@@ -280,14 +280,9 @@ impl Laid {
         let points = self.fill(scene, Filled::new(self.edge, POINTS as u32, &crossed));
         let parts = |(slot, cell): (usize, &u32)| {
             let points: Vec<Place> = points.draws.iter().map(|draw| self.place(scene, draw[slot])).collect();
-            let mut parts = walls.parts(&points, sides as usize);
-            if parts.len() == 1 {
-                return None;
-            }
-            parts.truncate(PARTS);
-            parts.retain(|part| part.len() > 1);
-            let parts: Vec<Vec<Place>> = parts.into_iter().map(|part| part.into_iter().map(|point| points[point]).collect()).collect();
-            (!parts.is_empty()).then_some((*cell, parts))
+            let parts = walls.parts(&points, sides as usize);
+            let largest = parts.iter().take(PARTS).map(|part| part.iter().map(|point| points[*point]).collect()).collect();
+            (parts.len() > 1).then_some((*cell, largest))
         };
         crossed.par_iter().enumerate().filter_map(parts).collect()
     }

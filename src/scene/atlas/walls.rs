@@ -9,7 +9,7 @@ use rayon::prelude::*;
 pub const PARTS: usize = 3;
 
 /// Points by which a cell is divided.
-pub(super) const POINTS: usize = 16;
+pub(super) const POINTS: usize = 32;
 
 /// How high above surfaces walls are looked for, over the width of a texel: lower than most things that hide light, and higher than a surface bulges.
 const LIFT: f32 = 0.25;

@@ -74,7 +74,7 @@ impl Pass for Average {
             host.set(of.iterations, iterations);
             host.set(of.rounds, rounds);
             host.set(of.counted, counted);
-            host.set(settled, u32::from(iterations >= of.wanted || counted.saturating_add(warm_up) >= of.wanted));
+            host.set(settled, u32::from(is_settled([iterations, counted], of.wanted, warm_up)));
             share(counted, rising)
         };
         match e.place(Bodies::BOTH)? {
@@ -90,6 +90,11 @@ impl Pass for Average {
 /// As how many iterations the mean counts with one more, of so many since the scene changed: the first count nothing unless there is a mean from before.
 fn counted(before: u32, iterations: u32, warm_up: u32) -> u32 {
     if before == 0 && iterations <= warm_up { 0 } else { before.saturating_add(1) }
+}
+
+/// Whether so many iterations since the scene changed, or a mean that counts as so many, are as many as are wanted.
+fn is_settled([iterations, counted]: [u32; 2], wanted: u32, warm_up: u32) -> bool {
+    iterations >= wanted || (counted > 0 && counted.saturating_add(warm_up) >= wanted)
 }
 
 /// What the last of so many iterations counts of their mean.
@@ -137,6 +142,12 @@ mod tests {
     fn what_is_remembered_needs_no_warm_up() {
         let after = |before: u32| (1..=12).fold(before, |counted_before, iterations| counted(counted_before, iterations, 8));
         assert_eq!([after(0), after(4)], [4, 16]);
+    }
+
+    #[test]
+    fn fewer_iterations_than_warm_up_are_all_made() {
+        let made = |wanted: u32| (1..).find(|iterations| is_settled([*iterations, counted(0, *iterations, 8)], wanted, 8));
+        assert_eq!([1, 4, 8, 9, 64].map(made), [1, 4, 8, 9, 64].map(Some));
     }
 
     #[test]

@@ -16,7 +16,7 @@ use crate::math::{
 };
 use crate::passes::record::Request;
 use crate::schedule::*;
-use glam::Vec4;
+use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 use std::f32::consts::PI;
 
@@ -166,7 +166,7 @@ impl Choosing {
             let chosen = picks.iter().map(|pick| {
                 let place = pick.place as usize;
                 let texel = &texels[place / sides];
-                let [position, _] = texel.place(0);
+                let position = Vec3::from(texel.position);
                 let face = host.scene().triangles[texel.triangle as usize].face_normal();
                 let normal = if place.is_multiple_of(sides) { face } else { -face };
                 let stands_for = texel.area * (pick.total as f32 / pick.number as f32);

@@ -130,24 +130,26 @@ struct Around<'a> {
 }
 
 impl Around<'_> {
-    /// The mean irradiance of the texels around one that are on its surface, by their area, and its links; −1 where no light has ever come.
+    /// The mean irradiance of the texels around one that are on its surface, by their area, and its links; −1 less those where no light has come.
     fn mean_at(&self, place: usize) -> Vec4 {
-        if self.mean[place].truncate() == Vec3::ZERO {
-            return Vec4::new(0.0, 0.0, 0.0, -1.0);
-        }
         let (texel, side) = (place / self.sides, place % self.sides);
         let own = &self.surfaces[texel];
-        let mut sum = Vec4::ZERO;
+        let (mut sum, mut lit) = (Vec4::ZERO, 0.0);
         for y in -self.smooth..=self.smooth {
             for x in -self.smooth..=self.smooth {
                 let Some(other) = self.reached(texel, side, IVec2::new(x, y)) else { continue };
                 let surface = &self.surfaces[other];
                 if other == texel || is_beside(own.place(side), surface.place(side)) {
-                    sum += self.mean[other * self.sides + side].truncate().extend(1.0) * surface.area.max(f32::MIN_POSITIVE);
+                    let (light, area) = (self.mean[other * self.sides + side].truncate(), surface.area.max(f32::MIN_POSITIVE));
+                    sum += light.extend(1.0) * area;
+                    lit += if light == Vec3::ZERO { 0.0 } else { area };
                 }
             }
         }
-        (sum.truncate() / sum.w).extend(self.links[place][0] as f32)
+        // Rays may have missed by chance what most of those around have found.
+        let is_lit = self.mean[place].truncate() != Vec3::ZERO || lit > 0.5 * sum.w;
+        let links = self.links[place][0] as f32;
+        if is_lit { (sum.truncate() / sum.w).extend(links) } else { Vec4::W * (-1.0 - links) }
     }
 
     /// The texel so many cells away, if nothing is between on the way there, which goes askew first.

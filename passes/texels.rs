@@ -6,10 +6,10 @@ use crate::math::colour::reflectance_of;
 use crate::passes::irradiance_field::Point;
 use crate::scene::{
     Scene, Triangle,
-    atlas::walls::{LINK_BITS, PARTS},
+    atlas::walls::{LINK_BITS, PARTS, SAME_CHART},
 };
 use crate::schedule::*;
-use glam::{IVec2, Vec2, Vec3, Vec4};
+use glam::{BVec2, IVec2, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 use std::f32::consts::FRAC_1_PI;
 
@@ -135,7 +135,10 @@ impl<'a> Looks<'a> {
         let own = place.floor().as_ivec2();
         let Some(texel) = self.texel_at(place, own, side) else { return Vec3::ZERO };
         let light = self.light(texel, side);
-        let links = light.w.max(0.0) as u32;
+        if light.w < 0.0 {
+            return self.beside(place, own, (-1.0 - light.w) as u32, side);
+        }
+        let links = light.w as u32;
         let corner = (place - 0.5).floor();
         let share = place - 0.5 - corner;
         let mut sum = Vec4::ZERO;
@@ -147,6 +150,23 @@ impl<'a> Looks<'a> {
             sum += light.map_or(Vec4::ZERO, |light| light.truncate().extend(1.0) * weight);
         }
         sum.truncate() / sum.w
+    }
+
+    /// What comes to a place whose cell has had no light, as all of its points are beneath a wall: that of the cells which are very near.
+    fn beside(&self, place: Vec2, own: IVec2, links: u32, side: usize) -> Vec3 {
+        let within = place - own.as_vec2();
+        let toward = IVec2::select(within.cmpge(Vec2::splat(0.5)), IVec2::ONE, IVec2::NEG_ONE);
+        let is_near = within.min(1.0 - within).cmplt(Vec2::splat(SLIVER));
+        let mut sum = Vec4::ZERO;
+        for along in [BVec2::new(true, false), BVec2::new(false, true), BVec2::TRUE] {
+            let way = IVec2::select(along, toward, IVec2::ZERO);
+            if (along & !is_near).any() || !is_same_chart(links, way.to_array()) {
+                continue;
+            }
+            let light = self.texel_at(place, own + way, side).map(|texel| self.light(texel, side));
+            sum += light.filter(|light| light.w >= 0.0).map_or(Vec4::ZERO, |light| light.truncate().extend(1.0));
+        }
+        sum.truncate() / sum.w.max(1.0)
     }
 
     /// The number of the texel of a cell that goes on from one by whose links it is so far away.
@@ -168,18 +188,29 @@ impl<'a> Looks<'a> {
         (at.cmpge(IVec2::ZERO).all() && at.cmplt(IVec2::splat(edge)).all()).then(|| self.data[self.of.first as usize + (at.y * edge + at.x) as usize])
     }
 
-    /// Irradiance, and links, or −1 where there has never been light.
+    /// Irradiance, and links, or −1 less those where there has been no light.
     fn light(&self, texel: u32, side: usize) -> Vec4 {
         self.data[self.of.lights() + (texel * self.of.sides) as usize + side]
     }
 }
 
 /// What links tell of the neighbour that is a step away along each axis: 0 for nothing, or the number of the texel in its cell + 1.
-pub fn link(links: u32, [x, y]: [i32; 2]) -> u32 {
-    let at = 3 * (y + 1) + x + 1;
-    let bit = at - i32::from(at > 4);
-    links >> (LINK_BITS as i32 * bit) & 3
+pub fn link(links: u32, way: [i32; 2]) -> u32 {
+    links >> (LINK_BITS * number_of_neighbour(way)) & 3
 }
+
+fn is_same_chart(links: u32, way: [i32; 2]) -> bool {
+    links >> (SAME_CHART + number_of_neighbour(way)) & 1 != 0
+}
+
+/// In [`NEIGHBOURS`](crate::scene::atlas::walls::NEIGHBOURS).
+fn number_of_neighbour([x, y]: [i32; 2]) -> u32 {
+    let at = 3 * (y + 1) + x + 1;
+    (at - i32::from(at > 4)) as u32
+}
+
+/// How far from a cell whose points are all beneath a wall a place within may be, in cells.
+const SLIVER: f32 = 0.15;
 
 /// Weights of corners 1 and 2 at the point of a triangle that is nearest to one beside its plane.
 pub fn nearest(triangle: &Triangle, position: Vec3) -> Vec2 {
@@ -224,6 +255,7 @@ mod tests {
         for (bit, way) in (0..).zip(NEIGHBOURS) {
             assert_eq!(link(2 << (LINK_BITS * bit), way), 2, "{way:?}");
             assert_eq!(link(!(3 << (LINK_BITS * bit)) & 0xffff, way), 0, "{way:?}");
+            assert!(is_same_chart(1 << (SAME_CHART + bit), way) && !is_same_chart(!(1 << (SAME_CHART + bit)), way), "{way:?}");
         }
     }
 

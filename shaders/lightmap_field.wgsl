@@ -52,18 +52,20 @@ fn lay_out_light(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) g
     if place >= PLACES {
         return;
     }
-    var laid = vec4f(0.0, 0.0, 0.0, -1.0);
-    if any(mean[place].rgb != vec3f(0.0)) {
-        let reach = i32(SMOOTH);
-        var sum = vec4f(0.0);
-        for (var y = -reach; y <= reach; y++) {
-            for (var x = -reach; x <= reach; x++) {
-                sum += counted(place / SIDES, place % SIDES, vec2i(x, y));
-            }
+    let reach = i32(SMOOTH);
+    var sum = vec4f(0.0);
+    var lit = 0.0;
+    for (var y = -reach; y <= reach; y++) {
+        for (var x = -reach; x <= reach; x++) {
+            let own = counted(place / SIDES, place % SIDES, vec2i(x, y));
+            sum += own;
+            lit += select(0.0, own.w, any(own.rgb != vec3f(0.0)));
         }
-        laid = vec4f(sum.rgb / max(sum.w, 1e-37), f32(links[place].x));
     }
-    data[FIRST + EDGE * EDGE + place] = laid;
+    // Rays may have missed by chance what most of those around have found.
+    let is_lit = any(mean[place].rgb != vec3f(0.0)) || lit > 0.5 * sum.w;
+    let own_links = f32(links[place].x);
+    data[FIRST + EDGE * EDGE + place] = select(vec4f(0.0, 0.0, 0.0, -1.0 - own_links), vec4f(sum.rgb / max(sum.w, 1e-37), own_links), is_lit);
 }
 
 // What the texel so many cells away counts for one: its light and its area, if it is on the same surface, and nothing is between on the way there, which goes askew first.

@@ -34,11 +34,23 @@ fn distance_of_part(packed: u32, within: vec2f) -> f32 {
     return dot(way, way) - unpacked.z * unpacked.z;
 }
 
+// Which of the eight neighbours is a step away along each axis.
+fn number_of_neighbour(way: vec2i) -> u32 {
+    let at = u32(3 * (way.y + 1) + way.x + 1);
+    return select(at, at - 1u, at > 4u);
+}
+
 // What links tell of the neighbour that is a step away along each axis: as texels::link.
 fn link_of(links: u32, way: vec2i) -> u32 {
-    let at = u32(3 * (way.y + 1) + way.x + 1);
-    return (links >> (2u * select(at, at - 1u, at > 4u))) & 3u;
+    return (links >> (2u * number_of_neighbour(way))) & 3u;
 }
+
+fn is_same_chart(links: u32, way: vec2i) -> bool {
+    return ((links >> (16u + number_of_neighbour(way))) & 1u) != 0u;
+}
+
+// How far from a cell whose points are all beneath a wall a place within may be, in cells.
+const SLIVER = 0.15;
 
 // The reflectance of bits: as math::colour.
 fn reflectance_of(bits: u32) -> vec3f {

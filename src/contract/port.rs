@@ -567,7 +567,7 @@ impl ShooterViews {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LightmapField {
     /// Buffer of vec4: of each triangle two, whose first six numbers tell where its corners lie; then [`crate::scene::atlas::Cell`]s row by row, as floats; then of each texel and side
-    /// indirect irradiance [W/m²], and its links as a float, or −1 where no light has ever come.
+    /// indirect irradiance [W/m²], and its links as a float, or −1 less those where no light has come.
     pub data: Resource,
     /// Where the cells start [vec4].
     pub first: u32,

@@ -39,7 +39,8 @@ pub struct Atlas {
     pub texels: Vec<Texel>,
     /// Other points that the same texels stand for, any of their surface by chance, as often as was asked for.
     pub draws: Vec<Vec<Spot>>,
-    /// Of each texel and side, which texel of each of the eight [neighbours](walls::NEIGHBOURS) of its cell goes on from it: two bits each, 0 for none, otherwise its number in that cell + 1.
+    /// Of each texel and side, which texel of each of the eight [neighbours](walls::NEIGHBOURS) of its cell goes on from it: two bits each, 0 for none, otherwise its number in that cell + 1; then a bit for
+    /// each neighbour of the same chart.
     pub links: Vec<u32>,
     /// How many charts there are.
     pub charts: usize,

@@ -5,7 +5,7 @@
 // The irradiance at any point of a triangle, from a lightmap: as Looks of passes/texels.rs.
 
 // Of each triangle two, whose first six numbers tell where its corners lie; of each cell the number of its first texel + 1 and its parts; of each texel and side irradiance, and its links,
-// or -1 where no light has ever come.
+// or -1 less those where no light has come.
 @group(0) @binding(20) var<storage, read> lightmap: array<vec4f>;
 
 override LIGHTMAP_EDGE: u32 = 16u;
@@ -40,6 +40,25 @@ fn lightmap_texel_at(cell: vec4u, within: vec2f, side: u32) -> u32 {
     return cell.x - 1u + nearest;
 }
 
+// What comes to a place whose cell has had no light: as Looks::beside.
+fn light_beside(place: vec2f, at: vec2i, links: u32, side: u32) -> vec3f {
+    let within = place - vec2f(at);
+    let toward = select(vec2i(-1), vec2i(1), within >= vec2f(0.5));
+    let is_near = min(within, 1.0 - within) < vec2f(SLIVER);
+    var sum = vec4f(0.0);
+    for (var number = 1u; number < 4u; number++) {
+        let is_along = vec2<bool>((number & 1u) != 0u, number > 1u);
+        let way = select(vec2i(0), toward, is_along);
+        if any(is_along & !is_near) || !is_same_chart(links, way) {
+            continue;
+        }
+        let cell = lightmap_cell(at + way);
+        let light = lightmap_texel(lightmap_texel_at(cell, place - vec2f(at + way), side), side);
+        sum += select(vec4f(0.0), vec4f(light.rgb, 1.0), light.w >= 0.0);
+    }
+    return sum.rgb / max(sum.w, 1.0);
+}
+
 fn indirect_irradiance(position: vec3f, normal: vec3f, triangle: u32) -> vec3f {
     if triangle == 0u {
         return vec3f(0.0);
@@ -56,7 +75,10 @@ fn indirect_irradiance(position: vec3f, normal: vec3f, triangle: u32) -> vec3f {
         return vec3f(0.0);
     }
     let own = lightmap_texel(lightmap_texel_at(cell, place - vec2f(at), side), side);
-    let links = u32(max(own.w, 0.0));
+    if own.w < 0.0 {
+        return light_beside(place, at, u32(-1.0 - own.w), side);
+    }
+    let links = u32(own.w);
     let corner = floor(place - 0.5);
     let share = place - 0.5 - corner;
     var sum = vec4f(0.0);

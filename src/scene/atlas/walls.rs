@@ -23,6 +23,9 @@ pub const NEIGHBOURS: [[i32; 2]; 8] = [[-1, -1], [0, -1], [1, -1], [-1, 0], [1, 
 /// Bits of a link.
 pub const LINK_BITS: u32 = 2;
 
+/// Where the bits start that tell of each neighbour whether it is of the same chart, with or without a wall between.
+pub const SAME_CHART: u32 = 16;
+
 /// All that hides light, as it is at rest.
 pub(super) struct Walls {
     scene: Scene,
@@ -83,7 +86,8 @@ impl Walls {
         others.any(|other| (0..sides).any(|side| self.between(point, &other, side)))
     }
 
-    /// Of each texel and side, which texel of each neighbouring cell of its chart nothing hides from it: 2 bits each, 0 for none, otherwise its number among those of the cell + 1.
+    /// Of each texel and side, which texel of each neighbouring cell of its chart nothing hides from it: 2 bits each, 0 for none, otherwise its number among those of the cell + 1; and a bit
+    /// for each cell of its chart.
     pub fn links(&self, texels: &[Part], (cells, charts): (&[Cell], &[u32]), [edge, sides]: [u32; 2]) -> Vec<u32> {
         let link = |own: &Part, cell: u32, side: usize| {
             let first = cells[cell as usize].first as usize - 1;
@@ -96,7 +100,7 @@ impl Walls {
             let chart = charts[texel.cell as usize];
             let goes_on = |cell: &u32| chart != NONE && charts[*cell as usize] == chart;
             let beside: Vec<(u32, u32)> = (0..).zip(neighbours(texel.cell, edge)).filter_map(|(bit, cell)| Some((bit, cell.filter(goes_on)?))).collect();
-            let of_side = |side| beside.iter().map(|(bit, cell)| link(texel, *cell, side) << (LINK_BITS * bit)).sum();
+            let of_side = |side| beside.iter().map(|(bit, cell)| link(texel, *cell, side) << (LINK_BITS * bit) | 1 << (SAME_CHART + bit)).sum();
             (0..sides as usize).map(of_side).collect::<Vec<u32>>()
         };
         texels.par_iter().flat_map_iter(of_texel).collect()

@@ -244,7 +244,8 @@ impl Sends<'_> {
         let [number, parts @ ..] = self.cells[(at.y * self.of.edge + at.x) as usize];
         let first = number.checked_sub(1)?;
         let side = |part: u32| ((first + part) * self.of.sides) as usize + usize::from(from_behind);
-        Some(side(texels::part_at(parts, place - at.as_vec2(), |part| self.is_lit(side(part)))))
+        // What is beneath a wall sees what is there, not what its cell has beside it.
+        Some(side(texels::part_at(parts, place - at.as_vec2(), |_| true)))
     }
 }
 

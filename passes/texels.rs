@@ -156,7 +156,7 @@ impl<'a> Looks<'a> {
     fn beside(&self, place: Vec2, own: IVec2, links: u32, side: usize) -> Vec3 {
         let within = place - own.as_vec2();
         let toward = IVec2::select(within.cmpge(Vec2::splat(0.5)), IVec2::ONE, IVec2::NEG_ONE);
-        let is_near = within.min(1.0 - within).cmplt(Vec2::splat(SLIVER));
+        let is_near = within.min(1.0 - within).cmplt(Vec2::splat(BESIDE_WALL));
         let mut sum = Vec4::ZERO;
         for along in [BVec2::new(true, false), BVec2::new(false, true), BVec2::TRUE] {
             let way = IVec2::select(along, toward, IVec2::ZERO);
@@ -210,7 +210,7 @@ fn number_of_neighbour([x, y]: [i32; 2]) -> u32 {
 }
 
 /// How far from a cell whose points are all beneath a wall a place within may be, in cells.
-const SLIVER: f32 = 0.15;
+const BESIDE_WALL: f32 = 0.15;
 
 /// Weights of corners 1 and 2 at the point of a triangle that is nearest to one beside its plane.
 pub fn nearest(triangle: &Triangle, position: Vec3) -> Vec2 {

@@ -65,7 +65,7 @@ fn along(own: TexelSurface, origin: vec3f, direction: vec3f) -> vec3f {
     if cell.x == 0u || (from_behind && SIDES == 1u) {
         return vec3f(0.0);
     }
-    let there = shine[(cell.x - 1u + part_at(cell, place - vec2f(at), u32(from_behind))) * SIDES + u32(from_behind)];
+    let there = shine[(cell.x - 1u + part_at(cell, place - vec2f(at))) * SIDES + u32(from_behind)];
     let bound = max(abs(there.w), own.area * NEAREST_TEXEL);
     return there.rgb * max(1.0 - hit.distance * hit.distance / bound, 0.0);
 }
@@ -79,8 +79,7 @@ fn part_at(cell: vec4u, within: vec2f, side: u32) -> u32 {
         if packed == 0u {
             break;
         }
-        let is_lit = shine[(cell.x - 1u + part) * SIDES + side].w >= 0.0;
-        let distance = distance_of_part(packed, within) + select(UNLIT, 0.0, is_lit);
+        let distance = distance_of_part(packed, within);
         nearest = select(nearest, part, distance < least);
         least = min(least, distance);
     }

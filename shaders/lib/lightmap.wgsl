@@ -50,7 +50,7 @@ fn is_same_chart(links: u32, way: vec2i) -> bool {
 }
 
 // How far from a cell whose points are all beneath a wall a place within may be, in cells.
-const SLIVER = 0.15;
+const BESIDE_WALL = 0.15;
 
 // The reflectance of bits: as math::colour.
 fn reflectance_of(bits: u32) -> vec3f {

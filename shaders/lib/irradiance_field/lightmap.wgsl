@@ -44,7 +44,7 @@ fn lightmap_texel_at(cell: vec4u, within: vec2f, side: u32) -> u32 {
 fn light_beside(place: vec2f, at: vec2i, links: u32, side: u32) -> vec3f {
     let within = place - vec2f(at);
     let toward = select(vec2i(-1), vec2i(1), within >= vec2f(0.5));
-    let is_near = min(within, 1.0 - within) < vec2f(SLIVER);
+    let is_near = min(within, 1.0 - within) < vec2f(BESIDE_WALL);
     var sum = vec4f(0.0);
     for (var number = 1u; number < 4u; number++) {
         let is_along = vec2<bool>((number & 1u) != 0u, number > 1u);

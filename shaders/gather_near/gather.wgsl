@@ -70,8 +70,8 @@ fn along(own: TexelSurface, origin: vec3f, direction: vec3f) -> vec3f {
     return there.rgb * max(1.0 - hit.distance * hit.distance / bound, 0.0);
 }
 
-// Which of a cell's texels a point within it is in: as texels::part_at.
-fn part_at(cell: vec4u, within: vec2f, side: u32) -> u32 {
+// Which of a cell's texels a point within it is in: as texels::part_at, whether light has come there or not. What is beneath a wall sees what is there.
+fn part_at(cell: vec4u, within: vec2f) -> u32 {
     var nearest = 0u;
     var least = 1e30;
     for (var part = 0u; part < 3u; part++) {

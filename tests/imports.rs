@@ -25,10 +25,12 @@ const MAY_READ_FILES: [&str; 3] = ["src/cli/", "src/scene/load/disk.rs", "src/gp
 const FILES: [&str; 8] = ["std::fs", "File::open", "File::create", "tempfile", "fs::", ".canonicalize(", ".is_file()", ".exists()"];
 
 /// Where the work is divided among threads; everything else has to run in a browser too. Images are decoded, shaders are built, tiles of rays
-/// cast, summed and projected, records added, aged, asked for, filtered and splatted, their gaps closed, paths walked, misses looked for, skies turned, vertices and triangles moved, photons followed, sorted, gathered and walked through, obstacles looked for, texels chosen, shot at and averaged, blocks of files compressed side by side,
+/// cast, summed and projected, records added, aged, asked for, filtered and splatted, their gaps closed, paths walked, misses looked for, skies turned, vertices and triangles moved, photons followed, sorted, gathered and walked through, obstacles looked for, texels cut by walls, chosen, shot at and averaged, blocks of files compressed side by side,
 /// where rayon has threads to do it.
-const MAY_HAVE_THREADS: [&str; 44] = [
+const MAY_HAVE_THREADS: [&str; 46] = [
     "src/cli/",
+    "src/scene/atlas.rs",
+    "src/scene/atlas/walls.rs",
     "src/scene/load/image.rs",
     "src/scene/packets/mod.rs",
     "src/scene/parts.rs",

@@ -65,23 +65,8 @@ fn along(own: TexelSurface, origin: vec3f, direction: vec3f) -> vec3f {
     if cell.x == 0u || (from_behind && SIDES == 1u) {
         return vec3f(0.0);
     }
-    let there = shine[(cell.x - 1u + part_at(cell, place - vec2f(at))) * SIDES + u32(from_behind)];
+    // What is beneath a wall sees what is there, not what its cell has beside it.
+    let there = shine[(cell.x - 1u + part_at(cell, place - vec2f(at), vec3<bool>(true))) * SIDES + u32(from_behind)];
     let bound = max(abs(there.w), own.area * NEAREST_TEXEL);
     return there.rgb * max(1.0 - hit.distance * hit.distance / bound, 0.0);
-}
-
-// Which of a cell's texels a point within it is in: as texels::part_at, whether light has come there or not. What is beneath a wall sees what is there.
-fn part_at(cell: vec4u, within: vec2f) -> u32 {
-    var nearest = 0u;
-    var least = 1e30;
-    for (var part = 0u; part < 3u; part++) {
-        let packed = cell[part + 1u];
-        if packed == 0u {
-            break;
-        }
-        let distance = distance_of_part(packed, within);
-        nearest = select(nearest, part, distance < least);
-        least = min(least, distance);
-    }
-    return nearest;
 }

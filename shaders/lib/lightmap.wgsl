@@ -27,11 +27,23 @@ const NEAREST_TEXEL = 4.0;
 // Further than any part of a cell is, squared.
 const UNLIT = 16.0;
 
-// Which of a cell's parts a point within the cell is in, by how far it is from each less how far that reaches, squared: as texels::part_at.
+// How far a point within a cell is from one of its parts, less how far that reaches, squared.
 fn distance_of_part(packed: u32, within: vec2f) -> f32 {
     let unpacked = vec3f(f32(packed & 255u), f32((packed >> 8u) & 255u), f32((packed >> 16u) & 255u)) / 255.0;
     let way = within - unpacked.xy;
     return dot(way, way) - unpacked.z * unpacked.z;
+}
+
+// Which of a cell's parts a point within the cell is in, of those that are lit if any is: as texels::part_at.
+fn part_at(cell: vec4u, within: vec2f, is_lit: vec3<bool>) -> u32 {
+    var nearest = 0u;
+    var least = 1e30;
+    for (var part = 0u; part < 3u && cell[part + 1u] != 0u; part++) {
+        let distance = distance_of_part(cell[part + 1u], within) + select(UNLIT, 0.0, is_lit[part]);
+        nearest = select(nearest, part, distance < least);
+        least = min(least, distance);
+    }
+    return nearest;
 }
 
 // Which of the eight neighbours is a step away along each axis.

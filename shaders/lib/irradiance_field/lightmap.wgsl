@@ -23,21 +23,17 @@ fn lightmap_texel(texel: u32, side: u32) -> vec4f {
     return lightmap[LIGHTMAP_FIRST + LIGHTMAP_EDGE * LIGHTMAP_EDGE + texel * LIGHTMAP_SIDES + side];
 }
 
-// The texel of a cell that a place within it is in: as texels::part_at.
+// The texel of a cell that a place within it is in, of those that have light if there is any: as Looks::texel_at.
 fn lightmap_texel_at(cell: vec4u, within: vec2f, side: u32) -> u32 {
-    var nearest = 0u;
-    var least = 1e30;
-    for (var part = 0u; part < 3u; part++) {
-        let packed = cell[part + 1u];
-        if packed == 0u {
-            break;
-        }
-        let is_lit = lightmap_texel(cell.x - 1u + part, side).w >= 0.0;
-        let distance = distance_of_part(packed, within) + select(UNLIT, 0.0, is_lit);
-        nearest = select(nearest, part, distance < least);
-        least = min(least, distance);
+    let first = cell.x - 1u;
+    if cell.y == 0u {
+        return first;
     }
-    return cell.x - 1u + nearest;
+    var is_lit = vec3<bool>(false);
+    for (var part = 0u; part < 3u && cell[part + 1u] != 0u; part++) {
+        is_lit[part] = lightmap_texel(first + part, side).w >= 0.0;
+    }
+    return first + part_at(cell, within, is_lit);
 }
 
 // What comes to a place whose cell has had no light: as Looks::beside.

@@ -131,7 +131,7 @@ fn directions(edge: u32) -> Vec<Vec<Vec3>> {
 fn gather_on_host(e: &mut Encoder<'_>, (from, to): (port::Shooters, port::Lightmap), sets: Vec<Vec<Vec3>>, every: u32) {
     let bundles: Vec<RayBundle> = sets.iter().map(|directions| RayBundle::of(directions)).collect();
     let shots = Read::counted(from.shots, size_of::<Shot>() as u64, from.requests.count);
-    let reads: Vec<Read> = [to.cells, to.corners, to.surfaces, to.direct, to.fresh, to.mean].map(Read::whole).into_iter().chain([shots]).collect();
+    let reads: Vec<Read> = [to.cells, to.corners, to.surfaces, to.direct, to.fresh, to.near, to.mean].map(Read::whole).into_iter().chain([shots]).collect();
     e.host("gather", &reads, &[to.near], move |host| {
         if !begins(host, &to, every) {
             return Ok(());

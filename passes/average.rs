@@ -66,6 +66,8 @@ impl Pass for Average {
         let warm_up = e.arguments.integer("warm_up") as u32;
         let rising = e.arguments.choice("weights").0 == "Rising";
         let settled = e.variable("settled", false);
+        e.persist("texels", of.mean, size_of::<Vec4>() as u64, of.known);
+        e.accumulates(&[of.surfaces, of.direct, of.fresh, of.near, of.mean], &[of.iterations, of.counted, of.rounds, of.known]);
         let count = move |host: &mut dyn HostContext| {
             let [iterations, rounds] = [of.iterations, of.rounds].map(|variable| host.variable(variable).saturating_add(1));
             // What is left of the light of a scene before.
@@ -74,6 +76,7 @@ impl Pass for Average {
             host.set(of.iterations, iterations);
             host.set(of.rounds, rounds);
             host.set(of.counted, counted);
+            host.set(of.known, of.places());
             host.set(settled, u32::from(is_settled([iterations, counted], of.wanted, warm_up)));
             share(counted, rising)
         };

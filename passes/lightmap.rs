@@ -94,6 +94,10 @@ impl Pass for Lightmap {
         Some(Bounces::All)
     }
 
+    fn only_longer(&self) -> &'static [&'static str] {
+        &["iterations", "remembers"]
+    }
+
     fn encode(&self, e: &mut Encoder<'_>) -> Result<(), Refusal> {
         let atlas = atlas(e);
         let lightmap = declared(e, &atlas);
@@ -121,6 +125,9 @@ fn atlas(e: &mut Encoder<'_>) -> Atlas {
     }
     if atlas.cut > 0 {
         e.remark(format!("walls go through {} texels, which are kept in parts", atlas.cut));
+    }
+    if atlas.uncut > 0 {
+        e.remark(format!("walls go through {} more, for whose parts there is no room", atlas.uncut));
     }
     if atlas.crowded > 0 {
         e.remark(format!("{} of {} triangles share their texels with others, whose light they take", atlas.crowded, e.setting.needs.triangles));
@@ -152,10 +159,11 @@ fn declared(e: &mut Encoder<'_>, atlas: &Atlas) -> port::Lightmap {
     let surfaces = e.history_buffer("surfaces", size_of::<TexelSurface>() as u64 * room);
     let [direct, fresh, near, mean] = ["direct", "fresh", "near", "mean"].map(|name| e.history_buffer(name, bytes));
     let [iterations, counted, rounds] = ["iterations", "counted", "rounds"].map(|name| e.variable(name, true));
+    let known = e.variable("known", true);
     e.report_variable("iterations", rounds);
     let remembers = e.arguments.integer("remembers") as u32;
     if remembers > 0 {
-        e.survives_with(cells, &[fresh, near, mean], &[counted, rounds]);
+        e.survives_with(cells, &[fresh, near, mean], &[counted, rounds, known]);
     }
     port::Lightmap {
         edge: atlas.edge,
@@ -174,6 +182,7 @@ fn declared(e: &mut Encoder<'_>, atlas: &Atlas) -> port::Lightmap {
         iterations,
         counted,
         rounds,
+        known,
         wanted: e.arguments.integer("iterations") as u32,
         remembers,
     }

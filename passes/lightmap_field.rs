@@ -140,14 +140,14 @@ impl Around<'_> {
                 let Some(other) = self.reached(texel, side, IVec2::new(x, y)) else { continue };
                 let surface = &self.surfaces[other];
                 if other == texel || is_beside(own.place(side), surface.place(side)) {
-                    let (light, area) = (self.mean[other * self.sides + side].truncate(), surface.area.max(f32::MIN_POSITIVE));
+                    let (light, area) = (self.mean[other * self.sides + side].truncate(), surface.area);
                     sum += light.extend(1.0) * area;
                     lit += if light == Vec3::ZERO { 0.0 } else { area };
                 }
             }
         }
-        // Rays may have missed by chance what most of those around have found.
-        let is_lit = self.mean[place].truncate() != Vec3::ZERO || lit > 0.5 * sum.w;
+        // Rays may have missed by chance what most of those around have found. What is within something solid has an area of 0.
+        let is_lit = lit > if self.mean[place].truncate() == Vec3::ZERO || own.area == 0.0 { 0.5 * sum.w } else { 0.0 };
         let links = self.links[place][0] as f32;
         if is_lit { (sum.truncate() / sum.w).extend(links) } else { Vec4::W * (-1.0 - links) }
     }

@@ -62,8 +62,9 @@ fn lay_out_light(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) g
             lit += select(0.0, own.w, any(own.rgb != vec3f(0.0)));
         }
     }
-    // Rays may have missed by chance what most of those around have found.
-    let is_lit = any(mean[place].rgb != vec3f(0.0)) || lit > 0.5 * sum.w;
+    // Rays may have missed by chance what most of those around have found. What is within something solid has an area of 0.
+    let has_own = any(mean[place].rgb != vec3f(0.0)) && surfaces[place / SIDES].area > 0.0;
+    let is_lit = lit > select(0.5 * sum.w, 0.0, has_own);
     let own_links = f32(links[place].x);
     data[FIRST + EDGE * EDGE + place] = select(vec4f(0.0, 0.0, 0.0, -1.0 - own_links), vec4f(sum.rgb / max(sum.w, 1e-37), own_links), is_lit);
 }
@@ -86,7 +87,7 @@ fn counted(texel: u32, side: u32, way: vec2i) -> vec4f {
     let own = surfaces[texel];
     let surface = surfaces[other];
     let counts = other == texel || is_beside(own.position, normal_of_side(own, side), surface.position, normal_of_side(surface, side));
-    return select(vec4f(0.0), vec4f(mean[other * SIDES + side].rgb, 1.0) * max(surface.area, 1.17549435e-38), counts);
+    return select(vec4f(0.0), vec4f(mean[other * SIDES + side].rgb, 1.0) * surface.area, counts);
 }
 
 @compute @workgroup_size(256)

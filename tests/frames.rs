@@ -56,6 +56,7 @@ const CASES: &[(&str, Case)] = &[
     ("a_second_view_reuses_records", second_view),
     ("saved_records_give_the_same_picture_bit_by_bit", || saved_records("irradiance-one-rate")),
     ("saved_records_of_two_loops_give_the_same_picture_bit_by_bit", || saved_records("irradiance")),
+    ("a_lightmap_that_is_saved_goes_on_in_any_frame", kept_lightmap),
     ("a_file_of_records_that_does_not_fit_is_refused_and_kept", bad_records),
     ("a_file_of_records_that_another_loop_made_otherwise_is_refused", records_of_other_loops),
     ("a_fill_that_ends_at_its_bound_splats_what_it_has_made", bounded_fill),
@@ -862,6 +863,29 @@ fn saved_records(pipeline: &str) -> Outcome {
     check(number(&first, 0, "/records/irradiance")? == number(&second, 0, "/records/irradiance")?, || format!("{second}"))?;
     place.same("first.exr", "second.exr")?;
     check(fs::read(place.path("new/records")).map_err(failed)? == saved, || "saved again, the file is another".into())
+}
+
+/// Runs that begin with the same frame go on with a lightmap as frames of one run do, or with more iterations; a lightmap of another size is no use.
+fn kept_lightmap() -> Outcome {
+    let place = Place::new()?;
+    let render = |more: &[&str]| -> Result<Ended, Failed> {
+        let small = ["--size", "40x30", "--set", "shooters.shooters=16", "--stats", "stats.json"];
+        let arguments = ["render", "radiosity", "--scene", "cornell"].iter().chain(&small).chain(more);
+        let output = Command::new(env!("CARGO_BIN_EXE_hemisplat")).current_dir(place.0.path()).args(arguments).output().map_err(failed)?;
+        Ok((output.status.code().ok_or("no exit status")?, String::from_utf8_lossy(&output.stderr).into_owned()))
+    };
+    let iterations = || Ok::<_, Failed>(numbers(&place.stats()?["frames"][0], "lightmap", "iterations"));
+    let five = ["--set", "lightmap.resolution=32", "--set", "lightmap.iterations=5"];
+    let kept = ["--cache", "map", "-o", "part.exr"];
+    is(&render(&[&five[..], &["--frames", "0..3", "-o", "whole.exr"]].concat())?, 0, "")?;
+    for made in 5..8 {
+        is(&render(&[&five[..], &kept].concat())?, 0, "")?;
+        check(iterations()? == Some(made), || format!("{:?} instead of {made} iterations", iterations()))?;
+    }
+    place.same("whole.0002.exr", "part.exr")?;
+    is(&render(&[&["--set", "lightmap.resolution=32", "--set", "lightmap.iterations=12"], &kept[..]].concat())?, 0, "")?;
+    check(iterations()? == Some(12), || format!("{:?} instead of 12 iterations", iterations()))?;
+    is(&render(&[&["--set", "lightmap.resolution=64"], &kept[..]].concat())?, 2, "`texels` were made by Lightmap(")
 }
 
 fn bad_records() -> Outcome {

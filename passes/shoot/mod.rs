@@ -76,6 +76,7 @@ impl Pass for Shoot {
 /// Rays a luminance, of each side of a texel, as the last iteration has found them to be as many as they should: 0 where that is not known.
 fn parts(e: &mut Encoder<'_>, to: &port::Lightmap, rays: Option<f32>) -> Resource {
     let parts = e.history_buffer("parts", rays.map_or(0, |_| 4 * u64::from(to.places())));
+    e.accumulates(&[parts], &[]);
     if to.remembers > 0 {
         e.survives_with(to.cells, &[parts], &[]);
     }

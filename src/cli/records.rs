@@ -7,7 +7,7 @@ use super::output::Target;
 use super::scene::View;
 use super::timeline::{Frame, Timeline, camera_of_frame};
 use crate::gpu::block_on;
-use crate::measure::cache::{self, After, Cache, fingerprint};
+use crate::measure::cache::{self, After, Cache, Given, accumulates, fingerprint};
 use crate::measure::run::Run;
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -70,6 +70,8 @@ pub enum Beginning {
     Next(Option<f32>),
     /// From records of another time, and why.
     Records(String),
+    /// With light that has to be found anew.
+    Anew,
     /// Without any.
     Empty,
 }
@@ -100,8 +102,10 @@ impl<'f> Keeping<'f> {
         if is_next || !view.animation().is_empty() {
             run.see_before(&camera);
         }
-        if found.give(run, is_next).map_err(Failure::input)? {
-            return Ok(Beginning::Next(before.and_then(|after| after.exposure)));
+        match found.give(run, is_next).map_err(Failure::input)? {
+            Given::All => return Ok(Beginning::Next(before.and_then(|after| after.exposure))),
+            Given::Items if accumulates(run) => return Ok(Beginning::Anew),
+            Given::Accumulated | Given::Items => {}
         }
         Ok(Beginning::Records(match before {
             None => "no frame had been ended when it was saved".to_owned(),
@@ -144,12 +148,12 @@ impl<'f> Keeping<'f> {
 }
 
 impl Beginning {
-    /// Says that records which would have lived on have to be sampled anew.
+    /// Says that what would have lived on has to be found anew.
     pub fn tell(&self, run: &Run, path: &Path, console: &Console) {
-        if let Self::Records(why) = self
-            && run.plan().schedule.lives_on()
-        {
-            console.note(&format!("note: all records of {} are sampled anew: {why}", path.display()));
+        match self {
+            Self::Records(why) if run.plan().schedule.lives_on() => console.note(&format!("note: all records of {} are sampled anew: {why}", path.display())),
+            Self::Anew => console.note(&format!("note: the light of {} is found anew: another version of hemisplat has left it", path.display())),
+            Self::Records(_) | Self::Next(_) | Self::Empty => {}
         }
     }
 }

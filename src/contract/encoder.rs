@@ -173,6 +173,12 @@ impl<'a> Encoder<'a> {
         self.encoded.persistent.push(Persistent { name, items, item_bytes, count });
     }
 
+    /// Histories that are added to from frame to frame, whatever these show: where [items](Self::persist) of theirs are saved, a later run goes on with all of them.
+    pub fn accumulates(&mut self, resources: &[Resource], variables: &[Variable]) {
+        self.schedule.accumulated.resources.extend(resources);
+        self.schedule.accumulated.variables.extend(variables);
+    }
+
     /// Tells in `explain` what was adapted, and why.
     pub fn remark(&mut self, remark: impl Into<String>) {
         self.encoded.remarks.push(remark.into());

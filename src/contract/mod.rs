@@ -35,6 +35,11 @@ pub trait Pass: Send + Sync {
         None
     }
 
+    /// Parameters by which it only goes on for longer: what is kept between runs is as good for others.
+    fn only_longer(&self) -> &'static [&'static str] {
+        &[]
+    }
+
     /// The input for images of indirect light, of a pass that makes the picture of them. Where none of these has what lobes reflect, the whole plan takes
     /// surfaces by their albedo.
     fn indirect_light(&self) -> Option<&'static str> {

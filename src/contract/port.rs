@@ -508,6 +508,8 @@ pub struct Lightmap {
     pub counted: Variable,
     /// How many iterations there have been in all; a history.
     pub rounds: Variable,
+    /// Texels of all sides once there is a mean, for what is kept of it between runs; a history.
+    pub known: Variable,
     /// How many iterations there are to be.
     pub wanted: u32,
     /// As how many the mean counts at most once the scene has changed.

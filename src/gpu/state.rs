@@ -44,23 +44,41 @@ impl Session {
 
     /// Goes on from what another session's last frame left; whether this one has the same histories. If not, nothing is taken over.
     pub fn go_on_from(&mut self, state: &State, but: &Histories) -> bool {
-        let (held, counted, schedule) = (self.held(but), self.counted(but), self.schedule.clone());
+        let (held, counted) = (self.held(but), self.counted(but));
+        let are_all = (held.len(), counted.len()) == (state.resources.len(), state.variables.len());
+        if !are_all || !self.put_back(state, &held, &counted) {
+            return false;
+        }
+        self.frames = state.frames;
+        true
+    }
+
+    /// Goes on with what is added to in any frame, as another session left it; whether this one has the same. If not, nothing is taken over.
+    pub fn add_to(&mut self, state: &State, but: &Histories) -> bool {
+        let (mut held, mut counted) = (self.held(but), self.counted(but));
+        let added = &self.schedule.accumulated;
+        held.retain(|held| added.resources.contains(&held.resource));
+        counted.retain(|(variable, _)| added.variables.contains(variable));
+        self.put_back(state, &held, &counted)
+    }
+
+    fn put_back(&mut self, state: &State, held: &[Held], counted: &[(Variable, String)]) -> bool {
+        let schedule = self.schedule.clone();
         let name = |held: &Held| &schedule.resource(held.resource).name;
         let fits = |held: &Held| {
             let whole = self.unpadded_bytes(held.resource);
             let found = state.resources.get(name(held)).map(Vec::len);
             found.is_some_and(|found| if held.used.is_some() { found <= whole && found.is_multiple_of(4) } else { found == whole })
         };
-        let are_all = (held.len(), counted.len()) == (state.resources.len(), state.variables.len());
-        if !are_all || !held.iter().all(fits) || !counted.iter().all(|(_, name)| state.variables.contains_key(name)) {
+        if !held.iter().all(fits) || !counted.iter().all(|(_, name)| state.variables.contains_key(name)) {
             return false;
         }
-        for held in &held {
+        for held in held {
             self.copies.invalidate(|other| other == held.resource);
             self.put(&self.physical[held.resource.0 as usize], 0, &state.resources[name(held)]);
         }
         counted.iter().for_each(|(variable, name)| self.set_variable(*variable, state.variables[name]));
-        (self.frames, self.is_still) = (state.frames, false);
+        self.is_still = false;
         true
     }
 

@@ -99,7 +99,9 @@ impl Cache {
             contents.extend_from_slice(&bytes);
             histories.push(History { name: history.name.into(), item_bytes: history.item_bytes, items, made_by: made_by.clone() });
         }
-        let state = if after.is_some() { run.state().await? } else { None };
+        // What is added to is whole after any iteration.
+        let is_worth_it = after.is_some() || accumulates(run);
+        let state = if is_worth_it { run.state().await? } else { None };
         let state = state.map(|State { frames, variables, resources }| {
             let lengths = resources.iter().map(|(name, bytes)| (name.clone(), bytes.len() as u64)).collect();
             resources.into_values().for_each(|bytes| contents.extend(bytes));
@@ -162,11 +164,11 @@ impl Cache {
     }
 
     /// Hands over the records to a run whose scene is at [its moment](Self::moment); where the run `goes_on` with the next frame, also all else that this finds
-    /// of those before it. Whether it was there and did fit.
+    /// of those before it.
     ///
     /// # Errors
     /// Records of another scene, or others than the run keeps, or such that other nodes made.
-    pub fn give(&self, run: &mut Run, goes_on: bool) -> Result<bool, RunError> {
+    pub fn give(&self, run: &mut Run, goes_on: bool) -> Result<Given, RunError> {
         let Header { scene, triangles, histories: saved, .. } = &self.header;
         if self.header.fingerprint != fingerprint(&run.stage().scene) {
             return Err(wrong(format!("it was made for another state of the scene: `{scene}` with {triangles} triangles")));
@@ -187,7 +189,12 @@ impl Cache {
             run.restore(&history.history, items, saved.items);
             rest = after;
         }
-        Ok(goes_on && self.state(rest).is_some_and(|state| run.go_on_from(&state)))
+        let Some(state) = self.state(rest) else { return Ok(Given::Items) };
+        Ok(match () {
+            () if goes_on && run.go_on_from(&state) => Given::All,
+            () if accumulates(run) && run.add_to(&state) => Given::Accumulated,
+            () => Given::Items,
+        })
     }
 
     /// What the next frame finds, whose memory stands behind the items; None of another version of the program.
@@ -201,6 +208,22 @@ impl Cache {
         let resources = resources.iter().map(&mut part).collect::<Option<_>>()?;
         Some(State { frames: *frames, variables: variables.clone(), resources })
     }
+}
+
+/// What a run has taken over.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Given {
+    /// Whatever the frame before has left.
+    All,
+    /// Records, and what is added to in any frame.
+    Accumulated,
+    /// Records alone.
+    Items,
+}
+
+/// Whether a run has what is added to in any frame.
+pub fn accumulates(run: &Run) -> bool {
+    !run.plan().schedule.accumulated.resources.is_empty()
 }
 
 const PROGRAM: &str = env!("CARGO_PKG_VERSION");

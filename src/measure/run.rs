@@ -12,7 +12,7 @@ use crate::scene::{
     Camera,
     stage::{Change, Changed, Stage, Unchangeable},
 };
-use crate::schedule::{Format, Histories, Resource, ResourceKind, Window};
+use crate::schedule::{Format, Histories, Resource, ResourceKind, Schedule, Variable, Window};
 use miette::Diagnostic;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
@@ -221,6 +221,7 @@ impl Run {
         let (gpu, mut resized) = (self.session.gpu().clone(), self.anew(plan, size).await?);
         let keeping = async {
             resized.keep_records(self, |_| true);
+            resized.keep_accumulated(self);
             Ok(())
         };
         gpu.told("keeping the records", keeping).await?;
@@ -246,6 +247,22 @@ impl Run {
             let count = u64::from(other.variable(before.history.count)).min(room);
             self.session.copy_from(history.items, (&mut other.session, before.history.items), count * history.item_bytes);
             self.session.set_variable(history.count, count as u32);
+        }
+    }
+
+    /// Takes over what another run of the same pipeline has added to from frame to frame.
+    fn keep_accumulated(&mut self, other: &mut Self) {
+        let (own, others) = (self.plan.schedule.clone(), other.plan.schedule.clone());
+        for resource in &own.accumulated.resources {
+            let described = own.resource(*resource);
+            let is_same = |other: &&Resource| others.resource(**other).name == described.name && others.resource(**other).kind == described.kind;
+            let Some(before) = others.accumulated.resources.iter().find(is_same) else { return };
+            self.session.copy_from(*resource, (&mut other.session, *before), described.kind.bytes());
+        }
+        for variable in &own.accumulated.variables {
+            let name = |schedule: &Schedule, variable: Variable| schedule.variables[variable.0 as usize].name.clone();
+            let before = others.accumulated.variables.iter().find(|other| name(&others, **other) == name(&own, *variable));
+            before.into_iter().for_each(|before| self.session.set_variable(*variable, other.variable(*before)));
         }
     }
 
@@ -415,6 +432,12 @@ impl Run {
     pub(super) fn go_on_from(&mut self, state: &State) -> bool {
         let itemised = self.itemised();
         self.session.go_on_from(state, &itemised)
+    }
+
+    /// Goes on with what is added to in any frame; whether it fits.
+    pub(super) fn add_to(&mut self, state: &State) -> bool {
+        let itemised = self.itemised();
+        self.session.add_to(state, &itemised)
     }
 
     /// Histories of items.

@@ -733,7 +733,9 @@ impl Provenance<'_> {
         if !self.followed.insert(node.name.clone()) {
             return;
         }
-        let parameters: Vec<String> = node.arguments.iter().map(|(name, value)| format!("{name}: {value}")).collect();
+        let longer = if let Work::Pass(pass) = node.work { pass.only_longer() } else { &[] };
+        let told = node.arguments.iter().filter(|(name, _)| !longer.contains(name));
+        let parameters: Vec<String> = told.map(|(name, value)| format!("{name}: {value}")).collect();
         self.made_by.push(format!("{}({})", node.description().name, parameters.join(", ")));
         for edge in &node.inputs {
             let source = self.members.iter().map(|member| member.node).find(|node| node.name == edge.from.node);

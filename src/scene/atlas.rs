@@ -44,8 +44,10 @@ pub struct Atlas {
     pub links: Vec<u32>,
     /// How many charts there are.
     pub charts: usize,
-    /// Cells of several texels.
+    /// Cells that walls go through, of which each part is a texel, but for what is within something solid.
     pub cut: usize,
+    /// Cells that walls go through, and for whose parts there is no room.
+    pub uncut: usize,
     /// Triangles with an area that no texel stands for: what is kept for them is that of others beside them.
     pub crowded: usize,
 }
@@ -72,7 +74,7 @@ impl Cell {
 pub struct Texel {
     /// In the middle of one of its triangles' parts.
     pub spot: Spot,
-    /// Of all surfaces in it, at rest [scene units²].
+    /// Of all surfaces in it, at rest, but for what is within something solid: 0 where that is all [scene units²].
     pub area: f32,
     /// Row by row.
     pub cell: u32,
@@ -185,7 +187,8 @@ impl Laid {
         }
         let mut folded = vec![false; charts.len()];
         let mut covered = vec![0.0; (edge * edge) as usize];
-        for (triangle, _) in laid.triangles.iter().filter(|(_, crumb)| crumb.is_none()) {
+        let is_alone = |triangle: &u32| groups[group_of[*triangle as usize]].len() == 1;
+        for (triangle, _) in laid.triangles.iter().filter(|(triangle, crumb)| crumb.is_none() && !is_alone(triangle)) {
             let corners = &laid.corners[*triangle as usize];
             let group = &mut folded[group_of[*triangle as usize]];
             for (at, cell) in touched(corners, edge) {
@@ -214,7 +217,7 @@ impl Laid {
         let crowded = self.triangles.iter().filter(|(number, _)| !filled.stands_for(*number, &self.corners)).count();
         let charts = self.charts_of_cells(&filled);
         let walls = Walls::new(scene, 1.0 / self.scale.max(f32::MIN_POSITIVE));
-        let cut = self.cut(scene, (&filled, &charts), &walls, wanted.sides);
+        let (cut, uncut) = self.cut(scene, (&filled, &charts), &walls, wanted.sides);
         let mut cells = vec![Cell::default(); all.len()];
         let mut parts: Vec<Part> = Vec::with_capacity(all.len());
         for at in self.in_space(scene, &filled) {
@@ -222,10 +225,11 @@ impl Laid {
             cell.first = parts.len() as u32 + 1;
             let area = filled.areas[at as usize];
             match cut.get(&at) {
-                Some(own) => {
+                Some(Cut { parts: own, share }) => {
                     cell.parts = self.packed(at, own);
                     let count: usize = own.iter().map(Vec::len).sum();
-                    parts.extend(own.iter().map(|points| Part { cell: at, area: (area * points.len() as f64 / count as f64) as f32, points: points.clone() }));
+                    let area = |points: &Vec<Place>| (area * share * points.len() as f64 / count as f64) as f32;
+                    parts.extend(own.iter().map(|points| Part { cell: at, area: area(points), points: points.clone() }));
                 }
                 None => parts.push(Part { cell: at, area: area as f32, points: vec![self.place(scene, filled.spots[at as usize])] }),
             }
@@ -248,6 +252,7 @@ impl Laid {
             chart_of: self.chart_of,
             charts: self.charts,
             cut: cut.len(),
+            uncut,
             crowded,
         }
     }
@@ -262,30 +267,28 @@ impl Laid {
         charts
     }
 
-    /// Of cells that a wall goes through, the points of each part.
-    fn cut(&self, scene: &Scene, (filled, charts): (&Filled, &[u32]), walls: &Walls, sides: u32) -> HashMap<u32, Vec<Vec<Place>>> {
+    /// The cells that walls go through, and of those the ones for which there is no room.
+    fn cut(&self, scene: &Scene, (filled, charts): (&Filled, &[u32]), walls: &Walls, sides: u32) -> (HashMap<u32, Cut>, usize) {
         let is_crossed = |cell: &u32| {
+            let mut within = filled.draws.iter().map(|draw| draw[*cell as usize]).filter(|spot| spot.triangle != 0).map(|spot| self.place(scene, spot));
             let chart = charts[*cell as usize];
             if chart == NONE {
-                return false;
+                return within.any(|place| walls.is_buried(&place, sides as usize));
             }
-            let within = filled.draws.iter().map(|draw| draw[*cell as usize]);
             let beside = neighbours(*cell, self.edge).flatten().filter(|other| charts[*other as usize] == chart).map(|other| filled.spots[other as usize]);
-            let place = |spot| self.place(scene, spot);
-            walls.is_between(&place(filled.spots[*cell as usize]), within.chain(beside).map(place), sides as usize)
+            walls.is_between(&self.place(scene, filled.spots[*cell as usize]), within.chain(beside.map(|spot| self.place(scene, spot))), sides as usize)
         };
         let mut crossed: Vec<u32> = (0..self.edge * self.edge).into_par_iter().filter(is_crossed).collect();
         // There are no more texels than an atlas without walls may have.
         let free = filled.spots.iter().filter(|spot| spot.triangle == 0).count();
-        crossed.truncate(free / (PARTS - 1));
+        let too_many = crossed.len().saturating_sub(free / (PARTS - 1));
+        crossed.truncate(crossed.len() - too_many);
         let points = self.fill(scene, Filled::new(self.edge, POINTS as u32, &crossed));
         let parts = |(slot, cell): (usize, &u32)| {
             let points: Vec<Place> = points.draws.iter().map(|draw| self.place(scene, draw[slot])).collect();
-            let parts = walls.parts(&points, sides as usize);
-            let largest = parts.iter().take(PARTS).map(|part| part.iter().map(|point| points[*point]).collect()).collect();
-            (parts.len() > 1).then_some((*cell, largest))
+            Cut::of(points, charts[*cell as usize] == NONE, walls, sides as usize).map(|cut| (*cell, cut))
         };
-        crossed.par_iter().enumerate().filter_map(parts).collect()
+        (crossed.par_iter().enumerate().filter_map(parts).collect(), too_many)
     }
 
     /// Where the parts of a cell are within it.
@@ -324,6 +327,26 @@ fn neighbours(cell: u32, edge: u32) -> impl Iterator<Item = Option<u32>> {
         let at = [(cell % edge) as i32 + x, (cell / edge) as i32 + y];
         at.iter().all(|at| (0..edge as i32).contains(at)).then(|| at[1] as u32 * edge + at[0] as u32)
     })
+}
+
+/// What walls leave of a cell.
+struct Cut {
+    /// Points of each part, the largest first.
+    parts: Vec<Vec<Place>>,
+    /// Of the cell's area, what is seen: 0 where all of it is within something solid.
+    share: f64,
+}
+
+impl Cut {
+    /// None where the cell is whole. What shares a cell by chance `is_one` part, whatever is between.
+    fn of(points: Vec<Place>, is_one: bool, walls: &Walls, sides: usize) -> Option<Self> {
+        let (buried, seen): (Vec<Place>, Vec<Place>) = points.iter().partition(|point| walls.is_buried(point, sides));
+        let share = seen.len() as f64 / points.len() as f64;
+        let of_all = if seen.is_empty() { buried } else { seen };
+        let parts = if is_one { vec![(0..of_all.len()).collect()] } else { walls.parts(&of_all, sides) };
+        let largest = parts.iter().take(PARTS).map(|part| part.iter().map(|point| of_all[*point]).collect()).collect();
+        (parts.len() > 1 || share < 1.0).then_some(Self { parts: largest, share })
+    }
 }
 
 /// What becomes a texel.
@@ -679,6 +702,7 @@ impl<'a> Mesh<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::{Light, LightKind};
 
     const EDGE: u32 = 128;
 
@@ -873,6 +897,40 @@ mod tests {
             }
             let sum: f64 = atlas.texels.iter().map(|texel| f64::from(texel.area)).sum();
             assert!((sum - area(&scene)).abs() < 1e-4 * area(&scene), "{sum}");
+        }
+    }
+
+    /// A column through a floor, on texels that it covers wholly and in part.
+    fn pierced() -> Scene {
+        let [low, high] = [0.203, 0.531];
+        let at = |x: f32, y: f32| [Vec3::new(x, y, -0.1), Vec3::new(x, y, 1.0)];
+        let corners = [at(low, low), at(high, low), at(high, high), at(low, high)];
+        let side = |number: usize| {
+            let ([a, d], [b, c]) = (corners[number], corners[(number + 1) % 4]);
+            quad([a, b, c, d])
+        };
+        let top = quad(corners.map(|[_, top]| top));
+        let floor = quad([Vec3::ZERO, Vec3::X, Vec3::X + Vec3::Y, Vec3::Y]);
+        of([floor.to_vec(), (0..4).flat_map(side).collect(), top.to_vec()].concat())
+    }
+
+    #[test]
+    fn what_is_within_something_solid_counts_nothing() {
+        let lamp = |position: Vec3| Light { name: "lamp".into(), kind: LightKind::Point { position, intensity: Vec3::ONE }, shadows: true };
+        let footprint = (0.531f32 - 0.203).powi(2);
+        for (position, is_told) in [(Vec3::splat(0.9), true), (Vec3::splat(0.4), false)] {
+            let scene = Scene { lights: vec![lamp(position)], ..pierced() };
+            let atlas = Atlas::new(&scene, wanted(64, Charts::Smooth, 4));
+            let on_floor = |texel: &&Texel| scene.at_rest(texel.spot.triangle - 1).positions.iter().all(|corner| corner.z == 0.0);
+            let floor: f32 = atlas.texels.iter().filter(on_floor).map(|texel| texel.area).sum();
+            let expected = if is_told { 1.0 - footprint } else { 1.0 };
+            assert!((floor - expected).abs() < 5e-3, "{floor} instead of {expected}");
+            let within = |spot: &Spot| scene.at_rest(spot.triangle - 1).position(spot.barycentric).truncate();
+            let is_beneath = |at: Vec2| at.min_element() > 0.203 && at.max_element() < 0.531;
+            for (number, texel) in atlas.texels.iter().enumerate().filter(|(_, texel)| on_floor(texel)) {
+                let beneath = atlas.draws.iter().filter(|draw| is_beneath(within(&draw[number]))).count();
+                assert!(!is_told || beneath == if texel.area == 0.0 { atlas.draws.len() } else { 0 }, "{beneath} of an area of {}", texel.area);
+            }
         }
     }
 

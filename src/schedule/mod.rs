@@ -48,6 +48,8 @@ pub struct Schedule {
     pub laid_out: Vec<(Resource, Histories)>,
     /// Histories that are the same made anew, from the scene alone: nobody has to keep them.
     pub remade: Histories,
+    /// Histories that are worth the same in any frame of a scene, and more the longer they have been added to.
+    pub accumulated: Histories,
     /// Of histories that are not used to their ends, what is.
     pub used: Vec<Read>,
     /// None where no frame is run ahead of its picture.
@@ -85,9 +87,10 @@ impl Lapse {
 }
 
 impl Schedule {
-    /// Whether a frame of a scene that changes finds more of those before it than would be made anew.
+    /// Whether a frame of a scene that changes finds more of those before it than would be made anew, or is the same in any frame.
     pub fn lives_on(&self) -> bool {
-        self.survivors.resources.iter().any(|resource| !self.remade.resources.contains(resource))
+        let is_elsewhere = |resource| self.remade.resources.contains(resource) || self.accumulated.resources.contains(resource);
+        self.survivors.resources.iter().any(|resource| !is_elsewhere(resource))
     }
 
     /// What stays when the scene changes, and these constants with it.

@@ -215,7 +215,9 @@ impl<'a> Bench<'a> {
         let plan = self.plan(&built, &[("RecordCache", "capacity", &count.to_string())])?;
         let mut run = self.run(&built, &plan)?;
         let alone = whole(&mut run)?;
-        let [Saved { history, .. }] = plan.persistent.as_slice() else {
+        let accumulated = &plan.schedule.accumulated.resources;
+        let records: Vec<&Saved> = plan.persistent.iter().filter(|saved| !accumulated.contains(&saved.history.items)).collect();
+        let [Saved { history, .. }] = records[..] else {
             return Err(Trouble::Absent("the pipeline keeps no records, or several caches".into()));
         };
         let mut records = block_on(run.bytes(history.items))?;

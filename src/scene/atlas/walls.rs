@@ -1,7 +1,8 @@
 //! What stands between points of one chart: a texel that a wall goes through is as many texels as it has parts, and light of neighbours is mixed only where nothing is between.
 
 use super::{Cell, NONE, Part, Spot, neighbours};
-use crate::scene::{Material, Scene, Triangle, bvh::Bvh};
+use crate::math::{frame::Frame, hemisphere};
+use crate::scene::{LightKind, Material, Scene, Triangle, bvh::Bvh};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
@@ -17,6 +18,18 @@ const LIFT: f32 = 0.25;
 /// Members of a part that a point looks to.
 const LOOKS: usize = 4;
 
+/// Rays along an edge of their square, by which it is found whether a point lies within something solid.
+const RAYS: u32 = 6;
+
+/// Of these, how many may see anything else.
+const OTHERS: usize = 2;
+
+/// How far away the insides of something solid are at most, over the width of a texel: what is larger may be a room.
+const THICK: f32 = 16.0;
+
+/// How high above a surface they begin, over the width of a texel.
+const ABOVE: f32 = 0.01;
+
 /// Where the eight neighbours of a cell are, as links count them: `NEIGHBOURS` of the shader.
 pub const NEIGHBOURS: [[i32; 2]; 8] = [[-1, -1], [0, -1], [1, -1], [-1, 0], [1, 0], [-1, 1], [0, 1], [1, 1]];
 
@@ -30,8 +43,23 @@ pub const SAME_CHART: u32 = 16;
 pub(super) struct Walls {
     scene: Scene,
     bvh: Bvh,
-    /// [scene units]
-    lift: f32,
+    /// Of a texel [scene units].
+    width: f32,
+    /// By the cosine.
+    rays: Vec<Vec3>,
+    /// Whether surfaces tell their insides from their outsides: not where light comes from what would be within something solid.
+    have_insides: bool,
+}
+
+/// What lies before a surface.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Before {
+    /// What may be lit and looked at.
+    Open,
+    /// The insides of surfaces, all around.
+    Solid,
+    /// Nothing at all.
+    Void,
 }
 
 /// A point of a surface.
@@ -50,15 +78,44 @@ impl Walls {
     pub fn new(scene: &Scene, width: f32) -> Self {
         let opaque = |number: &u32| scene.materials.get(scene.at_rest(*number).material as usize).is_none_or(|material| material.alpha_cutoff.is_none());
         let triangles = (0..scene.triangles.len() as u32).filter(opaque).map(|number| Triangle { material: 0, ..*scene.at_rest(number) }).collect();
-        let mut scene = Scene { triangles, materials: vec![Material::diffuse("wall", Vec3::ONE)], ..Scene::default() };
-        let bvh = Bvh::build(&mut scene);
-        Self { scene, bvh, lift: LIFT * width }
+        let mut only_walls = Scene { triangles, materials: vec![Material::diffuse("wall", Vec3::ONE)], ..Scene::default() };
+        let bvh = Bvh::build(&mut only_walls);
+        let rays = (0..RAYS * RAYS).map(|cell| hemisphere::ray(RAYS, [cell % RAYS, cell / RAYS], 0).as_vec3()).collect();
+        let mut walls = Self { scene: only_walls, bvh, width, rays, have_insides: true };
+        walls.have_insides = !sources(scene).any(|[position, way]| walls.before(position, way) == Before::Solid);
+        walls
+    }
+
+    /// Whether a point lies within something solid, where nobody ever sees it: a floor beneath a column.
+    pub fn is_buried(&self, point: &Place, sides: usize) -> bool {
+        let before = |normal: Vec3| self.before(point.position + normal * (ABOVE * self.width), normal);
+        self.have_insides && before(point.normal) == Before::Solid && (sides == 1 || before(-point.normal) != Before::Open)
+    }
+
+    /// What there is in the half of all directions around one.
+    fn before(&self, origin: Vec3, way: Vec3) -> Before {
+        let frame = Frame::new(way);
+        let (mut inner, mut outer, mut missed) = (0, 0, 0);
+        for ray in &self.rays {
+            let direction = frame.to_world(*ray);
+            let found = self.bvh.closest_blocker(&self.scene, origin, direction);
+            let is_inner = |triangle: u32| self.scene.triangles[triangle as usize].cross().dot(direction) > 0.0;
+            match found {
+                None => missed += 1,
+                Some(hit) if hit.distance < THICK * self.width && is_inner(hit.triangle) => inner += 1,
+                Some(_) => outer += 1,
+            }
+            if outer > OTHERS || inner.min(missed) > OTHERS {
+                return Before::Open;
+            }
+        }
+        if inner > missed { Before::Solid } else { Before::Void }
     }
 
     /// Whether something stands between two points, on one of their sides: the same from either.
     fn between(&self, a: &Place, b: &Place, side: usize) -> bool {
         let (a, b) = if a.position.to_array() <= b.position.to_array() { (a, b) } else { (b, a) };
-        let lift = if side == 0 { self.lift } else { -self.lift };
+        let lift = if side == 0 { LIFT * self.width } else { -LIFT * self.width };
         let from = a.position + a.normal * lift;
         let way = b.position + b.normal * lift - from;
         way != Vec3::ZERO && self.bvh.occluded(&self.scene, from, way, 1.0)
@@ -106,6 +163,27 @@ impl Walls {
         texels.par_iter().flat_map_iter(of_texel).collect()
     }
 }
+
+/// Where light comes from, some of it, and a way that it goes.
+fn sources(scene: &Scene) -> impl Iterator<Item = [Vec3; 2]> {
+    let lights = scene.lights.iter().filter_map(|light| match light.kind {
+        LightKind::Point { position, .. } => Some([position, Vec3::NEG_Y]),
+        LightKind::Spot { position, direction, .. } => Some([position, direction]),
+        LightKind::Directional { .. } => None,
+    });
+    let emits = |number: u32| scene.materials.get(scene.at_rest(number).material as usize).is_some_and(Material::emits);
+    let emitters: Vec<u32> = (0..scene.triangles.len() as u32).filter(|number| emits(*number)).collect();
+    let every = emitters.len().div_ceil(MOST_SOURCES).max(1);
+    let middles = emitters.into_iter().step_by(every).map(|number| {
+        let triangle = scene.at_rest(number);
+        let normal = triangle.face_normal();
+        [triangle.positions.iter().sum::<Vec3>() / 3.0 + normal * (1e-3 * triangle.cross().length().sqrt()), normal]
+    });
+    lights.chain(middles)
+}
+
+/// Emitters that are asked.
+const MOST_SOURCES: usize = 256;
 
 /// The two points of two lists that are the nearest in the texture.
 struct Pair {

@@ -146,10 +146,9 @@ impl Around<'_> {
                 }
             }
         }
-        // Rays may have missed by chance what most of those around have found. What is within something solid has an area of 0.
-        let is_lit = lit > if self.mean[place].truncate() == Vec3::ZERO || own.area == 0.0 { 0.5 * sum.w } else { 0.0 };
         let links = self.links[place][0] as f32;
-        if is_lit { (sum.truncate() / sum.w).extend(links) } else { Vec4::W * (-1.0 - links) }
+        // Rays may have missed by chance what those around have found. What is within something solid has an area of 0.
+        if lit > 0.0 { (sum.truncate() / sum.w).extend(links) } else { Vec4::W * (-1.0 - links) }
     }
 
     /// The texel so many cells away, if nothing is between on the way there, which goes askew first.

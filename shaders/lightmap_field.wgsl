@@ -62,11 +62,9 @@ fn lay_out_light(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) g
             lit += select(0.0, own.w, any(own.rgb != vec3f(0.0)));
         }
     }
-    // Rays may have missed by chance what most of those around have found. What is within something solid has an area of 0.
-    let has_own = any(mean[place].rgb != vec3f(0.0)) && surfaces[place / SIDES].area > 0.0;
-    let is_lit = lit > select(0.5 * sum.w, 0.0, has_own);
     let own_links = f32(links[place].x);
-    data[FIRST + EDGE * EDGE + place] = select(vec4f(0.0, 0.0, 0.0, -1.0 - own_links), vec4f(sum.rgb / max(sum.w, 1e-37), own_links), is_lit);
+    // Rays may have missed by chance what those around have found. What is within something solid has an area of 0.
+    data[FIRST + EDGE * EDGE + place] = select(vec4f(0.0, 0.0, 0.0, -1.0 - own_links), vec4f(sum.rgb / max(sum.w, 1e-37), own_links), lit > 0.0);
 }
 
 // What the texel so many cells away counts for one: its light and its area, if it is on the same surface, and nothing is between on the way there, which goes askew first.

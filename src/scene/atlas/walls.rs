@@ -19,13 +19,22 @@ const LIFT: f32 = 0.25;
 const LOOKS: usize = 4;
 
 /// Rays along an edge of their square, by which it is found whether a point lies within something solid.
-const RAYS: u32 = 6;
+const RAYS: u32 = 8;
 
-/// Of these, how many may see anything else.
+/// Of these, how many may tell otherwise.
 const OTHERS: usize = 2;
 
-/// How far away the insides of something solid are at most, over the width of a texel: what is larger may be a room.
+/// How far away the insides of something solid are, over the width of a texel: what is larger may be a room.
 const THICK: f32 = 16.0;
+
+/// How many of the rays come out within that.
+const NEAR: usize = 48;
+
+/// Surfaces within each other that a ray goes into.
+const DEEPEST: u32 = 4;
+
+/// From a surface that a ray goes through on to the next, over the width of a texel.
+const STEP: f32 = 1e-3;
 
 /// How high above a surface they begin, over the width of a texel.
 const ABOVE: f32 = 0.01;
@@ -51,17 +60,6 @@ pub(super) struct Walls {
     have_insides: bool,
 }
 
-/// What lies before a surface.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Before {
-    /// What may be lit and looked at.
-    Open,
-    /// The insides of surfaces, all around.
-    Solid,
-    /// Nothing at all.
-    Void,
-}
-
 /// A point of a surface.
 #[derive(Clone, Copy)]
 pub(super) struct Place {
@@ -82,34 +80,50 @@ impl Walls {
         let bvh = Bvh::build(&mut only_walls);
         let rays = (0..RAYS * RAYS).map(|cell| hemisphere::ray(RAYS, [cell % RAYS, cell / RAYS], 0).as_vec3()).collect();
         let mut walls = Self { scene: only_walls, bvh, width, rays, have_insides: true };
-        walls.have_insides = !sources(scene).any(|[position, way]| walls.before(position, way) == Before::Solid);
+        walls.have_insides = !sources(scene).any(|source| walls.is_within(source));
         walls
     }
 
     /// Whether a point lies within something solid, where nobody ever sees it: a floor beneath a column.
     pub fn is_buried(&self, point: &Place, sides: usize) -> bool {
-        let before = |normal: Vec3| self.before(point.position + normal * (ABOVE * self.width), normal);
-        self.have_insides && before(point.normal) == Before::Solid && (sides == 1 || before(-point.normal) != Before::Open)
+        let above = |normal: Vec3| (point.position + normal * (ABOVE * self.width), normal);
+        let is_unseen = |place| self.is_void(place) || self.is_within(place);
+        self.have_insides && self.is_within(above(point.normal)) && (sides == 1 || is_unseen(above(-point.normal)))
     }
 
-    /// What there is in the half of all directions around one.
-    fn before(&self, origin: Vec3, way: Vec3) -> Before {
+    /// Whether all rays around a way come out of something solid, most of them soon.
+    fn is_within(&self, (origin, way): (Vec3, Vec3)) -> bool {
         let frame = Frame::new(way);
-        let (mut inner, mut outer, mut missed) = (0, 0, 0);
-        for ray in &self.rays {
-            let direction = frame.to_world(*ray);
-            let found = self.bvh.closest_blocker(&self.scene, origin, direction);
-            let is_inner = |triangle: u32| self.scene.triangles[triangle as usize].cross().dot(direction) > 0.0;
-            match found {
-                None => missed += 1,
-                Some(hit) if hit.distance < THICK * self.width && is_inner(hit.triangle) => inner += 1,
-                Some(_) => outer += 1,
+        let (mut near, mut others) = (0, 0);
+        self.rays.iter().all(|ray| {
+            match self.way_out(origin, frame.to_world(*ray)) {
+                Some(distance) => near += usize::from(distance < THICK * self.width),
+                None => others += 1,
             }
-            if outer > OTHERS || inner.min(missed) > OTHERS {
-                return Before::Open;
+            others <= OTHERS
+        }) && near >= NEAR
+    }
+
+    /// How far away a ray comes out of something that it has not gone into before.
+    fn way_out(&self, origin: Vec3, direction: Vec3) -> Option<f32> {
+        let (mut depth, mut distance) = (0, 0.0);
+        while depth <= DEEPEST {
+            let hit = self.bvh.closest_blocker(&self.scene, origin + direction * distance, direction)?;
+            let comes_out = self.scene.triangles[hit.triangle as usize].cross().dot(direction) > 0.0;
+            if comes_out && depth == 0 {
+                return Some(distance + hit.distance);
             }
+            depth = if comes_out { depth - 1 } else { depth + 1 };
+            distance += hit.distance + STEP * self.width;
         }
-        if inner > missed { Before::Solid } else { Before::Void }
+        None
+    }
+
+    /// Whether hardly a ray around a way meets anything.
+    fn is_void(&self, (origin, way): (Vec3, Vec3)) -> bool {
+        let frame = Frame::new(way);
+        let meets = |ray: &&Vec3| self.bvh.occluded(&self.scene, origin, frame.to_world(**ray), f32::INFINITY);
+        self.rays.iter().filter(meets).nth(OTHERS).is_none()
     }
 
     /// Whether something stands between two points, on one of their sides: the same from either.
@@ -165,10 +179,10 @@ impl Walls {
 }
 
 /// Where light comes from, some of it, and a way that it goes.
-fn sources(scene: &Scene) -> impl Iterator<Item = [Vec3; 2]> {
+fn sources(scene: &Scene) -> impl Iterator<Item = (Vec3, Vec3)> {
     let lights = scene.lights.iter().filter_map(|light| match light.kind {
-        LightKind::Point { position, .. } => Some([position, Vec3::NEG_Y]),
-        LightKind::Spot { position, direction, .. } => Some([position, direction]),
+        LightKind::Point { position, .. } => Some((position, Vec3::NEG_Y)),
+        LightKind::Spot { position, direction, .. } => Some((position, direction)),
         LightKind::Directional { .. } => None,
     });
     let emits = |number: u32| scene.materials.get(scene.at_rest(number).material as usize).is_some_and(Material::emits);
@@ -177,7 +191,7 @@ fn sources(scene: &Scene) -> impl Iterator<Item = [Vec3; 2]> {
     let middles = emitters.into_iter().step_by(every).map(|number| {
         let triangle = scene.at_rest(number);
         let normal = triangle.face_normal();
-        [triangle.positions.iter().sum::<Vec3>() / 3.0 + normal * (1e-3 * triangle.cross().length().sqrt()), normal]
+        (triangle.positions.iter().sum::<Vec3>() / 3.0 + normal * (1e-3 * triangle.cross().length().sqrt()), normal)
     });
     lights.chain(middles)
 }

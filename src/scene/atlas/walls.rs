@@ -54,7 +54,7 @@ pub(super) struct Walls {
     bvh: Bvh,
     /// Of a texel [scene units].
     width: f32,
-    /// By the cosine.
+    /// Evenly over a half of all directions: those along a surface tell most of what stands open.
     rays: Vec<Vec3>,
     /// Whether surfaces tell their insides from their outsides: not where light comes from what would be within something solid.
     have_insides: bool,
@@ -78,7 +78,8 @@ impl Walls {
         let triangles = (0..scene.triangles.len() as u32).filter(opaque).map(|number| Triangle { material: 0, ..*scene.at_rest(number) }).collect();
         let mut only_walls = Scene { triangles, materials: vec![Material::diffuse("wall", Vec3::ONE)], ..Scene::default() };
         let bvh = Bvh::build(&mut only_walls);
-        let rays = (0..RAYS * RAYS).map(|cell| hemisphere::ray(RAYS, [cell % RAYS, cell / RAYS], 0).as_vec3()).collect();
+        let by_cosine = |cell: u32| hemisphere::ray(RAYS, [cell % RAYS, cell / RAYS], 0).as_vec3();
+        let rays = (0..RAYS * RAYS).map(by_cosine).map(|ray| (ray.truncate() * (1.0 + ray.z * ray.z).sqrt()).extend(ray.z * ray.z)).collect();
         let mut walls = Self { scene: only_walls, bvh, width, rays, have_insides: true };
         walls.have_insides = !sources(scene).any(|source| walls.is_within(source));
         walls

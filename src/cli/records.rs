@@ -152,7 +152,7 @@ impl Beginning {
     pub fn tell(&self, run: &Run, path: &Path, console: &Console) {
         match self {
             Self::Records(why) if run.plan().schedule.lives_on() => console.note(&format!("note: all records of {} are sampled anew: {why}", path.display())),
-            Self::Anew => console.note(&format!("note: the light of {} is found anew: another version of hemisplat has left it", path.display())),
+            Self::Anew => console.note(&format!("note: the light of {} is found anew, as this version of hemisplat cannot go on with it", path.display())),
             Self::Records(_) | Self::Next(_) | Self::Empty => {}
         }
     }

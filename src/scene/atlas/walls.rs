@@ -179,20 +179,21 @@ impl Walls {
     }
 }
 
-/// Where light comes from, some of it, and a way that it goes.
+/// Where light comes from, some of it, and the ways that it goes.
 fn sources(scene: &Scene) -> impl Iterator<Item = (Vec3, Vec3)> {
-    let lights = scene.lights.iter().filter_map(|light| match light.kind {
-        LightKind::Point { position, .. } => Some((position, Vec3::NEG_Y)),
-        LightKind::Spot { position, direction, .. } => Some((position, direction)),
+    let places = scene.lights.iter().filter_map(|light| match light.kind {
+        LightKind::Point { position, .. } | LightKind::Spot { position, .. } => Some(position),
         LightKind::Directional { .. } => None,
     });
-    let emits = |number: u32| scene.materials.get(scene.at_rest(number).material as usize).is_some_and(Material::emits);
-    let emitters: Vec<u32> = (0..scene.triangles.len() as u32).filter(|number| emits(*number)).collect();
+    let lights = places.flat_map(|position| Vec3::AXES.into_iter().flat_map(move |axis| [(position, axis), (position, -axis)]));
+    let material = |number: u32| scene.materials.get(scene.at_rest(number).material as usize);
+    let emitters: Vec<u32> = (0..scene.triangles.len() as u32).filter(|number| material(*number).is_some_and(Material::emits)).collect();
     let every = emitters.len().div_ceil(MOST_SOURCES).max(1);
-    let middles = emitters.into_iter().step_by(every).map(|number| {
+    let middles = emitters.into_iter().step_by(every).flat_map(move |number| {
         let triangle = scene.at_rest(number);
-        let normal = triangle.face_normal();
-        (triangle.positions.iter().sum::<Vec3>() / 3.0 + normal * (1e-3 * triangle.cross().length().sqrt()), normal)
+        let (middle, size) = (triangle.positions.iter().sum::<Vec3>() / 3.0, triangle.cross().length().sqrt());
+        let sides = if material(number).is_some_and(|material| material.two_sided) { 2 } else { 1 };
+        [triangle.face_normal(), -triangle.face_normal()].into_iter().take(sides).map(move |normal| (middle + normal * (1e-3 * size), normal))
     });
     lights.chain(middles)
 }

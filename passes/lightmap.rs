@@ -126,6 +126,9 @@ fn atlas(e: &mut Encoder<'_>) -> Atlas {
     if atlas.cut > 0 {
         e.remark(format!("walls go through {} texels, which are kept in parts", atlas.cut));
     }
+    if atlas.buried > 0 {
+        e.remark(format!("{} texels are within something solid, and count nothing", atlas.buried));
+    }
     if atlas.uncut > 0 {
         e.remark(format!("walls go through {} more, for whose parts there is no room", atlas.uncut));
     }

@@ -24,6 +24,7 @@ use libtest_mimic::{Arguments, Failed};
 use serde_json::Value;
 use skips::Missing;
 use std::{
+    ffi::OsStr,
     fs, io,
     path::{Path, PathBuf},
     sync::{
@@ -751,7 +752,10 @@ impl Place {
     }
 
     fn render_by(&self, pipeline: &str, scene: &str, more: &[&str]) -> Result<Ended, Failed> {
-        let arguments = Self::arguments(pipeline, scene, more);
+        self.run(Self::arguments(pipeline, scene, more))
+    }
+
+    fn run(&self, arguments: impl IntoIterator<Item = impl AsRef<OsStr>>) -> Result<Ended, Failed> {
         let output = Command::new(env!("CARGO_BIN_EXE_hemisplat")).current_dir(self.0.path()).args(arguments).output().map_err(failed)?;
         Ok((output.status.code().ok_or("no exit status")?, String::from_utf8_lossy(&output.stderr).into_owned()))
     }
@@ -870,9 +874,7 @@ fn kept_lightmap() -> Outcome {
     let place = Place::new()?;
     let render = |more: &[&str]| -> Result<Ended, Failed> {
         let small = ["--size", "40x30", "--set", "shooters.shooters=16", "--stats", "stats.json"];
-        let arguments = ["render", "radiosity", "--scene", "cornell"].iter().chain(&small).chain(more);
-        let output = Command::new(env!("CARGO_BIN_EXE_hemisplat")).current_dir(place.0.path()).args(arguments).output().map_err(failed)?;
-        Ok((output.status.code().ok_or("no exit status")?, String::from_utf8_lossy(&output.stderr).into_owned()))
+        place.run(["render", "radiosity", "--scene", "cornell"].iter().chain(&small).chain(more))
     };
     let iterations = || Ok::<_, Failed>(numbers(&place.stats()?["frames"][0], "lightmap", "iterations"));
     let five = ["--set", "lightmap.resolution=32", "--set", "lightmap.iterations=5"];

@@ -46,6 +46,8 @@ pub struct Atlas {
     pub charts: usize,
     /// Cells that walls go through, of which each part is a texel, but for what is within something solid.
     pub cut: usize,
+    /// Cells that are within something solid as a whole.
+    pub buried: usize,
     /// Cells that walls go through, and for whose parts there is no room.
     pub uncut: usize,
     /// Triangles with an area that no texel stands for: what is kept for them is that of others beside them.
@@ -251,7 +253,8 @@ impl Laid {
             corners: self.corners,
             chart_of: self.chart_of,
             charts: self.charts,
-            cut: cut.len(),
+            cut: cut.values().filter(|cut| cut.share > 0.0).count(),
+            buried: cut.values().filter(|cut| cut.share == 0.0).count(),
             uncut,
             crowded,
         }
@@ -290,10 +293,10 @@ impl Laid {
         };
         let mut cut: HashMap<u32, Cut> = crossed.par_iter().enumerate().filter_map(parts).collect();
         let middle = |cell: u32| Some(filled.spots[cell as usize]).filter(|spot| spot.triangle != 0).map(|spot| self.place(scene, spot));
-        let is_buried = |cell: &u32| charts[*cell as usize] != NONE && middle(*cell).is_some_and(|place| walls.is_buried(&place, sides as usize));
-        let mut whole: Vec<u32> = (0..self.edge * self.edge).into_par_iter().filter(is_buried).collect();
-        whole.retain(|cell| crossed.binary_search(cell).is_err());
-        cut.extend(whole.into_iter().filter_map(|cell| Some((cell, Cut { parts: vec![vec![middle(cell)?]], share: 0.0 }))));
+        let is_open = |cell: &u32| charts[*cell as usize] != NONE && crossed.binary_search(cell).is_err();
+        let buried = |cell: u32| Some((cell, middle(cell).filter(|place| walls.is_buried(place, sides as usize))?));
+        let whole: Vec<(u32, Place)> = (0..self.edge * self.edge).into_par_iter().filter(is_open).filter_map(buried).collect();
+        cut.extend(whole.into_iter().map(|(cell, place)| (cell, Cut { parts: vec![vec![place]], share: 0.0 })));
         (cut, too_many)
     }
 
